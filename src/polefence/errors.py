@@ -1,0 +1,80 @@
+"""One tree of errors: each class is one event, carrying its evidence and what to try next.
+
+``InputError`` and its kin are the caller's to mend (command line: exit 2); ``NotProvedError``
+is an honest answer (exit 1).
+"""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Iterable
+from typing import Any
+
+
+class PolefenceError(Exception):
+    """Root of every error raised on purpose by this package."""
+
+
+class InputError(PolefenceError, ValueError):
+    """Something the caller gave cannot be used; the message is one line that names it."""
+
+
+class SpecError(InputError):
+    """A spec file, or the description of a plant, is malformed."""
+
+
+class PlantError(InputError):
+    """A plant family is inconsistent: shapes, values, intervals."""
+
+
+class MultiAffinityError(PlantError):
+    """The family is not multi-affine in its scheduling variables, so its corners do not span it."""
+
+
+class UncontrollableError(PlantError):
+    """A vertex is uncontrollable: no gain moves all of its poles."""
+
+
+class RegionError(InputError):
+    """A region is empty, unbounded where it must not be, or on the wrong side."""
+
+
+class ParameterValueError(InputError):
+    """Parameter values or alpha lie outside the declared set."""
+
+
+class DesignFileError(InputError):
+    """A design file is cut short, malformed, or of a format this version does not read."""
+
+
+class OutputError(InputError):
+    """A result cannot be written where it was asked for."""
+
+
+class MissingExtraError(PolefenceError, ImportError):
+    """An optional dependency is not installed; the message gives the command that installs it."""
+
+
+class SolverError(PolefenceError):
+    """A numerical solver gave no usable point; callers answer "undecided"."""
+
+
+class NotProvedError(PolefenceError):
+    """The region was asked for and is not proved.
+
+    Attributes
+    ----------
+    best : Design or None
+        The design of the same method and centre with the smallest disk that was proved.
+    """
+
+    def __init__(self, message: str, best: Any = None) -> None:
+        super().__init__(message)
+        self.best = best
+
+
+def suggest(word: str, known: Iterable[str]) -> str:
+    """Say which known word was probably meant, or list them all."""
+    words = sorted(known)
+    near = difflib.get_close_matches(word, words, n=1)
+    return f"did you mean {near[0]!r}?" if near else f"known: {', '.join(words) or 'none'}"

@@ -1,0 +1,109 @@
+"""Expressions as spec files write them: parsed by Python's grammar, evaluated by ours, never run."""
+
+from __future__ import annotations
+
+import ast
+from collections.abc import Callable, Mapping
+from fractions import Fraction
+from typing import Any
+
+from polefence.errors import PlantError, SpecError, suggest
+
+MAX_LENGTH = 1000
+MAX_EXPONENT = 400
+
+_OPERATORS: dict[type[ast.operator], Callable[[Any, Any], Any]] = {
+    ast.Add: lambda a, b: a + b,
+    ast.Sub: lambda a, b: a - b,
+    ast.Mult: lambda a, b: a * b,
+    ast.Div: lambda a, b: a / b,
+    ast.Pow: lambda a, b: a**b,
+}
+_ALLOWED = "allowed: numbers, names, + - * / ** with integer powers, parentheses"
+
+
+def decimal(text: str) -> Fraction:
+    """Read a decimal number exactly.
+
+    Raises
+    ------
+    SpecError
+        If it is no finite decimal, or its exponent is absurd (a denial of service, not a number).
+    """
+    _, _, exponent = text.lower().partition("e")
+    digits = exponent.lstrip("+-").replace("_", "")
+    if len(text) > MAX_LENGTH or (digits.isdigit() and int(digits[:9]) > MAX_EXPONENT):
+        raise SpecError(f"the number {text[:20]}... is out of range")
+    try:
+        return Fraction(text)
+    except (ValueError, ZeroDivisionError) as error:
+        raise SpecError(f"{text!r} is not a finite decimal number") from error
+
+
+def evaluate(text: str, names: Mapping[str, Any], one: Any = None) -> Any:
+    """Evaluate an expression over the named values, exactly.
+
+    Parameters
+    ----------
+    text : str
+        Numbers, names, ``+ - * /``, ``**`` with integer powers, parentheses.
+    names : mapping
+        Value of each name: a Fraction or a RationalFunction. Looked up lazily.
+    one : RationalFunction, optional
+        Where given, every number is lifted to a function of its variables.
+
+    Raises
+    ------
+    SpecError
+        On anything else: an unknown name (with the nearest known one), a call, a syntax error.
+    """
+    if len(text) > MAX_LENGTH:
+        raise SpecError(f"the expression is longer than {MAX_LENGTH} characters")
+    try:
+        tree = ast.parse(text.strip(), mode="eval")
+        return _Evaluator(text.strip(), names, one).visit(tree.body)
+    except (SyntaxError, ValueError, MemoryError, RecursionError) as error:
+        if isinstance(error, PlantError | SpecError):
+            raise
+        raise SpecError(f"cannot read the expression {text!r}; {_ALLOWED}") from error
+
+
+class _Evaluator:
+    def __init__(self, text: str, names: Mapping[str, Any], one: Any) -> None:
+        self.text, self.names, self.one = text, names, one
+
+    def visit(self, node: ast.expr) -> Any:
+        if isinstance(node, ast.Constant):
+            return self.number(node)
+        if isinstance(node, ast.Name):
+            if node.id not in self.names:
+                raise SpecError(f"unknown name {node.id!r}; {suggest(node.id, self.names)}")
+            return self.names[node.id]
+        if isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.UAdd | ast.USub):
+            value = self.visit(node.operand)
+            return -value if isinstance(node.op, ast.USub) else value
+        if isinstance(node, ast.BinOp) and type(node.op) in _OPERATORS:
+            return self.binary(node)
+        what = "a call" if isinstance(node, ast.Call) else f"{type(node).__name__!r}"
+        raise SpecError(f"{what} is not allowed in {self.text!r}; {_ALLOWED}")
+
+    def binary(self, node: ast.BinOp) -> Any:
+        left = self.visit(node.left)
+        if isinstance(node.op, ast.Pow):
+            right: Any = _Evaluator(self.text, {}, None).visit(node.right)
+            if right.denominator != 1 or abs(right) > 32:
+                raise SpecError(f"the power in {self.text!r} is not a small integer; {_ALLOWED}")
+            right = int(right)
+        else:
+            right = self.visit(node.right)
+        try:
+            return _OPERATORS[type(node.op)](left, right)
+        except ZeroDivisionError as error:
+            raise SpecError(f"{self.text!r} divides by zero") from error
+
+    def number(self, node: ast.Constant) -> Any:
+        if type(node.value) not in (int, float):
+            raise SpecError(f"{node.value!r} is not a number; {_ALLOWED}")
+        # The literal's own text: a decimal stays the rational it is written as.
+        value = decimal(ast.get_source_segment(self.text, node) or "")
+        return value if self.one is None else self.one.lift(value)

@@ -1,0 +1,220 @@
+"""Uncertain plants: a polytope of linear systems, given by its vertices or by its parameters."""
+
+from __future__ import annotations
+
+import hashlib
+import itertools
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from polefence.errors import PlantError
+from polefence.plant.parameters import Parameter, simplex_weights
+from polefence.plant.rational import RationalFunction
+from polefence.plant.symbolic import Scope, corners
+from polefence.plant.system import Array, Exact, System
+
+MAX_VERTICES = 256
+
+
+@dataclass(frozen=True)
+class UncertainPlant:
+    """The convex hull of ``vertices``; with ``parameters``, the corners of their box.
+
+    Vertex order: the first parameter varies slowest, each from its low to its high bound, so that
+    alpha is the Kronecker product of the parameters' barycentric coordinates.
+
+    Parameters
+    ----------
+    vertices : tuple of System
+        All of one shape.
+    parameters : tuple of Parameter
+        Empty for a plant given by its vertices, else ``len(vertices) == 2**len(parameters)``.
+    name, states, inputs, disturbances
+        For people; signal names carry their SI unit in brackets.
+
+    Raises
+    ------
+    PlantError
+        If the shapes differ, names do not fit, or there are too many vertices.
+    """
+
+    vertices: tuple[System, ...]
+    parameters: tuple[Parameter, ...] = ()
+    name: str = "plant"
+    states: tuple[str, ...] = ()
+    inputs: tuple[str, ...] = ()
+    disturbances: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        if not self.vertices:
+            raise PlantError("a plant needs at least one vertex")
+        if len(self.vertices) > MAX_VERTICES:
+            raise PlantError(f"{len(self.vertices)} vertices; at most {MAX_VERTICES} are supported")
+        first = self.vertices[0]
+        for vertex in self.vertices[1:]:
+            if vertex.shape != first.shape:
+                raise PlantError(
+                    f"{vertex.name} has {vertex.shape[0]} states and {vertex.shape[1]} inputs; "
+                    f"{first.name} has {first.shape[0]} and {first.shape[1]}, they must agree"
+                )
+            if _width(vertex.exact_E) != _width(first.exact_E):
+                raise PlantError(f"{vertex.name}: E differs in shape from that of {first.name}")
+        names = [p.name for p in self.parameters]
+        if len(set(names)) < len(names):
+            raise PlantError(f"parameter names repeat: {', '.join(names)}")
+        if names and len(self.vertices) != 2 ** len(names):
+            raise PlantError(f"{len(names)} parameters need {2 ** len(names)} vertices")
+        widths = (self.shape[0], self.shape[1], _width(first.exact_E))
+        for attribute, width in zip(("states", "inputs", "disturbances"), widths, strict=True):
+            given = getattr(self, attribute)
+            if given and len(given) != width:
+                raise PlantError(f"{attribute} names {len(given)} signals; the matrices have {width}")
+
+    @classmethod
+    def from_vertices(
+        cls, As: Sequence[Any], Bs: Sequence[Any], Es: Sequence[Any] | None = None, **names: Any
+    ) -> UncertainPlant:
+        """Return the polytope with these vertex matrices (nested lists, arrays, Fractions).
+
+        Raises
+        ------
+        PlantError
+            On ragged, empty or non-finite matrices, shapes that disagree, or B of zeros.
+        """
+        lists = [list(As), list(Bs)] + ([] if Es is None else [list(Es)])
+        if len({len(each) for each in lists}) > 1:
+            raise PlantError(f"As, Bs, Es have {', '.join(str(len(e)) for e in lists)} matrices")
+        vertices = tuple(
+            System(*matrices, name=f"vertex {j + 1}")
+            for j, matrices in enumerate(zip(*lists, strict=True))
+        )
+        return cls(vertices, **names)
+
+    @classmethod
+    def from_expressions(
+        cls,
+        parameters: Sequence[Parameter],
+        A: Sequence[Sequence[Any]],
+        B: Sequence[Sequence[Any]],
+        E: Sequence[Sequence[Any]] | None = None,
+        constants: Mapping[str, Any] | None = None,
+        definitions: Mapping[str, str] | None = None,
+        **names: Any,
+    ) -> UncertainPlant:
+        """Return the family whose entries are expressions (or numbers) in the parameters.
+
+        Raises
+        ------
+        SpecError
+            If an expression cannot be read.
+        MultiAffinityError
+            If an entry is not multi-affine in the scheduling variables; the entry is named.
+        """
+        scope = Scope(parameters, constants or {}, definitions or {})
+
+        def function(**values: RationalFunction) -> dict[str, Any]:
+            scope.bind(values)
+            return {
+                letter: [[scope.entry(e, f"{letter}[{i + 1}][{j + 1}]") for j, e in enumerate(row)]
+                         for i, row in enumerate(rows)]
+                for letter, rows in (("A", A), ("B", B), ("E", E))
+                if rows is not None
+            }
+
+        return cls._from_symbolic(function, parameters, **names)
+
+    @classmethod
+    def from_function(
+        cls, function: Callable[..., Any], parameters: Sequence[Parameter], **names: Any
+    ) -> UncertainPlant:
+        """Return the family of ``function(**parameters) -> (A, B)`` or ``(A, B, E)``.
+
+        The function is called once, with exact rational functions in place of numbers, so it may
+        use ``+ - * /`` and integer powers but no branches and no transcendental functions.
+
+        Raises
+        ------
+        MultiAffinityError
+            If an entry is not multi-affine in the scheduling variables; the entry is named.
+        PlantError
+            If the function does something that cannot be decided exactly.
+        """
+
+        def lettered(**values: RationalFunction) -> dict[str, Any]:
+            result = function(**values)
+            return dict(zip("ABE", result, strict=False))
+
+        return cls._from_symbolic(lettered, parameters, **names)
+
+    @classmethod
+    def _from_symbolic(
+        cls, function: Callable[..., dict[str, Any]], parameters: Sequence[Parameter], **names: Any
+    ) -> UncertainPlant:
+        parameters = tuple(parameters)
+        count = len(parameters)
+        if not 1 <= 2**count <= MAX_VERTICES:
+            raise PlantError(f"{count} parameters; at most {MAX_VERTICES.bit_length() - 1}")
+        values = {}
+        for index, parameter in enumerate(parameters):
+            s = RationalFunction.variable(index, count)
+            values[parameter.name] = 1 / s if parameter.inverted else s
+        table = {
+            letter: corners(letter, rows, parameters)
+            for letter, rows in function(**values).items()
+        }
+        vertices = tuple(
+            System(*(table[letter][corner] for letter in table), name=f"vertex {j + 1}")
+            for j, corner in enumerate(itertools.product((0, 1), repeat=count))
+        )
+        return cls(vertices, parameters, **names)
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Numbers of states and inputs (n, m)."""
+        return self.vertices[0].shape
+
+    @cached_property
+    def A(self) -> Array:
+        """Vertex state matrices, (N, n, n)."""
+        return np.stack([v.A for v in self.vertices])
+
+    @cached_property
+    def B(self) -> Array:
+        """Vertex input matrices, (N, n, m)."""
+        return np.stack([v.B for v in self.vertices])
+
+    @cached_property
+    def digest(self) -> str:
+        """SHA-256 of the exact vertex matrices A and B, for telling plants apart."""
+        text = repr([[[[str(e) for e in row] for row in M] for M in (v.exact_A, v.exact_B)]
+                     for v in self.vertices])
+        return hashlib.sha256(text.encode()).hexdigest()
+
+    def alpha(self, *, clamp: bool = False, **values: Any) -> Array:
+        """Return the point of the simplex that belongs to physical parameter values.
+
+        Raises
+        ------
+        ParameterValueError
+            If a value is missing, unknown, or outside its interval (unless ``clamp``).
+        """
+        weights = simplex_weights(self.parameters, values, clamp)
+        return np.array([float(w) for w in weights])
+
+    def at(self, alpha: Any) -> tuple[Array, Array]:
+        """Return A(alpha), B(alpha), batched over leading axes of alpha, (..., N)."""
+        weights = np.asarray(alpha, dtype=float)
+        return np.tensordot(weights, self.A, 1), np.tensordot(weights, self.B, 1)
+
+    def require_controllable(self) -> None:
+        """Raise ``UncontrollableError`` naming the first vertex that is not controllable."""
+        for vertex in self.vertices:
+            vertex.require_controllable()
+
+
+def _width(E: Exact | None) -> int:
+    return 0 if E is None else len(E[0])

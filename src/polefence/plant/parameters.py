@@ -1,0 +1,148 @@
+"""Uncertain parameters: an interval, a unit, and the variable through which the plant is affine."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from fractions import Fraction
+from numbers import Rational, Real
+from typing import Any
+
+from polefence.errors import ParameterValueError, PlantError, suggest
+
+
+def exact(value: Any, what: str) -> Fraction:
+    """Return a number as the rational it is; a float is taken at its exact binary value.
+
+    Raises
+    ------
+    PlantError
+        If it is not a finite real number.
+    """
+    if isinstance(value, Rational):
+        return Fraction(int(value.numerator), int(value.denominator))
+    if isinstance(value, str):
+        try:
+            return Fraction(value)
+        except (ValueError, ZeroDivisionError) as error:
+            raise PlantError(f"{what} = {value!r} is not a number") from error
+    try:
+        real = isinstance(value, Real) and math.isfinite(float(value))
+    except (TypeError, ValueError, OverflowError):
+        real = False
+    if not real:
+        raise PlantError(f"{what} = {value!r} must be a finite number")
+    return Fraction(float(value))
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """One uncertain parameter p in [low, high].
+
+    Parameters
+    ----------
+    name : str
+        A Python identifier; expressions and keyword arguments use it.
+    low, high : number
+        The interval, in ``unit``. Strings and Fractions are exact; a float is its binary value.
+    unit : str
+        SI unit, for people ("kg").
+    through : str
+        The scheduling variable: the name itself, or ``"1/name"`` when the plant is affine in 1/p.
+
+    Raises
+    ------
+    PlantError
+        If the interval is empty, reversed or not finite, or touches zero with ``"1/name"``.
+    """
+
+    name: str
+    low: Fraction
+    high: Fraction
+    unit: str = ""
+    through: str = ""
+
+    def __post_init__(self) -> None:
+        if not self.name.isidentifier():
+            raise PlantError(f"parameter name {self.name!r} is not an identifier")
+        what = f"parameter {self.name}: range"
+        low, high = exact(self.low, what), exact(self.high, what)
+        through = self.through.replace(" ", "") or self.name
+        if low >= high:
+            state = "empty" if low == high else "reversed"
+            raise PlantError(
+                f"{what} = [{float(low):g}, {float(high):g}] is {state}; write the smaller bound "
+                "first, or make a fixed value a constant"
+            )
+        if through not in (self.name, f"1/{self.name}"):
+            raise PlantError(
+                f"parameter {self.name}: through = {self.through!r} is unknown; "
+                f"use {self.name!r} or '1/{self.name}'"
+            )
+        if through != self.name and low <= 0 <= high:
+            raise PlantError(
+                f"{what} = [{float(low):g}, {float(high):g}] touches zero, where {through} has no "
+                "value; keep the interval on one side of zero"
+            )
+        object.__setattr__(self, "low", low)
+        object.__setattr__(self, "high", high)
+        object.__setattr__(self, "through", through)
+
+    @property
+    def inverted(self) -> bool:
+        """Whether the plant is affine in 1/p rather than in p."""
+        return self.through != self.name
+
+    def scheduling(self, value: Fraction) -> Fraction:
+        """Return the scheduling variable (p or 1/p) at the parameter value."""
+        return 1 / value if self.inverted else value
+
+    def weights(self, value: Any, clamp: bool = False) -> tuple[Fraction, Fraction]:
+        """Barycentric coordinates of a value: the weights of the low and the high corner.
+
+        Raises
+        ------
+        ParameterValueError
+            If the value lies outside the interval and ``clamp`` is not set.
+        """
+        p = exact(value, f"parameter {self.name}")
+        rounding = (self.high - self.low) / 10**12  # a float bound may lie beyond the decimal one
+        if clamp or self.low - rounding <= p <= self.high + rounding:
+            p = min(max(p, self.low), self.high)
+        if not self.low <= p <= self.high:
+            raise ParameterValueError(
+                f"parameter {self.name} = {float(p):g} {self.unit} lies outside "
+                f"[{float(self.low):g}, {float(self.high):g}]; the guarantee ends there "
+                "(clamp=True takes the nearest bound)"
+            )
+        low, high = self.scheduling(self.low), self.scheduling(self.high)
+        weight = (self.scheduling(p) - low) / (high - low)
+        return 1 - weight, weight
+
+
+def simplex_weights(
+    parameters: tuple[Parameter, ...], values: dict[str, Any], clamp: bool = False
+) -> tuple[Fraction, ...]:
+    """Return alpha for physical parameter values: the product of each one's weights, first slowest.
+
+    Raises
+    ------
+    ParameterValueError
+        If a value is missing, unknown, or out of its interval.
+    """
+    names = [p.name for p in parameters]
+    for name in values:
+        if name not in names:
+            raise ParameterValueError(f"unknown parameter {name!r}; {suggest(name, names)}")
+    missing = [name for name in names if name not in values]
+    if missing or not names:
+        raise ParameterValueError(
+            f"give a value of every parameter; missing: {', '.join(missing)}"
+            if names
+            else "this plant was given by its vertices and has no parameters; give alpha itself"
+        )
+    alpha = (Fraction(1),)
+    for parameter in parameters:
+        pair = parameter.weights(values[parameter.name], clamp)
+        alpha = tuple(a * w for a in alpha for w in pair)
+    return alpha

@@ -1,0 +1,224 @@
+"""TOML spec files: read into an UncertainPlant, written from one. Parsed, never executed."""
+
+from __future__ import annotations
+
+import math
+import tomllib
+from collections.abc import Mapping
+from decimal import Decimal
+from fractions import Fraction
+from pathlib import Path
+from typing import Any
+
+from polefence.errors import InputError, SpecError, suggest
+from polefence.plant.expression import decimal, evaluate
+from polefence.plant.family import UncertainPlant
+from polefence.plant.parameters import Parameter
+
+MAX_BYTES = 1_000_000
+_NAMES = ("states", "inputs", "disturbances")
+_TOP = {"name", *_NAMES, "constants", "parameter", "definitions", "matrices", "vertex"}
+
+
+def load(path: str | Path) -> UncertainPlant:
+    """Read a plant family from a TOML spec; decimals are exact.
+
+    Raises
+    ------
+    SpecError
+        If the file is missing, too long, no TOML, or says something that cannot be used. The
+        message is one line with file, key, value and remedy.
+    """
+    return loads(read_text(Path(path), MAX_BYTES, SpecError), str(path))
+
+
+def loads(text: str, source: str = "spec") -> UncertainPlant:
+    """Read a plant family from the text of a spec; see `load`."""
+    try:
+        data = tomllib.loads(text, parse_float=_number)
+    except (tomllib.TOMLDecodeError, RecursionError, ValueError) as error:
+        raise SpecError(f"{source}: not valid TOML: {_one_line(error)}") from error
+    try:
+        return _plant(data)
+    except InputError as error:
+        raise type(error)(f"{source}: {_one_line(error)}") from error
+
+
+def read_text(path: Path, limit: int, error: type[InputError]) -> str:
+    """Read a small UTF-8 text file that a stranger may have sent."""
+    try:
+        with path.open("rb") as file:
+            raw = file.read(limit + 1)
+    except OSError as problem:
+        raise error(f"{path}: cannot be read: {problem.strerror}") from problem
+    if len(raw) > limit:
+        raise error(f"{path}: longer than {limit} bytes; this is no file of ours")
+    try:
+        return raw.decode()
+    except UnicodeDecodeError as problem:
+        raise error(f"{path}: not UTF-8 text") from problem
+
+
+def _one_line(error: BaseException) -> str:
+    return " ".join(str(error).split())
+
+
+def _number(text: str) -> Decimal | Fraction:
+    # nan and inf stay what they are here and are refused where their key is known.
+    return Decimal(text) if text.lstrip("+-") in ("nan", "inf") else decimal(text)
+
+
+def _plant(data: Mapping[str, Any]) -> UncertainPlant:
+    _known(data, _TOP, "")
+    names = {key: _strings(data[key], key) for key in _NAMES if key in data}
+    name = data.get("name", "plant")
+    if not isinstance(name, str):
+        raise SpecError("name must be a string")
+    if "vertex" in data:
+        for key in ("constants", "parameter", "definitions", "matrices"):
+            if key in data:
+                raise SpecError(f"{key} and vertex exclude each other; keep one")
+        return _from_vertices(data["vertex"], name, names)
+    if "matrices" not in data:
+        raise SpecError("neither [[vertex]] nor [matrices] is given; give A and B in one of them")
+    return _from_expressions(data, name, names)
+
+
+def _from_vertices(tables: Any, name: str, names: dict[str, Any]) -> UncertainPlant:
+    if not isinstance(tables, list):
+        raise SpecError("vertex must be an array of tables; write [[vertex]]")
+    matrices: dict[str, list[Any]] = {"A": [], "B": [], "E": []}
+    for j, table in enumerate(_tables(tables, "vertex")):
+        _known(table, {"A", "B", "E"}, f"vertex {j + 1}: ")
+        _need(table, ("A", "B"), f"vertex {j + 1}")
+        for letter, where in matrices.items():
+            if letter in table:
+                where.append(_constant_matrix(table[letter], f"vertex {j + 1}: {letter}"))
+    if matrices["E"] and len(matrices["E"]) < len(matrices["A"]):
+        raise SpecError("E is given for some vertices only; give it for all or for none")
+    return UncertainPlant.from_vertices(
+        matrices["A"], matrices["B"], matrices["E"] or None, name=name, **names
+    )
+
+
+def _from_expressions(
+    data: Mapping[str, Any], name: str, names: dict[str, Any]
+) -> UncertainPlant:
+    tables = {key: data.get(key, {}) for key in ("constants", "parameter", "definitions")}
+    tables["matrices"] = data["matrices"]
+    for key, table in tables.items():
+        if not isinstance(table, dict):
+            raise SpecError(f"{key} must be a table; write [{key}]")
+    _known(tables["matrices"], {"A", "B", "E"}, "matrices: ")
+    _need(tables["matrices"], ("A", "B"), "matrices")
+    for key, value in tables["definitions"].items():
+        if not isinstance(value, str):
+            raise SpecError(f"definitions.{key} = {value!r} must be an expression in quotes")
+    return UncertainPlant.from_expressions(
+        [_parameter(key, table) for key, table in tables["parameter"].items()],
+        *(_rows(tables["matrices"].get(letter), f"matrices.{letter}") for letter in "ABE"),
+        constants={k: _finite(v, f"constants.{k}") for k, v in tables["constants"].items()},
+        definitions=tables["definitions"],
+        name=name,
+        **names,
+    )
+
+
+def _parameter(name: str, table: Any) -> Parameter:
+    where = f"parameter.{name}"
+    if not isinstance(table, dict):
+        raise SpecError(f"{where} must be a table; write [{where}]")
+    _known(table, {"range", "unit", "through"}, f"{where}: ")
+    _need(table, ("range",), where)
+    bounds = table["range"]
+    if not isinstance(bounds, list) or len(bounds) != 2:
+        raise SpecError(f"{where}: range must be two numbers, [low, high]")
+    low, high = (_finite(b, f"{where}: range") for b in bounds)
+    texts = [table.get(key, "") for key in ("unit", "through")]
+    if not all(isinstance(text, str) for text in texts):
+        raise SpecError(f"{where}: unit and through must be strings")
+    return Parameter(name, low, high, *texts)
+
+
+def _rows(value: Any, where: str) -> list[list[Any]] | None:
+    """Check a matrix of numbers and expressions; expressions are evaluated later."""
+    if value is None:
+        return None
+    if not isinstance(value, list) or not all(isinstance(row, list) for row in value):
+        raise SpecError(f"{where} must be a list of rows, [[...], [...]]")
+    for i, row in enumerate(value):
+        if len(row) != len(value[0]):
+            raise SpecError(
+                f"{where} is ragged: row {i + 1} has {len(row)} entries, row 1 has {len(value[0])}"
+            )
+    return [
+        [e if isinstance(e, str) else _finite(e, f"{where}[{i + 1}][{j + 1}]")
+         for j, e in enumerate(row)]
+        for i, row in enumerate(value)
+    ]
+
+
+def _constant_matrix(value: Any, where: str) -> Any:
+    rows = _rows(value, where) or []
+    try:
+        return [[evaluate(e, {}) if isinstance(e, str) else e for e in row] for row in rows]
+    except SpecError as error:
+        raise SpecError(f"{where}: {error}") from error
+
+
+def _finite(value: Any, where: str) -> Fraction:
+    if isinstance(value, bool) or not isinstance(value, int | Fraction):
+        raise SpecError(f"{where} = {value} must be a finite number")
+    if abs(value) > 10**400:
+        raise SpecError(f"{where} is out of range")
+    return Fraction(value)
+
+
+def _strings(value: Any, key: str) -> tuple[str, ...]:
+    if not isinstance(value, list) or not all(isinstance(item, str) for item in value):
+        raise SpecError(f"{key} must be a list of strings")
+    return tuple(value)
+
+
+def _tables(values: list[Any], key: str) -> list[dict[str, Any]]:
+    if not all(isinstance(value, dict) for value in values):
+        raise SpecError(f"{key} must be an array of tables; write [[{key}]]")
+    return values
+
+
+def _known(table: Mapping[str, Any], known: set[str], where: str) -> None:
+    for key in table:
+        if key not in known:
+            raise SpecError(f"{where}unknown key {key!r}; {suggest(key, known)}")
+
+
+def _need(table: Mapping[str, Any], keys: tuple[str, ...], where: str) -> None:
+    for key in keys:
+        if key not in table:
+            raise SpecError(f"{where}: {key} is missing")
+
+
+def dumps(plant: UncertainPlant) -> str:
+    """Write a plant as the text of a spec with explicit vertices; `loads` returns them exactly."""
+    lines = [f"name = {_quoted(plant.name)}"]
+    for key in _NAMES:
+        if getattr(plant, key):
+            lines.append(f"{key} = [{', '.join(_quoted(s) for s in getattr(plant, key))}]")
+    for vertex in plant.vertices:
+        lines.append("\n[[vertex]]")
+        for letter in "ABE":
+            matrix = getattr(vertex, f"exact_{letter}")
+            if matrix is not None:
+                rows = (f"[{', '.join(_entry(e) for e in row)}]" for row in matrix)
+                lines.append(f"{letter} = [{', '.join(rows)}]")
+    return "\n".join(lines) + "\n"
+
+
+def _quoted(text: str) -> str:
+    escaped = text.replace("\\", "\\\\").replace('"', '\\"')
+    return '"' + "".join(c if c.isprintable() else f"\\u{ord(c):04x}" for c in escaped) + '"'
+
+
+def _entry(value: Fraction) -> str:
+    plain = value.denominator == 1 and math.log2(abs(value.numerator) + 1) < 60
+    return str(value) if plain else f'"{value}"'

@@ -1,0 +1,171 @@
+"""The smallest radius of a condition, by bracketing with a conic solver.
+
+Each solve is made in the coordinates of the best Lyapunov matrix so far. A point that the solver
+returns is judged by its own generalised eigenvalue, which usually lies well below the radius that
+was asked for; nothing here is proof, see `polefence.proof`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from polefence.conditions.methods import Method, build
+from polefence.conditions.pencil import Pencil, smat
+from polefence.errors import SolverError
+from polefence.plant.system import Array
+from polefence.solve.conic import Margin, largest_margin
+from polefence.solve.nominal import nominal_start
+from polefence.solve.scaling import Scaling, balanced
+
+TOLERANCE = 2e-5
+FLOOR = 1e-3
+MAX_SOLVES = 40
+MAX_TRIES = 4
+PROGRESS = 0.2
+CONVINCING = 1e-6
+
+
+@dataclass(frozen=True, eq=False)
+class Found:
+    """A point that meets a condition at ``radius``, to float rounding.
+
+    Attributes
+    ----------
+    radius : float
+        [1/s]
+    values : dict of arrays
+        The condition's matrices, original coordinates.
+    bracketed : bool
+        Whether the solver also found the condition infeasible just below. Evidence only.
+    """
+
+    radius: float
+    values: dict[str, Array]
+    bracketed: bool
+
+
+def smallest_radius(A: Array, B: Array, sigma: float, method: Method) -> Found:
+    """Bracket the least radius at which the condition is feasible.
+
+    Parameters
+    ----------
+    A, B : (N, n, n), (N, n, m) arrays
+    sigma : float
+        The centre is -sigma [1/s].
+    method : str or Scheduled
+    """
+    search = _Search(A, B, sigma, method)
+    low = 0.0
+    bracketed = True
+    for step in range(MAX_SOLVES):
+        high = search.best.radius
+        if high - low <= TOLERANCE * high or high <= FLOOR * sigma:
+            break
+        target = search.target(low, high) if step % 3 < 2 else (low + high) / 2
+        verdict = search.attempt(target)
+        if verdict is None:
+            bracketed = False
+        if not verdict:
+            low = target
+    else:
+        bracketed = False
+    return Found(search.best.radius, search.best.values, bracketed)
+
+
+def feasible_point(A: Array, B: Array, sigma: float, radius: float, method: Method) -> Found | None:
+    """Return a well-centred point at this radius, or None where the search found none."""
+    search = _Search(A, B, sigma, method)
+    start = search.best
+    search.attempt(radius)
+    if search.best is start and start.radius >= radius:
+        return None
+    # Once more, in the coordinates of the point just found: better centred.
+    search.attempt(radius)
+    return search.best if search.best.radius < radius else None
+
+
+class _Search:
+    """The state of one search: best point, its coordinates, and the margins seen on either side."""
+
+    def __init__(self, A: Array, B: Array, sigma: float, method: Method) -> None:
+        self.A, self.B, self.sigma, self.method = A, B, sigma, method
+        self.plain = balanced(A, B, sigma)
+        start = nominal_start(A, B, sigma, self.plain)
+        self.scaling = self._coordinates(start.W)
+        variables = build(method, A, B, sigma).variables
+        self.best = Found(start.radius, start.values(variables), True)
+        self.margins: list[tuple[float, float]] = []
+
+    def _coordinates(self, W: Array) -> Scaling:
+        try:
+            return self.plain.refined(W)
+        except SolverError:
+            return self.plain
+
+    def target(self, low: float, high: float) -> float:
+        """Next radius to ask: beside the secant's root of the margin, or the middle.
+
+        Asking on the farther side of the root moves that end of the bracket to it.
+        """
+        middle = (low + high) / 2
+        if len(self.margins) < 2:
+            return middle
+        (r0, t0), (r1, t1) = self.margins[-2:]
+        if (t1 - t0) * (r1 - r0) <= 0:
+            return middle
+        root = r1 - t1 * (r1 - r0) / (t1 - t0)
+        step = max(0.3 * TOLERANCE * high, 0.05 * abs(root - r1))
+        target = root + step if high - root > root - low else root - step
+        return float(target) if low < target < high else middle
+
+    def attempt(self, radius: float) -> bool | None:
+        """Look for a better point at a radius: found, infeasible, or (None) undecided."""
+        for _ in range(MAX_TRIES):
+            before = self.best.radius
+            verdict = self._attempt(radius, self.scaling)
+            if verdict is not None:
+                return verdict
+            if before - self.best.radius < PROGRESS * (before - radius):
+                break  # better coordinates no longer help
+        return self._attempt(radius, self.plain)
+
+    def _attempt(self, radius: float, scaling: Scaling) -> bool | None:
+        A, B = scaling.apply(self.A, self.B)
+        pencil = build(self.method, A, B, self.sigma / scaling.rate, scaling.unit)
+        try:
+            point = largest_margin(pencil, radius / scaling.rate)
+        except SolverError:
+            return None
+        reached = scaling.rate * reach(pencil, point.x)
+        self.margins.append((radius, point.t))
+        if reached < self.best.radius:
+            values = scaling.restore(pencil.unpack(point.x), pencil.variables)
+            self.best = Found(reached, values, True)
+            self.scaling = self._coordinates(lyapunov_mean(values))
+        if reached <= radius:
+            return True
+        return False if point.optimal and point.t < -CONVINCING else None
+
+
+def lyapunov_mean(values: dict[str, Array]) -> Array:
+    """Return the mean of a condition's Lyapunov matrices."""
+    return np.mean([X for name, X in values.items() if name[0] in "WP"], axis=0)
+
+
+def reach(pencil: Pencil, x: Array) -> float:
+    """Least r with r D(x) - M(x) >= 0: the largest generalised eigenvalue, inf if D(x) is not > 0."""
+    largest = 0.0
+    for size in {b.size for b in pencil.blocks}:
+        blocks = [b for b in pencil.blocks if b.size == size]
+        D = smat(np.stack([b.D @ x for b in blocks]))
+        M = smat(np.stack([b.M @ x for b in blocks]))
+        try:
+            T = np.linalg.cholesky(D)
+        except np.linalg.LinAlgError:
+            return float("inf")
+        half = np.linalg.solve(T, M)
+        pulled = np.linalg.solve(T, half.transpose(0, 2, 1))
+        largest = max(largest, float(np.linalg.eigvalsh(pulled).max()))
+    return largest

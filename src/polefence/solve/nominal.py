@@ -1,0 +1,82 @@
+"""A first design without any LMI: Riccati gain of the mean plant and its Lyapunov matrix.
+
+It is feasible for all three conditions at some radius, which brackets the smallest one from above,
+and its Lyapunov matrix gives coordinates in which the conditions are well conditioned.
+"""
+
+from __future__ import annotations
+
+import warnings
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.linalg as la
+
+from polefence.conditions.linear import Variable
+from polefence.plant.system import Array
+from polefence.solve.scaling import Scaling
+
+# Weights of the input, and disks to aim at as fractions of sigma.
+INPUT_WEIGHTS = (1e-4, 1e-2, 1.0)
+FRACTIONS = (1.0, 0.5)
+
+
+@dataclass(frozen=True, eq=False)
+class Start:
+    """A Lyapunov matrix and gain (original coordinates) that hold at ``radius`` on all vertices."""
+
+    W: Array
+    K: Array
+    radius: float
+
+    def values(self, variables: tuple[Variable, ...]) -> dict[str, Array]:
+        """Return the point as values of a condition's variables."""
+        Z = self.K @ self.W
+        table = {"W": self.W, "P": self.W, "G": self.W, "Z": Z, "L": Z}
+        tiny = 1e-12 * np.linalg.eigvalsh(self.W)[0]
+        return {v.name: table.get(v.name[0], np.array([[tiny]])) for v in variables}
+
+
+def nominal_start(A: Array, B: Array, sigma: float, scaling: Scaling) -> Start:
+    """Return the best of a few nominal designs, judged on all vertices."""
+    As, Bs = scaling.apply(A, B)
+    s = sigma / scaling.rate
+    n = A.shape[1]
+    # Without control W = I holds at some radius: a start that never fails.
+    best = Start(scaling.T @ scaling.T.T, np.zeros((B.shape[2], n)),
+                 scaling.rate * _reach(As, Bs, s, np.eye(n), np.zeros((B.shape[2], n))))
+    for fraction in FRACTIONS:
+        F, H = (As.mean(axis=0) + s * np.eye(n)) / (fraction * s), Bs.mean(axis=0) / (fraction * s)
+        for weight in INPUT_WEIGHTS:
+            design = _riccati(F, H, weight)
+            if design is None:
+                continue
+            W, K = design
+            radius = scaling.rate * _reach(As, Bs, s, W, K)
+            if radius < best.radius:
+                T = scaling.T
+                best = Start(T @ W @ T.T, scaling.S @ np.linalg.solve(T.T, K.T).T, radius)
+    return best
+
+
+def _riccati(F: Array, H: Array, weight: float) -> tuple[Array, Array] | None:
+    n, m = H.shape
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # ill conditioning shows in the radius, judged above
+            X = la.solve_discrete_are(F, H, np.eye(n), weight * np.eye(m))
+            K = -np.linalg.solve(weight * np.eye(m) + H.T @ X @ H, H.T @ X @ F)
+            W = la.solve_discrete_lyapunov(F + H @ K, np.eye(n))
+    except (la.LinAlgError, ValueError):
+        return None
+    return ((W + W.T) / 2, K) if np.all(np.isfinite(W)) and np.all(np.isfinite(K)) else None
+
+
+def _reach(A: Array, B: Array, s: float, W: Array, K: Array) -> float:
+    """Least radius at which W, K hold at every vertex: the largest |T^-1 (A + BK + sI) T|."""
+    try:
+        T = np.linalg.cholesky(W)
+    except np.linalg.LinAlgError:
+        return np.inf
+    closed = np.linalg.solve(T, (A + B @ K + s * np.eye(A.shape[1])) @ T)
+    return float(np.linalg.norm(closed, 2, axis=(1, 2)).max())

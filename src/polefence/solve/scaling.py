@@ -1,0 +1,92 @@
+"""Coordinates in which a pencil is well conditioned, and the way back.
+
+x = T x_s, u = S u_s, and time in units of 1 / rate. Diagonal scalings are powers of two, hence
+exactly undone; the Lyapunov coordinates are undone to rounding, and the proof, which sees only
+the original vertices, decides.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+import scipy.linalg as la
+
+from polefence.conditions.linear import Variable
+from polefence.errors import SolverError
+from polefence.plant.system import Array
+
+
+@dataclass(frozen=True, eq=False)
+class Scaling:
+    """x = T x_s, u = S u_s, rates in units of ``rate``.
+
+    Attributes
+    ----------
+    T : (n, n) array
+    S : (m, m) array
+    rate : float
+        [1/s]
+    """
+
+    T: Array
+    S: Array
+    rate: float
+
+    def apply(self, A: Array, B: Array) -> tuple[Array, Array]:
+        """Return scaled vertex matrices (N, n, n), (N, n, m)."""
+        return (
+            np.linalg.solve(self.T, A @ self.T) / self.rate,
+            np.linalg.solve(self.T, B @ self.S) / self.rate,
+        )
+
+    @property
+    def unit(self) -> Array:
+        """The identity (as a Lyapunov matrix) of the original coordinates, in the scaled ones."""
+        inverse = np.linalg.inv(self.T)
+        return np.asarray(inverse @ inverse.T)
+
+    def restore(self, values: Mapping[str, Array], variables: tuple[Variable, ...]) -> dict[str, Array]:
+        """Return scaled W, P, G (rows x), Z, L (rows u) and tau in the original coordinates."""
+        restored = {}
+        for v in variables:
+            X = values[v.name]
+            if v.rows:
+                X = (self.T if v.rows == "x" else self.S) @ X @ self.T.T
+            else:
+                X = X * self.rate
+            restored[v.name] = (X + X.T) / 2 if v.symmetric else X
+        return restored
+
+    def refined(self, W: Array) -> Scaling:
+        """Return the coordinates in which W, given in the original ones, is the identity.
+
+        Raises
+        ------
+        SolverError
+            If W is not numerically positive definite.
+        """
+        scale = power_of_two(1 / np.sqrt(np.maximum(np.diag(W), np.finfo(float).tiny)))
+        try:
+            factor = la.cholesky(W * np.outer(scale, scale), lower=True)
+        except la.LinAlgError as error:
+            raise SolverError("a Lyapunov matrix is numerically singular") from error
+        return replace(self, T=factor / scale[:, None])
+
+
+def power_of_two(values: Array) -> Array:
+    """Round positive numbers to powers of two, so that scaling by them is exact."""
+    return np.asarray(np.exp2(np.round(np.log2(values))))
+
+
+def balanced(A: Array, B: Array, sigma: float) -> Scaling:
+    """Diagonal scaling from magnitudes alone: time by sigma, states balanced, inputs by max |B|."""
+    rate = float(power_of_two(np.array(sigma)))
+    n = A.shape[1]
+    size = np.abs(A).mean(axis=0) / rate + np.eye(n)
+    _, (scale, _) = la.matrix_balance(size, permute=False, separate=True)
+    T = power_of_two(scale)
+    reach = np.abs(B / T[:, None]).mean(axis=0).max(axis=0) / rate
+    S = power_of_two(1 / np.where(reach > 0, reach, 1.0))
+    return Scaling(np.diag(T), np.diag(S), rate)

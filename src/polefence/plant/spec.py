@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from polefence.errors import InputError, SpecError, suggest
+from polefence.files import read_text
 from polefence.plant.expression import decimal, evaluate
 from polefence.plant.family import UncertainPlant
 from polefence.plant.parameters import Parameter
@@ -42,21 +43,6 @@ def loads(text: str, source: str = "spec") -> UncertainPlant:
         return _plant(data)
     except InputError as error:
         raise type(error)(f"{source}: {_one_line(error)}") from error
-
-
-def read_text(path: Path, limit: int, error: type[InputError]) -> str:
-    """Read a small UTF-8 text file that a stranger may have sent."""
-    try:
-        with path.open("rb") as file:
-            raw = file.read(limit + 1)
-    except OSError as problem:
-        raise error(f"{path}: cannot be read: {problem.strerror}") from problem
-    if len(raw) > limit:
-        raise error(f"{path}: longer than {limit} bytes; this is no file of ours")
-    try:
-        return raw.decode()
-    except UnicodeDecodeError as problem:
-        raise error(f"{path}: not UTF-8 text") from problem
 
 
 def _one_line(error: BaseException) -> str:

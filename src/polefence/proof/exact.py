@@ -368,8 +368,8 @@ def _claim(document: dict[str, Any]) -> Claim:
         _shape(B[j], n, m, f"vertex {j + 1}: B")
     if _at(document, "region", "kind") != "disk":
         raise FormatError('region.kind must be "disk"')
-    centre = _number(_at(document, "region", "centre"), "region.centre")
-    radius = _number(_at(document, "region", "radius"), "region.radius")
+    centre = read_number(_at(document, "region", "centre"), "region.centre")
+    radius = read_number(_at(document, "region", "radius"), "region.radius")
     method, kind = _at(document, "method"), _at(document, "law", "kind")
     if method not in METHODS:
         raise FormatError(f"method {method!r} is not one of {', '.join(METHODS)}")
@@ -392,7 +392,7 @@ def _claim(document: dict[str, Any]) -> Claim:
         return found
 
     if method == "scheduled":
-        tau = _number(_at(document, "certificate", "tau"), "certificate.tau")
+        tau = read_number(_at(document, "certificate", "tau"), "certificate.tau")
         W, Z = several("law", "W", n, N), several("law", "Z", m, N)
         return Claim(method, A, B, -centre, radius, X=W, Z=Z, tau=tau)
     K = one("law", "K", m)
@@ -431,7 +431,7 @@ def _matrix(value: Any, where: str) -> Rationals:
     rows = [_list(row, where, MAX_SIZE) for row in _list(value, where, MAX_SIZE)]
     if any(len(row) != len(rows[0]) for row in rows):
         raise FormatError(f"{where} is ragged")
-    return [[_number(entry, f"{where}[{i + 1}][{j + 1}]") for j, entry in enumerate(row)]
+    return [[read_number(entry, f"{where}[{i + 1}][{j + 1}]") for j, entry in enumerate(row)]
             for i, row in enumerate(rows)]
 
 
@@ -440,12 +440,13 @@ def _shape(matrix: Rationals, rows: int, columns: int, where: str) -> None:
         raise FormatError(f"{where} is {len(matrix)} x {len(matrix[0])}, not {rows} x {columns}")
 
 
-def _number(value: Any, where: str) -> Fraction:
+def read_number(value: Any, where: str) -> Fraction:
+    """Return a number of the file: a double is the rational it is, a string "p/q" is exact."""
     if isinstance(value, str) and _RATIONAL.fullmatch(value):
         return Fraction(value)
-    if isinstance(value, int | float) and not isinstance(value, bool):
-        if math.isfinite(value) and abs(value) < 1e300:
-            return Fraction(value)
+    # nan fails the comparison; an integer of any length is compared exactly
+    if isinstance(value, int | float) and not isinstance(value, bool) and abs(value) < 10**300:
+        return Fraction(value)
     raise FormatError(f'{where} = {str(value)[:40]!r} is not a finite number or "p/q"')
 
 

@@ -7,7 +7,7 @@ was asked for; nothing here is proof, see `polefence.proof`.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -57,21 +57,28 @@ def smallest_radius(A: Array, B: Array, sigma: float, method: Method) -> Found:
     method : str or Scheduled
     """
     search = _Search(A, B, sigma, method)
-    low = 0.0
-    bracketed = True
+    # `low` was found infeasible; `soft` is where the solver failed, believed until the best point,
+    # and with it the coordinates, have improved.
+    low = soft = 0.0
+    doubted = np.inf
     for step in range(MAX_SOLVES):
         high = search.best.radius
-        if high - low <= TOLERANCE * high or high <= FLOOR * sigma:
+        if high <= max(FLOOR * sigma, low):
             break
-        target = search.target(low, high) if step % 3 < 2 else (low + high) / 2
+        if high - max(low, soft) <= TOLERANCE * high:
+            if soft <= low or high >= doubted * (1 - TOLERANCE):
+                break
+            soft = low
+            continue
+        floor = max(low, soft)
+        target = search.target(floor, high) if step % 3 < 2 else (floor + high) / 2
         verdict = search.attempt(target)
         if verdict is None:
-            bracketed = False
-        if not verdict:
-            low = target
-    else:
-        bracketed = False
-    return Found(search.best.radius, search.best.values, bracketed)
+            soft, doubted = target, search.best.radius
+        elif not verdict:
+            low = max(low, target)
+    best = search.best
+    return replace(best, bracketed=best.radius - low <= TOLERANCE * best.radius)
 
 
 def feasible_point(A: Array, B: Array, sigma: float, radius: float, method: Method) -> Found | None:

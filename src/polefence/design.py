@@ -1,0 +1,265 @@
+"""The orchestrator: plant, region and method in; a proved design out."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from polefence.conditions.methods import Method, method_name
+from polefence.errors import DesignFileError, NotProvedError
+from polefence.files import make_folder, read_text, write_text
+from polefence.law import FixedGain, Law, ScheduledGain, right_divide
+from polefence.plant.family import UncertainPlant
+from polefence.plant.system import Array
+from polefence.proof import exact
+from polefence.proof.certificate import Certificate, Check, check_claim
+from polefence.region import Disk, check_centre
+from polefence.solve.bisection import Found, feasible_point, smallest_radius
+
+FILE_NAME = "design.json"
+
+# How far above the radius that a point reaches in floats the exact proof is attempted.
+STEPS = (1e-7, 1e-6, 1e-5, 1e-4)
+
+
+@dataclass(frozen=True, eq=False)
+class Design:
+    """A law with the region it is for and the certificate that proves it.
+
+    Attributes
+    ----------
+    certificate : Certificate
+    proved : bool
+        False only where the caller asked for it with ``allow_unproved=True``.
+    """
+
+    certificate: Certificate
+    proved: bool = True
+
+    @property
+    def plant(self) -> UncertainPlant:
+        """The plant family."""
+        return self.certificate.plant
+
+    @property
+    def law(self) -> Law:
+        """The control law, u = K(alpha) x."""
+        return self.certificate.law
+
+    @property
+    def region(self) -> Disk:
+        """The disk that holds all closed-loop poles."""
+        return self.certificate.region
+
+    @property
+    def method(self) -> str:
+        """The condition that was used."""
+        return self.certificate.method
+
+    def poles(self, alpha: Array) -> Array:
+        """Closed-loop poles at points alpha (..., N) of the simplex, as (..., n) complex."""
+        A, B = self.plant.at(alpha)
+        return np.asarray(np.linalg.eigvals(A + B @ self.law.gain(alpha)))
+
+    def save(self, directory: str | Path) -> Path:
+        """Write ``design.json`` into a folder, made if need be; return its path.
+
+        Raises
+        ------
+        OutputError
+            If the folder cannot be written; nothing is left half-written.
+        """
+        path = make_folder(Path(directory)) / FILE_NAME
+        write_text(path, self.certificate.dumps())
+        return path
+
+    @classmethod
+    def load(cls, path: str | Path, allow_unproved: bool = False) -> Design:
+        """Read a design file and prove it afresh.
+
+        Raises
+        ------
+        DesignFileError
+            If it cannot be read.
+        NotProvedError
+            If its claim is not proved, unless ``allow_unproved``.
+        """
+        where = _design_path(path)
+        try:
+            certificate = Certificate.loads(read_text(where, exact.MAX_BYTES, DesignFileError))
+        except DesignFileError as error:
+            raise DesignFileError(f"{where}: {error}".removeprefix(f"{where}: {where}: ")) from error
+        verdict = certificate.prove()
+        if not verdict.proved and not allow_unproved:
+            raise NotProvedError(f"{where}: not proved: {verdict.reason}")
+        return cls(certificate, verdict.proved)
+
+
+def check(source: str | Path | Certificate | Design) -> Check:
+    """Prove a design file, a certificate or a design afresh, in exact arithmetic.
+
+    Returns
+    -------
+    Check
+        "proved"; "refuted", with the alpha whose poles leave the region; or "undecided".
+
+    Raises
+    ------
+    DesignFileError
+        If the file cannot be read as a design.
+    """
+    if isinstance(source, Design):
+        source = source.certificate
+    if isinstance(source, Certificate):
+        return check_claim(source.claim())
+    path = _design_path(source)
+    text = read_text(path, exact.MAX_BYTES, DesignFileError)
+    try:
+        claim, _ = exact.read(text)
+    except exact.FormatError as error:
+        raise DesignFileError(f"{path}: {error}") from error
+    return check_claim(claim)
+
+
+def place(
+    plant: UncertainPlant, region: Disk, method: Method = "scheduled", allow_unproved: bool = False
+) -> Design:
+    """Design a law that keeps all poles of the whole family in a disk, and prove it.
+
+    Parameters
+    ----------
+    plant : UncertainPlant
+    region : Disk
+    method : str or Scheduled
+        "quadratic" (Lemma 1), "slack" (Lemma 2), "scheduled" (Theorem 1).
+    allow_unproved : bool
+        Return the numerical answer even where its proof fails (``Design.proved`` tells).
+
+    Raises
+    ------
+    NotProvedError
+        If the disk is not proved; its ``best`` is the smallest disk of this centre that is.
+    UncontrollableError
+        If a vertex is uncontrollable.
+    """
+    name = method_name(method)
+    plant.require_controllable()
+    found = feasible_point(plant.A, plant.B, region.sigma, region.radius, method)
+    if found is not None:
+        design = Design(_certificate(plant, region, name, found))
+        if design.certificate.prove().proved:
+            return design
+    best = _tightest(plant, region.centre, method)
+    if best.proved and best.region.radius <= region.radius:
+        return replace(best, certificate=replace(best.certificate, region=region))
+    if allow_unproved:
+        return replace(best, proved=False, certificate=replace(best.certificate, region=region))
+    reached = (
+        f"the smallest radius it reaches there is {rounded_up(best.region.radius)} (proved)"
+        if best.proved
+        else "no radius could be proved there"
+    )
+    raise NotProvedError(
+        f"not proved: {name} does not reach {region}; {reached}; "
+        "try a larger disk or another method",
+        best if best.proved else None,
+    )
+
+
+def tightest(
+    plant: UncertainPlant,
+    centre: float,
+    method: Method = "scheduled",
+    allow_unproved: bool = False,
+) -> Design:
+    """Design for the smallest disk with this centre that the method reaches, and prove it.
+
+    Parameters
+    ----------
+    centre : float
+        Real coordinate, negative (-40) [1/s].
+
+    Returns
+    -------
+    Design
+        ``design.region.radius`` is proved; the method's infimum lies at most some 1e-4 (relative)
+        below where it is attained.
+
+    Raises
+    ------
+    NotProvedError
+        If no radius could be proved (the solver failed on this problem).
+    UncontrollableError
+        If a vertex is uncontrollable.
+    """
+    name = method_name(method)
+    centre = check_centre(centre)
+    plant.require_controllable()
+    best = _tightest(plant, centre, method)
+    if not best.proved and not allow_unproved:
+        raise NotProvedError(
+            f"undecided: {name} at centre {centre:g} gave no point that could be proved; "
+            "check the plant's units and try another centre"
+        )
+    return best
+
+
+def _tightest(plant: UncertainPlant, centre: float, method: Method) -> Design:
+    """Return the design of the smallest radius, ``proved`` or not."""
+    sigma, name = -centre, method_name(method)
+    found = smallest_radius(plant.A, plant.B, sigma, method)
+    design = _proved_near(plant, centre, name, found)
+    step = 1e-4
+    while design is None and step < 0.1:
+        # The point lies too near the boundary for its rounding: look a little farther inside.
+        inner = feasible_point(plant.A, plant.B, sigma, found.radius * (1 + step), method)
+        design = None if inner is None else _proved_near(plant, centre, name, inner)
+        step *= 10
+    if design is None:
+        region = Disk(centre, found.radius)
+        return Design(_certificate(plant, region, name, found), proved=False)
+    return design
+
+
+def _proved_near(plant: UncertainPlant, centre: float, name: str, found: Found) -> Design | None:
+    certificate = _certificate(plant, Disk(centre, found.radius), name, found)
+    for step in STEPS:
+        region = Disk(centre, found.radius * (1 + step))
+        candidate = replace(certificate, region=region)
+        if candidate.prove().proved:
+            return Design(candidate)
+    return None
+
+
+def _certificate(plant: UncertainPlant, region: Disk, name: str, found: Found) -> Certificate:
+    """Round a point to the law and evidence that ship; the proof is about these very numbers."""
+    values = found.values
+    N = len(plant.vertices)
+    law: Law
+    if name == "scheduled":
+        W = np.stack([values[f"W{j + 1}"] for j in range(N)])
+        Z = np.stack([values[f"Z{j + 1}"] for j in range(N)])
+        law = ScheduledGain(W, Z, plant.parameters)
+        tau = values["tau"].item() if "tau" in values else 0.0
+        return Certificate(plant, region, name, law, {"tau": np.array(tau)})
+    if name == "quadratic":
+        law = FixedGain(right_divide(values["Z"], values["W"]))
+        return Certificate(plant, region, name, law, {"W": values["W"]})
+    law = FixedGain(right_divide(values["L"], values["G"]))
+    P = np.stack([values[f"P{j + 1}"] for j in range(N)])
+    return Certificate(plant, region, name, law, {"P": P, "G": values["G"]})
+
+
+def rounded_up(radius: float, digits: int = 6) -> str:
+    """Print a proved radius with so many significant digits, rounded up so that it stays true."""
+    decimals = max(digits - 1 - math.floor(math.log10(radius)), 0)
+    return f"{math.ceil(radius * 10**decimals) / 10**decimals:.{decimals}f}"
+
+
+def _design_path(path: str | Path) -> Path:
+    """A design file, or the folder that `Design.save` wrote it into."""
+    where = Path(path)
+    return where / FILE_NAME if where.is_dir() else where

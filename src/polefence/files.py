@@ -1,0 +1,84 @@
+"""Files from strangers, read within bounds; results, written whole or not at all."""
+
+from __future__ import annotations
+
+import os
+import tempfile
+from pathlib import Path
+
+from polefence.errors import InputError, OutputError
+
+
+def read_text(path: Path, limit: int, error: type[InputError]) -> str:
+    """Read a small UTF-8 text file.
+
+    Raises
+    ------
+    InputError
+        Of the given class, if the file cannot be read, is longer than ``limit`` bytes, or no text.
+    """
+    try:
+        with path.open("rb") as file:
+            raw = file.read(limit + 1)
+    except OSError as problem:
+        raise error(f"{path}: cannot be read: {problem.strerror}") from problem
+    if len(raw) > limit:
+        raise error(f"{path}: longer than {limit} bytes; this is no file of ours")
+    try:
+        return raw.decode()
+    except UnicodeDecodeError as problem:
+        raise error(f"{path}: not UTF-8 text") from problem
+
+
+def make_folder(path: Path) -> Path:
+    """Create a folder for results, or find that it cannot be written, before work begins.
+
+    Raises
+    ------
+    OutputError
+        If it cannot be created or written.
+    """
+    try:
+        path.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=path):
+            pass
+    except OSError as problem:
+        raise OutputError(
+            f"{path}: cannot be written: {problem.strerror}; choose another folder"
+        ) from problem
+    return path
+
+
+def write_bytes(path: Path, content: bytes) -> None:
+    """Write a file whole: to a temporary one beside it, then renamed.
+
+    Raises
+    ------
+    OutputError
+        If it cannot be written; nothing is left behind.
+    """
+    try:
+        handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
+        try:
+            with os.fdopen(handle, "wb") as file:
+                file.write(content)
+            os.chmod(temporary, 0o666 & ~_umask())
+            os.replace(temporary, path)
+        except BaseException:
+            os.unlink(temporary)
+            raise
+    except OSError as problem:
+        raise OutputError(
+            f"{path}: cannot be written: {problem.strerror}; choose another place"
+        ) from problem
+
+
+def write_text(path: Path, content: str) -> None:
+    """Write a UTF-8 text file whole; see `write_bytes`."""
+    write_bytes(path, content.encode())
+
+
+def _umask() -> int:
+    mask = os.umask(0)
+    os.umask(mask)
+    return mask

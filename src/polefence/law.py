@@ -1,0 +1,143 @@
+"""Control laws u = K x: one gain for all parameters, or a gain scheduled on alpha."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from polefence.errors import InputError, ParameterValueError
+from polefence.plant.parameters import Parameter, simplex_weights
+from polefence.plant.system import Array
+
+# A computed alpha is off the simplex by rounding; more is an error of the caller's.
+ROUNDING = 1e-9
+
+
+def check_alpha(alpha: Any, N: int, clamp: bool = False) -> Array:
+    """Return alpha (..., N) as a point of the simplex.
+
+    Raises
+    ------
+    ParameterValueError
+        If alpha has another length, or lies off the simplex by more than rounding, unless
+        ``clamp``: then negative entries are cut and the rest is scaled to sum to one.
+    """
+    a = np.asarray(alpha, dtype=float)
+    if a.ndim == 0 or a.shape[-1] != N or not np.all(np.isfinite(a)):
+        raise ParameterValueError(f"alpha must be {N} finite weights, one a vertex; got {alpha!r}")
+    off = max(float(-a.min()), float(np.abs(a.sum(axis=-1) - 1).max()))
+    if off > ROUNDING and not clamp:
+        raise ParameterValueError(
+            f"alpha is off the simplex by {off:.3g} (weights >= 0, sum 1); the guarantee ends "
+            "there (clamp=True takes a point of it)"
+        )
+    a = np.maximum(a, 0.0)
+    total = a.sum(axis=-1, keepdims=True)
+    if not np.all(total > 0):
+        raise ParameterValueError("alpha has no positive weight")
+    return np.asarray(a / total)
+
+
+@dataclass(frozen=True, eq=False)
+class FixedGain:
+    """u = K x for every parameter value.
+
+    Parameters
+    ----------
+    K : (m, n) array
+        [input unit / state unit]
+    """
+
+    K: Array
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "K", _frozen(self.K, 2, "K"))
+
+    def gain(self, alpha: Any = None, clamp: bool = False) -> Array:  # noqa: ARG002
+        """Return K; alpha is accepted, and not needed. Batched alpha gives batched gains."""
+        lead = () if alpha is None else np.shape(alpha)[:-1]
+        return np.broadcast_to(self.K, (*lead, *self.K.shape))
+
+    def gain_at(self, clamp: bool = False, **values: Any) -> Array:  # noqa: ARG002
+        """Return K, whatever the physical parameters."""
+        return self.K
+
+    def control(self, alpha: Any, x: Any, clamp: bool = False) -> Array:
+        """Return u = K x, (..., m) for x (..., n)."""
+        return np.einsum("...mn,...n->...m", self.gain(alpha, clamp), np.asarray(x, dtype=float))
+
+
+@dataclass(frozen=True, eq=False)
+class ScheduledGain:
+    """u = K(alpha) x with K(alpha) = Z(alpha) W(alpha)^-1, Z and W affine in alpha.
+
+    Leite & Peres (2005), equations (18), (19).
+
+    Parameters
+    ----------
+    W : (N, n, n) array
+        Positive definite vertex matrices.
+    Z : (N, m, n) array
+    parameters : tuple of Parameter
+        Lets `gain_at` find alpha from physical values.
+    """
+
+    W: Array
+    Z: Array
+    parameters: tuple[Parameter, ...] = ()
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "W", _frozen(self.W, 3, "W"))
+        object.__setattr__(self, "Z", _frozen(self.Z, 3, "Z"))
+        N, n, _ = self.W.shape
+        if self.W.shape[2] != n or self.Z.shape[0] != N or self.Z.shape[2] != n:
+            raise InputError(f"W {self.W.shape} and Z {self.Z.shape} do not fit together")
+
+    def gain(self, alpha: Any, clamp: bool = False) -> Array:
+        """Return K(alpha), (..., m, n) for alpha (..., N).
+
+        Raises
+        ------
+        ParameterValueError
+            If alpha lies off the simplex by more than rounding, unless ``clamp``.
+        """
+        a = check_alpha(alpha, self.W.shape[0], clamp)
+        return right_divide(np.tensordot(a, self.Z, 1), np.tensordot(a, self.W, 1))
+
+    def gain_at(self, clamp: bool = False, **values: Any) -> Array:
+        """Return K at physical parameter values, for example ``gain_at(m1=300, beta=0)``.
+
+        Raises
+        ------
+        ParameterValueError
+            If a value is missing, unknown, or outside its interval (unless ``clamp``).
+        """
+        weights = simplex_weights(self.parameters, values, clamp)
+        return self.gain([float(w) for w in weights])
+
+    def control(self, alpha: Any, x: Any, clamp: bool = False) -> Array:
+        """Return u = K(alpha) x, (..., m) for x (..., n)."""
+        return np.einsum("...mn,...n->...m", self.gain(alpha, clamp), np.asarray(x, dtype=float))
+
+
+Law = FixedGain | ScheduledGain
+
+
+def right_divide(Z: Array, W: Array) -> Array:
+    """Return Z W^-1, batched, with W equilibrated first: its entries span many decades."""
+    scale = np.sqrt(np.abs(np.diagonal(W, axis1=-2, axis2=-1)))
+    scale = np.where(scale > 0, scale, 1.0)
+    even = W / (scale[..., :, None] * scale[..., None, :])
+    right = np.swapaxes(Z / scale[..., None, :], -1, -2)
+    solved = np.linalg.solve(np.swapaxes(even, -1, -2), right)
+    return np.asarray(np.swapaxes(solved, -1, -2) / scale[..., None, :])
+
+
+def _frozen(value: Any, dimensions: int, name: str) -> Array:
+    array = np.array(value, dtype=float)
+    if array.ndim != dimensions or not np.all(np.isfinite(array)):
+        raise InputError(f"{name} must be a finite array of {dimensions} dimensions")
+    array.flags.writeable = False
+    return array

@@ -1,0 +1,1 @@
+"""From numbers to truth: certificates, their exact proof, and counterexamples."""

@@ -91,7 +91,9 @@ class Design:
         try:
             certificate = Certificate.loads(read_text(where, exact.MAX_BYTES, DesignFileError))
         except DesignFileError as error:
-            raise DesignFileError(f"{where}: {error}".removeprefix(f"{where}: {where}: ")) from error
+            raise DesignFileError(
+                f"{where}: {error}".removeprefix(f"{where}: {where}: ")
+            ) from error
         verdict = certificate.prove()
         if not verdict.proved and not allow_unproved:
             raise NotProvedError(f"{where}: not proved: {verdict.reason}")

@@ -63,9 +63,7 @@ def method_name(method: Method) -> str:
     return name
 
 
-def build(
-    method: Method, A: Array, B: Array, sigma: float, unit: Array | None = None
-) -> Pencil:
+def build(method: Method, A: Array, B: Array, sigma: float, unit: Array | None = None) -> Pencil:
     """Return the pencil of a method for vertices A (N, n, n), B (N, n, m) and centre -sigma.
 
     Parameters

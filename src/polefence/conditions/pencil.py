@@ -9,12 +9,15 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
-import scipy.sparse as sp
 
 from polefence.conditions.linear import Linear, Variable, block
 from polefence.plant.system import Array
+
+if TYPE_CHECKING:
+    import scipy.sparse as sp  # imported where used: it would triple the package's import time
 
 SQRT2 = np.sqrt(2.0)
 
@@ -73,12 +76,12 @@ class Pencil:
     @cached_property
     def D(self) -> sp.csr_array:
         """All blocks' D, stacked."""
-        return sp.csr_array(sp.vstack([b.D for b in self.blocks]))
+        return _stacked([b.D for b in self.blocks])
 
     @cached_property
     def M(self) -> sp.csr_array:
         """All blocks' M, stacked."""
-        return sp.csr_array(sp.vstack([b.M for b in self.blocks]))
+        return _stacked([b.M for b in self.blocks])
 
     def pack(self, values: Mapping[str, Array]) -> Array:
         """Return x for the variables' matrices."""
@@ -128,7 +131,11 @@ class Builder:
         return scalar
 
     def disk(
-        self, name: str, W: Linear, M: Linear, right: Linear | None = None,
+        self,
+        name: str,
+        W: Linear,
+        M: Linear,
+        right: Linear | None = None,
         floor: Linear | None = None,
     ) -> None:
         """Add [[r W - floor, -M], [-M', r right]] > 0; ``right`` defaults to W, ``floor`` to zero.
@@ -148,14 +155,23 @@ class Builder:
             start[v.name] = total
             total += v.size
         blocks = tuple(
-            Block(name, D.shape[0], _svec_operator(D, start, total),
-                  _svec_operator(M, start, total))
+            Block(
+                name, D.shape[0], _svec_operator(D, start, total), _svec_operator(M, start, total)
+            )
             for name, D, M in self.parts
         )
         return Pencil(self.method, tuple(self.variables), blocks)
 
 
+def _stacked(operators: list[sp.csr_array]) -> sp.csr_array:
+    import scipy.sparse as sp
+
+    return sp.csr_array(sp.vstack(operators))
+
+
 def _svec_operator(matrix: Linear, start: Mapping[str, int], total: int) -> sp.csr_array:
+    import scipy.sparse as sp
+
     size = matrix.shape[0] * (matrix.shape[0] + 1) // 2
     rows, columns, values = [], [], []
     for name, tensor in matrix.terms.items():

@@ -14,9 +14,7 @@ from polefence.conditions.pencil import Builder, Pencil
 from polefence.plant.system import Array
 
 
-def scheduled(
-    A: Array, B: Array, sigma: float, right_hand_side: Array | None = None
-) -> Pencil:
+def scheduled(A: Array, B: Array, sigma: float, right_hand_side: Array | None = None) -> Pencil:
     """Build Theorem 1 for vertices A (N, n, n), B (N, n, m) and centre -sigma.
 
     Parameters
@@ -39,12 +37,20 @@ def scheduled(
     for j in range(N):
         pencil.disk(f"(15) j={j + 1}", W[j], M(j, j), floor=unit)
     for j, k in permutations(range(N), 2):
-        pencil.disk(f"(16) j={j + 1} k={k + 1}", 2.0 * W[j] + W[k],
-                    M(j, j) + M(j, k) + M(k, j), floor=(-1 / square) * unit)
+        pencil.disk(
+            f"(16) j={j + 1} k={k + 1}",
+            2.0 * W[j] + W[k],
+            M(j, j) + M(j, k) + M(k, j),
+            floor=(-1 / square) * unit,
+        )
     for j, k, l in combinations(range(N), 3):  # noqa: E741
         total = Linear((n, n), {})
         for p, q in permutations((j, k, l), 2):
             total = total + M(p, q)
-        pencil.disk(f"(17) j={j + 1} k={k + 1} l={l + 1}", 2.0 * (W[j] + W[k] + W[l]),
-                    total, floor=(-6 / square) * unit)
+        pencil.disk(
+            f"(17) j={j + 1} k={k + 1} l={l + 1}",
+            2.0 * (W[j] + W[k] + W[l]),
+            total,
+            floor=(-6 / square) * unit,
+        )
     return pencil.build()

@@ -72,7 +72,9 @@ class UncertainPlant:
         for attribute, width in zip(("states", "inputs", "disturbances"), widths, strict=True):
             given = getattr(self, attribute)
             if given and len(given) != width:
-                raise PlantError(f"{attribute} names {len(given)} signals; the matrices have {width}")
+                raise PlantError(
+                    f"{attribute} names {len(given)} signals; the matrices have {width}"
+                )
 
     @classmethod
     def from_vertices(
@@ -119,8 +121,10 @@ class UncertainPlant:
         def function(**values: RationalFunction) -> dict[str, Any]:
             scope.bind(values)
             return {
-                letter: [[scope.entry(e, f"{letter}[{i + 1}][{j + 1}]") for j, e in enumerate(row)]
-                         for i, row in enumerate(rows)]
+                letter: [
+                    [scope.entry(e, f"{letter}[{i + 1}][{j + 1}]") for j, e in enumerate(row)]
+                    for i, row in enumerate(rows)
+                ]
                 for letter, rows in (("A", A), ("B", B), ("E", E))
                 if rows is not None
             }
@@ -163,8 +167,7 @@ class UncertainPlant:
             s = RationalFunction.variable(index, count)
             values[parameter.name] = 1 / s if parameter.inverted else s
         table = {
-            letter: corners(letter, rows, parameters)
-            for letter, rows in function(**values).items()
+            letter: corners(letter, rows, parameters) for letter, rows in function(**values).items()
         }
         vertices = tuple(
             System(*(table[letter][corner] for letter in table), name=f"vertex {j + 1}")
@@ -190,8 +193,12 @@ class UncertainPlant:
     @cached_property
     def digest(self) -> str:
         """SHA-256 of the exact vertex matrices A and B, for telling plants apart."""
-        text = repr([[[[str(e) for e in row] for row in M] for M in (v.exact_A, v.exact_B)]
-                     for v in self.vertices])
+        text = repr(
+            [
+                [[[str(e) for e in row] for row in M] for M in (v.exact_A, v.exact_B)]
+                for v in self.vertices
+            ]
+        )
         return hashlib.sha256(text.encode()).hexdigest()
 
     def alpha(self, *, clamp: bool = False, **values: Any) -> Array:

@@ -117,9 +117,7 @@ class RationalFunction:
         o = self.lift(other)
         if self.denominator == o.denominator:
             return self._over(_add(self.numerator, o.numerator), self.denominator)
-        p = _add(
-            _multiply(self.numerator, o.denominator), _multiply(o.numerator, self.denominator)
-        )
+        p = _add(_multiply(self.numerator, o.denominator), _multiply(o.numerator, self.denominator))
         return self._over(p, _multiply(self.denominator, o.denominator))
 
     def __mul__(self, other: Any) -> RationalFunction:

@@ -87,9 +87,7 @@ def _from_vertices(tables: Any, name: str, names: dict[str, Any]) -> UncertainPl
     )
 
 
-def _from_expressions(
-    data: Mapping[str, Any], name: str, names: dict[str, Any]
-) -> UncertainPlant:
+def _from_expressions(data: Mapping[str, Any], name: str, names: dict[str, Any]) -> UncertainPlant:
     tables = {key: data.get(key, {}) for key in ("constants", "parameter", "definitions")}
     tables["matrices"] = data["matrices"]
     for key, table in tables.items():
@@ -138,8 +136,10 @@ def _rows(value: Any, where: str) -> list[list[Any]] | None:
                 f"{where} is ragged: row {i + 1} has {len(row)} entries, row 1 has {len(value[0])}"
             )
     return [
-        [e if isinstance(e, str) else _finite(e, f"{where}[{i + 1}][{j + 1}]")
-         for j, e in enumerate(row)]
+        [
+            e if isinstance(e, str) else _finite(e, f"{where}[{i + 1}][{j + 1}]")
+            for j, e in enumerate(row)
+        ]
         for i, row in enumerate(value)
     ]
 

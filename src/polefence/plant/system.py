@@ -146,8 +146,9 @@ def controllable_dimension(A: Exact, B: Exact) -> int:
             continue
         normal = [entry / reduced[pivot] for entry in reduced]
         basis.append((pivot, normal))
-        queue.append([sum((a * v for a, v in zip(row, normal, strict=True) if a), Fraction(0))
-                      for row in A])
+        queue.append(
+            [sum((a * v for a, v in zip(row, normal, strict=True) if a), Fraction(0)) for row in A]
+        )
     return len(basis)
 
 

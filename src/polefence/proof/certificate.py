@@ -148,9 +148,7 @@ def check_claim(claim: exact.Claim) -> Check:
     alpha = counterexample(claim)
     if alpha is not None:
         weights = ", ".join(f"{float(a):.4g}" for a in alpha)
-        return Check(
-            "refuted", f"at alpha = ({weights}) a pole is not in the disk", tuple(alpha)
-        )
+        return Check("refuted", f"at alpha = ({weights}) a pole is not in the disk", tuple(alpha))
     return Check("undecided", f"{verdict.reason}, but no counterexample was found either")
 
 
@@ -164,8 +162,12 @@ def _floats(matrices: list[exact.Rationals]) -> Array:
 
 def _plant_document(plant: UncertainPlant) -> dict[str, Any]:
     parameters = [
-        {"name": p.name, "range": [_plain(p.low), _plain(p.high)], "unit": p.unit,
-         "through": p.through}
+        {
+            "name": p.name,
+            "range": [_plain(p.low), _plain(p.high)],
+            "unit": p.unit,
+            "through": p.through,
+        }
         for p in plant.parameters
     ]
     vertices = []
@@ -209,8 +211,9 @@ def _plant(data: dict[str, Any]) -> UncertainPlant:
         matrices = [[v[key] for v in data["vertices"]] for key in "AB"]
         Es = [v["E"] for v in data["vertices"]] if "E" in data["vertices"][0] else None
         names = {key: tuple(data.get(key, ())) for key in ("states", "inputs", "disturbances")}
-        plant = UncertainPlant.from_vertices(*matrices, Es, name=str(data.get("name", "plant")),
-                                             **names)
+        plant = UncertainPlant.from_vertices(
+            *matrices, Es, name=str(data.get("name", "plant")), **names
+        )
         return UncertainPlant(plant.vertices, parameters, plant.name, **names)
     except (KeyError, TypeError, AttributeError, IndexError) as error:
         raise DesignFileError(f"plant is malformed: {error}") from error

@@ -100,8 +100,10 @@ def is_positive_definite(matrix: Integers) -> bool:
         if pivot <= 0:
             return False
         rows = [
-            [(pivot * entry - first[i + 1] * first[i + 1 + j]) // previous
-             for j, entry in enumerate(row)]
+            [
+                (pivot * entry - first[i + 1] * first[i + 1 + j]) // previous
+                for j, entry in enumerate(row)
+            ]
             for i, row in enumerate(rest)
         ]
         previous = pivot
@@ -165,8 +167,15 @@ def _scaled(claim: Claim) -> _Scaled:
         if claim.K is None or (claim.method == "slack" and claim.G is None):
             raise FormatError("the law or its certificate is incomplete")
         X = [claim.X[0]] if claim.G is None else [claim.G]
-        Z = [[[sum((k * x for k, x in zip(row, column, strict=True)), Fraction(0))
-               for column in zip(*X[0], strict=True)] for row in claim.K]]
+        Z = [
+            [
+                [
+                    sum((k * x for k, x in zip(row, column, strict=True)), Fraction(0))
+                    for column in zip(*X[0], strict=True)
+                ]
+                for row in claim.K
+            ]
+        ]
         P = claim.X if claim.method == "slack" else []
     law = _denominator([*X, *Z, *P, [[claim.tau / plant]]])
     return _Scaled(
@@ -209,8 +218,9 @@ def _scheduled(scaled: _Scaled, N: int) -> Iterator[tuple[str, Integers]]:
     for triple in combinations(range(N), 3):
         w = _times(2, _sum([W[j] for j in triple]))
         m = _sum([M[pair] for pair in permutations(triple, 2)])
-        yield "(17) " + " ".join(f"{n}={j + 1}" for n, j in zip("jkl", triple, strict=True)), block(
-            w, m, -6
+        yield (
+            "(17) " + " ".join(f"{n}={j + 1}" for n, j in zip("jkl", triple, strict=True)),
+            block(w, m, -6),
         )
 
 
@@ -225,8 +235,10 @@ def _times(factor: int, matrix: Integers) -> Integers:
 
 
 def _sum(matrices: list[Integers]) -> Integers:
-    return [[sum(entries) for entries in zip(*rows, strict=True)]
-            for rows in zip(*matrices, strict=True)]
+    return [
+        [sum(entries) for entries in zip(*rows, strict=True)]
+        for rows in zip(*matrices, strict=True)
+    ]
 
 
 def _denominator(matrices: list[Rationals]) -> int:
@@ -264,8 +276,12 @@ def poles_inside(claim: Claim, alpha: list[Fraction]) -> bool:
     n = len(A)
     closed = [
         [
-            (A[i][j] + sum((B[i][q] * K[q][j] for q in range(len(K))), Fraction(0))
-             + (claim.sigma if i == j else 0)) / claim.r
+            (
+                A[i][j]
+                + sum((B[i][q] * K[q][j] for q in range(len(K))), Fraction(0))
+                + (claim.sigma if i == j else 0)
+            )
+            / claim.r
             for j in range(n)
         ]
         for i in range(n)
@@ -275,8 +291,10 @@ def poles_inside(claim: Claim, alpha: list[Fraction]) -> bool:
 
 def _mix(alpha: list[Fraction], matrices: list[Rationals]) -> Rationals:
     return [
-        [sum((a * e for a, e in zip(alpha, entries, strict=True)), Fraction(0))
-         for entries in zip(*rows, strict=True)]
+        [
+            sum((a * e for a, e in zip(alpha, entries, strict=True)), Fraction(0))
+            for entries in zip(*rows, strict=True)
+        ]
         for rows in zip(*matrices, strict=True)
     ]
 
@@ -305,8 +323,13 @@ def _characteristic(matrix: Rationals) -> list[Fraction]:
     power = [[Fraction(int(i == j)) for j in range(n)] for i in range(n)]
     for k in range(1, n + 1):
         columns = list(zip(*power, strict=True))
-        power = [[sum((a * b for a, b in zip(row, column, strict=True)), Fraction(0))
-                  for column in columns] for row in matrix]
+        power = [
+            [
+                sum((a * b for a, b in zip(row, column, strict=True)), Fraction(0))
+                for column in columns
+            ]
+            for row in matrix
+        ]
         coefficients.append(-sum((power[i][i] for i in range(n)), Fraction(0)) / k)
         for i in range(n):
             power[i][i] += coefficients[-1]
@@ -431,8 +454,10 @@ def _matrix(value: Any, where: str) -> Rationals:
     rows = [_list(row, where, MAX_SIZE) for row in _list(value, where, MAX_SIZE)]
     if any(len(row) != len(rows[0]) for row in rows):
         raise FormatError(f"{where} is ragged")
-    return [[read_number(entry, f"{where}[{i + 1}][{j + 1}]") for j, entry in enumerate(row)]
-            for i, row in enumerate(rows)]
+    return [
+        [read_number(entry, f"{where}[{i + 1}][{j + 1}]") for j, entry in enumerate(row)]
+        for i, row in enumerate(rows)
+    ]
 
 
 def _shape(matrix: Rationals, rows: int, columns: int, where: str) -> None:
@@ -463,7 +488,9 @@ def main(arguments: list[str]) -> int:
         return 2
     verdict = prove(claim)
     disk = f"disk centre {-float(claim.sigma):.17g}, radius {float(claim.r):.17g}"
-    print(f"{'proved' if verdict.proved else 'not proved'}: {claim.method}, {disk}: {verdict.reason}")
+    print(
+        f"{'proved' if verdict.proved else 'not proved'}: {claim.method}, {disk}: {verdict.reason}"
+    )
     return 0 if verdict.proved else 1
 
 

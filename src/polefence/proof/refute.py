@@ -31,7 +31,9 @@ def edges(N: int, points: int = EDGE_POINTS) -> Array:
     """The vertices and ``points`` interior points of every edge, (count, N)."""
     rows = [np.eye(N)]
     inner = np.linspace(0, 1, points + 2)[1:-1, None]
-    rows += [inner * np.eye(N)[j] + (1 - inner) * np.eye(N)[k] for j, k in combinations(range(N), 2)]
+    rows += [
+        inner * np.eye(N)[j] + (1 - inner) * np.eye(N)[k] for j, k in combinations(range(N), 2)
+    ]
     return np.vstack(rows)
 
 
@@ -86,7 +88,9 @@ def _climb(family: _Family, alpha: Array, worst: float) -> tuple[Array, float]:
     step = 0.2
     for _ in range(ROUNDS):
         mates = random.dirichlet(np.full(alpha.size, 0.5), 16)
-        trial = np.clip(alpha + step * random.choice([-1.0, 1.0], (16, 1)) * (mates - alpha), 0, None)
+        trial = np.clip(
+            alpha + step * random.choice([-1.0, 1.0], (16, 1)) * (mates - alpha), 0, None
+        )
         trial /= trial.sum(axis=1, keepdims=True)
         excess = family.excess(trial)
         best = int(np.argmax(excess))

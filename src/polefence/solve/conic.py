@@ -9,8 +9,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import scipy.sparse as sp
-from threadpoolctl import threadpool_limits
 
 from polefence.conditions.pencil import Pencil
 from polefence.errors import SolverError
@@ -34,7 +32,10 @@ def largest_margin(pencil: Pencil, r: float, time_limit: float = 60.0) -> Margin
     SolverError
         If the solver raised, in whatever way, or gave no finite point.
     """
-    import clarabel  # deferred: it takes longer to import than the rest of the package
+    # deferred: they take longer to import than the rest of the package
+    import clarabel
+    import scipy.sparse as sp
+    from threadpoolctl import threadpool_limits
 
     sizes = [b.size for b in pencil.blocks]
     identity = np.concatenate([_svec_identity(size) for size in sizes])

@@ -10,7 +10,6 @@ import warnings
 from dataclasses import dataclass
 
 import numpy as np
-import scipy.linalg as la
 
 from polefence.conditions.linear import Variable
 from polefence.plant.system import Array
@@ -43,8 +42,11 @@ def nominal_start(A: Array, B: Array, sigma: float, scaling: Scaling) -> Start:
     s = sigma / scaling.rate
     n = A.shape[1]
     # Without control W = I holds at some radius: a start that never fails.
-    best = Start(scaling.T @ scaling.T.T, np.zeros((B.shape[2], n)),
-                 scaling.rate * _reach(As, Bs, s, np.eye(n), np.zeros((B.shape[2], n))))
+    best = Start(
+        scaling.T @ scaling.T.T,
+        np.zeros((B.shape[2], n)),
+        scaling.rate * _reach(As, Bs, s, np.eye(n), np.zeros((B.shape[2], n))),
+    )
     for fraction in FRACTIONS:
         F, H = (As.mean(axis=0) + s * np.eye(n)) / (fraction * s), Bs.mean(axis=0) / (fraction * s)
         for weight in INPUT_WEIGHTS:
@@ -60,6 +62,8 @@ def nominal_start(A: Array, B: Array, sigma: float, scaling: Scaling) -> Start:
 
 
 def _riccati(F: Array, H: Array, weight: float) -> tuple[Array, Array] | None:
+    import scipy.linalg as la  # deferred: slow to import
+
     n, m = H.shape
     try:
         with warnings.catch_warnings():

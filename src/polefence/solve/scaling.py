@@ -11,7 +11,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
-import scipy.linalg as la
 
 from polefence.conditions.linear import Variable
 from polefence.errors import SolverError
@@ -47,7 +46,9 @@ class Scaling:
         inverse = np.linalg.inv(self.T)
         return np.asarray(inverse @ inverse.T)
 
-    def restore(self, values: Mapping[str, Array], variables: tuple[Variable, ...]) -> dict[str, Array]:
+    def restore(
+        self, values: Mapping[str, Array], variables: tuple[Variable, ...]
+    ) -> dict[str, Array]:
         """Return scaled W, P, G (rows x), Z, L (rows u) and tau in the original coordinates."""
         restored = {}
         for v in variables:
@@ -69,8 +70,8 @@ class Scaling:
         """
         scale = power_of_two(1 / np.sqrt(np.maximum(np.diag(W), np.finfo(float).tiny)))
         try:
-            factor = la.cholesky(W * np.outer(scale, scale), lower=True)
-        except la.LinAlgError as error:
+            factor = np.linalg.cholesky(W * np.outer(scale, scale))
+        except np.linalg.LinAlgError as error:
             raise SolverError("a Lyapunov matrix is numerically singular") from error
         return replace(self, T=factor / scale[:, None])
 
@@ -82,10 +83,12 @@ def power_of_two(values: Array) -> Array:
 
 def balanced(A: Array, B: Array, sigma: float) -> Scaling:
     """Diagonal scaling from magnitudes alone: time by sigma, states balanced, inputs by max |B|."""
+    from scipy.linalg import matrix_balance  # deferred: slow to import
+
     rate = float(power_of_two(np.array(sigma)))
     n = A.shape[1]
     size = np.abs(A).mean(axis=0) / rate + np.eye(n)
-    _, (scale, _) = la.matrix_balance(size, permute=False, separate=True)
+    _, (scale, _) = matrix_balance(size, permute=False, separate=True)
     T = power_of_two(scale)
     reach = np.abs(B / T[:, None]).mean(axis=0).max(axis=0) / rate
     S = power_of_two(1 / np.where(reach > 0, reach, 1.0))

@@ -1,0 +1,7 @@
+"""``python -m polefence`` is the command line."""
+
+import sys
+
+from polefence.cli import main
+
+sys.exit(main())

@@ -1,4 +1,4 @@
-"""State feedback whose poles stay in a region for all values of the uncertain parameters, proved."""
+"""State feedback that keeps all poles in a region for all uncertain parameters, proved."""
 
 from polefence.conditions.methods import METHODS, Scheduled, build
 from polefence.design import Design, check, place, tightest

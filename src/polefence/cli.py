@@ -54,7 +54,9 @@ def _negative_numbers(arguments: Sequence[str]) -> list[str]:
     plain = []
     for word in arguments:
         try:
-            plain.append(repr(float(word)) if word.startswith("-") and "e" in word.lower() else word)
+            plain.append(
+                repr(float(word)) if word.startswith("-") and "e" in word.lower() else word
+            )
         except ValueError:
             plain.append(word)
     return plain
@@ -79,12 +81,24 @@ def _parser() -> argparse.ArgumentParser:
 
     sub = command("limits", _limits, "Find the smallest proved disk for each centre and method.")
     _spec_argument(sub)
-    sub.add_argument("--centre", type=float, action="append", default=[], metavar="CENTRE",
-                     help="real coordinate of the disk's centre; repeat for more")
-    sub.add_argument("--centres", type=float, nargs=3, metavar=("FROM", "TO", "COUNT"),
-                     help="evenly spaced centres, for example -5 -100 60")
-    sub.add_argument("--method", action="append", choices=METHODS, help="repeat for more; "
-                     "default: all three")
+    sub.add_argument(
+        "--centre",
+        type=float,
+        action="append",
+        default=[],
+        metavar="CENTRE",
+        help="real coordinate of the disk's centre; repeat for more",
+    )
+    sub.add_argument(
+        "--centres",
+        type=float,
+        nargs=3,
+        metavar=("FROM", "TO", "COUNT"),
+        help="evenly spaced centres, for example -5 -100 60",
+    )
+    sub.add_argument(
+        "--method", action="append", choices=METHODS, help="repeat for more; default: all three"
+    )
     sub.add_argument("--json", type=Path, metavar="FILE", help="write the rows, kept up to date")
     sub.add_argument("--plot", type=Path, metavar="FILE", help="draw d/sigma (.png, .svg, .pdf)")
     sub.add_argument("--gain", action="store_true", help="put each row's law into the JSON")
@@ -94,8 +108,11 @@ def _parser() -> argparse.ArgumentParser:
     _spec_argument(sub)
     sub.add_argument("--disk", type=float, nargs=2, required=True, metavar=("CENTRE", "RADIUS"))
     sub.add_argument("--method", choices=METHODS, default="scheduled", help="default: scheduled")
-    sub.add_argument("--right-hand-sides", action="store_true",
-                     help="scheduled: keep the right-hand sides of the paper's (15)-(17)")
+    sub.add_argument(
+        "--right-hand-sides",
+        action="store_true",
+        help="scheduled: keep the right-hand sides of the paper's (15)-(17)",
+    )
     sub.add_argument("-o", "--output", type=Path, metavar="DIR", help="write DIR/design.json")
     sub.add_argument("--json", type=Path, metavar="FILE", help="write a summary")
 
@@ -105,8 +122,14 @@ def _parser() -> argparse.ArgumentParser:
     sub.add_argument("--json", type=Path, metavar="FILE", help="write the answer")
 
     sub = command("paper", _paper, "Reproduce Leite & Peres (2005): figures 3 to 6 and a report.")
-    sub.add_argument("-o", "--output", type=Path, default=Path("paper-results"), metavar="DIR",
-                     help="default: %(default)s")
+    sub.add_argument(
+        "-o",
+        "--output",
+        type=Path,
+        default=Path("paper-results"),
+        metavar="DIR",
+        help="default: %(default)s",
+    )
     _sweep_arguments(sub)
 
     sub = command("example", _example, "Print a spec that ships with polefence, to copy and edit.")
@@ -137,8 +160,16 @@ def _limits(options: Any) -> int:
     progress = Progress(len(centres) * len(methods))
     jobs = _jobs(options, len(centres) * len(methods))
     with processes(jobs) as executor, progress:
-        rows = sweep(plant, centres, methods, options.json, options.resume, options.gain,
-                     executor, progress.step)
+        rows = sweep(
+            plant,
+            centres,
+            methods,
+            options.json,
+            options.resume,
+            options.gain,
+            executor,
+            progress.step,
+        )
     print(f"{plant.name}: {_size(plant)}")
     print(f"{'centre':>10}  {'method':<10} {'radius':>10}  {'d/sigma':>8}  {'status':<9}  seconds")
     for row in rows:
@@ -176,8 +207,10 @@ def _row_line(row: dict[str, Any]) -> str:
     if row["radius"] is not None:
         radius = rounded_up(row["radius"])
         ratio = f"{100 * (1 + row['radius'] / row['centre']):.2f} %"
-    return (f"{row['centre']:>10.6g}  {row['method']:<10} {radius:>10}  {ratio:>8}  "
-            f"{row['status']:<9}  {row['seconds']:.2f}")
+    return (
+        f"{row['centre']:>10.6g}  {row['method']:<10} {radius:>10}  {ratio:>8}  "
+        f"{row['status']:<9}  {row['seconds']:.2f}"
+    )
 
 
 def _size(plant: UncertainPlant) -> str:
@@ -200,14 +233,15 @@ def _design(options: Any) -> int:
     print(f"proved: {design.method} keeps all poles of {plant.name!r} in {region} for every alpha")
     if not region.stable:
         print("note: this disk reaches into the right half-plane; it does not imply stability")
+    gains = _gains(design.law, len(plant.vertices))
     summary = {
         "plant": plant_summary(plant),
         "region": {"centre": region.centre, "radius": region.radius},
         "method": design.method,
         "status": "proved",
-        "gains": _gains(design.law, len(plant.vertices)),
+        "gains": gains,
     }
-    for label, gain in summary["gains"].items():
+    for label, gain in gains.items():
         print(f"  {label} = {_matrix(gain)}")
     if options.output is not None:
         print(f"saved: {design.save(options.output)}")
@@ -234,8 +268,15 @@ def _check(options: Any) -> int:
     print(f"{options.file}: {answer}")
     if options.json is not None:
         alpha = None if answer.alpha is None else [str(a) for a in answer.alpha]
-        _write_json(options.json, {"file": str(options.file), "answer": answer.answer,
-                                   "reason": answer.reason, "alpha": alpha})
+        _write_json(
+            options.json,
+            {
+                "file": str(options.file),
+                "answer": answer.answer,
+                "reason": answer.reason,
+                "alpha": alpha,
+            },
+        )
     return PROVED if answer.proved else NOT_PROVED
 
 
@@ -258,8 +299,10 @@ def _paper(options: Any) -> int:
         results = paper.reproduce(folder, options.resume, executor, progress.step)
     paths = paper_report.write(results, folder)
     for row in results["radii"]:
-        print(f"{row['family']:<11} {row['method']:<10} published {row['published']:<5g} "
-              f"{row['status']} {rounded_up(row['radius']) if row['radius'] else '-'}")
+        print(
+            f"{row['family']:<11} {row['method']:<10} published {row['published']:<5g} "
+            f"{row['status']} {rounded_up(row['radius']) if row['radius'] else '-'}"
+        )
     print(f"written: {folder / 'report.md'}, with {len(paths) - 1} files beside it")
     rows = [row for sweep_rows in results["limits"].values() for row in sweep_rows]
     rows += [*results["radii"], *results["slow centres"]]

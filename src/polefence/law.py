@@ -66,7 +66,7 @@ class FixedGain:
 
     def control(self, alpha: Any, x: Any, clamp: bool = False) -> Array:
         """Return u = K x, (..., m) for x (..., n)."""
-        return np.einsum("...mn,...n->...m", self.gain(alpha, clamp), np.asarray(x, dtype=float))
+        return _product(self.gain(alpha, clamp), x)
 
 
 @dataclass(frozen=True, eq=False)
@@ -119,10 +119,14 @@ class ScheduledGain:
 
     def control(self, alpha: Any, x: Any, clamp: bool = False) -> Array:
         """Return u = K(alpha) x, (..., m) for x (..., n)."""
-        return np.einsum("...mn,...n->...m", self.gain(alpha, clamp), np.asarray(x, dtype=float))
+        return _product(self.gain(alpha, clamp), x)
 
 
 Law = FixedGain | ScheduledGain
+
+
+def _product(K: Array, x: Any) -> Array:
+    return np.asarray(np.einsum("...mn,...n->...m", K, np.asarray(x, dtype=float)))
 
 
 def right_divide(Z: Array, W: Array) -> Array:

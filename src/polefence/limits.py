@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import Executor, as_completed
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any
 
@@ -41,7 +42,7 @@ class Limit:
 
     @property
     def ratio(self) -> float | None:
-        """d / sigma in percent, the ordinate of figures 3 and 4 of the paper."""
+        """Return d / sigma in percent, the ordinate of figures 3 and 4 of the paper."""
         return None if self.radius is None else 100 * (1 + self.radius / self.centre)
 
     def as_row(self, gain: bool = False) -> dict[str, Any]:
@@ -111,10 +112,8 @@ def one_limit(plant: UncertainPlant, centre: float, method: Method) -> Limit:
     """Return one row of a sweep."""
     start = time.perf_counter()
     design: Design | None = None
-    try:
+    with suppress(NotProvedError):
         design = tightest(plant, centre, method)
-    except NotProvedError:
-        pass
     seconds = time.perf_counter() - start
     radius = None if design is None else design.region.radius
     status = "undecided" if design is None else "proved"

@@ -22,7 +22,7 @@ STYLES: dict[str, dict[str, Any]] = {
     "slack": {"label": "slack variable (Lemma 2)", "ls": "--", "color": "#2166ac", "lw": 1.6},
     "scheduled": {"label": "scheduled (Theorem 1)", "ls": "-", "color": "black", "lw": 1.6},
 }
-_STYLE = {
+_STYLE: Any = {
     "font.size": 10,
     "axes.titlesize": 10,
     "axes.grid": True,
@@ -57,8 +57,11 @@ def limits_figure(panels: Mapping[str, Sequence[Mapping[str, Any]]]) -> Figure:
     figure, axes = new_figure(len(panels), 1.2 + 4.4 * len(panels), 3.6, sharey=True)
     for ax, (title, rows) in zip(axes, panels.items(), strict=True):
         for method in dict.fromkeys(row["method"] for row in rows):
-            points = [(-r["centre"], 100 * (1 + r["radius"] / r["centre"])) for r in rows
-                      if r["method"] == method and r["radius"] is not None]
+            points = [
+                (-r["centre"], 100 * (1 + r["radius"] / r["centre"]))
+                for r in rows
+                if r["method"] == method and r["radius"] is not None
+            ]
             sigma, ratio = np.array(sorted(points)).reshape(-1, 2).T
             marker = {"marker": "o", "ms": 3} if len(points) < 8 else {}
             ax.plot(sigma, ratio, **STYLES[method], **marker)
@@ -84,25 +87,46 @@ def poles_figure(panels: Mapping[str, tuple[Array, Array]], disk: Disk) -> Figur
     figure, axes = new_figure(len(panels), 1.0 + 4.4 * len(panels), 4.4)
     for ax, (title, (cloud, vertices)) in zip(axes, panels.items(), strict=True):
         cloud, vertices = np.ravel(cloud), np.ravel(vertices)
-        ax.plot(cloud.real, cloud.imag, ".", ms=1.6, color="0.55", rasterized=True,
-                label="poles over the polytope")
-        ax.plot(vertices.real, vertices.imag, "s", ms=5, mfc="none", mec="#b2182b", mew=1.2,
-                label="poles of the vertices")
+        ax.plot(
+            cloud.real,
+            cloud.imag,
+            ".",
+            ms=1.6,
+            color="0.55",
+            rasterized=True,
+            label="poles over the polytope",
+        )
+        ax.plot(
+            vertices.real,
+            vertices.imag,
+            "s",
+            ms=5,
+            mfc="none",
+            mec="#b2182b",
+            mew=1.2,
+            label="poles of the vertices",
+        )
         _draw_disk(ax, disk)
         ax.set_title(title)
         ax.set_xlabel("real part [1/s]")
         ax.set_aspect("equal", adjustable="datalim")
         ax.axvline(0, color="0.3", lw=0.8)
     axes[0].set_ylabel("imaginary part [rad/s]")
-    figure.legend(*axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=3,
-                  fontsize=8.5)
+    figure.legend(
+        *axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=3, fontsize=8.5
+    )
     return figure
 
 
 def _draw_disk(ax: Axes, disk: Disk) -> None:
     angle = np.linspace(0, 2 * np.pi, 361)
-    ax.plot(disk.centre + disk.radius * np.cos(angle), disk.radius * np.sin(angle), "k-", lw=1.3,
-            label=f"disk: centre {disk.centre:g}, radius {disk.radius:g}")
+    ax.plot(
+        disk.centre + disk.radius * np.cos(angle),
+        disk.radius * np.sin(angle),
+        "k-",
+        lw=1.3,
+        label=f"disk: centre {disk.centre:g}, radius {disk.radius:g}",
+    )
     ax.plot(disk.centre, 0, "k+", ms=7)
 
 

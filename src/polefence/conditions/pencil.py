@@ -29,7 +29,7 @@ def svec(matrices: Array) -> Array:
 
 
 def smat(vectors: Array) -> Array:
-    """Return the symmetric matrices of stacked triangles, the inverse of `svec`; (..., k(k+1)/2)."""
+    """Return the symmetric matrices of stacked triangles: the inverse of `svec`."""
     size = int(np.sqrt(2 * vectors.shape[-1]))
     j, i = np.tril_indices(size)
     matrices = np.zeros((*vectors.shape[:-1], size, size))

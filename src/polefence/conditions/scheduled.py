@@ -32,7 +32,8 @@ def scheduled(A: Array, B: Array, sigma: float, right_hand_side: Array | None = 
         unit = Linear((n, n), {"tau": right_hand_side[:, :, None]})
 
     def M(j: int, k: int) -> Linear:
-        return A[j] @ W[k] + B[j] @ Z[k] + sigma * W[k]
+        product: Linear = A[j] @ W[k] + B[j] @ Z[k] + sigma * W[k]
+        return product
 
     for j in range(N):
         pencil.disk(f"(15) j={j + 1}", W[j], M(j, j), floor=unit)

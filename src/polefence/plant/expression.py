@@ -1,4 +1,4 @@
-"""Expressions as spec files write them: parsed by Python's grammar, evaluated by ours, never run."""
+"""Expressions as spec files write them: parsed by Python's grammar, evaluated here, never run."""
 
 from __future__ import annotations
 

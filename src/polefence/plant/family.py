@@ -87,12 +87,15 @@ class UncertainPlant:
         PlantError
             On ragged, empty or non-finite matrices, shapes that disagree, or B of zeros.
         """
-        lists = [list(As), list(Bs)] + ([] if Es is None else [list(Es)])
-        if len({len(each) for each in lists}) > 1:
-            raise PlantError(f"As, Bs, Es have {', '.join(str(len(e)) for e in lists)} matrices")
+        As, Bs = list(As), list(Bs)
+        disturbances = [None] * len(As) if Es is None else list(Es)
+        if not len(As) == len(Bs) == len(disturbances):
+            raise PlantError(
+                f"{len(As)} matrices A, {len(Bs)} B, {len(disturbances)} E; give one a vertex"
+            )
         vertices = tuple(
-            System(*matrices, name=f"vertex {j + 1}")
-            for j, matrices in enumerate(zip(*lists, strict=True))
+            System(A, B, E, f"vertex {j + 1}")
+            for j, (A, B, E) in enumerate(zip(As, Bs, disturbances, strict=True))
         )
         return cls(vertices, **names)
 
@@ -170,7 +173,12 @@ class UncertainPlant:
             letter: corners(letter, rows, parameters) for letter, rows in function(**values).items()
         }
         vertices = tuple(
-            System(*(table[letter][corner] for letter in table), name=f"vertex {j + 1}")
+            System(
+                table["A"][corner],
+                table["B"][corner],
+                table["E"][corner] if "E" in table else None,
+                f"vertex {j + 1}",
+            )
             for j, corner in enumerate(itertools.product((0, 1), repeat=count))
         )
         return cls(vertices, parameters, **names)

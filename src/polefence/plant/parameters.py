@@ -141,7 +141,7 @@ def simplex_weights(
             if names
             else "this plant was given by its vertices and has no parameters; give alpha itself"
         )
-    alpha = (Fraction(1),)
+    alpha: tuple[Fraction, ...] = (Fraction(1),)
     for parameter in parameters:
         pair = parameter.weights(values[parameter.name], clamp)
         alpha = tuple(a * w for a in alpha for w in pair)

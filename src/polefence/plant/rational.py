@@ -105,7 +105,7 @@ class RationalFunction:
             raise PlantError(f"{value!r} is not a finite number") from error
 
     def __call__(self, point: Sequence[Fraction]) -> Fraction:
-        """Evaluate at a point of the scheduling variables; raise ``ZeroDivisionError`` at a pole."""
+        """Evaluate at a point of the variables; raise ``ZeroDivisionError`` at a pole."""
         return _evaluate(self.numerator, point) / _evaluate(self.denominator, point)
 
     def _over(self, p: Polynomial, q: Polynomial) -> RationalFunction:

@@ -100,7 +100,9 @@ def _from_expressions(data: Mapping[str, Any], name: str, names: dict[str, Any])
             raise SpecError(f"definitions.{key} = {value!r} must be an expression in quotes")
     return UncertainPlant.from_expressions(
         [_parameter(key, table) for key, table in tables["parameter"].items()],
-        *(_rows(tables["matrices"].get(letter), f"matrices.{letter}") for letter in "ABE"),
+        _rows(tables["matrices"]["A"], "matrices.A"),
+        _rows(tables["matrices"]["B"], "matrices.B"),
+        _rows(tables["matrices"]["E"], "matrices.E") if "E" in tables["matrices"] else None,
         constants={k: _finite(v, f"constants.{k}") for k, v in tables["constants"].items()},
         definitions=tables["definitions"],
         name=name,
@@ -124,10 +126,8 @@ def _parameter(name: str, table: Any) -> Parameter:
     return Parameter(name, low, high, *texts)
 
 
-def _rows(value: Any, where: str) -> list[list[Any]] | None:
+def _rows(value: Any, where: str) -> list[list[Any]]:
     """Check a matrix of numbers and expressions; expressions are evaluated later."""
-    if value is None:
-        return None
     if not isinstance(value, list) or not all(isinstance(row, list) for row in value):
         raise SpecError(f"{where} must be a list of rows, [[...], [...]]")
     for i, row in enumerate(value):
@@ -145,7 +145,7 @@ def _rows(value: Any, where: str) -> list[list[Any]] | None:
 
 
 def _constant_matrix(value: Any, where: str) -> Any:
-    rows = _rows(value, where) or []
+    rows = _rows(value, where)
     try:
         return [[evaluate(e, {}) if isinstance(e, str) else e for e in row] for row in rows]
     except SpecError as error:
@@ -155,7 +155,7 @@ def _constant_matrix(value: Any, where: str) -> Any:
 def _finite(value: Any, where: str) -> Fraction:
     if isinstance(value, bool) or not isinstance(value, int | Fraction):
         raise SpecError(f"{where} = {value} must be a finite number")
-    if abs(value) > 10**400:
+    if abs(Fraction(value)) > 10**400:
         raise SpecError(f"{where} is out of range")
     return Fraction(value)
 
@@ -187,9 +187,8 @@ def _need(table: Mapping[str, Any], keys: tuple[str, ...], where: str) -> None:
 def dumps(plant: UncertainPlant) -> str:
     """Write a plant as the text of a spec with explicit vertices; `loads` returns them exactly."""
     lines = [f"name = {_quoted(plant.name)}"]
-    for key in _NAMES:
-        if getattr(plant, key):
-            lines.append(f"{key} = [{', '.join(_quoted(s) for s in getattr(plant, key))}]")
+    given = {key: getattr(plant, key) for key in _NAMES if getattr(plant, key)}
+    lines += [f"{key} = [{', '.join(map(_quoted, names))}]" for key, names in given.items()]
     for vertex in plant.vertices:
         lines.append("\n[[vertex]]")
         for letter in "ABE":

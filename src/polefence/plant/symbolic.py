@@ -69,7 +69,7 @@ class Scope(Mapping[str, Any]):
     ) -> None:
         self.constants = {k: exact(v, f"constants.{k}") for k, v in constants.items()}
         self.definitions = dict(definitions)
-        self.values: dict[str, Any] = {}
+        self.bound: dict[str, Any] = {}
         self.pending: list[str] = []
         names = [p.name for p in parameters]
         for name in [*constants, *definitions]:
@@ -81,11 +81,13 @@ class Scope(Mapping[str, Any]):
         self.names = names
 
     def bind(self, values: dict[str, RationalFunction]) -> None:
+        """Give the parameters their symbolic values; definitions are evaluated afresh."""
         count = len(values)
         self.one = RationalFunction.constant(Fraction(1), count)
-        self.values = dict(values) | {k: self.one.lift(v) for k, v in self.constants.items()}
+        self.bound = dict(values) | {k: self.one.lift(v) for k, v in self.constants.items()}
 
     def entry(self, given: Any, place: str) -> Any:
+        """Return one matrix entry: a number as it is, an expression evaluated."""
         if not isinstance(given, str):
             return given
         try:
@@ -94,15 +96,15 @@ class Scope(Mapping[str, Any]):
             raise type(error)(f"{place}: {error}") from error
 
     def __getitem__(self, name: str) -> Any:
-        if name not in self.values:
+        if name not in self.bound:
             if name not in self.definitions:
                 raise SpecError(f"unknown name {name!r}; {suggest(name, self.names)}")
             if name in self.pending:
                 raise SpecError(f"definitions go in a circle: {' -> '.join([*self.pending, name])}")
             self.pending.append(name)
-            self.values[name] = self.entry(self.definitions[name], f"definitions.{name}")
+            self.bound[name] = self.entry(self.definitions[name], f"definitions.{name}")
             self.pending.pop()
-        return self.values[name]
+        return self.bound[name]
 
     def __contains__(self, name: object) -> bool:
         return name in self.names

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from fractions import Fraction
 from types import MappingProxyType
 from typing import Any
@@ -71,6 +71,10 @@ class Certificate:
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "evidence", MappingProxyType(dict(self.evidence)))
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        # A mapping proxy does not travel between processes.
+        return Certificate, (self.plant, self.region, self.method, self.law, dict(self.evidence))
 
     def claim(self) -> exact.Claim:
         """Return the claim in exact rationals; a float is the rational it is."""
@@ -204,20 +208,16 @@ def _is_double(value: Fraction) -> bool:
 
 def _plant(data: dict[str, Any]) -> UncertainPlant:
     try:
-        parameters = tuple(
-            Parameter(p["name"], *(_bound(b) for b in p["range"]), p["unit"], p["through"])
-            for p in data.get("parameters", [])
-        )
-        matrices = [[v[key] for v in data["vertices"]] for key in "AB"]
+        parameters = tuple(_parameter(p) for p in data["parameters"])
+        As, Bs = ([v[key] for v in data["vertices"]] for key in "AB")
         Es = [v["E"] for v in data["vertices"]] if "E" in data["vertices"][0] else None
-        names = {key: tuple(data.get(key, ())) for key in ("states", "inputs", "disturbances")}
-        plant = UncertainPlant.from_vertices(
-            *matrices, Es, name=str(data.get("name", "plant")), **names
-        )
-        return UncertainPlant(plant.vertices, parameters, plant.name, **names)
-    except (KeyError, TypeError, AttributeError, IndexError) as error:
+        names = {key: tuple(data[key]) for key in ("states", "inputs", "disturbances")}
+        plant = UncertainPlant.from_vertices(As, Bs, Es, name=str(data["name"]), **names)
+    except (KeyError, TypeError, AttributeError, ValueError) as error:
         raise DesignFileError(f"plant is malformed: {error}") from error
+    return replace(plant, parameters=parameters)
 
 
-def _bound(value: Any) -> Fraction:
-    return exact.read_number(value, "parameter range")
+def _parameter(data: dict[str, Any]) -> Parameter:
+    low, high = (exact.read_number(b, "parameter range") for b in data["range"])
+    return Parameter(data["name"], low, high, data["unit"], data["through"])

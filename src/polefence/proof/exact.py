@@ -1,9 +1,9 @@
 """Prove a design file in exact arithmetic: ``python exact.py design.json`` needs nothing else.
 
-This file uses integers and the standard library only, imports nothing of its own project and may be
+This file uses integers and the standard library only, imports nothing of its project and may be
 copied out of it. It reads the plant's vertices, the disk, the law and the certificate; rebuilds
 every linear matrix inequality of the theorem named; and tests each for positive definiteness by
-fraction-free elimination. Numbers in the file are doubles, hence rationals; strings "p/q" are exact.
+fraction-free elimination. Numbers in the file are doubles, hence rationals; "p/q" is exact.
 
 What is proved: for every alpha in the simplex, all eigenvalues of A(alpha) + B(alpha) K(alpha) lie
 in the open disk |z - centre| < radius. With sigma = -centre, r = radius, X(alpha) > 0 the Lyapunov

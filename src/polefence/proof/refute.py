@@ -79,7 +79,7 @@ class _Family:
             if len(alpha) == 1:
                 return np.array([np.inf])
             return np.concatenate([self.excess(a[None]) for a in alpha])
-        return np.abs(poles - self.centre).max(axis=-1) - self.r
+        return np.asarray(np.abs(poles - self.centre).max(axis=-1) - self.r)
 
 
 def _climb(family: _Family, alpha: Array, worst: float) -> tuple[Array, float]:

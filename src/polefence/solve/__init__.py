@@ -1,1 +1,1 @@
-"""From data to numbers: scaling, the conic solver's adapter, the smallest radius. Proves nothing."""
+"""From data to numbers: scaling, the conic solver's adapter, the search. Proves nothing."""

@@ -15,7 +15,7 @@ from polefence.conditions.methods import Method, build
 from polefence.conditions.pencil import Pencil, smat
 from polefence.errors import SolverError
 from polefence.plant.system import Array
-from polefence.solve.conic import Margin, largest_margin
+from polefence.solve.conic import largest_margin
 from polefence.solve.nominal import nominal_start
 from polefence.solve.scaling import Scaling, balanced
 
@@ -158,11 +158,11 @@ class _Search:
 
 def lyapunov_mean(values: dict[str, Array]) -> Array:
     """Return the mean of a condition's Lyapunov matrices."""
-    return np.mean([X for name, X in values.items() if name[0] in "WP"], axis=0)
+    return np.asarray(np.mean([X for name, X in values.items() if name[0] in "WP"], axis=0))
 
 
 def reach(pencil: Pencil, x: Array) -> float:
-    """Least r with r D(x) - M(x) >= 0: the largest generalised eigenvalue, inf if D(x) is not > 0."""
+    """Largest generalised eigenvalue, the least r with r D(x) - M(x) >= 0; inf without D(x) > 0."""
     largest = 0.0
     for size in {b.size for b in pencil.blocks}:
         blocks = [b for b in pencil.blocks if b.size == size]

@@ -73,7 +73,9 @@ def _riccati(F: Array, H: Array, weight: float) -> tuple[Array, Array] | None:
             W = la.solve_discrete_lyapunov(F + H @ K, np.eye(n))
     except (la.LinAlgError, ValueError):
         return None
-    return ((W + W.T) / 2, K) if np.all(np.isfinite(W)) and np.all(np.isfinite(K)) else None
+    if not (np.all(np.isfinite(W)) and np.all(np.isfinite(K))):
+        return None
+    return np.asarray((W + W.T) / 2), np.asarray(K)
 
 
 def _reach(A: Array, B: Array, s: float, W: Array, K: Array) -> float:

@@ -35,10 +35,8 @@ class Scaling:
 
     def apply(self, A: Array, B: Array) -> tuple[Array, Array]:
         """Return scaled vertex matrices (N, n, n), (N, n, m)."""
-        return (
-            np.linalg.solve(self.T, A @ self.T) / self.rate,
-            np.linalg.solve(self.T, B @ self.S) / self.rate,
-        )
+        inverse = np.linalg.inv(self.T * self.rate)
+        return np.asarray(inverse @ A @ self.T), np.asarray(inverse @ B @ self.S)
 
     @property
     def unit(self) -> Array:
@@ -53,10 +51,9 @@ class Scaling:
         restored = {}
         for v in variables:
             X = values[v.name]
-            if v.rows:
-                X = (self.T if v.rows == "x" else self.S) @ X @ self.T.T
-            else:
-                X = X * self.rate
+            left = {"x": self.T, "u": self.S}.get(v.rows)
+            # a scalar is tau, whose blocks were divided by the rate
+            X = X * self.rate if left is None else left @ X @ self.T.T
             restored[v.name] = (X + X.T) / 2 if v.symmetric else X
         return restored
 

@@ -74,8 +74,15 @@ def reproduce(
         "gains": _gains(plants, designs),
         "slow centres": _slow_centres(plants),
         "limits": {
-            name: sweep(plant, centres, METHODS, folder / f"limits-{name}.json", resume,
-                        executor=executor, on_row=on_row)
+            name: sweep(
+                plant,
+                centres,
+                METHODS,
+                folder / f"limits-{name}.json",
+                resume,
+                executor=executor,
+                on_row=on_row,
+            )
             for name, plant in plants.items()
         },
         "disk design": {n: _cloud_summary(plants[n], d.poles) for n, d in designs.items()},
@@ -162,7 +169,9 @@ def _gains(
     rows = []
     for method, region, K, label in cases:
         for name in FAMILIES:
-            design = designs[name] if method == "scheduled" else _placed(plants[name], region, method)
+            design = (
+                designs[name] if method == "scheduled" else _placed(plants[name], region, method)
+            )
             ours = None if design is None else design.law.gain(np.eye(len(plants[name].vertices)))
             rows.append(
                 {
@@ -174,9 +183,9 @@ def _gains(
                     "farthest pole of the published gain": max(
                         farthest(plants[name], K, region.centre)
                     ),
-                    "computed": None if ours is None else (
-                        ours[:, 0] if method == "scheduled" else ours[0]
-                    ).tolist(),
+                    "computed": None
+                    if ours is None
+                    else (ours[:, 0] if method == "scheduled" else ours[0]).tolist(),
                 }
             )
     return rows
@@ -190,7 +199,7 @@ def _placed(plant: UncertainPlant, region: Disk, method: str) -> Design | None:
 
 
 def _slow_centres(plants: Mapping[str, UncertainPlant]) -> list[Row]:
-    """d / sigma of every method on both sides of where Lemma 1 loses stability."""
+    """Return d / sigma of every method on both sides of where Lemma 1 loses stability."""
     rows = []
     for name, centres in EDGES.items():
         for centre in centres:
@@ -214,8 +223,10 @@ def _inconsistencies(
     W, Z = np.array(example["W"]["1"]), np.array([example["Z"]["1"]])
     recomputed = np.linalg.solve(W, Z.T).T[0]
     K = np.array(example["K"]["1"])
-    away = {f"{row['gain']} on {row['family']}": row["farthest pole of the published gain"]
-            for row in results["gains"]}
+    away = {
+        f"{row['gain']} on {row['family']}": row["farthest pole of the published gain"]
+        for row in results["gains"]
+    }
     return [
         {
             "statement": "Table 1 has k = 10000 N/m, equation (22) has 1000 +- 20 beta; "
@@ -225,23 +236,30 @@ def _inconsistencies(
         {
             "statement": "(23)-(26) follow from c = k = the bounds of m1; the published gains meet "
             "their disks there and not on the physical family",
-            "computed": {"printed entries reproduced": printed_entries(plants["as-printed"]), **away},
+            "computed": {
+                "printed entries reproduced": printed_entries(plants["as-printed"]),
+                **away,
+            },
         },
         {
             "statement": "the nominal gain (27) is that of Table 1, so figure 5 shows it on "
             "another family",
             "computed": {
                 "(27) from Table 1": results["nominal"]["agrees to all printed digits"],
-                **{f"farthest pole on {name}": s["farthest pole from the centre"]
-                   for name, s in results["nominal"]["poles over the family"].items()},
+                **{
+                    f"farthest pole on {name}": s["farthest pole from the centre"]
+                    for name, s in results["nominal"]["poles over the family"].items()
+                },
             },
         },
         {
             "statement": '"only Theorem 1 below sigma = 13" holds on the printed vertices; on the '
             "physical ones Lemma 1 stops between 20 and 25",
             "computed": {
-                f"{row['family']}, {row['method']}, sigma = {-row['centre']:g}: d/sigma [%]":
-                row["d/sigma"] for row in results["slow centres"]
+                f"{row['family']}, {row['method']}, sigma = {-row['centre']:g}: d/sigma [%]": row[
+                    "d/sigma"
+                ]
+                for row in results["slow centres"]
             },
         },
         {
@@ -265,7 +283,8 @@ def printed_entries(plant: UncertainPlant) -> str:
     for j, vertex in enumerate(plant.vertices):
         printed = published()["vertices_eq23_26_as_printed"][str(j + 1)]
         for ours, theirs, decimals in (
-            (vertex.A, np.array(printed["A"]), 2), (vertex.B[:, 0], np.array(printed["B"]), 4)
+            (vertex.A, np.array(printed["A"]), 2),
+            (vertex.B[:, 0], np.array(printed["B"]), 4),
         ):
             same += int(np.sum(np.abs(np.round(ours, decimals) - theirs) < 1e-9))
             total += theirs.size

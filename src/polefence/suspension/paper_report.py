@@ -65,8 +65,16 @@ def report(results: Mapping[str, Any]) -> str:
         "## Smallest radius at centre -40",
         table(
             ("family", "method", "published", "computed, proved", "status"),
-            [(r["family"], r["method"], number(r["published"]), _radius(r["radius"]), r["status"])
-             for r in results["radii"]],
+            [
+                (
+                    r["family"],
+                    r["method"],
+                    number(r["published"]),
+                    _radius(r["radius"]),
+                    r["status"],
+                )
+                for r in results["radii"]
+            ],
         ),
         "The paper's solver stopped early on Theorem 1: 31 is no limit of the method.",
         _sweeps(results["limits"]),
@@ -81,15 +89,30 @@ def report(results: Mapping[str, Any]) -> str:
         f"## The disk ({DISK.centre:g}, {DISK.radius:g}), scheduled",
         table(
             ("family", "alpha sampled", "farthest pole from the centre", "all in the disk"),
-            [(name, s["sampled alpha"], number(s["farthest pole from the centre"]),
-              _yes(s["all in the disk"])) for name, s in results["disk design"].items()],
+            [
+                (
+                    name,
+                    s["sampled alpha"],
+                    number(s["farthest pole from the centre"]),
+                    _yes(s["all in the disk"]),
+                )
+                for name, s in results["disk design"].items()
+            ],
         ),
         _figure("figure-6"),
         '## "Only Theorem 1 below sigma = 13"',
         table(
             ("family", "centre", "method", "smallest radius, proved", "d/sigma [%]"),
-            [(r["family"], number(r["centre"]), r["method"], _radius(r["radius"]),
-              number(r["d/sigma"])) for r in results["slow centres"]],
+            [
+                (
+                    r["family"],
+                    number(r["centre"]),
+                    r["method"],
+                    _radius(r["radius"]),
+                    number(r["d/sigma"]),
+                )
+                for r in results["slow centres"]
+            ],
         ),
         "A negative ratio: the disk reaches into the right half-plane, the method stabilises "
         "nothing there.",
@@ -148,14 +171,26 @@ def _gains(rows: Sequence[Mapping[str, Any]]) -> str:
         several = len(row["published"]) > 1
         for j, K in enumerate(row["published"]):
             label = f"K_{j + 1}" if several else row["gain"]
-            lines.append((row["family"], label, row["method"], number(row["radius"]), "published",
-                          *gain_cells(K)))
+            lines.append(
+                (
+                    row["family"],
+                    label,
+                    row["method"],
+                    number(row["radius"]),
+                    "published",
+                    *gain_cells(K),
+                )
+            )
             mine = gain_cells(ours[j]) if ours is not None else ("-",) * len(K)
             lines.append(("", "", "", "", "computed", *mine))
     reach = [
-        (row["gain"], row["family"], number(row["radius"]),
-         number(row["farthest pole of the published gain"]),
-         _yes(row["farthest pole of the published gain"] < row["radius"]))
+        (
+            row["gain"],
+            row["family"],
+            number(row["radius"]),
+            number(row["farthest pole of the published gain"]),
+            _yes(row["farthest pole of the published gain"] < row["radius"]),
+        )
         for row in rows
     ]
     return "\n\n".join(

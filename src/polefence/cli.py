@@ -146,8 +146,18 @@ def _sweep_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--resume", action="store_true", help="keep rows of an interrupted run")
 
 
+def _plant(spec: str) -> UncertainPlant:
+    """Read a spec for a design: the plant must be controllable."""
+    plant = load(spec)
+    try:
+        plant.require_controllable()
+    except InputError as error:
+        raise type(error)(f"{spec}: {error}") from error
+    return plant
+
+
 def _limits(options: Any) -> int:
-    plant = load(options.spec)
+    plant = _plant(options.spec)
     centres = _centres(options)
     methods = list(dict.fromkeys(options.method or METHODS))
     if options.plot is not None and options.plot.suffix not in (".png", ".svg", ".pdf"):
@@ -219,7 +229,7 @@ def _size(plant: UncertainPlant) -> str:
 
 
 def _design(options: Any) -> int:
-    plant = load(options.spec)
+    plant = _plant(options.spec)
     region = Disk(*options.disk)
     method: Method = options.method
     if options.right_hand_sides:

@@ -131,15 +131,17 @@ def simplex_weights(
         If a value is missing, unknown, or out of its interval.
     """
     names = [p.name for p in parameters]
+    if not names:
+        raise ParameterValueError(
+            "this plant was given by its vertices and has no parameters; give alpha itself"
+        )
     for name in values:
         if name not in names:
             raise ParameterValueError(f"unknown parameter {name!r}; {suggest(name, names)}")
     missing = [name for name in names if name not in values]
-    if missing or not names:
+    if missing:
         raise ParameterValueError(
             f"give a value of every parameter; missing: {', '.join(missing)}"
-            if names
-            else "this plant was given by its vertices and has no parameters; give alpha itself"
         )
     alpha: tuple[Fraction, ...] = (Fraction(1),)
     for parameter in parameters:

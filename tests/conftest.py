@@ -1,0 +1,56 @@
+"""Plants that many tests share."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import settings
+
+from polefence import Design, Disk, Scheduled, UncertainPlant, place, tightest
+from polefence.suspension.quarter_car import family
+
+# Machines that test are shared: time says nothing there. The same examples in every run.
+settings.register_profile("steady", deadline=None, derandomize=True)
+settings.load_profile("steady")
+
+
+@pytest.fixture(scope="session")
+def as_printed() -> UncertainPlant:
+    return family("quarter-car-as-printed")
+
+
+@pytest.fixture(scope="session")
+def physical() -> UncertainPlant:
+    return family("quarter-car-physical")
+
+
+def random_plant(seed: int, n: int, m: int, N: int, spread: float = 0.2) -> UncertainPlant:
+    """Vertices scattered around a random controllable pair; some are unstable."""
+    random = np.random.default_rng(seed)
+    A, B = random.normal(size=(n, n)), random.normal(size=(n, m))
+    As = [A + spread * random.normal(size=(n, n)) for _ in range(N)]
+    Bs = [B + spread * random.normal(size=(n, m)) for _ in range(N)]
+    return UncertainPlant.from_vertices(As, Bs, name=f"random {seed}")
+
+
+@pytest.fixture(scope="session")
+def make_random():
+    return random_plant
+
+
+@pytest.fixture(scope="session")
+def placed(as_printed) -> Design:
+    """The paper's design: disk (-40, 31), scheduled, printed vertices."""
+    return place(as_printed, Disk(-40, 31), "scheduled")
+
+
+@pytest.fixture(scope="session")
+def small_designs() -> dict[str, Design]:
+    """One proved design of each kind for two-state plants with two inputs and three vertices."""
+    plant = random_plant(5, 2, 2, 3, 0.1)
+    return {
+        "quadratic": tightest(plant, -3, "quadratic"),
+        "slack": tightest(plant, -3, "slack"),
+        "scheduled": tightest(plant, -3, "scheduled"),
+        "right-hand sides": tightest(plant, -3, Scheduled(right_hand_sides=True)),
+    }

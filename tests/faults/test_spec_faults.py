@@ -1,0 +1,128 @@
+"""One bad input a test: the command line answers with one clear line and exit 2."""
+
+from __future__ import annotations
+
+import pytest
+
+from polefence.cli import main
+
+GOOD = """
+name = "car"
+states = ["position [m]", "velocity [m/s]"]
+[constants]
+d = 0.5
+[parameter.m]
+range = [1.0, 2.0]
+unit = "kg"
+through = "1/m"
+[definitions]
+k = "3*d"
+[matrices]
+A = [[0, 1], ["-k/m", "-d/m"]]
+B = [[0], ["1/m"]]
+"""
+VERTEX = "[[vertex]]\nA = [[0, 1], [2, 3]]\nB = [[0], [1]]\n"
+
+FAULTS = {
+    "nan entry": (VERTEX.replace("2", "nan"), r"vertex 1: A[2][1] = NaN must be a finite number"),
+    "infinite entry": (VERTEX.replace("3", "inf"), "finite number"),
+    "ragged": (VERTEX.replace("[2, 3]", "[2]"), "vertex 1: A is ragged: row 2 has 1 entries"),
+    "not square": (VERTEX.replace("[2, 3]", "[2, 3], [4, 5]"), "must be square"),
+    "B too short": (VERTEX.replace("[[0], [1]]", "[[1]]"), "B has 1 rows; A has 2"),
+    "B of zeros": (VERTEX.replace("[[0], [1]]", "[[0], [0]]"), "B is zero"),
+    "shapes differ": (VERTEX + "[[vertex]]\nA = [[1]]\nB = [[1]]\n", "vertex 2 has 1 states"),
+    "uncontrollable": (
+        VERTEX + "[[vertex]]\nA = [[1, 0], [0, 2]]\nB = [[0], [1]]\n",
+        "vertex 2 is uncontrollable",
+    ),
+    "interval reversed": (GOOD.replace("[1.0, 2.0]", "[2.0, 1.0]"), "m: range = [2, 1] is reversed"),
+    "interval empty": (GOOD.replace("[1.0, 2.0]", "[2.0, 2.0]"), "range = [2, 2] is empty"),
+    "mass touches zero": (GOOD.replace("[1.0, 2.0]", "[0.0, 2.0]"), "touches zero"),
+    "range of one": (GOOD.replace("[1.0, 2.0]", "[1.0]"), "range must be two numbers"),
+    "range of words": (GOOD.replace("[1.0, 2.0]", '["a", "b"]'), "must be a finite number"),
+    "unknown name": (GOOD.replace("3*d", "3*e"), "unknown name 'e'"),
+    "call": (GOOD.replace("3*d", "sin(d)"), "definitions.k: a call is not allowed"),
+    "not multi-affine": (GOOD.replace('"-d/m"', '"-d*m"'), "A[2][2] is not multi-affine"),
+    "division by zero": (GOOD.replace('"-d/m"', '"d/(d-0.5)"'), "divides by zero"),
+    "circle": (GOOD.replace("3*d", "k*d"), "definitions go in a circle: k -> k"),
+    "unknown key": (GOOD.replace("[matrices]", "[matrces]"), "did you mean 'matrices'"),
+    "unknown parameter key": (GOOD.replace("unit", "untl"), "did you mean 'unit'"),
+    "both forms": (GOOD + VERTEX, "exclude each other"),
+    "no matrices": ('name = "x"\n', "neither"),
+    "B missing": (GOOD.replace('B = [[0], ["1/m"]]', ""), "matrices: B is missing"),
+    "wrong signal count": (GOOD.replace('"position [m]", ', ""), "states names 1 signals"),
+    "states no list": (GOOD.replace('["position [m]", "velocity [m/s]"]', '"x"'), "list of strings"),
+    "constant a word": (GOOD.replace("d = 0.5", 'd = "x"'), "constants.d"),
+    "constant a truth": (GOOD.replace("d = 0.5", "d = true"), "constants.d"),
+    "constant a date": (GOOD.replace("d = 0.5", "d = 1979-05-27"), "constants.d"),
+    "name twice": (GOOD.replace("k = ", "d = "), "given twice"),
+    "toml syntax": (GOOD.replace("[constants]", "[constants"), "not valid TOML"),
+    "huge exponent": (GOOD.replace("0.5", "1e999999999"), "out of range"),
+    "E for some": (VERTEX + "E = [[0], [1]]\n" + VERTEX, "for all or for none"),
+    "parameter no table": (GOOD.replace("[parameter.m]", "[x]\n[parameter]\nm = 3\n[y]"), "unknown"),
+}
+
+
+@pytest.mark.parametrize("fault", FAULTS)
+def test_bad_spec(fault, tmp_path, capsys):
+    text, message = FAULTS[fault]
+    spec = tmp_path / "bad.toml"
+    spec.write_text(text)
+    out = tmp_path / "rows.json"
+    assert main(["limits", str(spec), "--centre", "-4", "--json", str(out)]) == 2
+    error = capsys.readouterr().err
+    assert error.count("\n") == 1
+    assert str(spec) in error
+    assert message in error
+    assert not out.exists()
+
+
+def test_the_good_spec_is_good(tmp_path, capsys):
+    spec = tmp_path / "good.toml"
+    spec.write_text(GOOD)
+    assert main(["limits", str(spec), "--centre", "-4", "--method", "slack"]) == 0
+
+
+USAGE = {
+    "missing file": (["limits", "none.toml", "--centre", "-4"], "none.toml: cannot be read"),
+    "centre on the right": (["limits", "SPEC", "--centre", "4"], "not in the left half-plane"),
+    "centre nan": (["limits", "SPEC", "--centre", "nan"], "not finite"),
+    "no centre": (["limits", "SPEC"], "no centre given"),
+    "radius zero": (["design", "SPEC", "--disk", "-4", "0"], "radius = 0 must be positive"),
+    "radius negative": (["design", "SPEC", "--disk", "-4", "-1"], "must be positive"),
+    "disk on the right": (["design", "SPEC", "--disk", "4", "1"], "not in the left half-plane"),
+    "output under a file": (["design", "SPEC", "--disk", "-4", "3", "-o", "SPEC/x"], "cannot be"),
+    "json under a file": (["limits", "SPEC", "--centre", "-4", "--json", "SPEC/x"], "cannot be"),
+    "figure of no kind": (["limits", "SPEC", "--centre", "-4", "--plot", "x.gif"], "ends in .png"),
+    "resume without file": (["limits", "SPEC", "--centre", "-4", "--resume"], "needs --json"),
+    "count": (["limits", "SPEC", "--centres", "-4", "-5", "1"], "whole number"),
+    "jobs": (["limits", "SPEC", "--centre", "-4", "--jobs", "0"], "at least 1"),
+    "no such example": (["example", "quarter-car-phsical"], "did you mean"),
+    "right-hand sides": (
+        ["design", "SPEC", "--disk", "-4", "3", "--method", "slack", "--right-hand-sides"],
+        "belongs to the method scheduled",
+    ),
+    "paper folder": (["paper", "-o", "SPEC/x"], "cannot be"),
+}
+
+
+@pytest.mark.parametrize("fault", USAGE)
+def test_bad_usage(fault, tmp_path, capsys, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "spec.toml").write_text(GOOD)
+    words, message = USAGE[fault]
+    assert main([word.replace("SPEC", "spec.toml") for word in words]) == 2
+    error = capsys.readouterr().err
+    assert error.count("\n") == 1
+    assert message in error
+    assert [p.name for p in tmp_path.iterdir()] == ["spec.toml"]
+
+
+def test_a_file_too_long_or_binary_is_refused(tmp_path, capsys):
+    for name, content, message in (
+        ("long.toml", b"#" * 1_000_001, "longer than"),
+        ("binary.toml", b"\xff\xfe\x00", "not UTF-8"),
+    ):
+        (tmp_path / name).write_bytes(content)
+        assert main(["limits", str(tmp_path / name), "--centre", "-4"]) == 2
+        assert message in capsys.readouterr().err

@@ -1,0 +1,75 @@
+"""Rational functions against exact evaluation, and the multi-affinity verdict."""
+
+from __future__ import annotations
+
+from fractions import Fraction
+from itertools import product
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from polefence.errors import PlantError
+from polefence.plant.rational import RationalFunction
+
+x, y = (RationalFunction.variable(i, 2) for i in range(2))
+small = st.fractions(min_value=-5, max_value=5, max_denominator=7)
+
+
+@given(small, small, small, small)
+def test_arithmetic_agrees_with_fractions(a: Fraction, b: Fraction, p: Fraction, q: Fraction):
+    f = (a * x + b) * (y - 2) / (x * x + 1) - x / 3 + (y + 20) ** -2
+    expected = (a * p + b) * (q - 2) / (p * p + 1) - p / 3 + (q + 20) ** -2
+    assert f((p, q)) == expected
+
+
+BOX = [(Fraction(1), Fraction(3)), (Fraction(-2), Fraction(5))]
+
+
+def verdict(f: RationalFunction) -> bool:
+    corners = {
+        side: f([pair[s] for pair, s in zip(BOX, side, strict=True)])
+        for side in product((0, 1), repeat=2)
+    }
+    return f.equals_multiaffine(corners, BOX)
+
+
+@pytest.mark.parametrize(
+    "f",
+    [x * 0 + 4, x, 3 * x * y - y / 7, (x * x * y + x * y) / (x + 1) / 1, (x - y) * (x + y) / (x - y)],
+)
+def test_multiaffine_functions_are_recognised_even_behind_cancelling_factors(f):
+    assert verdict(f)
+
+
+@pytest.mark.parametrize(
+    "f",
+    [x * x, 1 / x, x * y * y, x + (x - 1) * (x - 3) / 10**12, (x - 1) * (x - 3) * (y + 2) * (y - 5)],
+)
+def test_functions_that_bend_between_corners_are_told_apart(f):
+    assert not verdict(f)
+
+
+@pytest.mark.parametrize("power", [0.5, 33, -33])
+def test_powers_must_be_small_integers(power):
+    with pytest.raises(PlantError, match="integer"):
+        x**power
+
+
+def test_division_by_the_zero_function_is_refused():
+    with pytest.raises(PlantError, match="divides by zero"):
+        1 / (x - x)
+
+
+def test_runaway_expressions_are_stopped():
+    f = x + y + 1
+    with pytest.raises(PlantError, match="terms|proportion"):
+        for _ in range(12):
+            f = f * f
+
+
+def test_branching_and_floats_of_parameters_are_refused():
+    with pytest.raises(PlantError, match="branch"):
+        bool(x)
+    with pytest.raises(PlantError, match="only"):
+        float(x)

@@ -1,0 +1,188 @@
+"""The exact checker: its algebra against numpy, its refusals, and alone with a bare Python."""
+
+from __future__ import annotations
+
+import json
+import shutil
+import subprocess
+import sys
+from dataclasses import replace
+from fractions import Fraction
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from polefence import build
+from polefence.proof import exact
+
+integers = st.integers(-9, 9)
+
+
+@given(st.lists(st.lists(integers, min_size=4, max_size=4), min_size=4, max_size=4))
+def test_positive_definiteness_agrees_with_leading_minors(rows):
+    R = np.array(rows)
+    M = R @ R.T - 3 * np.eye(4, dtype=int)
+    minors = [round(np.linalg.det(M[:k, :k])) for k in range(1, 5)]
+    assert exact.is_positive_definite(M.tolist()) == all(minor > 0 for minor in minors)
+
+
+def test_a_semidefinite_matrix_is_not_positive_definite():
+    assert not exact.is_positive_definite([[1, 1], [1, 1]])
+    assert not exact.is_positive_definite([[0]])
+    assert exact.is_positive_definite([[10**40, 10**40 - 1], [10**40 - 1, 10**40]])
+
+
+@pytest.mark.parametrize("method", ["quadratic", "slack", "scheduled", "right-hand sides"])
+def test_blocks_are_those_of_the_condition_up_to_scale(small_designs, method):
+    """The checker's own blocks against the pencil's: two builders that share no line."""
+    design = small_designs[method]
+    certificate, law = design.certificate, design.law
+    region, plant = design.region, design.plant
+    N = len(plant.vertices)
+    if design.method == "scheduled":
+        values = {f"{x}{j + 1}": getattr(law, x)[j] for x in "WZ" for j in range(N)}
+        values["tau"] = certificate.evidence["tau"].reshape(1, 1)
+    elif design.method == "quadratic":
+        W = certificate.evidence["W"]
+        values = {"W": W, "Z": law.K @ W}
+    else:
+        G = certificate.evidence["G"]
+        values = {f"P{j + 1}": certificate.evidence["P"][j] for j in range(N)}
+        values |= {"G": G, "L": law.K @ G}
+    from polefence import Scheduled
+
+    kind = Scheduled(right_hand_sides=True) if method == "right-hand sides" else design.method
+    pencil = build(kind, plant.A, plant.B, region.sigma)
+    theirs = pencil.matrices(pencil.pack(values), region.radius)
+    theirs.pop("tau", None)
+    flip = np.diag([1.0] * 2 + [-1.0] * 2)
+    ours = list(exact.blocks(certificate.claim()))
+    assert len(ours) == len(theirs)
+    for (_, mine), other in zip(ours, theirs.values(), strict=True):
+        mine = flip @ np.array(mine, dtype=float) @ flip
+        assert np.allclose(mine / mine[0, 0], other / other[0, 0], rtol=1e-9, atol=1e-12)
+
+
+@given(st.lists(st.fractions(-2, 2, max_denominator=8), min_size=1, max_size=6))
+def test_schur_cohn_decides_where_the_roots_are(roots):
+    """Real roots known exactly, boundary included."""
+    polynomial = [Fraction(1)]
+    for root in roots:
+        polynomial = [
+            a - root * b for a, b in zip([*polynomial, Fraction(0)], [Fraction(0), *polynomial],
+                                         strict=True)
+        ]
+    inside = exact.is_positive_definite(exact._schur_cohn(polynomial))
+    assert inside == all(abs(root) < 1 for root in roots)
+
+
+def test_poles_inside_agrees_with_eigenvalues(small_designs):
+    random = np.random.default_rng(0)
+    for name, design in small_designs.items():
+        claim = design.certificate.claim()
+        for a in random.dirichlet(np.ones(3), 5):
+            alpha = [Fraction(round(w * 1000), 1000) for w in a]
+            alpha[0] += 1 - sum(alpha)
+            poles = design.poles(np.array(alpha, dtype=float))
+            worst = np.abs(poles - design.region.centre).max()
+            for factor, inside in ((1.001, True), (0.999, False)):
+                tried = replace(claim, r=Fraction(float(worst * factor)))
+                assert exact.poles_inside(tried, alpha) is inside, name
+
+
+def test_alpha_must_be_on_the_simplex(small_designs):
+    claim = small_designs["slack"].certificate.claim()
+    for alpha in ([Fraction(1)], [Fraction(1), Fraction(1), Fraction(-1)], [Fraction(1, 4)] * 3):
+        with pytest.raises(ValueError, match="simplex"):
+            exact.poles_inside(claim, alpha)
+
+
+def test_the_right_hand_sides_form_is_nonnegative_on_the_simplex():
+    """sum a_j^3 >= (sum a_j^2 a_k + 6 sum a_j a_k a_l) / (N-1)^2, with equality at equal weights."""
+    random = np.random.default_rng(1)
+    for N in (2, 3, 4, 6):
+        for a in (*random.dirichlet(np.ones(N), 200), np.full(N, 1 / N)):
+            cubes, total = (a**3).sum(), a.sum()
+            squares = (a**2).sum() * total - cubes
+            triples = (total**3 - 3 * total * (a**2).sum() + 2 * cubes) / 6
+            form = cubes - (squares + 6 * triples) / (N - 1) ** 2
+            assert form >= -1e-15
+        assert abs(form) < 1e-15
+
+
+def test_alone_with_a_bare_python(small_designs, tmp_path):
+    """The file is copied out of the project and run by an isolated interpreter."""
+    shutil.copy(exact.__file__, tmp_path)
+    for name, design in small_designs.items():
+        design.save(tmp_path / name)
+        done = run(tmp_path, f"{name}/design.json")
+        assert (done.returncode, done.stdout.startswith("proved: ")) == (0, True), done
+    path = tmp_path / "slack" / "design.json"
+    document = json.loads(path.read_text())
+    document["region"]["radius"] *= 0.999
+    path.write_text(json.dumps(document))
+    done = run(tmp_path, "slack/design.json")
+    assert done.returncode == 1
+    assert done.stdout.startswith("not proved: ")
+    path.write_text(path.read_text()[:500])
+    done = run(tmp_path, "slack/design.json")
+    assert done.returncode == 2
+    assert "cut short" in done.stderr
+    assert run(tmp_path).returncode == run(tmp_path, "none.json").returncode == 2
+
+
+def run(folder, *words):
+    command = [sys.executable, "-I", "-S", "exact.py", *words]
+    return subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
+
+
+def edit(document, *keys, value):
+    place = document
+    for key in keys[:-1]:
+        place = place[key]
+    place[keys[-1]] = value
+    return document
+
+
+FAULTS = {
+    "later version": (("version",), 2, "format version 2"),
+    "other format": (("format",), "x", "not a design file"),
+    "method": (("method",), "cubic", "is not one of"),
+    "law of another method": (("law", "kind"), "scheduled", "does not belong"),
+    "no region": (("region",), 3, "region.kind is missing"),
+    "region kind": (("region", "kind"), "square", "must be"),
+    "truth": (("region", "radius"), True, "finite number"),
+    "word": (("region", "radius"), "31", None),
+    "expression": (("region", "radius"), "1+1", "finite number"),
+    "zero denominator": (("region", "radius"), "1/0", "finite number"),
+    "infinite": (("region", "radius"), float("inf"), "not a finite number"),
+    "nan": (("region", "radius"), float("nan"), "not a finite number"),
+    "huge": (("region", "radius"), 10**301, "finite number"),
+    "no vertices": (("plant", "vertices"), [], "1 to 256"),
+    "vertex no table": (("plant", "vertices", 0), 3, "A is missing"),
+    "ragged": (("plant", "vertices", 0, "A"), [[1, 2], [3]], "ragged"),
+    "rows": (("plant", "vertices", 0, "A"), [1, 2], "must be a list"),
+    "shape of A": (("plant", "vertices", 1, "A"), [[1]], "is 1 x 1, not 2 x 2"),
+    "shape of K": (("law", "K"), [[1, 2, 3]], "is 1 x 3, not 2 x 2"),
+    "count of P": (("certificate", "P"), [[[1, 0], [0, 1]]], "holds 1 matrices"),
+    "no G": (("certificate",), {"P": []}, "holds|1 to 256"),
+}
+
+
+@pytest.mark.parametrize("fault", FAULTS)
+def test_a_malformed_file_is_named(small_designs, fault):
+    keys, value, message = FAULTS[fault]
+    document = edit(json.loads(small_designs["slack"].certificate.dumps()), *keys, value=value)
+    if message is None:
+        exact.read(json.dumps(document))  # an exact string is a number
+        return
+    with pytest.raises(exact.FormatError, match=message):
+        exact.read(json.dumps(document))
+
+
+@pytest.mark.parametrize("text", ["", "{", "[]", "null", "[" * 100_000, '{"format": 1, "format": 1}'])
+def test_what_is_no_document_is_refused(text):
+    with pytest.raises(exact.FormatError):
+        exact.read(text)

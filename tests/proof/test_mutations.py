@@ -1,0 +1,133 @@
+"""One fault at a time into a design file: what fails is refused, what is harmless passes.
+
+For every change the truth is decided independently of the checker's integer elimination: in
+floats, from numpy eigenvalues of the blocks, leaving out changes too close to call.
+"""
+
+from __future__ import annotations
+
+import copy
+import json
+import random
+
+import numpy as np
+import pytest
+
+from polefence import check
+from polefence.cli import main
+from polefence.proof import exact
+
+CHANGES = 120
+
+
+def entries(document):
+    """Paths of every number that the claim rests on."""
+    found = []
+
+    def walk(value, path):
+        if isinstance(value, dict):
+            for key, item in value.items():
+                walk(item, (*path, key))
+        elif isinstance(value, list):
+            for index, item in enumerate(value):
+                walk(item, (*path, index))
+        elif isinstance(value, int | float) or (isinstance(value, str) and "/" in value):
+            found.append(path)
+
+    for section in ("region", "law", "certificate"):
+        walk(document[section], (section,))
+    for j, vertex in enumerate(document["plant"]["vertices"]):
+        walk({k: vertex[k] for k in "AB"}, ("plant", "vertices", j))
+    return found
+
+
+def changed(document, path, factor, shift):
+    document = copy.deepcopy(document)
+    place = document
+    for key in path[:-1]:
+        place = place[key]
+    old = place[path[-1]]
+    number = eval(old) if isinstance(old, str) else old  # a "p/q" of our own
+    place[path[-1]] = number * factor + shift
+    return document
+
+
+def truth(document):
+    """Smallest eigenvalue of all blocks, each scaled to unit diagonal; nan if one is malformed."""
+    claim, _ = exact.read(json.dumps(document))
+    if claim.r <= 0 or claim.tau < 0:
+        return -1.0
+    if any(X[i][j] != X[j][i] for X in claim.X for i in range(len(X)) for j in range(i)):
+        return -1.0
+    least = np.inf
+    for _, block in exact.blocks(claim):
+        top = max(abs(e) for row in block for e in row)
+        M = np.array([[float(e / top) if top < 2**900 else e // (top >> 60) / 2**60 for e in row]
+                      for row in block])
+        diagonal = np.diag(M)
+        if np.any(diagonal <= 0):
+            return -1.0
+        scale = 1 / np.sqrt(diagonal)
+        least = min(least, np.linalg.eigvalsh(M * np.outer(scale, scale))[0])
+    return least
+
+
+@pytest.mark.parametrize("method", ["quadratic", "slack", "scheduled", "right-hand sides"])
+def test_seeded_changes(small_designs, method):
+    original = json.loads(small_designs[method].certificate.dumps())
+    places = entries(original)
+    dice = random.Random(method)
+    answers = {True: 0, False: 0}
+    for _ in range(CHANGES):
+        size = 10.0 ** dice.uniform(-12, 1) * dice.choice([-1, 1])
+        tried = changed(original, dice.choice(places), 1 + size, dice.choice([0, size]))
+        least = truth(tried)
+        if abs(least) < 1e-9:
+            continue
+        claim, _ = exact.read(json.dumps(tried))
+        assert exact.prove(claim).proved is bool(least > 0)
+        answers[bool(least > 0)] += 1
+    assert min(answers.values()) >= 10, answers  # both kinds were met
+
+
+@pytest.mark.parametrize("method", ["quadratic", "slack", "scheduled"])
+def test_every_single_number_matters(small_designs, method):
+    """A change of each entry that is large enough to break the claim is refused."""
+    original = json.loads(small_designs[method].certificate.dumps())
+    for path in entries(original):
+        for factor, shift in ((1, 1e4), (1, -1e4), (0, -50)):
+            tried = changed(original, path, factor, shift)
+            if truth(tried) < -1e-9:
+                claim, _ = exact.read(json.dumps(tried))
+                assert not exact.prove(claim).proved, path
+                break
+        else:
+            assert path in {("certificate", "tau")}, path  # zero without right-hand sides
+
+
+def test_the_paper_design_with_changes_through_the_command_line(placed, tmp_path, capsys):
+    """The five-state car: an answer for each, exit 1 for every broken claim, 0 for harmless ones."""
+    path = placed.save(tmp_path)
+    original = json.loads(path.read_text())
+    dice = random.Random(31)
+    broken = harmless = 0
+    while broken < 12 or harmless < 6:
+        size = 10.0 ** dice.uniform(-15, 0) * dice.choice([-1, 1])
+        tried = changed(original, dice.choice(entries(original)), 1 + size, 0)
+        least = truth(tried)
+        if tried == original or abs(least) < 1e-10:
+            continue
+        path.write_text(json.dumps(tried))
+        assert main(["check", str(path)]) == (0 if least > 0 else 1)
+        answer = capsys.readouterr().out
+        assert ("proved: " in answer.replace("not proved", "")) is bool(least > 0)
+        broken, harmless = broken + (least < 0), harmless + (least > 0)
+
+
+def test_a_last_digit_is_harmless(placed, tmp_path):
+    path = placed.save(tmp_path)
+    document = json.loads(path.read_text())
+    for j in range(4):
+        document["law"]["Z"][j][0][0] = np.nextafter(document["law"]["Z"][j][0][0], 0)
+    path.write_text(json.dumps(document))
+    assert check(path).proved

@@ -7,7 +7,7 @@ OUT    ?= paper-results
 .PHONY: paper test lint docs bench clean
 
 paper: $(VENV)/.installed
-	$(BIN)/polefence paper --resume -o $(OUT)
+	$(BIN)/polefence paper -o $(OUT)
 
 test: $(VENV)/.installed-test
 	$(BIN)/ruff check .

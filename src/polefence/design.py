@@ -215,7 +215,7 @@ def _tightest(plant: UncertainPlant, centre: float, method: Method) -> Design:
     found = smallest_radius(plant.A, plant.B, sigma, method)
     design = _proved_near(plant, centre, name, found)
     step = 1e-4
-    while design is None and step < 0.1:
+    while design is None and step < 1e3:
         # The point lies too near the boundary for its rounding: look a little farther inside.
         inner = feasible_point(plant.A, plant.B, sigma, found.radius * (1 + step), method)
         design = None if inner is None else _proved_near(plant, centre, name, inner)

@@ -12,6 +12,7 @@ from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
+from polefence import __version__
 from polefence.conditions.methods import method_name
 from polefence.errors import InputError
 from polefence.files import read_text, write_text
@@ -47,12 +48,12 @@ def sweep(
 ) -> list[Row]:
     """Return the rows of `limits` as plain data, keeping ``path`` up to date after every row.
 
-    With ``resume``, rows already in the file are not computed again if they are of the same plant.
+    With ``resume``, proved rows already in the file are kept and not computed again.
 
     Raises
     ------
     InputError
-        If the file to resume from is unreadable, or of another plant.
+        If the file to resume from is unreadable, of another plant, or by another version.
     """
     done = _finished(path, plant, gain) if resume and path is not None else {}
     missing = [(c, m) for c in centres for m in methods if (c, m) not in done]
@@ -87,7 +88,7 @@ def _ordered(
 
 
 def _dumps(plant: UncertainPlant, rows: list[Row]) -> str:
-    document = {"plant": plant_summary(plant), "rows": rows}
+    document = {"polefence": __version__, "plant": plant_summary(plant), "rows": rows}
     return json.dumps(document, indent=1, allow_nan=False) + "\n"
 
 
@@ -96,6 +97,7 @@ def _finished(path: Path, plant: UncertainPlant, gain: bool) -> dict[tuple[float
         return {}
     try:
         document = json.loads(read_text(path, MAX_BYTES, InputError))
+        version = document["polefence"]
         digest, rows = document["plant"]["digest"], document["rows"]
         table = {(float(row["centre"]), str(row["method"])): row for row in rows}
         usable = {k: r for k, r in table.items() if r["status"] == "proved" and "radius" in r}
@@ -103,6 +105,8 @@ def _finished(path: Path, plant: UncertainPlant, gain: bool) -> dict[tuple[float
         raise InputError(f"{path}: no sweep to resume: {error}; remove it to start anew") from error
     if digest != plant.digest:
         raise InputError(f"{path}: a sweep of another plant; remove it, or name another file")
+    if version != __version__:
+        raise InputError(f"{path}: a sweep by polefence {version}; remove it to start anew")
     return {k: r for k, r in usable.items() if not gain or "law" in r}
 
 

@@ -24,7 +24,8 @@ FLOOR = 1e-3
 MAX_SOLVES = 40
 MAX_TRIES = 4
 PROGRESS = 0.2
-CONVINCING = 1e-6
+CONVINCING = 1e-4
+NOISE = 2e-8
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,8 +64,10 @@ def smallest_radius(A: Array, B: Array, sigma: float, method: Method) -> Found:
     doubted = np.inf
     for step in range(MAX_SOLVES):
         high = search.best.radius
-        if high <= max(FLOOR * sigma, low):
+        if high <= FLOOR * sigma:
             break
+        if high <= low:  # the solver erred when it said infeasible
+            low = soft = 0.0
         if high - max(low, soft) <= TOLERANCE * high:
             if soft <= low or high >= doubted * (1 - TOLERANCE):
                 break
@@ -153,7 +156,9 @@ class _Search:
             self.scaling = self._coordinates(lyapunov_mean(values))
         if reached <= radius:
             return True
-        return False if point.optimal and point.t < -CONVINCING else None
+        # In poor coordinates margins are tiny on both sides of the root, and prove nothing.
+        doubt = max(NOISE, CONVINCING * (self.best.radius - radius) / scaling.rate)
+        return False if point.optimal and point.t < -doubt else None
 
 
 def lyapunov_mean(values: dict[str, Array]) -> Array:

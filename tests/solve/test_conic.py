@@ -1,0 +1,114 @@
+"""The adapter to Clarabel: residuals of its answer, and solvers that misbehave."""
+
+from __future__ import annotations
+
+import clarabel
+import numpy as np
+import pytest
+
+from polefence import build, limits, place, tightest
+from polefence.errors import NotProvedError, SolverError
+from polefence.region import Disk
+from polefence.solve.conic import largest_margin
+
+
+def test_the_margin_is_the_least_eigenvalue_at_the_point(make_random):
+    """Recomputed from the pencil's own matrices, with the traces that the problem fixes."""
+    plant = make_random(1, 3, 2, 3)
+    pencil = build("scheduled", plant.A, plant.B, 2.0)
+    for r in (1.0, 4.0):
+        point = largest_margin(pencil, r)
+        blocks = pencil.matrices(point.x, r)
+        least = min(np.linalg.eigvalsh(block)[0] for block in blocks.values())
+        assert point.optimal
+        assert np.isclose(point.t, least, atol=1e-6)
+        D = {b.name: b for b in pencil.blocks}
+        traces = sum(np.trace(m) for m in pencil.matrices(point.x, 1.0).values())
+        assert np.isclose(traces, sum(b.size for b in D.values()), rtol=1e-6)
+
+
+class Panic(BaseException):
+    """What a Rust panic looks like from Python: no Exception."""
+
+
+def break_solver(monkeypatch, misbehave):
+    real = clarabel.DefaultSolver
+    calls = []
+
+    class Solver:
+        def __init__(self, *arguments):
+            self.inner = real(*arguments)
+
+        def solve(self):
+            calls.append(1)
+            return misbehave(len(calls), self.inner)
+
+    monkeypatch.setattr(clarabel, "DefaultSolver", Solver)
+    return calls
+
+
+def test_a_panic_becomes_an_error_of_ours(monkeypatch, make_random):
+    def panic(call, inner):
+        raise Panic("index out of bounds")
+
+    break_solver(monkeypatch, panic)
+    plant = make_random(1, 2, 1, 2)
+    with pytest.raises(SolverError, match="Panic"):
+        largest_margin(build("slack", plant.A, plant.B, 2.0), 1.0)
+
+
+def test_ctrl_c_is_not_swallowed(monkeypatch, make_random):
+    def interrupt(call, inner):
+        raise KeyboardInterrupt
+
+    break_solver(monkeypatch, interrupt)
+    plant = make_random(1, 2, 1, 2)
+    with pytest.raises(KeyboardInterrupt):
+        tightest(plant, -2.0, "slack")
+
+
+def test_an_occasional_panic_costs_a_retry_and_no_radius(monkeypatch, make_random):
+    plant = make_random(1, 2, 1, 3)
+    plain = tightest(plant, -3.0, "slack").region.radius
+
+    def sometimes(call, inner):
+        if call % 3 == 2:
+            raise Panic("sometimes")
+        return inner.solve()
+
+    break_solver(monkeypatch, sometimes)
+    assert np.isclose(tightest(plant, -3.0, "slack").region.radius, plain, rtol=2e-3)
+
+
+def test_a_solver_that_always_panics_never_kills_a_sweep(monkeypatch, make_random):
+    def panic(call, inner):
+        raise Panic("always")
+
+    break_solver(monkeypatch, panic)
+    plant = make_random(1, 2, 1, 2)
+    rows = limits(plant, [-2.0, -3.0], ["quadratic", "scheduled"])
+    assert len(rows) == 4
+    # What is left is the Riccati start: proved where it is given, else undecided.
+    assert all(row.status == "proved" or row.radius is None for row in rows)
+
+
+def test_a_solver_that_lies_proves_nothing(monkeypatch, make_random):
+    """It says "optimal, margin 1" with a point of noise: no radius may come of it."""
+
+    class Lie:
+        status = "Solved"
+
+        def __init__(self, size):
+            self.x = np.random.default_rng(size).normal(size=size)
+            self.x[-1] = 1.0
+
+    def lie(call, inner):
+        return Lie(len(inner.solve().x))
+
+    honest = tightest(make_random(1, 2, 1, 2), -3.0, "slack").region.radius
+    break_solver(monkeypatch, lie)
+    plant = make_random(1, 2, 1, 2)
+    for row in limits(plant, [-3.0], ["quadratic", "slack", "scheduled"]):
+        assert row.radius is None or row.design.certificate.prove().proved
+    with pytest.raises(NotProvedError):
+        place(plant, Disk(-3.0, 0.9 * honest), "slack")

@@ -1,0 +1,99 @@
+"""The paper's numbers, and a small reproduction from end to end."""
+
+from __future__ import annotations
+
+import json
+import struct
+import xml.etree.ElementTree as ET
+
+import numpy as np
+import pytest
+
+from polefence import check
+from polefence.suspension import paper, paper_report
+from polefence.suspension.quarter_car import family, quarter_car
+
+
+def test_the_nominal_gain_agrees_with_27_to_all_printed_digits():
+    given = paper.published()["nominal_pole_placement"]
+    K = paper.nominal_gain(given["poles"])
+    assert np.array_equal(np.round(K[0] / 1e6, 4), np.array(given["Kn"]) / 1e6)
+    table = {k: v["value"] for k, v in paper.published()["table1"].items()}
+    A, B, _ = quarter_car(**table)
+    poles = np.linalg.eigvals(np.array(A) + np.array(B) @ K)
+    assert np.allclose(np.sort(poles.real), sorted(given["poles"]), rtol=1e-5)
+
+
+def test_every_printed_digit_of_the_vertices():
+    assert paper.printed_entries(family("quarter-car-as-printed")) == "120 of 120"
+    assert paper.printed_entries(family("quarter-car-physical")) != "120 of 120"
+
+
+@pytest.mark.parametrize("name", ["as-printed", "physical"])
+def test_published_gains_hold_on_printed_vertices_and_fail_on_physical_ones(name):
+    data = paper.published()
+    plant = family(f"quarter-car-{name}")
+    K = data["theorem1_example"]["K"]
+    cases = [(31, np.array([[K[str(j)]] for j in range(1, 5)]))]
+    cases += [(case["radius"], np.array([case["K"]])) for case in data["fixed_gains"].values()]
+    for radius, gains in cases:
+        worst = max(paper.farthest(plant, gains, -40))
+        assert (worst < radius) is (name == "as-printed")
+        if name == "physical":
+            assert 65 < worst < 70
+
+
+@pytest.fixture(scope="module")
+def reproduction(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("paper")
+    results = paper.reproduce(folder, centres=(-30.0, -40.0))
+    return folder, results, paper_report.write(results, folder)
+
+
+def test_a_reproduction_writes_everything(reproduction):
+    folder, results, paths = reproduction
+    names = {path.name for path in paths}
+    for figure in (3, 4, 5, 6):
+        assert {f"figure-{figure}.{kind}" for kind in ("png", "svg", "pdf")} <= names
+    assert all(path.stat().st_size > 0 for path in paths)
+    assert json.loads((folder / "paper.json").read_text()) == json.loads(json.dumps(results))
+    for name in ("as-printed", "physical"):
+        assert check(folder / f"design-{name}").proved
+    for row in results["radii"]:
+        assert row["status"] == "proved"
+
+
+def test_figures_are_well_formed(reproduction):
+    folder, _, _ = reproduction
+    for figure in (3, 4, 5, 6):
+        png = (folder / f"figure-{figure}.png").read_bytes()
+        width, height = struct.unpack(">II", png[16:24])
+        assert png[:4] == b"\x89PNG"
+        assert width > 800
+        assert height > 400
+        ET.parse(folder / f"figure-{figure}.svg")
+        assert (folder / f"figure-{figure}.pdf").read_bytes().startswith(b"%PDF")
+
+
+def test_the_report_sets_published_beside_computed(reproduction):
+    folder, _, _ = reproduction
+    text = (folder / "report.md").read_text()
+    for words in ("33.6440", "34.8425", "29.09", "29.07", "120 of 120", "0.6559e5", "53.5560e5",
+                  "as-printed", "physical", "Agrees to all printed digits: yes", "5. K(alpha)"):
+        assert words in text
+
+
+def test_the_claim_about_slow_centres(reproduction):
+    """On the printed vertices Lemma 1 turns between 13 and 14, on the physical ones past 20."""
+    _, results, _ = reproduction
+    ratio = {(r["family"], r["centre"], r["method"]): r["d/sigma"] for r in results["slow centres"]}
+    assert ratio["as-printed", -13.0, "quadratic"] < 0 < ratio["as-printed", -14.0, "quadratic"]
+    assert ratio["physical", -20.0, "quadratic"] < 0 < ratio["physical", -25.0, "quadratic"]
+    assert ratio["as-printed", -12.0, "slack"] < 0 < ratio["as-printed", -12.0, "scheduled"]
+
+
+def test_a_sample_of_poles_leaves_no_disk(reproduction):
+    _, results, _ = reproduction
+    for summary in results["disk design"].values():
+        assert summary["all in the disk"]
+        assert summary["sampled alpha"] > 10_000

@@ -1,0 +1,176 @@
+"""The command line as its contract has it."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+
+import pytest
+
+from polefence import check
+from polefence.cli import main
+from polefence.plant.spec import dumps
+from polefence.suspension.quarter_car import SPECS, spec_text
+
+
+@pytest.fixture
+def spec(tmp_path, make_random):
+    path = tmp_path / "plant.toml"
+    path.write_text(dumps(make_random(8, 2, 1, 2)))
+    return str(path)
+
+
+@pytest.fixture
+def car(tmp_path):
+    path = tmp_path / "car.toml"
+    path.write_text(spec_text("quarter-car-as-printed"))
+    return str(path)
+
+
+def test_limits_prints_and_writes_rows(spec, tmp_path, capsys):
+    rows, figure = tmp_path / "out" / "rows.json", tmp_path / "out" / "figure.svg"
+    words = ["limits", spec, "--centre", "-2", "--centre", "-3e0", "--method", "slack", "--gain"]
+    assert main([*words, "--json", str(rows), "--plot", str(figure)]) == 0
+    document = json.loads(rows.read_text())
+    assert [row["centre"] for row in document["rows"]] == [-2.0, -3.0]
+    for row in document["rows"]:
+        assert set(row) == {"centre", "method", "radius", "status", "seconds", "law"}
+        assert row["status"] == "proved"
+        assert len(row["law"]["K"]) == 1
+    assert document["plant"]["vertices"] == 2
+    assert "<svg" in figure.read_text()
+    out = capsys.readouterr().out
+    assert out.count("proved") == 2
+
+
+def test_evenly_spaced_centres(spec, capsys):
+    assert main(["limits", spec, "--centres", "-2", "-4", "3", "--method", "quadratic"]) == 0
+    lines = capsys.readouterr().out.splitlines()[2:]
+    assert [float(line.split()[0]) for line in lines] == [-2, -3, -4]
+
+
+def test_design_then_check(car, tmp_path, capsys):
+    folder = tmp_path / "design"
+    words = ["design", car, "--disk", "-40", "31", "--method", "scheduled", "-o", str(folder)]
+    assert main([*words, "--json", str(tmp_path / "summary.json")]) == 0
+    assert "proved" in capsys.readouterr().out
+    assert json.loads((tmp_path / "summary.json").read_text())["status"] == "proved"
+    assert check(folder / "design.json").proved
+    assert main(["check", str(folder / "design.json"), "--spec", car]) == 0
+    assert "proved: 20 inequalities" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(("method", "radius"), [("quadratic", "33.64"), ("slack", "33.50")])
+def test_a_disk_out_of_reach_exits_1_and_names_the_radius(car, tmp_path, capsys, method, radius):
+    folder = tmp_path / "design"
+    words = ["design", car, "--disk", "-40", "31", "--method", method, "-o", str(folder)]
+    assert main(words) == 1
+    error = capsys.readouterr().err
+    assert error.count("\n") == 1
+    assert error.startswith("not proved: ")
+    assert radius in error
+    assert not (folder / "design.json").exists()
+
+
+def test_a_disk_across_the_axis_is_noted(spec, capsys):
+    assert main(["design", spec, "--disk", "-1", "30", "--method", "quadratic"]) == 0
+    assert "does not imply stability" in capsys.readouterr().out
+
+
+def test_check_refuses_another_plant(small_designs, spec, tmp_path, capsys):
+    path = small_designs["slack"].save(tmp_path / "d")
+    assert main(["check", str(path), "--spec", spec]) == 1
+    assert "another plant" in capsys.readouterr().err
+
+
+def test_check_refuses_other_parameter_ranges(placed, car, tmp_path, capsys):
+    """alpha(p) would be wrong: the vertices are the same, their meaning is not."""
+    path = placed.save(tmp_path / "d")
+    document = json.loads(path.read_text())
+    document["plant"]["parameters"][1]["range"] = [-20, 10]
+    path.write_text(json.dumps(document))
+    assert main(["check", str(path)]) == 0
+    assert main(["check", str(path), "--spec", car]) == 1
+    assert "parameter ranges" in capsys.readouterr().err
+
+
+def test_check_reports_a_counterexample(small_designs, tmp_path, capsys):
+    path = small_designs["slack"].save(tmp_path / "d")
+    document = json.loads(path.read_text())
+    document["region"]["radius"] *= 0.5
+    path.write_text(json.dumps(document))
+    answer = tmp_path / "answer.json"
+    assert main(["check", str(path), "--json", str(answer)]) == 1
+    assert "refuted: at alpha = (" in capsys.readouterr().out
+    assert json.loads(answer.read_text())["answer"] == "refuted"
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [('{"format": "polefence-design", "version": 9}', "version 9"), ('{"format"', "cut short"),
+     ("[1, 2]", "not a design file")],
+)
+def test_check_names_an_unreadable_file(tmp_path, capsys, content, message):
+    path = tmp_path / "design.json"
+    path.write_text(content)
+    assert main(["check", str(path)]) == 2
+    error = capsys.readouterr().err
+    assert error.count("\n") == 1
+    assert str(path) in error
+    assert message in error
+    assert main(["check", str(tmp_path / "none.json")]) == 2
+
+
+def test_examples_are_listed_and_printed(capsys):
+    assert main(["example"]) == 0
+    listed = capsys.readouterr().out
+    for name in SPECS:
+        assert name in listed
+        assert main(["example", name]) == 0
+        assert capsys.readouterr().out == spec_text(name)
+
+
+def test_help_and_version(capsys):
+    for words in (["--help"], ["limits", "--help"], ["--version"]):
+        with pytest.raises(SystemExit) as stop:
+            main(words)
+        assert stop.value.code == 0
+    assert "0 proved or done, 1 not proved, 2 bad input" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("words", [[], ["desing"], ["limits"], ["limits", "x", "--metod", "slack"]])
+def test_usage_errors_exit_2(words, capsys):
+    with pytest.raises(SystemExit) as stop:
+        main(words)
+    assert stop.value.code == 2
+
+
+def test_ctrl_c_keeps_finished_rows(car, tmp_path):
+    rows = tmp_path / "rows.json"
+    words = ["limits", car, "--centres", "-30", "-50", "40", "--jobs", "2", "--json", str(rows)]
+    process = subprocess.Popen(
+        [sys.executable, "-m", "polefence", *words], stderr=subprocess.PIPE, text=True,
+        start_new_session=True,
+    )
+    deadline = time.monotonic() + 60
+    while not rows.exists() and time.monotonic() < deadline:
+        time.sleep(0.1)
+    os.killpg(process.pid, signal.SIGINT)  # as a terminal does: parent and workers
+    _, error = process.communicate(timeout=60)
+    assert process.returncode == 130
+    assert error.count("\n") == 1
+    assert "interrupted" in error
+    kept = json.loads(rows.read_text())["rows"]
+    assert 0 < len(kept) < 120
+
+
+def test_importing_the_package_stays_light():
+    """No solver, no plotting, no scipy until they are needed."""
+    code = "import sys, polefence; print([m for m in sys.modules if m in ('scipy', 'clarabel', "
+    code += "'matplotlib', 'control', 'threadpoolctl')])"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "[]"

@@ -1,0 +1,142 @@
+"""Designs: placed, saved, loaded, checked; and what happens when the proof fails."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from polefence import (
+    Design,
+    DesignFileError,
+    Disk,
+    NotProvedError,
+    OutputError,
+    UncontrollableError,
+    UncertainPlant,
+    check,
+    place,
+    tightest,
+)
+from polefence.design import rounded_up
+
+
+def test_the_paper_design_keeps_every_sampled_pole_in_the_disk(placed):
+    """Theorem 1 at (-40, 31) on the printed vertices: 10,000 random alpha."""
+    assert check(placed).proved
+    alpha = np.random.default_rng(0).dirichlet(np.ones(4), 10_000)
+    assert placed.region.contains(placed.poles(alpha))
+    assert placed.region.contains(placed.poles(np.eye(4)))
+
+
+@pytest.mark.parametrize(("method", "radius"), [("quadratic", "33.644"), ("slack", "33.50")])
+def test_fixed_gains_do_not_reach_it_and_the_answer_says_how_far_they_go(
+    as_printed, method, radius
+):
+    with pytest.raises(NotProvedError, match=f"smallest radius it reaches there is {radius}") as no:
+        place(as_printed, Disk(-40, 31), method)
+    assert check(no.value.best).proved
+    unproved = place(as_printed, Disk(-40, 31), method, allow_unproved=True)
+    assert not unproved.proved
+    assert not check(unproved).proved
+
+
+def test_a_design_survives_its_file(small_designs, tmp_path):
+    for name, design in small_designs.items():
+        path = design.save(tmp_path / name)
+        again = Design.load(path)
+        assert Design.load(tmp_path / name).region == again.region == design.region
+        assert again.plant.vertices == design.plant.vertices
+        assert np.array_equal(again.law.gain([1, 0, 0]), design.law.gain([1, 0, 0]))
+        assert again.certificate.dumps() == design.certificate.dumps()
+        assert check(path).proved
+
+
+def test_a_design_file_runs_the_law_from_physical_parameters(placed, tmp_path):
+    law = Design.load(placed.save(tmp_path)).law
+    K = law.gain_at(m1=300, beta=2.5)
+    assert np.array_equal(K, placed.law.gain(placed.plant.alpha(m1=300, beta=2.5)))
+
+
+def test_an_unproved_file_is_loaded_only_by_name(small_designs, tmp_path):
+    path = small_designs["slack"].save(tmp_path)
+    document = json.loads(path.read_text())
+    document["region"]["radius"] *= 0.99
+    path.write_text(json.dumps(document))
+    with pytest.raises(NotProvedError, match="not proved"):
+        Design.load(path)
+    assert not Design.load(path, allow_unproved=True).proved
+
+
+@pytest.mark.parametrize(
+    "damage",
+    [
+        lambda d: d["plant"].pop("name"),
+        lambda d: d["plant"]["parameters"].append({"name": "p"}),
+        lambda d: d["plant"].update(parameters=3),
+        lambda d: d["region"].update(centre=40.0),
+        lambda d: d["plant"].update(states=["x"]),
+    ],
+)
+def test_a_damaged_file_is_named(small_designs, tmp_path, damage):
+    path = small_designs["slack"].save(tmp_path)
+    document = json.loads(path.read_text())
+    damage(document)
+    path.write_text(json.dumps(document))
+    with pytest.raises(DesignFileError, match=str(path)):
+        Design.load(path)
+
+
+def test_a_folder_that_cannot_be_written_is_named(small_designs, tmp_path):
+    (tmp_path / "file").write_text("")
+    with pytest.raises(OutputError, match="cannot be written"):
+        small_designs["slack"].save(tmp_path / "file" / "x")
+
+
+def test_an_interrupted_write_leaves_the_old_file(small_designs, tmp_path, monkeypatch):
+    path = small_designs["slack"].save(tmp_path)
+    old = path.read_text()
+
+    def fail(*_):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr("os.replace", fail)
+    with pytest.raises(OutputError, match="No space left"):
+        small_designs["quadratic"].save(tmp_path)
+    assert path.read_text() == old
+    assert [p.name for p in tmp_path.iterdir()] == [path.name]
+
+
+def test_uncontrollable_plants_are_refused_before_any_work():
+    plant = UncertainPlant.from_vertices([[[1, 0], [0, 2]]], [[[0], [1]]])
+    for call in (
+        lambda: tightest(plant, -1, "slack"),
+        lambda: place(plant, Disk(-1, 0.5), "slack"),
+    ):
+        with pytest.raises(UncontrollableError, match="vertex 1"):
+            call()
+
+
+def test_place_at_the_smallest_radius_it_names(make_random):
+    """What the message names can be asked for."""
+    plant = make_random(4, 2, 1, 3)
+    best = tightest(plant, -3, "slack").region.radius
+    assert place(plant, Disk(-3, best * 1.0001), "slack").proved
+
+
+@pytest.mark.parametrize("value", [33.64394489, 29.0, 0.00123456789, 1234567.8, 99.99999])
+def test_printed_radii_are_rounded_up(value):
+    text = rounded_up(value)
+    assert float(text) >= value * (1 - 1e-15)
+    assert float(text) <= value * (1 + 1e-5) + 1
+
+
+def test_a_design_is_small_and_readable(placed, tmp_path):
+    path = placed.save(tmp_path)
+    assert path == Path(tmp_path) / "design.json"
+    document = json.loads(path.read_text())
+    assert document["region"] == {"kind": "disk", "centre": -40.0, "radius": 31.0}
+    assert document["plant"]["vertices"][0]["A"][4] == [1, 0, 0, 0, 0]
+    assert path.stat().st_size < 50_000

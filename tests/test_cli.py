@@ -111,8 +111,11 @@ def test_check_reports_a_counterexample(small_designs, tmp_path, capsys):
 
 @pytest.mark.parametrize(
     ("content", "message"),
-    [('{"format": "polefence-design", "version": 9}', "version 9"), ('{"format"', "cut short"),
-     ("[1, 2]", "not a design file")],
+    [
+        ('{"format": "polefence-design", "version": 9}', "version 9"),
+        ('{"format"', "cut short"),
+        ("[1, 2]", "not a design file"),
+    ],
 )
 def test_check_names_an_unreadable_file(tmp_path, capsys, content, message):
     path = tmp_path / "design.json"
@@ -153,7 +156,9 @@ def test_ctrl_c_keeps_finished_rows(car, tmp_path):
     rows = tmp_path / "rows.json"
     words = ["limits", car, "--centres", "-30", "-50", "40", "--jobs", "2", "--json", str(rows)]
     process = subprocess.Popen(
-        [sys.executable, "-m", "polefence", *words], stderr=subprocess.PIPE, text=True,
+        [sys.executable, "-m", "polefence", *words],
+        stderr=subprocess.PIPE,
+        text=True,
         start_new_session=True,
     )
     deadline = time.monotonic() + 60

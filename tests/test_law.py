@@ -41,7 +41,8 @@ def test_control_is_gain_times_state():
 
 
 @pytest.mark.parametrize(
-    "alpha", [[0.5, 0.5, 0.1, 0], [1.1, -0.1, 0, 0], [1, 0, 0], 1.0, [np.nan, 1, 0, 0], [0, 0, 0, 0]]
+    "alpha",
+    [[0.5, 0.5, 0.1, 0], [1.1, -0.1, 0, 0], [1, 0, 0], 1.0, [np.nan, 1, 0, 0], [0, 0, 0, 0]],
 )
 def test_alpha_off_the_simplex_is_refused(alpha):
     with pytest.raises(ParameterValueError):

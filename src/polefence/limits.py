@@ -82,20 +82,22 @@ def limits(
         is "undecided" and never stops the sweep.
     """
     tasks = [(check_centre(c), m) for c in centres for m in methods]
-    for _, method in tasks:
-        method_name(method)
-    plant.require_controllable()
     rows: dict[int, Limit] = {}
-    for index, row in _run(plant, tasks, executor):
+    for index, row in as_finished(plant, tasks, executor):
         rows[index] = row
         if on_row is not None:
             on_row(row)
     return [rows[index] for index in range(len(tasks))]
 
 
-def _run(
-    plant: UncertainPlant, tasks: list[tuple[float, Method]], executor: Executor | None
+def as_finished(
+    plant: UncertainPlant, tasks: Sequence[tuple[float, Method]], executor: Executor | None = None
 ) -> Iterator[tuple[int, Limit]]:
+    """Yield each task's index and row as soon as it is done; see `limits`."""
+    for centre, method in tasks:
+        check_centre(centre)
+        method_name(method)
+    plant.require_controllable()
     if executor is None:
         yield from ((i, one_limit(plant, *task)) for i, task in enumerate(tasks))
         return

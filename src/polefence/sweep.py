@@ -13,10 +13,9 @@ from pathlib import Path
 from typing import Any
 
 from polefence import __version__
-from polefence.conditions.methods import method_name
 from polefence.errors import InputError
 from polefence.files import read_text, write_text
-from polefence.limits import Limit, limits
+from polefence.limits import Limit, as_finished
 from polefence.plant.family import UncertainPlant
 
 MAX_BYTES = 64_000_000
@@ -46,7 +45,7 @@ def sweep(
     executor: Executor | None = None,
     on_row: Callable[[Limit], None] | None = None,
 ) -> list[Row]:
-    """Return the rows of `limits` as plain data, keeping ``path`` up to date after every row.
+    """Return rows as `limits` has them, as plain data, keeping ``path`` up to date after every row.
 
     With ``resume``, proved rows already in the file are kept and not computed again.
 
@@ -56,25 +55,13 @@ def sweep(
         If the file to resume from is unreadable, of another plant, or by another version.
     """
     done = _finished(path, plant, gain) if resume and path is not None else {}
-    missing = [(c, m) for c in centres for m in methods if (c, m) not in done]
-
-    def keep(row: Limit) -> None:
+    tasks = [(c, m) for c in centres for m in methods if (c, m) not in done]
+    for _, row in as_finished(plant, tasks, executor):
         done[row.centre, row.method] = row.as_row(gain)
         if path is not None:
             write_text(path, _dumps(plant, _ordered(done, centres, methods)))
         if on_row is not None:
             on_row(row)
-
-    for method in methods:
-        method_name(method)
-    # One call for each set of centres that lacks the same methods: usually a single call.
-    lacking: dict[tuple[str, ...], list[float]] = {}
-    for centre in centres:
-        needed = tuple(m for m in methods if (centre, m) in missing)
-        if needed:
-            lacking.setdefault(needed, []).append(centre)
-    for needed, group in lacking.items():
-        limits(plant, group, needed, executor, keep)
     rows = _ordered(done, centres, methods)
     if path is not None:
         write_text(path, _dumps(plant, rows))

@@ -35,7 +35,10 @@ FAULTS = {
         VERTEX + "[[vertex]]\nA = [[1, 0], [0, 2]]\nB = [[0], [1]]\n",
         "vertex 2 is uncontrollable",
     ),
-    "interval reversed": (GOOD.replace("[1.0, 2.0]", "[2.0, 1.0]"), "m: range = [2, 1] is reversed"),
+    "interval reversed": (
+        GOOD.replace("[1.0, 2.0]", "[2.0, 1.0]"),
+        "m: range = [2, 1] is reversed",
+    ),
     "interval empty": (GOOD.replace("[1.0, 2.0]", "[2.0, 2.0]"), "range = [2, 2] is empty"),
     "mass touches zero": (GOOD.replace("[1.0, 2.0]", "[0.0, 2.0]"), "touches zero"),
     "range of one": (GOOD.replace("[1.0, 2.0]", "[1.0]"), "range must be two numbers"),
@@ -51,7 +54,10 @@ FAULTS = {
     "no matrices": ('name = "x"\n', "neither"),
     "B missing": (GOOD.replace('B = [[0], ["1/m"]]', ""), "matrices: B is missing"),
     "wrong signal count": (GOOD.replace('"position [m]", ', ""), "states names 1 signals"),
-    "states no list": (GOOD.replace('["position [m]", "velocity [m/s]"]', '"x"'), "list of strings"),
+    "states no list": (
+        GOOD.replace('["position [m]", "velocity [m/s]"]', '"x"'),
+        "list of strings",
+    ),
     "constant a word": (GOOD.replace("d = 0.5", 'd = "x"'), "constants.d"),
     "constant a truth": (GOOD.replace("d = 0.5", "d = true"), "constants.d"),
     "constant a date": (GOOD.replace("d = 0.5", "d = 1979-05-27"), "constants.d"),
@@ -59,7 +65,10 @@ FAULTS = {
     "toml syntax": (GOOD.replace("[constants]", "[constants"), "not valid TOML"),
     "huge exponent": (GOOD.replace("0.5", "1e999999999"), "out of range"),
     "E for some": (VERTEX + "E = [[0], [1]]\n" + VERTEX, "for all or for none"),
-    "parameter no table": (GOOD.replace("[parameter.m]", "[x]\n[parameter]\nm = 3\n[y]"), "unknown"),
+    "parameter no table": (
+        GOOD.replace("[parameter.m]", "[x]\n[parameter]\nm = 3\n[y]"),
+        "unknown",
+    ),
 }
 
 

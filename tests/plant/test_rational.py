@@ -36,7 +36,13 @@ def verdict(f: RationalFunction) -> bool:
 
 @pytest.mark.parametrize(
     "f",
-    [x * 0 + 4, x, 3 * x * y - y / 7, (x * x * y + x * y) / (x + 1) / 1, (x - y) * (x + y) / (x - y)],
+    [
+        x * 0 + 4,
+        x,
+        3 * x * y - y / 7,
+        (x * x * y + x * y) / (x + 1) / 1,
+        (x - y) * (x + y) / (x - y),
+    ],
 )
 def test_multiaffine_functions_are_recognised_even_behind_cancelling_factors(f):
     assert verdict(f)
@@ -44,7 +50,13 @@ def test_multiaffine_functions_are_recognised_even_behind_cancelling_factors(f):
 
 @pytest.mark.parametrize(
     "f",
-    [x * x, 1 / x, x * y * y, x + (x - 1) * (x - 3) / 10**12, (x - 1) * (x - 3) * (y + 2) * (y - 5)],
+    [
+        x * x,
+        1 / x,
+        x * y * y,
+        x + (x - 1) * (x - 3) / 10**12,
+        (x - 1) * (x - 3) * (y + 2) * (y - 5),
+    ],
 )
 def test_functions_that_bend_between_corners_are_told_apart(f):
     assert not verdict(f)

@@ -71,8 +71,8 @@ def test_schur_cohn_decides_where_the_roots_are(roots):
     polynomial = [Fraction(1)]
     for root in roots:
         polynomial = [
-            a - root * b for a, b in zip([*polynomial, Fraction(0)], [Fraction(0), *polynomial],
-                                         strict=True)
+            a - root * b
+            for a, b in zip([*polynomial, Fraction(0)], [Fraction(0), *polynomial], strict=True)
         ]
     inside = exact.is_positive_definite(exact._schur_cohn(polynomial))
     assert inside == all(abs(root) < 1 for root in roots)
@@ -100,7 +100,7 @@ def test_alpha_must_be_on_the_simplex(small_designs):
 
 
 def test_the_right_hand_sides_form_is_nonnegative_on_the_simplex():
-    """sum a_j^3 >= (sum a_j^2 a_k + 6 sum a_j a_k a_l) / (N-1)^2, with equality at equal weights."""
+    """sum a_j^3 >= (sum a_j^2 a_k + 6 sum a_j a_k a_l) / (N-1)^2, equal at equal weights."""
     random = np.random.default_rng(1)
     for N in (2, 3, 4, 6):
         for a in (*random.dirichlet(np.ones(N), 200), np.full(N, 1 / N)):
@@ -182,7 +182,9 @@ def test_a_malformed_file_is_named(small_designs, fault):
         exact.read(json.dumps(document))
 
 
-@pytest.mark.parametrize("text", ["", "{", "[]", "null", "[" * 100_000, '{"format": 1, "format": 1}'])
+@pytest.mark.parametrize(
+    "text", ["", "{", "[]", "null", "[" * 100_000, '{"format": 1, "format": 1}']
+)
 def test_what_is_no_document_is_refused(text):
     with pytest.raises(exact.FormatError):
         exact.read(text)

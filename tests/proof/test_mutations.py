@@ -62,8 +62,12 @@ def truth(document):
     least = np.inf
     for _, block in exact.blocks(claim):
         top = max(abs(e) for row in block for e in row)
-        M = np.array([[float(e / top) if top < 2**900 else e // (top >> 60) / 2**60 for e in row]
-                      for row in block])
+        M = np.array(
+            [
+                [float(e / top) if top < 2**900 else e // (top >> 60) / 2**60 for e in row]
+                for row in block
+            ]
+        )
         diagonal = np.diag(M)
         if np.any(diagonal <= 0):
             return -1.0
@@ -106,7 +110,7 @@ def test_every_single_number_matters(small_designs, method):
 
 
 def test_the_paper_design_with_changes_through_the_command_line(placed, tmp_path, capsys):
-    """The five-state car: an answer for each, exit 1 for every broken claim, 0 for harmless ones."""
+    """The five-state car: exit 1 for every broken claim, 0 for every harmless change."""
     path = placed.save(tmp_path)
     original = json.loads(path.read_text())
     dice = random.Random(31)

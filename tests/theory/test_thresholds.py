@@ -89,8 +89,12 @@ def test_one_vertex_is_pole_placement(method, n, m, make_random):
     assert tightest(plant, -2.0, method).region.radius < 0.05 * 2
 
 
-CASES = [(seed, n, m, N) for seed, (n, m, N) in
-         enumerate([(2, 1, 2), (3, 2, 2), (2, 2, 3), (3, 1, 3), (2, 1, 5), (3, 2, 5), (2, 2, 8)])]
+CASES = [
+    (seed, n, m, N)
+    for seed, (n, m, N) in enumerate(
+        [(2, 1, 2), (3, 2, 2), (2, 2, 3), (3, 1, 3), (2, 1, 5), (3, 2, 5), (2, 2, 8)]
+    )
+]
 
 
 @pytest.mark.parametrize(("seed", "n", "m", "N"), CASES)

@@ -140,9 +140,7 @@ def simplex_weights(
             raise ParameterValueError(f"unknown parameter {name!r}; {suggest(name, names)}")
     missing = [name for name in names if name not in values]
     if missing:
-        raise ParameterValueError(
-            f"give a value of every parameter; missing: {', '.join(missing)}"
-        )
+        raise ParameterValueError(f"give a value of every parameter; missing: {', '.join(missing)}")
     alpha: tuple[Fraction, ...] = (Fraction(1),)
     for parameter in parameters:
         pair = parameter.weights(values[parameter.name], clamp)

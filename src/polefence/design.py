@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from polefence.conditions.methods import Method, method_name
-from polefence.errors import DesignFileError, NotProvedError
+from polefence.errors import DesignFileError, NotProvedError, SolverError
 from polefence.files import make_folder, read_text, write_text
 from polefence.law import FixedGain, Law, ScheduledGain, right_divide
 from polefence.plant.family import UncertainPlant
@@ -155,10 +155,11 @@ def place(
         if design.certificate.prove().proved:
             return design
     best = _tightest(plant, region.centre, method)
-    if best.proved and best.region.radius <= region.radius:
-        return replace(best, certificate=replace(best.certificate, region=region))
+    wider = replace(best.certificate, region=region)
+    if best.region.radius <= region.radius and wider.prove().proved:
+        return Design(wider)
     if allow_unproved:
-        return replace(best, proved=False, certificate=replace(best.certificate, region=region))
+        return Design(wider, proved=False)
     reached = (
         f"the smallest radius it reaches there is {rounded_up(best.region.radius)} (proved)"
         if best.proved
@@ -212,7 +213,10 @@ def tightest(
 def _tightest(plant: UncertainPlant, centre: float, method: Method) -> Design:
     """Return the design of the smallest radius, ``proved`` or not."""
     sigma, name = -centre, method_name(method)
-    found = smallest_radius(plant.A, plant.B, sigma, method)
+    try:
+        found = smallest_radius(plant.A, plant.B, sigma, method)
+    except SolverError as error:
+        raise NotProvedError(f"undecided: {name} at centre {centre:g}: {error}") from error
     design = _proved_near(plant, centre, name, found)
     step = 1e-4
     while design is None and step < 1e3:

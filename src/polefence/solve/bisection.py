@@ -56,6 +56,11 @@ def smallest_radius(A: Array, B: Array, sigma: float, method: Method) -> Found:
     sigma : float
         The centre is -sigma [1/s].
     method : str or Scheduled
+
+    Raises
+    ------
+    SolverError
+        If the solver answered none of the questions.
     """
     search = _Search(A, B, sigma, method)
     # `low` was found infeasible; `soft` is where the solver failed, believed until the best point,
@@ -81,6 +86,8 @@ def smallest_radius(A: Array, B: Array, sigma: float, method: Method) -> Found:
         elif not verdict:
             low = max(low, target)
     best = search.best
+    if not search.margins and best.radius > FLOOR * sigma:
+        raise SolverError("the solver answered no question")
     return replace(best, bracketed=best.radius - low <= TOLERANCE * best.radius)
 
 
@@ -142,13 +149,13 @@ class _Search:
         return self._attempt(radius, self.plain)
 
     def _attempt(self, radius: float, scaling: Scaling) -> bool | None:
-        A, B = scaling.apply(self.A, self.B)
-        pencil = build(self.method, A, B, self.sigma / scaling.rate, scaling.unit)
         try:
+            A, B = scaling.apply(self.A, self.B)
+            pencil = build(self.method, A, B, self.sigma / scaling.rate, scaling.unit)
             point = largest_margin(pencil, radius / scaling.rate)
-        except SolverError:
+            reached = scaling.rate * reach(pencil, point.x)
+        except (SolverError, np.linalg.LinAlgError):
             return None
-        reached = scaling.rate * reach(pencil, point.x)
         self.margins.append((radius, point.t))
         if reached < self.best.radius:
             values = scaling.restore(pencil.unpack(point.x), pencil.variables)

@@ -19,7 +19,7 @@ import numpy as np
 from polefence.conditions.methods import METHODS
 from polefence.design import Design, place
 from polefence.errors import NotProvedError
-from polefence.limits import Limit, one_limit
+from polefence.limits import Limit, limits
 from polefence.plant.family import UncertainPlant
 from polefence.plant.system import Array
 from polefence.proof.refute import edges, sample_simplex
@@ -66,36 +66,41 @@ def reproduce(
 ) -> dict[str, Any]:
     """Run the whole study; the sweeps of figures 3 and 4 are kept in ``folder`` row by row."""
     plants = {name: family(f"quarter-car-{name}") for name in (*FAMILIES, "m1")}
-    designs = {name: place(plants[name], DISK, "scheduled") for name in FAMILIES}
-    results: dict[str, Any] = {
-        "published": published(),
-        "radii": _radii(plants),
-        "nominal": _nominal(plants),
-        "gains": _gains(plants, designs),
-        "slow centres": _slow_centres(plants),
-        "limits": {
-            name: sweep(
-                plant,
-                centres,
-                METHODS,
-                folder / f"limits-{name}.json",
-                resume,
-                executor=executor,
-                on_row=on_row,
-            )
-            for name, plant in plants.items()
-        },
-        "disk design": {n: _cloud_summary(plants[n], d.poles) for n, d in designs.items()},
+
+    def rows(name: str, centres: Sequence[float]) -> list[Limit]:
+        return limits(plants[name], centres, METHODS, executor, on_row)
+
+    sweeps = {
+        name: sweep(
+            plant,
+            centres,
+            METHODS,
+            folder / f"limits-{name}.json",
+            resume,
+            executor=executor,
+            on_row=on_row,
+        )
+        for name, plant in plants.items()
     }
-    results["inconsistencies"] = _inconsistencies(plants, results)
+    designs = {name: place(plants[name], DISK, "scheduled") for name in FAMILIES}
     for name, design in designs.items():
         design.save(folder / f"design-{name}")
-    return results
+    results: dict[str, Any] = {
+        "published": published(),
+        "radii": _radii({name: rows(name, [DISK.centre]) for name in FAMILIES}),
+        "nominal": _nominal(plants),
+        "gains": _gains(plants, designs),
+        "slow centres": _slow_centres({name: rows(name, EDGES[name]) for name in FAMILIES}),
+        "limits": sweeps,
+        "disk design": {n: _cloud_summary(plants[n], d.poles) for n, d in designs.items()},
+    }
+    return results | {"inconsistencies": _inconsistencies(plants, results)}
 
 
 def total_rows(centres: Sequence[float] = CENTRES) -> int:
-    """Return how many rows the sweeps of a reproduction have."""
-    return (len(FAMILIES) + 1) * len(centres) * len(METHODS)
+    """Return how many smallest radii a reproduction computes."""
+    each = 3 * len(centres) + len(FAMILIES) + sum(len(edge) for edge in EDGES.values())
+    return each * len(METHODS)
 
 
 def cloud(plant: UncertainPlant, poles: Callable[[Array], Array]) -> tuple[Array, Array]:
@@ -125,19 +130,18 @@ def _cloud_summary(plant: UncertainPlant, poles: Callable[[Array], Array]) -> di
     }
 
 
-def _radii(plants: Mapping[str, UncertainPlant]) -> list[Row]:
+def _radii(rows: Mapping[str, Sequence[Limit]]) -> list[Row]:
     claims = published()["claims"]
     printed = {
         "quadratic": claims["lemma1_feasible_at_40"],
         "slack": claims["lemma2_feasible_at_40"],
         "scheduled": claims["smallest_radius_theorem1_at_40"],
     }
-    rows = []
-    for name in FAMILIES:
-        for method in METHODS:
-            row = one_limit(plants[name], DISK.centre, method).as_row()
-            rows.append({"family": name, "published": printed[method], **row})
-    return rows
+    return [
+        {"family": name, "published": printed[row.method], **row.as_row()}
+        for name, found in rows.items()
+        for row in found
+    ]
 
 
 def _nominal(plants: Mapping[str, UncertainPlant]) -> dict[str, Any]:
@@ -198,15 +202,13 @@ def _placed(plant: UncertainPlant, region: Disk, method: str) -> Design | None:
         return None
 
 
-def _slow_centres(plants: Mapping[str, UncertainPlant]) -> list[Row]:
+def _slow_centres(rows: Mapping[str, Sequence[Limit]]) -> list[Row]:
     """Return d / sigma of every method on both sides of where Lemma 1 loses stability."""
-    rows = []
-    for name, centres in EDGES.items():
-        for centre in centres:
-            for method in METHODS:
-                limit = one_limit(plants[name], centre, method)
-                rows.append({"family": name, **limit.as_row(), "d/sigma": limit.ratio})
-    return rows
+    return [
+        {"family": name, **row.as_row(), "d/sigma": row.ratio}
+        for name, found in rows.items()
+        for row in found
+    ]
 
 
 def _inconsistencies(

@@ -219,10 +219,13 @@ def _tightest(plant: UncertainPlant, centre: float, method: Method) -> Design:
         raise NotProvedError(f"undecided: {name} at centre {centre:g}: {error}") from error
     design = _proved_near(plant, centre, name, found)
     step = 1e-4
-    while design is None and step < 1e3:
-        # The point lies too near the boundary for its rounding: look a little farther inside.
-        inner = feasible_point(plant.A, plant.B, sigma, found.radius * (1 + step), method)
-        design = None if inner is None else _proved_near(plant, centre, name, inner)
+    while design is None and step < 1e4:
+        # The point lies too near the boundary for its rounding: look farther inside.
+        radius = found.radius * (1 + step)
+        inner = feasible_point(plant.A, plant.B, sigma, radius, method)
+        if inner is not None:
+            design = _proved_near(plant, centre, name, inner)
+        design = design or _proved_at(plant, radius, centre, name, found)
         step *= 10
     if design is None:
         region = Disk(centre, found.radius)
@@ -231,13 +234,18 @@ def _tightest(plant: UncertainPlant, centre: float, method: Method) -> Design:
 
 
 def _proved_near(plant: UncertainPlant, centre: float, name: str, found: Found) -> Design | None:
-    certificate = _certificate(plant, Disk(centre, found.radius), name, found)
     for step in STEPS:
-        region = Disk(centre, found.radius * (1 + step))
-        candidate = replace(certificate, region=region)
-        if candidate.prove().proved:
-            return Design(candidate)
+        design = _proved_at(plant, found.radius * (1 + step), centre, name, found)
+        if design is not None:
+            return design
     return None
+
+
+def _proved_at(
+    plant: UncertainPlant, radius: float, centre: float, name: str, found: Found
+) -> Design | None:
+    certificate = _certificate(plant, Disk(centre, radius), name, found)
+    return Design(certificate) if certificate.prove().proved else None
 
 
 def _certificate(plant: UncertainPlant, region: Disk, name: str, found: Found) -> Certificate:

@@ -16,7 +16,7 @@ from polefence.conditions.pencil import Pencil, smat
 from polefence.errors import SolverError
 from polefence.plant.system import Array
 from polefence.solve.conic import largest_margin
-from polefence.solve.nominal import nominal_start
+from polefence.solve.nominal import common_point, nominal_start, reachability
 from polefence.solve.scaling import Scaling, balanced
 
 TOLERANCE = 2e-5
@@ -63,13 +63,20 @@ def smallest_radius(A: Array, B: Array, sigma: float, method: Method) -> Found:
         If the solver answered none of the questions.
     """
     search = _Search(A, B, sigma, method)
+    if method != "quadratic":
+        # Lemma 1's point is a point of the others, and its W gives them good coordinates.
+        search.seed(smallest_radius(A, B, sigma, "quadratic"))
+    return _narrow(search)
+
+
+def _narrow(search: _Search) -> Found:
     # `low` was found infeasible; `soft` is where the solver failed, believed until the best point,
     # and with it the coordinates, have improved.
     low = soft = 0.0
     doubted = np.inf
     for step in range(MAX_SOLVES):
         high = search.best.radius
-        if high <= FLOOR * sigma:
+        if high <= FLOOR * search.sigma:
             break
         if high <= low:  # the solver erred when it said infeasible
             low = soft = 0.0
@@ -86,7 +93,7 @@ def smallest_radius(A: Array, B: Array, sigma: float, method: Method) -> Found:
         elif not verdict:
             low = max(low, target)
     best = search.best
-    if not search.margins and best.radius > FLOOR * sigma:
+    if not search.margins and best.radius > FLOOR * search.sigma:
         raise SolverError("the solver answered no question")
     return replace(best, bracketed=best.radius - low <= TOLERANCE * best.radius)
 
@@ -111,9 +118,18 @@ class _Search:
         self.plain = balanced(A, B, sigma)
         start = nominal_start(A, B, sigma, self.plain)
         self.scaling = self._coordinates(start.W)
-        variables = build(method, A, B, sigma).variables
-        self.best = Found(start.radius, start.values(variables), True)
+        self.reachable = self._coordinates(reachability(A, B, sigma, self.plain))
+        self.variables = build(method, A, B, sigma).variables
+        self.best = Found(start.radius, start.values(self.variables), True)
         self.margins: list[tuple[float, float]] = []
+
+    def seed(self, quadratic: Found) -> None:
+        """Begin at a point of Lemma 1, with its W for every Lyapunov matrix."""
+        if quadratic.radius < self.best.radius:
+            W, Z = quadratic.values["W"], quadratic.values["Z"]
+            values = common_point(W, Z, self.variables)
+            self.best = Found(quadratic.radius, values, True)
+            self.scaling = self._coordinates(W)
 
     def _coordinates(self, W: Array) -> Scaling:
         try:
@@ -146,7 +162,11 @@ class _Search:
                 return verdict
             if before - self.best.radius < PROGRESS * (before - radius):
                 break  # better coordinates no longer help
-        return self._attempt(radius, self.plain)
+        for scaling in (self.plain, self.reachable):
+            verdict = self._attempt(radius, scaling)
+            if verdict is not None:
+                return verdict
+        return None
 
     def _attempt(self, radius: float, scaling: Scaling) -> bool | None:
         try:

@@ -30,10 +30,25 @@ class Start:
 
     def values(self, variables: tuple[Variable, ...]) -> dict[str, Array]:
         """Return the point as values of a condition's variables."""
-        Z = self.K @ self.W
-        table = {"W": self.W, "P": self.W, "G": self.W, "Z": Z, "L": Z}
-        tiny = 1e-12 * np.linalg.eigvalsh(self.W)[0]
-        return {v.name: table.get(v.name[0], np.array([[tiny]])) for v in variables}
+        return common_point(self.W, self.K @ self.W, variables)
+
+
+def common_point(W: Array, Z: Array, variables: tuple[Variable, ...]) -> dict[str, Array]:
+    """Return a point of Lemma 1 as a point of any condition: W for every Lyapunov matrix and G."""
+    table = {"W": W, "P": W, "G": W, "Z": Z, "L": Z}
+    tiny = np.array([[1e-12 * float(np.linalg.eigvalsh(W)[0])]])
+    return {v.name: table.get(v.name[0], tiny) for v in variables}
+
+
+def reachability(A: Array, B: Array, sigma: float, scaling: Scaling) -> Array:
+    """Return the reachability Gramian of the mean plant on a disk that is stable by itself."""
+    import scipy.linalg as la  # deferred: slow to import
+
+    As, Bs = scaling.apply(A, B)
+    F, H = As.mean(axis=0) + sigma / scaling.rate * np.eye(A.shape[1]), Bs.mean(axis=0)
+    radius = 2 * max(float(np.abs(np.linalg.eigvals(F)).max()), np.finfo(float).tiny)
+    W = la.solve_discrete_lyapunov(F / radius, H @ H.T / radius**2)
+    return np.asarray(scaling.T @ (W + W.T) / 2 @ scaling.T.T)
 
 
 def nominal_start(A: Array, B: Array, sigma: float, scaling: Scaling) -> Start:

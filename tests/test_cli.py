@@ -146,13 +146,21 @@ def test_help_and_version(capsys):
 
 
 @pytest.mark.parametrize("words", [[], ["desing"], ["limits"], ["limits", "x", "--metod", "slack"]])
-def test_usage_errors_exit_2(words, capsys):
+def test_usage_errors_exit_2_in_one_line(words, capsys):
     with pytest.raises(SystemExit) as stop:
         main(words)
     assert stop.value.code == 2
+    assert capsys.readouterr().err.count("\n") == 1
 
 
-def test_ctrl_c_keeps_finished_rows(car, tmp_path):
+@pytest.mark.parametrize("centre", ["-2", "-2.", "-2.0", "-2e0", "-20e-1", "-.2e1"])
+def test_negative_numbers_in_any_writing(spec, capsys, centre):
+    assert main(["limits", spec, "--centre", centre, "--method", "quadratic"]) == 0
+    assert capsys.readouterr().out.splitlines()[2].split()[0] == "-2"
+
+
+@pytest.mark.parametrize("times", [1, 2])
+def test_ctrl_c_keeps_finished_rows(car, tmp_path, times):
     rows = tmp_path / "rows.json"
     words = ["limits", car, "--centres", "-30", "-50", "40", "--jobs", "2", "--json", str(rows)]
     process = subprocess.Popen(
@@ -164,11 +172,13 @@ def test_ctrl_c_keeps_finished_rows(car, tmp_path):
     deadline = time.monotonic() + 60
     while not rows.exists() and time.monotonic() < deadline:
         time.sleep(0.1)
-    os.killpg(process.pid, signal.SIGINT)  # as a terminal does: parent and workers
+    for _ in range(times):  # as a terminal does: to parent and workers
+        os.killpg(process.pid, signal.SIGINT)
+        time.sleep(0.1)
     _, error = process.communicate(timeout=60)
     assert process.returncode == 130
     assert error.count("\n") == 1
-    assert "interrupted" in error
+    assert "finished rows are kept" in error
     kept = json.loads(rows.read_text())["rows"]
     assert 0 < len(kept) < 120
 

@@ -87,3 +87,33 @@ def test_resuming_refuses_what_is_not_its_own(plant, make_random, tmp_path):
     path.write_text("{}")
     with pytest.raises(InputError, match="no sweep to resume"):
         sweep(plant, [-2.0], ["slack"], path, resume=True)
+
+
+def test_resuming_keeps_rows_that_were_not_asked_for(plant, tmp_path):
+    path = tmp_path / "rows.json"
+    sweep(plant, CENTRES, ["slack"], path)
+    asked = sweep(plant, CENTRES[:1], ["slack"], path, resume=True)
+    assert [row["centre"] for row in asked] == CENTRES[:1]
+    assert len(json.loads(path.read_text())["rows"]) == len(CENTRES)
+
+
+@pytest.mark.parametrize(
+    "damage",
+    [{"radius": -1.0}, {"radius": None}, {"radius": "x"}, {"centre": 2.0}, {"method": "x"}],
+)
+def test_a_damaged_row_is_refused(plant, tmp_path, damage):
+    path = tmp_path / "rows.json"
+    sweep(plant, [-2.0], ["slack"], path)
+    document = json.loads(path.read_text())
+    document["rows"][0].update(damage)
+    path.write_text(json.dumps(document))
+    with pytest.raises(InputError, match="damaged|no sweep"):
+        sweep(plant, [-2.0], ["slack"], path, resume=True)
+
+
+def test_a_killed_worker_costs_no_row(plant, rows):
+    with processes(2) as executor:
+        for worker in executor._processes.values():
+            worker.kill()
+        again = limits(plant, CENTRES, METHODS, executor)
+    assert [r.radius for r in again] == [r.radius for r in rows]

@@ -226,7 +226,7 @@ def _tightest(plant: UncertainPlant, centre: float, method: Method) -> Design:
         if inner is not None:
             design = _proved_near(plant, centre, name, inner)
         design = design or _proved_at(plant, radius, centre, name, found)
-        step *= 10
+        step *= 10 if step < 1e-2 else 3
     if design is None:
         region = Disk(centre, found.radius)
         return Design(_certificate(plant, region, name, found), proved=False)

@@ -30,6 +30,26 @@ def read_text(path: Path, limit: int, error: type[InputError]) -> str:
         raise error(f"{path}: not UTF-8 text") from problem
 
 
+def check_target(path: Path) -> None:
+    """Find out before work begins whether a file can be written; creates nothing.
+
+    Raises
+    ------
+    OutputError
+        If it is a folder, or the nearest folder that exists cannot be written.
+    """
+    if path.is_dir():
+        raise OutputError(f"{path}: cannot be written: is a folder; name a file")
+    nearest = next((p for p in path.absolute().parents if p.exists()), Path("/"))
+    try:
+        with tempfile.TemporaryFile(dir=nearest):
+            pass
+    except OSError as problem:
+        raise OutputError(
+            f"{path}: cannot be written: {problem.strerror}; choose another place"
+        ) from problem
+
+
 def make_folder(path: Path) -> Path:
     """Create a folder for results, or find that it cannot be written, before work begins.
 

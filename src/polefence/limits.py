@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from concurrent.futures import Executor, as_completed
+from concurrent.futures import BrokenExecutor, Executor, as_completed
 from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any
@@ -104,7 +104,12 @@ def as_finished(
     futures = {executor.submit(one_limit, plant, *task): i for i, task in enumerate(tasks)}
     try:
         for future in as_completed(futures):
-            yield futures[future], future.result()
+            index = futures[future]
+            try:
+                row = future.result()
+            except BrokenExecutor:  # a worker was killed, and the pool with it: go on here
+                row = one_limit(plant, *tasks[index])
+            yield index, row
     finally:
         for future in futures:
             future.cancel()

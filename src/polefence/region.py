@@ -26,6 +26,8 @@ def check_centre(centre: float) -> float:
         raise RegionError(f"centre = {centre!r} is not a number") from error
     if not math.isfinite(value):
         raise RegionError(f"centre = {value} is not finite; give a negative real number")
+    if value and not 1e-100 <= abs(value) <= 1e100:
+        raise RegionError(f"centre = {value:g} is out of range; use -1e100 to -1e-100")
     if value >= 0:
         raise RegionError(
             f"centre = {value:g} is not in the left half-plane; give the real coordinate, "

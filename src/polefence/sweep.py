@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import json
+import math
 import os
 import signal
+import threading
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Executor, ProcessPoolExecutor
 from contextlib import contextmanager
@@ -13,8 +15,9 @@ from pathlib import Path
 from typing import Any
 
 from polefence import __version__
+from polefence.conditions.methods import METHODS
 from polefence.errors import InputError
-from polefence.files import read_text, write_text
+from polefence.files import make_folder, read_text, write_text
 from polefence.limits import Limit, as_finished
 from polefence.plant.family import UncertainPlant
 
@@ -59,19 +62,21 @@ def sweep(
     for _, row in as_finished(plant, tasks, executor):
         done[row.centre, row.method] = row.as_row(gain)
         if path is not None:
+            make_folder(path.parent)
             write_text(path, _dumps(plant, _ordered(done, centres, methods)))
         if on_row is not None:
             on_row(row)
-    rows = _ordered(done, centres, methods)
     if path is not None:
-        write_text(path, _dumps(plant, rows))
-    return rows
+        write_text(path, _dumps(plant, _ordered(done, centres, methods)))
+    return [done[c, m] for c in centres for m in methods]
 
 
 def _ordered(
     done: dict[tuple[float, str], Row], centres: Sequence[float], methods: Sequence[str]
 ) -> list[Row]:
-    return [done[c, m] for c in centres for m in methods if (c, m) in done]
+    """Return the rows asked for in their order, then any others that the file had."""
+    asked = [(c, m) for c in centres for m in methods if (c, m) in done]
+    return [done[key] for key in [*asked, *(key for key in done if key not in asked)]]
 
 
 def _dumps(plant: UncertainPlant, rows: list[Row]) -> str:
@@ -80,37 +85,69 @@ def _dumps(plant: UncertainPlant, rows: list[Row]) -> str:
 
 
 def _finished(path: Path, plant: UncertainPlant, gain: bool) -> dict[tuple[float, str], Row]:
+    """Return the usable rows of an earlier run by centre and method."""
     if not path.exists():
         return {}
     try:
         document = json.loads(read_text(path, MAX_BYTES, InputError))
-        version = document["polefence"]
-        digest, rows = document["plant"]["digest"], document["rows"]
-        table = {(float(row["centre"]), str(row["method"])): row for row in rows}
-        usable = {k: r for k, r in table.items() if r["status"] == "proved" and "radius" in r}
-    except (ValueError, KeyError, TypeError) as error:
-        raise InputError(f"{path}: no sweep to resume: {error}; remove it to start anew") from error
+        version, digest = document["polefence"], document["plant"]["digest"]
+        rows = {(row["centre"], row["method"]): row for row in document["rows"]}
+        proved = {key: row for key, row in rows.items() if row["status"] == "proved"}
+        sound = all(_sound(row) for row in proved.values())
+    except (ValueError, KeyError, TypeError, RecursionError) as error:
+        raise InputError(f"{path}: no sweep to resume; remove it to start anew") from error
+    if not sound:
+        raise InputError(f"{path}: a row is damaged; remove the file to start anew")
     if digest != plant.digest:
         raise InputError(f"{path}: a sweep of another plant; remove it, or name another file")
     if version != __version__:
         raise InputError(f"{path}: a sweep by polefence {version}; remove it to start anew")
-    return {k: r for k, r in usable.items() if not gain or "law" in r}
+    return {key: row for key, row in proved.items() if not gain or "law" in row}
+
+
+def _sound(row: Row) -> bool:
+    numbers = (row["centre"], row["radius"], row["seconds"])
+    real = all(isinstance(x, float | int) and math.isfinite(x) for x in numbers)
+    return real and row["centre"] < 0 < row["radius"] and row["method"] in METHODS
 
 
 @contextmanager
 def processes(jobs: int | None = None) -> Iterator[Executor | None]:
-    """Worker processes for a sweep, by default one a processor; None for a single job."""
+    """Worker processes for a sweep, by default one a processor; None for a single job.
+
+    Ctrl-C is the parent's to handle; it ends the workers, whose rows under way are abandoned.
+    """
     count = jobs or os.cpu_count() or 1
     if count == 1:
         yield None
         return
     pool = ProcessPoolExecutor(count, get_context("spawn"), initializer=_leave_interrupts)
     try:
+        with _interrupts_ignored():  # workers inherit it while they start
+            for started in [pool.submit(os.getpid) for _ in range(count)]:
+                started.result()
         yield pool
+    except KeyboardInterrupt:
+        workers = list((pool._processes or {}).values())
+        for worker in workers:
+            worker.terminate()
+        raise
     finally:
-        pool.shutdown(wait=True, cancel_futures=True)
+        with _interrupts_ignored():
+            pool.shutdown(wait=True, cancel_futures=True)
+
+
+@contextmanager
+def _interrupts_ignored() -> Iterator[None]:
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, before)
 
 
 def _leave_interrupts() -> None:
-    # Ctrl-C is the parent's to handle: it cancels what has not begun and keeps what is done.
     signal.signal(signal.SIGINT, signal.SIG_IGN)

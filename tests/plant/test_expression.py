@@ -24,7 +24,7 @@ NAMES = {"k": Fraction(3), "m1": Fraction(1, 7)}
         ("(1 + 2)*(3 - +4)", Fraction(-3)),
         ("1e-3", Fraction(1, 1000)),
         ("-2**2", Fraction(-4)),
-        ("2**3**1", Fraction(8)),
+        ("2**(-3)", Fraction(1, 8)),
     ],
 )
 def test_values_are_exact(text, value):
@@ -52,7 +52,11 @@ def test_decimals_are_the_rationals_they_are_written_as(number):
         ("0x10", "not a finite decimal"),
         ("k +", "cannot read"),
         ("k**0.5", "small integer"),
-        ("2**m1", "unknown name"),
+        ("2**m1", "small integer"),
+        ("2**3**1", "small integer"),
+        ("k**1e1", "small integer"),
+        ("(((((9**32)**32)**32)**32)**32)**32", "out of range"),
+        ("+".join(["k"] * 490), "nested too deeply"),
         ("2**99", "small integer"),
         ("1/(k-3)", "divides by zero"),
         ("1e999999999", "out of range"),

@@ -145,7 +145,12 @@ def test_controllability_is_decided_exactly():
         (("m", 0, 1, "kg", "1/m"), "touches zero"),
         (("m", 0, float("nan")), "finite"),
         (("m", 0, 1, "kg", "m**2"), "through = 'm\\*\\*2' is unknown"),
-        (("1m", 0, 1), "not an identifier"),
+        (("1m", 0, 1), "not a usable name"),
+        (("lambda", 0, 1), "not a usable name"),
+        (("clamp", 0, 1), "not a usable name"),
+        (("µ", 0, 1), "not a usable name"),
+        (("m", "1e350", "2e350"), "out of range"),
+        (("m", "1e-350", 1), "out of range"),
     ],
 )
 def test_bad_parameters_are_refused(arguments, message):

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import ast
+import warnings
 from collections.abc import Callable, Mapping
 from fractions import Fraction
 from typing import Any
 
-from polefence.errors import PlantError, SpecError, suggest
+from polefence.errors import InputError, SpecError, suggest
+from polefence.plant.rational import MAX_BITS, MAX_POWER
 
 MAX_LENGTH = 1000
 MAX_EXPONENT = 400
@@ -33,7 +35,7 @@ def decimal(text: str) -> Fraction:
     _, _, exponent = text.lower().partition("e")
     digits = exponent.lstrip("+-").replace("_", "")
     if len(text) > MAX_LENGTH or (digits.isdigit() and int(digits[:9]) > MAX_EXPONENT):
-        raise SpecError(f"the number {text[:20]}... is out of range")
+        raise SpecError(f"the number {shortened(text)} is out of range")
     try:
         return Fraction(text)
     except (ValueError, ZeroDivisionError) as error:
@@ -60,12 +62,21 @@ def evaluate(text: str, names: Mapping[str, Any], one: Any = None) -> Any:
     if len(text) > MAX_LENGTH:
         raise SpecError(f"the expression is longer than {MAX_LENGTH} characters")
     try:
-        tree = ast.parse(text.strip(), mode="eval")
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # Python's hints on its own style
+            tree = ast.parse(text.strip(), mode="eval")
         return _Evaluator(text.strip(), names, one).visit(tree.body)
-    except (SyntaxError, ValueError, MemoryError, RecursionError) as error:
-        if isinstance(error, PlantError | SpecError):
+    except RecursionError as error:
+        raise SpecError(f"{shortened(text)} is nested too deeply; define its parts") from error
+    except (SyntaxError, ValueError, MemoryError) as error:
+        if isinstance(error, InputError):
             raise
-        raise SpecError(f"cannot read the expression {text!r}; {_ALLOWED}") from error
+        raise SpecError(f"cannot read the expression {shortened(text)}; {_ALLOWED}") from error
+
+
+def shortened(text: str) -> str:
+    """Quote a text for a message, cut to a line's length."""
+    return repr(text if len(text) <= 60 else f"{text[:57]}...")
 
 
 class _Evaluator:
@@ -85,21 +96,29 @@ class _Evaluator:
         if isinstance(node, ast.BinOp) and type(node.op) in _OPERATORS:
             return self.binary(node)
         what = "a call" if isinstance(node, ast.Call) else f"{type(node).__name__!r}"
-        raise SpecError(f"{what} is not allowed in {self.text!r}; {_ALLOWED}")
+        raise SpecError(f"{what} is not allowed in {shortened(self.text)}; {_ALLOWED}")
 
     def binary(self, node: ast.BinOp) -> Any:
         left = self.visit(node.left)
-        if isinstance(node.op, ast.Pow):
-            right: Any = _Evaluator(self.text, {}, None).visit(node.right)
-            if right.denominator != 1 or abs(right) > 32:
-                raise SpecError(f"the power in {self.text!r} is not a small integer; {_ALLOWED}")
-            right = int(right)
-        else:
-            right = self.visit(node.right)
+        power = isinstance(node.op, ast.Pow)
+        right = self.power(node.right) if power else self.visit(node.right)
         try:
-            return _OPERATORS[type(node.op)](left, right)
+            value = _OPERATORS[type(node.op)](left, right)
         except ZeroDivisionError as error:
-            raise SpecError(f"{self.text!r} divides by zero") from error
+            raise SpecError(f"{shortened(self.text)} divides by zero") from error
+        if isinstance(value, Fraction) and value.numerator.bit_length() > MAX_BITS:
+            raise SpecError(f"{shortened(self.text)} is out of range")
+        return value
+
+    def power(self, node: ast.expr) -> int:
+        """Return a power: a small integer, written as such."""
+        sign = 1
+        if isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.USub):
+            sign, node = -1, node.operand
+        value = node.value if isinstance(node, ast.Constant) else None
+        if type(value) is not int or value > MAX_POWER:
+            raise SpecError(f"a power in {shortened(self.text)} is not a small integer; {_ALLOWED}")
+        return sign * value
 
     def number(self, node: ast.Constant) -> Any:
         if type(node.value) not in (int, float):

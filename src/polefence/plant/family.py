@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import itertools
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -18,6 +19,7 @@ from polefence.plant.symbolic import Scope, corners
 from polefence.plant.system import Array, Exact, System
 
 MAX_VERTICES = 256
+MAX_BITS = 20_000  # of the common denominator: the exact checker's bound
 
 
 @dataclass(frozen=True)
@@ -63,6 +65,8 @@ class UncertainPlant:
                 )
             if _width(vertex.exact_E) != _width(first.exact_E):
                 raise PlantError(f"{vertex.name}: E differs in shape from that of {first.name}")
+        if _common_bits(self.vertices) > MAX_BITS:
+            raise PlantError("the entries' common denominator is out of all proportion; round them")
         names = [p.name for p in self.parameters]
         if len(set(names)) < len(names):
             raise PlantError(f"parameter names repeat: {', '.join(names)}")
@@ -229,6 +233,17 @@ class UncertainPlant:
         """Raise ``UncontrollableError`` naming the first vertex that is not controllable."""
         for vertex in self.vertices:
             vertex.require_controllable()
+
+
+def _common_bits(vertices: tuple[System, ...]) -> int:
+    """Bits of the common denominator of A and B, as far as it is worth counting."""
+    common = 1
+    for vertex in vertices:
+        for row in (*vertex.exact_A, *vertex.exact_B):
+            common = math.lcm(common, *(entry.denominator for entry in row))
+        if common.bit_length() > MAX_BITS:
+            break
+    return common.bit_length()
 
 
 def _width(E: Exact | None) -> int:

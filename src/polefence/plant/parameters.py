@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import keyword
 import math
 from dataclasses import dataclass
 from fractions import Fraction
@@ -10,6 +11,11 @@ from typing import Any
 
 from polefence.errors import ParameterValueError, PlantError, suggest
 
+# Larger or smaller magnitudes, or longer fractions, are no physical data: doubles must hold them,
+# and a certificate must be able to say them.
+LARGEST = 10**100
+MAX_DIGITS = 300
+
 
 def exact(value: Any, what: str) -> Fraction:
     """Return a number as the rational it is; a float is taken at its exact binary value.
@@ -17,8 +23,16 @@ def exact(value: Any, what: str) -> Fraction:
     Raises
     ------
     PlantError
-        If it is not a finite real number.
+        If it is not a finite real number, or of a magnitude or length out of all proportion.
     """
+    number = _rational(value, what)
+    digits = max(number.numerator.bit_length(), number.denominator.bit_length()) * 0.302
+    if number and not (1 <= LARGEST * abs(number) <= LARGEST**2 and digits < MAX_DIGITS):
+        raise PlantError(f"{what} is out of range; use 1e-100 to 1e100, at most 300 digits")
+    return number
+
+
+def _rational(value: Any, what: str) -> Fraction:
     if isinstance(value, Rational):
         return Fraction(int(value.numerator), int(value.denominator))
     if isinstance(value, str):
@@ -33,6 +47,19 @@ def exact(value: Any, what: str) -> Fraction:
     if not real:
         raise PlantError(f"{what} = {value!r} must be a finite number")
     return Fraction(float(value))
+
+
+def check_name(name: Any) -> None:
+    """Refuse what cannot be a name in expressions and a keyword argument.
+
+    Raises
+    ------
+    PlantError
+        If it is no ASCII identifier, or a word that Python or `gain_at` keeps for itself.
+    """
+    plain = isinstance(name, str) and name.isidentifier() and name.isascii()
+    if not plain or keyword.iskeyword(name) or name in ("self", "clamp"):
+        raise PlantError(f"{name!r} is not a usable name; use letters, digits and _ (m1, beta)")
 
 
 @dataclass(frozen=True)
@@ -63,8 +90,7 @@ class Parameter:
     through: str = ""
 
     def __post_init__(self) -> None:
-        if not self.name.isidentifier():
-            raise PlantError(f"parameter name {self.name!r} is not an identifier")
+        check_name(self.name)
         what = f"parameter {self.name}: range"
         low, high = exact(self.low, what), exact(self.high, what)
         through = self.through.replace(" ", "") or self.name

@@ -18,11 +18,14 @@ Polynomial = dict[tuple[int, ...], Fraction]
 MAX_TERMS = 2000
 MAX_BITS = 8192
 MAX_POWER = 32
+MAX_DEGREE = 64
 
 
 def _bounded(p: Polynomial) -> Polynomial:
     if len(p) > MAX_TERMS:
         raise PlantError(f"an expression has more than {MAX_TERMS} terms; simplify it")
+    if max((max(e, default=0) for e in p), default=0) > MAX_DEGREE:
+        raise PlantError(f"an expression has a degree above {MAX_DEGREE}; simplify it")
     for c in p.values():
         if max(c.numerator.bit_length(), c.denominator.bit_length()) > MAX_BITS:
             raise PlantError("an expression has a coefficient out of all proportion; simplify it")
@@ -169,17 +172,23 @@ class RationalFunction:
 
     def equals_multiaffine(self, corners: Mapping[tuple[int, ...], Fraction], box: Box) -> bool:
         """Whether this function is the multi-affine interpolation of its corner values, exactly."""
-        interpolation = RationalFunction.constant(Fraction(0), self.count)
-        for corner, value in corners.items():
-            weight = RationalFunction.constant(value, self.count)
-            for index, (side, (low, high)) in enumerate(zip(corner, box, strict=True)):
-                near, far = (high, low) if side else (low, high)
-                weight = weight * (RationalFunction.variable(index, self.count) - far)
-                weight = weight / (near - far)
-            interpolation = interpolation + weight
-        left = self.numerator
-        right = _multiply(interpolation.numerator, self.denominator)
-        return left == right
+        if len(self.denominator) == 1 and not any(next(iter(self.denominator))):
+            return all(max(exponents, default=0) <= 1 for exponents in self.numerator)
+        return self.numerator == _multiply(_interpolation(corners, box), self.denominator)
+
+
+def _interpolation(corners: Mapping[tuple[int, ...], Fraction], box: Box) -> Polynomial:
+    """Return the multi-affine polynomial with these values at the corners (sides 0 low, 1 high).
+
+    One variable after the other, values at its two bounds become constant and slope.
+    """
+    table = dict(corners)
+    for index, (low, high) in enumerate(box):
+        for side in [side for side in table if side[index] == 0]:
+            other = (*side[:index], 1, *side[index + 1 :])
+            slope = (table[other] - table[side]) / (high - low)
+            table[side], table[other] = table[side] - slope * low, slope
+    return {exponents: c for exponents, c in table.items() if c}
 
 
 Box = Sequence[tuple[Fraction, Fraction]]

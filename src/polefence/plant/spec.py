@@ -14,7 +14,7 @@ from polefence.errors import InputError, SpecError, suggest
 from polefence.files import read_text
 from polefence.plant.expression import decimal, evaluate
 from polefence.plant.family import UncertainPlant
-from polefence.plant.parameters import Parameter
+from polefence.plant.parameters import Parameter, exact
 
 MAX_BYTES = 1_000_000
 _NAMES = ("states", "inputs", "disturbances")
@@ -146,18 +146,24 @@ def _rows(value: Any, where: str) -> list[list[Any]]:
 
 def _constant_matrix(value: Any, where: str) -> Any:
     rows = _rows(value, where)
+    return [
+        [_constant(e, f"{where}[{i + 1}][{j + 1}]") for j, e in enumerate(row)]
+        for i, row in enumerate(rows)
+    ]
+
+
+def _constant(entry: Any, where: str) -> Any:
     try:
-        return [[evaluate(e, {}) if isinstance(e, str) else e for e in row] for row in rows]
-    except SpecError as error:
+        return evaluate(entry, {}) if isinstance(entry, str) else entry
+    except InputError as error:
         raise SpecError(f"{where}: {error}") from error
 
 
 def _finite(value: Any, where: str) -> Fraction:
     if isinstance(value, bool) or not isinstance(value, int | Fraction):
-        raise SpecError(f"{where} = {value} must be a finite number")
-    if abs(Fraction(value)) > 10**400:
-        raise SpecError(f"{where} is out of range")
-    return Fraction(value)
+        shown = repr(value) if isinstance(value, str | bool) else str(value)
+        raise SpecError(f"{where} = {shown} must be a finite number")
+    return exact(Fraction(value), where)
 
 
 def _strings(value: Any, key: str) -> tuple[str, ...]:

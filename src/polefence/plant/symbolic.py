@@ -9,7 +9,7 @@ from typing import Any
 
 from polefence.errors import MultiAffinityError, PlantError, SpecError, suggest
 from polefence.plant.expression import evaluate
-from polefence.plant.parameters import Parameter, exact
+from polefence.plant.parameters import Parameter, check_name, exact
 from polefence.plant.rational import RationalFunction
 from polefence.plant.system import Exact, read_matrix
 
@@ -73,8 +73,7 @@ class Scope(Mapping[str, Any]):
         self.pending: list[str] = []
         names = [p.name for p in parameters]
         for name in [*constants, *definitions]:
-            if not name.isidentifier():
-                raise SpecError(f"name {name!r} is not an identifier")
+            check_name(name)
             if name in names:
                 raise SpecError(f"name {name!r} is given twice; rename one")
             names.append(name)

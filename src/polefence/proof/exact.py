@@ -33,6 +33,8 @@ from typing import Any
 FORMAT, VERSION = "polefence-design", 1
 METHODS = ("quadratic", "slack", "scheduled")
 MAX_BYTES, MAX_SIZE, MAX_VERTICES = 32_000_000, 60, 256
+# Bounds on the work that a file can ask for: digits of the common denominators, and operations.
+LARGEST, MAX_BITS, MAX_WORK = 10**300, 20_000, 5 * 10**8
 
 Rationals = list[list[Fraction]]
 Integers = list[list[int]]
@@ -72,9 +74,18 @@ class Verdict:
 
 
 def prove(claim: Claim) -> Verdict:
-    """Decide whether the certificate proves the claim. False says nothing about the poles."""
+    """Decide whether the certificate proves the claim. False says nothing about the poles.
+
+    Raises
+    ------
+    FormatError
+        If the claim is incomplete or inconsistent, or asks for work out of all proportion.
+    """
+    _require_consistent(claim)
     if claim.r <= 0:
         return Verdict(False, "the radius is not positive")
+    if claim.sigma <= 0:
+        return Verdict(False, "the centre is not in the left half-plane")
     if claim.tau < 0:
         return Verdict(False, "tau is negative")
     for k, X in enumerate(claim.X):
@@ -86,6 +97,25 @@ def prove(claim: Claim) -> Verdict:
             return Verdict(False, f"inequality {name} is not positive definite")
         count += 1
     return Verdict(True, f"{count} inequalities positive definite in exact arithmetic")
+
+
+def _require_consistent(claim: Claim) -> None:
+    N, several = len(claim.A), claim.method in ("slack", "scheduled")
+    law = (claim.K is not None, claim.G is not None, claim.Z is not None)
+    expected = {
+        "quadratic": (True, False, False),
+        "slack": (True, True, False),
+        "scheduled": (False, False, True),
+    }
+    if law != expected.get(claim.method):
+        raise FormatError(f"law and evidence do not belong to method {claim.method!r}")
+    counts = {len(claim.B), N, len(claim.X) if several else N}
+    counts |= {len(claim.Z)} if claim.Z is not None else set()
+    if counts != {N} or N == 0 or not claim.X:
+        raise FormatError("matrices are missing: one A, B (and P, or W and Z) a vertex")
+    blocks = N + N * (N - 1) + N * (N - 1) * (N - 2) // 6 if claim.method == "scheduled" else N
+    if blocks * (2 * len(claim.A[0])) ** 3 > MAX_WORK:
+        raise FormatError(f"{blocks} inequalities of this size are more than is checked here")
 
 
 def is_positive_definite(matrix: Integers) -> bool:
@@ -159,13 +189,9 @@ class _Scaled:
 def _scaled(claim: Claim) -> _Scaled:
     plant = _denominator([*claim.A, *claim.B, [[claim.sigma, claim.r]]])
     P: list[Rationals] = []
-    if claim.method == "scheduled":
-        if claim.Z is None:
-            raise FormatError("the scheduled method needs Z")
+    if claim.Z is not None:
         X, Z = claim.X, claim.Z
     else:
-        if claim.K is None or (claim.method == "slack" and claim.G is None):
-            raise FormatError("the law or its certificate is incomplete")
         X = [claim.X[0]] if claim.G is None else [claim.G]
         Z = [
             [
@@ -173,11 +199,11 @@ def _scaled(claim: Claim) -> _Scaled:
                     sum((k * x for k, x in zip(row, column, strict=True)), Fraction(0))
                     for column in zip(*X[0], strict=True)
                 ]
-                for row in claim.K
+                for row in claim.K or []
             ]
         ]
         P = claim.X if claim.method == "slack" else []
-    law = _denominator([*X, *Z, *P, [[claim.tau / plant]]])
+    law = _denominator([*X, *Z, *P, [[claim.tau / plant]]], 2 * MAX_BITS)
     return _Scaled(
         [_integers(a, plant) for a in claim.A],
         [_integers(b, plant) for b in claim.B],
@@ -241,8 +267,13 @@ def _sum(matrices: list[Integers]) -> Integers:
     ]
 
 
-def _denominator(matrices: list[Rationals]) -> int:
-    return math.lcm(*(entry.denominator for M in matrices for row in M for entry in row))
+def _denominator(matrices: list[Rationals], limit: int = MAX_BITS) -> int:
+    common = 1
+    for entry in (entry for M in matrices for row in M for entry in row):
+        common = math.lcm(common, entry.denominator)
+        if common.bit_length() > limit:
+            raise FormatError("the numbers' common denominator is out of all proportion")
+    return common
 
 
 def _integers(matrix: Rationals, denominator: int) -> Integers:
@@ -352,7 +383,7 @@ def _schur_cohn(polynomial: list[Fraction]) -> Integers:
 
 # --- reading -------------------------------------------------------------------------------------
 
-_RATIONAL = re.compile(r"-?[0-9]{1,600}(/[1-9][0-9]{0,600})?")
+_RATIONAL = re.compile(r"-?[0-9]{1,300}(/[1-9][0-9]{0,300})?")
 
 
 def read(text: str) -> tuple[Claim, dict[str, Any]]:
@@ -373,7 +404,7 @@ def read(text: str) -> tuple[Claim, dict[str, Any]]:
         raise FormatError(f"not valid JSON, or cut short: {error}") from error
     if not isinstance(document, dict) or document.get("format") != FORMAT:
         raise FormatError(f'not a design file: "format" must be "{FORMAT}"')
-    if document.get("version") != VERSION:
+    if type(document.get("version")) is not int or document["version"] != VERSION:
         raise FormatError(
             f"format version {document.get('version')!r} is not {VERSION}, the one read here; "
             "use a later release of polefence"
@@ -389,6 +420,7 @@ def _claim(document: dict[str, Any]) -> Claim:
     for j in range(N):
         _shape(A[j], n, n, f"vertex {j + 1}: A")
         _shape(B[j], n, m, f"vertex {j + 1}: B")
+    _denominator([*A, *B])
     if _at(document, "region", "kind") != "disk":
         raise FormatError('region.kind must be "disk"')
     centre = read_number(_at(document, "region", "centre"), "region.centre")
@@ -398,6 +430,10 @@ def _claim(document: dict[str, Any]) -> Claim:
         raise FormatError(f"method {method!r} is not one of {', '.join(METHODS)}")
     if kind != ("scheduled" if method == "scheduled" else "fixed"):
         raise FormatError(f"law.kind {kind!r} does not belong to method {method!r}")
+    _only(document, "region", {"kind", "centre", "radius"})
+    _only(document, "law", {"kind", "W", "Z"} if method == "scheduled" else {"kind", "K"})
+    evidence = {"quadratic": {"W"}, "slack": {"P", "G"}, "scheduled": {"tau"}}
+    _only(document, "certificate", evidence[method])
 
     def several(section: str, key: str, rows: int, count: int) -> list[Rationals]:
         where = f"{section}.{key}"
@@ -444,6 +480,15 @@ def _at(value: Any, *keys: str) -> Any:
     return value
 
 
+def _only(document: dict[str, Any], section: str, known: set[str]) -> None:
+    table = document.get(section)
+    for key in table if isinstance(table, dict) else ():
+        if key not in known:
+            raise FormatError(
+                f"unknown key {section}.{key[:40]}; known: {', '.join(sorted(known))}"
+            )
+
+
 def _list(value: Any, where: str, limit: int) -> list[Any]:
     if not isinstance(value, list) or not 1 <= len(value) <= limit:
         raise FormatError(f"{where} must be a list of 1 to {limit} entries")
@@ -467,11 +512,13 @@ def _shape(matrix: Rationals, rows: int, columns: int, where: str) -> None:
 
 def read_number(value: Any, where: str) -> Fraction:
     """Return a number of the file: a double is the rational it is, a string "p/q" is exact."""
+    number = None
     if isinstance(value, str) and _RATIONAL.fullmatch(value):
-        return Fraction(value)
-    # nan fails the comparison; an integer of any length is compared exactly
-    if isinstance(value, int | float) and not isinstance(value, bool) and abs(value) < 10**300:
-        return Fraction(value)
+        number = Fraction(value)
+    elif isinstance(value, int | float) and not isinstance(value, bool) and abs(value) < LARGEST:
+        number = Fraction(value)  # nan fails the comparison; integers are compared exactly
+    if number is not None and abs(number) < LARGEST:
+        return number
     raise FormatError(f'{where} = {str(value)[:40]!r} is not a finite number or "p/q"')
 
 

@@ -89,6 +89,12 @@ def test_a_damaged_file_is_named(small_designs, tmp_path, damage):
         Design.load(path)
 
 
+def test_a_missing_file_is_named(tmp_path):
+    for call in (Design.load, check):
+        with pytest.raises(DesignFileError, match=r"none\.json: cannot be read"):
+            call(tmp_path / "none.json")
+
+
 def test_a_folder_that_cannot_be_written_is_named(small_designs, tmp_path):
     (tmp_path / "file").write_text("")
     with pytest.raises(OutputError, match="cannot be written"):

@@ -15,6 +15,12 @@ def test_distance_is_negative_inside_and_zero_on_the_boundary():
     assert not disk.contains([-4, -2])  # the disk is open
 
 
+@pytest.mark.parametrize("radius", [31, 29.07575, 7.066082123, 1 / 3])
+def test_a_disk_prints_as_it_is(radius):
+    """Rounded, it would be another claim."""
+    assert float(str(Disk(-40, radius)).rstrip(")").split(",")[1]) == radius
+
+
 @pytest.mark.parametrize(("radius", "stable"), [(3.99, True), (4.0, False), (5.0, False)])
 def test_a_disk_is_stable_if_it_stays_in_the_open_left_half_plane(radius, stable):
     assert Disk(-4, radius).stable is stable

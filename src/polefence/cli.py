@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import os
 import sys
 from collections.abc import Callable, Sequence
 from decimal import Decimal, InvalidOperation
@@ -22,6 +23,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     options = parser.parse_args(_negative_numbers(sys.argv[1:] if arguments is None else arguments))
     try:
         status: int = options.run(options)
+        sys.stdout.flush()
         return status
     except NotProvedError as answer:
         print(answer, file=sys.stderr)
@@ -38,9 +40,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
         kept = "; finished rows are kept, --resume goes on" if keeps else ""
         print(f"polefence: interrupted{kept}", file=sys.stderr)
         return INTERRUPTED
-    except BrokenPipeError:
-        sys.stderr.close()
+    except BrokenPipeError:  # the reader has seen enough
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return PROVED
+    except OSError as error:
+        print(f"polefence: cannot write the output: {error.strerror}", file=sys.stderr)
+        return BAD_INPUT
 
 
 def _negative_numbers(arguments: Sequence[str]) -> list[str]:

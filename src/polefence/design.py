@@ -25,7 +25,7 @@ FILE_NAME = "design.json"
 STEPS = (1e-7, 1e-6, 1e-5, 1e-4)
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Design:
     """A law with the region it is for and the certificate that proves it.
 
@@ -38,6 +38,10 @@ class Design:
 
     certificate: Certificate
     proved: bool = True
+
+    def __repr__(self) -> str:
+        status = "proved" if self.proved else "not proved"
+        return f"<Design of {self.plant.name!r}: {self.method}, {self.region}, {status}>"
 
     @property
     def plant(self) -> UncertainPlant:
@@ -88,12 +92,11 @@ class Design:
             If its claim is not proved, unless ``allow_unproved``.
         """
         where = _design_path(path)
+        text = read_text(where, exact.MAX_BYTES, DesignFileError)
         try:
-            certificate = Certificate.loads(read_text(where, exact.MAX_BYTES, DesignFileError))
+            certificate = Certificate.loads(text)
         except DesignFileError as error:
-            raise DesignFileError(
-                f"{where}: {error}".removeprefix(f"{where}: {where}: ")
-            ) from error
+            raise DesignFileError(f"{where}: {error}") from error
         verdict = certificate.prove()
         if not verdict.proved and not allow_unproved:
             raise NotProvedError(f"{where}: not proved: {verdict.reason}")

@@ -72,12 +72,18 @@ def make_folder(path: Path) -> Path:
 def write_bytes(path: Path, content: bytes) -> None:
     """Write a file whole: to a temporary one beside it, then renamed.
 
+    Links are followed; what is no regular file (a terminal, a pipe) is written to directly.
+
     Raises
     ------
     OutputError
         If it cannot be written; nothing is left behind.
     """
+    path = path.resolve()
     try:
+        if path.exists() and not path.is_file():
+            path.write_bytes(content)
+            return
         handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
         try:
             with os.fdopen(handle, "wb") as file:

@@ -110,9 +110,12 @@ def as_finished(
             except BrokenExecutor:  # a worker was killed, and the pool with it: go on here
                 row = one_limit(plant, *tasks[index])
             yield index, row
-    finally:
+    except KeyboardInterrupt:
+        raise  # whoever owns the executor ends it; cancelling here would race with that
+    except BaseException:
         for future in futures:
             future.cancel()
+        raise
 
 
 def one_limit(plant: UncertainPlant, centre: float, method: Method) -> Limit:

@@ -86,4 +86,10 @@ class Disk:
         return bool(np.all(self.distance(poles) < 0))
 
     def __str__(self) -> str:
-        return f"disk({self.centre:g}, {self.radius:g})"
+        return f"disk({_exactly(self.centre)}, {_exactly(self.radius)})"
+
+
+def _exactly(value: float) -> str:
+    """Print a float so that it reads back the same: a rounded radius would be another claim."""
+    short = f"{value:g}"
+    return short if float(short) == value else repr(value)

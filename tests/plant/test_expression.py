@@ -43,6 +43,7 @@ def test_decimals_are_the_rationals_they_are_written_as(number):
         ("__import__('os').system('true')", "a call is not allowed"),
         ("k.real", "Attribute"),
         ("k[0]", "Subscript"),
+        ("k^2", "write ** for powers"),
         ("m11", "unknown name 'm11'; did you mean 'm1'"),
         ("k if k else m1", "IfExp"),
         ("(lambda: 1)()", "a call"),

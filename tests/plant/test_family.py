@@ -120,6 +120,20 @@ def test_bad_vertices_are_named(As, Bs, message):
         UncertainPlant.from_vertices(As, Bs)
 
 
+@pytest.mark.parametrize(
+    ("function", "message"),
+    [
+        (lambda m1: ([[m1 if m1 > 3 else 0]], [[1]]), "failed on symbolic"),
+        (lambda m1: [[m1]], "returns 1 matrices"),
+        (lambda m1: 3, "failed on symbolic"),
+        (lambda m1: ([[np.sin(m1)]], [[1]]), "failed on symbolic|only"),
+    ],
+)
+def test_functions_that_cannot_be_decided_are_refused(function, message):
+    with pytest.raises(PlantError, match=message):
+        UncertainPlant.from_function(function, [Parameter("m1", 1, 2)])
+
+
 def test_an_uncontrollable_vertex_is_named():
     plant = UncertainPlant.from_vertices(
         [[[0, 1], [0, 0]], [[1, 0], [0, 2]]], [[[0], [1]], [[0], [1]]]

@@ -111,12 +111,21 @@ def test_orderings_that_theory_implies(seed, n, m, N, make_random):
         assert design.region.contains(design.poles(alpha))
 
 
+def test_a_plant_where_the_slack_variable_beats_scheduling():
+    """Observed orderings of Lemma 2 and Theorem 1 are no law: here Lemma 2 goes farther."""
+    A = [[[0, 0], [-1, -4]], [[0, -4], [1, -1]], [[-1, 0], [1, -3]]]
+    B = [[[-6], [-3]], [[-2], [-3]], [[-3], [-4]]]
+    plant = UncertainPlant.from_vertices(A, B)
+    slack = tightest(plant, -3, "slack").region.radius
+    assert slack < 0.995 * tightest(plant, -3, "scheduled").region.radius
+
+
 def test_right_hand_sides_change_little_and_never_for_the_worse(physical, make_random):
     """They relax the conditions: the infimum cannot grow, and at the car's it hardly moves."""
     with_them = tightest(physical, -40, Scheduled(right_hand_sides=True))
     assert check(with_them).proved
     infimum = REFERENCE["physical", "scheduled"]
-    assert infimum * (1 - 1e-4) <= with_them.region.radius <= infimum * (1 + 1e-3)
+    assert infimum * (1 - 1e-4) <= with_them.region.radius <= infimum * (1 + 2e-4)
 
 
 def transformed(plant, T, S, rate):

@@ -96,6 +96,8 @@ class _Evaluator:
         if isinstance(node, ast.BinOp) and type(node.op) in _OPERATORS:
             return self.binary(node)
         what = "a call" if isinstance(node, ast.Call) else f"{type(node).__name__!r}"
+        if isinstance(node, ast.BinOp) and isinstance(node.op, ast.BitXor):
+            what = "^ (write ** for powers)"
         raise SpecError(f"{what} is not allowed in {shortened(self.text)}; {_ALLOWED}")
 
     def binary(self, node: ast.BinOp) -> Any:

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from polefence.errors import PlantError
+from polefence.errors import InputError, PlantError
 from polefence.plant.parameters import Parameter, simplex_weights
 from polefence.plant.rational import RationalFunction
 from polefence.plant.symbolic import Scope, corners
@@ -156,8 +156,18 @@ class UncertainPlant:
         """
 
         def lettered(**values: RationalFunction) -> dict[str, Any]:
-            result = function(**values)
-            return dict(zip("ABE", result, strict=False))
+            try:
+                result = tuple(function(**values))
+            except (TypeError, AttributeError, ValueError) as error:
+                if isinstance(error, InputError):
+                    raise
+                raise PlantError(
+                    f"the plant function failed on symbolic parameters: {error}; it must return "
+                    "A, B or A, B, E and use + - * / ** only"
+                ) from error
+            if len(result) not in (2, 3):
+                raise PlantError(f"the plant function returns {len(result)} matrices, not A, B, E")
+            return {k: M for k, M in zip("ABE", result, strict=False) if M is not None}
 
         return cls._from_symbolic(lettered, parameters, **names)
 

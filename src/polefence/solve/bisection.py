@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from polefence.conditions.methods import Method, build
+from polefence.conditions.methods import Method, Scheduled, build
 from polefence.conditions.pencil import Pencil, smat
 from polefence.errors import SolverError
 from polefence.plant.system import Array
@@ -63,8 +63,10 @@ def smallest_radius(A: Array, B: Array, sigma: float, method: Method) -> Found:
         If the solver answered none of the questions.
     """
     search = _Search(A, B, sigma, method)
-    if method != "quadratic":
-        # Lemma 1's point is a point of the others, and its W gives them good coordinates.
+    # A point of a narrower condition is a point of this one, and gives it good coordinates.
+    if isinstance(method, Scheduled) and method.right_hand_sides:
+        search.seed(smallest_radius(A, B, sigma, "scheduled"))
+    elif method != "quadratic":
         search.seed(smallest_radius(A, B, sigma, "quadratic"))
     return _narrow(search)
 
@@ -123,12 +125,12 @@ class _Search:
         self.best = Found(start.radius, start.values(self.variables), True)
         self.margins: list[tuple[float, float]] = []
 
-    def seed(self, quadratic: Found) -> None:
-        """Begin at a point of Lemma 1, with its W for every Lyapunov matrix."""
-        if quadratic.radius < self.best.radius:
-            W, Z = quadratic.values["W"], quadratic.values["Z"]
-            values = common_point(W, Z, self.variables)
-            self.best = Found(quadratic.radius, values, True)
+    def seed(self, found: Found) -> None:
+        """Begin at a point of Lemma 1, or at one of this condition without its right-hand sides."""
+        if found.radius < self.best.radius:
+            W = lyapunov_mean(found.values)
+            values = common_point(W, found.values.get("Z", W), self.variables) | found.values
+            self.best = Found(found.radius, {v.name: values[v.name] for v in self.variables}, True)
             self.scaling = self._coordinates(W)
 
     def _coordinates(self, W: Array) -> Scaling:

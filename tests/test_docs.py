@@ -1,0 +1,87 @@
+"""Documents are tested: README's commands and snippet, the tutorial's doctests, the layer names."""
+
+from __future__ import annotations
+
+import doctest
+import re
+import shlex
+from pathlib import Path
+
+import pytest
+
+import polefence
+from polefence.cli import main
+from polefence.suspension.quarter_car import spec_text
+
+ROOT = Path(__file__).resolve().parents[1]
+README = (ROOT / "README.md").read_text()
+
+
+def blocks(language):
+    return re.findall(rf"```{language}\n(.*?)```", README, re.DOTALL)
+
+
+@pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")  # its last folder
+def test_the_tutorial_does_what_it_shows(monkeypatch):
+    monkeypatch.chdir(ROOT)
+    result = doctest.testfile(
+        str(ROOT / "docs" / "tutorial.md"),
+        module_relative=False,
+        optionflags=doctest.ELLIPSIS | doctest.NORMALIZE_WHITESPACE,
+    )
+    assert result.attempted > 10
+    assert result.failed == 0
+
+
+def test_readme_commands_run(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    lines = [line.split("#")[0].strip() for block in blocks("sh") for line in block.splitlines()]
+    commands = [line for line in lines if line.startswith("polefence")]
+    assert len(commands) == 4
+    for line in commands:
+        command, _, target = line.partition(">")
+        assert main(shlex.split(command)[1:]) == 0, line
+        out = capsys.readouterr().out
+        if target:
+            Path(target.strip()).write_text(out)
+
+
+def test_readme_make_targets_exist():
+    targets = re.findall(r"^make (\w+)", "\n".join(blocks("sh")), re.MULTILINE)
+    assert targets == ["paper", "test"]
+    makefile = (ROOT / "Makefile").read_text()
+    for target in targets:
+        assert f"\n{target}:" in makefile
+
+
+def test_readme_snippet_runs(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    Path("car.toml").write_text(spec_text("quarter-car-physical"))
+    (snippet,) = blocks("python")
+    names: dict[str, object] = {}
+    exec(snippet, names)
+    assert names["K"].shape == (1, 5)
+    assert polefence.check("car").proved
+
+
+def test_readme_names_files_that_exist():
+    for target in re.findall(r"\]\(([^)#]+)\)", README):
+        assert (ROOT / target).exists(), target
+
+
+@pytest.mark.parametrize("name", polefence.__all__)
+def test_the_facade_is_documented(name):
+    thing = getattr(polefence, name)
+    assert name == "METHODS" or thing.__doc__
+    assert name in (ROOT / "docs" / "api.md").read_text()
+
+
+def test_the_facade_is_small():
+    assert len(polefence.__all__) <= 40
+
+
+def test_versions_agree():
+    version = polefence.__version__
+    assert f'version = "{version}"' in (ROOT / "pyproject.toml").read_text()
+    assert f"version: {version}" in (ROOT / "CITATION.cff").read_text()
+    assert f"## {version} (" in (ROOT / "CHANGELOG.md").read_text()

@@ -35,7 +35,7 @@ def test_the_paper_design_keeps_every_sampled_pole_in_the_disk(placed):
 def test_fixed_gains_do_not_reach_it_and_the_answer_says_how_far_they_go(
     as_printed, method, radius
 ):
-    with pytest.raises(NotProvedError, match=f"smallest radius it reaches there is {radius}") as no:
+    with pytest.raises(NotProvedError, match=f"smallest radius found there is {radius}") as no:
         place(as_printed, Disk(-40, 31), method)
     assert check(no.value.best).proved
     unproved = place(as_printed, Disk(-40, 31), method, allow_unproved=True)

@@ -164,12 +164,12 @@ def place(
     if allow_unproved:
         return Design(wider, proved=False)
     reached = (
-        f"the smallest radius it reaches there is {rounded_up(best.region.radius)} (proved)"
+        f"the smallest radius found there is {rounded_up(best.region.radius)} (proved)"
         if best.proved
-        else "no radius could be proved there"
+        else "no radius was proved there"
     )
     raise NotProvedError(
-        f"not proved: {name} does not reach {region}; {reached}; "
+        f"not proved: {name} gives no proof for {region}; {reached}; "
         "try a larger disk or another method",
         best if best.proved else None,
     )

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from polefence.errors import DesignFileError, InputError
+from polefence.errors import DesignFileError, InputError, PlantError
 from polefence.law import FixedGain, Law, ScheduledGain
 from polefence.plant.family import UncertainPlant
 from polefence.plant.parameters import Parameter
@@ -93,8 +93,17 @@ class Certificate:
         return exact.Claim(self.method, A, B, sigma, r, X=_rationals(e["P"]), K=K, G=G)
 
     def prove(self) -> exact.Verdict:
-        """Decide in exact arithmetic whether the evidence proves the claim."""
-        return exact.prove(self.claim())
+        """Decide in exact arithmetic whether the evidence proves the claim.
+
+        Raises
+        ------
+        PlantError
+            If there are more inequalities than the checker takes on.
+        """
+        try:
+            return exact.prove(self.claim())
+        except exact.FormatError as error:
+            raise PlantError(f"{self.plant.name}: {error}") from error
 
     def document(self) -> dict[str, Any]:
         """Return the design file as plain data for JSON."""

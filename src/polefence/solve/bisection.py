@@ -7,7 +7,7 @@ was asked for; nothing here is proof, see `polefence.proof`.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -19,13 +19,13 @@ from polefence.solve.conic import largest_margin
 from polefence.solve.nominal import common_point, nominal_start, reachability
 from polefence.solve.scaling import Scaling, balanced
 
-TOLERANCE = 2e-5
-FLOOR = 1e-3
+TOLERANCE = 2e-5  # of the bracket, relative to the radius
+FLOOR = 1e-3  # a radius of this share of sigma is as good as zero
 MAX_SOLVES = 40
-MAX_TRIES = 4
-PROGRESS = 0.2
-CONVINCING = 1e-4
-NOISE = 2e-8
+MAX_TRIES = 4  # at one radius, each in the coordinates the last one found
+PROGRESS = 0.2  # share of the way to the radius that makes another try worth while
+CONVINCING = 1e-4  # an infeasible margin must be this share of what good coordinates would give
+NOISE = 2e-8  # margins below the solver's own accuracy say nothing
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,13 +38,10 @@ class Found:
         [1/s]
     values : dict of arrays
         The condition's matrices, original coordinates.
-    bracketed : bool
-        Whether the solver also found the condition infeasible just below. Evidence only.
     """
 
     radius: float
     values: dict[str, Array]
-    bracketed: bool
 
 
 def smallest_radius(A: Array, B: Array, sigma: float, method: Method) -> Found:
@@ -94,10 +91,9 @@ def _narrow(search: _Search) -> Found:
             soft, doubted = target, search.best.radius
         elif not verdict:
             low = max(low, target)
-    best = search.best
-    if not search.margins and best.radius > FLOOR * search.sigma:
+    if not search.margins and search.best.radius > FLOOR * search.sigma:
         raise SolverError("the solver answered no question")
-    return replace(best, bracketed=best.radius - low <= TOLERANCE * best.radius)
+    return search.best
 
 
 def feasible_point(A: Array, B: Array, sigma: float, radius: float, method: Method) -> Found | None:
@@ -122,7 +118,7 @@ class _Search:
         self.scaling = self._coordinates(start.W)
         self.reachable = self._coordinates(reachability(A, B, sigma, self.plain))
         self.variables = build(method, A, B, sigma).variables
-        self.best = Found(start.radius, start.values(self.variables), True)
+        self.best = Found(start.radius, start.values(self.variables))
         self.margins: list[tuple[float, float]] = []
 
     def seed(self, found: Found) -> None:
@@ -130,7 +126,7 @@ class _Search:
         if found.radius < self.best.radius:
             W = lyapunov_mean(found.values)
             values = common_point(W, found.values.get("Z", W), self.variables) | found.values
-            self.best = Found(found.radius, {v.name: values[v.name] for v in self.variables}, True)
+            self.best = Found(found.radius, {v.name: values[v.name] for v in self.variables})
             self.scaling = self._coordinates(W)
 
     def _coordinates(self, W: Array) -> Scaling:
@@ -181,7 +177,7 @@ class _Search:
         self.margins.append((radius, point.t))
         if reached < self.best.radius:
             values = scaling.restore(pencil.unpack(point.x), pencil.variables)
-            self.best = Found(reached, values, True)
+            self.best = Found(reached, values)
             self.scaling = self._coordinates(lyapunov_mean(values))
         if reached <= radius:
             return True

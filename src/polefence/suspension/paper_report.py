@@ -85,7 +85,7 @@ def report(results: Mapping[str, Any]) -> str:
         "## Gains",
         _gains(results["gains"]),
         "LMI solutions are not unique: computed gains differ from published ones and hold the same "
-        "disk. A dash: the method does not reach that radius on that family.",
+        "disk. A dash: the method gives no proof at that radius on that family.",
         f"## The disk ({DISK.centre:g}, {DISK.radius:g}), scheduled",
         table(
             ("family", "alpha sampled", "farthest pole from the centre", "all in the disk"),

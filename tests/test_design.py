@@ -12,6 +12,7 @@ from polefence import (
     Design,
     DesignFileError,
     Disk,
+    InputError,
     NotProvedError,
     OutputError,
     UncertainPlant,
@@ -113,6 +114,16 @@ def test_an_interrupted_write_leaves_the_old_file(small_designs, tmp_path, monke
         small_designs["quadratic"].save(tmp_path)
     assert path.read_text() == old
     assert [p.name for p in tmp_path.iterdir()] == [path.name]
+
+
+def test_wrong_types_are_named(as_printed):
+    for call in (
+        lambda: place(as_printed, (-40, 31)),
+        lambda: place("car.toml", Disk(-40, 31)),
+        lambda: tightest("car.toml", -40),
+    ):
+        with pytest.raises(InputError, match="must be of type"):
+            call()
 
 
 def test_uncontrollable_plants_are_refused_before_any_work():

@@ -63,6 +63,14 @@ def test_division_survives_scales_of_many_decades():
     assert np.allclose(K, Z[0] @ np.linalg.inv(W[0]), rtol=1e-9)
 
 
+def test_a_state_of_the_wrong_shape_is_refused_not_broadcast():
+    alpha = [1, 0, 0, 0]
+    for x in (np.ones((n, 1)), np.ones(n + 1), 1.0):
+        for law in (LAW, FixedGain(Z[0])):
+            with pytest.raises(InputError, match="x must end in 3 states"):
+                law.control(alpha, x)
+
+
 @pytest.mark.parametrize("bad", [[[np.nan]], [1.0], [[[1.0]]]])
 def test_fixed_gain_must_be_a_finite_matrix(bad):
     with pytest.raises(InputError):

@@ -42,6 +42,11 @@ def test_executors_change_nothing_but_the_time(plant, rows):
         assert [r.radius for r in again] == [r.radius for r in rows]
 
 
+def test_one_centre_and_one_method_need_no_list(plant, rows):
+    (row,) = limits(plant, -2.0, "slack")
+    assert row.radius == rows[0].radius
+
+
 def test_unusable_requests_are_refused_before_any_work(plant):
     with pytest.raises(RegionError):
         limits(plant, [-2.0, 2.0])

@@ -90,6 +90,7 @@ def _parser() -> argparse.ArgumentParser:
     _spec_argument(sub)
     sub.add_argument(
         "--centre",
+        "--center",
         type=float,
         action="append",
         default=[],
@@ -98,6 +99,7 @@ def _parser() -> argparse.ArgumentParser:
     )
     sub.add_argument(
         "--centres",
+        "--centers",
         type=float,
         nargs=3,
         metavar=("FROM", "TO", "COUNT"),

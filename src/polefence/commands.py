@@ -10,7 +10,7 @@ from typing import Any
 
 from polefence.conditions.methods import METHODS, Method, Scheduled
 from polefence.design import FILE_NAME, Design, check, place, rounded_up
-from polefence.errors import InputError, NotProvedError
+from polefence.errors import InputError
 from polefence.files import check_target, make_folder, write_bytes, write_text
 from polefence.law import FixedGain
 from polefence.limits import Limit
@@ -179,7 +179,8 @@ def check_command(options: Any) -> int:
         }
         _write_json(options.json, document)
     if difference is not None:
-        raise NotProvedError(f"{options.file}: not about {options.spec}: {difference}")
+        print(f"{options.file}: but NOT about {options.spec}: {difference}")
+        return NOT_PROVED
     return PROVED if answer.proved else NOT_PROVED
 
 
@@ -187,11 +188,27 @@ def _difference(path: Path, plant: UncertainPlant) -> str | None:
     """Say how a design's plant differs from a spec's, None where it does not."""
     found = Design.load(path, allow_unproved=True).plant
     if found.digest != plant.digest:
-        return "other vertices"
+        return _first_difference(found, plant)
     ours, theirs = (
         [(p.name, p.low, p.high, p.through) for p in each.parameters] for each in (found, plant)
     )
     return None if ours == theirs else "other parameter ranges"
+
+
+def _first_difference(found: UncertainPlant, plant: UncertainPlant) -> str:
+    if (len(found.vertices), found.shape) != (len(plant.vertices), plant.shape):
+        return "other vertices: their number or their shapes differ"
+    for mine, theirs in zip(found.vertices, plant.vertices, strict=True):
+        for letter in "AB":
+            rows = zip(
+                getattr(mine, f"exact_{letter}"), getattr(theirs, f"exact_{letter}"), strict=True
+            )
+            for i, (row, other) in enumerate(rows):
+                for j, (a, b) in enumerate(zip(row, other, strict=True)):
+                    if a != b:
+                        place = f"{theirs.name}: {letter}[{i + 1}][{j + 1}]"
+                        return f"other vertices: {place} = {float(a):.9g}, spec {float(b):.9g}"
+    return "other vertices"
 
 
 def paper_command(options: Any) -> int:

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from polefence.conditions.methods import Method, method_name
-from polefence.errors import DesignFileError, NotProvedError, SolverError
+from polefence.errors import DesignFileError, InputError, NotProvedError, SolverError
 from polefence.files import make_folder, read_text, write_text
 from polefence.law import FixedGain, Law, ScheduledGain, right_divide
 from polefence.plant.family import UncertainPlant
@@ -151,6 +151,8 @@ def place(
         If a vertex is uncontrollable.
     """
     name = method_name(method)
+    _require(plant, UncertainPlant, "plant", "polefence.load(path) reads one")
+    _require(region, Disk, "region", "for example polefence.Disk(-40, 31)")
     plant.require_controllable()
     found = feasible_point(plant.A, plant.B, region.sigma, region.radius, method)
     if found is not None:
@@ -203,6 +205,7 @@ def tightest(
     """
     name = method_name(method)
     centre = check_centre(centre)
+    _require(plant, UncertainPlant, "plant", "polefence.load(path) reads one")
     plant.require_controllable()
     best = _tightest(plant, centre, method)
     if not best.proved and not allow_unproved:
@@ -211,6 +214,12 @@ def tightest(
             "check the plant's units and try another centre"
         )
     return best
+
+
+def _require(value: object, kind: type, name: str, remedy: str) -> None:
+    if not isinstance(value, kind):
+        given = type(value).__name__
+        raise InputError(f"{name} must be of type {kind.__name__}, not {given}; {remedy}")
 
 
 def _tightest(plant: UncertainPlant, centre: float, method: Method) -> Design:

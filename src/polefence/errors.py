@@ -76,5 +76,6 @@ class NotProvedError(PolefenceError):
 def suggest(word: str, known: Iterable[str]) -> str:
     """Say which known word was probably meant, or list them all."""
     words = sorted(known)
-    near = difflib.get_close_matches(word, words, n=1)
-    return f"did you mean {near[0]!r}?" if near else f"known: {', '.join(words) or 'none'}"
+    lower = {w.lower(): w for w in words}
+    near = difflib.get_close_matches(word.lower(), lower, n=1)
+    return f"did you mean {lower[near[0]]!r}?" if near else f"known: {', '.join(words) or 'none'}"

@@ -25,7 +25,7 @@ def read_text(path: Path, limit: int, error: type[InputError]) -> str:
     if len(raw) > limit:
         raise error(f"{path}: longer than {limit} bytes; this is no file of ours")
     try:
-        return raw.decode()
+        return raw.decode("utf-8-sig")  # some editors begin with a mark
     except UnicodeDecodeError as problem:
         raise error(f"{path}: not UTF-8 text") from problem
 

@@ -40,7 +40,7 @@ def check_alpha(alpha: Any, N: int, clamp: bool = False) -> Array:
     return np.asarray(a / total)
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class FixedGain:
     """u = K x for every parameter value.
 
@@ -55,6 +55,9 @@ class FixedGain:
     def __post_init__(self) -> None:
         object.__setattr__(self, "K", _frozen(self.K, 2, "K"))
 
+    def __repr__(self) -> str:
+        return f"<FixedGain {self.K.shape[0]} x {self.K.shape[1]}: {self.K.tolist()}>"
+
     def gain(self, alpha: Any = None, clamp: bool = False) -> Array:  # noqa: ARG002
         """Return K; alpha is accepted, and not needed. Batched alpha gives batched gains."""
         lead = () if alpha is None else np.shape(alpha)[:-1]
@@ -65,11 +68,17 @@ class FixedGain:
         return self.K
 
     def control(self, alpha: Any, x: Any, clamp: bool = False) -> Array:
-        """Return u = K x, (..., m) for x (..., n)."""
+        """Return u = K x, (..., m) for x (..., n).
+
+        Raises
+        ------
+        InputError
+            If x does not end in n states.
+        """
         return _product(self.gain(alpha, clamp), x)
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class ScheduledGain:
     """u = K(alpha) x with K(alpha) = Z(alpha) W(alpha)^-1, Z and W affine in alpha.
 
@@ -95,6 +104,10 @@ class ScheduledGain:
         if self.W.shape[2] != n or self.Z.shape[0] != N or self.Z.shape[2] != n:
             raise InputError(f"W {self.W.shape} and Z {self.Z.shape} do not fit together")
 
+    def __repr__(self) -> str:
+        N, m, n = self.Z.shape
+        return f"<ScheduledGain {m} x {n}, {N} vertices>"
+
     def gain(self, alpha: Any, clamp: bool = False) -> Array:
         """Return K(alpha), (..., m, n) for alpha (..., N).
 
@@ -118,7 +131,13 @@ class ScheduledGain:
         return self.gain([float(w) for w in weights])
 
     def control(self, alpha: Any, x: Any, clamp: bool = False) -> Array:
-        """Return u = K(alpha) x, (..., m) for x (..., n)."""
+        """Return u = K(alpha) x, (..., m) for x (..., n).
+
+        Raises
+        ------
+        InputError
+            If x does not end in n states, or alpha lies off the simplex (unless ``clamp``).
+        """
         return _product(self.gain(alpha, clamp), x)
 
 
@@ -126,7 +145,12 @@ Law = FixedGain | ScheduledGain
 
 
 def _product(K: Array, x: Any) -> Array:
-    return np.asarray(np.einsum("...mn,...n->...m", K, np.asarray(x, dtype=float)))
+    state = np.asarray(x, dtype=float)
+    n = K.shape[-1]
+    # A column (n, 1) would broadcast into a wrong force without a word.
+    if state.ndim == 0 or state.shape[-1] != n:
+        raise InputError(f"x must end in {n} states; got shape {state.shape}, try x.ravel()")
+    return np.asarray(np.einsum("...mn,...n->...m", K, state))
 
 
 def right_divide(Z: Array, W: Array) -> Array:

@@ -9,7 +9,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any
 
-from polefence.conditions.methods import METHODS, Method, method_name
+from polefence.conditions.methods import METHODS, Method, Scheduled, method_name
 from polefence.design import Design, tightest
 from polefence.errors import NotProvedError
 from polefence.plant.family import UncertainPlant
@@ -57,8 +57,8 @@ class Limit:
 
 def limits(
     plant: UncertainPlant,
-    centres: Iterable[float],
-    methods: Sequence[Method] = METHODS,
+    centres: Iterable[float] | float,
+    methods: Sequence[Method] | Method = METHODS,
     executor: Executor | None = None,
     on_row: Callable[[Limit], None] | None = None,
 ) -> list[Limit]:
@@ -67,9 +67,9 @@ def limits(
     Parameters
     ----------
     plant : UncertainPlant
-    centres : iterable of float
+    centres : float or iterable of float
         Real coordinates, negative [1/s].
-    methods : sequence of str or Scheduled
+    methods : str or Scheduled, or a sequence of them
     executor : concurrent.futures.Executor, optional
         Where to run; without one, here and one after the other.
     on_row : callable, optional
@@ -81,6 +81,10 @@ def limits(
         If a centre or method is unusable, or a vertex uncontrollable. A row that fails otherwise
         is "undecided" and never stops the sweep.
     """
+    if isinstance(methods, str | Scheduled):
+        methods = (methods,)
+    if not isinstance(centres, Iterable):
+        centres = (centres,)
     tasks = [(check_centre(c), m) for c in centres for m in methods]
     rows: dict[int, Limit] = {}
     for index, row in as_finished(plant, tasks, executor):

@@ -46,13 +46,17 @@ def new_figure(columns: int, width: float, height: float, **options: Any) -> tup
     return figure, axes
 
 
-def limits_figure(panels: Mapping[str, Sequence[Mapping[str, Any]]]) -> Figure:
+def limits_figure(
+    panels: Mapping[str, Sequence[Mapping[str, Any]]], floor: float | None = None
+) -> Figure:
     """Draw d / sigma over the centre for each method; one panel a sweep.
 
     Parameters
     ----------
     panels : mapping
         Title to rows with ``centre``, ``method``, ``radius`` (None is left out).
+    floor : float, optional
+        Least d / sigma shown, in percent; curves below it leave the picture.
     """
     figure, axes = new_figure(len(panels), 1.2 + 4.4 * len(panels), 3.6, sharey=True)
     for ax, (title, rows) in zip(axes, panels.items(), strict=True):
@@ -68,8 +72,8 @@ def limits_figure(panels: Mapping[str, Sequence[Mapping[str, Any]]]) -> Figure:
         ax.axhline(0, color="0.4", lw=0.8)
         ax.set_title(title)
         ax.set_xlabel(r"distance of the centre from the imaginary axis, $\sigma$ [1/s]")
-        # A disk deep in the right half-plane is no design: keep the scale for those that are.
-        ax.set_ylim(bottom=max(ax.get_ylim()[0], -60))
+        if floor is not None:
+            ax.set_ylim(bottom=max(ax.get_ylim()[0], floor))
     axes[0].set_ylabel(r"$d/\sigma = 1 - r/\sigma$ [%]")
     axes[-1].legend(loc="lower right", fontsize=8.5)
     return figure

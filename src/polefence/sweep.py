@@ -9,7 +9,7 @@ import signal
 import threading
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Executor, ProcessPoolExecutor
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
@@ -121,32 +121,49 @@ def processes(jobs: int | None = None) -> Iterator[Executor | None]:
     if count == 1:
         yield None
         return
-    pool = ProcessPoolExecutor(count, get_context("spawn"), initializer=_leave_interrupts)
-    try:
-        with _interrupts_ignored():  # workers inherit it while they start
-            for started in [pool.submit(os.getpid) for _ in range(count)]:
-                started.result()
-        yield pool
-    except KeyboardInterrupt:
-        workers = list((pool._processes or {}).values())
-        for worker in workers:
-            worker.terminate()
-        raise
-    finally:
-        with _interrupts_ignored():
-            pool.shutdown(wait=True, cancel_futures=True)
+    with _interrupted_once() as ignore:
+        pool = ProcessPoolExecutor(count, get_context("spawn"), initializer=_leave_interrupts)
+        try:
+            with ignore():  # workers inherit it while they start
+                for started in [pool.submit(os.getpid) for _ in range(count)]:
+                    started.result()
+            yield pool
+        except KeyboardInterrupt:
+            for worker in list((pool._processes or {}).values()):
+                worker.terminate()
+            raise
+        finally:
+            with ignore():
+                pool.shutdown(wait=True, cancel_futures=True)
 
 
 @contextmanager
-def _interrupts_ignored() -> Iterator[None]:
+def _interrupted_once() -> Iterator[Callable[[], AbstractContextManager[None]]]:
+    """Let the first Ctrl-C raise and ignore all later ones, so that nothing cuts the cleaning up.
+
+    Yields a context manager that ignores even the first.
+    """
     if threading.current_thread() is not threading.main_thread():
-        yield
+        yield nullcontext
         return
-    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
+
+    def once(*_: object) -> None:
+        signal.signal(signal.SIGINT, signal.SIG_IGN)
+        raise KeyboardInterrupt
+
+    @contextmanager
+    def ignore() -> Iterator[None]:
+        before = signal.signal(signal.SIGINT, signal.SIG_IGN)
+        try:
+            yield
+        finally:
+            signal.signal(signal.SIGINT, before)
+
+    outside = signal.signal(signal.SIGINT, once)
     try:
-        yield
+        yield ignore
     finally:
-        signal.signal(signal.SIGINT, before)
+        signal.signal(signal.SIGINT, outside)
 
 
 def _leave_interrupts() -> None:

@@ -22,7 +22,7 @@ MAX_VERTICES = 256
 MAX_BITS = 20_000  # of the common denominator: the exact checker's bound
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class UncertainPlant:
     """The convex hull of ``vertices``; with ``parameters``, the corners of their box.
 
@@ -80,6 +80,11 @@ class UncertainPlant:
                     f"{attribute} names {len(given)} signals; the matrices have {width}"
                 )
 
+    def __repr__(self) -> str:
+        n, m = self.shape
+        vertices = len(self.vertices)
+        return f"<UncertainPlant {self.name!r}: {vertices} vertices, {n} states, {m} inputs>"
+
     @classmethod
     def from_vertices(
         cls, As: Sequence[Any], Bs: Sequence[Any], Es: Sequence[Any] | None = None, **names: Any
@@ -94,9 +99,9 @@ class UncertainPlant:
         As, Bs = list(As), list(Bs)
         disturbances = [None] * len(As) if Es is None else list(Es)
         if not len(As) == len(Bs) == len(disturbances):
-            raise PlantError(
-                f"{len(As)} matrices A, {len(Bs)} B, {len(disturbances)} E; give one a vertex"
-            )
+            counts = f"{len(As)} matrices A, {len(Bs)} B"
+            counts += "" if Es is None else f", {len(disturbances)} E"
+            raise PlantError(f"{counts}; give one of each a vertex")
         vertices = tuple(
             System(A, B, E, f"vertex {j + 1}")
             for j, (A, B, E) in enumerate(zip(As, Bs, disturbances, strict=True))
@@ -166,7 +171,9 @@ class UncertainPlant:
                     "A, B or A, B, E and use + - * / ** only"
                 ) from error
             if len(result) not in (2, 3):
-                raise PlantError(f"the plant function returns {len(result)} matrices, not A, B, E")
+                raise PlantError(
+                    f"the plant function returns {len(result)} matrices; return A, B or A, B, E"
+                )
             return {k: M for k, M in zip("ABE", result, strict=False) if M is not None}
 
         return cls._from_symbolic(lettered, parameters, **names)
@@ -175,7 +182,7 @@ class UncertainPlant:
     def _from_symbolic(
         cls, function: Callable[..., dict[str, Any]], parameters: Sequence[Parameter], **names: Any
     ) -> UncertainPlant:
-        parameters = tuple(parameters)
+        parameters = (parameters,) if isinstance(parameters, Parameter) else tuple(parameters)
         count = len(parameters)
         if not 1 <= 2**count <= MAX_VERTICES:
             raise PlantError(f"{count} parameters; at most {MAX_VERTICES.bit_length() - 1}")

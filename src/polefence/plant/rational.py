@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
+from numbers import Rational
 from typing import Any
 
 from polefence.errors import PlantError
@@ -103,7 +104,8 @@ class RationalFunction:
         if isinstance(value, RationalFunction):
             return value
         try:
-            return RationalFunction.constant(Fraction(value), self.count)
+            exact = value if isinstance(value, Rational) else float(value)
+            return RationalFunction.constant(Fraction(exact), self.count)
         except (TypeError, ValueError, OverflowError) as error:
             raise PlantError(f"{value!r} is not a finite number") from error
 

@@ -38,7 +38,10 @@ def loads(text: str, source: str = "spec") -> UncertainPlant:
     try:
         data = tomllib.loads(text, parse_float=_number)
     except (tomllib.TOMLDecodeError, RecursionError, ValueError) as error:
-        raise SpecError(f"{source}: not valid TOML: {_one_line(error)}") from error
+        hint = "expressions go in quotes, units in comments, decimals take a point"
+        if text.lstrip().startswith("{"):
+            hint = "this looks like a design file; a spec is TOML, see polefence example"
+        raise SpecError(f"{source}: not valid TOML: {_one_line(error)}; {hint}") from error
     try:
         return _plant(data)
     except InputError as error:
@@ -162,7 +165,7 @@ def _constant(entry: Any, where: str) -> Any:
 def _finite(value: Any, where: str) -> Fraction:
     if isinstance(value, bool) or not isinstance(value, int | Fraction):
         shown = repr(value) if isinstance(value, str | bool) else str(value)
-        raise SpecError(f"{where} = {shown} must be a finite number")
+        raise SpecError(f"{where} = {shown} must be a finite number, without quotes or unit")
     return exact(Fraction(value), where)
 
 

@@ -18,7 +18,10 @@ def corners(
     letter: str, rows: Any, parameters: tuple[Parameter, ...]
 ) -> dict[tuple[int, ...], Exact]:
     """Evaluate a matrix of rational functions at every corner, after the multi-affinity test."""
-    table = [list(row) for row in rows]
+    try:
+        table = [list(row) for row in rows]
+    except TypeError as error:
+        raise PlantError(f"{letter} must be a list of rows, [[...], [...]]") from error
     box = [(p.scheduling(p.low), p.scheduling(p.high)) for p in parameters]
     sides = list(itertools.product((0, 1), repeat=len(box)))
     one = RationalFunction.constant(Fraction(1), len(box))

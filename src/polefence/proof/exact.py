@@ -401,7 +401,7 @@ def read(text: str) -> tuple[Claim, dict[str, Any]]:
     except FormatError:
         raise
     except (ValueError, RecursionError) as error:
-        raise FormatError(f"not valid JSON, or cut short: {error}") from error
+        raise FormatError(f"no design.json: not valid JSON, or cut short: {error}") from error
     if not isinstance(document, dict) or document.get("format") != FORMAT:
         raise FormatError(f'not a design file: "format" must be "{FORMAT}"')
     if type(document.get("version")) is not int or document["version"] != VERSION:

@@ -4,7 +4,7 @@ VENV   := .venv
 BIN    := $(VENV)/bin
 OUT    ?= paper-results
 
-.PHONY: paper test lint docs bench clean
+.PHONY: paper test lint docs clean
 
 paper: $(VENV)/.installed
 	$(BIN)/polefence paper -o $(OUT)

@@ -42,12 +42,9 @@ def check_target(path: Path) -> None:
         raise OutputError(f"{path}: cannot be written: is a folder; name a file")
     nearest = next((p for p in path.absolute().parents if p.exists()), Path("/"))
     try:
-        with tempfile.TemporaryFile(dir=nearest):
-            pass
+        _try_writing(nearest)
     except OSError as problem:
-        raise OutputError(
-            f"{path}: cannot be written: {problem.strerror}; choose another place"
-        ) from problem
+        raise _refusal(path, problem) from problem
 
 
 def make_folder(path: Path) -> Path:
@@ -60,12 +57,9 @@ def make_folder(path: Path) -> Path:
     """
     try:
         path.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryFile(dir=path):
-            pass
+        _try_writing(path)
     except OSError as problem:
-        raise OutputError(
-            f"{path}: cannot be written: {problem.strerror}; choose another folder"
-        ) from problem
+        raise _refusal(path, problem) from problem
     return path
 
 
@@ -94,14 +88,21 @@ def write_bytes(path: Path, content: bytes) -> None:
             os.unlink(temporary)
             raise
     except OSError as problem:
-        raise OutputError(
-            f"{path}: cannot be written: {problem.strerror}; choose another place"
-        ) from problem
+        raise _refusal(path, problem) from problem
 
 
 def write_text(path: Path, content: str) -> None:
     """Write a UTF-8 text file whole; see `write_bytes`."""
     write_bytes(path, content.encode())
+
+
+def _try_writing(folder: Path) -> None:
+    with tempfile.TemporaryFile(dir=folder):
+        pass
+
+
+def _refusal(path: Path, problem: OSError) -> OutputError:
+    return OutputError(f"{path}: cannot be written: {problem.strerror}; choose another place")
 
 
 def _umask() -> int:

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+import numpy.typing as npt
 
 from polefence.plant.system import Array
+
+Index = npt.NDArray[np.intp]
 
 
 @dataclass(frozen=True)
@@ -35,17 +37,16 @@ class Variable:
         rows, columns = self.shape
         return rows * (rows + 1) // 2 if self.symmetric else rows * columns
 
-    def basis(self) -> Array:
-        """Coefficient tensor (rows, columns, size): the matrix as a function of its unknowns."""
+    @property
+    def places(self) -> Index:
+        """For each entry of the matrix (rows, columns), which of its unknowns it is."""
         rows, columns = self.shape
-        tensor = np.zeros((rows, columns, self.size))
-        if self.symmetric:
-            i, j = np.triu_indices(rows)
-            index = np.arange(self.size)
-            tensor[i, j, index] = tensor[j, i, index] = 1.0
-        else:
-            tensor.reshape(-1, self.size)[:] = np.eye(self.size)
-        return tensor
+        if not self.symmetric:
+            return np.arange(rows * columns, dtype=np.intp).reshape(rows, columns)
+        table = np.zeros((rows, rows), dtype=np.intp)
+        i, j = np.triu_indices(rows)
+        table[i, j] = table[j, i] = np.arange(self.size)
+        return table
 
     def pack(self, matrix: Array) -> Array:
         """Return the unknowns of a matrix."""
@@ -53,60 +54,53 @@ class Variable:
 
     def unpack(self, unknowns: Array) -> Array:
         """Return the matrix with these unknowns."""
-        return np.asarray(self.basis() @ unknowns)
+        return np.asarray(unknowns[self.places])
 
     def as_linear(self) -> Linear:
         """Return the variable itself as a linear function."""
-        return Linear(self.shape, {self.name: self.basis()})
+        return Linear((Term(self.name, np.eye(self.shape[0])),))
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
+class Term:
+    """left @ X @ right', X the variable ``name``; without ``right`` left @ X."""
+
+    name: str
+    left: Array
+    right: Array | None = None
+
+
+@dataclass(frozen=True, eq=False)
 class Linear:
-    """A matrix that depends linearly on variables: for each name a tensor (rows, columns, size)."""
+    """A sum of terms; those with no ``right`` are collected, one a variable."""
 
-    shape: tuple[int, int]
-    terms: dict[str, Array]
+    terms: tuple[Term, ...] = ()
 
     def __add__(self, other: Linear) -> Linear:
-        terms = dict(self.terms)
-        for name, tensor in other.terms.items():
-            terms[name] = terms[name] + tensor if name in terms else tensor
-        return Linear(self.shape, terms)
-
-    def __neg__(self) -> Linear:
-        return -1.0 * self
+        plain = {t.name: t for t in self.terms if t.right is None}
+        rest = [t for t in self.terms + other.terms if t.right is not None]
+        for t in other.terms:
+            if t.right is None:
+                mine = plain.get(t.name)
+                plain[t.name] = t if mine is None else Term(t.name, mine.left + t.left)
+        return Linear((*plain.values(), *rest))
 
     def __sub__(self, other: Linear) -> Linear:
-        return self + -other
+        return self + -1.0 * other
 
     def __rmul__(self, factor: float) -> Linear:
-        return Linear(self.shape, {name: factor * t for name, t in self.terms.items()})
+        return Linear(tuple(Term(t.name, factor * t.left, t.right) for t in self.terms))
 
     def __rmatmul__(self, left: Array) -> Linear:
-        terms = {name: np.tensordot(left, t, 1) for name, t in self.terms.items()}
-        return Linear((left.shape[0], self.shape[1]), terms)
+        return Linear(tuple(Term(t.name, left @ t.left, t.right) for t in self.terms))
 
     # numpy must leave `array @ Linear` to __rmatmul__
     __array_ufunc__ = None
 
-    @property
-    def T(self) -> Linear:
-        """The transpose."""
-        terms = {name: t.transpose(1, 0, 2) for name, t in self.terms.items()}
-        return Linear((self.shape[1], self.shape[0]), terms)
 
-
-def block(rows: Sequence[Sequence[Linear]]) -> Linear:
-    """Assemble a block matrix."""
-    heights = [row[0].shape[0] for row in rows]
-    widths = [entry.shape[1] for entry in rows[0]]
-    shape = (sum(heights), sum(widths))
-    terms: dict[str, Array] = {}
-    for i, row in enumerate(rows):
-        top = sum(heights[:i])
-        for j, entry in enumerate(row):
-            left = sum(widths[:j])
-            for name, tensor in entry.terms.items():
-                whole = terms.setdefault(name, np.zeros((*shape, tensor.shape[2])))
-                whole[top : top + heights[i], left : left + widths[j]] = tensor
-    return Linear(shape, terms)
+def multiple(scalar: Linear, matrix: Array) -> Linear:
+    """Return a scalar unknown times a matrix."""
+    (term,) = scalar.terms
+    columns, units = matrix.T[:, :, None], np.eye(matrix.shape[1])[:, :, None]
+    pairs = zip(columns, units, strict=True)
+    return Linear(tuple(Term(term.name, column, unit) for column, unit in pairs))

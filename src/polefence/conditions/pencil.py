@@ -8,12 +8,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from polefence.conditions.linear import Linear, Variable, block
+from polefence.conditions.linear import Index, Linear, Term, Variable
 from polefence.plant.system import Array
 
 if TYPE_CHECKING:
@@ -39,21 +39,21 @@ def smat(vectors: Array) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class Block:
-    """One linear matrix inequality r D(x) - M(x) > 0.
+    """One linear matrix inequality r D(x) - M(x) > 0, by its halves: D = half_D + half_D'.
 
     Attributes
     ----------
     name : str
         Where it comes from in the theorem ("(16) j=1 k=2").
     size : int
-    D, M : sparse, (size (size + 1) / 2, unknowns)
-        svec of the two symmetric parts as functions of x.
+    half_D, half_M : tuple of Term
+        Sums of left @ X @ right', left (size, rows of X), right (size, columns of X).
     """
 
     name: str
     size: int
-    D: sp.csr_array
-    M: sp.csr_array
+    half_D: tuple[Term, ...]
+    half_M: tuple[Term, ...]
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,13 +75,28 @@ class Pencil:
 
     @cached_property
     def D(self) -> sp.csr_array:
-        """All blocks' D, stacked."""
-        return _stacked([b.D for b in self.blocks])
+        """All blocks' D as functions of x, in svec, stacked."""
+        return self._operator([b.half_D for b in self.blocks])
 
     @cached_property
     def M(self) -> sp.csr_array:
-        """All blocks' M, stacked."""
-        return _stacked([b.M for b in self.blocks])
+        """All blocks' M as functions of x, in svec, stacked."""
+        return self._operator([b.half_M for b in self.blocks])
+
+    @cached_property
+    def places(self) -> dict[str, Index]:
+        """For each variable its matrix of positions in x."""
+        start = np.cumsum([0] + [v.size for v in self.variables])
+        return {v.name: v.places + k for v, k in zip(self.variables, start, strict=False)}
+
+    def _operator(self, halves: list[tuple[Term, ...]]) -> sp.csr_array:
+        import scipy.sparse as sp
+
+        rows = [
+            _svec_operator(half, b.size, self.places, self.unknowns)
+            for b, half in zip(self.blocks, halves, strict=True)
+        ]
+        return sp.csr_array(sp.vstack(rows))
 
     def pack(self, values: Mapping[str, Array]) -> Array:
         """Return x for the variables' matrices."""
@@ -95,7 +110,10 @@ class Pencil:
 
     def matrices(self, x: Array, r: float) -> dict[str, Array]:
         """Return each block of r D(x) - M(x) by name."""
-        return {b.name: smat(r * (b.D @ x) - b.M @ x) for b in self.blocks}
+        stacked = r * (self.D @ x) - self.M @ x
+        cuts = np.cumsum([b.size * (b.size + 1) // 2 for b in self.blocks])[:-1]
+        parts = np.split(stacked, cuts)
+        return {b.name: smat(part) for b, part in zip(self.blocks, parts, strict=True)}
 
     def __str__(self) -> str:
         lines = [f"{self.method}: r D(x) - M(x) > 0, {self.unknowns} unknowns"]
@@ -112,7 +130,7 @@ class Builder:
     def __init__(self, method: str) -> None:
         self.method = method
         self.variables: list[Variable] = []
-        self.parts: list[tuple[str, Linear, Linear]] = []
+        self.blocks: list[Block] = []
 
     def symmetric(self, name: str, n: int) -> Linear:
         """Declare a symmetric n x n unknown."""
@@ -127,7 +145,8 @@ class Builder:
     def positive(self, name: str) -> Linear:
         """Declare a positive scalar unknown, as the 1 x 1 block r * name > 0."""
         scalar = self.full(name, (1, 1), rows="")
-        self.parts.append((name, scalar, Linear((1, 1), {})))
+        one = np.ones((1, 1))
+        self.blocks.append(Block(name, 1, (Term(name, one / 2, one),), ()))
         return scalar
 
     def disk(
@@ -140,47 +159,47 @@ class Builder:
     ) -> None:
         """Add [[r W - floor, -M], [-M', r right]] > 0; ``right`` defaults to W, ``floor`` to zero.
 
-        The signs of M are free (congruence by diag(I, -I)).
+        Of W, right and floor the symmetric part counts. The signs of M are free (congruence by
+        diag(I, -I)).
         """
-        n = W.shape[0]
-        zero = Linear((n, n), {})
-        D = block([[W, zero], [zero, W if right is None else right]])
-        self.parts.append((name, D, block([[zero if floor is None else floor, M], [M.T, zero]])))
+        n = W.terms[0].left.shape[0]
+        upper, lower = _selectors(n)
+        half_D = _placed(W, upper, upper, 0.5) + _placed(right or W, lower, lower, 0.5)
+        half_M = _placed(M, upper, lower, 1.0)
+        if floor is not None:
+            half_M += _placed(floor, upper, upper, 0.5)
+        self.blocks.append(Block(name, 2 * n, half_D, half_M))
 
     def build(self) -> Pencil:
         """Return the finished value."""
-        start = {}
-        total = 0
-        for v in self.variables:
-            start[v.name] = total
-            total += v.size
-        blocks = tuple(
-            Block(
-                name, D.shape[0], _svec_operator(D, start, total), _svec_operator(M, start, total)
-            )
-            for name, D, M in self.parts
-        )
-        return Pencil(self.method, tuple(self.variables), blocks)
+        return Pencil(self.method, tuple(self.variables), tuple(self.blocks))
 
 
-def _stacked(operators: list[sp.csr_array]) -> sp.csr_array:
+@lru_cache
+def _selectors(n: int) -> tuple[Array, Array]:
+    """Return [I; 0] and [0; I], the block rows of a disk."""
+    both = np.eye(2 * n)
+    both.setflags(write=False)
+    return both[:, :n], both[:, n:]
+
+
+def _placed(part: Linear, rows: Array, columns: Array, factor: float) -> tuple[Term, ...]:
+    """Put a linear function into a larger block."""
+    return tuple(
+        Term(t.name, rows @ (factor * t.left), columns if t.right is None else columns @ t.right)
+        for t in part.terms
+    )
+
+
+def _svec_operator(
+    half: tuple[Term, ...], size: int, places: Mapping[str, Index], total: int
+) -> sp.csr_array:
     import scipy.sparse as sp
 
-    return sp.csr_array(sp.vstack(operators))
-
-
-def _svec_operator(matrix: Linear, start: Mapping[str, int], total: int) -> sp.csr_array:
-    import scipy.sparse as sp
-
-    size = matrix.shape[0] * (matrix.shape[0] + 1) // 2
-    rows, columns, values = [], [], []
-    for name, tensor in matrix.terms.items():
-        operator = svec(np.moveaxis(tensor, 2, 0)).T
-        i, j = np.nonzero(operator)
-        rows.append(i)
-        columns.append(j + start[name])
-        values.append(operator[i, j])
-    if not rows:
-        return sp.csr_array((size, total))
-    entries = (np.concatenate(values), (np.concatenate(rows), np.concatenate(columns)))
-    return sp.csr_array(sp.coo_array(entries, shape=(size, total)))
+    operator = np.zeros((size * (size + 1) // 2, total))
+    for t in half:
+        right = np.eye(size) if t.right is None else t.right
+        basis = np.einsum("ia,jc->acij", t.left, right)
+        columns = svec(basis + basis.swapaxes(-1, -2)).reshape(places[t.name].size, -1)
+        np.add.at(operator.T, places[t.name].ravel(), columns)
+    return sp.csr_array(operator)

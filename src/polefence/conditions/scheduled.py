@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from itertools import combinations, permutations
 
-from polefence.conditions.linear import Linear
+from polefence.conditions.linear import Linear, multiple
 from polefence.conditions.pencil import Builder, Pencil
 from polefence.plant.system import Array
 
@@ -26,10 +26,9 @@ def scheduled(A: Array, B: Array, sigma: float, right_hand_side: Array | None = 
     pencil = Builder("scheduled")
     W = [pencil.symmetric(f"W{j + 1}", n) for j in range(N)]
     Z = [pencil.full(f"Z{j + 1}", (m, n), "u") for j in range(N)]
-    unit, square = Linear((n, n), {}), max(N - 1, 1) ** 2
+    unit, square = Linear(), max(N - 1, 1) ** 2
     if right_hand_side is not None:
-        pencil.positive("tau")
-        unit = Linear((n, n), {"tau": right_hand_side[:, :, None]})
+        unit = multiple(pencil.positive("tau"), right_hand_side)
 
     def M(j: int, k: int) -> Linear:
         product: Linear = A[j] @ W[k] + B[j] @ Z[k] + sigma * W[k]
@@ -45,7 +44,7 @@ def scheduled(A: Array, B: Array, sigma: float, right_hand_side: Array | None = 
             floor=(-1 / square) * unit,
         )
     for j, k, l in combinations(range(N), 3):  # noqa: E741
-        total = Linear((n, n), {})
+        total = Linear()
         for p, q in permutations((j, k, l), 2):
             total = total + M(p, q)
         pencil.disk(

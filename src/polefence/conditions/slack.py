@@ -17,5 +17,5 @@ def slack(A: Array, B: Array, sigma: float) -> Pencil:
     G, L = pencil.full("G", (n, n), "x"), pencil.full("L", (m, n), "u")
     for j in range(N):
         M = A[j] @ G + B[j] @ L + sigma * G
-        pencil.disk(f"(10) j={j + 1}", P[j], M, right=G + G.T - P[j])
+        pencil.disk(f"(10) j={j + 1}", P[j], M, right=2.0 * G - P[j])
     return pencil.build()

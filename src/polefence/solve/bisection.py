@@ -193,16 +193,16 @@ def lyapunov_mean(values: dict[str, Array]) -> Array:
 
 def reach(pencil: Pencil, x: Array) -> float:
     """Largest generalised eigenvalue, the least r with r D(x) - M(x) >= 0; inf without D(x) > 0."""
+    size = np.array([b.size for b in pencil.blocks])
+    cuts = np.cumsum(size * (size + 1) // 2)[:-1]
+    D, M = np.split(pencil.D @ x, cuts), np.split(pencil.M @ x, cuts)
     largest = 0.0
-    for size in {b.size for b in pencil.blocks}:
-        blocks = [b for b in pencil.blocks if b.size == size]
-        D = smat(np.stack([b.D @ x for b in blocks]))
-        M = smat(np.stack([b.M @ x for b in blocks]))
+    for same in (np.flatnonzero(size == s) for s in set(size)):
         try:
-            T = np.linalg.cholesky(D)
+            T = np.linalg.cholesky(smat(np.stack([D[i] for i in same])))
         except np.linalg.LinAlgError:
             return float("inf")
-        half = np.linalg.solve(T, M)
+        half = np.linalg.solve(T, smat(np.stack([M[i] for i in same])))
         pulled = np.linalg.solve(T, half.transpose(0, 2, 1))
         largest = max(largest, float(np.linalg.eigvalsh(pulled).max()))
     return largest

@@ -77,13 +77,15 @@ class Linear:
     terms: tuple[Term, ...] = ()
 
     def __add__(self, other: Linear) -> Linear:
-        plain = {t.name: t for t in self.terms if t.right is None}
-        rest = [t for t in self.terms + other.terms if t.right is not None]
-        for t in other.terms:
-            if t.right is None:
-                mine = plain.get(t.name)
-                plain[t.name] = t if mine is None else Term(t.name, mine.left + t.left)
-        return Linear((*plain.values(), *rest))
+        sums: dict[object, Term] = {}
+        for t in self.terms + other.terms:
+            if t.right is not None:
+                sums[t] = t
+            elif t.name in sums:
+                sums[t.name] = Term(t.name, sums[t.name].left + t.left)
+            else:
+                sums[t.name] = t
+        return Linear(tuple(sums.values()))
 
     def __sub__(self, other: Linear) -> Linear:
         return self + -1.0 * other

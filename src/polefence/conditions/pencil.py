@@ -163,11 +163,12 @@ class Builder:
         diag(I, -I)).
         """
         n = W.terms[0].left.shape[0]
+        first, second = slice(n), slice(n, 2 * n)
         upper, lower = _selectors(n)
-        half_D = _placed(W, upper, upper, 0.5) + _placed(right or W, lower, lower, 0.5)
-        half_M = _placed(M, upper, lower, 1.0)
+        half_D = _placed(W, first, upper, 0.5) + _placed(right or W, second, lower, 0.5)
+        half_M = _placed(M, first, lower, 1.0)
         if floor is not None:
-            half_M += _placed(floor, upper, upper, 0.5)
+            half_M += _placed(floor, first, upper, 0.5)
         self.blocks.append(Block(name, 2 * n, half_D, half_M))
 
     def build(self) -> Pencil:
@@ -183,12 +184,14 @@ def _selectors(n: int) -> tuple[Array, Array]:
     return both[:, :n], both[:, n:]
 
 
-def _placed(part: Linear, rows: Array, columns: Array, factor: float) -> tuple[Term, ...]:
-    """Put a linear function into a larger block."""
-    return tuple(
-        Term(t.name, rows @ (factor * t.left), columns if t.right is None else columns @ t.right)
-        for t in part.terms
-    )
+def _placed(part: Linear, rows: slice, columns: Array, factor: float) -> tuple[Term, ...]:
+    """Put a linear function into a larger block, at these rows and under that selector."""
+    placed = []
+    for t in part.terms:
+        left = np.zeros((columns.shape[0], t.left.shape[1]))
+        left[rows] = t.left if factor == 1.0 else factor * t.left
+        placed.append(Term(t.name, left, columns if t.right is None else columns @ t.right))
+    return tuple(placed)
 
 
 def _svec_operator(

@@ -7,7 +7,10 @@ homogeneous by a free scalar tau in place of 1, which scales with (W, Z) and cha
 
 from __future__ import annotations
 
+from functools import cache
 from itertools import combinations, permutations
+
+import numpy as np
 
 from polefence.conditions.linear import Linear, multiple
 from polefence.conditions.pencil import Builder, Pencil
@@ -30,8 +33,11 @@ def scheduled(A: Array, B: Array, sigma: float, right_hand_side: Array | None = 
     if right_hand_side is not None:
         unit = multiple(pencil.positive("tau"), right_hand_side)
 
+    shifted = A + sigma * np.eye(n)
+
+    @cache
     def M(j: int, k: int) -> Linear:
-        product: Linear = A[j] @ W[k] + B[j] @ Z[k] + sigma * W[k]
+        product: Linear = shifted[j] @ W[k] + B[j] @ Z[k]
         return product
 
     for j in range(N):

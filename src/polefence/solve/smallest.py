@@ -1,0 +1,294 @@
+r"""The smallest radius of a pencil by one primal-dual interior-point run: the reference in NumPy.
+
+    minimise r   subject to   F(x, r) = r D(x) - M(x) >= 0,   t'x = 1
+
+is a generalised eigenvalue problem. With <.,.> summed over blocks, A_r x = r D(x) - M(x) at fixed
+r and * for adjoints, its central path is
+
+    A_r* Y = nu t,   <Y, D(x)> = 1,   F Y = mu I,   t'x = 1,
+
+and (x, r) is optimal as mu tends to 0. One iteration, with Q = F^-1, d = D(x), P = sym(Y d Q):
+
+    H_ij = sum tr(F_i Y F_j Q),   g = A_r* P - D* Y,   delta = <d, P>
+    [ H  g  t ; g' delta 0 ; t' 0 0 ] [dx; dr; nu] = right-hand sides (HKM symmetrisation)
+    dF = A_r dx + dr d,   dY = base - sym(Y dF Q).
+
+The next point is sought on an arc z + v0 + theta v1 + theta^2 v2: v0 centres, v1 is the path's
+tangent, v2 corrects both to second order, the bilinear terms dr D(dx), dr D* dY, <dY, D(dx)>
+included. The path is no function of mu: where r hardly moves although x must go far (an unstable
+open loop, say) mu falls, rises and falls again, and steps at a prescribed mu diverge at these
+folds. There, told by the predicted dr, r is prescribed instead and mu left free; x is then the
+analytic centre at that r, and the step one of the method of centres.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from polefence.plant.system import Array
+from polefence.solve.stacked import Blocks, Stacked
+
+TOLERANCE = 1e-8  # of mu times the order of the pencil, relative to r
+MAX_ITERATIONS = 100
+WIDE = 1.3  # the first r over the least r of the first x
+CENTRAL = 0.1  # least eigenvalue of F Y that a step may leave, as a share of mu
+LOOSE = 0.02  # the same for damped steps
+FOLD = 3.0  # a tangent that moves r by more than this share of the gap is near a fold
+SHARES = (0.999, 0.99, 0.97, 0.95, 0.9, 0.85, 0.8, 0.7, 0.6, 0.5, 0.4, 0.3, 0.2, 0.1, 0.05, 0.02, 0)
+LEAPS = (5.0, 3.0, 2.0, 1.4)  # tried first where r is prescribed, in units of the gap
+SHIFTS = (0.0, 1e-15, 1e-14, 1e-13, 1e-12, 1e-11)
+DAMPING, LEAST_DAMPING = 0.7, 1e-4
+
+
+@dataclass(frozen=True, eq=False)
+class Outcome:
+    """Where a run ended.
+
+    Attributes
+    ----------
+    x : (unknowns,) array
+    r : float
+        F(x, r) > 0, so the least r of x lies below.
+    Y : list of arrays
+        Dual matrices of the blocks, sorted as in `Stacked`, <Y, D(x)> = 1.
+    gap : float
+        mu times the order: about what r lies above the infimum.
+    iterations : int
+    converged : bool
+        Whether the gap came down to the tolerance.
+    """
+
+    x: Array
+    r: float
+    Y: Blocks
+    gap: float
+    iterations: int
+    converged: bool
+
+
+@dataclass(frozen=True, eq=False)
+class _Direction:
+    dx: Array
+    dr: float
+    dF: Blocks
+    dY: Blocks
+
+    def __add__(self, other: _Direction) -> _Direction:
+        return _Direction(
+            self.dx + other.dx,
+            self.dr + other.dr,
+            [a + b for a, b in zip(self.dF, other.dF, strict=True)],
+            [a + b for a, b in zip(self.dY, other.dY, strict=True)],
+        )
+
+
+def smallest(
+    stacked: Stacked, x: Array, r: float | None = None, max_iterations: int = MAX_ITERATIONS
+) -> Outcome:
+    """Run the interior point from a point with D(x) > 0.
+
+    Parameters
+    ----------
+    x : (unknowns,) array
+    r : float, optional
+        With F(x, r) > 0; by default somewhat above the least r of x.
+
+    Raises
+    ------
+    numpy.linalg.LinAlgError
+        If the start is not interior.
+    """
+    t = stacked.adjoint(1.0, stacked.identity(), only_D=True)
+    t = t / np.linalg.norm(t)
+    x = x / (t @ x)
+    D, M = stacked.parts(x)
+    r = WIDE * least_radius(D, M) if r is None else r
+    if not r > 0:
+        raise np.linalg.LinAlgError("no radius to start from")
+    Y = _inverses([r * d - m for d, m in zip(D, M, strict=True)])
+    iterations, gap = 0, np.inf
+    for iterations in range(max_iterations + 1):
+        D, M = stacked.parts(x)
+        Y = _scaled(Y, 1 / _inner(Y, D))
+        F = [r * d - m for d, m in zip(D, M, strict=True)]
+        gap = _inner(F, Y)
+        if not gap > TOLERANCE * r or iterations == max_iterations:
+            break
+        try:
+            arc = _Arc(stacked, x, r, Y, F, D, gap / stacked.order, t)
+        except np.linalg.LinAlgError:
+            break  # H is singular in floats: there is no more to be had
+        step = arc.farthest()
+        if step is None:
+            break
+        x, r, Y = step
+    return Outcome(x, r, Y, gap, iterations, bool(gap <= TOLERANCE * r))
+
+
+def least_radius(D: Blocks, M: Blocks) -> float:
+    """Largest generalised eigenvalue of (M, D).
+
+    Raises
+    ------
+    numpy.linalg.LinAlgError
+        If D is not positive definite.
+    """
+    largest = 0.0
+    for d, m in zip(D, M, strict=True):
+        half = np.linalg.solve(np.linalg.cholesky(d), m)
+        pulled = np.linalg.solve(np.linalg.cholesky(d), half.swapaxes(1, 2))
+        largest = max(largest, float(np.linalg.eigvalsh(pulled).max()))
+    return largest
+
+
+class _Arc:
+    """The arc at one point: its directions, and how far along it stays central."""
+
+    def __init__(
+        self,
+        stacked: Stacked,
+        x: Array,
+        r: float,
+        Y: Blocks,
+        F: Blocks,
+        D: Blocks,
+        mu: float,
+        t: Array,
+    ) -> None:
+        self.stacked, self.x, self.r, self.Y, self.F, self.D = stacked, x, r, Y, F, D
+        self.mu, self.t = mu, t
+        self.Q = _inverses(F)
+        P = self._sym(D)
+        H = stacked.hessian(r, Y, self.Q)
+        self.scale = 1 / np.sqrt(np.diag(H))
+        self.factor = _factor(H * np.outer(self.scale, self.scale))
+        self.g = stacked.adjoint(r, P) - stacked.adjoint(r, Y, only_D=True)
+        self.Hg, self.Ht = self._solved(self.g), self._solved(t)
+        self.delta = _inner(D, P)
+        self.v0, self.v1, self.v2 = self._directions()
+
+    def _directions(self) -> tuple[_Direction, _Direction, _Direction]:
+        gap = self.mu * self.stacked.order
+        centring = [self.mu * q - y for q, y in zip(self.Q, self.Y, strict=True)]
+        dual = self.stacked.adjoint(self.r, self.Y)
+        nothing = [np.zeros_like(y) for y in self.Y]
+        # the tangent towards mu = 0, and the dr that it predicts
+        tangent = self._at_mu(_scaled(self.Q, -self.mu))
+        self.smooth = 0 < -tangent.dr < FOLD * gap
+        if self.smooth:
+            v0, v1 = self._at_mu(centring, dual), tangent
+        else:
+            v0, v1 = self._at_r(centring, dual, 0.0), self._at_r(nothing, 0 * dual, -gap)
+        whole = v0 + v1
+        change, _ = self.stacked.parts(whole.dx)
+        products = [
+            -(dy @ df @ q) - whole.dr * (y @ c @ q)
+            for dy, df, q, y, c in zip(
+                whole.dY, whole.dF, self.Q, self.Y, change, strict=True
+            )
+        ]
+        bend = [(p + p.swapaxes(1, 2)) / 2 for p in products]
+        extra = whole.dr * self.stacked.adjoint(self.r, whole.dY, only_D=True)
+        if self.smooth:
+            return v0, v1, self._at_mu(bend, extra, _inner(whole.dY, change))
+        return v0, v1, self._at_r(bend, extra, 0.0)
+
+    def _at_mu(self, base: Blocks, dual: Array | float = 0.0, norm: float = 0.0) -> _Direction:
+        """Newton's direction with dY = base - sym(Y dF Q); mu is prescribed by the base."""
+        a = self.stacked.adjoint(self.r, base) + dual
+        b = _inner(self.D, base) + norm
+        Ha = self._solved(a)
+        g, t, Hg, Ht = self.g, self.t, self.Hg, self.Ht
+        small = np.array([[self.delta - g @ Hg, -g @ Ht], [-t @ Hg, -t @ Ht]])
+        dr, nu = np.linalg.solve(small, np.array([b - g @ Ha, -t @ Ha]))
+        return self._completed(Ha - dr * Hg - nu * Ht, float(dr), base)
+
+    def _at_r(self, base: Blocks, dual: Array, dr: float) -> _Direction:
+        """Newton's direction with dr prescribed; <Y, D(x)> = 1 is left to the next scaling."""
+        Ha = self._solved(self.stacked.adjoint(self.r, base) + dual - dr * self.g)
+        dx = Ha - self.Ht * (self.t @ Ha) / (self.t @ self.Ht)
+        return self._completed(dx, dr, base)
+
+    def _completed(self, dx: Array, dr: float, base: Blocks) -> _Direction:
+        D, M = self.stacked.parts(dx)
+        dF = [self.r * d - m + dr * c for d, m, c in zip(D, M, self.D, strict=True)]
+        return _Direction(
+            dx, dr, dF, [b - s for b, s in zip(base, self._sym(dF), strict=True)]
+        )
+
+    def _solved(self, a: Array) -> Array:
+        half = np.linalg.solve(self.factor, self.scale * a)
+        return np.asarray(self.scale * np.linalg.solve(self.factor.T, half))
+
+    def _sym(self, X: Blocks) -> Blocks:
+        """sym(Y X Q) in every block."""
+        products = [y @ z @ q for y, z, q in zip(self.Y, X, self.Q, strict=True)]
+        return [(p + p.swapaxes(1, 2)) / 2 for p in products]
+
+    def farthest(self) -> tuple[Array, float, Blocks] | None:
+        """Return the farthest point on the arc that is central, or None."""
+        for share, damping in self._candidates():
+            bend = damping * share**2
+            r = self.r + damping * (self.v0.dr + share * self.v1.dr) + bend * self.v2.dr
+            x = self.x + damping * (self.v0.dx + share * self.v1.dx) + bend * self.v2.dx
+            Y = [
+                y + damping * (a + share * b) + bend * c
+                for y, a, b, c in zip(self.Y, self.v0.dY, self.v1.dY, self.v2.dY, strict=True)
+            ]
+            if r > 0 and self._central(x, r, Y, CENTRAL if damping > 0.3 else LOOSE):
+                return x, r, Y
+        return None
+
+    def _candidates(self) -> Iterator[tuple[float, float]]:
+        yield from ((share, 1.0) for share in (() if self.smooth else LEAPS) + SHARES)
+        damping = DAMPING
+        while damping > LEAST_DAMPING:
+            yield from ((share, damping) for share in (0.5, 0.0))
+            damping *= DAMPING
+
+    def _central(self, x: Array, r: float, Y: Blocks, share: float) -> bool:
+        """Whether F > 0, Y > 0 and all eigenvalues of F Y are at least this share of their mean."""
+        D, M = self.stacked.parts(x)
+        F = [r * d - m for d, m in zip(D, M, strict=True)]
+        mu = _inner(F, Y) / self.stacked.order
+        if not mu > 0:
+            return False
+        try:
+            for f, y in zip(F, Y, strict=True):
+                L = np.linalg.cholesky(f)
+                np.linalg.cholesky(y)
+                np.linalg.cholesky(
+                    L.swapaxes(1, 2) @ y @ L - share * mu * np.eye(f.shape[1])
+                )
+        except np.linalg.LinAlgError:
+            return False
+        return True
+
+
+def _factor(H: Array) -> Array:
+    for shift in SHIFTS:
+        try:
+            return np.asarray(np.linalg.cholesky(H + shift * np.eye(len(H))))
+        except np.linalg.LinAlgError:
+            continue
+    raise np.linalg.LinAlgError("singular")
+
+
+def _inner(X: Blocks, Y: Blocks) -> float:
+    return float(sum(np.vdot(x, y) for x, y in zip(X, Y, strict=True)))
+
+
+def _scaled(X: Blocks, factor: float) -> Blocks:
+    return [factor * x for x in X]
+
+
+def _inverses(X: Blocks) -> Blocks:
+    """Inverses of positive definite blocks."""
+    inverses = []
+    for x in X:
+        half = np.linalg.inv(np.linalg.cholesky(x))
+        inverses.append(half.swapaxes(1, 2) @ half)
+    return inverses

@@ -1,0 +1,247 @@
+r"""A pencil as stacks of equal blocks, and the operators an interior point needs.
+
+Each block is a sum of terms, F(x) = r D(x) - M(x) = sum_t L_t X_t R_t' + (its transpose), with
+L_t = r L_D - L_M and X_t a matrix of unknowns (a stack of variables, or a weighted sum of them).
+Blocks of one shape form a `Family` and are handled together; matrices of all blocks of one size
+form one array (blocks, size, size), and "blocks" below means the list of these arrays.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from polefence.conditions.linear import Index, Term
+from polefence.conditions.pencil import Block, Pencil
+from polefence.plant.system import Array
+
+Blocks = list[Array]
+
+
+@dataclass(frozen=True, eq=False)
+class Batch:
+    """One term in each block of a family.
+
+    Attributes
+    ----------
+    D, M : (blocks, size, a) arrays
+        L_D and L_M.
+    R : (blocks, size, c) array
+    rows : (blocks, p, a) array of int
+        Where the a rows of the p matrices that X_t sums start in the list of all variables'
+        entries, row by row.
+    weights : (blocks, p) array
+    """
+
+    D: Array
+    M: Array
+    R: Array
+    rows: Index
+    weights: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Family:
+    """Blocks of one shape: ``where`` in the array of their size, and their terms."""
+
+    size: int
+    where: slice
+    terms: tuple[Batch, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class Stacked:
+    """A pencil for the interior point.
+
+    Attributes
+    ----------
+    unknowns : int
+    entries : (all variables' entries,) array of int
+        Which unknown each entry is (the two off-diagonal entries of a symmetric one are the same).
+    families : tuple of Family
+        In ascending size.
+    """
+
+    unknowns: int
+    entries: Index
+    families: tuple[Family, ...]
+
+    @cached_property
+    def sizes(self) -> dict[int, int]:
+        """Number of blocks of each size."""
+        return {f.size: f.where.stop for f in self.families}
+
+    @cached_property
+    def order(self) -> int:
+        """Sum of the blocks' sizes: the trace of the identity."""
+        return sum(size * count for size, count in self.sizes.items())
+
+    @cached_property
+    def tensors(self) -> tuple[Tensor, ...]:
+        """The families once more, spelt out in their unknowns for NumPy."""
+        return tuple(_tensor(self, family) for family in self.families)
+
+    def _each(self, blocks: Blocks) -> Iterator[tuple[Tensor, Array]]:
+        at = dict(zip(self.sizes, blocks, strict=True))
+        pairs = zip(self.families, self.tensors, strict=True)
+        return ((tensor, at[f.size][f.where]) for f, tensor in pairs)
+
+    def identity(self) -> Blocks:
+        """Return the identity."""
+        return [np.tile(np.eye(size), (count, 1, 1)) for size, count in self.sizes.items()]
+
+    def parts(self, x: Array) -> tuple[Blocks, Blocks]:
+        """Return D(x) and M(x)."""
+        D = [np.empty((count, size, size)) for size, count in self.sizes.items()]
+        M = [np.empty_like(d) for d in D]
+        for (tensor, d), (_, m) in zip(self._each(D), self._each(M), strict=True):
+            local = x[tensor.unknowns][:, None, :]
+            d[:] = (local @ tensor.D.reshape(*tensor.D.shape[:2], -1)).reshape(d.shape)
+            m[:] = (local @ tensor.M.reshape(*tensor.M.shape[:2], -1)).reshape(m.shape)
+        return D, M
+
+    def adjoint(self, r: float, P: Blocks, only_D: bool = False) -> Array:
+        """Return the gradient of <P, r D(x) - M(x)> in x; with ``only_D`` that of <P, D(x)>."""
+        total = np.zeros(self.unknowns)
+        for tensor, p in self._each(P):
+            F = tensor.D if only_D else r * tensor.D - tensor.M
+            values = F.reshape(*F.shape[:2], -1) @ p.reshape(len(p), -1, 1)
+            total += np.bincount(tensor.unknowns.ravel(), values.ravel(), self.unknowns)
+        return total
+
+    def hessian(self, r: float, Y: Blocks, Q: Blocks) -> Array:
+        """Return H_ij = sum of tr(F_i Y F_j Q) over blocks, F_i the block's derivative in x_i."""
+        H = np.zeros((self.unknowns, self.unknowns))
+        for (tensor, y), (_, q) in zip(self._each(Y), self._each(Q), strict=True):
+            for k, unknowns in enumerate(tensor.unknowns):
+                F = r * tensor.D[k % len(tensor.D)] - tensor.M[k]
+                FY, FQ = F @ y[k], F @ q[k]
+                rows = FY.reshape(len(F), -1) @ FQ.swapaxes(1, 2).reshape(len(F), -1).T
+                H[np.ix_(unknowns, unknowns)] += rows
+        return (H + H.T) / 2
+
+
+@dataclass(frozen=True, eq=False)
+class Tensor:
+    """A family in the unknowns that each block touches.
+
+    Attributes
+    ----------
+    unknowns : (blocks, q) array of int
+    D : (1, q, size, size) array
+        The same for all blocks of a family, or (blocks, ...).
+    M : (blocks, q, size, size) array
+        Derivatives of D(x) and M(x).
+    """
+
+    unknowns: Index
+    D: Array
+    M: Array
+
+
+def _tensor(stacked: Stacked, family: Family) -> Tensor:
+    s, unknowns, tensors = family.size, [], []
+    columns = [np.arange(t.R.shape[2]) for t in family.terms]
+    for k in range(family.where.stop - family.where.start):
+        places = [
+            stacked.entries[t.rows[k, :, :, None] + c]
+            for t, c in zip(family.terms, columns, strict=True)
+        ]
+        touched, index = np.unique(np.concatenate([p.ravel() for p in places]), return_inverse=True)
+        tensor = np.zeros((2, len(touched), s, s))
+        start = 0
+        for t, p in zip(family.terms, places, strict=True):
+            local = index[start : start + p.size].reshape(p.shape)
+            start += p.size
+            for part, L in zip(tensor, (t.D[k], t.M[k]), strict=True):
+                products = np.einsum("ia,jc->acij", L, t.R[k])
+                for w, where in zip(t.weights[k], local, strict=True):
+                    np.add.at(part, where, w * products)
+        unknowns.append(touched)
+        tensors.append(tensor + tensor.swapaxes(2, 3))
+    both = np.stack(tensors)
+    D, M = both[:, 0], both[:, 1]
+    shared = D[:1] if (D == D[0]).all() else D
+    return Tensor(np.array(unknowns), np.ascontiguousarray(shared), np.ascontiguousarray(M))
+
+
+def stack(pencil: Pencil) -> Stacked:
+    """Sort a pencil's blocks into families."""
+    start, begin = {}, 0
+    for v in pencil.variables:
+        start[v.name] = begin
+        begin += v.shape[0] * v.shape[1]
+    entries = np.concatenate([pencil.places[v.name].ravel() for v in pencil.variables])
+    shapes: dict[tuple[object, ...], list[list[_Row]]] = {}
+    for block in pencil.blocks:
+        rows = _rows(block, start)
+        shape = (block.size, *((row.D.shape[1], row.R.shape[1], len(row.weights)) for row in rows))
+        shapes.setdefault(shape, []).append(rows)
+    families, filled = [], dict[int, int]()
+    for shape in sorted(shapes, key=lambda s: s[0]):  # type: ignore[arg-type, return-value]
+        blocks, size = shapes[shape], int(shape[0])  # type: ignore[call-overload]
+        begin = filled.get(size, 0)
+        filled[size] = begin + len(blocks)
+        terms = tuple(_batch([rows[k] for rows in blocks]) for k in range(len(blocks[0])))
+        families.append(Family(size, slice(begin, filled[size]), terms))
+    return Stacked(pencil.unknowns, entries, tuple(families))
+
+
+@dataclass(eq=False)
+class _Row:
+    """A term of one block while it is being put together."""
+
+    D: Array
+    M: Array
+    R: Array
+    rows: Index
+    weights: Array
+
+
+def _batch(rows: list[_Row]) -> Batch:
+    columns = ("D", "M", "R", "rows", "weights")
+    return Batch(*(np.stack([getattr(row, c) for row in rows]) for c in columns))
+
+
+def _rows(block: Block, start: dict[str, int]) -> list[_Row]:
+    """Collect the halves' terms: those with the same right factor side by side."""
+    rights: dict[bytes, Array] = {}
+    lefts: dict[bytes, dict[str, list[Array]]] = {}
+    for k, half in enumerate((block.half_D, block.half_M)):
+        for t in half:
+            right = _right(t, block.size)
+            key = right.tobytes()
+            rights[key] = right
+            pair = lefts.setdefault(key, {}).setdefault(t.name, [np.zeros_like(t.left)] * 2)
+            pair[k] = pair[k] + t.left
+    return [_row(list(lefts[key].items()), rights[key], start) for key in rights]
+
+
+def _right(t: Term, size: int) -> Array:
+    return np.eye(size) if t.right is None else t.right
+
+
+def _row(pairs: list[tuple[str, list[Array]]], R: Array, start: dict[str, int]) -> _Row:
+    columns = R.shape[1]
+    rows = [start[name] + columns * np.arange(D.shape[1]) for name, (D, _) in pairs]
+    D, M = pairs[0][1]
+    weights = _multiples(pairs)
+    if weights is not None:
+        return _Row(D, M, R, np.stack(rows), weights)
+    D = np.concatenate([D for _, (D, _) in pairs], axis=1)
+    M = np.concatenate([M for _, (_, M) in pairs], axis=1)
+    return _Row(D, M, R, np.concatenate(rows)[None], np.ones(1))
+
+
+def _multiples(pairs: list[tuple[str, list[Array]]]) -> Array | None:
+    """Return w where all left factors are w times the first: X_t is then a weighted sum."""
+    D0 = pairs[0][1][0]
+    if any(M.any() or D.shape != D0.shape for _, (D, M) in pairs):
+        return None
+    pivot = np.unravel_index(np.argmax(np.abs(D0)), D0.shape)
+    weights = np.array([D[pivot] / D0[pivot] for _, (D, _) in pairs])
+    same = all(np.array_equal(D, w * D0) for w, (_, (D, _)) in zip(weights, pairs, strict=True))
+    return weights if same else None

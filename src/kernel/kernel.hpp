@@ -1,0 +1,65 @@
+// The interior point of src/polefence/solve/smallest.py on plain arrays: data, memory, entry points.
+#pragma once
+#include <cstddef>
+#include <cstdint>
+
+namespace polefence {
+
+// One term L X R' of one block, L = r D - M; X sums `weights[k]` times the matrix of unknowns whose
+// rows start at rows[k a], ..., rows[k a + a - 1] in the list of all variables' entries.
+struct Term {
+    std::int64_t a, c, p;        // X is a x c, a sum of p
+    const double *D, *M;         // size x a, row by row
+    const double *R;             // size x c
+    const std::int64_t *rows;    // p x a
+    const double *weights;       // p
+    std::int64_t selected;       // R selects the rows from here on; -1: R is any matrix
+};
+
+struct Block {
+    std::int64_t size, first, last;  // its terms
+    std::int64_t offset;             // of its matrix in arrays over all blocks
+};
+
+struct Problem {
+    std::int64_t unknowns, entries, blocks, terms;
+    const std::int64_t *entry;   // which unknown each entry is
+    const Block *block;
+    const Term *term;
+    std::int64_t total, order;   // sums of size^2 and of size
+};
+
+struct Options {
+    double tolerance, central, loose, fold, damping, least_damping;
+    const double *shares, *leaps, *shifts;
+    std::int64_t shares_count, leaps_count, shifts_count, max_iterations;
+};
+
+// In: x, r. Out: x, r, Y (total), and how it went.
+struct State {
+    double *x, *Y;
+    double r, gap;
+    std::int64_t iterations;
+    bool converged;
+};
+
+// Owns every array of a run; each is an allocation of its own, so that overruns show.
+class Memory {
+  public:
+    Memory() = default;
+    Memory(const Memory &) = delete;
+    Memory &operator=(const Memory &) = delete;
+    ~Memory();
+    double *take(std::int64_t count);  // zeros
+
+  private:
+    struct Piece;
+    Piece *pieces = nullptr;
+};
+
+bool run_plain(const Problem &, const Options &, State &, Memory &);
+#ifdef POLEFENCE_AVX2
+bool run_avx2(const Problem &, const Options &, State &, Memory &);
+#endif
+
+}  // namespace polefence

@@ -1,0 +1,177 @@
+// Python's door to the kernel: checks shapes, lays out blocks, releases the GIL, runs.
+#include <nanobind/nanobind.h>
+#include <nanobind/ndarray.h>
+#include <nanobind/stl/string.h>
+#include <nanobind/stl/tuple.h>
+#include <nanobind/stl/vector.h>
+
+#include <cstdlib>
+#include <new>
+#include <string>
+#include <tuple>
+#include <utility>
+#include <vector>
+
+#include "kernel.hpp"
+
+namespace nb = nanobind;
+
+namespace polefence {
+
+struct Memory::Piece {
+    double *data;
+    Piece *next;
+};
+
+Memory::~Memory() {
+    while (pieces) {
+        Piece *next = pieces->next;
+        std::free(pieces->data);
+        delete pieces;
+        pieces = next;
+    }
+}
+
+double *Memory::take(std::int64_t count) {
+    auto *data = static_cast<double *>(
+        std::calloc(static_cast<std::size_t>(count > 0 ? count : 1), sizeof(double)));
+    if (!data) throw std::bad_alloc();
+    pieces = new Piece{data, pieces};
+    return data;
+}
+
+}  // namespace polefence
+
+namespace {
+
+using polefence::Block;
+using polefence::Term;
+using Int = std::int64_t;
+using Vector = nb::ndarray<const double, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
+using Matrices = nb::ndarray<const double, nb::ndim<3>, nb::c_contig, nb::device::cpu>;
+using Weights = nb::ndarray<const double, nb::ndim<2>, nb::c_contig, nb::device::cpu>;
+using Integers = nb::ndarray<const Int, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
+using Rows = nb::ndarray<const Int, nb::ndim<3>, nb::c_contig, nb::device::cpu>;
+using TermArrays = std::tuple<Matrices, Matrices, Matrices, Rows, Weights>;
+using FamilyArrays = std::vector<TermArrays>;
+using Steps = std::tuple<double, double, double, double, double, double>;
+
+void require(bool fine, const char *message) {
+    if (!fine) throw nb::value_error(message);
+}
+
+// The row from which R = [0; I; 0] selects, or -1.
+Int selection(const double *R, Int size, Int c) {
+    Int start = -1;
+    for (Int i = 0; i < size && start < 0; ++i)
+        if (R[i * c] != 0.0) start = i;
+    if (start < 0 || start + c > size) return -1;
+    for (Int i = 0; i < size; ++i)
+        for (Int j = 0; j < c; ++j)
+            if (R[i * c + j] != (i == start + j ? 1.0 : 0.0)) return -1;
+    return start;
+}
+
+void add_family(const FamilyArrays &family, Int entries, std::vector<Block> &blocks,
+                std::vector<Term> &terms, Int &total, Int &order) {
+    require(!family.empty(), "a family has no terms");
+    const auto &first = std::get<0>(family[0]);
+    const auto count = static_cast<Int>(first.shape(0)), size = static_cast<Int>(first.shape(1));
+    for (Int k = 0; k < count; ++k) {
+        const auto begin = static_cast<Int>(terms.size());
+        for (const auto &[D, M, R, rows, weights] : family) {
+            const auto a = static_cast<Int>(D.shape(2)), c = static_cast<Int>(R.shape(2)),
+                       p = static_cast<Int>(rows.shape(1));
+            require(a > 0 && c > 0 && p > 0, "a term is empty");
+            for (const auto *matrix : {&D, &M})
+                require(static_cast<Int>(matrix->shape(0)) == count &&
+                            static_cast<Int>(matrix->shape(1)) == size &&
+                            static_cast<Int>(matrix->shape(2)) == a,
+                        "D and M do not fit");
+            require(static_cast<Int>(R.shape(0)) == count && static_cast<Int>(R.shape(1)) == size,
+                    "R does not fit");
+            require(static_cast<Int>(rows.shape(0)) == count && static_cast<Int>(rows.shape(2)) == a &&
+                        static_cast<Int>(weights.shape(0)) == count &&
+                        static_cast<Int>(weights.shape(1)) == p,
+                    "rows and weights do not fit");
+            const Int *where = rows.data() + k * p * a;
+            for (Int i = 0; i < p * a; ++i)
+                require(where[i] >= 0 && where[i] + c <= entries, "a row lies outside the entries");
+            const double *right = R.data() + k * size * c;
+            terms.push_back({a, c, p, D.data() + k * size * a, M.data() + k * size * a, right, where,
+                             weights.data() + k * p, selection(right, size, c)});
+        }
+        blocks.push_back({size, begin, static_cast<Int>(terms.size()), total});
+        total += size * size;
+        order += size;
+    }
+}
+
+bool has_avx2() {
+#ifdef POLEFENCE_AVX2
+    return __builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma");
+#else
+    return false;
+#endif
+}
+
+nb::tuple run(Int unknowns, const Integers &entries, const std::vector<FamilyArrays> &families,
+              const Vector &x, double r, const Steps &steps, const Vector &shares,
+              const Vector &leaps, const Vector &shifts, Int max_iterations, bool plain) {
+    const auto entry_count = static_cast<Int>(entries.shape(0));
+    require(unknowns > 0 && static_cast<Int>(x.shape(0)) == unknowns, "x does not fit");
+    for (Int i = 0; i < entry_count; ++i)
+        require(entries.data()[i] >= 0 && entries.data()[i] < unknowns, "an entry is no unknown");
+    std::vector<Block> blocks;
+    std::vector<Term> terms;
+    Int total = 0, order = 0;
+    for (const auto &family : families) add_family(family, entry_count, blocks, terms, total, order);
+    require(!blocks.empty(), "there are no blocks");
+
+    auto *out = new double[static_cast<std::size_t>(unknowns)];
+    nb::capsule out_owner(out, [](void *data) noexcept { delete[] static_cast<double *>(data); });
+    auto *Y = new double[static_cast<std::size_t>(total)];
+    nb::capsule Y_owner(Y, [](void *data) noexcept { delete[] static_cast<double *>(data); });
+    for (Int i = 0; i < unknowns; ++i) out[i] = x.data()[i];
+
+    const polefence::Problem problem{unknowns,       entry_count,   static_cast<Int>(blocks.size()),
+                                     static_cast<Int>(terms.size()), entries.data(), blocks.data(),
+                                     terms.data(),   total,         order};
+    const auto [tolerance, central, loose, fold, damping, least_damping] = steps;
+    const polefence::Options options{tolerance,     central,       loose,
+                                     fold,          damping,       least_damping,
+                                     shares.data(), leaps.data(),  shifts.data(),
+                                     static_cast<Int>(shares.shape(0)),
+                                     static_cast<Int>(leaps.shape(0)),
+                                     static_cast<Int>(shifts.shape(0)),
+                                     max_iterations};
+    polefence::State state{out, Y, r, 0.0, 0, false};
+    bool started = false;
+    {
+        nb::gil_scoped_release release;
+        polefence::Memory memory;
+#ifdef POLEFENCE_AVX2
+        started = has_avx2() && !plain ? polefence::run_avx2(problem, options, state, memory)
+                                       : polefence::run_plain(problem, options, state, memory);
+#else
+        (void)plain;
+        started = polefence::run_plain(problem, options, state, memory);
+#endif
+    }
+    using Out = nb::ndarray<nb::numpy, double, nb::ndim<1>>;
+    const std::size_t x_shape[] = {static_cast<std::size_t>(unknowns)};
+    const std::size_t Y_shape[] = {static_cast<std::size_t>(total)};
+    return nb::make_tuple(started, Out(out, 1, x_shape, out_owner), state.r,
+                          Out(Y, 1, Y_shape, Y_owner), state.gap, state.iterations,
+                          state.converged);
+}
+
+}  // namespace
+
+NB_MODULE(_kernel, module) {
+    module.doc() = "The interior point of polefence.solve.smallest, compiled.";
+    module.def("instructions", [] { return std::string(has_avx2() ? "AVX2" : "baseline"); });
+    module.def("run", &run, nb::arg("unknowns"), nb::arg("entries"), nb::arg("families"),
+               nb::arg("x"), nb::arg("r"), nb::arg("steps"), nb::arg("shares"), nb::arg("leaps"),
+               nb::arg("shifts"), nb::arg("max_iterations"), nb::arg("plain") = false);
+}

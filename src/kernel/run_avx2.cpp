@@ -1,0 +1,3 @@
+// Compiled with -mavx2 -mfma; called only where the processor has both.
+#define POLEFENCE_RUN run_avx2
+#include "run.inc"

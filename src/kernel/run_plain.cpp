@@ -1,0 +1,2 @@
+#define POLEFENCE_RUN run_plain
+#include "run.inc"

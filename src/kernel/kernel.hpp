@@ -14,6 +14,13 @@ struct Term {
     const std::int64_t *rows;    // p x a
     const double *weights;       // p
     std::int64_t selected;       // R selects the rows from here on; -1: R is any matrix
+    std::int64_t left;           // where its L lies among those of all terms
+    std::int64_t pieces;         // of matrix k: piece[bound[pieces + k]] to piece[bound[pieces + k + 1]]
+};
+
+// Entries of X, row by row, that follow each other in the list of all entries too.
+struct Piece {
+    std::int64_t from, until, to;
 };
 
 struct Block {
@@ -26,7 +33,9 @@ struct Problem {
     const std::int64_t *entry;   // which unknown each entry is
     const Block *block;
     const Term *term;
-    std::int64_t total, order;   // sums of size^2 and of size
+    const Piece *piece;
+    const std::int64_t *bound;
+    std::int64_t total, order, lefts;  // sums of size^2, of size, and of the terms' size a
 };
 
 struct Options {
@@ -53,8 +62,8 @@ class Memory {
     double *take(std::int64_t count);  // zeros
 
   private:
-    struct Piece;
-    Piece *pieces = nullptr;
+    struct Allocation;
+    Allocation *allocations = nullptr;
 };
 
 bool run_plain(const Problem &, const Options &, State &, Memory &);

@@ -18,17 +18,17 @@ namespace nb = nanobind;
 
 namespace polefence {
 
-struct Memory::Piece {
+struct Memory::Allocation {
     double *data;
-    Piece *next;
+    Allocation *next;
 };
 
 Memory::~Memory() {
-    while (pieces) {
-        Piece *next = pieces->next;
-        std::free(pieces->data);
-        delete pieces;
-        pieces = next;
+    while (allocations) {
+        Allocation *next = allocations->next;
+        std::free(allocations->data);
+        delete allocations;
+        allocations = next;
     }
 }
 
@@ -36,7 +36,7 @@ double *Memory::take(std::int64_t count) {
     auto *data = static_cast<double *>(
         std::calloc(static_cast<std::size_t>(count > 0 ? count : 1), sizeof(double)));
     if (!data) throw std::bad_alloc();
-    pieces = new Piece{data, pieces};
+    allocations = new Allocation{data, allocations};
     return data;
 }
 
@@ -72,8 +72,33 @@ Int selection(const double *R, Int size, Int c) {
     return start;
 }
 
-void add_family(const FamilyArrays &family, Int entries, std::vector<Block> &blocks,
-                std::vector<Term> &terms, Int &total, Int &order) {
+struct Layout {
+    std::vector<Block> blocks;
+    std::vector<Term> terms;
+    std::vector<polefence::Piece> pieces;
+    std::vector<Int> bounds;
+    Int total = 0, order = 0, lefts = 0;
+
+    // Splits the rows of p matrices (p x a) into pieces.
+    Int add_pieces(const Int *rows, Int p, Int a, Int c) {
+        const auto first = static_cast<Int>(bounds.size());
+        bounds.push_back(static_cast<Int>(pieces.size()));
+        for (Int k = 0; k < p; ++k) {
+            for (Int i = 0; i < a; ++i) {
+                const Int row = rows[k * a + i];
+                if (i > 0 && row == rows[k * a + i - 1] + c)
+                    pieces.back().until += c;
+                else
+                    pieces.push_back({i * c, (i + 1) * c, row});
+            }
+            bounds.push_back(static_cast<Int>(pieces.size()));
+        }
+        return first;
+    }
+};
+
+void add_family(const FamilyArrays &family, Int entries, Layout &layout) {
+    auto &[blocks, terms, pieces, bounds, total, order, lefts] = layout;
     require(!family.empty(), "a family has no terms");
     const auto &first = std::get<0>(family[0]);
     const auto count = static_cast<Int>(first.shape(0)), size = static_cast<Int>(first.shape(1));
@@ -99,7 +124,9 @@ void add_family(const FamilyArrays &family, Int entries, std::vector<Block> &blo
                 require(where[i] >= 0 && where[i] + c <= entries, "a row lies outside the entries");
             const double *right = R.data() + k * size * c;
             terms.push_back({a, c, p, D.data() + k * size * a, M.data() + k * size * a, right, where,
-                             weights.data() + k * p, selection(right, size, c)});
+                             weights.data() + k * p, selection(right, size, c), lefts,
+                             layout.add_pieces(where, p, a, c)});
+            lefts += size * a;
         }
         blocks.push_back({size, begin, static_cast<Int>(terms.size()), total});
         total += size * size;
@@ -122,11 +149,10 @@ nb::tuple run(Int unknowns, const Integers &entries, const std::vector<FamilyArr
     require(unknowns > 0 && static_cast<Int>(x.shape(0)) == unknowns, "x does not fit");
     for (Int i = 0; i < entry_count; ++i)
         require(entries.data()[i] >= 0 && entries.data()[i] < unknowns, "an entry is no unknown");
-    std::vector<Block> blocks;
-    std::vector<Term> terms;
-    Int total = 0, order = 0;
-    for (const auto &family : families) add_family(family, entry_count, blocks, terms, total, order);
-    require(!blocks.empty(), "there are no blocks");
+    Layout layout;
+    for (const auto &family : families) add_family(family, entry_count, layout);
+    require(!layout.blocks.empty(), "there are no blocks");
+    const Int total = layout.total;
 
     auto *out = new double[static_cast<std::size_t>(unknowns)];
     nb::capsule out_owner(out, [](void *data) noexcept { delete[] static_cast<double *>(data); });
@@ -134,9 +160,18 @@ nb::tuple run(Int unknowns, const Integers &entries, const std::vector<FamilyArr
     nb::capsule Y_owner(Y, [](void *data) noexcept { delete[] static_cast<double *>(data); });
     for (Int i = 0; i < unknowns; ++i) out[i] = x.data()[i];
 
-    const polefence::Problem problem{unknowns,       entry_count,   static_cast<Int>(blocks.size()),
-                                     static_cast<Int>(terms.size()), entries.data(), blocks.data(),
-                                     terms.data(),   total,         order};
+    const polefence::Problem problem{unknowns,
+                                     entry_count,
+                                     static_cast<Int>(layout.blocks.size()),
+                                     static_cast<Int>(layout.terms.size()),
+                                     entries.data(),
+                                     layout.blocks.data(),
+                                     layout.terms.data(),
+                                     layout.pieces.data(),
+                                     layout.bounds.data(),
+                                     total,
+                                     layout.order,
+                                     layout.lefts};
     const auto [tolerance, central, loose, fold, damping, least_damping] = steps;
     const polefence::Options options{tolerance,     central,       loose,
                                      fold,          damping,       least_damping,

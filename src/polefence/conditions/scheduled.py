@@ -27,8 +27,10 @@ def scheduled(A: Array, B: Array, sigma: float, right_hand_side: Array | None = 
     """
     N, n, m = B.shape
     pencil = Builder("scheduled")
-    W = [pencil.symmetric(f"W{j + 1}", n) for j in range(N)]
-    Z = [pencil.full(f"Z{j + 1}", (m, n), "u") for j in range(N)]
+    pairs = [
+        (pencil.symmetric(f"W{j + 1}", n), pencil.full(f"Z{j + 1}", (m, n), "u")) for j in range(N)
+    ]
+    W, Z = zip(*pairs, strict=True)
     unit, square = Linear(), max(N - 1, 1) ** 2
     if right_hand_side is not None:
         unit = multiple(pencil.positive("tau"), right_hand_side)

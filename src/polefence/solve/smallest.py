@@ -259,7 +259,6 @@ class _Arc:
         try:
             for f, y in zip(F, Y, strict=True):
                 L = np.linalg.cholesky(f)
-                np.linalg.cholesky(y)
                 np.linalg.cholesky(
                     L.swapaxes(1, 2) @ y @ L - share * mu * np.eye(f.shape[1])
                 )

@@ -208,40 +208,47 @@ def _batch(rows: list[_Row]) -> Batch:
 
 def _rows(block: Block, start: dict[str, int]) -> list[_Row]:
     """Collect the halves' terms: those with the same right factor side by side."""
-    rights: dict[bytes, Array] = {}
-    lefts: dict[bytes, dict[str, list[Array]]] = {}
+    lefts: dict[int, dict[str, list[Array | None]]] = {}
+    rights: dict[int, Array] = {}
     for k, half in enumerate((block.half_D, block.half_M)):
         for t in half:
-            right = _right(t, block.size)
-            key = right.tobytes()
-            rights[key] = right
-            pair = lefts.setdefault(key, {}).setdefault(t.name, [np.zeros_like(t.left)] * 2)
-            pair[k] = pair[k] + t.left
-    return [_row(list(lefts[key].items()), rights[key], start) for key in rights]
+            key = id(t.right)  # conditions share their selectors
+            rights[key] = t.right
+            pair = lefts.setdefault(key, {}).setdefault(t.name, [None, None])
+            mine = pair[k]
+            pair[k] = t.left if mine is None else mine + t.left
+    return [_row(pairs, rights[key], start) for key, pairs in lefts.items()]
 
 
-def _right(t: Term, size: int) -> Array:
-    return np.eye(size) if t.right is None else t.right
-
-
-def _row(pairs: list[tuple[str, list[Array]]], R: Array, start: dict[str, int]) -> _Row:
+def _row(lefts: dict[str, list[Array | None]], R: Array, start: dict[str, int]) -> _Row:
+    names = sorted(lefts, key=start.__getitem__)
     columns = R.shape[1]
-    rows = [start[name] + columns * np.arange(D.shape[1]) for name, (D, _) in pairs]
-    D, M = pairs[0][1]
-    weights = _multiples(pairs)
-    if weights is not None:
-        return _Row(D, M, R, np.stack(rows), weights)
-    D = np.concatenate([D for _, (D, _) in pairs], axis=1)
-    M = np.concatenate([M for _, (_, M) in pairs], axis=1)
-    return _Row(D, M, R, np.concatenate(rows)[None], np.ones(1))
+    if all(lefts[name][1] is None for name in names):
+        weights = _multiples([lefts[name][0] for name in names])
+        if weights is not None:
+            D = lefts[names[0]][0]
+            rows = [start[name] + columns * np.arange(D.shape[1]) for name in names]
+            return _Row(D, np.zeros_like(D), R, np.array(rows), weights)
+    widths = [next(L for L in lefts[name] if L is not None).shape[1] for name in names]
+    size, ends = len(R), np.cumsum(widths)
+    both = np.zeros((2, size, ends[-1]))
+    places = []
+    for name, width, end in zip(names, widths, ends, strict=True):
+        for part, L in zip(both, lefts[name], strict=True):
+            if L is not None:
+                part[:, end - width : end] = L
+        places.append(start[name] + columns * np.arange(width))
+    return _Row(both[0], both[1], R, np.concatenate(places)[None], np.ones(1))
 
 
-def _multiples(pairs: list[tuple[str, list[Array]]]) -> Array | None:
+def _multiples(lefts: list[Array]) -> Array | None:
     """Return w where all left factors are w times the first: X_t is then a weighted sum."""
-    D0 = pairs[0][1][0]
-    if any(M.any() or D.shape != D0.shape for _, (D, M) in pairs):
+    first = lefts[0]
+    if len(lefts) == 1:
+        return np.ones(1)
+    if any(L.shape != first.shape for L in lefts):
         return None
-    pivot = np.unravel_index(np.argmax(np.abs(D0)), D0.shape)
-    weights = np.array([D[pivot] / D0[pivot] for _, (D, _) in pairs])
-    same = all(np.array_equal(D, w * D0) for w, (_, (D, _)) in zip(weights, pairs, strict=True))
-    return weights if same else None
+    stacked = np.array(lefts)
+    pivot = np.unravel_index(np.argmax(np.abs(first)), first.shape)
+    weights = stacked[:, pivot[0], pivot[1]] / first[pivot]
+    return weights if np.array_equal(stacked, weights[:, None, None] * first) else None

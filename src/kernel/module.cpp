@@ -144,11 +144,12 @@ bool has_avx2() {
 
 nb::tuple run(Int unknowns, const Integers &entries, const std::vector<FamilyArrays> &families,
               const Vector &x, double r, const Steps &steps, const Vector &shares,
-              const Vector &leaps, const Vector &shifts, Int max_iterations, bool plain) {
+              const Vector &leaps, const Vector &shifts, Int order, Int max_iterations, bool plain) {
     const auto entry_count = static_cast<Int>(entries.shape(0));
     require(unknowns > 0 && static_cast<Int>(x.shape(0)) == unknowns, "x does not fit");
     for (Int i = 0; i < entry_count; ++i)
         require(entries.data()[i] >= 0 && entries.data()[i] < unknowns, "an entry is no unknown");
+    require(order >= 1 && order <= 8, "the order is 1 to 8");
     Layout layout;
     for (const auto &family : families) add_family(family, entry_count, layout);
     require(!layout.blocks.empty(), "there are no blocks");
@@ -179,6 +180,7 @@ nb::tuple run(Int unknowns, const Integers &entries, const std::vector<FamilyArr
                                      static_cast<Int>(shares.shape(0)),
                                      static_cast<Int>(leaps.shape(0)),
                                      static_cast<Int>(shifts.shape(0)),
+                                     order,
                                      max_iterations};
     polefence::State state{out, Y, r, 0.0, 0, false};
     bool started = false;
@@ -208,5 +210,5 @@ NB_MODULE(_kernel, module) {
     module.def("instructions", [] { return std::string(has_avx2() ? "AVX2" : "baseline"); });
     module.def("run", &run, nb::arg("unknowns"), nb::arg("entries"), nb::arg("families"),
                nb::arg("x"), nb::arg("r"), nb::arg("steps"), nb::arg("shares"), nb::arg("leaps"),
-               nb::arg("shifts"), nb::arg("max_iterations"), nb::arg("plain") = false);
+               nb::arg("shifts"), nb::arg("order"), nb::arg("max_iterations"), nb::arg("plain") = false);
 }

@@ -37,6 +37,7 @@ WIDE = 1.3  # the first r over the least r of the first x
 CENTRAL = 0.1  # least eigenvalue of F Y that a step may leave, as a share of mu
 LOOSE = 0.02  # the same for damped steps
 FOLD = 3.0  # a tangent that moves r by more than this share of the gap is near a fold
+ORDER = 4  # of the arc
 SHARES = (0.999, 0.99, 0.97, 0.95, 0.9, 0.85, 0.8, 0.7, 0.6, 0.5, 0.4, 0.3, 0.2, 0.1, 0.05, 0.02, 0)
 LEAPS = (5.0, 3.0, 2.0, 1.4)  # tried first where r is prescribed, in units of the gap
 SHIFTS = (0.0, 1e-15, 1e-14, 1e-13, 1e-12, 1e-11)
@@ -71,17 +72,21 @@ class Outcome:
 
 @dataclass(frozen=True, eq=False)
 class _Direction:
+    """dF = A_r dx + dr d is linear in the unknowns, dD = D(dx)."""
+
     dx: Array
     dr: float
     dF: Blocks
+    dD: Blocks
     dY: Blocks
 
     def __add__(self, other: _Direction) -> _Direction:
         return _Direction(
             self.dx + other.dx,
             self.dr + other.dr,
-            [a + b for a, b in zip(self.dF, other.dF, strict=True)],
-            [a + b for a, b in zip(self.dY, other.dY, strict=True)],
+            _sum(self.dF, other.dF),
+            _sum(self.dD, other.dD),
+            _sum(self.dY, other.dY),
         )
 
 
@@ -168,33 +173,45 @@ class _Arc:
         self.g = stacked.adjoint(r, P) - stacked.adjoint(r, Y, only_D=True)
         self.Hg, self.Ht = self._solved(self.g), self._solved(t)
         self.delta = _inner(D, P)
-        self.v0, self.v1, self.v2 = self._directions()
+        self.arc = self._directions()
 
-    def _directions(self) -> tuple[_Direction, _Direction, _Direction]:
+    def _directions(self) -> list[_Direction]:
         gap = self.mu * self.stacked.order
         centring = [self.mu * q - y for q, y in zip(self.Q, self.Y, strict=True)]
         dual = self.stacked.adjoint(self.r, self.Y)
-        nothing = [np.zeros_like(y) for y in self.Y]
         # the tangent towards mu = 0, and the dr that it predicts
         tangent = self._at_mu(_scaled(self.Q, -self.mu))
         self.smooth = 0 < -tangent.dr < FOLD * gap
         if self.smooth:
-            v0, v1 = self._at_mu(centring, dual), tangent
+            centre = self._at_mu(centring, dual)
         else:
-            v0, v1 = self._at_r(centring, dual, 0.0), self._at_r(nothing, 0 * dual, -gap)
-        whole = v0 + v1
-        change, _ = self.stacked.parts(whole.dx)
-        products = [
-            -(dy @ df @ q) - whole.dr * (y @ c @ q)
-            for dy, df, q, y, c in zip(
-                whole.dY, whole.dF, self.Q, self.Y, change, strict=True
-            )
-        ]
-        bend = [(p + p.swapaxes(1, 2)) / 2 for p in products]
-        extra = whole.dr * self.stacked.adjoint(self.r, whole.dY, only_D=True)
-        if self.smooth:
-            return v0, v1, self._at_mu(bend, extra, _inner(whole.dY, change))
-        return v0, v1, self._at_r(bend, extra, 0.0)
+            centre = self._at_r(centring, dual, 0.0)
+            tangent = self._at_r(_scaled(self.Q, 0.0), 0 * dual, -gap)
+        series = [centre + tangent]
+        while len(series) < ORDER:
+            series.append(self._next(series))
+        return [centre, tangent, *series[1:]]
+
+    def _next(self, series: list[_Direction]) -> _Direction:
+        """Next coefficient of the path's power series, from products of the earlier ones."""
+        # F has coefficients dF + bent, bent the products dr D(dx) of lower orders
+        bent = [self._bent(series[:k]) for k in range(len(series) + 1)]
+        base = _scaled(self._sym(bent[-1]), -1.0)
+        dual, norm = np.zeros_like(self.x), 0.0
+        for k, first in enumerate(series):
+            second = series[-1 - k]
+            change = _sum(second.dF, bent[len(series) - 1 - k])
+            base = _sum(base, self._sym(change, first.dY), -1.0)
+            dual = dual + first.dr * self.stacked.adjoint(self.r, second.dY, only_D=True)
+            norm += _inner(first.dY, second.dD)
+        return self._at_mu(base, dual, norm) if self.smooth else self._at_r(base, dual, 0.0)
+
+    def _bent(self, series: list[_Direction]) -> Blocks:
+        """Sum of dr D(dx) over the pairs whose orders add up to one more than the series has."""
+        total = _scaled(self.D, 0.0)
+        for first, second in zip(series, reversed(series), strict=True):
+            total = _sum(total, second.dD, first.dr)
+        return total
 
     def _at_mu(self, base: Blocks, dual: Array | float = 0.0, norm: float = 0.0) -> _Direction:
         """Newton's direction with dY = base - sym(Y dF Q); mu is prescribed by the base."""
@@ -215,29 +232,24 @@ class _Arc:
     def _completed(self, dx: Array, dr: float, base: Blocks) -> _Direction:
         D, M = self.stacked.parts(dx)
         dF = [self.r * d - m + dr * c for d, m, c in zip(D, M, self.D, strict=True)]
-        return _Direction(
-            dx, dr, dF, [b - s for b, s in zip(base, self._sym(dF), strict=True)]
-        )
+        return _Direction(dx, dr, dF, D, _sum(base, self._sym(dF), -1.0))
 
     def _solved(self, a: Array) -> Array:
         half = np.linalg.solve(self.factor, self.scale * a)
         return np.asarray(self.scale * np.linalg.solve(self.factor.T, half))
 
-    def _sym(self, X: Blocks) -> Blocks:
+    def _sym(self, X: Blocks, Y: Blocks | None = None) -> Blocks:
         """sym(Y X Q) in every block."""
-        products = [y @ z @ q for y, z, q in zip(self.Y, X, self.Q, strict=True)]
+        products = [y @ z @ q for y, z, q in zip(Y or self.Y, X, self.Q, strict=True)]
         return [(p + p.swapaxes(1, 2)) / 2 for p in products]
 
     def farthest(self) -> tuple[Array, float, Blocks] | None:
         """Return the farthest point on the arc that is central, or None."""
         for share, damping in self._candidates():
-            bend = damping * share**2
-            r = self.r + damping * (self.v0.dr + share * self.v1.dr) + bend * self.v2.dr
-            x = self.x + damping * (self.v0.dx + share * self.v1.dx) + bend * self.v2.dx
-            Y = [
-                y + damping * (a + share * b) + bend * c
-                for y, a, b, c in zip(self.Y, self.v0.dY, self.v1.dY, self.v2.dY, strict=True)
-            ]
+            x, r, Y = self.x, self.r, self.Y
+            for order, v in enumerate(self.arc):
+                factor = damping * share**order
+                x, r, Y = x + factor * v.dx, r + factor * v.dr, _sum(Y, v.dY, factor)
             if r > 0 and self._central(x, r, Y, CENTRAL if damping > 0.3 else LOOSE):
                 return x, r, Y
         return None
@@ -274,6 +286,10 @@ def _factor(H: Array) -> Array:
         except np.linalg.LinAlgError:
             continue
     raise np.linalg.LinAlgError("singular")
+
+
+def _sum(X: Blocks, Y: Blocks, factor: float = 1.0) -> Blocks:
+    return [x + factor * y for x, y in zip(X, Y, strict=True)]
 
 
 def _inner(X: Blocks, Y: Blocks) -> float:

@@ -39,9 +39,8 @@ struct Problem {
 };
 
 struct Options {
-    double tolerance, central, loose, fold, damping, least_damping;
-    const double *shares, *leaps, *shifts;
-    std::int64_t shares_count, leaps_count, shifts_count, order, max_iterations;
+    double tolerance, enough;
+    std::int64_t order, max_iterations;
 };
 
 // In: x, r. Out: x, r, Y (total), and how it went.

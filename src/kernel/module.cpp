@@ -54,7 +54,6 @@ using Integers = nb::ndarray<const Int, nb::ndim<1>, nb::c_contig, nb::device::c
 using Rows = nb::ndarray<const Int, nb::ndim<3>, nb::c_contig, nb::device::cpu>;
 using TermArrays = std::tuple<Matrices, Matrices, Matrices, Rows, Weights>;
 using FamilyArrays = std::vector<TermArrays>;
-using Steps = std::tuple<double, double, double, double, double, double>;
 
 void require(bool fine, const char *message) {
     if (!fine) throw nb::value_error(message);
@@ -143,8 +142,8 @@ bool has_avx2() {
 }
 
 nb::tuple run(Int unknowns, const Integers &entries, const std::vector<FamilyArrays> &families,
-              const Vector &x, double r, const Steps &steps, const Vector &shares,
-              const Vector &leaps, const Vector &shifts, Int order, Int max_iterations, bool plain) {
+              const Vector &x, double r, double tolerance, double enough, Int order,
+              Int max_iterations, bool plain) {
     const auto entry_count = static_cast<Int>(entries.shape(0));
     require(unknowns > 0 && static_cast<Int>(x.shape(0)) == unknowns, "x does not fit");
     for (Int i = 0; i < entry_count; ++i)
@@ -173,15 +172,7 @@ nb::tuple run(Int unknowns, const Integers &entries, const std::vector<FamilyArr
                                      total,
                                      layout.order,
                                      layout.lefts};
-    const auto [tolerance, central, loose, fold, damping, least_damping] = steps;
-    const polefence::Options options{tolerance,     central,       loose,
-                                     fold,          damping,       least_damping,
-                                     shares.data(), leaps.data(),  shifts.data(),
-                                     static_cast<Int>(shares.shape(0)),
-                                     static_cast<Int>(leaps.shape(0)),
-                                     static_cast<Int>(shifts.shape(0)),
-                                     order,
-                                     max_iterations};
+    const polefence::Options options{tolerance, enough, order, max_iterations};
     polefence::State state{out, Y, r, 0.0, 0, false};
     bool started = false;
     {
@@ -209,6 +200,6 @@ NB_MODULE(_kernel, module) {
     module.doc() = "The interior point of polefence.solve.smallest, compiled.";
     module.def("instructions", [] { return std::string(has_avx2() ? "AVX2" : "baseline"); });
     module.def("run", &run, nb::arg("unknowns"), nb::arg("entries"), nb::arg("families"),
-               nb::arg("x"), nb::arg("r"), nb::arg("steps"), nb::arg("shares"), nb::arg("leaps"),
-               nb::arg("shifts"), nb::arg("order"), nb::arg("max_iterations"), nb::arg("plain") = false);
+               nb::arg("x"), nb::arg("r"), nb::arg("tolerance"), nb::arg("enough"),
+               nb::arg("order"), nb::arg("max_iterations"), nb::arg("plain") = false);
 }

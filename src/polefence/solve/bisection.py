@@ -7,8 +7,6 @@ was asked for; nothing here is proof, see `polefence.proof`.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from polefence.conditions.methods import Method, Scheduled, build
@@ -16,6 +14,7 @@ from polefence.conditions.pencil import Pencil, smat
 from polefence.errors import SolverError
 from polefence.plant.system import Array
 from polefence.solve.conic import largest_margin
+from polefence.solve.found import Found, lyapunov_mean
 from polefence.solve.nominal import common_point, nominal_start, reachability
 from polefence.solve.scaling import Scaling, balanced
 
@@ -26,22 +25,6 @@ MAX_TRIES = 4  # at one radius, each in the coordinates the last one found
 PROGRESS = 0.2  # share of the way to the radius that makes another try worth while
 CONVINCING = 1e-4  # an infeasible margin must be this share of what good coordinates would give
 NOISE = 2e-8  # margins below the solver's own accuracy say nothing
-
-
-@dataclass(frozen=True, eq=False)
-class Found:
-    """A point that meets a condition at ``radius``, to float rounding.
-
-    Attributes
-    ----------
-    radius : float
-        [1/s]
-    values : dict of arrays
-        The condition's matrices, original coordinates.
-    """
-
-    radius: float
-    values: dict[str, Array]
 
 
 def smallest_radius(A: Array, B: Array, sigma: float, method: Method) -> Found:
@@ -184,11 +167,6 @@ class _Search:
         # In poor coordinates margins are tiny on both sides of the root, and prove nothing.
         doubt = max(NOISE, CONVINCING * (self.best.radius - radius) / scaling.rate)
         return False if point.optimal and point.t < -doubt else None
-
-
-def lyapunov_mean(values: dict[str, Array]) -> Array:
-    """Return the mean of a condition's Lyapunov matrices."""
-    return np.asarray(np.mean([X for name, X in values.items() if name[0] in "WP"], axis=0))
 
 
 def reach(pencil: Pencil, x: Array) -> float:

@@ -15,9 +15,8 @@ from polefence.conditions.linear import Variable
 from polefence.plant.system import Array
 from polefence.solve.scaling import Scaling
 
-# Weights of the input, and disks to aim at as fractions of sigma.
-INPUT_WEIGHTS = (1e-4, 1e-2, 1.0)
-FRACTIONS = (1.0, 0.5)
+# Disks to aim at, as fractions of sigma, and weights of the input, until one has a design.
+DESIGNS = ((0.9, 1.0), (1.0, 1.0), (0.9, 1e-4))
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,31 +51,26 @@ def reachability(A: Array, B: Array, sigma: float, scaling: Scaling) -> Array:
 
 
 def nominal_start(A: Array, B: Array, sigma: float, scaling: Scaling) -> Start:
-    """Return the best of a few nominal designs, judged on all vertices."""
+    """Return a nominal design and the radius at which it holds on all vertices."""
     As, Bs = scaling.apply(A, B)
     s = sigma / scaling.rate
-    n = A.shape[1]
-    # Without control W = I holds at some radius: a start that never fails.
-    best = Start(
-        scaling.T @ scaling.T.T,
-        np.zeros((B.shape[2], n)),
-        scaling.rate * _reach(As, Bs, s, np.eye(n), np.zeros((B.shape[2], n))),
-    )
-    for fraction in FRACTIONS:
+    n, m = Bs.shape[1:]
+    T = scaling.T
+    for fraction, weight in DESIGNS:
         F, H = (As.mean(axis=0) + s * np.eye(n)) / (fraction * s), Bs.mean(axis=0) / (fraction * s)
-        for weight in INPUT_WEIGHTS:
-            design = _riccati(F, H, weight)
-            if design is None:
-                continue
+        design = _riccati(F, H, weight)
+        radius = np.inf if design is None else _reach(As, Bs, s, *design)
+        if design is not None and np.isfinite(radius):
             W, K = design
-            radius = scaling.rate * _reach(As, Bs, s, W, K)
-            if radius < best.radius:
-                T = scaling.T
-                best = Start(T @ W @ T.T, scaling.S @ np.linalg.solve(T.T, K.T).T, radius)
-    return best
+            K = scaling.S @ np.linalg.solve(T.T, K.T).T
+            return Start(T @ W @ T.T, K, scaling.rate * radius)
+    # Without control W = I holds at some radius: a start that never fails.
+    W, K = np.eye(n), np.zeros((m, n))
+    return Start(T @ T.T, K, scaling.rate * _reach(As, Bs, s, W, K))
 
 
 def _riccati(F: Array, H: Array, weight: float) -> tuple[Array, Array] | None:
+    """LQR gain and the inverse of the Riccati matrix, in which the closed loop contracts."""
     import scipy.linalg as la  # deferred: slow to import
 
     n, m = H.shape
@@ -85,7 +79,7 @@ def _riccati(F: Array, H: Array, weight: float) -> tuple[Array, Array] | None:
             warnings.simplefilter("ignore")  # ill conditioning shows in the radius, judged above
             X = la.solve_discrete_are(F, H, np.eye(n), weight * np.eye(m))
             K = -np.linalg.solve(weight * np.eye(m) + H.T @ X @ H, H.T @ X @ F)
-            W = la.solve_discrete_lyapunov(F + H @ K, np.eye(n))
+            W = np.linalg.inv((X + X.T) / 2)
     except (la.LinAlgError, ValueError):
         return None
     if not (np.all(np.isfinite(W)) and np.all(np.isfinite(K))):

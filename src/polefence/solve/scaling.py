@@ -57,6 +57,18 @@ class Scaling:
             restored[v.name] = (X + X.T) / 2 if v.symmetric else X
         return restored
 
+    def scaled(
+        self, values: Mapping[str, Array], variables: tuple[Variable, ...]
+    ) -> dict[str, Array]:
+        """Return what `restore` takes back: the matrices in these coordinates."""
+        inverse = np.linalg.inv(self.T)
+        lefts = {"x": inverse, "u": np.linalg.inv(self.S)}
+        scaled = {}
+        for v in variables:
+            X, left = values[v.name], lefts.get(v.rows)
+            scaled[v.name] = X / self.rate if left is None else left @ X @ inverse.T
+        return scaled
+
     def refined(self, W: Array) -> Scaling:
         """Return the coordinates in which W, given in the original ones, is the identity.
 

@@ -91,7 +91,11 @@ class _Direction:
 
 
 def smallest(
-    stacked: Stacked, x: Array, r: float | None = None, max_iterations: int = MAX_ITERATIONS
+    stacked: Stacked,
+    x: Array,
+    r: float | None = None,
+    enough: float = 0.0,
+    tolerance: float = TOLERANCE,
 ) -> Outcome:
     """Run the interior point from a point with D(x) > 0.
 
@@ -100,6 +104,10 @@ def smallest(
     x : (unknowns,) array
     r : float, optional
         With F(x, r) > 0; by default somewhat above the least r of x.
+    enough : float
+        Stop at the first r that is no larger.
+    tolerance : float
+        Of the gap, relative to r.
 
     Raises
     ------
@@ -115,12 +123,12 @@ def smallest(
         raise np.linalg.LinAlgError("no radius to start from")
     Y = _inverses([r * d - m for d, m in zip(D, M, strict=True)])
     iterations, gap = 0, np.inf
-    for iterations in range(max_iterations + 1):
+    for iterations in range(MAX_ITERATIONS + 1):
         D, M = stacked.parts(x)
         Y = _scaled(Y, 1 / _inner(Y, D))
         F = [r * d - m for d, m in zip(D, M, strict=True)]
         gap = _inner(F, Y)
-        if not gap > TOLERANCE * r or iterations == max_iterations:
+        if not gap > tolerance * r or r <= enough or iterations == MAX_ITERATIONS:
             break
         try:
             arc = _Arc(stacked, x, r, Y, F, D, gap / stacked.order, t)
@@ -130,7 +138,7 @@ def smallest(
         if step is None:
             break
         x, r, Y = step
-    return Outcome(x, r, Y, gap, iterations, bool(gap <= TOLERANCE * r))
+    return Outcome(x, r, Y, gap, iterations, bool(gap <= tolerance * r))
 
 
 def least_radius(D: Blocks, M: Blocks) -> float:
@@ -271,9 +279,7 @@ class _Arc:
         try:
             for f, y in zip(F, Y, strict=True):
                 L = np.linalg.cholesky(f)
-                np.linalg.cholesky(
-                    L.swapaxes(1, 2) @ y @ L - share * mu * np.eye(f.shape[1])
-                )
+                np.linalg.cholesky(L.swapaxes(1, 2) @ y @ L - share * mu * np.eye(f.shape[1]))
         except np.linalg.LinAlgError:
             return False
         return True

@@ -11,10 +11,11 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
+from operator import itemgetter
 
 import numpy as np
 
-from polefence.conditions.linear import Index, Term
+from polefence.conditions.linear import Index
 from polefence.conditions.pencil import Block, Pencil
 from polefence.plant.system import Array
 
@@ -63,11 +64,14 @@ class Stacked:
         Which unknown each entry is (the two off-diagonal entries of a symmetric one are the same).
     families : tuple of Family
         In ascending size.
+    sequence : tuple of int
+        Which block of the pencil each of the families' blocks is, one after the other.
     """
 
     unknowns: int
     entries: Index
     families: tuple[Family, ...]
+    sequence: tuple[int, ...]
 
     @cached_property
     def sizes(self) -> dict[int, int]:
@@ -164,7 +168,7 @@ def _tensor(stacked: Stacked, family: Family) -> Tensor:
         tensors.append(tensor + tensor.swapaxes(2, 3))
     both = np.stack(tensors)
     D, M = both[:, 0], both[:, 1]
-    shared = D[:1] if (D == D[0]).all() else D
+    shared = D[:1] if (D[0] == D).all() else D
     return Tensor(np.array(unknowns), np.ascontiguousarray(shared), np.ascontiguousarray(M))
 
 
@@ -175,19 +179,24 @@ def stack(pencil: Pencil) -> Stacked:
         start[v.name] = begin
         begin += v.shape[0] * v.shape[1]
     entries = np.concatenate([pencil.places[v.name].ravel() for v in pencil.variables])
-    shapes: dict[tuple[object, ...], list[list[_Row]]] = {}
-    for block in pencil.blocks:
+    shapes: dict[_Shape, list[tuple[int, list[_Row]]]] = {}
+    for number, block in enumerate(pencil.blocks):
         rows = _rows(block, start)
-        shape = (block.size, *((row.D.shape[1], row.R.shape[1], len(row.weights)) for row in rows))
-        shapes.setdefault(shape, []).append(rows)
-    families, filled = [], dict[int, int]()
-    for shape in sorted(shapes, key=lambda s: s[0]):  # type: ignore[arg-type, return-value]
-        blocks, size = shapes[shape], int(shape[0])  # type: ignore[call-overload]
-        begin = filled.get(size, 0)
-        filled[size] = begin + len(blocks)
+        shape = block.size, tuple((r.D.shape[1], r.R.shape[1], len(r.weights)) for r in rows)
+        shapes.setdefault(shape, []).append((number, rows))
+    families, sequence, filled = [], list[int](), dict[int, int]()
+    for shape in sorted(shapes, key=itemgetter(0)):
+        numbers, blocks = zip(*shapes[shape], strict=True)
+        begin, end = filled.get(shape[0], 0), filled.get(shape[0], 0) + len(blocks)
+        filled[shape[0]] = end
         terms = tuple(_batch([rows[k] for rows in blocks]) for k in range(len(blocks[0])))
-        families.append(Family(size, slice(begin, filled[size]), terms))
-    return Stacked(pencil.unknowns, entries, tuple(families))
+        families.append(Family(shape[0], slice(begin, end), terms))
+        sequence.extend(numbers)
+    return Stacked(pencil.unknowns, entries, tuple(families), tuple(sequence))
+
+
+_Shape = tuple[int, tuple[tuple[int, int, int], ...]]
+_Lefts = dict[str, list[Array | None]]
 
 
 @dataclass(eq=False)
@@ -208,10 +217,12 @@ def _batch(rows: list[_Row]) -> Batch:
 
 def _rows(block: Block, start: dict[str, int]) -> list[_Row]:
     """Collect the halves' terms: those with the same right factor side by side."""
-    lefts: dict[int, dict[str, list[Array | None]]] = {}
+    lefts: dict[int, _Lefts] = {}
     rights: dict[int, Array] = {}
     for k, half in enumerate((block.half_D, block.half_M)):
         for t in half:
+            if t.right is None:
+                raise ValueError(f"block {block.name}: a term without its right factor")
             key = id(t.right)  # conditions share their selectors
             rights[key] = t.right
             pair = lefts.setdefault(key, {}).setdefault(t.name, [None, None])
@@ -220,23 +231,23 @@ def _rows(block: Block, start: dict[str, int]) -> list[_Row]:
     return [_row(pairs, rights[key], start) for key, pairs in lefts.items()]
 
 
-def _row(lefts: dict[str, list[Array | None]], R: Array, start: dict[str, int]) -> _Row:
+def _row(lefts: _Lefts, R: Array, start: dict[str, int]) -> _Row:
     names = sorted(lefts, key=start.__getitem__)
     columns = R.shape[1]
-    if all(lefts[name][1] is None for name in names):
-        weights = _multiples([lefts[name][0] for name in names])
-        if weights is not None:
-            D = lefts[names[0]][0]
-            rows = [start[name] + columns * np.arange(D.shape[1]) for name in names]
-            return _Row(D, np.zeros_like(D), R, np.array(rows), weights)
+    only_D = [D for D, M in (lefts[name] for name in names) if D is not None and M is None]
+    weights = _multiples(only_D) if len(only_D) == len(names) else None
+    if weights is not None:
+        D = only_D[0]
+        rows = [start[name] + columns * np.arange(D.shape[1]) for name in names]
+        return _Row(D, np.zeros_like(D), R, np.array(rows), weights)
     widths = [next(L for L in lefts[name] if L is not None).shape[1] for name in names]
-    size, ends = len(R), np.cumsum(widths)
-    both = np.zeros((2, size, ends[-1]))
+    ends = np.cumsum(widths)
+    both = np.zeros((2, len(R), ends[-1]))
     places = []
     for name, width, end in zip(names, widths, ends, strict=True):
-        for part, L in zip(both, lefts[name], strict=True):
-            if L is not None:
-                part[:, end - width : end] = L
+        for part, left in zip(both, lefts[name], strict=True):
+            if left is not None:
+                part[:, end - width : end] = left
         places.append(start[name] + columns * np.arange(width))
     return _Row(both[0], both[1], R, np.concatenate(places)[None], np.ones(1))
 

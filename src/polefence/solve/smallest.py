@@ -23,7 +23,6 @@ analytic centre at that r, and the step one of the method of centres.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -122,7 +121,7 @@ def smallest(
     if not r > 0:
         raise np.linalg.LinAlgError("no radius to start from")
     Y = _inverses([r * d - m for d, m in zip(D, M, strict=True)])
-    iterations, gap = 0, np.inf
+    iterations, gap, number = 0, np.inf, 0
     for iterations in range(MAX_ITERATIONS + 1):
         D, M = stacked.parts(x)
         Y = _scaled(Y, 1 / _inner(Y, D))
@@ -134,7 +133,7 @@ def smallest(
             arc = _Arc(stacked, x, r, Y, F, D, gap / stacked.order, t)
         except np.linalg.LinAlgError:
             break  # H is singular in floats: there is no more to be had
-        step = arc.farthest()
+        number, step = arc.farthest(number)
         if step is None:
             break
         x, r, Y = step
@@ -177,7 +176,7 @@ class _Arc:
         P = self._sym(D)
         H = stacked.hessian(r, Y, self.Q)
         self.scale = 1 / np.sqrt(np.diag(H))
-        self.factor = _factor(H * np.outer(self.scale, self.scale))
+        self.inverse = np.linalg.inv(_factor(H * np.outer(self.scale, self.scale)))
         self.g = stacked.adjoint(r, P) - stacked.adjoint(r, Y, only_D=True)
         self.Hg, self.Ht = self._solved(self.g), self._solved(t)
         self.delta = _inner(D, P)
@@ -243,31 +242,43 @@ class _Arc:
         return _Direction(dx, dr, dF, D, _sum(base, self._sym(dF), -1.0))
 
     def _solved(self, a: Array) -> Array:
-        half = np.linalg.solve(self.factor, self.scale * a)
-        return np.asarray(self.scale * np.linalg.solve(self.factor.T, half))
+        half = self.inverse @ (self.scale * a)
+        return np.asarray(self.scale * (self.inverse.T @ half))
 
     def _sym(self, X: Blocks, Y: Blocks | None = None) -> Blocks:
         """sym(Y X Q) in every block."""
         products = [y @ z @ q for y, z, q in zip(Y or self.Y, X, self.Q, strict=True)]
         return [(p + p.swapaxes(1, 2)) / 2 for p in products]
 
-    def farthest(self) -> tuple[Array, float, Blocks] | None:
-        """Return the farthest point on the arc that is central, or None."""
-        for share, damping in self._candidates():
-            x, r, Y = self.x, self.r, self.Y
-            for order, v in enumerate(self.arc):
-                factor = damping * share**order
-                x, r, Y = x + factor * v.dx, r + factor * v.dr, _sum(Y, v.dY, factor)
-            if r > 0 and self._central(x, r, Y, CENTRAL if damping > 0.3 else LOOSE):
-                return x, r, Y
-        return None
+    def farthest(self, first: int) -> tuple[int, tuple[Array, float, Blocks] | None]:
+        """Return a farthest central point on the arc, or None, and the number of its share.
 
-    def _candidates(self) -> Iterator[tuple[float, float]]:
-        yield from ((share, 1.0) for share in (() if self.smooth else LEAPS) + SHARES)
+        Shares are tried from number ``first`` on: up while they succeed, else down.
+        """
+        number = max(first, 0 if self.smooth else -len(LEAPS))
+        point = self._point(_share(number), 1.0)
+        while point is not None and number > (0 if self.smooth else -len(LEAPS)):
+            farther = self._point(_share(number - 1), 1.0)
+            if farther is None:
+                break
+            number, point = number - 1, farther
+        while point is None and number < len(SHARES) - 1:
+            number += 1
+            point = self._point(_share(number), 1.0)
         damping = DAMPING
-        while damping > LEAST_DAMPING:
-            yield from ((share, damping) for share in (0.5, 0.0))
+        while point is None and damping > LEAST_DAMPING:
+            point = self._point(0.5, damping) or self._point(0.0, damping)
             damping *= DAMPING
+        return number, point
+
+    def _point(self, share: float, damping: float) -> tuple[Array, float, Blocks] | None:
+        """Return the point at a place of the arc if it is central."""
+        x, r, Y = self.x, self.r, self.Y
+        for order, v in enumerate(self.arc):
+            factor = damping * share**order
+            x, r, Y = x + factor * v.dx, r + factor * v.dr, _sum(Y, v.dY, factor)
+        fine = r > 0 and self._central(x, r, Y, CENTRAL if damping > 0.3 else LOOSE)
+        return (x, r, Y) if fine else None
 
     def _central(self, x: Array, r: float, Y: Blocks, share: float) -> bool:
         """Whether F > 0, Y > 0 and all eigenvalues of F Y are at least this share of their mean."""
@@ -283,6 +294,11 @@ class _Arc:
         except np.linalg.LinAlgError:
             return False
         return True
+
+
+def _share(number: int) -> float:
+    """Shares by number; the leaps lie before the first."""
+    return SHARES[number] if number >= 0 else LEAPS[number]
 
 
 def _factor(H: Array) -> Array:

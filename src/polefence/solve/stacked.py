@@ -8,16 +8,19 @@ form one array (blocks, size, size), and "blocks" below means the list of these 
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from operator import itemgetter
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from polefence.conditions.linear import Index
 from polefence.conditions.pencil import Block, Pencil
 from polefence.plant.system import Array
+
+if TYPE_CHECKING:
+    import scipy.sparse as sp  # imported where used: slow
 
 Blocks = list[Array]
 
@@ -84,14 +87,9 @@ class Stacked:
         return sum(size * count for size, count in self.sizes.items())
 
     @cached_property
-    def tensors(self) -> tuple[Tensor, ...]:
-        """The families once more, spelt out in their unknowns for NumPy."""
-        return tuple(_tensor(self, family) for family in self.families)
-
-    def _each(self, blocks: Blocks) -> Iterator[tuple[Tensor, Array]]:
-        at = dict(zip(self.sizes, blocks, strict=True))
-        pairs = zip(self.families, self.tensors, strict=True)
-        return ((tensor, at[f.size][f.where]) for f, tensor in pairs)
+    def operators(self) -> Operators:
+        """D and M as NumPy's reference wants them."""
+        return _operators(self)
 
     def identity(self) -> Blocks:
         """Return the identity."""
@@ -99,77 +97,94 @@ class Stacked:
 
     def parts(self, x: Array) -> tuple[Blocks, Blocks]:
         """Return D(x) and M(x)."""
-        D = [np.empty((count, size, size)) for size, count in self.sizes.items()]
-        M = [np.empty_like(d) for d in D]
-        for (tensor, d), (_, m) in zip(self._each(D), self._each(M), strict=True):
-            local = x[tensor.unknowns][:, None, :]
-            d[:] = (local @ tensor.D.reshape(*tensor.D.shape[:2], -1)).reshape(d.shape)
-            m[:] = (local @ tensor.M.reshape(*tensor.M.shape[:2], -1)).reshape(m.shape)
-        return D, M
+        D, M = np.split(self.operators.both @ x, 2)
+        return self._split(D), self._split(M)
 
     def adjoint(self, r: float, P: Blocks, only_D: bool = False) -> Array:
         """Return the gradient of <P, r D(x) - M(x)> in x; with ``only_D`` that of <P, D(x)>."""
-        total = np.zeros(self.unknowns)
-        for tensor, p in self._each(P):
-            F = tensor.D if only_D else r * tensor.D - tensor.M
-            values = F.reshape(*F.shape[:2], -1) @ p.reshape(len(p), -1, 1)
-            total += np.bincount(tensor.unknowns.ravel(), values.ravel(), self.unknowns)
-        return total
+        flat = np.concatenate([p.ravel() for p in P])
+        both = [flat, 0 * flat] if only_D else [r * flat, -flat]
+        return np.asarray(self.operators.transpose @ np.concatenate(both))
 
     def hessian(self, r: float, Y: Blocks, Q: Blocks) -> Array:
         """Return H_ij = sum of tr(F_i Y F_j Q) over blocks, F_i the block's derivative in x_i."""
         H = np.zeros((self.unknowns, self.unknowns))
-        for (tensor, y), (_, q) in zip(self._each(Y), self._each(Q), strict=True):
-            for k, unknowns in enumerate(tensor.unknowns):
-                F = r * tensor.D[k % len(tensor.D)] - tensor.M[k]
-                FY, FQ = F @ y[k], F @ q[k]
-                rows = FY.reshape(len(F), -1) @ FQ.swapaxes(1, 2).reshape(len(F), -1).T
-                H[np.ix_(unknowns, unknowns)] += rows
+        flat_Y, flat_Q = (np.concatenate([p.ravel() for p in X]) for X in (Y, Q))
+        for start, unknowns, D, M in self.operators.blocks:
+            size = D.shape[1]
+            y, q = (X[start : start + size**2].reshape(size, size) for X in (flat_Y, flat_Q))
+            F = r * D - M
+            # <F_i Y, (F_j Q)'>
+            products = (F @ y).reshape(len(F), -1), (F @ q).swapaxes(1, 2).reshape(len(F), -1)
+            H[unknowns[:, None], unknowns] += products[0] @ products[1].T
         return (H + H.T) / 2
+
+    def _split(self, flat: Array) -> Blocks:
+        blocks, start = [], 0
+        for size, count in self.sizes.items():
+            end = start + count * size**2
+            blocks.append(flat[start:end].reshape(count, size, size))
+            start = end
+        return blocks
 
 
 @dataclass(frozen=True, eq=False)
-class Tensor:
-    """A family in the unknowns that each block touches.
+class Operators:
+    """D and M spelt out in the unknowns.
 
     Attributes
     ----------
-    unknowns : (blocks, q) array of int
-    D : (1, q, size, size) array
-        The same for all blocks of a family, or (blocks, ...).
-    M : (blocks, q, size, size) array
-        Derivatives of D(x) and M(x).
+    both, transpose : sparse
+        x to all entries of D(x) and then of M(x), and its transpose.
+    blocks : list of tuples
+        For each block where its entries start, the q unknowns it touches, and the derivatives of
+        D and M by them, (q, size, size).
     """
 
-    unknowns: Index
-    D: Array
-    M: Array
+    both: sp.csr_array
+    transpose: sp.csr_array
+    blocks: list[tuple[int, Index, Array, Array]]
 
 
-def _tensor(stacked: Stacked, family: Family) -> Tensor:
-    s, unknowns, tensors = family.size, [], []
-    columns = [np.arange(t.R.shape[2]) for t in family.terms]
-    for k in range(family.where.stop - family.where.start):
-        places = [
-            stacked.entries[t.rows[k, :, :, None] + c]
-            for t, c in zip(family.terms, columns, strict=True)
-        ]
-        touched, index = np.unique(np.concatenate([p.ravel() for p in places]), return_inverse=True)
-        tensor = np.zeros((2, len(touched), s, s))
-        start = 0
-        for t, p in zip(family.terms, places, strict=True):
-            local = index[start : start + p.size].reshape(p.shape)
-            start += p.size
-            for part, L in zip(tensor, (t.D[k], t.M[k]), strict=True):
-                products = np.einsum("ia,jc->acij", L, t.R[k])
-                for w, where in zip(t.weights[k], local, strict=True):
-                    np.add.at(part, where, w * products)
-        unknowns.append(touched)
-        tensors.append(tensor + tensor.swapaxes(2, 3))
-    both = np.stack(tensors)
-    D, M = both[:, 0], both[:, 1]
-    shared = D[:1] if (D[0] == D).all() else D
-    return Tensor(np.array(unknowns), np.ascontiguousarray(shared), np.ascontiguousarray(M))
+def _operators(stacked: Stacked) -> Operators:
+    import scipy.sparse as sp
+
+    total = sum(count * size**2 for size, count in stacked.sizes.items())
+    triples, blocks, start = [], [], 0
+    for f in stacked.families:
+        for k in range(f.where.stop - f.where.start):
+            i, unknown, value = _entries(f, k, stacked.entries)
+            touched, local = np.unique(unknown, return_inverse=True)
+            parts = np.zeros((2, len(touched), f.size**2))
+            half, place = np.divmod(i, f.size**2)
+            np.add.at(parts, (half, local, place), value)
+            shape = (len(touched), f.size, f.size)
+            blocks.append((start, touched, parts[0].reshape(shape), parts[1].reshape(shape)))
+            triples.append((half * total + start + place, unknown, value))
+            start += f.size**2
+    rows, columns, values = (np.concatenate(part) for part in zip(*triples, strict=True))
+    shape = (2 * total, stacked.unknowns)
+    both = sp.csr_array(sp.coo_array((values, (rows, columns)), shape=shape))
+    return Operators(both, sp.csr_array(both.T), blocks)
+
+
+def _entries(family: Family, k: int, entries: Index) -> tuple[Index, Index, Array]:
+    """Places in [D; M] of block k, unknowns and values of all nonzero derivatives."""
+    s, found = family.size, []
+    for t in family.terms:
+        j, c = np.nonzero(t.R[k])
+        for half, L in enumerate((t.D[k], t.M[k])):
+            i, a = np.nonzero(L)
+            products = np.outer(L[i, a], t.R[k][j, c])
+            upper = i[:, None] * s + j + half * s**2
+            lower = j * s + i[:, None] + half * s**2
+            for w, rows in zip(t.weights[k], t.rows[k], strict=True):
+                unknown = entries[rows[a][:, None] + c]
+                found += [(place, unknown, w * products) for place in (upper, lower)]
+    places, unknowns, values = (
+        np.concatenate([part.ravel() for part in parts]) for parts in zip(*found, strict=True)
+    )
+    return places, unknowns, values
 
 
 def stack(pencil: Pencil) -> Stacked:
@@ -211,8 +226,13 @@ class _Row:
 
 
 def _batch(rows: list[_Row]) -> Batch:
-    columns = ("D", "M", "R", "rows", "weights")
-    return Batch(*(np.stack([getattr(row, c) for row in rows]) for c in columns))
+    return Batch(
+        np.array([row.D for row in rows]),
+        np.array([row.M for row in rows]),
+        np.array([row.R for row in rows]),
+        np.array([row.rows for row in rows]),
+        np.array([row.weights for row in rows]),
+    )
 
 
 def _rows(block: Block, start: dict[str, int]) -> list[_Row]:
@@ -240,16 +260,15 @@ def _row(lefts: _Lefts, R: Array, start: dict[str, int]) -> _Row:
         D = only_D[0]
         rows = [start[name] + columns * np.arange(D.shape[1]) for name in names]
         return _Row(D, np.zeros_like(D), R, np.array(rows), weights)
-    widths = [next(L for L in lefts[name] if L is not None).shape[1] for name in names]
-    ends = np.cumsum(widths)
-    both = np.zeros((2, len(R), ends[-1]))
-    places = []
-    for name, width, end in zip(names, widths, ends, strict=True):
-        for part, left in zip(both, lefts[name], strict=True):
-            if left is not None:
-                part[:, end - width : end] = left
-        places.append(start[name] + columns * np.arange(width))
-    return _Row(both[0], both[1], R, np.concatenate(places)[None], np.ones(1))
+    Ds, Ms, places = [], [], list[int]()
+    for name in names:
+        D, M = lefts[name]
+        if D is None:
+            D = np.zeros_like(M)
+        Ds.append(D)
+        Ms.append(np.zeros_like(D) if M is None else M)
+        places.extend(range(start[name], start[name] + columns * D.shape[1], columns))
+    return _Row(np.hstack(Ds), np.hstack(Ms), R, np.array([places]), np.ones(1))
 
 
 def _multiples(lefts: list[Array]) -> Array | None:

@@ -5,16 +5,21 @@
 
 namespace polefence {
 
+// An entry of L = r D - M that is not always zero.
+struct Entry {
+    std::int64_t row, column;
+    double D, M;
+};
+
 // One term L X R' of one block, L = r D - M; X sums `weights[k]` times the matrix of unknowns whose
 // rows start at rows[k a], ..., rows[k a + a - 1] in the list of all variables' entries.
 struct Term {
     std::int64_t a, c, p;        // X is a x c, a sum of p
-    const double *D, *M;         // size x a, row by row
+    std::int64_t first, middle, last;  // entries of L; those with D != 0 come before `middle`
     const double *R;             // size x c
     const std::int64_t *rows;    // p x a
     const double *weights;       // p
     std::int64_t selected;       // R selects the rows from here on; -1: R is any matrix
-    std::int64_t left;           // where its L lies among those of all terms
     std::int64_t pieces;         // of matrix k: piece[bound[pieces + k]] to piece[bound[pieces + k + 1]]
 };
 
@@ -33,9 +38,10 @@ struct Problem {
     const std::int64_t *entry;   // which unknown each entry is
     const Block *block;
     const Term *term;
+    const Entry *left;           // of all terms
     const Piece *piece;
     const std::int64_t *bound;
-    std::int64_t total, order, lefts;  // sums of size^2, of size, and of the terms' size a
+    std::int64_t total, order, lefts;  // sums of size^2 and of size; number of entries `left`
 };
 
 struct Options {

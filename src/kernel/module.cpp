@@ -76,7 +76,19 @@ struct Layout {
     std::vector<Term> terms;
     std::vector<polefence::Piece> pieces;
     std::vector<Int> bounds;
-    Int total = 0, order = 0, lefts = 0;
+    std::vector<polefence::Entry> entries;
+    Int total = 0, order = 0;
+
+    // Collects the entries of D and M (size x a): first those of D, then those of M alone.
+    std::tuple<Int, Int, Int> add_entries(const double *D, const double *M, Int size, Int a) {
+        const auto first = static_cast<Int>(entries.size());
+        for (Int i = 0; i < size * a; ++i)
+            if (D[i] != 0.0) entries.push_back({i / a, i % a, D[i], M[i]});
+        const auto middle = static_cast<Int>(entries.size());
+        for (Int i = 0; i < size * a; ++i)
+            if (D[i] == 0.0 && M[i] != 0.0) entries.push_back({i / a, i % a, 0.0, M[i]});
+        return {first, middle, static_cast<Int>(entries.size())};
+    }
 
     // Splits the rows of p matrices (p x a) into pieces.
     Int add_pieces(const Int *rows, Int p, Int a, Int c) {
@@ -97,7 +109,7 @@ struct Layout {
 };
 
 void add_family(const FamilyArrays &family, Int entries, Layout &layout) {
-    auto &[blocks, terms, pieces, bounds, total, order, lefts] = layout;
+    auto &[blocks, terms, pieces, bounds, all_entries, total, order] = layout;
     require(!family.empty(), "a family has no terms");
     const auto &first = std::get<0>(family[0]);
     const auto count = static_cast<Int>(first.shape(0)), size = static_cast<Int>(first.shape(1));
@@ -122,10 +134,11 @@ void add_family(const FamilyArrays &family, Int entries, Layout &layout) {
             for (Int i = 0; i < p * a; ++i)
                 require(where[i] >= 0 && where[i] + c <= entries, "a row lies outside the entries");
             const double *right = R.data() + k * size * c;
-            terms.push_back({a, c, p, D.data() + k * size * a, M.data() + k * size * a, right, where,
-                             weights.data() + k * p, selection(right, size, c), lefts,
+            const auto [first_entry, middle, last_entry] =
+                layout.add_entries(D.data() + k * size * a, M.data() + k * size * a, size, a);
+            terms.push_back({a, c, p, first_entry, middle, last_entry, right, where,
+                             weights.data() + k * p, selection(right, size, c),
                              layout.add_pieces(where, p, a, c)});
-            lefts += size * a;
         }
         blocks.push_back({size, begin, static_cast<Int>(terms.size()), total});
         total += size * size;
@@ -167,11 +180,12 @@ nb::tuple run(Int unknowns, const Integers &entries, const std::vector<FamilyArr
                                      entries.data(),
                                      layout.blocks.data(),
                                      layout.terms.data(),
+                                     layout.entries.data(),
                                      layout.pieces.data(),
                                      layout.bounds.data(),
                                      total,
                                      layout.order,
-                                     layout.lefts};
+                                     static_cast<Int>(layout.entries.size())};
     const polefence::Options options{tolerance, enough, order, max_iterations};
     polefence::State state{out, Y, r, 0.0, 0, false};
     bool started = false;

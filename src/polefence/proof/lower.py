@@ -20,8 +20,8 @@ the radius of Y, that P only grows.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, replace
 from fractions import Fraction
 from functools import cached_property
 from itertools import combinations, permutations
@@ -48,6 +48,7 @@ Pairs = list[tuple[int, int]]
 
 SHORTFALLS = tuple(10.0**k for k in range(-9, -1))  # of the radius, in units of the upper bound
 BITS = 60  # kept of an entry of Y, relative to its diagonal entries
+IDLE = (0.0, 1e-6, 1e-4, 1e-2)  # shares of the dual weight below which a vertex may be left out
 INDEPENDENT = 1e-10  # least part of a unit vector outside the span of others
 
 
@@ -157,7 +158,7 @@ def _unbalanced(claim: Infeasible, plant: _Plant, Y: list[Integers]) -> str:
     top, bottom = claim.r.numerator * plant.denominator, claim.r.denominator
     sums = [_plus(p, r) for p, r in zip(P, R, strict=True)]
     weights = _weights(pairs, sums)
-    for k, (V, residual) in _products(plant, pairs, X).items():
+    for k, (V, residual) in enumerate(_products(plant, pairs, X)):
         if any(map(any, residual)):
             return f"the equation of Z or L, number {k + 1}, does not hold"
         right = _plus(V, V if claim.method == "slack" else _transposed(V))
@@ -203,19 +204,19 @@ class _Plant:
 
 def _products(
     plant: _Plant, pairs: list[Pairs], X: list[Integers]
-) -> dict[int, tuple[Integers, Integers]]:
+) -> list[tuple[Integers, Integers]]:
     """Return for every k the sums of S_j' X_b and B_j' X_b over the pairs (j, k) of all blocks."""
     n, at = plant.n, dict[tuple[int, int], list[Integers]]()
     for block, x in zip(pairs, X, strict=True):
         for pair in block:
             at.setdefault(pair, []).append(x)
     none = [[0] * n] * n
-    products = {}
+    products = []
     for k in range(1 + max(k for _, k in at)):
         rows = [row for j in range(len(plant.A)) for row in _plus(*at.get((j, k), [none]))]
         right = _transposed(rows)
         both = [[sum(map(mul, column, x)) for x in right] for column in plant.columns]
-        products[k] = both[:n], both[n:]
+        products.append((both[:n], both[n:]))
     return products
 
 
@@ -280,13 +281,15 @@ def lower_bound(
     Infeasible or None
         A claim that `prove_infeasible` has proved, or None where no attempt succeeds.
     """
-    repair = _Repair.of(method, A, B, sigma, Y, right_hand_sides)
-    for shortfall in SHORTFALLS if repair else ():
+    start = Infeasible(method, A, B, sigma, Fraction(1), [], right_hand_sides)
+    repairs = list(_repairs(start, Y))
+    for shortfall in SHORTFALLS:
         r = Fraction(upper * (1 - shortfall))
-        if repair and r > 0 and repair.plausible(r):
-            claim = repair.claim(r)
-            if prove_infeasible(claim).proved:
-                return claim
+        for repair in repairs:
+            if r > 0 and repair.plausible(r):
+                claim = repair.claim(r)
+                if prove_infeasible(claim).proved:
+                    return claim
     return None
 
 
@@ -300,71 +303,106 @@ def repaired(
     right_hand_sides: bool = False,
 ) -> Infeasible | None:
     """Return the proof that the method cannot reach ``r``, as `lower_bound` does, or None."""
-    repair = _Repair.of(method, A, B, sigma, Y, right_hand_sides)
-    claim = repair.claim(r) if repair and r > 0 else None
-    return claim if claim and prove_infeasible(claim).proved else None
+    start = Infeasible(method, A, B, sigma, r, [], right_hand_sides)
+    for repair in _repairs(start, Y) if r > 0 else ():
+        claim = repair.claim(r)
+        if prove_infeasible(claim).proved:
+            return claim
+    return None
+
+
+def _repairs(start: Infeasible, Y: Iterable[npt.ArrayLike]) -> Iterator[_Repair]:
+    """Yield repairs of Y, with all its blocks and without those that touch idle vertices.
+
+    A vertex without part in the optimum has dual matrices as small as the solver's errors; they
+    cannot be repaired, but zeros in their place need no repair.
+    """
+    dual = np.array([np.asarray(y, dtype=float) for y in Y])
+    n, N = len(start.A[0]), len(start.A)
+    pairs = block_pairs(start.method, N)
+    if dual.shape != (len(pairs), 2 * n, 2 * n) or not np.isfinite(dual).all():
+        return
+    diagonal = np.einsum("bii->bi", dual)
+    if not (diagonal > 0).all():
+        return
+    dual = (dual + dual.swapaxes(1, 2)) / (2 * diagonal.max())
+    part = np.zeros((1 + max(k for block in pairs for _, k in block), 2 * n))
+    for block, d in zip(pairs, diagonal, strict=True):
+        for _, k in block:
+            part[k] += d
+    share = (part / part.max(axis=0)).max(axis=1)
+    tried: list[set[int]] = []
+    for least in IDLE:
+        idle = set(np.flatnonzero(share < least).tolist())
+        if idle not in tried:
+            tried.append(idle)
+            kept = np.array([not any(k in idle for _, k in block) for block in pairs])
+            repair = _Repair.of(start, pairs, dual * kept[:, None, None])
+            if repair:
+                yield repair
 
 
 @dataclass(frozen=True)
 class _Repair:
-    """What every radius shares: integers Y over ``scale``, balanced but for one P for each k.
+    """What every radius shares: integers Y over ``scale``, balanced but for the equations of W, G.
 
-    That P is constant[k] + slope[k] / r over ``scale * share``, in block anchors[k]; for the slack
-    condition it is both diagonal parts.
+    The diagonal parts of the blocks anchors[k] take these up: shares[k] times the change of each
+    is constant[k] + slope[k] / r, over ``scale`` and the plant's denominator.
     """
 
     start: Infeasible
     Y: list[Integers]
     scale: int
-    anchors: list[int]
+    anchors: list[list[int]]
     constant: list[Integers]
     slope: list[Integers]
-    share: int
+    denominator: int
 
     @classmethod
-    def of(
-        cls,
-        method: str,
-        A: list[Rationals],
-        B: list[Rationals],
-        sigma: Fraction,
-        Y: Iterable[npt.ArrayLike],
-        right_hand_sides: bool,
-    ) -> _Repair | None:
-        dual = np.asarray(list(Y), dtype=float)
-        start = Infeasible(method, A, B, sigma, Fraction(1), [], right_hand_sides)
-        n, N = len(A[0]), len(A)
-        if dual.shape != (_count(method, N), 2 * n, 2 * n) or not _usable(dual):
-            return None
-        if method == "slack":
+    def of(cls, start: Infeasible, pairs: list[Pairs], dual: Floats) -> _Repair | None:
+        n, N = len(start.A[0]), len(start.A)
+        if start.method == "slack":
+            dual = dual.copy()
             dual[:, :n, :n] = dual[:, n:, n:] = (dual[:, :n, :n] + dual[:, n:, n:]) / 2
-        plant, pairs = _Plant.of(A, B, sigma), block_pairs(method, N)
-        blocks = _rounded(dual)
-        changes = _changes(method, plant, pairs, blocks, np.sqrt(np.einsum("bii->bi", dual)))
-        if changes is None:
+        plant = _Plant.of(start.A, start.B, start.sigma)
+        try:
+            system = _System.of(start.method, plant, pairs, dual)
+        except np.linalg.LinAlgError:
             return None
-        positions, values, scale = changes
-        blocks = [_times(scale, block) for block in blocks]
-        for (b, i, where), row in zip(positions, values, strict=True):
-            for c, value in zip(range(n)[where], row, strict=True):
-                blocks[b][i][n + c] += value
-                blocks[b][n + c][i] += value
-        first = positions[0][0] if positions else 0
-        anchors = {"quadratic": [first], "slack": [first], "scheduled": list(range(N))}[method]
-        return cls(start, blocks, scale, anchors, *_loads(method, plant, pairs, blocks, anchors))
+        solved = system.exactly(_rounded(system.approximately(dual))[0])
+        if solved is None:
+            return None
+        Y, scale = solved
+        P, X, R = _parts(Y, n)
+        weights = _weights(pairs, [_plus(p, r) for p, r in zip(P, R, strict=True)])
+        V = [V for V, _ in _products(plant, pairs, X)]
+        several = start.method == "scheduled"
+        return cls(
+            start,
+            Y,
+            scale,
+            [[j] for j in range(N) if any(map(any, Y[j]))] if several else [list(range(N))],
+            [_times(-plant.denominator, w) for w in weights],
+            [_plus(v, _transposed(v)) for v in V],
+            plant.denominator,
+        )
 
-    def at(self, r: Fraction) -> Iterable[tuple[int, Integers, int]]:
+    def at(self, r: Fraction) -> Iterator[tuple[int, Integers, int]]:
         """Yield each anchor's block at this radius, as integers over a denominator."""
         n = len(self.start.A[0])
-        for b, C, E in zip(self.anchors, self.constant, self.slope, strict=True):
-            factor = self.share * r.numerator
-            block = _times(factor, self.Y[b])
-            P = _plus(_times(r.numerator, C), _times(r.denominator, E))
-            for i in range(n):
-                block[i][:n] = P[i]
-                if self.start.method == "slack":
-                    block[n + i][n:] = P[i]
-            yield b, block, self.scale * factor
+        for anchors in self.anchors:
+            k = anchors[0] if self.start.method == "scheduled" else 0
+            excess = _plus(
+                _times(r.numerator, self.constant[k]), _times(r.denominator, self.slope[k])
+            )
+            factor = 2 * len(anchors) * self.denominator * r.numerator
+            for b in anchors:
+                block = _times(factor, self.Y[b])
+                for i, row in enumerate(excess):
+                    for c, value in enumerate(row):
+                        block[i][c] += value
+                        block[n + i][n + c] += value
+                yield b, block, self.scale * factor
 
     @cached_property
     def fixed(self) -> tuple[list[Rationals], Floats]:
@@ -376,13 +414,18 @@ class _Repair:
         Y = list(self.fixed[0])
         for b, block, denominator in self.at(r):
             Y[b] = _over(block, denominator)
-        return Infeasible(**{**vars(self.start), "r": r, "Y": Y})
+        return replace(self.start, r=r, Y=Y)
 
     def plausible(self, r: Fraction) -> bool:
         """Whether all blocks are positive definite in floats: cheap, and mostly right."""
         Y = self.fixed[1].copy()
         for b, block, denominator in self.at(r):
             Y[b] = [[e / denominator for e in row] for row in block]
+        n, N = len(self.start.A[0]), len(self.start.A)
+        traces = np.einsum("bii->b", Y[:, :n, :n]).tolist()
+        if self.start.right_hand_sides and _bracket(N, traces) < 0:
+            return False
+        Y = Y[Y.any(axis=(1, 2))]
         diagonal = np.einsum("bii->bi", Y)
         if not (diagonal > 0).all():
             return False
@@ -391,13 +434,7 @@ class _Repair:
             np.linalg.cholesky(Y * unit[:, :, None] * unit[:, None, :])
         except np.linalg.LinAlgError:
             return False
-        n, N = len(self.start.A[0]), len(self.start.A)
-        traces = list(np.einsum("bii->b", Y[:, :n, :n]))
-        return not self.start.right_hand_sides or _bracket(N, traces) >= 0
-
-
-def _usable(dual: Floats) -> bool:
-    return bool(np.isfinite(dual).all() and (np.einsum("bii->bi", dual) > 0).all())
+        return True
 
 
 def _over(block: Integers, denominator: int) -> Rationals:
@@ -408,37 +445,23 @@ def _over(block: Integers, denominator: int) -> Rationals:
     return rows
 
 
-def _rounded(dual: Floats) -> list[Integers]:
-    """Return symmetric integers close to the matrices, times a power of two.
+def _rounded(dual: Floats) -> tuple[list[Integers], int]:
+    """Return symmetric integers close to the matrices times a power of two, and its logarithm.
 
     States in units far apart make entries of very different magnitudes: each is rounded in
     proportion to its two diagonal entries.
     """
-    half = np.floor(np.log2(np.einsum("bii->bi", dual)) / 2).astype(int)
+    diagonal = np.einsum("bii->bi", dual)
+    half = np.floor(np.log2(np.where(diagonal > 0, diagonal, 1.0)) / 2).astype(int)
     exponents = half[:, :, None] + half[:, None, :] - BITS
     least = int(exponents.min())
-    symmetric = (dual + dual.swapaxes(1, 2)) / 2
-    return [
-        [[int(v) << (e - least) for v, e in zip(*rows, strict=True)] for rows in zip(*both, strict=True)]
-        for both in zip(
-            np.rint(np.ldexp(symmetric, -exponents)).tolist(), exponents.tolist(), strict=True
-        )
+    mantissas = np.rint(np.ldexp(dual, -exponents)).tolist()
+    shifts = (exponents - least).tolist()
+    integers = [
+        [[int(v) << e for v, e in zip(*rows, strict=True)] for rows in zip(*both, strict=True)]
+        for both in zip(mantissas, shifts, strict=True)
     ]
-
-
-def _loads(
-    method: str, plant: _Plant, pairs: list[Pairs], Y: list[Integers], anchors: list[int]
-) -> tuple[list[Integers], list[Integers], int]:
-    """Return P's constant and slope in 1/r that satisfy the equation of W or G for each k."""
-    P, X, R = _parts(Y, plant.n)
-    share = 2 if method == "slack" else 1  # P and R change there
-    weights = _weights(pairs, [_plus(p, r) for p, r in zip(P, R, strict=True)])
-    constant, slope = [], []
-    for k, (V, _) in _products(plant, pairs, X).items():
-        rest = _plus(_times(share, P[anchors[k]]), _times(-1, weights[k]))
-        constant.append(_times(plant.denominator, rest))
-        slope.append(_plus(V, _transposed(V)))
-    return constant, slope, share * plant.denominator
+    return integers, -least
 
 
 # --- the equations of Z, L, and of the skew part of G --------------------------------------------
@@ -447,38 +470,102 @@ Position = tuple[int, int, slice]  # block, row and columns of X
 Column = dict[int, int]  # coefficients of one unknown by equation
 
 
-def _changes(
-    method: str, plant: _Plant, pairs: list[Pairs], Y: list[Integers], size: Floats
-) -> tuple[list[Position], list[list[int]], int] | None:
-    """Return changes of a few entries of X, over a denominator, that solve the equations.
+@dataclass(frozen=True)
+class _System:
+    """Linear equations in changes of X: of its rows, or for the slack condition of its entries.
 
-    ``size`` holds the roots of the diagonals: X's entries are judged relative to these.
+    ``metric`` holds for each block a factor L: changes L z with small z are small relative to
+    what the block gains where the radius is smaller.
     """
-    n = plant.n
-    products = _products(plant, pairs, _parts(Y, n)[1])
-    if method == "slack":
+
+    method: str
+    plant: _Plant
+    pairs: list[Pairs]
+    unknowns: list[tuple[Position, Column]]
+    C: Floats
+    metric: Floats
+
+    @classmethod
+    def of(cls, method: str, plant: _Plant, pairs: list[Pairs], dual: Floats) -> _System:
+        """Raise numpy.linalg.LinAlgError where Y is too close to singular."""
+        n, m = plant.n, len(plant.B[0][0])
+        unknowns = _entries(plant) if method == "slack" else _rows(plant, pairs)
+        vertices = 1 + max(k for block in pairs for _, k in block)
+        C = np.zeros(
+            (m * n + n * (n - 1) // 2 if method == "slack" else vertices * m, len(unknowns))
+        )
+        for u, (_, column) in enumerate(unknowns):
+            for equation, value in column.items():
+                C[equation, u] = value / plant.denominator
+        sums = dual[:, :n, :n] + dual[:, n:, n:]
+        weight = np.array(
+            [
+                sum(s for s, block in zip(sums, pairs, strict=True) for _, j in block if j == k)
+                for k in range(vertices)
+            ]
+        )
+        return cls(method, plant, pairs, unknowns, C, _metric(method, pairs, dual, weight))
+
+    def right(self, Y: list[Integers]) -> list[list[int]]:
+        """Right-hand sides at Y, times the plant's denominator."""
+        n = self.plant.n
+        products = _products(self.plant, self.pairs, _parts(Y, n)[1])
+        if self.method != "slack":
+            return [[-e for e in row] for _, residual in products for row in residual]
         V, residual = products[0]
         skew = [V[a][c] - V[c][a] for c in range(n) for a in range(c)]
-        right = [[-e] for row in residual for e in row] + [[-e] for e in skew]
-        unknowns = _entries(plant)
-    else:
-        right = [[-e for e in row] for k in products for row in products[k][1]]
-        unknowns = _rows(plant, pairs)
-    C = np.zeros((len(right), len(unknowns)))
-    largest = size[:, n:].max(axis=0)
-    for u, ((b, i, where), column) in enumerate(unknowns):
-        weight = size[b, i] * (size[b, n:] / largest)[where].mean()
-        weight *= largest[where].max() if method == "slack" else 1.0
-        for equation, value in column.items():
-            C[equation, u] = weight * value / plant.denominator
-        if method == "scheduled" and b >= len(plant.A):
-            C[:, u] *= 1e-3  # the blocks (15) hold an equation of one k only
-    C /= np.maximum(np.abs(C).max(axis=1), np.finfo(float).tiny)[:, None]
-    chosen = _independent(C)
-    equations = sorted(_independent(C[:, chosen].T))
-    matrix = [[unknowns[u][1].get(e, 0) for u in chosen] + right[e] for e in equations]
-    solved = _solved(matrix)
-    return solved and ([unknowns[u][0] for u in chosen], *solved)
+        return [[-e] for row in residual for e in row] + [[-e] for e in skew]
+
+    def approximately(self, dual: Floats) -> Floats:
+        """Solve by the smallest change in the metric, in floats."""
+        n, count = self.plant.n, len(self.pairs)
+        Y, exponent = _rounded(dual)
+        unit = self.plant.denominator << exponent
+        right = np.array([[e / unit for e in row] for row in self.right(Y)])
+        C = self.C.reshape(len(self.C), count, -1)
+        weighted = np.einsum("ebu,buv->ebv", C, self.metric).reshape(self.C.shape)
+        size = np.maximum(np.abs(weighted).max(axis=1), np.finfo(float).tiny)[:, None]
+        z = np.linalg.lstsq(weighted / size, right / size, rcond=INDEPENDENT)[0]
+        change = (self.metric @ z.reshape(count, self.metric.shape[1], -1)).reshape(count, n, n)
+        dual = dual.copy()
+        dual[:, :n, n:] += change
+        dual[:, n:, :n] += change.swapaxes(1, 2)
+        return dual
+
+    def exactly(self, Y: list[Integers]) -> tuple[list[Integers], int] | None:
+        """Solve in as few unknowns as there are equations; return Y over a denominator."""
+        n = self.plant.n
+        C = self.C * np.linalg.norm(self.metric, axis=2).ravel()
+        C /= np.maximum(np.abs(C).max(axis=1), np.finfo(float).tiny)[:, None]
+        chosen = _independent(C)
+        equations = sorted(_independent(C[:, chosen].T))
+        right = self.right(Y)
+        table = [[self.unknowns[u][1].get(e, 0) for u in chosen] + right[e] for e in equations]
+        solved = _solved(table)
+        if solved is None:
+            return None
+        values, scale = solved
+        Y = [_times(scale, block) for block in Y]
+        for u, row in zip(chosen, values, strict=True):
+            b, i, where = self.unknowns[u][0]
+            for c, value in zip(range(n)[where], row, strict=True):
+                Y[b][i][n + c] += value
+                Y[b][n + c][i] += value
+        return Y, scale
+
+
+def _metric(method: str, pairs: list[Pairs], dual: Floats, weight: Floats) -> Floats:
+    factors = []
+    for block, y in zip(pairs, dual, strict=True):
+        L = np.zeros_like(weight[0])
+        if y.any():
+            W = sum(weight[k] for k in {k for _, k in block})
+            unit = np.sqrt(np.diag(W))
+            L = unit[:, None] * np.linalg.cholesky(W / np.outer(unit, unit) + 1e-13 * np.eye(len(W)))
+        # only blocks of one pair gain at a smaller radius
+        L = np.kron(L, L) if method == "slack" else L * (1.0 if len(block) == 1 else 1e-3)
+        factors.append(L)
+    return np.array(factors)
 
 
 def _rows(plant: _Plant, pairs: list[Pairs]) -> list[tuple[Position, Column]]:

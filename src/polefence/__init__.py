@@ -21,6 +21,7 @@ from polefence.plant.spec import load
 from polefence.plant.system import System
 from polefence.proof.certificate import Certificate, Check
 from polefence.region import Disk
+from polefence.solve.engine import engine
 
 __version__ = "0.1.0"
 
@@ -48,6 +49,7 @@ __all__ = [
     "UncontrollableError",
     "build",
     "check",
+    "engine",
     "limits",
     "load",
     "place",

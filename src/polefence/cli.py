@@ -10,7 +10,7 @@ from decimal import Decimal, InvalidOperation
 from pathlib import Path
 from typing import Any, NoReturn
 
-from polefence import __version__, commands
+from polefence import __version__, commands, engine
 from polefence.conditions.methods import METHODS
 from polefence.errors import InputError, MissingExtraError, NotProvedError, PolefenceError
 
@@ -77,7 +77,9 @@ def _parser() -> argparse.ArgumentParser:
         "CENTRE is the real coordinate, negative on the left (-40).",
         allow_abbrev=False,
     )
-    parser.add_argument("--version", action="version", version=f"polefence {__version__}")
+    parser.add_argument(
+        "--version", action="version", version=f"polefence {__version__}, engine: {engine()}"
+    )
     listed = parser.add_subparsers(metavar="COMMAND", required=True)
 
     def command(name: str, run: Callable[[Any], int]) -> argparse.ArgumentParser:

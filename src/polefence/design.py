@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from fractions import Fraction
 from pathlib import Path
 
 import numpy as np
 
-from polefence.conditions.methods import Method, method_name
+from polefence.conditions.methods import Method, Scheduled, method_name
 from polefence.errors import DesignFileError, InputError, NotProvedError, SolverError
 from polefence.files import make_folder, read_text, write_text
 from polefence.law import FixedGain, Law, ScheduledGain, right_divide
@@ -16,13 +17,19 @@ from polefence.plant.family import UncertainPlant
 from polefence.plant.system import Array
 from polefence.proof import exact
 from polefence.proof.certificate import Certificate, Check, check_claim
+from polefence.proof.lower import lower_bound
 from polefence.region import Disk, check_centre
-from polefence.solve.bisection import Found, feasible_point, smallest_radius
+from polefence.solve import bisection
+from polefence.solve.found import Found
+from polefence.solve.radius import smallest_radius
 
 FILE_NAME = "design.json"
 
 # How far above the radius that a point reaches in floats the exact proof is attempted.
 STEPS = (1e-7, 1e-6, 1e-5, 1e-4)
+
+# Where nothing near the infimum is proved: points for radii this much larger.
+RETREATS = (1e-4, 1e-3, 1e-2, 0.1, 1.0, 10.0)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -34,10 +41,14 @@ class Design:
     certificate : Certificate
     proved : bool
         False only where the caller asked for it with ``allow_unproved=True``.
+    lower : float, optional
+        A radius [1/s] at which the method's inequalities are proved infeasible, for any law; where
+        `tightest` found one. It is no bound for other methods.
     """
 
     certificate: Certificate
     proved: bool = True
+    lower: float | None = None
 
     def __repr__(self) -> str:
         status = "proved" if self.proved else "not proved"
@@ -154,27 +165,39 @@ def place(
     _require(plant, UncertainPlant, "plant", "polefence.load(path) reads one")
     _require(region, Disk, "region", "for example polefence.Disk(-40, 31)")
     plant.require_controllable()
-    found = feasible_point(plant.A, plant.B, region.sigma, region.radius, method)
-    if found is not None:
-        design = Design(_certificate(plant, region, name, found))
-        if design.certificate.prove().proved:
-            return design
-    best = _tightest(plant, region.centre, method)
+    inside = _inside(plant, region, method)
+    if inside is not None:
+        return inside
+    best = _tightest(plant, region.centre, method)[0]
     wider = replace(best.certificate, region=region)
     if best.region.radius <= region.radius and wider.prove().proved:
         return Design(wider)
     if allow_unproved:
         return Design(wider, proved=False)
+    raise NotProvedError(_refusal(name, region, best), best if best.proved else None)
+
+
+def _inside(plant: UncertainPlant, region: Disk, method: Method) -> Design | None:
+    """Return a proved design for this disk, from the first point found inside it."""
+    try:
+        found = smallest_radius(plant.A, plant.B, region.sigma, method, enough=region.radius)
+    except SolverError:
+        return None
+    design = Design(_certificate(plant, region, method_name(method), found))
+    return design if found.radius <= region.radius and design.certificate.prove().proved else None
+
+
+def _refusal(name: str, region: Disk, best: Design) -> str:
     reached = (
         f"the smallest radius found there is {rounded_up(best.region.radius)} (proved)"
         if best.proved
         else "no radius was proved there"
     )
-    raise NotProvedError(
-        f"not proved: {name} gives no proof for {region}; {reached}; "
-        "try a larger disk or another method",
-        best if best.proved else None,
-    )
+    if best.lower is not None and best.lower >= region.radius:
+        answer = f"refuted for {name}: its inequalities have no solution for {region}"
+    else:
+        answer = f"not proved: {name} gives no proof for {region}"
+    return f"{answer}; {reached}; try a larger disk or another method"
 
 
 def tightest(
@@ -193,8 +216,8 @@ def tightest(
     Returns
     -------
     Design
-        ``design.region.radius`` is proved; the method's infimum lies at most some 1e-4 (relative)
-        below where it is attained.
+        ``design.region.radius`` is proved; where ``design.lower`` is not None, that radius is
+        proved to be out of the method's reach.
 
     Raises
     ------
@@ -207,7 +230,7 @@ def tightest(
     centre = check_centre(centre)
     _require(plant, UncertainPlant, "plant", "polefence.load(path) reads one")
     plant.require_controllable()
-    best = _tightest(plant, centre, method)
+    best, _ = _tightest(plant, centre, method)
     if not best.proved and not allow_unproved:
         raise NotProvedError(
             f"undecided: {name} at centre {centre:g} gave no point that could be proved; "
@@ -222,27 +245,65 @@ def _require(value: object, kind: type, name: str, remedy: str) -> None:
         raise InputError(f"{name} must be of type {kind.__name__}, not {given}; {remedy}")
 
 
-def _tightest(plant: UncertainPlant, centre: float, method: Method) -> Design:
-    """Return the design of the smallest radius, ``proved`` or not."""
+def tightest_near(
+    plant: UncertainPlant, centre: float, method: Method, near: Found | None
+) -> tuple[Design, Found]:
+    """`tightest`, started from a neighbouring centre's point; also the point for the next one.
+
+    Raises
+    ------
+    NotProvedError
+        If no radius could be proved.
+    """
+    best, found = _tightest(plant, centre, method, near)
+    if not best.proved:
+        raise NotProvedError(f"undecided: {method_name(method)} at centre {centre:g}")
+    return best, found
+
+
+def _tightest(
+    plant: UncertainPlant, centre: float, method: Method, near: Found | None = None
+) -> tuple[Design, Found]:
+    """Return the design of the smallest radius, ``proved`` or not, and its point."""
     sigma, name = -centre, method_name(method)
     try:
-        found = smallest_radius(plant.A, plant.B, sigma, method)
-    except SolverError as error:
-        raise NotProvedError(f"undecided: {name} at centre {centre:g}: {error}") from error
+        found = smallest_radius(plant.A, plant.B, sigma, method, near)
+    except SolverError:
+        found = _second_opinion(plant, centre, method)
     design = _proved_near(plant, centre, name, found)
-    step = 1e-4
-    while design is None and step < 1e4:
+    for step in RETREATS if design is None else ():
         # The point lies too near the boundary for its rounding: look farther inside.
         radius = found.radius * (1 + step)
-        inner = feasible_point(plant.A, plant.B, sigma, radius, method)
-        if inner is not None:
-            design = _proved_near(plant, centre, name, inner)
-        design = design or _proved_at(plant, radius, centre, name, found)
-        step *= 10 if step < 1e-2 else 3
+        inner = smallest_radius(plant.A, plant.B, sigma, method, enough=radius)
+        design = _proved_near(plant, centre, name, inner) or _proved_at(
+            plant, radius, centre, name, found
+        )
+        if design is not None:
+            break
     if design is None:
         region = Disk(centre, found.radius)
-        return Design(_certificate(plant, region, name, found), proved=False)
-    return design
+        return Design(_certificate(plant, region, name, found), proved=False), found
+    return replace(design, lower=_lower(plant, sigma, method, found)), found
+
+
+def _second_opinion(plant: UncertainPlant, centre: float, method: Method) -> Found:
+    try:
+        return bisection.smallest_radius(plant.A, plant.B, -centre, method)
+    except SolverError as error:
+        where = f"{method_name(method)} at centre {centre:g}"
+        raise NotProvedError(f"undecided: {where}: {error}") from error
+
+
+def _lower(plant: UncertainPlant, sigma: float, method: Method, found: Found) -> float | None:
+    """Return a radius proved infeasible for the method, None where no proof came of it."""
+    if found.dual is None:
+        return None
+    A = [[list(row) for row in v.exact_A] for v in plant.vertices]
+    B = [[list(row) for row in v.exact_B] for v in plant.vertices]
+    rhs = isinstance(method, Scheduled) and method.right_hand_sides
+    Y = found.dual.matrices()
+    bound = lower_bound(method_name(method), A, B, Fraction(sigma), found.radius, Y, rhs)
+    return None if bound is None else float(bound.r)
 
 
 def _proved_near(plant: UncertainPlant, centre: float, name: str, found: Found) -> Design | None:

@@ -5,15 +5,20 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import BrokenExecutor, Executor, as_completed
-from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from polefence.conditions.methods import METHODS, Method, Scheduled, method_name
-from polefence.design import Design, tightest
+from polefence.design import Design, tightest_near
 from polefence.errors import NotProvedError
 from polefence.plant.family import UncertainPlant
 from polefence.region import check_centre
+from polefence.solve.found import Found
+
+# Rows that start from one another: at most so many, their centres at most this share apart.
+CHAIN, NEAR = 6, 0.25
+
+Task = tuple[int, float, Method]
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,6 +34,8 @@ class Limit:
         The smallest proved radius [1/s]; None where nothing was proved.
     status : str
         "proved" or "undecided".
+    lower : float or None
+        A radius [1/s] proved to be out of the method's reach; None where none was proved.
     seconds : float
     design : Design or None
     """
@@ -38,6 +45,7 @@ class Limit:
     radius: float | None
     status: str
     seconds: float
+    lower: float | None = None
     design: Design | None = None
 
     @property
@@ -48,7 +56,8 @@ class Limit:
     def as_row(self, gain: bool = False) -> dict[str, Any]:
         """Return the row as plain data, with its law where wanted."""
         row: dict[str, Any] = {
-            key: getattr(self, key) for key in ("centre", "method", "radius", "status", "seconds")
+            key: getattr(self, key)
+            for key in ("centre", "method", "radius", "lower", "status", "seconds")
         }
         if gain:
             row["law"] = None if self.design is None else self.design.certificate.document()["law"]
@@ -102,18 +111,18 @@ def as_finished(
         check_centre(centre)
         method_name(method)
     plant.require_controllable()
+    parts = chains(tasks)
     if executor is None:
-        yield from ((i, one_limit(plant, *task)) for i, task in enumerate(tasks))
+        for part in parts:
+            yield from _chain(plant, part)
         return
-    futures = {executor.submit(one_limit, plant, *task): i for i, task in enumerate(tasks)}
+    futures = {executor.submit(chain, plant, part): part for part in parts}
     try:
         for future in as_completed(futures):
-            index = futures[future]
             try:
-                row = future.result()
+                yield from future.result()
             except BrokenExecutor:  # a worker was killed, and the pool with it: go on here
-                row = one_limit(plant, *tasks[index])
-            yield index, row
+                yield from _chain(plant, futures[future])
     except KeyboardInterrupt:
         raise  # whoever owns the executor ends it; cancelling here would race with that
     except BaseException:
@@ -122,13 +131,46 @@ def as_finished(
         raise
 
 
-def one_limit(plant: UncertainPlant, centre: float, method: Method) -> Limit:
-    """Return one row of a sweep."""
-    start = time.perf_counter()
-    design: Design | None = None
-    with suppress(NotProvedError):
-        design = tightest(plant, centre, method)
-    seconds = time.perf_counter() - start
-    radius = None if design is None else design.region.radius
-    status = "undecided" if design is None else "proved"
-    return Limit(centre, method_name(method), radius, status, seconds, design)
+def chains(tasks: Sequence[tuple[float, Method]]) -> list[list[Task]]:
+    """Sort tasks into runs of neighbouring centres, each to be computed in order.
+
+    They depend on the tasks alone, so that the rows do too, wherever they are computed.
+    """
+    order = sorted(range(len(tasks)), key=lambda i: (repr(tasks[i][1]), tasks[i][0]))
+    runs: list[list[Task]] = []
+    for i in order:
+        centre, method = tasks[i]
+        last = runs[-1][-1] if runs and len(runs[-1]) < CHAIN else None
+        if last is not None and last[2] == method and centre - last[1] <= NEAR * -last[1]:
+            runs[-1].append((i, centre, method))
+        else:
+            runs.append([(i, centre, method)])
+    return runs
+
+
+def chain(plant: UncertainPlant, part: list[Task]) -> list[tuple[int, Limit]]:
+    """Return a run of rows, each started from the one before."""
+    return list(_chain(plant, part))
+
+
+def _chain(plant: UncertainPlant, part: list[Task]) -> Iterator[tuple[int, Limit]]:
+    near: Found | None = None
+    for k, (index, centre, method) in enumerate(part):
+        if near is not None:
+            # a disk about this centre that holds the neighbour's
+            near = replace(near, radius=near.radius + abs(centre - part[k - 1][1]))
+        start = time.perf_counter()
+        design: Design | None = None
+        try:
+            design, near = tightest_near(plant, centre, method, near)
+        except NotProvedError:
+            near = None
+        seconds = time.perf_counter() - start
+        yield index, _row(centre, method, design, seconds)
+
+
+def _row(centre: float, method: Method, design: Design | None, seconds: float) -> Limit:
+    name = method_name(method)
+    if design is None:
+        return Limit(centre, name, None, "undecided", seconds)
+    return Limit(centre, name, design.region.radius, "proved", seconds, design.lower, design)

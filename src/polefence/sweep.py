@@ -108,7 +108,9 @@ def _finished(path: Path, plant: UncertainPlant, gain: bool) -> dict[tuple[float
 def _sound(row: Row) -> bool:
     numbers = (row["centre"], row["radius"], row["seconds"])
     real = all(isinstance(x, float | int) and math.isfinite(x) for x in numbers)
-    return real and row["centre"] < 0 < row["radius"] and row["method"] in METHODS
+    lower = row.get("lower")
+    below = lower is None or (isinstance(lower, float) and 0 < lower <= row["radius"])
+    return real and below and row["centre"] < 0 < row["radius"] and row["method"] in METHODS
 
 
 @contextmanager
@@ -122,7 +124,7 @@ def processes(jobs: int | None = None) -> Iterator[Executor | None]:
         yield None
         return
     with _interrupted_once() as ignore:
-        pool = ProcessPoolExecutor(count, get_context("spawn"), initializer=_leave_interrupts)
+        pool = ProcessPoolExecutor(count, get_context("spawn"), initializer=_start_worker)
         try:
             with ignore():  # workers inherit it while they start
                 for started in [pool.submit(os.getpid) for _ in range(count)]:
@@ -166,5 +168,8 @@ def _interrupted_once() -> Iterator[Callable[[], AbstractContextManager[None]]]:
         signal.signal(signal.SIGINT, outside)
 
 
-def _leave_interrupts() -> None:
+def _start_worker() -> None:
+    from threadpoolctl import threadpool_limits
+
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    threadpool_limits(1)

@@ -12,9 +12,9 @@ I, and M_b the sum of S_j W_k + B_j Z_k over the pairs (j, k) of block b, as for
     tau    sum tr P_(15) - (sum tr P_(16) + 6 sum tr P_(17)) / (N-1)^2 >= 0
 
 `prove_infeasible` decides these with integers and trusts nothing. `repaired` makes an approximate
-Y of a floating-point solver satisfy them: X solves the equations of Z in a few well chosen
-entries, and the P of one block for each k takes up the equation of W_k. Where r is a little below
-the radius of Y, that P only grows.
+Y of a floating-point solver satisfy them: small changes of X solve the equations of Z, and P and R
+of a few blocks take up those of W. Where r is a little below the radius of Y these only grow,
+which pays for all the changes.
 """
 
 from __future__ import annotations
@@ -32,6 +32,7 @@ import numpy as np
 import numpy.typing as npt
 
 from polefence.proof.exact import (
+    MAX_BITS,
     MAX_WORK,
     METHODS,
     FormatError,
@@ -99,7 +100,7 @@ def prove_infeasible(claim: Infeasible) -> Verdict:
         return Verdict(False, fault)
     try:
         plant = _Plant.of(claim.A, claim.B, claim.sigma)
-        own = [_denominator([Y]) for Y in claim.Y]
+        own = [_denominator([Y], 2 * MAX_BITS) for Y in claim.Y]
     except FormatError as error:
         return Verdict(False, str(error))
     blocks = [_integers(Y, d) for Y, d in zip(claim.Y, own, strict=True)]
@@ -346,8 +347,8 @@ def _repairs(start: Infeasible, Y: Iterable[npt.ArrayLike]) -> Iterator[_Repair]
 class _Repair:
     """What every radius shares: integers Y over ``scale``, balanced but for the equations of W, G.
 
-    The diagonal parts of the blocks anchors[k] take these up: shares[k] times the change of each
-    is constant[k] + slope[k] / r, over ``scale`` and the plant's denominator.
+    Both diagonal parts of each block of one group of ``anchors`` take these up, in equal shares of
+    constant[k] + slope[k] / r, over ``scale`` and the plant's ``denominator``.
     """
 
     start: Infeasible
@@ -364,12 +365,12 @@ class _Repair:
         if start.method == "slack":
             dual = dual.copy()
             dual[:, :n, :n] = dual[:, n:, n:] = (dual[:, :n, :n] + dual[:, n:, n:]) / 2
-        plant = _Plant.of(start.A, start.B, start.sigma)
         try:
+            plant = _Plant.of(start.A, start.B, start.sigma)
             system = _System.of(start.method, plant, pairs, dual)
-        except np.linalg.LinAlgError:
+            solved = system.exactly(_rounded(system.approximately(dual))[0])
+        except (np.linalg.LinAlgError, FormatError, OverflowError):
             return None
-        solved = system.exactly(_rounded(system.approximately(dual))[0])
         if solved is None:
             return None
         Y, scale = solved
@@ -561,9 +562,11 @@ def _metric(method: str, pairs: list[Pairs], dual: Floats, weight: Floats) -> Fl
         if y.any():
             W = sum(weight[k] for k in {k for _, k in block})
             unit = np.sqrt(np.diag(W))
-            L = unit[:, None] * np.linalg.cholesky(W / np.outer(unit, unit) + 1e-13 * np.eye(len(W)))
+            L = unit[:, None] * np.linalg.cholesky(
+                W / np.outer(unit, unit) + 1e-13 * np.eye(len(W))
+            )
         # only blocks of one pair gain at a smaller radius
-        L = np.kron(L, L) if method == "slack" else L * (1.0 if len(block) == 1 else 1e-3)
+        L = np.kron(L, L) if method == "slack" else L * (1.0 if len(block) == 1 else 1e-7)
         factors.append(L)
     return np.array(factors)
 

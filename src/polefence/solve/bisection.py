@@ -79,18 +79,6 @@ def _narrow(search: _Search) -> Found:
     return search.best
 
 
-def feasible_point(A: Array, B: Array, sigma: float, radius: float, method: Method) -> Found | None:
-    """Return a well-centred point at this radius, or None where the search found none."""
-    search = _Search(A, B, sigma, method)
-    start = search.best
-    search.attempt(radius)
-    if search.best is start and start.radius >= radius:
-        return None
-    # Once more, in the coordinates of the point just found: better centred.
-    search.attempt(radius)
-    return search.best if search.best.radius < radius else None
-
-
 class _Search:
     """The state of one search: best point, its coordinates, and the margins seen on either side."""
 

@@ -163,8 +163,8 @@ def _operators(stacked: Stacked) -> Operators:
             triples.append((half * total + start + place, unknown, value))
             start += f.size**2
     rows, columns, values = (np.concatenate(part) for part in zip(*triples, strict=True))
-    shape = (2 * total, stacked.unknowns)
-    both = sp.csr_array(sp.coo_array((values, (rows, columns)), shape=shape))
+    whole = sp.coo_array((values, (rows, columns)), shape=(2 * total, stacked.unknowns))
+    both = sp.csr_array(whole)
     return Operators(both, sp.csr_array(both.T), blocks)
 
 
@@ -262,12 +262,11 @@ def _row(lefts: _Lefts, R: Array, start: dict[str, int]) -> _Row:
         return _Row(D, np.zeros_like(D), R, np.array(rows), weights)
     Ds, Ms, places = [], [], list[int]()
     for name in names:
-        D, M = lefts[name]
-        if D is None:
-            D = np.zeros_like(M)
-        Ds.append(D)
-        Ms.append(np.zeros_like(D) if M is None else M)
-        places.extend(range(start[name], start[name] + columns * D.shape[1], columns))
+        left_D, left_M = lefts[name]
+        like = np.zeros_like(left_D if left_D is not None else left_M)
+        Ds.append(like if left_D is None else left_D)
+        Ms.append(like if left_M is None else left_M)
+        places.extend(range(start[name], start[name] + columns * like.shape[1], columns))
     return _Row(np.hstack(Ds), np.hstack(Ms), R, np.array([places]), np.ones(1))
 
 

@@ -29,7 +29,7 @@ FILE_NAME = "design.json"
 STEPS = (1e-7, 1e-6, 1e-5, 1e-4)
 
 # Where nothing near the infimum is proved: points for radii this much larger.
-RETREATS = (1e-4, 1e-3, 1e-2, 0.1, 1.0, 10.0)
+RETREATS = (1e-4, 1e-3, 1e-2, 0.1, 1.0, 10.0, 100.0)
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -24,6 +24,7 @@ from polefence.solve.stacked import Stacked, stack
 
 ROUGH = 1e-2  # Lemma 1 as a start is run until its gap is this share of its radius
 CLOSE = 1.1  # the first r over the radius of a point that a neighbour or a stalled run left
+FLOOR = 1e-4  # a radius of this share of sigma is as good as zero
 ROUNDS = 4
 WIDENINGS = 12  # of a radius that turned out not to be interior, each by half
 
@@ -48,7 +49,7 @@ def smallest_radius(
     near : Found, optional
         The same condition's answer for a neighbouring centre, to start from.
     enough : float
-        Stop at the first radius found that is no larger.
+        Stop at the first radius found that is no larger; at 1e-4 sigma it stops in any case.
     engine : str, optional
         "compiled" or "numpy"; by default the compiled one where there is one.
 
@@ -57,6 +58,7 @@ def smallest_radius(
     SolverError
         If there is no point to start from in floats.
     """
+    enough = max(enough, FLOOR * sigma)
     search = _Search(A, B, sigma, method, balanced(A, B, sigma), enough, engine)
     best, wide = (search.first(), WIDE) if near is None else (near, CLOSE)
     found = None
@@ -89,7 +91,7 @@ class _Search:
         if self.method == "quadratic":
             start = nominal_start(self.A, self.B, self.sigma, self.plain)
             return Found(start.radius, {"W": start.W, "Z": start.K @ start.W})
-        lemma_1 = replace(self, method="quadratic", enough=0.0)
+        lemma_1 = replace(self, method="quadratic", enough=FLOOR * self.sigma)
         nominal = lemma_1.first()
         return lemma_1.run(nominal, WIDE, ROUGH) or nominal
 
@@ -100,6 +102,7 @@ class _Search:
             self.method, *scaling.apply(self.A, self.B), self.sigma / scaling.rate, scaling.unit
         )
         stacked = stack(pencil)
+        start = replace(start, radius=max(start.radius, FLOOR * self.sigma))
         x = pencil.pack(self._scaled(start, scaling, pencil.variables, wide))
         outcome = self._outcome(stacked, x, wide * start.radius / scaling.rate, scaling, tolerance)
         if outcome is None:

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from importlib import import_module
+from typing import Any
+
 import numpy as np
 
 from polefence.plant.system import Array
@@ -9,10 +12,11 @@ from polefence.solve import smallest as reference
 from polefence.solve.smallest import Outcome
 from polefence.solve.stacked import Blocks, Stacked
 
+_kernel: Any
 try:
-    from polefence import _kernel
+    _kernel = import_module("polefence._kernel")
 except ImportError:  # installed without a compiler
-    _kernel = None  # type: ignore[assignment]
+    _kernel = None
 
 ENGINES = ("compiled", "numpy")
 

@@ -38,7 +38,8 @@ def test_limits_prints_and_writes_rows(spec, tmp_path, capsys):
     document = json.loads(rows.read_text())
     assert [row["centre"] for row in document["rows"]] == [-2.0, -3.0]
     for row in document["rows"]:
-        assert set(row) == {"centre", "method", "radius", "status", "seconds", "law"}
+        assert set(row) == {"centre", "method", "radius", "lower", "status", "seconds", "law"}
+        assert 0 < row["lower"] < row["radius"] < row["lower"] * (1 + 1e-5)
         assert row["status"] == "proved"
         assert len(row["law"]["K"]) == 1
     assert document["plant"]["vertices"] == 2
@@ -71,7 +72,7 @@ def test_a_disk_out_of_reach_exits_1_and_names_the_radius(car, tmp_path, capsys,
     assert main(words) == 1
     error = capsys.readouterr().err
     assert error.count("\n") == 1
-    assert error.startswith("not proved: ")
+    assert error.startswith("refuted for ")
     assert radius in error
     assert not (folder / "design.json").exists()
 

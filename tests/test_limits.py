@@ -31,6 +31,7 @@ def test_rows_come_in_the_order_asked_for_and_are_proved(rows):
         assert row.status == "proved"
         assert row.design.certificate.prove().proved
         assert row.radius == row.design.region.radius
+        assert row.lower < row.radius < row.lower * (1 + 1e-5)
         assert row.seconds > 0
         assert row.ratio == pytest.approx(100 * (1 - row.radius / -row.centre))
 
@@ -75,8 +76,9 @@ def test_an_interrupted_sweep_keeps_its_rows_and_resumes(plant, rows, tmp_path):
     fresh = []
     done = sweep(plant, CENTRES, METHODS, path, resume=True, on_row=fresh.append)
     assert len(fresh) == 2
-    assert done[:4] == kept
-    assert [row["radius"] for row in done] == [row.radius for row in rows]
+    assert all(row in done for row in kept)
+    # a row started from another neighbour ends at the same radius, to the solver's tolerance
+    assert np.allclose([row["radius"] for row in done], [row.radius for row in rows], rtol=1e-6)
     assert json.loads(path.read_text())["rows"] == done
 
 

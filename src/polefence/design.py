@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from pathlib import Path
@@ -274,10 +275,10 @@ def _tightest(
     for step in RETREATS if design is None else ():
         # The point lies too near the boundary for its rounding: look farther inside.
         radius = found.radius * (1 + step)
-        inner = smallest_radius(plant.A, plant.B, sigma, method, enough=radius)
-        design = _proved_near(plant, centre, name, inner) or _proved_at(
-            plant, radius, centre, name, found
-        )
+        with suppress(SolverError):
+            inner = smallest_radius(plant.A, plant.B, sigma, method, enough=radius)
+            design = _proved_near(plant, centre, name, inner)
+        design = design or _proved_at(plant, radius, centre, name, found)
         if design is not None:
             break
     if design is None:

@@ -9,6 +9,7 @@ import pytest
 from polefence import build, limits, place, tightest
 from polefence.errors import NotProvedError, SolverError
 from polefence.region import Disk
+from polefence.solve.bisection import smallest_radius
 from polefence.solve.conic import largest_margin
 
 
@@ -64,12 +65,12 @@ def test_ctrl_c_is_not_swallowed(monkeypatch, make_random):
     break_solver(monkeypatch, interrupt)
     plant = make_random(1, 2, 1, 2)
     with pytest.raises(KeyboardInterrupt):
-        tightest(plant, -2.0, "slack")
+        smallest_radius(plant.A, plant.B, 2.0, "slack")
 
 
 def test_an_occasional_panic_costs_a_retry_and_no_radius(monkeypatch, make_random):
     plant = make_random(1, 2, 1, 3)
-    plain = tightest(plant, -3.0, "slack").region.radius
+    plain = smallest_radius(plant.A, plant.B, 3.0, "slack").radius
 
     def sometimes(call, inner):
         if call % 3 == 2:
@@ -77,18 +78,41 @@ def test_an_occasional_panic_costs_a_retry_and_no_radius(monkeypatch, make_rando
         return inner.solve()
 
     break_solver(monkeypatch, sometimes)
-    assert np.isclose(tightest(plant, -3.0, "slack").region.radius, plain, rtol=2e-3)
+    again = smallest_radius(plant.A, plant.B, 3.0, "slack").radius
+    assert np.isclose(again, plain, rtol=2e-3)
 
 
-def test_a_solver_that_always_panics_never_kills_a_sweep(monkeypatch, make_random):
+def break_engine(monkeypatch):
+    """Leave the second opinion alone: the direct solver finds no start."""
+
+    def fail(*_, **__):
+        raise SolverError("no point to start from")
+
+    monkeypatch.setattr("polefence.design.smallest_radius", fail)
+
+
+@pytest.mark.parametrize("method", ["quadratic", "slack", "scheduled"])
+def test_the_second_opinion_steps_in_and_agrees(monkeypatch, make_random, method):
+    plant = make_random(1, 3, 1, 3)
+    direct = tightest(plant, -3.0, method)
+    break_engine(monkeypatch)
+    second = tightest(plant, -3.0, method)
+    assert second.certificate.prove().proved
+    assert second.lower is None
+    assert direct.lower < second.region.radius
+    assert np.isclose(second.region.radius, direct.region.radius, rtol=2e-4)
+
+
+def test_solvers_that_always_fail_never_kill_a_sweep(monkeypatch, make_random):
     def panic(call, inner):
         raise Panic("always")
 
+    break_engine(monkeypatch)
     break_solver(monkeypatch, panic)
     plant = make_random(1, 2, 1, 2)
     rows = limits(plant, [-2.0, -3.0], ["quadratic", "scheduled"])
     assert [row.status for row in rows] == ["undecided"] * 4
-    assert [row.radius for row in rows] == [None] * 4
+    assert [row.radius for row in rows] == [row.lower for row in rows] == [None] * 4
 
 
 def test_a_solver_that_lies_proves_nothing(monkeypatch, make_random):
@@ -105,6 +129,7 @@ def test_a_solver_that_lies_proves_nothing(monkeypatch, make_random):
         return Lie(len(inner.solve().x))
 
     honest = tightest(make_random(1, 2, 1, 2), -3.0, "slack").region.radius
+    break_engine(monkeypatch)
     break_solver(monkeypatch, lie)
     plant = make_random(1, 2, 1, 2)
     for row in limits(plant, [-3.0], ["quadratic", "slack", "scheduled"]):

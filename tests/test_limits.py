@@ -31,7 +31,9 @@ def test_rows_come_in_the_order_asked_for_and_are_proved(rows):
         assert row.status == "proved"
         assert row.design.certificate.prove().proved
         assert row.radius == row.design.region.radius
-        assert row.lower < row.radius < row.lower * (1 + 1e-5)
+        # at -4 the infimum is not attained: an uncontrollable mode between the vertices
+        assert (row.lower is None) == (row.centre == -4)
+        assert row.lower is None or row.lower < row.radius < row.lower * (1 + 1e-5)
         assert row.seconds > 0
         assert row.ratio == pytest.approx(100 * (1 - row.radius / -row.centre))
 

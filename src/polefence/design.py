@@ -18,7 +18,7 @@ from polefence.plant.family import UncertainPlant
 from polefence.plant.system import Array
 from polefence.proof import exact
 from polefence.proof.certificate import Certificate, Check, check_claim
-from polefence.proof.lower import lower_bound
+from polefence.proof.repair import lower_bound
 from polefence.region import Disk, check_centre
 from polefence.solve import bisection
 from polefence.solve.found import Found

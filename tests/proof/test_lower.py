@@ -11,7 +11,7 @@ import pytest
 
 from polefence import Scheduled
 from polefence.conditions.methods import build, method_name
-from polefence.proof import exact, lower
+from polefence.proof import exact, lower, repair
 from polefence.solve.nominal import common_point, nominal_start
 from polefence.solve.scaling import balanced
 from polefence.solve.smallest import smallest
@@ -58,7 +58,7 @@ def infimum(method, A, B, sigma):
 def bound(method, A, B, sigma, exact_A=None, exact_B=None):
     upper, Y = infimum(method, A, B, sigma)
     exact_A, exact_B = exact_A or rational(A), exact_B or rational(B)
-    claim = lower.lower_bound(
+    claim = repair.lower_bound(
         method_name(method), exact_A, exact_B, Fraction(sigma), upper, Y, method is RIGHT
     )
     return upper, claim
@@ -196,12 +196,12 @@ def test_what_cannot_be_repaired_is_none(make_random):
     A, B, sigma = rational(plant.A), rational(plant.B), Fraction(3)
     upper, Y = infimum("quadratic", plant.A, plant.B, 3.0)
     r = Fraction(upper)
-    assert lower.repaired("quadratic", A, B, sigma, r * Fraction(99999, 100000), Y) is not None
-    assert lower.repaired("quadratic", A, B, sigma, r * Fraction(101, 100), Y) is None
-    assert lower.repaired("quadratic", A, B, sigma, Fraction(0), Y) is None
+    assert repair.repaired("quadratic", A, B, sigma, r * Fraction(99999, 100000), Y) is not None
+    assert repair.repaired("quadratic", A, B, sigma, r * Fraction(101, 100), Y) is None
+    assert repair.repaired("quadratic", A, B, sigma, Fraction(0), Y) is None
     for wrong in (Y[:2], Y[:, :3, :3], -Y, 0 * Y, Y * np.nan, np.roll(Y, 1, axis=1)):
-        assert lower.repaired("quadratic", A, B, sigma, r * Fraction(999, 1000), wrong) is None
-        assert lower.lower_bound("quadratic", A, B, sigma, upper, wrong) is None
+        assert repair.repaired("quadratic", A, B, sigma, r * Fraction(999, 1000), wrong) is None
+        assert repair.lower_bound("quadratic", A, B, sigma, upper, wrong) is None
 
 
 # --- one fault at a time into the verifier -------------------------------------------------------

@@ -12,15 +12,16 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from polefence.conditions.linear import Variable
-from polefence.conditions.methods import Method, build
+from polefence.conditions.methods import Method
 from polefence.errors import SolverError
 from polefence.plant.system import Array
 from polefence.solve.engine import run
 from polefence.solve.found import Dual, Found, lyapunov_mean
+from polefence.solve.layout import stacked_pencil
 from polefence.solve.nominal import common_point, nominal_start
 from polefence.solve.scaling import Scaling, balanced
 from polefence.solve.smallest import TOLERANCE, WIDE, Outcome
-from polefence.solve.stacked import Stacked, stack
+from polefence.solve.stacked import Stacked
 
 ROUGH = 1e-2  # Lemma 1 as a start is run until its gap is this share of its radius
 CLOSE = 1.1  # the first r over the radius of a point that a neighbour or a stalled run left
@@ -98,10 +99,9 @@ class _Search:
     def run(self, start: Found, wide: float, tolerance: float = TOLERANCE) -> Found | None:
         """Run from a point, in the coordinates of its Lyapunov matrix; None if it is no start."""
         scaling = self._coordinates(start)
-        pencil = build(
-            self.method, *scaling.apply(self.A, self.B), self.sigma / scaling.rate, scaling.unit
-        )
-        stacked = stack(pencil)
+        A, B = scaling.apply(self.A, self.B)
+        s = self.sigma / scaling.rate
+        pencil, stacked = stacked_pencil(self.method, A, B, s, scaling.unit)
         start = replace(start, radius=max(start.radius, FLOOR * self.sigma))
         x = pencil.pack(self._scaled(start, scaling, pencil.variables, wide))
         outcome = self._outcome(stacked, x, wide * start.radius / scaling.rate, scaling, tolerance)

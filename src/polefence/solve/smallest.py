@@ -195,30 +195,26 @@ class _Arc:
             centre = self._at_r(centring, dual, 0.0)
             tangent = self._at_r(_scaled(self.Q, 0.0), 0 * dual, -gap)
         series = [centre + tangent]
+        # F has coefficients dF + bent, bent the products dr D(dx) of lower orders; D* dY
+        bent, duals = [_scaled(self.D, 0.0)], list[Array]()
         while len(series) < ORDER:
-            series.append(self._next(series))
+            bent.append(_products(series, [v.dD for v in series]))
+            duals.append(self.stacked.adjoint(self.r, series[-1].dY, only_D=True))
+            series.append(self._next(series, bent, duals))
         return [centre, tangent, *series[1:]]
 
-    def _next(self, series: list[_Direction]) -> _Direction:
+    def _next(self, series: list[_Direction], bent: list[Blocks], duals: list[Array]) -> _Direction:
         """Next coefficient of the path's power series, from products of the earlier ones."""
-        # F has coefficients dF + bent, bent the products dr D(dx) of lower orders
-        bent = [self._bent(series[:k]) for k in range(len(series) + 1)]
-        base = _scaled(self._sym(bent[-1]), -1.0)
+        total = [y @ c for y, c in zip(self.Y, bent[-1], strict=True)]
         dual, norm = np.zeros_like(self.x), 0.0
-        for k, first in enumerate(series):
-            second = series[-1 - k]
-            change = _sum(second.dF, bent[len(series) - 1 - k])
-            base = _sum(base, self._sym(change, first.dY), -1.0)
-            dual = dual + first.dr * self.stacked.adjoint(self.r, second.dY, only_D=True)
+        pairs = zip(series, reversed(series), reversed(bent[:-1]), reversed(duals), strict=True)
+        for first, second, extra, D_dY in pairs:
+            change = _sum(second.dF, extra)
+            total = [t + y @ c for t, y, c in zip(total, first.dY, change, strict=True)]
+            dual = dual + first.dr * D_dY
             norm += _inner(first.dY, second.dD)
+        base = _scaled(_symmetric([t @ q for t, q in zip(total, self.Q, strict=True)]), -1.0)
         return self._at_mu(base, dual, norm) if self.smooth else self._at_r(base, dual, 0.0)
-
-    def _bent(self, series: list[_Direction]) -> Blocks:
-        """Sum of dr D(dx) over the pairs whose orders add up to one more than the series has."""
-        total = _scaled(self.D, 0.0)
-        for first, second in zip(series, reversed(series), strict=True):
-            total = _sum(total, second.dD, first.dr)
-        return total
 
     def _at_mu(self, base: Blocks, dual: Array | float = 0.0, norm: float = 0.0) -> _Direction:
         """Newton's direction with dY = base - sym(Y dF Q); mu is prescribed by the base."""
@@ -245,10 +241,9 @@ class _Arc:
         half = self.inverse @ (self.scale * a)
         return np.asarray(self.scale * (self.inverse.T @ half))
 
-    def _sym(self, X: Blocks, Y: Blocks | None = None) -> Blocks:
+    def _sym(self, X: Blocks) -> Blocks:
         """sym(Y X Q) in every block."""
-        products = [y @ z @ q for y, z, q in zip(Y or self.Y, X, self.Q, strict=True)]
-        return [(p + p.swapaxes(1, 2)) / 2 for p in products]
+        return _symmetric([y @ z @ q for y, z, q in zip(self.Y, X, self.Q, strict=True)])
 
     def farthest(self, first: int) -> tuple[int, tuple[Array, float, Blocks] | None]:
         """Return a farthest central point on the arc, or None, and the number of its share.
@@ -312,6 +307,18 @@ def _factor(H: Array) -> Array:
 
 def _sum(X: Blocks, Y: Blocks, factor: float = 1.0) -> Blocks:
     return [x + factor * y for x, y in zip(X, Y, strict=True)]
+
+
+def _products(series: list[_Direction], factors: list[Blocks]) -> Blocks:
+    """Sum of dr times a factor over the pairs whose orders add up to one more than there are."""
+    total = _scaled(factors[0], series[-1].dr)
+    for v, factor in zip(series[-2::-1], factors[1:], strict=True):
+        total = _sum(total, factor, v.dr)
+    return total
+
+
+def _symmetric(X: Blocks) -> Blocks:
+    return [(x + x.swapaxes(1, 2)) / 2 for x in X]
 
 
 def _inner(X: Blocks, Y: Blocks) -> float:

@@ -97,19 +97,23 @@ class Stacked:
 
     def parts(self, x: Array) -> tuple[Blocks, Blocks]:
         """Return D(x) and M(x)."""
-        D, M = np.split(self.operators.both @ x, 2)
-        return self._split(D), self._split(M)
+        both = self.operators.both @ x
+        half = len(both) // 2
+        return self._split(both[:half]), self._split(both[half:])
 
     def adjoint(self, r: float, P: Blocks, only_D: bool = False) -> Array:
         """Return the gradient of <P, r D(x) - M(x)> in x; with ``only_D`` that of <P, D(x)>."""
-        flat = np.concatenate([p.ravel() for p in P])
-        both = [flat, 0 * flat] if only_D else [r * flat, -flat]
-        return np.asarray(self.operators.transpose @ np.concatenate(both))
+        flat = _flat(P)
+        both = np.zeros((2, len(flat)))
+        both[0] = flat if only_D else r * flat
+        if not only_D:
+            both[1] = -flat
+        return np.asarray(self.operators.transpose @ both.ravel())
 
     def hessian(self, r: float, Y: Blocks, Q: Blocks) -> Array:
         """Return H_ij = sum of tr(F_i Y F_j Q) over blocks, F_i the block's derivative in x_i."""
         H = np.zeros((self.unknowns, self.unknowns))
-        flat_Y, flat_Q = (np.concatenate([p.ravel() for p in X]) for X in (Y, Q))
+        flat_Y, flat_Q = _flat(Y), _flat(Q)
         for start, unknowns, D, M in self.operators.blocks:
             size = D.shape[1]
             y, q = (X[start : start + size**2].reshape(size, size) for X in (flat_Y, flat_Q))
@@ -126,6 +130,10 @@ class Stacked:
             blocks.append(flat[start:end].reshape(count, size, size))
             start = end
         return blocks
+
+
+def _flat(X: Blocks) -> Array:
+    return X[0].ravel() if len(X) == 1 else np.concatenate([x.ravel() for x in X])
 
 
 @dataclass(frozen=True, eq=False)

@@ -4,7 +4,12 @@ VENV   := .venv
 BIN    := $(VENV)/bin
 OUT    ?= paper-results
 
-.PHONY: paper test lint docs clean
+KERNEL := CMakeLists.txt $(wildcard src/kernel/*)
+# The kernel with AddressSanitizer and UndefinedBehaviorSanitizer, and what a plain Python preloads.
+SANITIZED := build/sanitized
+PRELOAD = $(foreach library,asan ubsan stdc++,$(shell $(CXX) -print-file-name=lib$(library).so))
+
+.PHONY: paper test sanitize benchmark lint docs clean
 
 paper: $(VENV)/.installed
 	$(BIN)/polefence paper -o $(OUT)
@@ -15,7 +20,20 @@ test: $(VENV)/.installed-test
 	$(BIN)/mypy
 	$(BIN)/lint-imports
 	$(BIN)/pytest
+	$(MAKE) sanitize
 	$(BIN)/sphinx-build -W -q -b html docs docs/_build/html
+
+sanitize: $(VENV)/.installed-test
+	$(BIN)/python -m pip wheel --quiet --no-build-isolation --no-deps --wheel-dir $(SANITIZED) \
+	    --config-settings=cmake.define.POLEFENCE_SANITIZE=ON \
+	    --config-settings=build-dir=build/sanitize .
+	$(BIN)/python -m zipfile -e $(SANITIZED)/polefence-*.whl $(SANITIZED)
+	POLEFENCE_TEST_KERNEL="$$(ls $(SANITIZED)/polefence/_kernel*.so)" LD_PRELOAD="$(PRELOAD)" \
+	    ASAN_OPTIONS=detect_leaks=0 $(BIN)/pytest -p no:cacheprovider tests/solve/test_kernel.py
+
+benchmark: $(VENV)/.installed-test
+	$(BIN)/python -m pip install --quiet --editable '.[benchmark]'
+	$(BIN)/python benchmarks/smallest.py
 
 lint: $(VENV)/.installed-test
 	$(BIN)/ruff check --fix .
@@ -31,7 +49,7 @@ $(VENV)/.created:
 	$(PYTHON) -m venv $(VENV)
 	touch $@
 
-$(VENV)/.installed: $(VENV)/.created pyproject.toml
+$(VENV)/.installed: $(VENV)/.created pyproject.toml $(KERNEL)
 	$(BIN)/python -m pip install --quiet --editable .
 	touch $@
 

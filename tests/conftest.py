@@ -2,9 +2,20 @@
 
 from __future__ import annotations
 
+import importlib.util
+import os
+import sys
+
 import numpy as np
 import pytest
 from hypothesis import settings
+
+if "POLEFENCE_TEST_KERNEL" in os.environ:  # a kernel built otherwise, with sanitizers say
+    _spec = importlib.util.spec_from_file_location(
+        "polefence._kernel", os.environ["POLEFENCE_TEST_KERNEL"]
+    )
+    sys.modules[_spec.name] = importlib.util.module_from_spec(_spec)
+    _spec.loader.exec_module(sys.modules[_spec.name])
 
 from polefence import Design, Disk, Scheduled, UncertainPlant, place, tightest
 from polefence.suspension.quarter_car import family

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from polefence.conditions.methods import METHODS, Method, Scheduled
-from polefence.design import FILE_NAME, Design, check, place, rounded_up
+from polefence.design import FILE_NAME, Design, check, place, rounded_down, rounded_up
 from polefence.errors import InputError
 from polefence.files import check_target, make_folder, write_bytes, write_text
 from polefence.law import FixedGain
@@ -66,7 +66,10 @@ def limits_command(options: Any) -> int:
             progress.step,
         )
     print(f"{plant.name}: {_size(plant)}")
-    print(f"{'centre':>10}  {'method':<10} {'radius':>10}  {'d/sigma':>8}  {'status':<9}  seconds")
+    print(
+        f"{'centre':>10}  {'method':<10} {'radius':>10}  {'at least':>10}  {'d/sigma':>8}  "
+        f"{'status':<9}  seconds"
+    )
     for row in rows:
         print(_row_line(row))
     if options.plot is not None:
@@ -101,12 +104,14 @@ def _jobs(options: Any, rows: int) -> int | None:
 
 
 def _row_line(row: dict[str, Any]) -> str:
-    radius = ratio = "-"
+    radius = lower = ratio = "-"
+    if row.get("lower") is not None:
+        lower = rounded_down(row["lower"])
     if row["radius"] is not None:
         radius = rounded_up(row["radius"])
         ratio = f"{100 * (1 + row['radius'] / row['centre']):.2f} %"
     return (
-        f"{row['centre']:>10.6g}  {row['method']:<10} {radius:>10}  {ratio:>8}  "
+        f"{row['centre']:>10.6g}  {row['method']:<10} {radius:>10}  {lower:>10}  {ratio:>8}  "
         f"{row['status']:<9}  {row['seconds']:.2f}"
     )
 

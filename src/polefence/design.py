@@ -343,8 +343,18 @@ def _certificate(plant: UncertainPlant, region: Disk, name: str, found: Found) -
 
 def rounded_up(radius: float, digits: int = 6) -> str:
     """Print a proved radius with so many significant digits, rounded up so that it stays true."""
-    decimals = max(digits - 1 - math.floor(math.log10(radius)), 0)
+    decimals = _decimals(radius, digits)
     return f"{math.ceil(radius * 10**decimals) / 10**decimals:.{decimals}f}"
+
+
+def rounded_down(radius: float, digits: int = 6) -> str:
+    """Print a radius proved out of reach, rounded down so that it stays true."""
+    decimals = _decimals(radius, digits)
+    return f"{math.floor(radius * 10**decimals) / 10**decimals:.{decimals}f}"
+
+
+def _decimals(radius: float, digits: int) -> int:
+    return max(digits - 1 - math.floor(math.log10(radius)), 0)
 
 
 def _design_path(path: str | Path) -> Path:

@@ -36,7 +36,7 @@ Floats = npt.NDArray[np.float64]
 
 # Exact equations solved for the slack condition: more take seconds.
 MAX_EQUATIONS = 40
-SHORTFALLS = tuple(10.0**k for k in range(-9, -1))  # of the radius, in units of the upper bound
+SHORTFALLS = (1e-9, 1e-8, 1e-7, 3e-7, 1e-6, 2e-6, 4e-6, 8e-6, 2e-5, 5e-5, 1e-4, 1e-3, 1e-2)
 BITS = 60  # kept of an entry of Y, relative to its diagonal entries
 IDLE = (0.0, 1e-6, 1e-4, 1e-2)  # shares of the dual weight below which a vertex may be left out
 INDEPENDENT = 1e-10  # least part of a unit vector outside the span of others

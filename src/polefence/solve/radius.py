@@ -123,6 +123,8 @@ class _Search:
                 outcome = run(stacked, x, r, self.enough / scaling.rate, tolerance, self.engine)
             except np.linalg.LinAlgError:
                 r *= 1.5
+            except MemoryError as error:
+                raise SolverError("more inequalities than there is memory for") from error
             else:
                 sound = np.isfinite(outcome.r) and np.all(np.isfinite(outcome.x))
                 return outcome if sound else None

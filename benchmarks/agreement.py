@@ -21,6 +21,7 @@ from polefence.conditions.methods import build
 from polefence.design import tightest_near
 from polefence.solve.conic import largest_margin
 from polefence.solve.found import Found, lyapunov_mean
+from polefence.solve.radius import FLOOR
 from polefence.solve.scaling import balanced
 
 SIDE = 1e-3
@@ -73,7 +74,9 @@ def main() -> None:
                         f"{found.iterations} iterations, converged {found.converged}",
                         flush=True,
                     )
-                if seed - options.first < options.clarabel:
+                # at its floor the search stops short of an infimum of zero
+                sought = found.radius > 2 * FLOOR * -centre
+                if sought and seed - options.first < options.clarabel:
                     answer = second_opinion(plant, centre, method, found)
                     count[answer] += 1
                     if answer != "agree":

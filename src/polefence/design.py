@@ -247,7 +247,7 @@ def _require(value: object, kind: type, name: str, remedy: str) -> None:
 
 
 def tightest_near(
-    plant: UncertainPlant, centre: float, method: Method, near: Found | None
+    plant: UncertainPlant, centre: float, method: Method, near: Found | None, bounds: bool = True
 ) -> tuple[Design, Found]:
     """`tightest`, started from a neighbouring centre's point; also the point for the next one.
 
@@ -256,14 +256,18 @@ def tightest_near(
     NotProvedError
         If no radius could be proved.
     """
-    best, found = _tightest(plant, centre, method, near)
+    best, found = _tightest(plant, centre, method, near, bounds)
     if not best.proved:
         raise NotProvedError(f"undecided: {method_name(method)} at centre {centre:g}")
     return best, found
 
 
 def _tightest(
-    plant: UncertainPlant, centre: float, method: Method, near: Found | None = None
+    plant: UncertainPlant,
+    centre: float,
+    method: Method,
+    near: Found | None = None,
+    bounds: bool = True,
 ) -> tuple[Design, Found]:
     """Return the design of the smallest radius, ``proved`` or not, and its point."""
     sigma, name = -centre, method_name(method)
@@ -284,7 +288,8 @@ def _tightest(
     if design is None:
         region = Disk(centre, found.radius)
         return Design(_certificate(plant, region, name, found), proved=False), found
-    return replace(design, lower=_lower(plant, sigma, method, found)), found
+    lower = _lower(plant, sigma, method, found) if bounds else None
+    return replace(design, lower=lower), found
 
 
 def _second_opinion(plant: UncertainPlant, centre: float, method: Method) -> Found:

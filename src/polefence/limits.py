@@ -70,6 +70,7 @@ def limits(
     methods: Sequence[Method] | Method = METHODS,
     executor: Executor | None = None,
     on_row: Callable[[Limit], None] | None = None,
+    bounds: bool = True,
 ) -> list[Limit]:
     """Return the smallest proved disk for every centre and method, in that order.
 
@@ -83,6 +84,8 @@ def limits(
         Where to run; without one, here and one after the other.
     on_row : callable, optional
         Called with each row as it is finished, so that an interrupted sweep loses none.
+    bounds : bool
+        Whether to prove lower bounds too, which takes about as long as all the rest.
 
     Raises
     ------
@@ -96,7 +99,7 @@ def limits(
         centres = (centres,)
     tasks = [(check_centre(c), m) for c in centres for m in methods]
     rows: dict[int, Limit] = {}
-    for index, row in as_finished(plant, tasks, executor):
+    for index, row in as_finished(plant, tasks, executor, bounds):
         rows[index] = row
         if on_row is not None:
             on_row(row)
@@ -104,7 +107,10 @@ def limits(
 
 
 def as_finished(
-    plant: UncertainPlant, tasks: Sequence[tuple[float, Method]], executor: Executor | None = None
+    plant: UncertainPlant,
+    tasks: Sequence[tuple[float, Method]],
+    executor: Executor | None = None,
+    bounds: bool = True,
 ) -> Iterator[tuple[int, Limit]]:
     """Yield each task's index and row as soon as it is done; see `limits`."""
     for centre, method in tasks:
@@ -114,15 +120,15 @@ def as_finished(
     parts = chains(tasks)
     if executor is None:
         for part in parts:
-            yield from _chain(plant, part)
+            yield from _chain(plant, part, bounds)
         return
-    futures = {executor.submit(chain, plant, part): part for part in parts}
+    futures = {executor.submit(chain, plant, part, bounds): part for part in parts}
     try:
         for future in as_completed(futures):
             try:
                 yield from future.result()
             except BrokenExecutor:  # a worker was killed, and the pool with it: go on here
-                yield from _chain(plant, futures[future])
+                yield from _chain(plant, futures[future], bounds)
     except KeyboardInterrupt:
         raise  # whoever owns the executor ends it; cancelling here would race with that
     except BaseException:
@@ -148,12 +154,12 @@ def chains(tasks: Sequence[tuple[float, Method]]) -> list[list[Task]]:
     return runs
 
 
-def chain(plant: UncertainPlant, part: list[Task]) -> list[tuple[int, Limit]]:
+def chain(plant: UncertainPlant, part: list[Task], bounds: bool) -> list[tuple[int, Limit]]:
     """Return a run of rows, each started from the one before."""
-    return list(_chain(plant, part))
+    return list(_chain(plant, part, bounds))
 
 
-def _chain(plant: UncertainPlant, part: list[Task]) -> Iterator[tuple[int, Limit]]:
+def _chain(plant: UncertainPlant, part: list[Task], bounds: bool) -> Iterator[tuple[int, Limit]]:
     near: Found | None = None
     for k, (index, centre, method) in enumerate(part):
         if near is not None:
@@ -162,7 +168,7 @@ def _chain(plant: UncertainPlant, part: list[Task]) -> Iterator[tuple[int, Limit
         start = time.perf_counter()
         design: Design | None = None
         try:
-            design, near = tightest_near(plant, centre, method, near)
+            design, near = tightest_near(plant, centre, method, near, bounds)
         except NotProvedError:
             near = None
         seconds = time.perf_counter() - start

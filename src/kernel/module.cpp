@@ -113,6 +113,7 @@ void add_family(const FamilyArrays &family, Int entries, Layout &layout) {
     require(!family.empty(), "a family has no terms");
     const auto &first = std::get<0>(family[0]);
     const auto count = static_cast<Int>(first.shape(0)), size = static_cast<Int>(first.shape(1));
+    require(count > 0 && size > 0, "a family has no blocks");
     for (Int k = 0; k < count; ++k) {
         const auto begin = static_cast<Int>(terms.size());
         for (const auto &[D, M, R, rows, weights] : family) {
@@ -132,7 +133,7 @@ void add_family(const FamilyArrays &family, Int entries, Layout &layout) {
                     "rows and weights do not fit");
             const Int *where = rows.data() + k * p * a;
             for (Int i = 0; i < p * a; ++i)
-                require(where[i] >= 0 && where[i] + c <= entries, "a row lies outside the entries");
+                require(where[i] >= 0 && where[i] <= entries - c, "a row lies outside the entries");
             const double *right = R.data() + k * size * c;
             const auto [first_entry, middle, last_entry] =
                 layout.add_entries(D.data() + k * size * a, M.data() + k * size * a, size, a);
@@ -162,6 +163,7 @@ nb::tuple run(Int unknowns, const Integers &entries, const std::vector<FamilyArr
     for (Int i = 0; i < entry_count; ++i)
         require(entries.data()[i] >= 0 && entries.data()[i] < unknowns, "an entry is no unknown");
     require(order >= 1 && order <= 8, "the order is 1 to 8");
+    require(tolerance > 0 && tolerance < 1, "the tolerance is a share");
     Layout layout;
     for (const auto &family : families) add_family(family, entry_count, layout);
     require(!layout.blocks.empty(), "there are no blocks");
@@ -213,7 +215,7 @@ nb::tuple run(Int unknowns, const Integers &entries, const std::vector<FamilyArr
 NB_MODULE(_kernel, module) {
     module.doc() = "The interior point of polefence.solve.smallest, compiled.";
     module.def("instructions", [] { return std::string(has_avx2() ? "AVX2" : "baseline"); });
-    module.def("run", &run, nb::arg("unknowns"), nb::arg("entries"), nb::arg("families"),
-               nb::arg("x"), nb::arg("r"), nb::arg("tolerance"), nb::arg("enough"),
+    module.def("run", &run, nb::arg("unknowns"), nb::arg("entries").noconvert(), nb::arg("families"),
+               nb::arg("x").noconvert(), nb::arg("r"), nb::arg("tolerance"), nb::arg("enough"),
                nb::arg("order"), nb::arg("max_iterations"), nb::arg("plain") = false);
 }

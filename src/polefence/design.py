@@ -29,6 +29,9 @@ FILE_NAME = "design.json"
 # How far above the radius that a point reaches in floats the exact proof is attempted.
 STEPS = (1e-7, 1e-6, 1e-5, 1e-4)
 
+# A search that stopped before it converged, above this share of sigma, has a second opinion.
+STALLED = 1e-3
+
 # Where nothing near the infimum is proved: points for radii this much larger.
 RETREATS = (1e-4, 1e-3, 1e-2, 0.1, 1.0, 10.0, 100.0)
 
@@ -182,9 +185,9 @@ def _inside(plant: UncertainPlant, region: Disk, method: Method) -> Design | Non
     """Return a proved design for this disk, from the first point found inside it."""
     try:
         found = smallest_radius(plant.A, plant.B, region.sigma, method, enough=region.radius)
+        design = Design(_certificate(plant, region, method_name(method), found))
     except SolverError:
         return None
-    design = Design(_certificate(plant, region, method_name(method), found))
     return design if found.radius <= region.radius and design.certificate.prove().proved else None
 
 
@@ -275,6 +278,10 @@ def _tightest(
         found = smallest_radius(plant.A, plant.B, sigma, method, near)
     except SolverError:
         found = _second_opinion(plant, centre, method)
+    if not found.converged and found.radius > STALLED * sigma:
+        with suppress(NotProvedError):
+            second = _second_opinion(plant, centre, method)
+            found = second if second.radius < found.radius else found
     design = _proved_near(plant, centre, name, found)
     for step in RETREATS if design is None else ():
         # The point lies too near the boundary for its rounding: look farther inside.
@@ -286,8 +293,11 @@ def _tightest(
         if design is not None:
             break
     if design is None:
-        region = Disk(centre, found.radius)
-        return Design(_certificate(plant, region, name, found), proved=False), found
+        try:
+            unproved = _certificate(plant, Disk(centre, found.radius), name, found)
+        except SolverError as error:
+            raise NotProvedError(f"undecided: {name} at centre {centre:g}: {error}") from error
+        return Design(unproved, proved=False), found
     lower = _lower(plant, sigma, method, found) if bounds else None
     return replace(design, lower=lower), found
 
@@ -323,13 +333,30 @@ def _proved_near(plant: UncertainPlant, centre: float, name: str, found: Found) 
 def _proved_at(
     plant: UncertainPlant, radius: float, centre: float, name: str, found: Found
 ) -> Design | None:
-    certificate = _certificate(plant, Disk(centre, radius), name, found)
+    try:
+        certificate = _certificate(plant, Disk(centre, radius), name, found)
+    except SolverError:
+        return None
     return Design(certificate) if certificate.prove().proved else None
 
 
 def _certificate(plant: UncertainPlant, region: Disk, name: str, found: Found) -> Certificate:
-    """Round a point to the law and evidence that ship; the proof is about these very numbers."""
-    values = found.values
+    """Round a point to the law and evidence that ship; the proof is about these very numbers.
+
+    Raises
+    ------
+    SolverError
+        If a Lyapunov or slack matrix is singular in floats.
+    """
+    try:
+        return _rounded(plant, region, name, found.values)
+    except np.linalg.LinAlgError as error:
+        raise SolverError("a Lyapunov matrix is numerically singular") from error
+
+
+def _rounded(
+    plant: UncertainPlant, region: Disk, name: str, values: dict[str, Array]
+) -> Certificate:
     N = len(plant.vertices)
     law: Law
     if name == "scheduled":

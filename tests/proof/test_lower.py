@@ -12,10 +12,7 @@ import pytest
 from polefence import Scheduled
 from polefence.conditions.methods import build, method_name
 from polefence.proof import exact, lower, repair
-from polefence.solve.nominal import common_point, nominal_start
-from polefence.solve.scaling import balanced
-from polefence.solve.smallest import smallest
-from polefence.solve.stacked import stack
+from polefence.solve.radius import smallest_radius
 
 RIGHT = Scheduled(right_hand_sides=True)
 METHODS = ["quadratic", "slack", "scheduled", RIGHT]
@@ -36,23 +33,11 @@ def rational(matrices):
 
 
 def infimum(method, A, B, sigma):
-    """The interior point's radius and its dual matrices, in the original coordinates."""
-    A, B = np.asarray(A, dtype=float), np.asarray(B, dtype=float)
-    scaling = balanced(A, B, sigma)
-    start = nominal_start(A, B, sigma, scaling)
-    W, K = start.W, start.K
-    for kind in ("quadratic", method)[(method == "quadratic") :]:
-        scaling = scaling.refined(W)
-        T, S, n = scaling.T, scaling.S, A.shape[1]
-        pencil = build(kind, *scaling.apply(A, B), sigma / scaling.rate, scaling.unit)
-        gain = np.linalg.solve(S, K @ T)
-        x = pencil.pack(common_point(np.eye(n), gain, pencil.variables))
-        out = smallest(stack(pencil), x)
-        if kind == "quadratic":
-            values = scaling.restore(pencil.unpack(out.x), pencil.variables)
-            W, K = values["W"], np.linalg.solve(values["W"], values["Z"].T).T
-    inverse = np.linalg.inv(np.kron(np.eye(2), scaling.T))
-    return out.r * scaling.rate, inverse.T @ out.Y[-1] @ inverse
+    """The radius that the solver finds, and its dual matrices in the plant's coordinates."""
+    found = smallest_radius(
+        np.asarray(A, dtype=float), np.asarray(B, dtype=float), sigma, method, engine="numpy"
+    )
+    return found.radius, found.dual.matrices()
 
 
 def bound(method, A, B, sigma, exact_A=None, exact_B=None):

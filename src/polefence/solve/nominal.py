@@ -6,6 +6,7 @@ and its Lyapunov matrix gives coordinates in which the conditions are well condi
 
 from __future__ import annotations
 
+import warnings
 from dataclasses import dataclass
 
 import numpy as np
@@ -46,7 +47,11 @@ def reachability(A: Array, B: Array, sigma: float, scaling: Scaling) -> Array:
     As, Bs = scaling.apply(A, B)
     F, H = As.mean(axis=0) + sigma / scaling.rate * np.eye(A.shape[1]), Bs.mean(axis=0)
     radius = 2 * max(float(np.abs(np.linalg.eigvals(F)).max()), np.finfo(float).tiny)
-    W = la.solve_discrete_lyapunov(F / radius, H @ H.T / radius**2)
+    with warnings.catch_warnings():
+        warnings.simplefilter(
+            "ignore"
+        )  # these coordinates are tried last, and judged by the margin
+        W = la.solve_discrete_lyapunov(F / radius, H @ H.T / radius**2)
     return np.asarray(scaling.T @ (W + W.T) / 2 @ scaling.T.T)
 
 

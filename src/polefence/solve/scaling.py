@@ -96,7 +96,8 @@ def balanced(A: Array, B: Array, sigma: float) -> Scaling:
 
     rate = float(power_of_two(np.array(sigma)))
     n = A.shape[1]
-    size = np.abs(A).mean(axis=0) / rate + np.eye(n)
+    # beyond these magnitudes the balance's own powers of two overflow
+    size = np.clip(np.abs(A).mean(axis=0) / rate, 0.0, 1e30) + np.eye(n)
     _, (scale, _) = matrix_balance(size, permute=False, separate=True)
     T = power_of_two(scale)
     reach = np.abs(B / T[:, None]).mean(axis=0).max(axis=0) / rate

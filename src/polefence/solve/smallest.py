@@ -23,6 +23,7 @@ analytic centre at that r, and the step one of the method of centres.
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import dataclass
 
 import numpy as np
@@ -39,7 +40,7 @@ FOLD = 3.0  # a tangent that moves r by more than this share of the gap is near 
 ORDER = 4  # of the arc
 SHARES = (0.999, 0.99, 0.97, 0.95, 0.9, 0.85, 0.8, 0.7, 0.6, 0.5, 0.4, 0.3, 0.2, 0.1, 0.05, 0.02, 0)
 LEAPS = (5.0, 3.0, 2.0, 1.4)  # tried first where r is prescribed, in units of the gap
-SHIFTS = (0.0, 1e-15, 1e-14, 1e-13, 1e-12, 1e-11)
+SHIFTS = (0.0, 1e-14, 1e-12, 1e-10, 1e-8)  # of H's scaled diagonal, until there is a step
 DAMPING, LEAST_DAMPING = 0.7, 1e-4
 
 
@@ -118,7 +119,7 @@ def smallest(
     x = x / (t @ x)
     D, M = stacked.parts(x)
     r = WIDE * least_radius(D, M) if r is None else r
-    if not r > 0:
+    if not (r > 0 and np.all(np.isfinite(x))):
         raise np.linalg.LinAlgError("no radius to start from")
     Y = _inverses([r * d - m for d, m in zip(D, M, strict=True)])
     iterations, gap, number = 0, np.inf, 0
@@ -129,11 +130,13 @@ def smallest(
         gap = _inner(F, Y)
         if not gap > tolerance * r or r <= enough or iterations == MAX_ITERATIONS:
             break
-        try:
-            arc = _Arc(stacked, x, r, Y, F, D, gap / stacked.order, t)
-        except np.linalg.LinAlgError:
-            break  # H is singular in floats: there is no more to be had
-        number, step = arc.farthest(number)
+        step = None
+        for shift in SHIFTS:
+            with suppress(np.linalg.LinAlgError):  # H is singular in floats
+                arc = _Arc(stacked, x, r, Y, F, D, gap / stacked.order, t, shift)
+                number, step = arc.farthest(number)
+            if step is not None:
+                break
         if step is None:
             break
         x, r, Y = step
@@ -169,14 +172,18 @@ class _Arc:
         D: Blocks,
         mu: float,
         t: Array,
+        shift: float,
     ) -> None:
         self.stacked, self.x, self.r, self.Y, self.F, self.D = stacked, x, r, Y, F, D
         self.mu, self.t = mu, t
         self.Q = _inverses(F)
         P = self._sym(D)
         H = stacked.hessian(r, Y, self.Q)
-        self.scale = 1 / np.sqrt(np.diag(H))
-        self.inverse = np.linalg.inv(_factor(H * np.outer(self.scale, self.scale)))
+        # an unknown in no block, of an input without effect say, stays put
+        used = np.diag(H) > 0
+        self.scale = np.where(used, 1 / np.sqrt(np.where(used, np.diag(H), 1.0)), 0.0)
+        scaled = H * np.outer(self.scale, self.scale) + np.diag(np.where(used, shift, 1.0))
+        self.inverse = np.linalg.inv(np.linalg.cholesky(scaled))
         self.g = stacked.adjoint(r, P) - stacked.adjoint(r, Y, only_D=True)
         self.Hg, self.Ht = self._solved(self.g), self._solved(t)
         self.delta = _inner(D, P)
@@ -294,15 +301,6 @@ class _Arc:
 def _share(number: int) -> float:
     """Shares by number; the leaps lie before the first."""
     return SHARES[number] if number >= 0 else LEAPS[number]
-
-
-def _factor(H: Array) -> Array:
-    for shift in SHIFTS:
-        try:
-            return np.asarray(np.linalg.cholesky(H + shift * np.eye(len(H))))
-        except np.linalg.LinAlgError:
-            continue
-    raise np.linalg.LinAlgError("singular")
 
 
 def _sum(X: Blocks, Y: Blocks, factor: float = 1.0) -> Blocks:

@@ -24,6 +24,7 @@ os.environ["MKL_NUM_THREADS"] = "1"
 os.environ["RAYON_NUM_THREADS"] = "1"
 
 import argparse
+import gc
 import platform
 import signal
 import time
@@ -217,6 +218,19 @@ def run_peer(
     options: dict[str, Any] | None = None,
 ) -> Peer:
     """Time one bisection, the building of its problem included."""
+    with uncollected():
+        return _run_peer(A, B, sigma, method, limit, solver, options)
+
+
+def _run_peer(
+    A: Array,
+    B: Array,
+    sigma: float,
+    method: str,
+    limit: float,
+    solver: str,
+    options: dict[str, Any] | None,
+) -> Peer:
     peer, start = Peer(), time.perf_counter()
     extra = {"CLARABEL": {"time_limit": limit}, "SCS": {"time_limit_secs": limit}}.get(solver, {})
     try:
@@ -287,9 +301,20 @@ def header() -> None:
 
 def clock(task: Callable[[], Any]) -> tuple[float, Any]:
     """Return seconds and result."""
-    start = time.perf_counter()
-    result = task()
-    return time.perf_counter() - start, result
+    with uncollected():
+        start = time.perf_counter()
+        result = task()
+        return time.perf_counter() - start, result
+
+
+@contextmanager
+def uncollected() -> Iterator[None]:
+    """Keep garbage collection, of others' objects mostly, out of the time, as timeit does."""
+    gc.disable()
+    try:
+        yield
+    finally:
+        gc.enable()
 
 
 # --- one radius ----------------------------------------------------------------------------------

@@ -32,6 +32,9 @@ STEPS = (1e-7, 1e-6, 1e-5, 1e-4)
 # A search that stopped before it converged, above this share of sigma, has a second opinion.
 STALLED = 1e-3
 
+# A lower bound farther off than this share of the radius is sought again, with this tolerance.
+GAP, CLOSER = 3e-6, 1e-10
+
 # Where nothing near the infimum is proved: points for radii this much larger.
 RETREATS = (1e-4, 1e-3, 1e-2, 0.1, 1.0, 10.0, 100.0)
 
@@ -298,8 +301,18 @@ def _tightest(
         except SolverError as error:
             raise NotProvedError(f"undecided: {name} at centre {centre:g}: {error}") from error
         return Design(unproved, proved=False), found
-    lower = _lower(plant, sigma, method, found) if bounds else None
-    return replace(design, lower=lower), found
+    return replace(design, lower=_bound(plant, sigma, method, found) if bounds else None), found
+
+
+def _bound(plant: UncertainPlant, sigma: float, method: Method, found: Found) -> float | None:
+    """Return a lower bound, from a closer run where the first one leaves a gap."""
+    lower = _lower(plant, sigma, method, found)
+    if found.radius > sigma or (lower is not None and lower > found.radius * (1 - GAP)):
+        return lower
+    with suppress(SolverError):
+        closer = smallest_radius(plant.A, plant.B, sigma, method, found, tolerance=CLOSER)
+        return max((b for b in (lower, _lower(plant, sigma, method, closer)) if b), default=None)
+    return lower
 
 
 def _second_opinion(plant: UncertainPlant, centre: float, method: Method) -> Found:

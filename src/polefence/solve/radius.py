@@ -38,6 +38,7 @@ def smallest_radius(
     near: Found | None = None,
     enough: float = 0.0,
     engine: str | None = None,
+    tolerance: float = TOLERANCE,
 ) -> Found:
     """Find the least radius at which the condition is feasible.
 
@@ -53,6 +54,8 @@ def smallest_radius(
         Stop at the first radius found that is no larger; at 1e-4 sigma it stops in any case.
     engine : str, optional
         "compiled" or "numpy"; by default the compiled one where there is one.
+    tolerance : float
+        Of the gap, relative to the radius.
 
     Raises
     ------
@@ -64,7 +67,7 @@ def smallest_radius(
     best, wide = (search.first(), WIDE) if near is None else (near, CLOSE)
     found = None
     for _ in range(ROUNDS):
-        again = search.run(best, wide)
+        again = search.run(best, wide, tolerance)
         if again is None or (found is not None and again.radius >= found.radius):
             break
         iterations = again.iterations + (found.iterations if found else 0)

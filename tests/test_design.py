@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 from pathlib import Path
 
 import numpy as np
@@ -114,6 +115,23 @@ def test_an_interrupted_write_leaves_the_old_file(small_designs, tmp_path, monke
         small_designs["quadratic"].save(tmp_path)
     assert path.read_text() == old
     assert [p.name for p in tmp_path.iterdir()] == [path.name]
+
+
+def test_an_interrupt_just_after_the_renaming_stays_an_interrupt(
+    small_designs, tmp_path, monkeypatch
+):
+    rename = os.replace
+
+    def interrupted(*arguments):
+        rename(*arguments)
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("os.replace", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        small_designs["slack"].save(tmp_path)
+    monkeypatch.undo()
+    assert check(tmp_path).proved
+    assert len(list(tmp_path.iterdir())) == 1
 
 
 def test_wrong_types_are_named(as_printed):

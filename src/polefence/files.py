@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import tempfile
+from contextlib import suppress
 from pathlib import Path
 
 from polefence.errors import InputError, OutputError
@@ -85,7 +86,8 @@ def write_bytes(path: Path, content: bytes) -> None:
             os.chmod(temporary, 0o666 & ~_umask())
             os.replace(temporary, path)
         except BaseException:
-            os.unlink(temporary)
+            with suppress(FileNotFoundError):  # renamed already when an interrupt came
+                os.unlink(temporary)
             raise
     except OSError as problem:
         raise _refusal(path, problem) from problem

@@ -1,7 +1,7 @@
 """State feedback that keeps all poles in a region for all uncertain parameters, proved."""
 
 from polefence.conditions.methods import METHODS, Scheduled, build
-from polefence.design import Design, check, place, tightest
+from polefence.design import Design, check
 from polefence.errors import (
     DesignFileError,
     InputError,
@@ -15,6 +15,7 @@ from polefence.errors import (
 )
 from polefence.law import FixedGain, ScheduledGain
 from polefence.limits import Limit, limits
+from polefence.placement import place, tightest
 from polefence.plant.family import UncertainPlant
 from polefence.plant.parameters import Parameter
 from polefence.plant.spec import load

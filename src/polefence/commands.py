@@ -9,11 +9,12 @@ from pathlib import Path
 from typing import Any
 
 from polefence.conditions.methods import METHODS, Method, Scheduled
-from polefence.design import FILE_NAME, Design, check, place, rounded_down, rounded_up
+from polefence.design import FILE_NAME, Design, check, rounded_down, rounded_up
 from polefence.errors import InputError
 from polefence.files import check_target, make_folder, write_bytes, write_text
 from polefence.law import FixedGain
 from polefence.limits import Limit
+from polefence.placement import place
 from polefence.plant.family import UncertainPlant
 from polefence.plant.spec import load
 from polefence.region import Disk, check_centre

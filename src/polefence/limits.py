@@ -9,8 +9,9 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from polefence.conditions.methods import METHODS, Method, Scheduled, method_name
-from polefence.design import Design, tightest_near
+from polefence.design import Design
 from polefence.errors import NotProvedError
+from polefence.placement import tightest_near
 from polefence.plant.family import UncertainPlant
 from polefence.region import check_centre
 from polefence.solve.found import Found

@@ -17,9 +17,10 @@ from typing import Any
 import numpy as np
 
 from polefence.conditions.methods import METHODS
-from polefence.design import Design, place
+from polefence.design import Design
 from polefence.errors import NotProvedError
 from polefence.limits import Limit, limits
+from polefence.placement import place
 from polefence.plant.family import UncertainPlant
 from polefence.plant.system import Array
 from polefence.proof.refute import edges, sample_simplex

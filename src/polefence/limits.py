@@ -86,7 +86,7 @@ def limits(
     on_row : callable, optional
         Called with each row as it is finished, so that an interrupted sweep loses none.
     bounds : bool
-        Whether to prove lower bounds too, which takes about as long as all the rest.
+        Whether to prove lower bounds too, which takes longer than all the rest.
 
     Raises
     ------

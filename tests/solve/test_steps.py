@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import re
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -15,6 +18,26 @@ from polefence.solve.stacked import stack
 SHAPES = [
     (n, m, N) for n in (1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11) for m, N in ((1, 3), (2, 2), (3, 3))
 ]
+
+
+def test_the_kernel_has_the_constants_of_the_reference():
+    source = (Path(__file__).parents[2] / "src" / "kernel" / "dense.inc").read_text()
+
+    def numbers(name):
+        text = re.search(rf"\b{name}(?:\[\])? = ({{[^}}]*}}|[^,;]*)", source).group(1)
+        return tuple(float(n) for n in re.findall(r"[0-9.e+-]+", text))
+
+    for ours, theirs in (
+        ("shares", smallest.SHARES),
+        ("leaps", smallest.LEAPS),
+        ("shifts", smallest.SHIFTS),
+        ("central_share", (smallest.CENTRAL,)),
+        ("loose_share", (smallest.LOOSE,)),
+        ("fold", (smallest.FOLD,)),
+        ("damping_factor", (smallest.DAMPING,)),
+        ("least_damping", (smallest.LEAST_DAMPING,)),
+    ):
+        assert numbers(ours) == theirs, ours
 
 
 @pytest.mark.skipif(engine._kernel is None, reason="installed without a compiler: no kernel")

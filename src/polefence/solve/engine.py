@@ -10,7 +10,7 @@ import numpy as np
 from polefence.plant.system import Array
 from polefence.solve import smallest as reference
 from polefence.solve.smallest import Outcome
-from polefence.solve.stacked import Blocks, Stacked
+from polefence.solve.stacked import Stacked
 
 _kernel: Any
 try:
@@ -72,13 +72,4 @@ def run(
     )
     if not started:
         raise np.linalg.LinAlgError("the start is not interior")
-    return Outcome(x, r, _split(Y, stacked), gap, iterations, converged)
-
-
-def _split(Y: Array, stacked: Stacked) -> Blocks:
-    blocks, start = [], 0
-    for size, count in stacked.sizes.items():
-        end = start + count * size * size
-        blocks.append(Y[start:end].reshape(count, size, size))
-        start = end
-    return blocks
+    return Outcome(x, r, stacked.split(Y), gap, iterations, converged)

@@ -40,7 +40,7 @@ FOLD = 3.0  # a tangent that moves r by more than this share of the gap is near 
 ORDER = 4  # of the arc
 SHARES = (0.999, 0.99, 0.97, 0.95, 0.9, 0.85, 0.8, 0.7, 0.6, 0.5, 0.4, 0.3, 0.2, 0.1, 0.05, 0.02, 0)
 LEAPS = (5.0, 3.0, 2.0, 1.4)  # tried first where r is prescribed, in units of the gap
-SHIFTS = (0.0, 1e-14, 1e-12, 1e-10, 1e-8)  # of H's scaled diagonal, until there is a step
+SHIFTS = (0.0, 1e-15, 1e-14, 1e-13, 1e-12, 1e-11)  # of H's scaled diagonal, until there is a step
 DAMPING, LEAST_DAMPING = 0.7, 1e-4
 
 

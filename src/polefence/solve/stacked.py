@@ -99,7 +99,7 @@ class Stacked:
         """Return D(x) and M(x)."""
         both = self.operators.both @ x
         half = len(both) // 2
-        return self._split(both[:half]), self._split(both[half:])
+        return self.split(both[:half]), self.split(both[half:])
 
     def adjoint(self, r: float, P: Blocks, only_D: bool = False) -> Array:
         """Return the gradient of <P, r D(x) - M(x)> in x; with ``only_D`` that of <P, D(x)>."""
@@ -123,7 +123,8 @@ class Stacked:
             H[unknowns[:, None], unknowns] += products[0] @ products[1].T
         return (H + H.T) / 2
 
-    def _split(self, flat: Array) -> Blocks:
+    def split(self, flat: Array) -> Blocks:
+        """Return blocks from all their entries in one row."""
         blocks, start = [], 0
         for size, count in self.sizes.items():
             end = start + count * size**2

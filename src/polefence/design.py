@@ -15,7 +15,7 @@ from polefence.plant.family import UncertainPlant
 from polefence.plant.system import Array
 from polefence.proof import exact
 from polefence.proof.certificate import Certificate, Check, check_claim
-from polefence.region import Disk
+from polefence.region import Region
 
 FILE_NAME = "design.json"
 
@@ -53,8 +53,8 @@ class Design:
         return self.certificate.law
 
     @property
-    def region(self) -> Disk:
-        """The disk that holds all closed-loop poles."""
+    def region(self) -> Region:
+        """The region that holds all closed-loop poles."""
         return self.certificate.region
 
     @property

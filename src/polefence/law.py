@@ -10,6 +10,7 @@ import numpy as np
 from polefence.errors import InputError, ParameterValueError
 from polefence.plant.parameters import Parameter, simplex_weights
 from polefence.plant.system import Array
+from polefence.polynomial import Domain
 
 # A computed alpha is off the simplex by rounding; more is an error of the caller's.
 ROUNDING = 1e-9
@@ -80,44 +81,67 @@ class FixedGain:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class ScheduledGain:
-    """u = K(alpha) x with K(alpha) = Z(alpha) W(alpha)^-1, Z and W affine in alpha.
+    """u = K(alpha) x with K(alpha) = Z(alpha) W(alpha)^-1, Z and W polynomials in alpha.
 
-    Leite & Peres (2005), equations (18), (19).
+    Leite & Peres (2005), equations (18), (19), of degree 1 on the simplex.
 
     Parameters
     ----------
-    W : (N, n, n) array
-        Positive definite vertex matrices.
-    Z : (N, m, n) array
+    W : (count, n, n) array
+        Bernstein coefficients, in the order of `Domain.monomials`; of degree 1 the positive
+        definite vertex matrices.
+    Z : (count, m, n) array
     parameters : tuple of Parameter
         Lets `gain_at` find alpha from physical values.
+    degree : int
+    sizes : tuple of int, optional
+        Corners of each simplex; by default one simplex, of as many corners as the degree says.
+
+    Raises
+    ------
+    InputError
+        If the shapes do not fit together.
     """
 
     W: Array
     Z: Array
     parameters: tuple[Parameter, ...] = ()
+    degree: int = 1
+    sizes: tuple[int, ...] = ()
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "W", _frozen(self.W, 3, "W"))
         object.__setattr__(self, "Z", _frozen(self.Z, 3, "Z"))
-        N, n, _ = self.W.shape
-        if self.W.shape[2] != n or self.Z.shape[0] != N or self.Z.shape[2] != n:
+        count, n, _ = self.W.shape
+        if self.W.shape[2] != n or self.Z.shape[0] != count or self.Z.shape[2] != n:
             raise InputError(f"W {self.W.shape} and Z {self.Z.shape} do not fit together")
+        object.__setattr__(self, "sizes", tuple(self.sizes) or (count,))
+        if self.domain.count(self.degree) != count:
+            raise InputError(
+                f"{count} matrices W; degree {self.degree} needs {self.domain.count(self.degree)}"
+            )
+
+    @property
+    def domain(self) -> Domain:
+        """Where alpha lives."""
+        return Domain(self.sizes)
 
     def __repr__(self) -> str:
-        N, m, n = self.Z.shape
-        return f"<ScheduledGain {m} x {n}, {N} vertices>"
+        _, m, n = self.Z.shape
+        kind = f", degree {self.degree}" if self.degree != 1 else ""
+        return f"<ScheduledGain {m} x {n}, {self.domain.corners} vertices{kind}>"
 
     def gain(self, alpha: Any, clamp: bool = False) -> Array:
-        """Return K(alpha), (..., m, n) for alpha (..., N).
+        """Return K(alpha), (..., m, n) for alpha (..., N); on a box, at alpha's marginals.
 
         Raises
         ------
         ParameterValueError
             If alpha lies off the simplex by more than rounding, unless ``clamp``.
         """
-        a = check_alpha(alpha, self.W.shape[0], clamp)
-        return right_divide(np.tensordot(a, self.Z, 1), np.tensordot(a, self.W, 1))
+        a = check_alpha(alpha, self.domain.corners, clamp)
+        weights = self.domain.basis(a, self.degree)
+        return right_divide(np.tensordot(weights, self.Z, 1), np.tensordot(weights, self.W, 1))
 
     def gain_at(self, clamp: bool = False, **values: Any) -> Array:
         """Return K at physical parameter values, for example ``gain_at(m1=300, beta=0)``.

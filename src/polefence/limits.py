@@ -8,10 +8,10 @@ from concurrent.futures import BrokenExecutor, Executor, as_completed
 from dataclasses import dataclass, replace
 from typing import Any
 
-from polefence.conditions.methods import METHODS, Method, Scheduled, method_name
+from polefence.conditions.methods import METHODS, Method, Scheduled, Slack, method_label
 from polefence.design import Design
 from polefence.errors import NotProvedError
-from polefence.placement import tightest_near
+from polefence.placement import radius_of, require_domain, tightest_near
 from polefence.plant.family import UncertainPlant
 from polefence.region import check_centre
 from polefence.solve.found import Found
@@ -31,6 +31,7 @@ class Limit:
     centre : float
         [1/s], negative.
     method : str
+        As `method_label` writes it: "slack", or "scheduled(2, 1, box)".
     radius : float or None
         The smallest proved radius [1/s]; None where nothing was proved.
     status : str
@@ -94,7 +95,7 @@ def limits(
         If a centre or method is unusable, or a vertex uncontrollable. A row that fails otherwise
         is "undecided" and never stops the sweep.
     """
-    if isinstance(methods, str | Scheduled):
+    if isinstance(methods, str | Scheduled | Slack):
         methods = (methods,)
     if not isinstance(centres, Iterable):
         centres = (centres,)
@@ -116,7 +117,7 @@ def as_finished(
     """Yield each task's index and row as soon as it is done; see `limits`."""
     for centre, method in tasks:
         check_centre(centre)
-        method_name(method)
+        require_domain(plant, method)
     plant.require_controllable()
     parts = chains(tasks)
     if executor is None:
@@ -177,7 +178,7 @@ def _chain(plant: UncertainPlant, part: list[Task], bounds: bool) -> Iterator[tu
 
 
 def _row(centre: float, method: Method, design: Design | None, seconds: float) -> Limit:
-    name = method_name(method)
+    name = method_label(method)
     if design is None:
         return Limit(centre, name, None, "undecided", seconds)
-    return Limit(centre, name, design.region.radius, "proved", seconds, design.lower, design)
+    return Limit(centre, name, radius_of(design), "proved", seconds, design.lower, design)

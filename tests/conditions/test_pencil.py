@@ -155,6 +155,17 @@ def test_unknown_methods_are_refused_with_a_suggestion(method):
         build(method, *case(2, 1, 2), SIGMA)
 
 
-def test_degrees_of_later_versions_are_refused():
-    with pytest.raises(InputError, match="degree=2"):
-        Scheduled(degree=2)
+@pytest.mark.parametrize(
+    "given",
+    [
+        {"degree": -1},
+        {"degree": 1.0},
+        {"degree": 99},
+        {"elevation": "auto"},
+        {"on": "ball"},
+        {"degree": 2, "right_hand_sides": True},
+    ],
+)
+def test_forms_that_there_are_not_are_refused(given):
+    with pytest.raises(InputError):
+        Scheduled(**given)

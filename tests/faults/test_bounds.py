@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from fractions import Fraction
 import time
 
 import pytest
@@ -119,13 +120,29 @@ def test_claims_put_together_by_hand_must_be_consistent(small_designs):
     from dataclasses import replace
 
     quadratic = small_designs["quadratic"].certificate.claim()
+    (evidence,), K = quadratic.evidence, quadratic.law.K
+    X = evidence.X
     for damage in (
-        {"G": quadratic.X[0]},
-        {"K": None},
-        {"Z": [quadratic.X[0]]},
+        {"evidence": (replace(evidence, G=X[0]),)},
+        {"evidence": (replace(evidence, X=[]),)},
+        {"evidence": (replace(evidence, multiple=(Fraction(1),)),)},
+        {"evidence": (replace(evidence, degree=1),)},
+        {"evidence": (replace(evidence, elevation=-1),)},
+        {"evidence": (replace(evidence, elevation=10**6),)},
+        {"evidence": (replace(evidence, tau=Fraction(1)),)},
+        {"evidence": (evidence, evidence)},
+        {"evidence": ()},
+        {"law": exact.Law()},
+        {"law": exact.Law(K=K, Z=K)},
+        {"law": exact.Law(K=[*K, *K])},
         {"method": "cubic"},
+        {"method": "slack"},
+        {"method": "scheduled"},
+        {"on": "box"},
+        {"on": "ball"},
+        {"weights": (Fraction(1),) * 3},
+        {"region": ()},
         {"A": []},
-        {"X": []},
         {"B": quadratic.B[:1]},
     ):
         with pytest.raises(exact.FormatError):

@@ -57,11 +57,10 @@ def test_blocks_are_those_of_the_condition_up_to_scale(small_designs, method):
     pencil = build(kind, plant.A, plant.B, region.sigma)
     theirs = pencil.matrices(pencil.pack(values), region.radius)
     theirs.pop("tau", None)
-    flip = np.diag([1.0] * 2 + [-1.0] * 2)
     ours = list(exact.blocks(certificate.claim()))
     assert len(ours) == len(theirs)
     for (_, mine), other in zip(ours, theirs.values(), strict=True):
-        mine = flip @ np.array(mine, dtype=float) @ flip
+        mine = np.array(mine, dtype=float)
         assert np.allclose(mine / mine[0, 0], other / other[0, 0], rtol=1e-9, atol=1e-12)
 
 
@@ -88,7 +87,9 @@ def test_poles_inside_agrees_with_eigenvalues(small_designs):
             poles = design.poles(np.array(alpha, dtype=float))
             worst = np.abs(poles - design.region.centre).max()
             for factor, inside in ((1.001, True), (0.999, False)):
-                tried = replace(claim, r=Fraction(float(worst * factor)))
+                radius = Fraction(float(worst * factor))
+                centre = claim.region[0].numbers[0]
+                tried = replace(claim, region=(exact.Part("disk", (centre, radius)),))
                 assert exact.poles_inside(tried, alpha) is inside, name
 
 
@@ -167,7 +168,7 @@ FAULTS = {
     "shape of A": (("plant", "vertices", 1, "A"), [[1]], "is 1 x 1, not 2 x 2"),
     "shape of K": (("law", "K"), [[1, 2, 3]], "is 1 x 3, not 2 x 2"),
     "count of P": (("certificate", "P"), [[[1, 0], [0, 1]]], "holds 1 matrices"),
-    "no G": (("certificate",), {"P": []}, "holds|1 to 256"),
+    "no G": (("certificate",), {"P": []}, "holds|1 to "),
 }
 
 

@@ -241,7 +241,7 @@ def faults(claim):
     yield "centre", {"sigma": claim.sigma + 1}, "does not hold"
     yield "vertices in another order", {"A": claim.A[::-1]}, "does not hold"
     yield "unknown method", {"method": "cubic"}, "is not one of"
-    for other in exact.METHODS:
+    for other in lower.METHODS:
         # what the slack condition cannot reach, the quadratic one cannot either
         implied = (claim.method, other) == ("slack", "quadratic")
         if other != claim.method and not claim.right_hand_sides and not implied:

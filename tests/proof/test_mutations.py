@@ -55,9 +55,11 @@ def changed(document, path, factor, shift):
 def truth(document):
     """Smallest eigenvalue of all blocks, each scaled to unit diagonal; nan if one is malformed."""
     claim, _ = exact.read(json.dumps(document))
-    if claim.r <= 0 or claim.tau < 0:
+    (disk,), (evidence,) = claim.region, claim.evidence
+    if disk.numbers[1] <= 0 or evidence.tau < 0:
         return -1.0
-    if any(X[i][j] != X[j][i] for X in claim.X for i in range(len(X)) for j in range(i)):
+    matrices = evidence.X or claim.law.W
+    if any(X[i][j] != X[j][i] for X in matrices for i in range(len(X)) for j in range(i)):
         return -1.0
     least = np.inf
     for _, block in exact.blocks(claim):

@@ -1,11 +1,16 @@
 r"""From theory to data: each condition builds a `Pencil`, r D(x) - M(x) > 0.
 
-==============  ======================  =========================  =====================
-name            Lyapunov matrix         gain                       blocks (N vertices)
-==============  ======================  =========================  =====================
-``quadratic``   W                       K = Z W^-1                 N
-``slack``       P(alpha) affine         K = L G^-1                 N
-``scheduled``   W(alpha) affine         K(alpha) = Z(alpha)        N + N (N-1)
-                                        W(alpha)^-1                + N (N-1) (N-2) / 6
-==============  ======================  =========================  =====================
+======================  =======================  ====================  ==========================
+module                  Lyapunov matrix          gain                  blocks (N vertices)
+======================  =======================  ====================  ==========================
+`parameter_dependent`   W(alpha), degree g       K(alpha) = Z(alpha)   monomials of degree g+1+d
+                                                 W(alpha)^-1           in each simplex
+\- ``quadratic``        g = 0, d = 0             K = Z W^-1            N
+\- ``scheduled``        g = 1, d = 1             as above              N + N (N-1)
+                                                                       + N (N-1) (N-2) / 6
+`slack`                 P(alpha), degree g       K = L G^-1            monomials of degree
+                                                                       max(g, 1) + d
+\- ``slack``            g = 1, d = 0             as above              N
+`lyapunov`              of a law given           given                 as its degrees say
+======================  =======================  ====================  ==========================
 """

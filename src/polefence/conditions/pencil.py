@@ -14,12 +14,17 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from polefence.conditions.linear import Index, Linear, Term, Variable
+from polefence.conditions.target import Side
 from polefence.plant.system import Array
 
 if TYPE_CHECKING:
     import scipy.sparse as sp  # imported where used: it would triple the package's import time
 
 SQRT2 = np.sqrt(2.0)
+
+# A block's part: a linear function at a block row and column. Pieces are of a half, the block being
+# the half plus its transpose.
+Piece = tuple[int, int, Linear]
 
 
 def svec(matrices: Array) -> Array:
@@ -149,27 +154,41 @@ class Builder:
         self.blocks.append(Block(name, 1, (Term(name, one / 2, one),), ()))
         return scalar
 
-    def disk(
-        self,
-        name: str,
-        W: Linear,
-        M: Linear,
-        right: Linear | None = None,
-        floor: Linear | None = None,
-    ) -> None:
-        """Add [[r W - floor, -M], [-M', r right]] > 0; ``right`` defaults to W, ``floor`` to zero.
+    def positive_definite(self, name: str, X: Linear) -> None:
+        """Add X > 0, whatever r."""
+        self.block(name, 1, [], [(0, 0, -0.5 * X)])
 
-        Of W, right and floor the symmetric part counts. The signs of M are free (congruence by
-        diag(I, -I)).
-        """
-        n = W.terms[0].left.shape[0]
-        first, second = slice(n), slice(n, 2 * n)
-        upper, lower = _selectors(n)
-        half_D = _placed(W, first, upper, 0.5) + _placed(right or W, second, lower, 0.5)
-        half_M = _placed(M, first, lower, 1.0)
+    def region(
+        self, name: str, X: Linear, N: Linear, side: Side, floor: Linear | None = None
+    ) -> None:
+        """Add -(L (x) X + M (x) N + M' (x) N') > 0, less ``floor`` in the first block."""
+        D, M = list[Piece](), list[Piece]()
+        for a in range(len(side.L0)):
+            for b in range(len(side.L0)):
+                factor = 0.5 if a == b else float(a < b)
+                total = side.M0[a, b] * N if side.M0[a, b] else Linear()
+                if factor * side.L0[a, b]:
+                    total = total + factor * side.L0[a, b] * X
+                if total.terms:
+                    M.append((a, b, total))
+                growing = -1.0 * side.M1[a, b] * N if side.M1[a, b] else Linear()
+                if factor * side.L1[a, b]:
+                    growing = growing + -factor * side.L1[a, b] * X
+                if growing.terms:
+                    D.append((a, b, growing))
         if floor is not None:
-            half_M += _placed(floor, first, upper, 0.5)
-        self.blocks.append(Block(name, 2 * n, half_D, half_M))
+            M.append((0, 0, 0.5 * floor))
+        self.block(name, len(side.L0), D, M)
+
+    def block(self, name: str, parts: int, D: list[Piece], M: list[Piece]) -> None:
+        """Add r D - M > 0 of ``parts`` x ``parts`` square blocks, given as halves; see `Piece`."""
+        first = (D or M)[0][2].terms[0]
+        n = first.left.shape[0]
+        halves = (
+            tuple(t for a, b, part in pieces for t in _placed(part, a, b, parts))
+            for pieces in (D, M)
+        )
+        self.blocks.append(Block(name, parts * n, *halves))
 
     def build(self) -> Pencil:
         """Return the finished value."""
@@ -177,21 +196,28 @@ class Builder:
 
 
 @lru_cache
-def _selectors(n: int) -> tuple[Array, Array]:
-    """Return [I; 0] and [0; I], the block rows of a disk."""
-    both = np.eye(2 * n)
+def _selectors(n: int, parts: int) -> tuple[Array, ...]:
+    """Return [I; 0; ...], [0; I; ...], ...: the block columns of the identity."""
+    both = np.eye(parts * n)
     both.setflags(write=False)
-    return both[:, :n], both[:, n:]
+    return tuple(both[:, k * n : (k + 1) * n] for k in range(parts))
 
 
-def _placed(part: Linear, rows: slice, columns: Array, factor: float) -> tuple[Term, ...]:
-    """Put a linear function into a larger block, at these rows and under that selector."""
+def _placed(part: Linear, row: int, column: int, parts: int) -> tuple[Term, ...]:
+    """Put a linear function into a larger block, at a block row and under that selector."""
     placed = []
     for t in part.terms:
-        left = np.zeros((columns.shape[0], t.left.shape[1]))
-        left[rows] = t.left if factor == 1.0 else factor * t.left
-        placed.append(Term(t.name, left, columns if t.right is None else columns @ t.right))
+        n = t.left.shape[0]
+        selector = _selectors(n, parts)[column]
+        left = np.zeros((parts * n, t.left.shape[1]))
+        left[row * n : (row + 1) * n] = t.left
+        right = selector if t.right is None else _right(selector, t.right)
+        placed.append(Term(t.name, left, right))
     return tuple(placed)
+
+
+def _right(selector: Array, right: Array) -> Array:
+    return np.asarray(selector @ right)
 
 
 def _svec_operator(

@@ -7,13 +7,14 @@ import itertools
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from fractions import Fraction
 from functools import cached_property
 from typing import Any
 
 import numpy as np
 
 from polefence.errors import InputError, PlantError
-from polefence.plant.parameters import Parameter, simplex_weights
+from polefence.plant.parameters import Parameter, exact, simplex_weights
 from polefence.plant.rational import RationalFunction
 from polefence.plant.symbolic import Scope, corners
 from polefence.plant.system import Array, Exact, System
@@ -37,6 +38,8 @@ class UncertainPlant:
         Empty for a plant given by its vertices, else ``len(vertices) == 2**len(parameters)``.
     name, states, inputs, disturbances
         For people; signal names carry their SI unit in brackets.
+    sample_time : number, optional
+        Of a discrete-time plant x(t + sample_time) = A x(t) + B u(t) [s].
 
     Raises
     ------
@@ -50,6 +53,7 @@ class UncertainPlant:
     states: tuple[str, ...] = ()
     inputs: tuple[str, ...] = ()
     disturbances: tuple[str, ...] = ()
+    sample_time: Fraction | None = None
 
     def __post_init__(self) -> None:
         if not self.vertices:
@@ -67,6 +71,11 @@ class UncertainPlant:
                 raise PlantError(f"{vertex.name}: E differs in shape from that of {first.name}")
         if _common_bits(self.vertices) > MAX_BITS:
             raise PlantError("the entries' common denominator is out of all proportion; round them")
+        if self.sample_time is not None:
+            seconds = exact(self.sample_time, "sample_time")
+            if seconds <= 0:
+                raise PlantError(f"sample_time = {float(seconds):g} must be positive")
+            object.__setattr__(self, "sample_time", seconds)
         names = [p.name for p in self.parameters]
         if len(set(names)) < len(names):
             raise PlantError(f"parameter names repeat: {', '.join(names)}")

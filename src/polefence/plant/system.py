@@ -135,6 +135,26 @@ class System:
 
 def controllable_dimension(A: Exact, B: Exact) -> int:
     """Dimension of the controllable subspace, in exact arithmetic."""
+    return len(_controllable_basis(A, B))
+
+
+def uncontrollable_part(A: Exact, B: Exact) -> list[list[Fraction]]:
+    """Return the matrix whose eigenvalues no gain can move, 0 x 0 if there are none.
+
+    A as it acts on the states modulo the controllable subspace, in exact arithmetic.
+    """
+    basis = _controllable_basis(A, B)
+    pivots = [pivot for pivot, _ in basis]
+    free = [i for i in range(len(A)) if i not in pivots]
+    part = []
+    for j in free:
+        image = [A[i][j] for i in range(len(A))]
+        part.append([_reduce(image, basis)[i] for i in free])
+    return [list(row) for row in zip(*part, strict=True)]
+
+
+def _controllable_basis(A: Exact, B: Exact) -> list[tuple[int, list[Fraction]]]:
+    """Return an echelon basis of the controllable subspace: pivots and vectors."""
     n = len(A)
     basis: list[tuple[int, list[Fraction]]] = []
     queue = [list(column) for column in zip(*B, strict=True)]
@@ -149,7 +169,7 @@ def controllable_dimension(A: Exact, B: Exact) -> int:
         queue.append(
             [sum((a * v for a, v in zip(row, normal, strict=True) if a), Fraction(0)) for row in A]
         )
-    return len(basis)
+    return basis
 
 
 def _reduce(vector: list[Fraction], basis: Sequence[tuple[int, list[Fraction]]]) -> list[Fraction]:

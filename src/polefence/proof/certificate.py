@@ -18,7 +18,7 @@ from polefence.plant.parameters import Parameter
 from polefence.plant.system import Array, Exact
 from polefence.proof import exact
 from polefence.proof.refute import counterexample
-from polefence.region import Disk
+from polefence.region import Region, region_of
 
 
 @dataclass(frozen=True)
@@ -49,25 +49,28 @@ class Check:
 
 @dataclass(frozen=True, eq=False)
 class Certificate:
-    """A claim "this law keeps all poles of this plant in this disk", with its evidence.
+    """A claim "this law keeps all poles of this plant in this region", with its evidence.
 
     Parameters
     ----------
     plant : UncertainPlant
-    region : Disk
+    region : Region
     method : str
-        "quadratic", "slack" or "scheduled".
+        "quadratic", "slack", "scheduled" or "lyapunov".
     law : FixedGain or ScheduledGain
         For "scheduled" its W, Z are the evidence.
     evidence : mapping
-        quadratic: ``W`` (n, n); slack: ``P`` (N, n, n) and ``G`` (n, n); scheduled: ``tau``.
+        quadratic: ``W`` (n, n); slack: ``P`` (count, n, n) and ``G`` (n, n), and where they are not
+        those of Lemma 2 ``degree``, ``elevation``, ``on``, ``epsilon``; scheduled: ``tau`` and
+        ``elevation``; lyapunov: ``on``, and ``parts``, for each part of the region ``X``,
+        ``degree``, ``elevation``, and for a scheduled law ``multiple``.
     """
 
     plant: UncertainPlant
-    region: Disk
+    region: Region
     method: str
     law: Law
-    evidence: Mapping[str, Array]
+    evidence: Mapping[str, Any]
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "evidence", MappingProxyType(dict(self.evidence)))
@@ -77,20 +80,19 @@ class Certificate:
         return Certificate, (self.plant, self.region, self.method, self.law, dict(self.evidence))
 
     def claim(self) -> exact.Claim:
-        """Return the claim in exact rationals; a float is the rational it is."""
+        """Return the claim in exact rationals: that of the design file, a float being a rational.
+
+        Raises
+        ------
+        PlantError
+            If the checker does not take such a claim.
+        """
         A = [[list(row) for row in v.exact_A] for v in self.plant.vertices]
         B = [[list(row) for row in v.exact_B] for v in self.plant.vertices]
-        sigma, r = Fraction(-self.region.centre), Fraction(self.region.radius)
-        e = self.evidence
-        if isinstance(self.law, ScheduledGain):
-            W, Z = _rationals(self.law.W), _rationals(self.law.Z)
-            tau = Fraction(float(e["tau"]))
-            return exact.Claim(self.method, A, B, sigma, r, X=W, Z=Z, tau=tau)
-        K = _rationals(self.law.K[None])[0]
-        if self.method == "quadratic":
-            return exact.Claim(self.method, A, B, sigma, r, X=_rationals(e["W"][None]), K=K)
-        G = _rationals(e["G"][None])[0]
-        return exact.Claim(self.method, A, B, sigma, r, X=_rationals(e["P"]), K=K, G=G)
+        try:
+            return exact.claim_of(self._claimed(), A, B)
+        except exact.FormatError as error:
+            raise PlantError(f"{self.plant.name}: {error}") from error
 
     def prove(self) -> exact.Verdict:
         """Decide in exact arithmetic whether the evidence proves the claim.
@@ -107,18 +109,23 @@ class Certificate:
 
     def document(self) -> dict[str, Any]:
         """Return the design file as plain data for JSON."""
+        head = {"format": exact.FORMAT, "version": exact.VERSION}
+        return head | {"plant": _plant_document(self.plant)} | self._claimed()
+
+    def _claimed(self) -> dict[str, Any]:
         if isinstance(self.law, ScheduledGain):
             law = {"kind": "scheduled", "W": self.law.W.tolist(), "Z": self.law.Z.tolist()}
+            if self.law.degree != 1:
+                law["degree"] = self.law.degree
+            if len(self.law.sizes) > 1:
+                law["on"] = "box"
         else:
             law = {"kind": "fixed", "K": self.law.K.tolist()}
         return {
-            "format": exact.FORMAT,
-            "version": exact.VERSION,
-            "plant": _plant_document(self.plant),
-            "region": {"kind": "disk", "centre": self.region.centre, "radius": self.region.radius},
+            "region": self.region.document(),
             "method": self.method,
             "law": law,
-            "certificate": {k: np.asarray(v).tolist() for k, v in self.evidence.items()},
+            "certificate": _plain_data(self.evidence),
         }
 
     def dumps(self) -> str:
@@ -137,20 +144,46 @@ class Certificate:
         try:
             claim, document = exact.read(text)
             plant = _plant(document["plant"])
-            region = Disk(float(-claim.sigma), float(claim.r))
+            region = region_of([(part.kind, part.numbers) for part in claim.region])
             law: Law
-            if claim.Z is not None:
-                law = ScheduledGain(_floats(claim.X), _floats(claim.Z), plant.parameters)
-                evidence = {"tau": np.array(float(claim.tau))}
+            if claim.law.K is not None:
+                law = FixedGain(_floats(claim.law.K)[0])
             else:
-                law = FixedGain(_floats([claim.K or []])[0])
-                if claim.G is None:
-                    evidence = {"W": _floats(claim.X)[0]}
-                else:
-                    evidence = {"P": _floats(claim.X), "G": _floats([claim.G])[0]}
+                W, Z = _floats(claim.law.W or []), _floats(claim.law.Z or [])
+                sizes = exact.simplices(claim)
+                law = ScheduledGain(W, Z, plant.parameters, claim.law.degree, sizes)
+            evidence = _evidence(claim, document["certificate"])
         except (exact.FormatError, InputError) as error:
             raise DesignFileError(str(error)) from error
         return cls(plant, region, claim.method, law, evidence)
+
+
+def _evidence(claim: exact.Claim, table: dict[str, Any]) -> dict[str, Any]:
+    """Return the evidence of a file: matrices in floats, words and whole numbers as they are."""
+    first = claim.evidence[0]
+    plain = {k: v for k, v in table.items() if k in ("degree", "elevation", "on")}
+    if claim.method == "quadratic":
+        return {"W": _floats(first.X)[0]}
+    if claim.method == "scheduled":
+        return plain | {"tau": np.array(float(first.tau))}
+    if claim.method == "slack":
+        epsilon = {"epsilon": float(first.epsilon)} if first.epsilon else {}
+        return plain | epsilon | {"P": _floats(first.X), "G": _floats([first.G or []])[0]}
+    parts = []
+    for each in claim.evidence:
+        part = {"X": _floats(each.X), "degree": each.degree, "elevation": each.elevation}
+        multiple = {"multiple": np.array([float(v) for v in each.multiple])}
+        parts.append(part | multiple if each.multiple else part)
+    return plain | {"parts": tuple(parts)}
+
+
+def _plain_data(value: Any) -> Any:
+    """Return arrays as lists, mappings as tables."""
+    if isinstance(value, Mapping):
+        return {k: _plain_data(v) for k, v in value.items()}
+    if isinstance(value, tuple):
+        return [_plain_data(v) for v in value]
+    return value.tolist() if isinstance(value, np.ndarray) else value
 
 
 def check_claim(claim: exact.Claim) -> Check:
@@ -161,12 +194,8 @@ def check_claim(claim: exact.Claim) -> Check:
     alpha = counterexample(claim)
     if alpha is not None:
         weights = ", ".join(f"{float(a):.4g}" for a in alpha)
-        return Check("refuted", f"at alpha = ({weights}) a pole is not in the disk", tuple(alpha))
+        return Check("refuted", f"at alpha = ({weights}) a pole is not in the region", tuple(alpha))
     return Check("undecided", f"{verdict.reason}, but no counterexample was found either")
-
-
-def _rationals(matrices: Array) -> list[exact.Rationals]:
-    return [[[Fraction(e) for e in row] for row in matrix] for matrix in matrices.tolist()]
 
 
 def _floats(matrices: list[exact.Rationals]) -> Array:

@@ -1,19 +1,28 @@
 """Prove a design file in exact arithmetic: ``python exact.py design.json`` needs nothing else.
 
 This file uses integers and the standard library only, imports nothing of its project and may be
-copied out of it. It reads the plant's vertices, the disk, the law and the certificate; rebuilds
+copied out of it. It reads the plant's vertices, the region, the law and the certificate; rebuilds
 every linear matrix inequality of the theorem named; and tests each for positive definiteness by
 fraction-free elimination. Numbers in the file are doubles, hence rationals; "p/q" is exact.
 
-What is proved: for every alpha in the simplex, all eigenvalues of A(alpha) + B(alpha) K(alpha) lie
-in the open disk |z - centre| < radius. With sigma = -centre, r = radius, X(alpha) > 0 the Lyapunov
-matrix, it is enough (discrete-time Lyapunov inequality of (A + BK + sigma I) / r) that
+What is proved: all eigenvalues of A(alpha) + B(alpha) K(alpha) lie in the region, for every alpha
+of the simplex; or, where the file says "box", for every product alpha of points of the
+parameters' own intervals. A region is an intersection of parts { z : L + M z + M' conj(z) < 0 }.
+With X(alpha) > 0 and N(alpha) = (A + B K) X, both polynomials, it is enough (Chilali-Gahinet) that
 
-    quadratic   [ r W, M_j ; M_j', r W ] > 0                 M_j = (A_j + B_j K + sigma I) W
-    slack       [ r P_j, M_j ; M_j', r (G + G' - P_j) ] > 0  M_j = (A_j + B_j K + sigma I) G
-    scheduled   every coefficient of the cubic form in alpha of [ r W, M ; M', r W ](alpha),
-                M(alpha) = A(alpha) W(alpha) + B(alpha) Z(alpha) + sigma W(alpha), is > 0, but for
-                tau times a form that is nonnegative on the simplex (Leite & Peres 2005, (15)-(17)).
+    F(alpha) = -( L (x) X(alpha) + M (x) N(alpha) + M' (x) N(alpha)' ) > 0     for every part,
+
+and for that, that every coefficient of F(alpha) (sum of alpha)^d is > 0 (Polya). The methods are
+
+    quadratic   X constant, K constant
+    scheduled   X = W(alpha), K = Z(alpha) W(alpha)^-1, of any degree; at degree 1 and d = 1 and
+                for a disk this is Leite & Peres (2005), (15)-(17), there with tau times a form
+                that is nonnegative on the simplex
+    lyapunov    K given, constant or scheduled, and X for each part: a polynomial, for a scheduled
+                law W (multiple + X W), so that N is a polynomial too
+    slack       K constant, P(alpha) and one G (not symmetric): for the disk |z + sigma| < r
+                [ r P, M ; M', r (G + G' - P) ] > 0 with M = (A + B K + sigma I) G; for other parts
+                F + [ e ] bordered, see `_bordered`
 
 Exit status: 0 proved, 1 not proved, 2 the file cannot be read.
 """
@@ -27,17 +36,31 @@ import sys
 from collections.abc import Iterator
 from dataclasses import dataclass
 from fractions import Fraction
-from itertools import combinations, permutations
+from itertools import combinations_with_replacement, product
 from typing import Any
 
 FORMAT, VERSION = "polefence-design", 1
-METHODS = ("quadratic", "slack", "scheduled")
-MAX_BYTES, MAX_SIZE, MAX_VERTICES = 32_000_000, 60, 256
+METHODS = ("quadratic", "slack", "scheduled", "lyapunov")
+MAX_BYTES, MAX_SIZE, MAX_VERTICES, MAX_PARTS = 32_000_000, 60, 256, 16
+MAX_COEFFICIENTS = 20_000
+MAX_DEGREE = 16  # of any polynomial, in each simplex
 # Bounds on the work that a file can ask for: digits of the common denominators, and operations.
 LARGEST, MAX_BITS, MAX_WORK = 10**300, 20_000, 5 * 10**8
 
+# Parts of regions: their kinds and the numbers that each has.
+KINDS = {
+    "disk": ("centre", "radius"),
+    "half_plane": ("decay",),
+    "sector": ("damping", "slope"),
+    "vertical_strip": ("low", "high"),
+    "horizontal_strip": ("height",),
+    "ellipse": ("centre", "real", "imaginary"),
+}
+
 Rationals = list[list[Fraction]]
 Integers = list[list[int]]
+Exponent = tuple[int, ...]
+Polynomial = dict[Exponent, Integers]  # homogeneous in each simplex, coefficients of monomials
 
 
 class FormatError(ValueError):
@@ -45,24 +68,61 @@ class FormatError(ValueError):
 
 
 @dataclass(frozen=True)
-class Claim:
-    """All poles of every plant of the family lie in the disk, by this law and certificate.
+class Part:
+    """One part of a region: its kind, and its numbers as `KINDS` names them."""
 
-    ``K`` is the fixed gain (quadratic, slack); ``X`` the Lyapunov matrices: one W, or a P or W for
-    each vertex; ``G`` the slack matrix; ``Z`` with ``X`` the scheduled law; ``tau`` the weight of
-    the paper's right-hand sides.
+    kind: str
+    numbers: tuple[Fraction, ...]
+
+
+@dataclass(frozen=True)
+class Law:
+    """K constant (``K`` alone); one K a corner, multi-affine between; or Z(alpha) W(alpha)^-1.
+
+    Coefficients of W and Z are those of Bernstein polynomials: of ``degree`` in each simplex, in
+    the order of `monomials`.
+    """
+
+    K: list[Rationals] | None = None
+    W: list[Rationals] | None = None
+    Z: list[Rationals] | None = None
+    degree: int = 0
+
+
+@dataclass(frozen=True)
+class Evidence:
+    """What one part of the region (all of them but for "lyapunov") is proved with.
+
+    ``X`` the Lyapunov polynomial's Bernstein coefficients (none where it is the law's own W),
+    ``degree`` its degree, ``elevation`` the d of (sum of alpha)^d; ``multiple`` (as many as X) for
+    scheduled laws given; ``G`` and ``epsilon`` for slack; ``tau`` for right-hand sides.
+    """
+
+    X: list[Rationals]
+    degree: int = 0
+    elevation: int = 0
+    multiple: tuple[Fraction, ...] = ()
+    G: Rationals | None = None
+    epsilon: Fraction = Fraction(0)
+    tau: Fraction = Fraction(0)
+
+
+@dataclass(frozen=True)
+class Claim:
+    """All poles of every plant of the family lie in the region, by this law and evidence.
+
+    ``on`` is "simplex" or "box". With ``weights`` the plant is A(alpha) / q(alpha), B(alpha) /
+    q(alpha), q > 0 multi-affine with these values at the corners.
     """
 
     method: str
     A: list[Rationals]
     B: list[Rationals]
-    sigma: Fraction
-    r: Fraction
-    X: list[Rationals]
-    K: Rationals | None = None
-    G: Rationals | None = None
-    Z: list[Rationals] | None = None
-    tau: Fraction = Fraction(0)
+    region: tuple[Part, ...]
+    law: Law
+    evidence: tuple[Evidence, ...]
+    on: str = "simplex"
+    weights: tuple[Fraction, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -82,15 +142,21 @@ def prove(claim: Claim) -> Verdict:
         If the claim is incomplete or inconsistent, or asks for work out of all proportion.
     """
     _require_consistent(claim)
-    if claim.r <= 0:
-        return Verdict(False, "the radius is not positive")
-    if claim.sigma <= 0:
-        return Verdict(False, "the centre is not in the left half-plane")
-    if claim.tau < 0:
-        return Verdict(False, "tau is negative")
-    for k, X in enumerate(claim.X):
-        if any(X[i][j] != X[j][i] for i in range(len(X)) for j in range(i)):
-            return Verdict(False, f"Lyapunov matrix {k + 1} is not symmetric")
+    for part in claim.region:
+        fault = _fault(part)
+        if fault:
+            return Verdict(False, fault)
+    for evidence in claim.evidence:
+        if evidence.tau < 0:
+            return Verdict(False, "tau is negative")
+        for k, X in enumerate(evidence.X or claim.law.W or []):
+            if not _is_symmetric(X):
+                return Verdict(False, f"Lyapunov matrix {k + 1} is not symmetric")
+    for k, W in enumerate(claim.law.W or []):
+        if not _is_symmetric(W):
+            return Verdict(False, f"W {k + 1} is not symmetric")
+    if any(q <= 0 for q in claim.weights):
+        return Verdict(False, "a weight is not positive")
     count = 0
     for name, matrix in blocks(claim):
         if not is_positive_definite(matrix):
@@ -99,23 +165,76 @@ def prove(claim: Claim) -> Verdict:
     return Verdict(True, f"{count} inequalities positive definite in exact arithmetic")
 
 
+def _is_symmetric(X: Rationals) -> bool:
+    return all(X[i][j] == X[j][i] for i in range(len(X)) for j in range(i))
+
+
 def _require_consistent(claim: Claim) -> None:
-    N, several = len(claim.A), claim.method in ("slack", "scheduled")
-    law = (claim.K is not None, claim.G is not None, claim.Z is not None)
-    expected = {
-        "quadratic": (True, False, False),
-        "slack": (True, True, False),
-        "scheduled": (False, False, True),
-    }
-    if law != expected.get(claim.method):
+    N, law, evidence = len(claim.A), claim.law, claim.evidence
+    if claim.method not in METHODS:
+        raise FormatError(f"method {claim.method!r} is not one of {', '.join(METHODS)}")
+    if not claim.A or len(claim.B) != N or not claim.region:
+        raise FormatError("vertices or the region are missing")
+    if claim.on not in ("simplex", "box") or (claim.on == "box" and N & (N - 1)):
+        raise FormatError(f"{N} vertices do not make a {claim.on}")
+    scheduled = law.W is not None and law.Z is not None and law.K is None
+    fixed = law.K is not None and law.W is None and law.Z is None
+    kinds = {"scheduled": scheduled, "lyapunov": scheduled or fixed}
+    wanted = len(claim.region) if claim.method == "lyapunov" else 1
+    if not kinds.get(claim.method, fixed) or len(evidence) != wanted:
         raise FormatError(f"law and evidence do not belong to method {claim.method!r}")
-    counts = {len(claim.B), N, len(claim.X) if several else N}
-    counts |= {len(claim.Z)} if claim.Z is not None else set()
-    if counts != {N} or N == 0 or not claim.X:
-        raise FormatError("matrices are missing: one A, B (and P, or W and Z) a vertex")
-    blocks = N + N * (N - 1) + N * (N - 1) * (N - 2) // 6 if claim.method == "scheduled" else N
-    if blocks * (2 * len(claim.A[0])) ** 3 > MAX_WORK:
-        raise FormatError(f"{blocks} inequalities of this size are more than is checked here")
+    if any((e.G is not None) != (claim.method == "slack") for e in evidence):
+        raise FormatError(f"G does not belong to method {claim.method!r}")
+    if claim.weights and (len(claim.weights) != N or claim.method != "lyapunov" or scheduled):
+        raise FormatError("weights do not belong here")
+    if fixed and len(law.K or []) not in ((1, N) if claim.method == "lyapunov" else (1,)):
+        raise FormatError("a fixed law has one K")
+    sizes, n = simplices(claim), len(claim.A[0])
+    counts = [(law.degree, len(law.W or [])), (law.degree, len(law.Z or []))] if scheduled else []
+    counts += [(e.degree, len(e.X)) for e in evidence if claim.method != "scheduled"]
+    counts += [(e.degree, len(e.multiple)) for e in evidence if e.multiple]
+    degrees = [law.degree, *(d for e in evidence for d in (e.degree, e.elevation))]
+    if any(not 0 <= degree <= MAX_DEGREE for degree in degrees):
+        raise FormatError(f"degrees must be 0 to {MAX_DEGREE}")
+    if any(count != _number(sizes, degree) for degree, count in counts):
+        raise FormatError("matrices are missing: one W, Z, P or X a coefficient")
+    if claim.method == "quadratic" and evidence[0].degree:
+        raise FormatError("one Lyapunov matrix is what the method quadratic has")
+    if claim.method == "scheduled" and (evidence[0].X or evidence[0].multiple):
+        raise FormatError("the method scheduled has no Lyapunov matrices but W")
+    if any(e.multiple and not (scheduled and claim.method == "lyapunov") for e in evidence):
+        raise FormatError("multiples belong to scheduled laws given")
+    if any(e.tau for e in evidence) and not _is_theorem_1(claim):
+        raise FormatError("tau belongs to the right-hand sides of Theorem 1")
+    work = sum(
+        _number(sizes, _degree(claim, e)) * (2 * n * (2 if e.G is not None else 1)) ** 3
+        for e in evidence
+    )
+    if work * len(claim.region) > MAX_WORK:
+        count = sum(_number(sizes, _degree(claim, e)) for e in evidence)
+        raise FormatError(f"{count} inequalities of this size are more than is checked here")
+
+
+def _is_theorem_1(claim: Claim) -> bool:
+    return (
+        claim.method == "scheduled"
+        and (claim.law.degree, claim.evidence[0].elevation, claim.on) == (1, 1, "simplex")
+        and [part.kind for part in claim.region] == ["disk"]
+    )
+
+
+def _degree(claim: Claim, evidence: Evidence) -> int:
+    """Return the degree of the inequalities' polynomials in each simplex."""
+    law = claim.law
+    if claim.method == "scheduled":
+        natural = law.degree + 1
+    elif claim.method == "slack":
+        natural = max(evidence.degree, 1)
+    elif law.W is not None:
+        natural = evidence.degree + 2 * law.degree + 1
+    else:
+        natural = evidence.degree + 1 + (len(law.K or []) > 1)
+    return natural + evidence.elevation
 
 
 def is_positive_definite(matrix: Integers) -> bool:
@@ -140,131 +259,397 @@ def is_positive_definite(matrix: Integers) -> bool:
     return True
 
 
-def blocks(claim: Claim) -> Iterator[tuple[str, Integers]]:
-    """Yield each inequality's name and its matrix, times a positive integer."""
-    scaled = _scaled(claim)
-    if claim.method == "scheduled":
-        yield from _scheduled(scaled, len(claim.A))
-        return
-    n = len(claim.A[0])
-    for j in range(len(claim.A)):
-        if claim.method == "quadratic":
-            M = scaled.product(j, 0)
-            left = right = _times(scaled.r, scaled.X[0])
-        else:
-            M = scaled.product(j, 0)
-            P, G = scaled.P[j], scaled.X[0]
-            left = _times(scaled.r, P)
-            right = [[scaled.r * (G[i][k] + G[k][i] - P[i][k]) for k in range(n)] for i in range(n)]
-        yield f"at vertex {j + 1}", _join(left, M, right)
+# --- polynomials on a product of simplices -------------------------------------------------------
 
 
-@dataclass(frozen=True)
-class _Scaled:
-    """Integers: A, B, sigma, r over one denominator; X, Z (and P, tau) over another."""
-
-    A: list[Integers]
-    B: list[Integers]
-    sigma: int
-    r: int
-    X: list[Integers]
-    Z: list[Integers]
-    P: list[Integers]
-    tau: int
-
-    def product(self, j: int, k: int) -> Integers:
-        """M_jk = A_j X_k + B_j Z_k + sigma X_k."""
-        A, B, X, Z = self.A[j], self.B[j], self.X[k], self.Z[k]
-        n = len(X)
-        columns = [[row[c] for row in X] + [row[c] for row in Z] for c in range(n)]
-        return [
-            [
-                sum(map(int.__mul__, A[i] + B[i], columns[c])) + self.sigma * X[i][c]
-                for c in range(n)
-            ]
-            for i in range(n)
-        ]
+def simplices(claim: Claim) -> tuple[int, ...]:
+    """Return the number of corners of each simplex: one with all vertices, or two a parameter."""
+    N = len(claim.A)
+    return (N,) if claim.on == "simplex" or N == 1 else (2,) * (N.bit_length() - 1)
 
 
-def _scaled(claim: Claim) -> _Scaled:
-    plant = _denominator([*claim.A, *claim.B, [[claim.sigma, claim.r]]])
-    P: list[Rationals] = []
-    if claim.Z is not None:
-        X, Z = claim.X, claim.Z
-    else:
-        X = [claim.X[0]] if claim.G is None else [claim.G]
-        Z = [
-            [
-                [
-                    sum((k * x for k, x in zip(row, column, strict=True)), Fraction(0))
-                    for column in zip(*X[0], strict=True)
-                ]
-                for row in claim.K or []
-            ]
-        ]
-        P = claim.X if claim.method == "slack" else []
-    law = _denominator([*X, *Z, *P, [[claim.tau / plant]]], 2 * MAX_BITS)
-    return _Scaled(
-        [_integers(a, plant) for a in claim.A],
-        [_integers(b, plant) for b in claim.B],
-        int(claim.sigma * plant),
-        int(claim.r * plant),
-        [_integers(x, law) for x in X],
-        [_integers(z, law) for z in Z],
-        [_integers(p, law) for p in P],
-        int(claim.tau * plant * law),
-    )
+def monomials(sizes: tuple[int, ...], degree: int) -> list[Exponent]:
+    """Return the exponents of the monomials of a degree in each simplex, in the file's order.
 
-
-def _scheduled(scaled: _Scaled, N: int) -> Iterator[tuple[str, Integers]]:
-    """Coefficients of alpha_j^3, alpha_j^2 alpha_k and alpha_j alpha_k alpha_l: (15), (16), (17).
-
-    tau I is taken from (15) and tau I / (N-1)^2, 6 tau I / (N-1)^2 given to (16), (17), in the
-    first block: together tau times sum a_j^3 - (sum a_j^2 a_k + 6 sum a_j a_k a_l) / (N-1)^2 >= 0.
+    Fewest corners first, then by exponents from the largest down, then by corners; in a product
+    the first simplex varies slowest.
     """
-    square = max(N - 1, 1) ** 2
-    M = {(j, k): scaled.product(j, k) for j in range(N) for k in range(N)}
-
-    def block(W: Integers, m: Integers, floor: int) -> Integers:
-        # everything times (N-1)^2, so that the right-hand sides stay integers
-        left = _times(square * scaled.r, W)
-        right = [row[:] for row in left]
-        for i, row in enumerate(left):
-            row[i] -= floor * scaled.tau
-        return _join(left, _times(square, m), right)
-
-    W = scaled.X
-    for j in range(N):
-        yield f"(15) j={j + 1}", block(W[j], M[j, j], square)
-    for j, k in permutations(range(N), 2):
-        yield (
-            f"(16) j={j + 1} k={k + 1}",
-            block(_sum([W[j], W[j], W[k]]), _sum([M[j, j], M[j, k], M[k, j]]), -1),
-        )
-    for triple in combinations(range(N), 3):
-        w = _times(2, _sum([W[j] for j in triple]))
-        m = _sum([M[pair] for pair in permutations(triple, 2)])
-        yield (
-            "(17) " + " ".join(f"{n}={j + 1}" for n, j in zip("jkl", triple, strict=True)),
-            block(w, m, -6),
-        )
+    return [sum(parts, ()) for parts in product(*(_simplex(size, degree) for size in sizes))]
 
 
-def _join(left: Integers, M: Integers, right: Integers) -> Integers:
-    transposed = [list(column) for column in zip(*M, strict=True)]
-    upper = [a + b for a, b in zip(left, M, strict=True)]
-    return upper + [a + b for a, b in zip(transposed, right, strict=True)]
+def _simplex(size: int, degree: int) -> list[Exponent]:
+    powers = [
+        tuple(chosen.count(j) for j in range(size))
+        for chosen in combinations_with_replacement(range(size), degree)
+    ]
+
+    def rank(power: Exponent) -> Any:
+        order = sorted((j for j in range(size) if power[j]), key=lambda j: (-power[j], j))
+        return len(order), [-power[j] for j in order], order
+
+    return sorted(powers, key=rank)
+
+
+def _number(sizes: tuple[int, ...], degree: int) -> int:
+    return math.prod(math.comb(size - 1 + degree, degree) for size in sizes)
+
+
+def _binomial(exponent: Exponent, sizes: tuple[int, ...]) -> int:
+    """Return the multinomial coefficient of a monomial, the product over the simplices."""
+    value, start = 1, 0
+    for size in sizes:
+        powers = exponent[start : start + size]
+        start += size
+        value *= math.factorial(sum(powers))
+        for power in powers:
+            value //= math.factorial(power)
+    return value
+
+
+def _bernstein(coefficients: list[Integers], sizes: tuple[int, ...], degree: int) -> Polynomial:
+    return {
+        e: _times(_binomial(e, sizes), c)
+        for e, c in zip(monomials(sizes, degree), coefficients, strict=True)
+    }
+
+
+def _product(P: Polynomial, Q: Polynomial) -> Polynomial:
+    """Multiply matrix polynomials."""
+    result: Polynomial = {}
+    columns = {e: _transposed(q) for e, q in Q.items()}
+    for d, p in P.items():
+        for e, c in columns.items():
+            both = [[sum(map(int.__mul__, row, column)) for column in c] for row in p]
+            _add(result, tuple(map(int.__add__, d, e)), both)
+    return result
+
+
+def _add(P: Polynomial, exponent: Exponent, matrix: Integers) -> None:
+    P[exponent] = _sum(P[exponent], matrix) if exponent in P else matrix
+
+
+def _plus(P: Polynomial, Q: Polynomial) -> Polynomial:
+    result = dict(P)
+    for e, matrix in Q.items():
+        _add(result, e, matrix)
+    return result
+
+
+def _multiple(factor: int, P: Polynomial) -> Polynomial:
+    return P if factor == 1 else {e: _times(factor, matrix) for e, matrix in P.items()}
+
+
+def _elevated(P: Polynomial, sizes: tuple[int, ...], times: int) -> Polynomial:
+    """Multiply by (sum of a simplex's coordinates)^times, for every simplex."""
+    for _ in range(times):
+        start = 0
+        for size in sizes:
+            result: Polynomial = {}
+            for e, matrix in P.items():
+                for j in range(start, start + size):
+                    _add(result, (*e[:j], e[j] + 1, *e[j + 1 :]), matrix)
+            P, start = result, start + size
+    return P
 
 
 def _times(factor: int, matrix: Integers) -> Integers:
-    return [[factor * entry for entry in row] for row in matrix]
+    return matrix if factor == 1 else [[factor * entry for entry in row] for row in matrix]
 
 
-def _sum(matrices: list[Integers]) -> Integers:
-    return [
-        [sum(entries) for entries in zip(*rows, strict=True)]
-        for rows in zip(*matrices, strict=True)
+def _sum(X: Integers, Y: Integers) -> Integers:
+    return [list(map(int.__add__, x, y)) for x, y in zip(X, Y, strict=True)]
+
+
+def _transposed(matrix: Integers) -> Integers:
+    return [list(column) for column in zip(*matrix, strict=True)]
+
+
+# --- the inequalities ----------------------------------------------------------------------------
+
+
+def _fault(part: Part) -> str:
+    """Say what is wrong with a part's numbers."""
+    v = part.numbers
+    if part.kind == "disk":
+        if v[1] <= 0:
+            return "the radius is not positive"
+        if v[0] >= 0 and abs(v[0]) + v[1] >= 1:
+            return "the centre is not in the left half-plane, nor the disk in the unit disk"
+    if part.kind == "sector" and not (min(v) > 0 and v[0] ** 2 * (1 + v[1] ** 2) <= 1):
+        return "the sector's slope is not that of its damping ratio"
+    if part.kind == "vertical_strip" and v[0] >= v[1]:
+        return "the strip is empty"
+    if part.kind == "horizontal_strip" and v[0] <= 0:
+        return "the strip is empty"
+    if part.kind == "ellipse" and min(v[1:]) <= 0:
+        return "the ellipse is empty"
+    return ""
+
+
+def _characteristic_pairs(part: Part) -> list[tuple[Rationals, Rationals]]:
+    """Return L and M of { z : L + M z + M' conj(z) < 0 }; a strip has two."""
+    v, one = part.numbers, Fraction(1)
+    zero = one - one
+    if part.kind == "disk":
+        return [([[-v[1], -v[0]], [-v[0], -v[1]]], [[zero, one], [zero, zero]])]
+    if part.kind == "half_plane":
+        return [([[2 * v[0]]], [[one]])]
+    if part.kind == "sector":
+        return [([[zero, zero], [zero, zero]], [[v[1], one], [-one, v[1]]])]
+    if part.kind == "vertical_strip":
+        return [([[-2 * v[1]]], [[one]]), ([[2 * v[0]]], [[-one]])]
+    if part.kind == "horizontal_strip":
+        return [([[-2 * v[0], zero], [zero, -2 * v[0]]], [[zero, one], [-one, zero]])]
+    c, a, b = v
+    return [([[-a * b, -c * b], [-c * b, -a * b]], [[zero, (a + b) / 2], [(b - a) / 2, zero]])]
+
+
+def blocks(claim: Claim) -> Iterator[tuple[str, Integers]]:
+    """Yield each inequality's name and its matrix, times a positive integer."""
+    sizes = simplices(claim)
+    plant = _plant(claim)
+    for number, evidence in enumerate(claim.evidence):
+        mine = claim.region if claim.method != "lyapunov" else claim.region[number : number + 1]
+        if claim.method == "slack":
+            yield from _slack(claim, plant, sizes, mine)
+            continue
+        X, N = _loop(claim, plant, sizes, evidence)
+        X, N = (_elevated(P, sizes, evidence.elevation) for P in (X, N))
+        order = monomials(sizes, _degree(claim, evidence))
+        if any(part.kind != "disk" for part in mine):
+            for e in order:
+                yield f"of X at {_name(e, sizes, claim)}", X[e]
+        for part in mine:
+            for L, M in _characteristic_pairs(part):
+                L_, M_, _ = _integral(L, M, plant.denominator)
+                for e in order:
+                    F = _block(L_, M_, X[e], N[e])
+                    if evidence.tau:
+                        F = _floored(F, e, evidence.tau, claim, plant)
+                    yield _name(e, sizes, claim, part), F
+
+
+@dataclass(frozen=True)
+class _Plant:
+    """[A, B] (and the weights) as polynomials of degree 1, over one denominator."""
+
+    AB: Polynomial
+    weights: Polynomial
+    denominator: int
+    law: int
+
+
+def _plant(claim: Claim) -> _Plant:
+    weights = [[[q]] for q in claim.weights]
+    common = _denominator([*claim.A, *claim.B, *weights])
+    corners = monomials(simplices(claim), 1)
+    both = [
+        [a + b for a, b in zip(_integers(A, common), _integers(B, common), strict=True)]
+        for A, B in zip(claim.A, claim.B, strict=True)
     ]
+    q = [_integers(w, common) for w in weights]
+    law = claim.law
+    matrices = [*(law.K or []), *(law.W or []), *(law.Z or [])]
+    return _Plant(
+        dict(zip(corners, both, strict=True)),
+        dict(zip(corners, q, strict=True)) if q else {},
+        common,
+        _denominator(matrices, 2 * MAX_BITS),
+    )
+
+
+def _loop(
+    claim: Claim, plant: _Plant, sizes: tuple[int, ...], evidence: Evidence
+) -> tuple[Polynomial, Polynomial]:
+    """Return X and N, of one degree, times a positive integer; N times ``denominator`` too."""
+    law, D = claim.law, plant.law
+    if claim.method == "scheduled":
+        W, WZ = _fraction(law, sizes, D)
+        return _elevated(W, sizes, 1), _product(plant.AB, WZ)
+    own = _denominator([*evidence.X, [list(evidence.multiple)]], 2 * MAX_BITS)
+    Q = _bernstein([_integers(x, own) for x in evidence.X], sizes, evidence.degree)
+    if law.K is not None:
+        n, degree = len(claim.A[0]), int(len(law.K) > 1)
+        K = [_integers(k, D) for k in law.K]
+        eye = [[D * (i == j) for j in range(n)] for i in range(n)]
+        closed = _product(plant.AB, _bernstein([eye + k for k in K], sizes, degree))
+        N = _product(closed, Q)
+        X = _multiple(D, _elevated(Q, sizes, degree))
+        if plant.weights:
+            # both times the plant's denominator, which the weights have too
+            return _weighted(plant.weights, X), _multiple(plant.denominator, N)
+        return _elevated(X, sizes, 1), N
+    # X = W (multiple + Q W), N = (A W + B Z) (multiple + Q W)
+    W, WZ = _fraction(law, sizes, D)
+    V = _product(Q, W)
+    if evidence.multiple:
+        n = len(claim.A[0])
+        scalars = [
+            [[int(s * own) * D * (i == j) for j in range(n)] for i in range(n)]
+            for s in evidence.multiple
+        ]
+        multiple = _bernstein(scalars, sizes, evidence.degree)
+        V = _plus(V, _elevated(multiple, sizes, law.degree))
+    return _elevated(_product(W, V), sizes, 1), _product(_product(plant.AB, WZ), V)
+
+
+def _fraction(law: Law, sizes: tuple[int, ...], D: int) -> tuple[Polynomial, Polynomial]:
+    """Return W and [W; Z] of a scheduled law, times D."""
+    W = [_integers(w, D) for w in law.W or []]
+    both = [w + _integers(z, D) for w, z in zip(W, law.Z or [], strict=True)]
+    return _bernstein(W, sizes, law.degree), _bernstein(both, sizes, law.degree)
+
+
+def _weighted(weights: Polynomial, X: Polynomial) -> Polynomial:
+    result: Polynomial = {}
+    for d, q in weights.items():
+        for e, matrix in X.items():
+            _add(result, tuple(map(int.__add__, d, e)), _times(q[0][0], matrix))
+    return result
+
+
+def _integral(L: Rationals, M: Rationals, denominator: int) -> tuple[Integers, Integers, int]:
+    """Return L times ``denominator`` and M, both times the positive integer that comes third."""
+    common = _denominator([L, M])
+    return _times(denominator, _integers(L, common)), _integers(M, common), common
+
+
+def _block(L: Integers, M: Integers, X: Integers, N: Integers) -> Integers:
+    """Return -(L (x) X + M (x) N + M' (x) N')."""
+    T = _transposed(N)
+    rows: Integers = []
+    for a in range(len(L)):
+        for i in range(len(X)):
+            row: list[int] = []
+            for b in range(len(L)):
+                p, q, r = L[a][b], M[a][b], M[b][a]
+                row += [-(p * x + q * y + r * z) for x, y, z in zip(X[i], N[i], T[i], strict=True)]
+            rows.append(row)
+    return rows
+
+
+def _floored(F: Integers, e: Exponent, tau: Fraction, claim: Claim, plant: _Plant) -> Integers:
+    """Take tau I from (15); give tau I / (N-1)^2 to (16) and 6 tau I / (N-1)^2 to (17).
+
+    In the first block, and together tau times
+    sum a_j^3 - (sum a_j^2 a_k + 6 sum a_j a_k a_l) / (N-1)^2 >= 0.
+    """
+    square = max(len(e) - 1, 1) ** 2
+    share = {3: Fraction(1), 2: Fraction(-1, square), 1: Fraction(-6, square)}[max(e)]
+    L, M = _characteristic_pairs(claim.region[0])[0]
+    floor = tau * share * plant.denominator * plant.law * _denominator([L, M])
+    scaled = [[floor.denominator * entry for entry in row] for row in F]
+    for i in range(len(F) // 2):
+        scaled[i][i] -= floor.numerator
+    return scaled
+
+
+def _slack(
+    claim: Claim, plant: _Plant, sizes: tuple[int, ...], parts: tuple[Part, ...]
+) -> Iterator[tuple[str, Integers]]:
+    (evidence,) = claim.evidence
+    G, own = evidence.G or [], _denominator([*evidence.X, evidence.G or []], 2 * MAX_BITS)
+    D, degree = plant.law, _degree(claim, evidence)
+    g = _integers(G, own)
+    (K,) = (_integers(k, D) for k in claim.law.K or [])
+    L_ = [[sum(map(int.__mul__, k, column)) for column in _transposed(g)] for k in K]
+    zero = (0,) * sum(sizes)
+    # all over the denominators of the law and the evidence; N over the plant's too
+    N = _elevated(_product(plant.AB, {zero: _times(D, g) + L_}), sizes, degree - 1)
+    P = _multiple(D, _bernstein([_integers(x, own) for x in evidence.X], sizes, evidence.degree))
+    P = _elevated(P, sizes, degree - evidence.degree)
+    slack = _elevated({zero: _times(D, g)}, sizes, degree)
+    for part in parts:
+        for L, M in _characteristic_pairs(part):
+            L_, M_, common = _integral(L, M, plant.denominator)
+            units = plant.denominator, common, evidence.epsilon
+            for e in monomials(sizes, degree):
+                name = _name(e, sizes, claim, part)
+                if part.kind == "disk":
+                    yield name, _disk_slack(L_, M_, P[e], N[e], slack[e])
+                else:
+                    yield name, _bordered(L_, M_, P[e], N[e], slack[e], units)
+    if any(part.kind != "disk" for part in parts):
+        for e in monomials(sizes, degree):
+            yield f"of P at {_name(e, sizes, claim)}", P[e]
+
+
+def _disk_slack(L: Integers, M: Integers, P: Integers, N: Integers, G: Integers) -> Integers:
+    """Return [ r P, -(N + sigma G) ; *, r (G + G' - P) ], Leite & Peres (2005), (10)."""
+    r, sigma, one = -L[0][0], L[0][1], M[0][1]
+    both = [
+        [-one * x - sigma * g for x, g in zip(xs, gs, strict=True)]
+        for xs, gs in zip(N, G, strict=True)
+    ]
+    right = [
+        [r * (g + h - p) for g, h, p in zip(gs, hs, ps, strict=True)]
+        for gs, hs, ps in zip(G, _transposed(G), P, strict=True)
+    ]
+    upper = [[r * p for p in ps] + row for ps, row in zip(P, both, strict=True)]
+    return upper + [a + b for a, b in zip(_transposed(both), right, strict=True)]
+
+
+def _bordered(
+    L: Integers,
+    M: Integers,
+    P: Integers,
+    N: Integers,
+    G: Integers,
+    units: tuple[int, int, Fraction],
+) -> Integers:
+    """Return -[ L (x) P + M' (x) N + *, M (x) (P - G') + e I (x) N ; *, -e I (x) (G + G') ].
+
+    It implies L (x) P + M' (x) A_c P + M (x) P A_c' < 0, of which the region is the same as with
+    M and M' exchanged: multiply by [ I, I (x) A_c ] from the left and by its transpose. N comes
+    times the first of the units, L times the first two, M times the second; the third is e.
+    """
+    denominator, common, epsilon = units
+    top, bottom = epsilon.numerator, epsilon.denominator
+    d, n, T = range(len(L)), range(len(P)), _transposed(G)
+    first = _times(bottom, _block(L, _transposed(M), P, N))
+    corner = [
+        [
+            -bottom * denominator * M[a][b] * (P[i][j] - T[i][j])
+            - top * common * (a == b) * N[i][j]
+            for b in d
+            for j in n
+        ]
+        for a in d
+        for i in n
+    ]
+    unit = top * common * denominator
+    last = [[unit * (a == b) * (G[i][j] + T[i][j]) for b in d for j in n] for a in d for i in n]
+    upper = [f + row for f, row in zip(first, corner, strict=True)]
+    return upper + [a + b for a, b in zip(_transposed(corner), last, strict=True)]
+
+
+def _name(
+    exponent: Exponent, sizes: tuple[int, ...], claim: Claim, part: Part | None = None
+) -> str:
+    support = sorted((j for j, p in enumerate(exponent) if p), key=lambda j: (-exponent[j], j))
+    where = f"{part.kind}: " if part is not None and len(claim.region) > 1 else ""
+    if _is_theorem_1(claim) and part is not None:
+        number = 14 + len(support)
+        return f"({number}) " + " ".join(
+            f"{letter}={j + 1}" for letter, j in zip("jkl", support, strict=False)
+        )
+    if len(sizes) == 1 and len(support) == 1 and exponent[support[0]] == 1:
+        return f"{where}at vertex {support[0] + 1}"
+    powers = [
+        f"{'abcdefgh'[f]}{j + 1}^{p}"
+        for f, start in enumerate(_starts(sizes))
+        for j, p in enumerate(exponent[start : start + sizes[f]])
+        if p
+    ]
+    return (
+        f"{where}at {' '.join(powers)}"
+        if len(sizes) > 1
+        else where + "at " + " ".join(f"alpha{j + 1}^{exponent[j]}" for j in support)
+    )
+
+
+def _starts(sizes: tuple[int, ...]) -> list[int]:
+    return [sum(sizes[:f]) for f in range(len(sizes))]
 
 
 def _denominator(matrices: list[Rationals], limit: int = MAX_BITS) -> int:
@@ -282,48 +667,114 @@ def _integers(matrix: Rationals, denominator: int) -> Integers:
 
 # --- counterexamples -----------------------------------------------------------------------------
 
+TANGENTS = 32  # of an ellipse, in the upper half-plane
+
 
 def poles_inside(claim: Claim, alpha: list[Fraction]) -> bool:
-    """Decide exactly whether all poles at one alpha lie in the open disk.
+    """Decide exactly whether all poles at one alpha lie in the region; False is always right.
 
-    The Schur-Cohn matrix of det(z I - (A + BK + sigma I) / r) is positive definite if and only if
-    all roots lie in the open unit disk. A law that is undefined at alpha keeps no pole anywhere.
+    An ellipse is replaced by the polygon of its `TANGENTS`, which contains it. A law that is
+    undefined at alpha keeps no pole anywhere.
 
     Raises
     ------
     ValueError
-        If alpha is not a point of the simplex.
+        If alpha is not a point of the simplex, or for a box no product.
     """
     if len(alpha) != len(claim.A) or min(alpha) < 0 or sum(alpha) != 1:
         raise ValueError("alpha is not a point of the simplex")
-    if claim.r <= 0:
+    if any(_fault(part) for part in claim.region):
         return False
-    A, B = _mix(alpha, claim.A), _mix(alpha, claim.B)
-    K = claim.K
-    if claim.method == "scheduled" and claim.Z is not None:
-        K = _right_divide(_mix(alpha, claim.Z), _mix(alpha, claim.X))
+    closed = closed_loop(claim, alpha)
+    return closed is not None and all_inside(closed, claim.region)
+
+
+def closed_loop(claim: Claim, alpha: list[Fraction]) -> Rationals | None:
+    """Return A + B K at one alpha, None where the law is undefined."""
+    A, B = mix(alpha, claim.A), mix(alpha, claim.B)
+    coordinates, law = _coordinates(alpha, simplices(claim)), claim.law
+    if law.K is not None:
+        K: Rationals | None = law.K[0] if len(law.K) == 1 else mix(alpha, law.K)
+    else:
+        basis = _basis(coordinates, simplices(claim), law.degree)
+        K = _right_divide(mix(basis, law.Z or []), mix(basis, law.W or []))
     if K is None:
-        return False
+        return None
+    weights = claim.weights or (Fraction(1),) * len(alpha)
+    q = sum((a * w for a, w in zip(alpha, weights, strict=True)), Fraction(0))
     n = len(A)
-    closed = [
+    return [
         [
-            (
-                A[i][j]
-                + sum((B[i][q] * K[q][j] for q in range(len(K))), Fraction(0))
-                + (claim.sigma if i == j else 0)
-            )
-            / claim.r
+            (A[i][j] + sum((B[i][p] * K[p][j] for p in range(len(K))), Fraction(0))) / q
             for j in range(n)
         ]
         for i in range(n)
     ]
-    return is_positive_definite(_schur_cohn(_characteristic(closed)))
 
 
-def _mix(alpha: list[Fraction], matrices: list[Rationals]) -> Rationals:
+def all_inside(matrix: Rationals, region: tuple[Part, ...]) -> bool:
+    """Decide whether all eigenvalues lie in the region, as `poles_inside` does."""
+    polynomial = _characteristic(matrix)
+    for part in region:
+        v = part.numbers
+        if part.kind == "disk":
+            if not _in_unit_disk(_rescaled(_shifted(polynomial, v[0]), v[1])):
+                return False
+        elif not all(_in_half_plane(polynomial, *side) for side in _sides(part)):
+            return False
+    return True
+
+
+def _sides(part: Part) -> Iterator[tuple[Fraction, Fraction, Fraction]]:
+    """Yield p, q, c of half-planes p x + q |y| < c of which the part is the intersection."""
+    v, zero, one = part.numbers, Fraction(0), Fraction(1)
+    if part.kind == "half_plane":
+        yield one, zero, -v[0]
+    elif part.kind == "sector":
+        yield v[1], one, zero
+    elif part.kind == "vertical_strip":
+        yield one, zero, v[1]
+        yield -one, zero, -v[0]
+    elif part.kind == "horizontal_strip":
+        yield zero, one, v[0]
+    else:  # the ellipse ((x - c) / a)^2 + (y / b)^2 < 1, by tangents at rational points
+        c, a, b = v
+        for k in range(TANGENTS + 1):
+            s = Fraction(k, TANGENTS)
+            cosine, sine = (1 - s**2) / (1 + s**2), 2 * s / (1 + s**2)
+            for sign in (1, -1):
+                yield sign * cosine / a, sine / b, 1 + sign * cosine * c / a
+
+
+def _coordinates(alpha: list[Fraction], sizes: tuple[int, ...]) -> list[Fraction]:
+    """Return the point's coordinates in each simplex, one after the other."""
+    if len(sizes) == 1:
+        return alpha
+    found: list[Fraction] = []
+    for f in range(len(sizes)):
+        bit = len(sizes) - 1 - f
+        high = sum((a for j, a in enumerate(alpha) if j >> bit & 1), Fraction(0))
+        found += [1 - high, high]
+    for a, corner in zip(alpha, monomials(sizes, 1), strict=True):
+        if a != math.prod(x for x, power in zip(found, corner, strict=True) if power):
+            raise ValueError("alpha is no product of points of the parameters' intervals")
+    return found
+
+
+def _basis(coordinates: list[Fraction], sizes: tuple[int, ...], degree: int) -> list[Fraction]:
+    """Return the values of the Bernstein polynomials."""
+    return [
+        math.prod((x**p for x, p in zip(coordinates, e, strict=True)), start=Fraction(1))
+        * _binomial(e, sizes)
+        for e in monomials(sizes, degree)
+    ]
+
+
+def mix(weights: list[Fraction], matrices: list[Rationals]) -> Rationals:
+    """Return the sum of weights times matrices."""
     return [
         [
-            sum((a * e for a, e in zip(alpha, entries, strict=True)), Fraction(0))
+            sum((a * e for a, e in zip(weights, entries, strict=True)), Fraction(0))
             for entries in zip(*rows, strict=True)
         ]
         for rows in zip(*matrices, strict=True)
@@ -367,6 +818,67 @@ def _characteristic(matrix: Rationals) -> list[Fraction]:
     return coefficients
 
 
+def _shifted(polynomial: list[Fraction], c: Fraction) -> list[Fraction]:
+    """Return the polynomial in z of p(z + c), by Horner's scheme."""
+    shifted = polynomial[:]
+    for end in range(len(shifted), 1, -1):
+        for i in range(1, end):
+            shifted[i] += c * shifted[i - 1]
+    return shifted
+
+
+def _rescaled(polynomial: list[Fraction], r: Fraction) -> list[Fraction]:
+    """Return the monic polynomial whose roots are those of p over r."""
+    return [c / r**k for k, c in enumerate(polynomial)]
+
+
+def _in_unit_disk(polynomial: list[Fraction]) -> bool:
+    return is_positive_definite(_schur_cohn(polynomial))
+
+
+def _in_half_plane(polynomial: list[Fraction], p: Fraction, q: Fraction, c: Fraction) -> bool:
+    """Decide whether all roots z = x + i y of a real polynomial have p x + q |y| < c.
+
+    The numbers z (p - i q) and their conjugates have real parts p x + q y and p x - q y; the left
+    half-plane is the unit disk by s = (w + 1) / (w - 1).
+    """
+    rotated = polynomial
+    if q:
+        # of roots z (p - i q): coefficient k times (p - i q)^k; times the conjugate polynomial
+        real, imaginary = [Fraction(1)], [Fraction(0)]
+        for _ in polynomial[1:]:
+            x, y = real[-1], imaginary[-1]
+            real.append(p * x + q * y)
+            imaginary.append(p * y - q * x)
+        parts = [
+            [a * b for a, b in zip(polynomial, powers, strict=True)] for powers in (real, imaginary)
+        ]
+        squares = [_convolved(part, part) for part in parts]
+        rotated = [a + b for a, b in zip(*squares, strict=True)]
+    else:
+        rotated = [a * p**k for k, a in enumerate(polynomial)]
+    s = _shifted(rotated, c)
+    n = len(s) - 1
+    mapped = [Fraction(0)] * (n + 1)
+    for k, a in enumerate(s):  # a (w + 1)^(n - k) (w - 1)^k
+        term = [a]
+        for sign in [1] * (n - k) + [-1] * k:
+            term = [
+                x + sign * y
+                for x, y in zip([*term, Fraction(0)], [Fraction(0), *term], strict=True)
+            ]
+        mapped = [x + y for x, y in zip(mapped, term, strict=True)]
+    return mapped[0] != 0 and _in_unit_disk(mapped)
+
+
+def _convolved(a: list[Fraction], b: list[Fraction]) -> list[Fraction]:
+    result = [Fraction(0)] * (len(a) + len(b) - 1)
+    for i, x in enumerate(a):
+        for j, y in enumerate(b):
+            result[i + j] += x * y
+    return result
+
+
 def _schur_cohn(polynomial: list[Fraction]) -> Integers:
     """T1 T1' - T2 T2' of the polynomial's triangular Toeplitz matrices, as integers."""
     n = len(polynomial) - 1
@@ -384,6 +896,12 @@ def _schur_cohn(polynomial: list[Fraction]) -> Integers:
 # --- reading -------------------------------------------------------------------------------------
 
 _RATIONAL = re.compile(r"-?[0-9]{1,300}(/[1-9][0-9]{0,300})?")
+_EVIDENCE = {
+    "quadratic": {"W"},
+    "slack": {"P", "G", "degree", "elevation", "epsilon", "on"},
+    "scheduled": {"tau", "elevation"},
+    "lyapunov": {"parts", "on"},
+}
 
 
 def read(text: str) -> tuple[Claim, dict[str, Any]]:
@@ -394,6 +912,12 @@ def read(text: str) -> tuple[Claim, dict[str, Any]]:
     FormatError
         If it is no JSON, cut short, of another format or version, or its shapes do not fit.
     """
+    document = read_document(text, FORMAT)
+    return claim_of(document, *read_vertices(document)), document
+
+
+def read_document(text: str, kind: str) -> dict[str, Any]:
+    """Parse a JSON document of a format, of this version."""
     if len(text) > MAX_BYTES:
         raise FormatError("the file is too long to be a design file")
     try:
@@ -402,63 +926,148 @@ def read(text: str) -> tuple[Claim, dict[str, Any]]:
         raise
     except (ValueError, RecursionError) as error:
         raise FormatError(f"no design.json: not valid JSON, or cut short: {error}") from error
-    if not isinstance(document, dict) or document.get("format") != FORMAT:
-        raise FormatError(f'not a design file: "format" must be "{FORMAT}"')
+    if not isinstance(document, dict) or document.get("format") != kind:
+        raise FormatError(f'not a design file: "format" must be "{kind}"')
     if type(document.get("version")) is not int or document["version"] != VERSION:
         raise FormatError(
             f"format version {document.get('version')!r} is not {VERSION}, the one read here; "
             "use a later release of polefence"
         )
-    return _claim(document), document
+    return document
 
 
-def _claim(document: dict[str, Any]) -> Claim:
-    vertices = _list(_at(document, "plant", "vertices"), "plant.vertices", MAX_VERTICES)
-    A = [_matrix(_at(v, "A"), f"vertex {j + 1}: A") for j, v in enumerate(vertices)]
-    B = [_matrix(_at(v, "B"), f"vertex {j + 1}: B") for j, v in enumerate(vertices)]
-    n, m, N = len(A[0]), len(B[0][0]), len(A)
-    for j in range(N):
-        _shape(A[j], n, n, f"vertex {j + 1}: A")
-        _shape(B[j], n, m, f"vertex {j + 1}: B")
-    _denominator([*A, *B])
-    if _at(document, "region", "kind") != "disk":
-        raise FormatError('region.kind must be "disk"')
-    centre = read_number(_at(document, "region", "centre"), "region.centre")
-    radius = read_number(_at(document, "region", "radius"), "region.radius")
+def claim_of(document: dict[str, Any], A: list[Rationals], B: list[Rationals]) -> Claim:
+    """Return the claim of a document about these vertices."""
+    n, m = len(A[0]), len(B[0][0])
+    region = read_region(_at(document, "region"))
     method, kind = _at(document, "method"), _at(document, "law", "kind")
     if method not in METHODS:
         raise FormatError(f"method {method!r} is not one of {', '.join(METHODS)}")
-    if kind != ("scheduled" if method == "scheduled" else "fixed"):
+    kinds = {"scheduled": {"scheduled"}, "lyapunov": {"fixed", "scheduled"}}.get(method, {"fixed"})
+    if kind not in kinds:
         raise FormatError(f"law.kind {kind!r} does not belong to method {method!r}")
-    _only(document, "region", {"kind", "centre", "radius"})
-    _only(document, "law", {"kind", "W", "Z"} if method == "scheduled" else {"kind", "K"})
-    evidence = {"quadratic": {"W"}, "slack": {"P", "G"}, "scheduled": {"tau"}}
-    _only(document, "certificate", evidence[method])
-
-    def several(section: str, key: str, rows: int, count: int) -> list[Rationals]:
-        where = f"{section}.{key}"
-        values = _list(_at(document, section, key), where, MAX_VERTICES)
-        if len(values) != count:
-            raise FormatError(f"{where} holds {len(values)} matrices; the plant needs {count}")
-        found = [_matrix(v, f"{where}[{k + 1}]") for k, v in enumerate(values)]
-        for k, each in enumerate(found):
-            _shape(each, rows, n, f"{where}[{k + 1}]")
-        return found
-
-    def one(section: str, key: str, rows: int) -> Rationals:
-        found = _matrix(_at(document, section, key), f"{section}.{key}")
-        _shape(found, rows, n, f"{section}.{key}")
-        return found
-
-    if method == "scheduled":
+    _only(document, "certificate", _EVIDENCE[method])
+    law, on = _law(document, n, m)
+    claim = Claim(method, A, B, region, law, (), on)
+    sizes = simplices(claim)
+    if kind == "scheduled" and len(law.W or []) != _number(sizes, law.degree):
+        count = _number(sizes, law.degree)
+        raise FormatError(f"law.W holds {len(law.W or [])} matrices; the plant needs {count}")
+    certificate = _at(document, "certificate")
+    if method == "lyapunov":
+        tables = _list(_at(document, "certificate", "parts"), "certificate.parts", MAX_PARTS)
+        evidence = tuple(
+            _evidence(table, f"certificate.parts[{k + 1}]", "X", n, sizes)
+            for k, table in enumerate(tables)
+        )
+        for table in tables:
+            _only({"part": table}, "part", {"X", "degree", "elevation", "multiple"})
+    elif method == "scheduled":
         tau = read_number(_at(document, "certificate", "tau"), "certificate.tau")
-        W, Z = several("law", "W", n, N), several("law", "Z", m, N)
-        return Claim(method, A, B, -centre, radius, X=W, Z=Z, tau=tau)
-    K = one("law", "K", m)
-    if method == "quadratic":
-        return Claim(method, A, B, -centre, radius, X=[one("certificate", "W", n)], K=K)
-    P, G = several("certificate", "P", n, N), one("certificate", "G", n)
-    return Claim(method, A, B, -centre, radius, X=P, K=K, G=G)
+        elevation = _integer(certificate, "certificate", "elevation", 1)
+        evidence = (Evidence([], elevation=elevation, tau=tau),)
+    elif method == "quadratic":
+        W = _matrix(_at(document, "certificate", "W"), "certificate.W")
+        _shape(W, n, n, "certificate.W")
+        evidence = (Evidence([W]),)
+    else:
+        own = _evidence(certificate, "certificate", "P", n, sizes, 1)
+        G = _matrix(_at(document, "certificate", "G"), "certificate.G")
+        _shape(G, n, n, "certificate.G")
+        epsilon = read_number(certificate.get("epsilon", 0), "certificate.epsilon")
+        evidence = (Evidence(own.X, own.degree, own.elevation, G=G, epsilon=epsilon),)
+    return Claim(method, A, B, region, law, evidence, on)
+
+
+def read_vertices(document: dict[str, Any]) -> tuple[list[Rationals], list[Rationals]]:
+    """Return A and B of all vertices, of shapes that fit."""
+    vertices = _list(_at(document, "plant", "vertices"), "plant.vertices", MAX_VERTICES)
+    A = [_matrix(_at(v, "A"), f"vertex {j + 1}: A") for j, v in enumerate(vertices)]
+    B = [_matrix(_at(v, "B"), f"vertex {j + 1}: B") for j, v in enumerate(vertices)]
+    n, m = len(A[0]), len(B[0][0])
+    for j in range(len(A)):
+        _shape(A[j], n, n, f"vertex {j + 1}: A")
+        _shape(B[j], n, m, f"vertex {j + 1}: B")
+    _denominator([*A, *B])
+    return A, B
+
+
+def read_region(table: Any) -> tuple[Part, ...]:
+    """Return the parts of a region."""
+    kind = _at({"region": table}, "region", "kind")
+    if kind == "intersection":
+        _only({"region": table}, "region", {"kind", "parts"})
+        parts = _list(_at({"region": table}, "region", "parts"), "region.parts", MAX_PARTS)
+        return tuple(_part(part, f"region.parts[{k + 1}]") for k, part in enumerate(parts))
+    return (_part(table, "region"),)
+
+
+def _part(table: Any, where: str) -> Part:
+    kind = _at({where: table}, where, "kind")
+    if not isinstance(kind, str) or kind not in KINDS:
+        raise FormatError(f"{where}.kind must be one of {', '.join(KINDS)}")
+    _only({where: table}, where, {"kind", *KINDS[kind]})
+    numbers = (read_number(_at({where: table}, where, k), f"{where}.{k}") for k in KINDS[kind])
+    return Part(kind, tuple(numbers))
+
+
+def _law(document: dict[str, Any], n: int, m: int) -> tuple[Law, str]:
+    """Return the law, and whether alpha is a point of the simplex or of a box."""
+    table = _at(document, "law")
+    if table["kind"] == "fixed":
+        _only(document, "law", {"kind", "K"})
+        K = _matrix(_at(document, "law", "K"), "law.K")
+        _shape(K, m, n, "law.K")
+        certificate = _at(document, "certificate")
+        on = certificate.get("on", "simplex") if isinstance(certificate, dict) else None
+        return Law([K]), _domain(on, "certificate.on")
+    _only(document, "law", {"kind", "W", "Z", "degree", "on"})
+    W, Z = (
+        _several(_at(document, "law", key), f"law.{key}", rows, n)
+        for key, rows in (("W", n), ("Z", m))
+    )
+    if len(W) != len(Z):
+        raise FormatError(f"law.Z holds {len(Z)} matrices; W holds {len(W)}")
+    return Law(None, W, Z, _integer(table, "law", "degree", 1)), _domain(
+        table.get("on", "simplex"), "law.on"
+    )
+
+
+def _domain(on: Any, where: str) -> str:
+    if on not in ("simplex", "box"):
+        raise FormatError(f'{where} must be "simplex" or "box"')
+    return str(on)
+
+
+def _integer(table: dict[str, Any], where: str, key: str, default: int) -> int:
+    value = table.get(key, default)
+    if type(value) is not int or not 0 <= value <= MAX_DEGREE:
+        raise FormatError(f"{where}.{key} must be a whole number, 0 to {MAX_DEGREE}")
+    return value
+
+
+def _several(value: Any, where: str, rows: int, n: int) -> list[Rationals]:
+    values = _list(value, where, MAX_COEFFICIENTS)
+    found = [_matrix(v, f"{where}[{k + 1}]") for k, v in enumerate(values)]
+    for k, each in enumerate(found):
+        _shape(each, rows, n, f"{where}[{k + 1}]")
+    return found
+
+
+def _evidence(
+    table: Any, where: str, key: str, n: int, sizes: tuple[int, ...], degree: int = 0
+) -> Evidence:
+    """Read a Lyapunov polynomial, of this degree where the file does not say."""
+    X = _several(_at({where: table}, where, key), f"{where}.{key}", n, n)
+    degree = _integer(table, where, "degree", degree)
+    if len(X) != _number(sizes, degree):
+        count = _number(sizes, degree)
+        raise FormatError(f"{where}.{key} holds {len(X)} matrices; its degree needs {count}")
+    values = table.get("multiple", [])
+    if not isinstance(values, list) or len(values) not in (0, len(X)):
+        raise FormatError(f"{where}.multiple must hold one number a matrix")
+    multiple = tuple(read_number(v, f"{where}.multiple") for v in values)
+    return Evidence(X, degree, _integer(table, where, "elevation", 0), multiple)
 
 
 def _refuse(text: str) -> Any:
@@ -534,10 +1143,12 @@ def main(arguments: list[str]) -> int:
         print(f"{arguments[0]}: {error}", file=sys.stderr)
         return 2
     verdict = prove(claim)
-    disk = f"disk centre {-float(claim.sigma):.17g}, radius {float(claim.r):.17g}"
-    print(
-        f"{'proved' if verdict.proved else 'not proved'}: {claim.method}, {disk}: {verdict.reason}"
+    region = " & ".join(
+        f"{part.kind}({', '.join(f'{float(v):.17g}' for v in part.numbers)})"
+        for part in claim.region
     )
+    answer = "proved" if verdict.proved else "not proved"
+    print(f"{answer}: {claim.method}, {region}: {verdict.reason}")
     return 0 if verdict.proved else 1
 
 

@@ -7,9 +7,13 @@ from itertools import combinations
 
 import numpy as np
 
+from polefence.errors import RegionError
 from polefence.law import right_divide
-from polefence.plant.system import Array
+from polefence.plant.family import UncertainPlant
+from polefence.plant.system import Array, uncontrollable_part
+from polefence.polynomial import Domain
 from polefence.proof import exact
+from polefence.region import Region, region_of
 
 SAMPLES = 2000
 EDGE_POINTS = 9
@@ -38,70 +42,151 @@ def edges(N: int, points: int = EDGE_POINTS) -> Array:
 
 
 def counterexample(claim: exact.Claim) -> list[Fraction] | None:
-    """Return an alpha at which a pole does not lie in the open disk, or None if none was found.
+    """Return an alpha at which a pole does not lie in the region, or None if none was found.
 
-    A float search over vertices, edges and a seeded sample, refined around the worst points; the
+    A float search over corners, edges and a seeded sample, refined around the worst points; the
     alpha returned was confirmed in exact arithmetic.
     """
-    family = _Family(claim)
-    N = len(claim.A)
-    points = np.vstack([edges(N), sample_simplex(N, SAMPLES)])
+    domain = Domain(exact.simplices(claim))
+    try:
+        family = _Family(claim, domain)
+    except RegionError:  # no region at all keeps no pole
+        return [Fraction(int(j == 0)) for j in range(len(claim.A))]
+    points = sample(domain)
     excess = family.excess(points)
     for index in np.argsort(-excess)[:STARTS]:
-        alpha, worst = _climb(family, points[index], float(excess[index]))
-        if worst < -1e-6 * float(claim.r):
+        coordinates, worst = _climb(family, points[index], float(excess[index]))
+        if worst < -1e-6 * family.size:
             continue
-        rational = _rational(alpha)
+        rational = _rational(coordinates, domain.sizes)
         if not exact.poles_inside(claim, rational):
             return rational
     return None
 
 
+def unplaceable(plant: UncertainPlant, region: Region, on: str) -> str | None:
+    """Say at which alpha no gain whatever keeps all poles in the region, None if none was found.
+
+    There the plant is uncontrollable and a mode that no gain moves does not lie in the region, both
+    in exact arithmetic. Looks at corners, at the middles between them, and at simple fractions near
+    the points where a float search finds the plant nearest to uncontrollable.
+    """
+    domain = Domain.of(on, len(plant.vertices))
+    points = sample(domain)
+    alphas = domain.alpha(points)
+    A, B = plant.at(alphas)
+    nearest = np.argsort(_controllability(A, B))[:STARTS]
+    corners = domain.monomials(1)
+    tried = [_simple(np.array(c, dtype=float), domain.sizes) for c in corners]
+    tried += [
+        _simple((np.array(c, dtype=float) + np.array(d, dtype=float)) / 2, domain.sizes)
+        for c, d in combinations(corners[:16], 2)
+    ]
+    tried += [_simple(points[i], domain.sizes, limit) for i in nearest for limit in (2, 4, 10, 100)]
+    parts = exact.read_region(region.document())
+    for alpha in tried:
+        matrices = ([getattr(v, f"exact_{x}") for v in plant.vertices] for x in "AB")
+        A_, B_ = (tuple(map(tuple, exact.mix(alpha, list(M)))) for M in matrices)
+        part = uncontrollable_part(A_, B_)
+        if part and not exact.all_inside(part, parts):
+            weights = ", ".join(str(a) for a in alpha)
+            return f"at alpha = ({weights}) a pole outside {region} cannot be moved by any gain"
+    return None
+
+
+def _controllability(A: Array, B: Array) -> Array:
+    """Return the least singular value of [B, AB, ...], columns scaled, at each point."""
+    scale = np.maximum(np.linalg.norm(A, axis=(1, 2)), np.finfo(float).tiny)[:, None, None]
+    columns = [B]
+    for _ in range(A.shape[-1] - 1):
+        columns.append(A @ columns[-1] / scale)
+    return np.asarray(np.linalg.svd(np.concatenate(columns, axis=2), compute_uv=False)[:, -1])
+
+
+def _simple(coordinates: Array, sizes: tuple[int, ...], limit: int = 2) -> list[Fraction]:
+    """Return alpha at fractions of a small denominator near a point."""
+    alpha, start = [Fraction(1)], 0
+    for size in sizes:
+        own = [Fraction(float(c)).limit_denominator(limit) for c in coordinates[start:][:size]]
+        total = sum(own) or Fraction(1)
+        own = own if sum(own) else [Fraction(int(k == 0)) for k in range(size)]
+        alpha = [a * w / total for a in alpha for w in own]
+        start += size
+    return alpha
+
+
+def sample(domain: Domain) -> Array:
+    """Return points of a domain, (count, coordinates): corners, edges and a seeded sample."""
+    if len(domain.sizes) == 1:
+        (N,) = domain.sizes
+        return np.vstack([edges(N), sample_simplex(N, SAMPLES)])
+    # on a box: a point of each interval's own sample, and the corners
+    random = np.random.default_rng(SEED)
+    columns = [sample_simplex(size, SAMPLES, SEED + f) for f, size in enumerate(domain.sizes)]
+    columns = [random.permutation(column) for column in columns]
+    corners = np.array(domain.monomials(1), dtype=float)
+    centres = (corners[:, None] + corners[None, :]).reshape(-1, corners.shape[1]) / 2
+    return np.vstack([corners, np.unique(centres, axis=0)[:SAMPLES], np.hstack(columns)])
+
+
 class _Family:
-    """The claim as floats: how far the farthest pole lies outside the disk."""
+    """The claim as floats: how far the farthest pole lies outside the region."""
 
-    def __init__(self, claim: exact.Claim) -> None:
+    def __init__(self, claim: exact.Claim, domain: Domain) -> None:
         self.A, self.B = (np.array(M, dtype=float) for M in (claim.A, claim.B))
-        self.centre, self.r = -float(claim.sigma), float(claim.r)
-        self.K = None if claim.K is None else np.array(claim.K, dtype=float)
-        if claim.Z is not None:
-            self.W, self.Z = np.array(claim.X, dtype=float), np.array(claim.Z, dtype=float)
+        self.region = region_of([(part.kind, part.numbers) for part in claim.region])
+        self.size = self.region.size
+        self.domain, self.law = domain, claim.law
+        self.K = None if claim.law.K is None else np.array(claim.law.K[0], dtype=float)
+        if self.K is None:
+            self.W, self.Z = (np.array(M, dtype=float) for M in (claim.law.W, claim.law.Z))
 
-    def excess(self, alpha: Array) -> Array:
+    def excess(self, coordinates: Array) -> Array:
+        alpha = self.domain.alpha(coordinates)
         A, B = np.tensordot(alpha, self.A, 1), np.tensordot(alpha, self.B, 1)
         try:
             if self.K is not None:
                 K = self.K
             else:
-                K = right_divide(np.tensordot(alpha, self.Z, 1), np.tensordot(alpha, self.W, 1))
+                basis = self.domain.basis(alpha, self.law.degree)
+                K = right_divide(np.tensordot(basis, self.Z, 1), np.tensordot(basis, self.W, 1))
             poles = np.linalg.eigvals(A + B @ K)
         except np.linalg.LinAlgError:  # a law that is singular somewhere: look point by point
-            if len(alpha) == 1:
+            if len(coordinates) == 1:
                 return np.array([np.inf])
-            return np.concatenate([self.excess(a[None]) for a in alpha])
-        return np.asarray(np.abs(poles - self.centre).max(axis=-1) - self.r)
+            return np.concatenate([self.excess(a[None]) for a in coordinates])
+        return np.asarray(self.region.distance(poles).max(axis=-1))
 
 
-def _climb(family: _Family, alpha: Array, worst: float) -> tuple[Array, float]:
-    """Seeded random search with a shrinking step, on the simplex."""
+def _climb(family: _Family, point: Array, worst: float) -> tuple[Array, float]:
+    """Seeded random search with a shrinking step, on each simplex."""
     random = np.random.default_rng(SEED)
+    cuts = np.cumsum(family.domain.sizes)[:-1]
     step = 0.2
     for _ in range(ROUNDS):
-        mates = random.dirichlet(np.full(alpha.size, 0.5), 16)
-        trial = np.clip(
-            alpha + step * random.choice([-1.0, 1.0], (16, 1)) * (mates - alpha), 0, None
-        )
-        trial /= trial.sum(axis=1, keepdims=True)
-        excess = family.excess(trial)
+        moved = []
+        for own in np.split(point, cuts):
+            mates = random.dirichlet(np.full(own.size, 0.5), 16)
+            trial = own + step * random.choice([-1.0, 1.0], (16, 1)) * (mates - own)
+            trial = np.clip(trial, 0, None)
+            moved.append(trial / trial.sum(axis=1, keepdims=True))
+        trials = np.hstack(moved)
+        excess = family.excess(trials)
         best = int(np.argmax(excess))
         if excess[best] > worst:
-            alpha, worst = trial[best], float(excess[best])
+            point, worst = trials[best], float(excess[best])
         else:
             step *= 0.7
-    return alpha, worst
+    return point, worst
 
 
-def _rational(alpha: Array) -> list[Fraction]:
-    weights = [Fraction(round(float(a) * 2**30), 2**30) for a in alpha]
-    total = sum(weights)
-    return [w / total for w in weights]
+def _rational(coordinates: Array, sizes: tuple[int, ...]) -> list[Fraction]:
+    """Return alpha, exactly on the simplex, or exactly a product, near a point of the domain."""
+    alpha, start = [Fraction(1)], 0
+    for size in sizes:
+        own = coordinates[start : start + size]
+        weights = [Fraction(round(float(a) * 2**30), 2**30) for a in own]
+        total = sum(weights)
+        alpha = [a * w / total for a in alpha for w in weights]
+        start += size
+    return alpha

@@ -12,6 +12,7 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -28,7 +29,6 @@ from polefence.proof.lower import (
     _times,
     _transposed,
     _weights,
-    block_pairs,
     prove_infeasible,
 )
 
@@ -50,6 +50,7 @@ def lower_bound(
     upper: float,
     Y: Iterable[npt.ArrayLike],
     right_hand_sides: bool = False,
+    **form: Any,
 ) -> Infeasible | None:
     """Return the proof of a radius closely below ``upper`` that the method cannot reach.
 
@@ -61,6 +62,8 @@ def lower_bound(
         A radius just above the infimum, at which Y solves the dual problem approximately.
     Y : matrices
         2n x 2n, in the original coordinates, in the order of `block_pairs`.
+    **form
+        ``degree``, ``elevation`` and ``on``, as `Infeasible` has them.
 
     Returns
     -------
@@ -70,7 +73,7 @@ def lower_bound(
     n, m = len(A[0]), len(B[0][0])
     if method == "slack" and m * n + n * (n - 1) // 2 > MAX_EQUATIONS:
         return None
-    start = Infeasible(method, A, B, sigma, Fraction(1), [], right_hand_sides)
+    start = Infeasible(method, A, B, sigma, Fraction(1), [], right_hand_sides, **form)
     repairs = list(_repairs(start, Y))
     for shortfall in SHORTFALLS:
         r = Fraction(upper * (1 - shortfall))
@@ -90,9 +93,10 @@ def repaired(
     r: Fraction,
     Y: Iterable[npt.ArrayLike],
     right_hand_sides: bool = False,
+    **form: Any,
 ) -> Infeasible | None:
     """Return the proof that the method cannot reach ``r``, as `lower_bound` does, or None."""
-    start = Infeasible(method, A, B, sigma, r, [], right_hand_sides)
+    start = Infeasible(method, A, B, sigma, r, [], right_hand_sides, **form)
     for repair in _repairs(start, Y) if r > 0 else ():
         claim = repair.claim(r)
         if prove_infeasible(claim).proved:
@@ -107,8 +111,8 @@ def _repairs(start: Infeasible, Y: Iterable[npt.ArrayLike]) -> Iterator[_Repair]
     cannot be repaired, but zeros in their place need no repair.
     """
     dual = np.array([np.asarray(y, dtype=float) for y in Y])
-    n, N = len(start.A[0]), len(start.A)
-    pairs = block_pairs(start.method, N)
+    n = len(start.A[0])
+    pairs = start.pairs
     if dual.shape != (len(pairs), 2 * n, 2 * n) or not np.isfinite(dual).all():
         return
     diagonal = np.einsum("bii->bi", dual)

@@ -44,6 +44,8 @@ class Found:
     converged : bool
         Whether the search came to its end rather than to its limits.
     iterations : int
+    rate : float
+        Unit of the search's rates [1/s].
     """
 
     radius: float
@@ -51,6 +53,7 @@ class Found:
     dual: Dual | None = None
     converged: bool = False
     iterations: int = 0
+    rate: float = 1.0
 
 
 def lyapunov_mean(values: dict[str, Array]) -> Array:

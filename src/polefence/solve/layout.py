@@ -13,8 +13,9 @@ from functools import lru_cache
 import numpy as np
 
 from polefence.conditions.linear import Index, Variable
-from polefence.conditions.methods import Method, build
+from polefence.conditions.methods import Method, build, normal
 from polefence.conditions.pencil import Pencil
+from polefence.conditions.target import Target
 from polefence.plant.system import Array
 from polefence.solve.stacked import Stacked, stack
 
@@ -22,15 +23,16 @@ MOST_VERTICES = 26  # whose powers of four a double can add up
 
 
 def stacked_pencil(
-    method: Method, A: Array, B: Array, sigma: float, unit: Array
+    method: Method, A: Array, B: Array, target: Target, unit: Array
 ) -> tuple[Pencil, Stacked]:
     """Return a pencil with the condition's variables, and the condition for this plant stacked.
 
     Of the pencil only what does not depend on the plant may be used: packing and unpacking.
     """
     N, n, m = B.shape
-    if not isinstance(method, str) or N > MOST_VERTICES:
-        pencil = build(method, A, B, sigma, unit)
+    method, sigma = normal(method), target.sigma
+    if sigma is None or not isinstance(method, str) or N > MOST_VERTICES:
+        pencil = build(method, A, B, target, unit)
         return pencil, stack(pencil)
     layout = _layout(method, N, n, m)
     return layout.pencil, layout.filled(A + sigma * np.eye(n), B)

@@ -55,14 +55,21 @@ def reachability(A: Array, B: Array, sigma: float, scaling: Scaling) -> Array:
     return np.asarray(scaling.T @ (W + W.T) / 2 @ scaling.T.T)
 
 
-def nominal_start(A: Array, B: Array, sigma: float, scaling: Scaling) -> Start:
-    """Return a nominal design and the radius at which it holds on all vertices."""
+def nominal_start(
+    A: Array, B: Array, sigma: float, scaling: Scaling, size: float | None = None
+) -> Start:
+    """Return a nominal design and the radius at which it holds on all vertices.
+
+    It aims at radii of about ``size``, by default sigma.
+    """
     As, Bs = scaling.apply(A, B)
     s = sigma / scaling.rate
+    aim = (sigma if size is None else size) / scaling.rate
     n, m = Bs.shape[1:]
     T = scaling.T
     for fraction, weight in DESIGNS:
-        F, H = (As.mean(axis=0) + s * np.eye(n)) / (fraction * s), Bs.mean(axis=0) / (fraction * s)
+        F = (As.mean(axis=0) + s * np.eye(n)) / (fraction * aim)
+        H = Bs.mean(axis=0) / (fraction * aim)
         design = _riccati(F, H, weight)
         radius = np.inf if design is None else _reach(As, Bs, s, *design)
         if design is not None and np.isfinite(radius):

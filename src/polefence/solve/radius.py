@@ -1,4 +1,4 @@
-"""The smallest radius of a condition: where to start the interior point, and in which coordinates.
+"""The least r of a condition: where to start the interior point, and in which coordinates.
 
 The state coordinates decide how far floats carry. Lemma 1 starts in those of a nominal Lyapunov
 matrix; the other conditions in those of a rough solution of Lemma 1, which is a point of theirs; a
@@ -12,7 +12,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from polefence.conditions.linear import Variable
-from polefence.conditions.methods import Method
+from polefence.conditions.methods import Method, normal
+from polefence.conditions.target import Disks, Goal
 from polefence.errors import SolverError
 from polefence.plant.system import Array
 from polefence.solve.engine import run
@@ -40,14 +41,14 @@ def smallest_radius(
     engine: str | None = None,
     tolerance: float = TOLERANCE,
 ) -> Found:
-    """Find the least radius at which the condition is feasible.
+    """Find the least radius at which the condition is feasible, for disks about -sigma.
 
     Parameters
     ----------
     A, B : (N, n, n), (N, n, m) arrays
     sigma : float
         The centre is -sigma [1/s].
-    method : str or Scheduled
+    method : str, Scheduled or Slack
     near : Found, optional
         The same condition's answer for a neighbouring centre, to start from.
     enough : float
@@ -62,8 +63,32 @@ def smallest_radius(
     SolverError
         If there is no point to start from in floats.
     """
-    enough = max(enough, FLOOR * sigma)
-    search = _Search(A, B, sigma, method, balanced(A, B, sigma), enough, engine)
+    return smallest(A, B, Disks(-sigma), method, near, enough, engine, tolerance)
+
+
+def smallest(
+    A: Array,
+    B: Array,
+    goal: Goal,
+    method: Method,
+    near: Found | None = None,
+    enough: float = 0.0,
+    engine: str | None = None,
+    tolerance: float = TOLERANCE,
+) -> Found:
+    """Find the least r at which the condition is feasible, whatever grows with r.
+
+    Parameters as for `smallest_radius`; ``near`` is a point of the condition without which a goal
+    may have no start (a sector's needs a stable one).
+
+    Raises
+    ------
+    SolverError
+        If there is no point to start from in floats.
+    """
+    scale = goal.scale or typical_rate(A)
+    search = _Search(A, B, goal, scale, method, balanced(A, B, scale), enough, engine)
+    enough = search.floor
     best, wide = (search.first(), WIDE) if near is None else (near, CLOSE)
     found = None
     for _ in range(ROUNDS):
@@ -80,50 +105,73 @@ def smallest_radius(
     return found
 
 
+def typical_rate(A: Array) -> float:
+    """Return a rate typical of the plant: the geometric mean of its modes' [1/s]."""
+    modes = np.abs(np.linalg.eigvals(A.mean(axis=0)))
+    modes = modes[modes > 1e-6 * modes.max(initial=0.0)]
+    return float(np.exp(np.log(modes).mean())) if modes.size else 1.0
+
+
 @dataclass(frozen=True, eq=False)
 class _Search:
     A: Array
     B: Array
-    sigma: float
+    goal: Goal
+    scale: float
     method: Method
     plain: Scaling
     enough: float
     engine: str | None
 
+    @property
+    def floor(self) -> float:
+        """Least r that is worth reaching."""
+        return max(self.enough, FLOOR * (self.scale if self.goal.rated else 1.0))
+
     def first(self) -> Found:
         """Return a nominal design, or a rough solution of Lemma 1 where that is a start."""
-        if self.method == "quadratic":
-            start = nominal_start(self.A, self.B, self.sigma, self.plain)
+        if not isinstance(self.goal, Disks):
+            # of disks about a centre typical of the region; r is found out when it is run
+            own = Disks(-self.scale)
+            return replace(replace(self, goal=own).first(), radius=0.0)
+        if normal(self.method) == "quadratic":
+            start = nominal_start(self.A, self.B, -self.goal.centre, self.plain, self.scale)
             return Found(start.radius, {"W": start.W, "Z": start.K @ start.W})
-        lemma_1 = replace(self, method="quadratic", enough=FLOOR * self.sigma)
+        lemma_1 = replace(self, method="quadratic", enough=0.0)
         nominal = lemma_1.first()
         return lemma_1.run(nominal, WIDE, ROUGH) or nominal
 
     def run(self, start: Found, wide: float, tolerance: float = TOLERANCE) -> Found | None:
         """Run from a point, in the coordinates of its Lyapunov matrix; None if it is no start."""
         scaling = self._coordinates(start)
+        unit = scaling.rate if self.goal.rated else 1.0
         A, B = scaling.apply(self.A, self.B)
-        s = self.sigma / scaling.rate
-        pencil, stacked = stacked_pencil(self.method, A, B, s, scaling.unit)
-        start = replace(start, radius=max(start.radius, FLOOR * self.sigma))
-        x = pencil.pack(self._scaled(start, scaling, pencil.variables, wide))
-        outcome = self._outcome(stacked, x, wide * start.radius / scaling.rate, scaling, tolerance)
+        target = self.goal.target(scaling.rate)
+        pencil, stacked = stacked_pencil(self.method, A, B, target, scaling.unit)
+        radius = max(start.radius, FLOOR * unit * self.scale / scaling.rate)
+        values = self._scaled(replace(start, radius=radius), scaling, pencil.variables, wide)
+        x = pencil.pack(values)
+        r = wide * radius / unit
+        if not isinstance(self.goal, Disks):
+            r = max(r, first_radius(stacked, x))
+        outcome = self._outcome(stacked, x, r, unit, tolerance)
         if outcome is None:
             return None
         return Found(
-            scaling.rate * outcome.r,
+            unit * outcome.r,
             scaling.restore(pencil.unpack(outcome.x), pencil.variables),
-            _dual(outcome, stacked, scaling),
+            _dual(outcome, stacked, scaling) if isinstance(self.goal, Disks) else None,
             outcome.converged,
             outcome.iterations,
+            scaling.rate,
         )
 
     def _outcome(
-        self, stacked: Stacked, x: Array, r: float, scaling: Scaling, tolerance: float
+        self, stacked: Stacked, x: Array, r: float, unit: float, tolerance: float
     ) -> Outcome | None:
         for _ in range(WIDENINGS):
             try:
-                outcome = run(stacked, x, r, self.enough / scaling.rate, tolerance, self.engine)
+                outcome = run(stacked, x, r, self.floor / unit, tolerance, self.engine)
             except np.linalg.LinAlgError:
                 r *= 1.5
             except MemoryError as error:
@@ -151,6 +199,22 @@ class _Search:
             spare = (wide - 1) * start.radius / scaling.rate
             scaled["tau"] = np.array([[0.1 * spare / np.linalg.norm(scaling.unit, 2)]])
         return scaled
+
+
+def first_radius(stacked: Stacked, x: Array) -> float:
+    """Return an r at which x is interior, within a factor of about two of the least; inf if none.
+
+    D(x) >= 0, so that r D(x) - M(x) only grows with r.
+    """
+    D, M = stacked.parts(x)
+    for r in 2.0 ** np.arange(-14, 60):
+        try:
+            for d, m in zip(D, M, strict=True):
+                np.linalg.cholesky(r * d - m)
+        except np.linalg.LinAlgError:
+            continue
+        return float(r)
+    return float("inf")
 
 
 def _dual(outcome: Outcome, stacked: Stacked, scaling: Scaling) -> Dual:

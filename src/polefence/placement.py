@@ -40,6 +40,9 @@ STALLED = 1e-3
 # A lower bound farther off than this share of the radius is sought again, with this tolerance.
 GAP, CLOSER = 3e-6, 1e-10
 
+# How close a search for other regions than disks goes, until a point of it is proved.
+TOLERANCES = (1e-10, 1e-8, 1e-6, 1e-4, 1e-3, 1e-2)
+
 # Where nothing near the infimum is proved: points for radii this much larger.
 RETREATS = (1e-4, 1e-3, 1e-2, 0.1, 1.0, 10.0, 100.0)
 
@@ -295,17 +298,19 @@ def _tightest_other(
         start = smallest(plant.A, plant.B, Around(base), method, enough=INSIDE[0]) if base else None
         if start is not None and start.radius >= 1:
             raise NotProvedError(f"not proved: {method_label(method)} gives no proof for {base}")
-        near = None if start is None else replace(start, radius=0.0)
-        found = smallest(plant.A, plant.B, goal, method, near, tolerance=CLOSER)
     except SolverError as error:
         raise NotProvedError(f"undecided: {method_label(method)}: {error}") from error
-    for step in (*STEPS, 1e-3, 1e-2):
-        region = _region_of(of, goal, found.radius * (1 + step), step)
-        if region is not None:
-            whole = region if within is None else region & within
-            design = proved_at(plant, whole, method, found)
-            if design is not None:
-                return design
+    near = None if start is None else replace(start, radius=0.0)
+    # Nearer to the optimum a Lyapunov matrix may be too ill-conditioned to be proved in doubles.
+    for tolerance in TOLERANCES:
+        with suppress(SolverError):
+            found = smallest(plant.A, plant.B, goal, method, near, tolerance=tolerance)
+            for step in (*STEPS, 1e-3, 1e-2):
+                region = _region_of(of, goal, found.radius * (1 + step), step)
+                whole = region if within is None or region is None else region & within
+                design = whole and proved_at(plant, whole, method, found)
+                if design:
+                    return design
     raise NotProvedError(f"undecided: {method_label(method)} gave no point that could be proved")
 
 
@@ -398,16 +403,14 @@ def _second_opinion(plant: UncertainPlant, centre: float, method: Method) -> Fou
 
 def _lower(plant: UncertainPlant, sigma: float, method: Method, found: Found) -> float | None:
     """Return a radius proved infeasible for the method, None where no proof came of it."""
+    rhs = isinstance(method, Scheduled) and method.right_hand_sides
     method = normal(method)
-    if found.dual is None or isinstance(method, Slack):
+    if found.dual is None or not (isinstance(method, str) or rhs):
         return None
     A = [[list(row) for row in v.exact_A] for v in plant.vertices]
     B = [[list(row) for row in v.exact_B] for v in plant.vertices]
-    given: dict[str, Any] = {}
-    if isinstance(method, Scheduled):
-        given = {k: getattr(method, k) for k in ("degree", "elevation", "on", "right_hand_sides")}
     Y = found.dual.matrices()
-    bound = lower_bound(method_name(method), A, B, Fraction(sigma), found.radius, Y, **given)
+    bound = lower_bound(method_name(method), A, B, Fraction(sigma), found.radius, Y, rhs)
     return None if bound is None else float(bound.r)
 
 

@@ -344,8 +344,8 @@ class Ellipse(Region):
 
     def pairs(self, rate: float = 1.0) -> tuple[Pair, ...]:
         c, a, b = (value / rate for value in (self.centre, self.real, self.imaginary))
-        L = np.array([[-a * b, -c * b], [-c * b, -a * b]])
-        return ((L, np.array([[0.0, (a + b) / 2], [(b - a) / 2, 0.0]])),)
+        L = np.array([[-b, -c * b / a], [-c * b / a, -b]])
+        return ((L, np.array([[0.0, (1 + b / a) / 2], [(b / a - 1) / 2, 0.0]])),)
 
     def distance(self, poles: Any) -> Array:
         """Signed, zero on the boundary; elsewhere no more than the distance."""

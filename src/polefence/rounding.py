@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from polefence.conditions.methods import EPSILON, Method, Slack, method_name, normal, options
+from polefence.conditions.methods import Method, Slack, method_name, normal, options
 from polefence.design import Design
 from polefence.errors import SolverError
 from polefence.law import FixedGain, ScheduledGain, right_divide
@@ -69,14 +69,15 @@ def _scheduled(
 def _slack(
     plant: UncertainPlant, region: Region, method: Method, found: Found
 ) -> tuple[FixedGain, dict[str, Any]]:
-    o, values = options(method), found.values
-    count = Domain.of(o.on, len(plant.vertices)).count(int(o.degree))
+    method, values = normal(method), found.values
+    o = method if isinstance(method, Slack) else Slack()
+    count = Domain.of(o.on, len(plant.vertices)).count(o.degree)
     evidence: dict[str, Any] = {"P": _stack(values, "P", count), "G": values["G"]}
-    if isinstance(normal(method), Slack):
+    if isinstance(method, Slack):
         evidence |= {"degree": o.degree, "elevation": o.elevation, "on": o.on}
     if not isinstance(region, Disk):
         # e is in units of the search's own time
-        evidence["epsilon"] = EPSILON / found.rate
+        evidence["epsilon"] = o.epsilon / found.rate
     return FixedGain(right_divide(values["L"], values["G"])), evidence
 
 

@@ -16,7 +16,6 @@ from polefence.polynomial import DOMAINS, Domain
 
 METHODS = ("quadratic", "slack", "scheduled")
 MAX_DEGREE = 8
-EPSILON = 0.1  # of the slack condition for regions that are no disk
 
 
 @dataclass(frozen=True)
@@ -69,6 +68,8 @@ class Slack:
         See `Scheduled`.
     on : "simplex" or "box"
         See `Scheduled`.
+    epsilon : float
+        For parts of a region that are no disk: the smaller, the nearer to the method "quadratic".
 
     Raises
     ------
@@ -79,9 +80,12 @@ class Slack:
     degree: int = 1
     elevation: int = 0
     on: str = "simplex"
+    epsilon: float = 0.03
 
     def __post_init__(self) -> None:
         _check(self)
+        if not 0 < self.epsilon <= 100:
+            raise InputError(f"epsilon = {self.epsilon!r} must be positive, at most 100")
 
 
 Method = str | Scheduled | Slack
@@ -169,7 +173,7 @@ def build(
     o = options(method)
     domain = Domain.of(o.on, len(A))
     if isinstance(o, Slack):
-        return slack(A, B, target, domain, o.degree, o.elevation, EPSILON)
+        return slack(A, B, target, domain, o.degree, o.elevation, o.epsilon)
     if o.degree == "auto":
         raise InputError("degree = 'auto' is for place; give a number here")
     identity = np.eye(A.shape[1]) if unit is None else unit

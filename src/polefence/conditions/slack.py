@@ -65,7 +65,8 @@ def slack(
 
 def _is_disk(side: Side) -> bool:
     """Whether the part is [[-r, z - c], [*, -r]] < 0, r perhaps shifted."""
-    return side.M0.shape == (2, 2) and np.count_nonzero(side.M0) == 1 and not side.M1.any()
+    upper = side.M0.shape == (2, 2) and np.count_nonzero(side.M0) == 1 and side.M0[0, 1]
+    return bool(upper) and not side.M1.any()
 
 
 def _disk(pencil: Builder, name: str, side: Side, matrices: tuple[Linear, Linear, Linear]) -> None:

@@ -401,7 +401,8 @@ def _characteristic_pairs(part: Part) -> list[tuple[Rationals, Rationals]]:
     if part.kind == "horizontal_strip":
         return [([[-2 * v[0], zero], [zero, -2 * v[0]]], [[zero, one], [-one, zero]])]
     c, a, b = v
-    return [([[-a * b, -c * b], [-c * b, -a * b]], [[zero, (a + b) / 2], [(b - a) / 2, zero]])]
+    M = [[zero, (1 + b / a) / 2], [(b / a - 1) / 2, zero]]
+    return [([[-b, -c * b / a], [-c * b / a, -b]], M)]
 
 
 def blocks(claim: Claim) -> Iterator[tuple[str, Integers]]:
@@ -565,7 +566,7 @@ def _slack(
             units = plant.denominator, common, evidence.epsilon
             for e in monomials(sizes, degree):
                 name = _name(e, sizes, claim, part)
-                if part.kind == "disk":
+                if len(M) == 2 and not (M[0][0] or M[1][0] or M[1][1]):
                     yield name, _disk_slack(L_, M_, P[e], N[e], slack[e])
                 else:
                     yield name, _bordered(L_, M_, P[e], N[e], slack[e], units)

@@ -21,23 +21,20 @@ import math
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import cached_property
+from itertools import combinations, permutations
 from operator import mul
 from typing import Any
 
 from polefence.proof.exact import (
     MAX_BITS,
-    MAX_DEGREE,
     MAX_WORK,
     FormatError,
     Integers,
     Rationals,
     Verdict,
-    _binomial,
     _denominator,
     _integers,
-    _number,
     is_positive_definite,
-    monomials,
 )
 
 METHODS = ("quadratic", "slack", "scheduled")
@@ -59,10 +56,6 @@ class Infeasible:
         2n x 2n, for each block as ordered by `block_pairs`.
     right_hand_sides : bool
         Whether the condition has the right-hand sides of the paper's (15)-(17).
-    degree, elevation : int
-        Of the method "scheduled".
-    on : str
-        "simplex" or "box".
     """
 
     method: str
@@ -72,41 +65,20 @@ class Infeasible:
     r: Fraction
     Y: list[Rationals]
     right_hand_sides: bool = False
-    degree: int = 1
-    elevation: int = 1
-    on: str = "simplex"
-
-    @property
-    def pairs(self) -> list[Pairs]:
-        """The pairs of each block, see `block_pairs`."""
-        return block_pairs(self.method, len(self.A), self.degree, self.elevation, self.on)
 
 
-def block_pairs(
-    method: str, N: int, degree: int = 1, elevation: int = 1, on: str = "simplex"
-) -> list[Pairs]:
+def block_pairs(method: str, N: int) -> list[Pairs]:
     """Return the pairs (j, k) of each block: S_j W_k + B_j Z_k add up to M, the W_k to Wl.
 
-    A pair comes as often as its product does. The order of blocks everywhere here: vertices; for
-    "scheduled" that of `exact.monomials`, which is all (15), then (16) by ``permutations(range(N),
-    2)``, then (17) by ``combinations(range(N), 3)``.
+    The order of blocks everywhere here: vertices; for "scheduled" all (15), then (16) by
+    ``permutations(range(N), 2)``, then (17) by ``combinations(range(N), 3)``.
     """
     if method != "scheduled":
         return [[(j, 0)] for j in range(N)]
-    sizes = _sizes(N, on)
-    place = {e: b for b, e in enumerate(monomials(sizes, degree + 1 + elevation))}
-    pairs: list[Pairs] = [[] for _ in place]
-    for j, corner in enumerate(monomials(sizes, 1)):
-        for k, own in enumerate(monomials(sizes, degree)):
-            for raised in monomials(sizes, elevation):
-                total = tuple(map(sum, zip(corner, own, raised, strict=True)))
-                times = _binomial(own, sizes) * _binomial(raised, sizes)
-                pairs[place[total]] += [(j, k)] * times
+    pairs: list[Pairs] = [[(j, j)] for j in range(N)]
+    pairs += [[(j, j), (j, k), (k, j)] for j, k in permutations(range(N), 2)]
+    pairs += [list(permutations(triple, 2)) for triple in combinations(range(N), 3)]
     return pairs
-
-
-def _sizes(N: int, on: str) -> tuple[int, ...]:
-    return (N,) if on == "simplex" or N == 1 else (2,) * (N.bit_length() - 1)
 
 
 def prove_infeasible(claim: Infeasible) -> Verdict:
@@ -141,21 +113,14 @@ def prove_infeasible(claim: Infeasible) -> Verdict:
 def _malformed(claim: Infeasible) -> str:
     if claim.method not in METHODS:
         return f"method {claim.method!r} is not one of {', '.join(METHODS)}"
-    if claim.on not in ("simplex", "box"):
-        return f"{claim.on!r} is not simplex or box"
-    if not (0 <= claim.degree <= MAX_DEGREE and 0 <= claim.elevation <= MAX_DEGREE):
-        return "degrees are out of range"
-    theorem_1 = (claim.degree, claim.elevation, claim.on) == (1, 1, "simplex")
-    if claim.right_hand_sides and not (claim.method == "scheduled" and theorem_1):
+    if claim.right_hand_sides and claim.method != "scheduled":
         return "right-hand sides belong to the scheduled method"
     if claim.r <= 0:
         return "the radius is not positive"
     N = len(claim.A)
     if not N or not claim.A[0] or len(claim.B) != N:
         return "vertices are missing"
-    if claim.on == "box" and N & (N - 1):
-        return f"{N} vertices do not make a box"
-    count, n = _count(claim), len(claim.A[0])
+    count, n = _count(claim.method, N), len(claim.A[0])
     if count * (2 * n) ** 3 > MAX_WORK:
         return f"{count} dual matrices of this size are more than is checked here"
     if len(claim.Y) != count:
@@ -168,11 +133,8 @@ def _malformed(claim: Infeasible) -> str:
     return ""
 
 
-def _count(claim: Infeasible) -> int:
-    N = len(claim.A)
-    if claim.method != "scheduled":
-        return N
-    return _number(_sizes(N, claim.on), claim.degree + 1 + claim.elevation)
+def _count(method: str, N: int) -> int:
+    return N + (N * (N - 1) + math.comb(N, 3) if method == "scheduled" else 0)
 
 
 def _unbalanced(claim: Infeasible, plant: _Plant, Y: list[Integers]) -> str:
@@ -181,7 +143,7 @@ def _unbalanced(claim: Infeasible, plant: _Plant, Y: list[Integers]) -> str:
     P, X, R = _parts(Y, n)
     if claim.method == "slack" and P != R:
         return "the equation of a P does not hold"
-    pairs = claim.pairs
+    pairs = block_pairs(claim.method, N)
     top, bottom = claim.r.numerator * plant.denominator, claim.r.denominator
     sums = [_plus(p, r) for p, r in zip(P, R, strict=True)]
     weights = _weights(pairs, sums)

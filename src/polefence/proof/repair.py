@@ -12,7 +12,6 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -29,6 +28,7 @@ from polefence.proof.lower import (
     _times,
     _transposed,
     _weights,
+    block_pairs,
     prove_infeasible,
 )
 
@@ -50,7 +50,6 @@ def lower_bound(
     upper: float,
     Y: Iterable[npt.ArrayLike],
     right_hand_sides: bool = False,
-    **form: Any,
 ) -> Infeasible | None:
     """Return the proof of a radius closely below ``upper`` that the method cannot reach.
 
@@ -62,8 +61,6 @@ def lower_bound(
         A radius just above the infimum, at which Y solves the dual problem approximately.
     Y : matrices
         2n x 2n, in the original coordinates, in the order of `block_pairs`.
-    **form
-        ``degree``, ``elevation`` and ``on``, as `Infeasible` has them.
 
     Returns
     -------
@@ -73,7 +70,7 @@ def lower_bound(
     n, m = len(A[0]), len(B[0][0])
     if method == "slack" and m * n + n * (n - 1) // 2 > MAX_EQUATIONS:
         return None
-    start = Infeasible(method, A, B, sigma, Fraction(1), [], right_hand_sides, **form)
+    start = Infeasible(method, A, B, sigma, Fraction(1), [], right_hand_sides)
     repairs = list(_repairs(start, Y))
     for shortfall in SHORTFALLS:
         r = Fraction(upper * (1 - shortfall))
@@ -93,10 +90,9 @@ def repaired(
     r: Fraction,
     Y: Iterable[npt.ArrayLike],
     right_hand_sides: bool = False,
-    **form: Any,
 ) -> Infeasible | None:
     """Return the proof that the method cannot reach ``r``, as `lower_bound` does, or None."""
-    start = Infeasible(method, A, B, sigma, r, [], right_hand_sides, **form)
+    start = Infeasible(method, A, B, sigma, r, [], right_hand_sides)
     for repair in _repairs(start, Y) if r > 0 else ():
         claim = repair.claim(r)
         if prove_infeasible(claim).proved:
@@ -111,8 +107,8 @@ def _repairs(start: Infeasible, Y: Iterable[npt.ArrayLike]) -> Iterator[_Repair]
     cannot be repaired, but zeros in their place need no repair.
     """
     dual = np.array([np.asarray(y, dtype=float) for y in Y])
-    n = len(start.A[0])
-    pairs = start.pairs
+    n, N = len(start.A[0]), len(start.A)
+    pairs = block_pairs(start.method, N)
     if dual.shape != (len(pairs), 2 * n, 2 * n) or not np.isfinite(dual).all():
         return
     diagonal = np.einsum("bii->bi", dual)

@@ -86,7 +86,7 @@ def place(
     _require(plant, UncertainPlant, "plant", "polefence.load(path) reads one")
     require_domain(plant, method)
     _require(region, Region, "region", "for example polefence.Disk(-40, 31)")
-    _require_time(plant, region)
+    require_region(plant, region)
     plant.require_controllable()
     if isinstance(method, Scheduled) and method.degree == "auto":
         return _climb(plant, region, method)
@@ -190,7 +190,7 @@ def _better(best: Design | None, other: Design | None) -> Design | None:
     return min(best, other, key=radius_of)
 
 
-def _require_time(plant: UncertainPlant, region: Region) -> None:
+def require_region(plant: UncertainPlant, region: Region) -> None:
     """Refuse regions of the other kind of time."""
     disks = [part for part in region.parts if isinstance(part, Disk)]
     if plant.sample_time is None:
@@ -289,7 +289,7 @@ def _tightest_other(
         raise InputError(f"of = {of!r} has no centre; leave it out")
     if isinstance(options(method), Slack):
         raise InputError(f"of = {of!r} goes with the methods quadratic and scheduled")
-    _require_time(plant, HalfPlane(0) if within is None else HalfPlane(0) & within)
+    require_region(plant, HalfPlane(0) if within is None else HalfPlane(0) & within)
     plant.require_controllable()
     size = (within.scale if within else 0.0) or typical_rate(plant.A)
     goal: Goal = Decays(FASTEST * size, within) if of == "half_plane" else Sectors(size, within)

@@ -23,6 +23,7 @@ from polefence.errors import InputError
 from polefence.plant.system import Array
 
 Exponent = tuple[int, ...]
+Polynomial = dict[Exponent, Array]  # coefficients of monomials
 
 DOMAINS = ("simplex", "box")
 
@@ -137,6 +138,32 @@ def _simplex(size: int, degree: int) -> list[Exponent]:
         return len(order), [-power[j] for j in order], order
 
     return sorted(powers, key=rank)
+
+
+def bernstein(domain: Domain, coefficients: Array, degree: int) -> Polynomial:
+    """Return the polynomial with these Bernstein coefficients (count, rows, columns)."""
+    pairs = zip(domain.monomials(degree), coefficients, strict=True)
+    return {e: binomial(domain.sizes, e) * c for e, c in pairs}
+
+
+def times(P: Polynomial, Q: Polynomial) -> Polynomial:
+    """Return the product of matrix polynomials."""
+    result: Polynomial = {}
+    for d, p in P.items():
+        for e, q in Q.items():
+            both = tuple(map(add, d, e))
+            result[both] = result[both] + p @ q if both in result else p @ q
+    return result
+
+
+def elevated(P: Polynomial, domain: Domain, degree: int) -> Polynomial:
+    """Return the polynomial times (sum of coordinates)^degree, for each simplex."""
+    result: Polynomial = {}
+    for raised, weight in _multinomials(domain.sizes, degree):
+        for e, p in P.items():
+            both = tuple(map(add, e, raised))
+            result[both] = result[both] + weight * p if both in result else weight * p
+    return result
 
 
 def binomial(sizes: tuple[int, ...], exponent: Exponent) -> int:

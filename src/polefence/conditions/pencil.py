@@ -136,6 +136,8 @@ class Builder:
         self.method = method
         self.variables: list[Variable] = []
         self.blocks: list[Block] = []
+        # a right factor placed twice must be one array: terms are collected by it
+        self._rights: dict[tuple[int, int, int], tuple[Array, Array]] = {}
 
     def symmetric(self, name: str, n: int) -> Linear:
         """Declare a symmetric n x n unknown."""
@@ -185,10 +187,26 @@ class Builder:
         first = (D or M)[0][2].terms[0]
         n = first.left.shape[0]
         halves = (
-            tuple(t for a, b, part in pieces for t in _placed(part, a, b, parts))
+            tuple(t for a, b, part in pieces for t in self._placed(part, a, b, parts))
             for pieces in (D, M)
         )
         self.blocks.append(Block(name, parts * n, *halves))
+
+    def _placed(self, part: Linear, row: int, column: int, parts: int) -> tuple[Term, ...]:
+        """Put a linear function into a larger block, at a block row and under that selector."""
+        placed = []
+        for t in part.terms:
+            n = t.left.shape[0]
+            right = _selectors(n, parts)[column]
+            if t.right is not None:
+                key = id(t.right), column, parts
+                if key not in self._rights:
+                    self._rights[key] = t.right, right @ t.right
+                right = self._rights[key][1]
+            left = np.zeros((parts * n, t.left.shape[1]))
+            left[row * n : (row + 1) * n] = t.left
+            placed.append(Term(t.name, left, right))
+        return tuple(placed)
 
     def build(self) -> Pencil:
         """Return the finished value."""
@@ -201,23 +219,6 @@ def _selectors(n: int, parts: int) -> tuple[Array, ...]:
     both = np.eye(parts * n)
     both.setflags(write=False)
     return tuple(both[:, k * n : (k + 1) * n] for k in range(parts))
-
-
-def _placed(part: Linear, row: int, column: int, parts: int) -> tuple[Term, ...]:
-    """Put a linear function into a larger block, at a block row and under that selector."""
-    placed = []
-    for t in part.terms:
-        n = t.left.shape[0]
-        selector = _selectors(n, parts)[column]
-        left = np.zeros((parts * n, t.left.shape[1]))
-        left[row * n : (row + 1) * n] = t.left
-        right = selector if t.right is None else _right(selector, t.right)
-        placed.append(Term(t.name, left, right))
-    return tuple(placed)
-
-
-def _right(selector: Array, right: Array) -> Array:
-    return np.asarray(selector @ right)
 
 
 def _svec_operator(

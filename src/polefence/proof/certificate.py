@@ -110,7 +110,7 @@ class Certificate:
     def document(self) -> dict[str, Any]:
         """Return the design file as plain data for JSON."""
         head = {"format": exact.FORMAT, "version": exact.VERSION}
-        return head | {"plant": _plant_document(self.plant)} | self._claimed()
+        return head | {"plant": plant_document(self.plant)} | self._claimed()
 
     def _claimed(self) -> dict[str, Any]:
         if isinstance(self.law, ScheduledGain):
@@ -202,7 +202,8 @@ def _floats(matrices: list[exact.Rationals]) -> Array:
     return np.array([[[float(e) for e in row] for row in matrix] for matrix in matrices])
 
 
-def _plant_document(plant: UncertainPlant) -> dict[str, Any]:
+def plant_document(plant: UncertainPlant) -> dict[str, Any]:
+    """Return a plant as a design file has it."""
     parameters = [
         {
             "name": p.name,
@@ -216,8 +217,10 @@ def _plant_document(plant: UncertainPlant) -> dict[str, Any]:
     for vertex in plant.vertices:
         matrices = {"A": vertex.exact_A, "B": vertex.exact_B, "E": vertex.exact_E}
         vertices.append({k: _rows(M) for k, M in matrices.items() if M is not None})
+    time = plant.sample_time
     return {
         "name": plant.name,
+        **({} if time is None else {"sample_time": _plain(time)}),
         "states": list(plant.states),
         "inputs": list(plant.inputs),
         "disturbances": list(plant.disturbances),
@@ -249,7 +252,9 @@ def _plant(data: dict[str, Any]) -> UncertainPlant:
         parameters = tuple(_parameter(p) for p in data["parameters"])
         As, Bs = ([v[key] for v in data["vertices"]] for key in "AB")
         Es = [v["E"] for v in data["vertices"]] if "E" in data["vertices"][0] else None
-        names = {key: tuple(data[key]) for key in ("states", "inputs", "disturbances")}
+        names: dict[str, Any] = {k: tuple(data[k]) for k in ("states", "inputs", "disturbances")}
+        if "sample_time" in data:
+            names["sample_time"] = exact.read_number(data["sample_time"], "plant.sample_time")
         plant = UncertainPlant.from_vertices(As, Bs, Es, name=str(data["name"]), **names)
     except (KeyError, TypeError, AttributeError, ValueError) as error:
         raise DesignFileError(f"plant is malformed: {error}") from error

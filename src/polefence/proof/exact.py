@@ -958,7 +958,7 @@ def claim_of(document: dict[str, Any], A: list[Rationals], B: list[Rationals]) -
     if method == "lyapunov":
         tables = _list(_at(document, "certificate", "parts"), "certificate.parts", MAX_PARTS)
         evidence = tuple(
-            _evidence(table, f"certificate.parts[{k + 1}]", "X", n, sizes)
+            read_evidence(table, f"certificate.parts[{k + 1}]", "X", n, sizes)
             for k, table in enumerate(tables)
         )
         for table in tables:
@@ -968,13 +968,11 @@ def claim_of(document: dict[str, Any], A: list[Rationals], B: list[Rationals]) -
         elevation = _integer(certificate, "certificate", "elevation", 1)
         evidence = (Evidence([], elevation=elevation, tau=tau),)
     elif method == "quadratic":
-        W = _matrix(_at(document, "certificate", "W"), "certificate.W")
-        _shape(W, n, n, "certificate.W")
+        W = read_matrix(_at(document, "certificate", "W"), "certificate.W", n, n)
         evidence = (Evidence([W]),)
     else:
-        own = _evidence(certificate, "certificate", "P", n, sizes, 1)
-        G = _matrix(_at(document, "certificate", "G"), "certificate.G")
-        _shape(G, n, n, "certificate.G")
+        own = read_evidence(certificate, "certificate", "P", n, sizes, 1)
+        G = read_matrix(_at(document, "certificate", "G"), "certificate.G", n, n)
         epsilon = read_number(certificate.get("epsilon", 0), "certificate.epsilon")
         evidence = (Evidence(own.X, own.degree, own.elevation, G=G, epsilon=epsilon),)
     return Claim(method, A, B, region, law, evidence, on)
@@ -1017,8 +1015,7 @@ def _law(document: dict[str, Any], n: int, m: int) -> tuple[Law, str]:
     table = _at(document, "law")
     if table["kind"] == "fixed":
         _only(document, "law", {"kind", "K"})
-        K = _matrix(_at(document, "law", "K"), "law.K")
-        _shape(K, m, n, "law.K")
+        K = read_matrix(_at(document, "law", "K"), "law.K", m, n)
         certificate = _at(document, "certificate")
         on = certificate.get("on", "simplex") if isinstance(certificate, dict) else None
         return Law([K]), _domain(on, "certificate.on")
@@ -1055,7 +1052,14 @@ def _several(value: Any, where: str, rows: int, n: int) -> list[Rationals]:
     return found
 
 
-def _evidence(
+def read_matrix(value: Any, where: str, rows: int, columns: int) -> Rationals:
+    """Return a matrix of this shape."""
+    matrix = _matrix(value, where)
+    _shape(matrix, rows, columns, where)
+    return matrix
+
+
+def read_evidence(
     table: Any, where: str, key: str, n: int, sizes: tuple[int, ...], degree: int = 0
 ) -> Evidence:
     """Read a Lyapunov polynomial, of this degree where the file does not say."""

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator
 from fractions import Fraction
 from itertools import combinations
+from typing import Any
 
 import numpy as np
 
@@ -14,6 +16,8 @@ from polefence.plant.system import Array, uncontrollable_part
 from polefence.polynomial import Domain
 from polefence.proof import exact
 from polefence.region import Region, region_of
+
+Measure = Callable[[Any], Array]
 
 SAMPLES = 2000
 EDGE_POINTS = 9
@@ -47,21 +51,33 @@ def counterexample(claim: exact.Claim) -> list[Fraction] | None:
     A float search over corners, edges and a seeded sample, refined around the worst points; the
     alpha returned was confirmed in exact arithmetic.
     """
-    domain = Domain(exact.simplices(claim))
     try:
-        family = _Family(claim, domain)
+        region = region_of([(part.kind, part.numbers) for part in claim.region])
     except RegionError:  # no region at all keeps no pole
         return [Fraction(int(j == 0)) for j in range(len(claim.A))]
-    points = sample(domain)
-    excess = family.excess(points)
-    for index in np.argsort(-excess)[:STARTS]:
-        coordinates, worst = _climb(family, points[index], float(excess[index]))
-        if worst < -1e-6 * family.size:
+    for point, worst in worst_points(claim, lambda poles: region.distance(poles).max(axis=-1)):
+        if worst < -1e-6 * region.size:
             continue
-        rational = _rational(coordinates, domain.sizes)
-        if not exact.poles_inside(claim, rational):
-            return rational
+        alpha = _rational(point, exact.simplices(claim))
+        if not exact.poles_inside(claim, alpha):
+            return alpha
     return None
+
+
+def worst_points(claim: exact.Claim, measure: Measure) -> Iterator[tuple[Array, float]]:
+    """Yield points of the domain where a measure of the poles is large, and its value, in floats.
+
+    Parameters
+    ----------
+    measure : callable
+        Of poles (..., n), the larger the worse; infinite where the law has no value.
+    """
+    domain = Domain(exact.simplices(claim))
+    family = _Family(claim, domain, measure)
+    points = sample(domain)
+    values = family.values(points)
+    for index in np.argsort(-values)[:STARTS]:
+        yield _climb(family, points[index], float(values[index]))
 
 
 def unplaceable(plant: UncertainPlant, region: Region, on: str) -> str | None:
@@ -130,18 +146,16 @@ def sample(domain: Domain) -> Array:
 
 
 class _Family:
-    """The claim as floats: how far the farthest pole lies outside the region."""
+    """The claim's closed loops as floats, and a measure of their poles."""
 
-    def __init__(self, claim: exact.Claim, domain: Domain) -> None:
+    def __init__(self, claim: exact.Claim, domain: Domain, measure: Measure) -> None:
         self.A, self.B = (np.array(M, dtype=float) for M in (claim.A, claim.B))
-        self.region = region_of([(part.kind, part.numbers) for part in claim.region])
-        self.size = self.region.size
-        self.domain, self.law = domain, claim.law
+        self.domain, self.law, self.measure = domain, claim.law, measure
         self.K = None if claim.law.K is None else np.array(claim.law.K[0], dtype=float)
         if self.K is None:
             self.W, self.Z = (np.array(M, dtype=float) for M in (claim.law.W, claim.law.Z))
 
-    def excess(self, coordinates: Array) -> Array:
+    def values(self, coordinates: Array) -> Array:
         alpha = self.domain.alpha(coordinates)
         A, B = np.tensordot(alpha, self.A, 1), np.tensordot(alpha, self.B, 1)
         try:
@@ -154,8 +168,8 @@ class _Family:
         except np.linalg.LinAlgError:  # a law that is singular somewhere: look point by point
             if len(coordinates) == 1:
                 return np.array([np.inf])
-            return np.concatenate([self.excess(a[None]) for a in coordinates])
-        return np.asarray(self.region.distance(poles).max(axis=-1))
+            return np.concatenate([self.values(a[None]) for a in coordinates])
+        return np.asarray(self.measure(poles))
 
 
 def _climb(family: _Family, point: Array, worst: float) -> tuple[Array, float]:
@@ -171,10 +185,10 @@ def _climb(family: _Family, point: Array, worst: float) -> tuple[Array, float]:
             trial = np.clip(trial, 0, None)
             moved.append(trial / trial.sum(axis=1, keepdims=True))
         trials = np.hstack(moved)
-        excess = family.excess(trials)
-        best = int(np.argmax(excess))
-        if excess[best] > worst:
-            point, worst = trials[best], float(excess[best])
+        values = family.values(trials)
+        best = int(np.argmax(values))
+        if values[best] > worst:
+            point, worst = trials[best], float(values[best])
         else:
             step *= 0.7
     return point, worst

@@ -11,9 +11,8 @@ from typing import Any
 from polefence.conditions.methods import METHODS, Method, Scheduled, Slack, method_label
 from polefence.design import Design
 from polefence.errors import NotProvedError
-from polefence.placement import radius_of, require_domain, tightest_near
+from polefence.placement import radius_of, require_domain, tightest_near, usable_centre
 from polefence.plant.family import UncertainPlant
-from polefence.region import check_centre
 from polefence.solve.found import Found
 
 # Rows that start from one another: at most so many, their centres at most this share apart.
@@ -53,7 +52,7 @@ class Limit:
     @property
     def ratio(self) -> float | None:
         """Return d / sigma in percent, the ordinate of figures 3 and 4 of the paper."""
-        return None if self.radius is None else 100 * (1 + self.radius / self.centre)
+        return 100 * (1 + self.radius / self.centre) if self.radius and self.centre < 0 else None
 
     def as_row(self, gain: bool = False) -> dict[str, Any]:
         """Return the row as plain data, with its law where wanted."""
@@ -99,7 +98,7 @@ def limits(
         methods = (methods,)
     if not isinstance(centres, Iterable):
         centres = (centres,)
-    tasks = [(check_centre(c), m) for c in centres for m in methods]
+    tasks = [(usable_centre(plant, c), m) for c in centres for m in methods]
     rows: dict[int, Limit] = {}
     for index, row in as_finished(plant, tasks, executor, bounds):
         rows[index] = row
@@ -116,7 +115,7 @@ def as_finished(
 ) -> Iterator[tuple[int, Limit]]:
     """Yield each task's index and row as soon as it is done; see `limits`."""
     for centre, method in tasks:
-        check_centre(centre)
+        usable_centre(plant, centre)
         require_domain(plant, method)
     plant.require_controllable()
     parts = chains(tasks)
@@ -149,7 +148,7 @@ def chains(tasks: Sequence[tuple[float, Method]]) -> list[list[Task]]:
     for i in order:
         centre, method = tasks[i]
         last = runs[-1][-1] if runs and len(runs[-1]) < CHAIN else None
-        if last is not None and last[2] == method and centre - last[1] <= NEAR * -last[1]:
+        if last is not None and last[2] == method and centre - last[1] <= NEAR * abs(last[1]):
             runs[-1].append((i, centre, method))
         else:
             runs.append([(i, centre, method)])

@@ -203,6 +203,21 @@ def require_region(plant: UncertainPlant, region: Region) -> None:
         )
 
 
+def usable_centre(plant: UncertainPlant, centre: float) -> float:
+    """Return the centre of disks for this plant as a float.
+
+    Raises
+    ------
+    RegionError
+        If it is not in the left half-plane, or for a discrete-time plant not in the unit circle.
+    """
+    if plant.sample_time is None:
+        return check_centre(centre)
+    if not Disk(centre, 1e-9).discrete:
+        raise RegionError(f"centre = {centre:g} is not inside the unit circle; use one nearer to 0")
+    return float(centre)
+
+
 def _refusal(method: Method, region: Disk, best: Design) -> str:
     reached = (
         f"the smallest radius found there is {rounded_up(radius_of(best))} (proved)"
@@ -263,10 +278,7 @@ def tightest(
         return _tightest_other(plant, of, method, within, centre)
     if centre is None or within is not None:
         raise InputError("the smallest disk needs a centre, and takes no region within")
-    if plant.sample_time is None:
-        centre = check_centre(centre)
-    elif not Disk(centre, 1e-6).discrete:
-        raise RegionError(f"centre = {centre:g} is not inside the unit circle")
+    centre = usable_centre(plant, centre)
     plant.require_controllable()
     best, _ = _tightest(plant, centre, method)
     if not best.proved and not allow_unproved:
@@ -356,9 +368,11 @@ def _tightest(
     scale = sigma if sigma > 0 else 1.0
     try:
         found = smallest_radius(plant.A, plant.B, sigma, method, near)
-    except SolverError:
+    except SolverError as error:
+        if sigma <= 0:
+            raise NotProvedError(f"undecided: {method_label(method)}: {error}") from error
         found = _second_opinion(plant, centre, method)
-    if not found.converged and found.radius > STALLED * scale:
+    if sigma > 0 and not found.converged and found.radius > STALLED * scale:
         with suppress(NotProvedError):
             second = _second_opinion(plant, centre, method)
             found = second if second.radius < found.radius else found

@@ -4,17 +4,41 @@ from __future__ import annotations
 
 import argparse
 import os
+import signal
 import sys
 from collections.abc import Callable, Sequence
 from decimal import Decimal, InvalidOperation
-from pathlib import Path
 from typing import Any, NoReturn
 
-from polefence import __version__, commands, engine
-from polefence.conditions.methods import METHODS
+from polefence import __version__, engine
+from polefence.commands import (
+    analyse,
+    check,
+    design,
+    example,
+    limits,
+    observe,
+    paper,
+    service,
+    tightest,
+)
 from polefence.errors import InputError, MissingExtraError, NotProvedError, PolefenceError
 
 PROVED, NOT_PROVED, BAD_INPUT, INTERRUPTED = 0, 1, 2, 130
+
+Command = tuple[str, Callable[[Any], int], Callable[[argparse.ArgumentParser], None]]
+# In the order of --help; each module declares its own options.
+COMMANDS: tuple[Command, ...] = (
+    ("limits", limits.limits_command, limits.add_arguments),
+    ("design", design.design_command, design.add_arguments),
+    ("tightest", tightest.tightest_command, tightest.add_arguments),
+    ("observe", observe.observe_command, observe.add_arguments),
+    ("service", service.service_command, service.add_arguments),
+    ("analyse", analyse.analyse_command, analyse.add_arguments),
+    ("check", check.check_command, check.add_arguments),
+    ("paper", paper.paper_command, paper.add_arguments),
+    ("example", example.example_command, example.add_arguments),
+)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -35,6 +59,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         print(f"polefence: {error}", file=sys.stderr)
         return NOT_PROVED
     except KeyboardInterrupt:
+        # a second Ctrl-C while Python ends would turn the status into that of a killed process
+        signal.signal(signal.SIGINT, signal.SIG_IGN)
         keeps = getattr(options, "json", None) or getattr(options, "output", None)
         keeps = keeps and hasattr(options, "resume")
         kept = "; finished rows are kept, --resume goes on" if keeps else ""
@@ -82,79 +108,12 @@ def _parser() -> argparse.ArgumentParser:
     )
     listed = parser.add_subparsers(metavar="COMMAND", required=True)
 
-    def command(name: str, run: Callable[[Any], int]) -> argparse.ArgumentParser:
+    for name, run, add_arguments in COMMANDS:
         text = run.__doc__
         sub = listed.add_parser(name, help=text, description=text, allow_abbrev=False)
         sub.set_defaults(run=run)
-        return sub
-
-    sub = command("limits", commands.limits_command)
-    _spec_argument(sub)
-    sub.add_argument(
-        "--centre",
-        "--center",
-        type=float,
-        action="append",
-        default=[],
-        metavar="CENTRE",
-        help="real coordinate of the disk's centre; repeat for more",
-    )
-    sub.add_argument(
-        "--centres",
-        "--centers",
-        type=float,
-        nargs=3,
-        metavar=("FROM", "TO", "COUNT"),
-        help="evenly spaced centres, for example -5 -100 60",
-    )
-    sub.add_argument(
-        "--method", action="append", choices=METHODS, help="repeat for more; default: all three"
-    )
-    sub.add_argument("--json", type=Path, metavar="FILE", help="write the rows, kept up to date")
-    sub.add_argument("--plot", type=Path, metavar="FILE", help="draw d/sigma (.png, .svg, .pdf)")
-    sub.add_argument("--gain", action="store_true", help="put each row's law into the JSON")
-    _sweep_arguments(sub)
-
-    sub = command("design", commands.design_command)
-    _spec_argument(sub)
-    sub.add_argument("--disk", type=float, nargs=2, required=True, metavar=("CENTRE", "RADIUS"))
-    sub.add_argument("--method", choices=METHODS, default="scheduled", help="default: scheduled")
-    sub.add_argument(
-        "--right-hand-sides",
-        action="store_true",
-        help="scheduled: keep the right-hand sides of the paper's (15)-(17)",
-    )
-    sub.add_argument("-o", "--output", type=Path, metavar="DIR", help="write DIR/design.json")
-    sub.add_argument("--json", type=Path, metavar="FILE", help="write a summary")
-
-    sub = command("check", commands.check_command)
-    sub.add_argument("file", type=Path, metavar="FILE", help="design.json, or the folder with it")
-    sub.add_argument("--spec", metavar="SPEC", help="also require that it is about this plant")
-    sub.add_argument("--json", type=Path, metavar="FILE", help="write the answer")
-
-    sub = command("paper", commands.paper_command)
-    sub.add_argument(
-        "-o",
-        "--output",
-        type=Path,
-        default=Path("paper-results"),
-        metavar="DIR",
-        help="default: %(default)s",
-    )
-    _sweep_arguments(sub)
-
-    sub = command("example", commands.example_command)
-    sub.add_argument("name", nargs="?", metavar="NAME", help="without it: list the names")
+        add_arguments(sub)
     return parser
-
-
-def _spec_argument(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("spec", metavar="SPEC", help="a TOML spec (see: polefence example)")
-
-
-def _sweep_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("--jobs", type=int, metavar="N", help="processes; default: one a processor")
-    parser.add_argument("--resume", action="store_true", help="keep rows of an interrupted run")
 
 
 if __name__ == "__main__":

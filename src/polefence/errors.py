@@ -35,6 +35,10 @@ class UncontrollableError(PlantError):
     """A vertex is uncontrollable: no gain moves all of its poles."""
 
 
+class UnobservableError(PlantError):
+    """What is measured does not show the whole state of a vertex: no observer moves all poles."""
+
+
 class RegionError(InputError):
     """A region is empty, unbounded where it must not be, or on the wrong side."""
 

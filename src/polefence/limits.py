@@ -8,11 +8,12 @@ from concurrent.futures import BrokenExecutor, Executor, as_completed
 from dataclasses import dataclass, replace
 from typing import Any
 
+from polefence.checks import require_domain, usable_centre
 from polefence.conditions.methods import METHODS, Method, Scheduled, Slack, method_label
 from polefence.design import Design
 from polefence.errors import NotProvedError
-from polefence.placement import radius_of, require_domain, tightest_near, usable_centre
 from polefence.plant.family import UncertainPlant
+from polefence.smallest_region import radius_of, tightest_near
 from polefence.solve.found import Found
 
 # Rows that start from one another: at most so many, their centres at most this share apart.

@@ -8,8 +8,14 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from polefence.boundary import View, curves, view_of
+from polefence.design import Design
 from polefence.plant.system import Array
-from polefence.region import Disk
+from polefence.polynomial import Domain
+from polefence.proof import exact
+from polefence.proof.refute import sample
+from polefence.region import Disk, Region
+from polefence.region_text import short_text
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -22,6 +28,17 @@ STYLES: dict[str, dict[str, Any]] = {
     "slack": {"label": "slack variable (Lemma 2)", "ls": "--", "color": "#2166ac", "lw": 1.6},
     "scheduled": {"label": "scheduled (Theorem 1)", "ls": "-", "color": "black", "lw": 1.6},
 }
+# Of methods with other degrees, in the order in which they come; markers tell them apart in grey.
+OTHERS: tuple[dict[str, Any], ...] = (
+    {"ls": "-.", "color": "#1b7837", "marker": "^"},
+    {"ls": (0, (6, 1.5)), "color": "#762a83", "marker": "s"},
+    {"ls": (0, (3, 1, 1, 1, 1, 1)), "color": "#8c510a", "marker": "D"},
+    {"ls": "-", "color": "0.55", "marker": "v"},
+    {"ls": "--", "color": "0.35", "marker": "x"},
+    {"ls": (0, (1, 1)), "color": "#35978f", "marker": "P"},
+)
+PANEL = 1.25  # width of a panel of poles over its height
+
 _STYLE: Any = {
     "font.size": 10,
     "axes.titlesize": 10,
@@ -46,6 +63,16 @@ def new_figure(columns: int, width: float, height: float, **options: Any) -> tup
     return figure, axes
 
 
+def styles(labels: Sequence[str]) -> dict[str, dict[str, Any]]:
+    """Return a line style for each method label; those of the paper's methods are fixed."""
+    others = [label for label in dict.fromkeys(labels) if label not in STYLES]
+    cycle = {
+        label: {"label": label, "lw": 1.4, "ms": 4.5, "mfc": "none", **OTHERS[k % len(OTHERS)]}
+        for k, label in enumerate(others)
+    }
+    return STYLES | cycle
+
+
 def limits_figure(
     panels: Mapping[str, Sequence[Mapping[str, Any]]], floor: float | None = None
 ) -> Figure:
@@ -59,16 +86,19 @@ def limits_figure(
         Least d / sigma shown, in percent; curves below it leave the picture.
     """
     figure, axes = new_figure(len(panels), 1.2 + 4.4 * len(panels), 3.6, sharey=True)
+    known = styles([row["method"] for rows in panels.values() for row in rows])
     for ax, (title, rows) in zip(axes, panels.items(), strict=True):
-        for method in dict.fromkeys(row["method"] for row in rows):
+        for k, method in enumerate(dict.fromkeys(row["method"] for row in rows)):
             points = [
                 (-r["centre"], 100 * (1 + r["radius"] / r["centre"]))
                 for r in rows
                 if r["method"] == method and r["radius"] is not None
             ]
             sigma, ratio = np.array(sorted(points)).reshape(-1, 2).T
-            marker = {"marker": "o", "ms": 3} if len(points) < 8 else {}
-            ax.plot(sigma, ratio, **STYLES[method], **marker)
+            few = {"marker": "o", "ms": 3} if len(points) < 8 else {}
+            # markers of different curves stand apart, where the curves do not
+            every = {"markevery": (k, 8)} if len(points) >= 24 else {}
+            ax.plot(sigma, ratio, **few | known[method] | every)
         ax.axhline(0, color="0.4", lw=0.8)
         ax.set_title(title)
         ax.set_xlabel(r"distance of the centre from the imaginary axis, $\sigma$ [1/s]")
@@ -79,16 +109,33 @@ def limits_figure(
     return figure
 
 
-def poles_figure(panels: Mapping[str, tuple[Array, Array]], disk: Disk) -> Figure:
-    """Draw closed-loop poles over the polytope with the disk; one panel a family.
+def sampled(design: Design) -> tuple[Array, Array]:
+    """Return poles over a sample of the family that a design is about, and at its vertices.
+
+    The sample is of the domain of the proof: product points where that is a box.
+    """
+    domain = Domain(exact.simplices(design.certificate.claim()))
+    corners = np.eye(len(design.plant.vertices))
+    return design.poles(domain.alpha(sample(domain))), design.poles(corners)
+
+
+def poles_figure(
+    panels: Mapping[str, tuple[Array, Array]], region: Region, view: View | None = None
+) -> Figure:
+    """Draw closed-loop poles over the family with the region; one panel a family.
 
     Parameters
     ----------
     panels : mapping
         Title to (poles of the sample, poles of the vertices), complex arrays.
-    disk : Disk
+    region : Region
+        Its outside is shaded.
+    view : (low, high, height), optional
+        Real parts and largest imaginary part shown [1/s]; by default all poles, the boundary and
+        the imaginary axis. Poles beyond it are counted in the panel.
     """
-    figure, axes = new_figure(len(panels), 1.0 + 4.4 * len(panels), 4.4)
+    lines = _folded(short_text(region))
+    figure, axes = new_figure(len(panels), 1.0 + 4.4 * len(panels), 4.5 + 0.15 * lines.count("\n"))
     for ax, (title, (cloud, vertices)) in zip(axes, panels.items(), strict=True):
         cloud, vertices = np.ravel(cloud), np.ravel(vertices)
         ax.plot(
@@ -96,9 +143,9 @@ def poles_figure(panels: Mapping[str, tuple[Array, Array]], disk: Disk) -> Figur
             cloud.imag,
             ".",
             ms=1.6,
-            color="0.55",
+            color="0.45",
             rasterized=True,
-            label="poles over the polytope",
+            label="poles over the family",
         )
         ax.plot(
             vertices.real,
@@ -110,28 +157,75 @@ def poles_figure(panels: Mapping[str, tuple[Array, Array]], disk: Disk) -> Figur
             mew=1.2,
             label="poles of the vertices",
         )
-        _draw_disk(ax, disk)
+        shown = _fitted(view or view_of(region, np.concatenate([cloud, vertices])))
+        _draw_region(ax, region, shown)
+        _note_unseen(ax, cloud, shown)
         ax.set_title(title)
         ax.set_xlabel("real part [1/s]")
-        ax.set_aspect("equal", adjustable="datalim")
+        ax.set_aspect("equal", adjustable="box")
         ax.axvline(0, color="0.3", lw=0.8)
     axes[0].set_ylabel("imaginary part [rad/s]")
-    figure.legend(
-        *axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=3, fontsize=8.5
-    )
+    handles, labels = axes[0].get_legend_handles_labels()
+    columns = 3 if len(panels) > 1 or len(labels[-1]) < 22 else 2
+    figure.legend(handles, labels, loc="outside lower center", ncols=columns, fontsize=8.5)
     return figure
 
 
-def _draw_disk(ax: Axes, disk: Disk) -> None:
-    angle = np.linspace(0, 2 * np.pi, 361)
-    ax.plot(
-        disk.centre + disk.radius * np.cos(angle),
-        disk.radius * np.sin(angle),
-        "k-",
-        lw=1.3,
-        label=f"disk: centre {disk.centre:g}, radius {disk.radius:g}",
-    )
-    ax.plot(disk.centre, 0, "k+", ms=7)
+def _fitted(view: View) -> View:
+    """Widen a view to the shape of a panel, so that one unit is as long either way."""
+    low, high, height = view
+    missing = max(PANEL * 2 * height - (high - low), 0.0) / 2
+    return low - missing, high + missing, max(height, (high - low) / (2 * PANEL))
+
+
+def _draw_region(ax: Axes, region: Region, view: View) -> None:
+    """Shade the outside, draw the boundary, and what of the parts' boundaries is not of it."""
+    low, high, height = view
+    ax.set_xlim(low, high)
+    ax.set_ylim(-height, height)
+    x, y = np.linspace(low, high, 401), np.linspace(-height, height, 401)
+    distance = region.distance(x[None, :] + 1j * y[:, None])
+    top = max(float(distance.max()), 1.0)
+    ax.contourf(x, y, distance, levels=[0.0, 2 * top], colors=["0.93"], zorder=0.1)
+    label: str | None = _folded(short_text(region))
+    close = 1e-6 * max(high - low, height)
+    for part in region.parts:
+        for curve in curves(part, view):
+            edge = region.distance(curve) <= close
+            for shown, style in ((edge, {"lw": 1.3}), (~edge, {"lw": 0.8, "ls": ":"})):
+                line = np.where(shown, curve, np.nan)
+                if shown.any():
+                    name = label if shown is edge else None
+                    ax.plot(line.real, line.imag, color="black", zorder=2.5, label=name, **style)
+                    label = label if shown is not edge else None
+    if isinstance(region, Disk):
+        ax.plot(region.centre, 0, "k+", ms=7)
+
+
+def _folded(text: str) -> str:
+    """Break a long region into lines, before an '&'."""
+    lines = [""]
+    for part in text.split(" & "):
+        room = len(lines[-1]) + len(part) < 36
+        if lines == [""] or room:
+            lines[-1] += (" & " if lines[-1] else "") + part
+        else:
+            lines.append("& " + part)
+    return "\n".join(lines)
+
+
+def _note_unseen(ax: Axes, cloud: Array, view: View) -> None:
+    """Say how many poles lie beyond the view."""
+    low, high, height = view
+    beyond = (cloud.real < low) | (cloud.real > high) | (np.abs(cloud.imag) > height)
+    if beyond.any():
+        ax.annotate(
+            f"{100 * beyond.mean():.2g} % of the poles lie outside the picture,\n"
+            f"real parts down to {cloud.real.min():.3g}",
+            (0.02, 0.02),
+            xycoords="axes fraction",
+            fontsize=8,
+        )
 
 
 def render(figure: Figure, kind: str) -> bytes:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 import os
+import re
 import signal
 import threading
 from collections.abc import Callable, Iterator, Sequence
@@ -15,13 +16,16 @@ from pathlib import Path
 from typing import Any
 
 from polefence import __version__
-from polefence.conditions.methods import METHODS
+from polefence.conditions.methods import METHODS, Method, method_label
 from polefence.errors import InputError
 from polefence.files import make_folder, read_text, write_text
 from polefence.limits import Limit, as_finished
 from polefence.plant.family import UncertainPlant
 
 MAX_BYTES = 64_000_000
+
+# As `method_label` writes them: "slack", "scheduled(2, 1, box)".
+LABEL = re.compile(rf"({'|'.join(METHODS)})(\(\d, \d(, box)?\))?")
 
 Row = dict[str, Any]
 
@@ -41,7 +45,7 @@ def plant_summary(plant: UncertainPlant) -> dict[str, Any]:
 def sweep(
     plant: UncertainPlant,
     centres: Sequence[float],
-    methods: Sequence[str],
+    methods: Sequence[Method],
     path: Path | None = None,
     resume: bool = False,
     gain: bool = False,
@@ -50,7 +54,8 @@ def sweep(
 ) -> list[Row]:
     """Return rows as `limits` has them, as plain data, keeping ``path`` up to date after every row.
 
-    With ``resume``, proved rows already in the file are kept and not computed again.
+    Methods of one label are one method. With ``resume``, proved rows already in the file are kept
+    and not computed again.
 
     Raises
     ------
@@ -58,24 +63,26 @@ def sweep(
         If the file to resume from is unreadable, of another plant, or by another version.
     """
     done = _finished(path, plant, gain) if resume and path is not None else {}
-    tasks = [(c, m) for c in centres for m in methods if (c, m) not in done]
+    named = {method_label(method): method for method in methods}
+    labels = list(named)
+    tasks = [(c, m) for c in centres for label, m in named.items() if (c, label) not in done]
     for _, row in as_finished(plant, tasks, executor):
         done[row.centre, row.method] = row.as_row(gain)
         if path is not None:
             make_folder(path.parent)
-            write_text(path, _dumps(plant, _ordered(done, centres, methods)))
+            write_text(path, _dumps(plant, _ordered(done, centres, labels)))
         if on_row is not None:
             on_row(row)
     if path is not None:
-        write_text(path, _dumps(plant, _ordered(done, centres, methods)))
-    return [done[c, m] for c in centres for m in methods]
+        write_text(path, _dumps(plant, _ordered(done, centres, labels)))
+    return [done[c, label] for c in centres for label in labels]
 
 
 def _ordered(
-    done: dict[tuple[float, str], Row], centres: Sequence[float], methods: Sequence[str]
+    done: dict[tuple[float, str], Row], centres: Sequence[float], labels: Sequence[str]
 ) -> list[Row]:
     """Return the rows asked for in their order, then any others that the file had."""
-    asked = [(c, m) for c in centres for m in methods if (c, m) in done]
+    asked = [(c, label) for c in centres for label in labels if (c, label) in done]
     return [done[key] for key in [*asked, *(key for key in done if key not in asked)]]
 
 
@@ -93,7 +100,7 @@ def _finished(path: Path, plant: UncertainPlant, gain: bool) -> dict[tuple[float
         version, digest = document["polefence"], document["plant"]["digest"]
         rows = {(row["centre"], row["method"]): row for row in document["rows"]}
         proved = {key: row for key, row in rows.items() if row["status"] == "proved"}
-        sound = all(_sound(row) for row in proved.values())
+        sound = all(_sound(row, plant) for row in proved.values())
     except (ValueError, KeyError, TypeError, RecursionError) as error:
         raise InputError(f"{path}: no sweep to resume; remove it to start anew") from error
     if not sound:
@@ -105,12 +112,14 @@ def _finished(path: Path, plant: UncertainPlant, gain: bool) -> dict[tuple[float
     return {key: row for key, row in proved.items() if not gain or "law" in row}
 
 
-def _sound(row: Row) -> bool:
+def _sound(row: Row, plant: UncertainPlant) -> bool:
     numbers = (row["centre"], row["radius"], row["seconds"])
     real = all(isinstance(x, float | int) and math.isfinite(x) for x in numbers)
     lower = row.get("lower")
     below = lower is None or (isinstance(lower, float) and 0 < lower <= row["radius"])
-    return real and below and row["centre"] < 0 < row["radius"] and row["method"] in METHODS
+    named = LABEL.fullmatch(row["method"]) is not None
+    left = row["centre"] < 0 or plant.sample_time is not None
+    return real and below and named and left and row["radius"] > 0
 
 
 @contextmanager

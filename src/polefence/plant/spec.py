@@ -18,7 +18,8 @@ from polefence.plant.parameters import Parameter, exact
 
 MAX_BYTES = 1_000_000
 _NAMES = ("states", "inputs", "disturbances")
-_TOP = {"name", *_NAMES, "constants", "parameter", "definitions", "matrices", "vertex"}
+_TOP = {"name", "region", "sample_time", *_NAMES}
+_TOP |= {"constants", "parameter", "definitions", "matrices", "vertex"}
 
 
 def load(path: str | Path) -> UncertainPlant:
@@ -35,17 +36,36 @@ def load(path: str | Path) -> UncertainPlant:
 
 def loads(text: str, source: str = "spec") -> UncertainPlant:
     """Read a plant family from the text of a spec; see `load`."""
+    data = _toml(text, source)
     try:
-        data = tomllib.loads(text, parse_float=_number)
+        return _plant(data)
+    except InputError as error:
+        raise type(error)(f"{source}: {_one_line(error)}") from error
+
+
+def region_text(path: str | Path) -> str | None:
+    """Return the region that a spec asks for as it is written, None where it asks for none.
+
+    Raises
+    ------
+    SpecError
+        If the file is missing, too long, no TOML, or its region is no text.
+    """
+    text = _toml(read_text(Path(path), MAX_BYTES, SpecError), str(path)).get("region")
+    try:
+        return None if text is None else _text(text, "region")
+    except InputError as error:
+        raise type(error)(f"{path}: {error}") from error
+
+
+def _toml(text: str, source: str) -> dict[str, Any]:
+    try:
+        return tomllib.loads(text, parse_float=_number)
     except (tomllib.TOMLDecodeError, RecursionError, ValueError) as error:
         hint = "expressions go in quotes, units in comments, decimals take a point"
         if text.lstrip().startswith("{"):
             hint = "this looks like a design file; a spec is TOML, see polefence example"
         raise SpecError(f"{source}: not valid TOML: {_one_line(error)}; {hint}") from error
-    try:
-        return _plant(data)
-    except InputError as error:
-        raise type(error)(f"{source}: {_one_line(error)}") from error
 
 
 def _one_line(error: BaseException) -> str:
@@ -59,21 +79,37 @@ def _number(text: str) -> Decimal | Fraction:
 
 def _plant(data: Mapping[str, Any]) -> UncertainPlant:
     _known(data, _TOP, "")
-    names = {key: _strings(data[key], key) for key in _NAMES if key in data}
-    name = data.get("name", "plant")
-    if not isinstance(name, str):
-        raise SpecError("name must be a string")
+    names: dict[str, Any] = {key: _strings(data[key], key) for key in _NAMES if key in data}
+    names["name"] = _text(data.get("name", "plant"), "name")
+    _text(data.get("region", ""), "region")
+    if "sample_time" in data:
+        names["sample_time"] = _sample_time(data["sample_time"])
     if "vertex" in data:
         for key in ("constants", "parameter", "definitions", "matrices"):
             if key in data:
                 raise SpecError(f"{key} and vertex exclude each other; keep one")
-        return _from_vertices(data["vertex"], name, names)
+        return _from_vertices(data["vertex"], names)
     if "matrices" not in data:
         raise SpecError("neither [[vertex]] nor [matrices] is given; give A and B in one of them")
-    return _from_expressions(data, name, names)
+    return _from_expressions(data, names)
 
 
-def _from_vertices(tables: Any, name: str, names: dict[str, Any]) -> UncertainPlant:
+def _sample_time(value: Any) -> Fraction:
+    if isinstance(value, str):
+        value = _constant(value, "sample_time")
+    seconds = _finite(value, "sample_time")
+    if seconds <= 0:
+        raise SpecError(f"sample_time = {float(seconds):g} must be positive, in seconds")
+    return seconds
+
+
+def _text(value: Any, key: str) -> str:
+    if not isinstance(value, str):
+        raise SpecError(f"{key} must be a string")
+    return value
+
+
+def _from_vertices(tables: Any, names: dict[str, Any]) -> UncertainPlant:
     if not isinstance(tables, list):
         raise SpecError("vertex must be an array of tables; write [[vertex]]")
     matrices: dict[str, list[Any]] = {"A": [], "B": [], "E": []}
@@ -86,11 +122,11 @@ def _from_vertices(tables: Any, name: str, names: dict[str, Any]) -> UncertainPl
     if matrices["E"] and len(matrices["E"]) < len(matrices["A"]):
         raise SpecError("E is given for some vertices only; give it for all or for none")
     return UncertainPlant.from_vertices(
-        matrices["A"], matrices["B"], matrices["E"] or None, name=name, **names
+        matrices["A"], matrices["B"], matrices["E"] or None, **names
     )
 
 
-def _from_expressions(data: Mapping[str, Any], name: str, names: dict[str, Any]) -> UncertainPlant:
+def _from_expressions(data: Mapping[str, Any], names: dict[str, Any]) -> UncertainPlant:
     tables = {key: data.get(key, {}) for key in ("constants", "parameter", "definitions")}
     tables["matrices"] = data["matrices"]
     for key, table in tables.items():
@@ -108,7 +144,6 @@ def _from_expressions(data: Mapping[str, Any], name: str, names: dict[str, Any])
         _rows(tables["matrices"]["E"], "matrices.E") if "E" in tables["matrices"] else None,
         constants={k: _finite(v, f"constants.{k}") for k, v in tables["constants"].items()},
         definitions=tables["definitions"],
-        name=name,
         **names,
     )
 
@@ -196,6 +231,8 @@ def _need(table: Mapping[str, Any], keys: tuple[str, ...], where: str) -> None:
 def dumps(plant: UncertainPlant) -> str:
     """Write a plant as the text of a spec with explicit vertices; `loads` returns them exactly."""
     lines = [f"name = {_quoted(plant.name)}"]
+    if plant.sample_time is not None:
+        lines.append(f"sample_time = {_entry(plant.sample_time)}")
     given = {key: getattr(plant, key) for key in _NAMES if getattr(plant, key)}
     lines += [f"{key} = [{', '.join(map(_quoted, names))}]" for key, names in given.items()]
     for vertex in plant.vertices:

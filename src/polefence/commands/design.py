@@ -1,0 +1,99 @@
+"""``polefence design``: a law for a region, proved and saved."""
+
+from __future__ import annotations
+
+import argparse
+from typing import Any
+
+from polefence.commands.methods import label_of, method_arguments, method_of
+from polefence.commands.shared import (
+    PROVED,
+    check_results,
+    read_plant,
+    report,
+    result_arguments,
+    spec_argument,
+)
+from polefence.conditions.methods import Method, Scheduled
+from polefence.errors import InputError
+from polefence.placement import place
+from polefence.plant.family import UncertainPlant
+from polefence.region import Disk, Region
+from polefence.region_text import load_region, parse_region
+from polefence.sweep import plant_summary
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the options of `design`."""
+    spec_argument(parser)
+    where = parser.add_mutually_exclusive_group()
+    where.add_argument(
+        "--disk",
+        type=float,
+        nargs=2,
+        metavar=("CENTRE", "RADIUS"),
+        help="the region is this disk; default: the region that the spec names",
+    )
+    where.add_argument("--region", metavar="TEXT", help="any region: 'disk(-40, 31) & sector(0.3)'")
+    method_arguments(parser, auto=True)
+    parser.add_argument(
+        "--budget",
+        type=float,
+        metavar="SECONDS",
+        help="--degree auto: begin no higher degree after this time; default: 60",
+    )
+    parser.add_argument(
+        "--right-hand-sides",
+        action="store_true",
+        help="scheduled: keep the right-hand sides of the paper's (15)-(17)",
+    )
+    result_arguments(parser)
+
+
+def design_command(options: Any) -> int:
+    """Design a law for a region, prove it, and save it."""
+    plant = read_plant(options.spec)
+    region = _region(options)
+    method = _method(options)
+    check_results(options)
+    design = place(plant, region, method)
+    label = label_of(design)
+    print(f"proved: {label} keeps all poles of {plant.name!r} in {region} for every alpha")
+    if _across(plant, region):
+        shape = "disk" if isinstance(region, Disk) else "region"
+        print(f"note: this {shape} reaches into the right half-plane; it does not imply stability")
+    summary = {
+        "plant": plant_summary(plant),
+        "region": region.document(),
+        "method": label,
+        "status": "proved",
+    }
+    report(design, summary, options)
+    return PROVED
+
+
+def _region(options: Any) -> Region:
+    if options.disk is not None:
+        return Disk(*options.disk)
+    region = load_region(options.spec) if options.region is None else parse_region(options.region)
+    if region is None:
+        raise InputError(
+            f"{options.spec}: names no region; give --disk CENTRE RADIUS or --region TEXT, or "
+            "write region = 'disk(-40, 31)' in the spec"
+        )
+    return region
+
+
+def _method(options: Any) -> Method:
+    method = method_of(options.method, options)
+    if not options.right_hand_sides:
+        return method
+    if options.method != "scheduled":
+        raise InputError(f"--right-hand-sides belongs to the method scheduled, not {method}")
+    if method != "scheduled":
+        raise InputError("--right-hand-sides is for degree 1 on the simplex; leave the others out")
+    return Scheduled(right_hand_sides=True)
+
+
+def _across(plant: UncertainPlant, region: Region) -> bool:
+    return plant.sample_time is None and not region.stable

@@ -1,0 +1,45 @@
+"""``polefence paper``: the study of Leite and Peres again."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import Any
+
+from polefence.commands.shared import NOT_PROVED, PROVED, Progress, jobs_of, sweep_arguments
+from polefence.design import rounded_up
+from polefence.files import make_folder
+from polefence.sweep import processes
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the options of `paper`."""
+    parser.add_argument(
+        "-o",
+        "--output",
+        type=Path,
+        default=Path("paper-results"),
+        metavar="DIR",
+        help="default: %(default)s",
+    )
+    sweep_arguments(parser)
+
+
+def paper_command(options: Any) -> int:
+    """Reproduce Leite & Peres (2005): figures 3 to 6 and a report."""
+    from polefence.suspension import paper, paper_report
+
+    folder = make_folder(options.output)
+    progress = Progress(paper.total_rows())
+    with processes(jobs_of(options, paper.total_rows())) as executor, progress:
+        results = paper.reproduce(folder, options.resume, executor, progress.step)
+    paths = paper_report.write(results, folder)
+    for row in results["radii"]:
+        print(
+            f"{row['family']:<11} {row['method']:<10} published {row['published']:<5g} "
+            f"{row['status']} {rounded_up(row['radius']) if row['radius'] else '-'}"
+        )
+    print(f"written: {folder / 'report.md'}, with {len(paths) - 1} files beside it")
+    rows = [row for sweep_rows in results["limits"].values() for row in sweep_rows]
+    rows += [*results["radii"], *results["slow centres"]]
+    return PROVED if all(row["status"] == "proved" for row in rows) else NOT_PROVED

@@ -1,0 +1,69 @@
+"""``polefence service``: how much may go wrong in service, proved and saved."""
+
+from __future__ import annotations
+
+import argparse
+import math
+from pathlib import Path
+from typing import Any
+
+from polefence.commands.shared import NOT_PROVED, PROVED, check_targets, write_json
+from polefence.design import Design, rounded_up
+from polefence.region_text import parse_region
+from polefence.service import Margin, in_service
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the options of `service`."""
+    parser.add_argument(
+        "design", type=Path, metavar="DESIGN", help="design.json, or the folder with it"
+    )
+    parser.add_argument(
+        "--decay",
+        type=float,
+        default=0.0,
+        metavar="RATE",
+        help="decay that moving parameters must leave [1/s]; default: 0",
+    )
+    parser.add_argument(
+        "--region",
+        metavar="TEXT",
+        help="what is to be kept: 'half_plane(0)' asks for stability; default: the design's region",
+    )
+    parser.add_argument("-o", "--output", type=Path, metavar="DIR", help="write a file a margin")
+    parser.add_argument("--json", type=Path, metavar="FILE", help="write a summary")
+
+
+def service_command(options: Any) -> int:
+    """Find how wrong estimates and gain may be, and how fast parameters may move; prove it."""
+    region = None if options.region is None else parse_region(options.region)
+    check_targets(options.output and options.output / "gain.json", options.json)
+    design = Design.load(options.design)
+    service = in_service(design, options.decay, region=region)
+    print(f"{design.plant.name}: all poles in {service.region}")
+    print(f"{'':<34} {'proved':>10}  {'breaks at':>10}")
+    for margin in service:
+        upper = "-" if margin.upper is None else rounded_up(margin.upper, 4)
+        line = f"{margin.subject:<34} {margin.text:>10}  {upper:>10}  {margin.unit}"
+        print(line.rstrip())
+    print(f"rates leave exponential stability, decay rate {options.decay:g} 1/s")
+    if options.output is not None:
+        for path in service.save(options.output):
+            print(f"saved: {path}")
+    if options.json is not None:
+        rows = [_row(margin) for margin in service]
+        document = {"region": service.region.document(), "decay": service.decay, "margins": rows}
+        write_json(options.json, document)
+    return PROVED if service.proved else NOT_PROVED
+
+
+def _row(margin: Margin) -> dict[str, Any]:
+    return {
+        "kind": margin.kind,
+        "parameter": margin.parameter or None,
+        "status": margin.status,
+        "value": "any" if math.isinf(margin.value) else margin.value,
+        "unit": margin.unit,
+        "breaks at": margin.upper,
+        "where": margin.example or None,
+    }

@@ -1,0 +1,164 @@
+"""What several commands share: statuses, options, printing, files, progress."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from polefence.design import FILE_NAME, Design
+from polefence.errors import InputError
+from polefence.files import check_target, make_folder, write_bytes, write_text
+from polefence.law import FixedGain
+from polefence.limits import Limit
+from polefence.plant.family import UncertainPlant
+from polefence.plant.spec import load
+
+PROVED, NOT_PROVED = 0, 1
+
+# Poles computed in doubles may lie outside by so much of the region's size.
+ROUNDING = 1e-6
+
+
+def spec_argument(parser: argparse.ArgumentParser) -> None:
+    """Declare SPEC."""
+    parser.add_argument("spec", metavar="SPEC", help="a TOML spec (see: polefence example)")
+
+
+def sweep_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the options of a sweep over many rows."""
+    parser.add_argument("--jobs", type=int, metavar="N", help="processes; default: one a processor")
+    parser.add_argument("--resume", action="store_true", help="keep rows of an interrupted run")
+
+
+def result_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare where a design goes."""
+    parser.add_argument("-o", "--output", type=Path, metavar="DIR", help="write DIR/design.json")
+    parser.add_argument("--json", type=Path, metavar="FILE", help="write a summary")
+    parser.add_argument(
+        "--plot",
+        type=Path,
+        metavar="FILE",
+        help="draw poles over the family, and the region (.png, .svg, .pdf)",
+    )
+
+
+def check_targets(*paths: Path | None) -> None:
+    """Refuse results that cannot be written, or that overwrite one another, before any work."""
+    targets = [path for path in paths if path is not None]
+    for path in targets:
+        check_target(path)
+    if len({path.absolute() for path in targets}) < len(targets):
+        raise InputError(f"{targets[0]}: named for two results; name another file")
+
+
+def check_results(options: Any) -> None:
+    """Refuse places for a design, its summary or its figure, before any work."""
+    check_figure(options.plot)
+    check_targets(options.output and options.output / FILE_NAME, options.json, options.plot)
+
+
+def check_figure(path: Path | None) -> None:
+    """Refuse a figure of no known format."""
+    if path is not None and path.suffix not in (".png", ".svg", ".pdf"):
+        raise InputError(f"{path}: a figure ends in .png, .svg or .pdf")
+
+
+def read_plant(spec: str) -> UncertainPlant:
+    """Read a spec for a design: the plant must be controllable."""
+    plant = load(spec)
+    try:
+        plant.require_controllable()
+    except InputError as error:
+        raise type(error)(f"{spec}: {error}") from error
+    return plant
+
+
+def jobs_of(options: Any, rows: int) -> int | None:
+    """Return the number of processes for so many rows."""
+    if options.jobs is not None and options.jobs < 1:
+        raise InputError(f"--jobs = {options.jobs} must be at least 1")
+    # Starting processes takes longer than a few rows do.
+    return 1 if rows < 8 else options.jobs
+
+
+def size_of(plant: UncertainPlant) -> str:
+    """Say how large a plant is."""
+    n, m = plant.shape
+    return f"{len(plant.vertices)} vertices, {n} states, {m} input{'s' if m > 1 else ''}"
+
+
+def gains_of(law: Any, N: int) -> dict[str, Any]:
+    """Return the gain, or that at each vertex, as plain data."""
+    if isinstance(law, FixedGain):
+        return {"K": law.K.tolist()}
+    corner = [[float(i == j) for i in range(N)] for j in range(N)]
+    return {f"K at vertex {j + 1}": law.gain(alpha).tolist() for j, alpha in enumerate(corner)}
+
+
+def report(design: Design, summary: Mapping[str, Any], options: Any) -> None:
+    """Print a design's gains; save it, its summary and its figure where the options say so."""
+    from polefence.plots import poles_figure, sampled
+
+    cloud, corners = sampled(design)
+    if not np.all(design.region.distance(cloud) < ROUNDING * design.region.size):
+        print(
+            "note: computed in doubles, this gain does NOT keep the poles there: it is too large; "
+            "ask for a region that bounds the poles' speed, such as a disk"
+        )
+    gains = gains_of(design.law, len(design.plant.vertices))
+    for label, gain in gains.items():
+        print(f"  {label} = {matrix_text(gain)}")
+    if options.output is not None:
+        print(f"saved: {design.save(options.output)}")
+    if options.json is not None:
+        write_json(options.json, {**summary, "gains": gains})
+    if options.plot is not None:
+        figure = poles_figure({design.plant.name: (cloud, corners)}, design.region)
+        write_figure(options.plot, figure)
+
+
+def write_figure(path: Path, figure: Any) -> None:
+    """Write a figure in the format that its name asks for."""
+    from polefence.plots import render
+
+    make_folder(path.parent)
+    write_bytes(path, render(figure, path.suffix[1:]))
+
+
+def matrix_text(rows: list[list[float]]) -> str:
+    """Print a matrix in a line, its rows separated by semicolons."""
+    return "[" + "; ".join(" ".join(f"{e:.6g}" for e in row) for row in rows) + "]"
+
+
+def write_json(path: Path, document: Mapping[str, Any]) -> None:
+    """Write plain data."""
+    make_folder(path.parent)
+    write_text(path, json.dumps(dict(document), indent=1, allow_nan=False) + "\n")
+
+
+class Progress:
+    """Counts finished rows on stderr, only where that is a terminal."""
+
+    def __init__(self, total: int) -> None:
+        self.total, self.done = total, 0
+        self.visible = sys.stderr.isatty()
+
+    def __enter__(self) -> Progress:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        if self.visible and self.done:
+            print(file=sys.stderr)
+
+    def step(self, row: Limit) -> None:
+        """Show that a row is finished."""
+        self.done += 1
+        if self.visible:
+            line = f"{self.done}/{self.total} centre {row.centre:g} {row.method}: {row.status}"
+            print(f"\r{line:<60}", end="", file=sys.stderr, flush=True)

@@ -1,0 +1,106 @@
+"""``polefence tightest``: the largest decay rate or damping ratio, or the smallest disk."""
+
+from __future__ import annotations
+
+import argparse
+from typing import Any
+
+from polefence.commands.methods import label_of, method_arguments, method_of
+from polefence.commands.shared import (
+    PROVED,
+    check_results,
+    read_plant,
+    report,
+    result_arguments,
+    spec_argument,
+)
+from polefence.design import Design
+from polefence.errors import InputError
+from polefence.region import Disk, Ellipse, VerticalStrip
+from polefence.region_text import digits_down, digits_up, parse_region
+from polefence.smallest_region import tightest
+from polefence.sweep import plant_summary
+
+KINDS = ("disk", "half_plane", "sector")
+BOUNDED = (Disk, Ellipse, VerticalStrip)  # parts with a fastest pole
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the options of `tightest`."""
+    spec_argument(parser)
+    parser.add_argument(
+        "--of",
+        type=lambda word: word.lower().replace("-", "_"),
+        choices=KINDS,
+        required=True,
+        help="disk: the smallest radius about --centre; half_plane: the largest decay rate; "
+        "sector: the largest damping ratio",
+    )
+    parser.add_argument(
+        "--centre",
+        "--center",
+        type=float,
+        metavar="CENTRE",
+        help="disk: its centre, for example -40",
+    )
+    parser.add_argument(
+        "--within",
+        metavar="REGION",
+        help="half_plane, sector: a region to hold besides, 'disk(-40, 39)'",
+    )
+    method_arguments(parser)
+    result_arguments(parser)
+
+
+def tightest_command(options: Any) -> int:
+    """Find the largest decay rate or damping ratio, or the smallest disk, and prove it."""
+    if options.of == "disk" and options.centre is None:
+        raise InputError("--of disk needs --centre CENTRE, for example --centre -40")
+    if options.of != "disk" and options.centre is not None:
+        raise InputError(f"--centre belongs to --of disk; a {options.of} has none")
+    if options.of == "disk" and options.within is not None:
+        raise InputError("--within belongs to --of half_plane and --of sector")
+    plant = read_plant(options.spec)
+    if options.of != "disk" and plant.sample_time is not None:
+        raise InputError(
+            f"{options.spec}: a discrete-time plant; ask --of disk --centre CENTRE, inside the "
+            "unit circle"
+        )
+    within = None if options.within is None else parse_region(options.within)
+    method = method_of(options.method, options)
+    check_results(options)
+    design = tightest(plant, options.centre, method, of=options.of, within=within)
+    value, text = _answer(options.of, design)
+    beside = "" if within is None else f", within {within}"
+    print(f"proved: {text}{beside}, for every alpha of {plant.name!r} by {label_of(design)}")
+    if options.of != "disk" and not (within and any(isinstance(p, BOUNDED) for p in within.parts)):
+        print(
+            "note: nothing bounds the poles' speed, so gains may be very large and the search may "
+            "stop early; --within 'disk(-40, 39)' bounds it"
+        )
+    summary = {
+        "plant": plant_summary(plant),
+        "of": options.of,
+        "value": value,
+        "lower": design.lower,
+        "region": design.region.document(),
+        "method": label_of(design),
+        "status": "proved",
+    }
+    report(design, summary, options)
+    return PROVED
+
+
+def _answer(of: str, design: Design) -> tuple[float, str]:
+    """Return the number that was asked for, and a text that is true as printed."""
+    first = design.region.parts[0]
+    if of == "half_plane":
+        value = first.numbers["decay"]
+        return value, f"decay rate {digits_down(value)} 1/s"
+    if of == "sector":
+        value = first.numbers["damping"]
+        return value, f"damping ratio {digits_down(value)}"
+    value, centre = first.numbers["radius"], first.numbers["centre"]
+    unit = " 1/s" if design.plant.sample_time is None else ""
+    bound = "" if design.lower is None else f" (out of reach: {digits_down(design.lower)})"
+    return value, f"radius {digits_up(value)}{unit} about {centre:g}{bound}"

@@ -1,0 +1,246 @@
+"""The smallest region of a kind that a method reaches: disk, decay rate, damping ratio."""
+
+from __future__ import annotations
+
+import math
+from contextlib import suppress
+from dataclasses import replace
+from fractions import Fraction
+from typing import Any
+
+from polefence.checks import require_domain, require_region, require_type, usable_centre
+from polefence.conditions.methods import Method, Scheduled, Slack, method_label, method_name, normal
+from polefence.conditions.methods import options as options_of
+from polefence.conditions.target import FASTEST, Around, Decays, Goal, Sectors
+from polefence.design import Design
+from polefence.errors import InputError, NotProvedError, SolverError
+from polefence.plant.family import UncertainPlant
+from polefence.proof.repair import lower_bound
+from polefence.region import Disk, HalfPlane, Region, Sector, damping_of
+from polefence.rounding import proved_at, rounded
+from polefence.solve import bisection
+from polefence.solve.found import Found
+from polefence.solve.radius import smallest, smallest_radius, typical_rate
+
+# How far above the radius that a point reaches in floats the exact proof is attempted.
+STEPS = (1e-7, 1e-6, 1e-5, 1e-4)
+
+# A search that stopped before it converged, above this share of sigma, has a second opinion.
+STALLED = 1e-3
+
+# A lower bound farther off than this share of the radius is sought again, with this tolerance.
+GAP, CLOSER = 3e-6, 1e-10
+
+# How close a search for other regions than disks goes, until a point of it is proved.
+TOLERANCES = (1e-10, 1e-8, 1e-6, 1e-4, 1e-3, 1e-2)
+
+# Where nothing near the infimum is proved: points for radii this much larger.
+RETREATS = (1e-4, 1e-3, 1e-2, 0.1, 1.0, 10.0, 100.0)
+
+# How far inside a region a point is looked for first; then as far as the search goes.
+INSIDE = (0.98, 0.0)
+
+
+def tightest(
+    plant: UncertainPlant,
+    centre: float | None = None,
+    method: Method = "scheduled",
+    allow_unproved: bool = False,
+    *,
+    of: str = "disk",
+    within: Region | None = None,
+) -> Design:
+    """Design for the smallest region of a kind that the method reaches, and prove it.
+
+    Parameters
+    ----------
+    centre : float
+        Real coordinate of a disk's centre, negative (-40) [1/s]; for a discrete-time plant inside
+        the unit circle.
+    of : str
+        "disk" about the centre; "half_plane", the largest decay rate; "sector", the largest
+        damping ratio.
+    within : Region, optional
+        For "half_plane" and "sector": a fixed region to hold besides.
+
+    Returns
+    -------
+    Design
+        For a disk ``design.region.radius`` is proved; where ``design.lower`` is not None, that
+        radius is proved to be out of the method's reach. Otherwise ``design.region`` is the
+        `HalfPlane` or `Sector`, with ``within``.
+
+    Raises
+    ------
+    NotProvedError
+        If none could be proved (the solver failed on this problem, or ``within`` is out of reach).
+    UncontrollableError
+        If a vertex is uncontrollable.
+    """
+    require_type(plant, UncertainPlant, "plant", "polefence.load(path) reads one")
+    require_domain(plant, method)
+    if of not in ("disk", "half_plane", "sector"):
+        raise InputError(f"of = {of!r} is unknown; use 'disk', 'half_plane' or 'sector'")
+    if options_of(method).degree == "auto":
+        raise InputError("degree = 'auto' is for place; give tightest a number")
+    if of != "disk":
+        return _tightest_other(plant, of, method, within, centre)
+    if centre is None or within is not None:
+        raise InputError("the smallest disk needs a centre, and takes no region within")
+    centre = usable_centre(plant, centre)
+    plant.require_controllable()
+    best, _ = smallest_disk(plant, centre, method)
+    if not best.proved and not allow_unproved:
+        raise NotProvedError(
+            f"undecided: {method_label(method)} at centre {centre:g} gave no point that could be "
+            "proved; check the plant's units and try another centre"
+        )
+    return best
+
+
+def _tightest_other(
+    plant: UncertainPlant,
+    of: str,
+    method: Method,
+    within: Region | None,
+    centre: float | None,
+) -> Design:
+    """Return the design of the largest decay rate, or damping ratio."""
+    if centre is not None:
+        raise InputError(f"of = {of!r} has no centre; leave it out")
+    if isinstance(options_of(method), Slack):
+        raise InputError(f"of = {of!r} goes with the methods quadratic and scheduled")
+    require_region(plant, HalfPlane(0) if within is None else HalfPlane(0) & within)
+    plant.require_controllable()
+    size = (within.scale if within else 0.0) or typical_rate(plant.A)
+    goal: Goal = Decays(FASTEST * size, within) if of == "half_plane" else Sectors(size, within)
+    base = within if of == "half_plane" else (HalfPlane(0) & within if within else HalfPlane(0))
+    try:
+        start = smallest(plant.A, plant.B, Around(base), method, enough=INSIDE[0]) if base else None
+        if start is not None and start.radius >= 1:
+            raise NotProvedError(f"not proved: {method_label(method)} gives no proof for {base}")
+    except SolverError as error:
+        raise NotProvedError(f"undecided: {method_label(method)}: {error}") from error
+    near = None if start is None else replace(start, radius=0.0)
+    # Nearer to the optimum a Lyapunov matrix may be too ill-conditioned to be proved in doubles.
+    for tolerance in TOLERANCES:
+        with suppress(SolverError):
+            found = smallest(plant.A, plant.B, goal, method, near, tolerance=tolerance)
+            for step in (*STEPS, 1e-3, 1e-2):
+                region = _region_of(of, goal, found.radius * (1 + step), step)
+                whole = region if within is None or region is None else region & within
+                design = whole and proved_at(plant, whole, method, found)
+                if design:
+                    return design
+    raise NotProvedError(f"undecided: {method_label(method)} gave no point that could be proved")
+
+
+def _region_of(of: str, goal: Any, r: float, step: float) -> Region | None:
+    if of == "half_plane":
+        decay = goal.fastest - r
+        return HalfPlane(decay - step * abs(decay))
+    damping = damping_of(r)
+    return Sector(damping) if 1e-8 <= damping < 1 else None
+
+
+def tightest_near(
+    plant: UncertainPlant, centre: float, method: Method, near: Found | None, bounds: bool = True
+) -> tuple[Design, Found]:
+    """`tightest`, started from a neighbouring centre's point; also the point for the next one.
+
+    Raises
+    ------
+    NotProvedError
+        If no radius could be proved.
+    """
+    best, found = smallest_disk(plant, centre, method, near, bounds)
+    if not best.proved:
+        raise NotProvedError(f"undecided: {method_label(method)} at centre {centre:g}")
+    return best, found
+
+
+def smallest_disk(
+    plant: UncertainPlant,
+    centre: float,
+    method: Method,
+    near: Found | None = None,
+    bounds: bool = True,
+) -> tuple[Design, Found]:
+    """Return the design of the smallest radius, ``proved`` or not, and its point."""
+    sigma = -centre
+    scale = sigma if sigma > 0 else 1.0
+    try:
+        found = smallest_radius(plant.A, plant.B, sigma, method, near)
+    except SolverError as error:
+        if sigma <= 0:
+            raise NotProvedError(f"undecided: {method_label(method)}: {error}") from error
+        found = _second_opinion(plant, centre, method)
+    if sigma > 0 and not found.converged and found.radius > STALLED * scale:
+        with suppress(NotProvedError):
+            second = _second_opinion(plant, centre, method)
+            found = second if second.radius < found.radius else found
+    design = _proved_near(plant, centre, method, found)
+    for step in RETREATS if design is None else ():
+        # The point lies too near the boundary for its rounding: look farther inside.
+        disk = Disk(centre, found.radius * (1 + step))
+        with suppress(SolverError):
+            inner = smallest_radius(plant.A, plant.B, sigma, method, enough=disk.radius)
+            design = _proved_near(plant, centre, method, inner)
+        design = design or proved_at(plant, disk, method, found)
+        if design is not None:
+            break
+    if design is None:
+        try:
+            unproved = rounded(plant, Disk(centre, found.radius), method, found)
+        except SolverError as error:
+            where = f"{method_label(method)} at centre {centre:g}"
+            raise NotProvedError(f"undecided: {where}: {error}") from error
+        return Design(unproved, proved=False), found
+    return replace(design, lower=_bound(plant, sigma, method, found) if bounds else None), found
+
+
+def _bound(plant: UncertainPlant, sigma: float, method: Method, found: Found) -> float | None:
+    """Return a lower bound, from a closer run where the first one leaves a gap."""
+    lower = _lower(plant, sigma, method, found)
+    if found.radius > sigma or (lower is not None and lower > found.radius * (1 - GAP)):
+        return lower
+    with suppress(SolverError):
+        closer = smallest_radius(plant.A, plant.B, sigma, method, found, tolerance=CLOSER)
+        return max((b for b in (lower, _lower(plant, sigma, method, closer)) if b), default=None)
+    return lower
+
+
+def _second_opinion(plant: UncertainPlant, centre: float, method: Method) -> Found:
+    try:
+        return bisection.smallest_radius(plant.A, plant.B, -centre, method)
+    except SolverError as error:
+        where = f"{method_label(method)} at centre {centre:g}"
+        raise NotProvedError(f"undecided: {where}: {error}") from error
+
+
+def _lower(plant: UncertainPlant, sigma: float, method: Method, found: Found) -> float | None:
+    """Return a radius proved infeasible for the method, None where no proof came of it."""
+    rhs = isinstance(method, Scheduled) and method.right_hand_sides
+    method = normal(method)
+    if found.dual is None or not (isinstance(method, str) or rhs):
+        return None
+    A = [[list(row) for row in v.exact_A] for v in plant.vertices]
+    B = [[list(row) for row in v.exact_B] for v in plant.vertices]
+    Y = found.dual.matrices()
+    bound = lower_bound(method_name(method), A, B, Fraction(sigma), found.radius, Y, rhs)
+    return None if bound is None else float(bound.r)
+
+
+def _proved_near(
+    plant: UncertainPlant, centre: float, method: Method, found: Found
+) -> Design | None:
+    for step in STEPS:
+        design = proved_at(plant, Disk(centre, found.radius * (1 + step)), method, found)
+        if design is not None:
+            return design
+    return None
+
+
+def radius_of(design: Design) -> float:
+    """Return the radius of a design's disk."""
+    return float(getattr(design.region, "radius", math.inf))

@@ -1,0 +1,289 @@
+"""Regions, degrees and the tightest question from the command line."""
+
+from __future__ import annotations
+
+import json
+import re
+
+import numpy as np
+import pytest
+
+from polefence import Design, Disk, HalfPlane, Sector, check, load
+from polefence.cli import main
+from polefence.commands.methods import label_of
+from polefence.plant.spec import dumps, loads
+from polefence.suspension.quarter_car import spec_text
+
+STAGE = """
+name = "stage"
+region = "half_plane(3) & sector(0.7) & disk(-10, 9.5)"
+[parameter.m]
+range = [2.0, 3.2]
+through = "1/m"
+[parameter.k]
+range = [40, 60]
+[matrices]
+A = [[0, 1, 0], ["-k/m", "-6/m", "1/m"], [0, 0, -20]]
+B = [[0], [0], [20]]
+"""
+CART = """
+name = "cart"
+sample_time = "1/20"
+region = "disk(0.6, 0.3)"
+[parameter.m]
+range = [2, 3]
+through = "1/m"
+[matrices]
+A = [[1, 0.05], [0, 1]]
+B = [["0.00125/m"], ["0.05/m"]]
+"""
+
+
+@pytest.fixture
+def stage(tmp_path):
+    path = tmp_path / "stage.toml"
+    path.write_text(STAGE)
+    return str(path)
+
+
+@pytest.fixture
+def cart(tmp_path):
+    path = tmp_path / "cart.toml"
+    path.write_text(CART)
+    return str(path)
+
+
+def worst(design, measure):
+    """The largest value of a measure of the poles over a grid of the box."""
+    alpha = [
+        design.plant.alpha(m=m, k=k) for m in np.linspace(2, 3.2, 9) for k in np.linspace(40, 60, 9)
+    ]
+    return measure(design.poles(np.array(alpha))).max()
+
+
+@pytest.mark.parametrize("options", [[], ["--degree", "2", "--on", "box"], ["--method", "slack"]])
+def test_design_takes_the_specs_region(stage, tmp_path, capsys, options):
+    words = ["design", stage, "-o", str(tmp_path / "d"), "--json", str(tmp_path / "s.json")]
+    plot = [] if options else ["--plot", str(tmp_path / "p.svg")]
+    assert main([*words, *plot, *options]) == 0
+    design = Design.load(tmp_path / "d")
+    assert design.region == HalfPlane(3) & Sector(0.7) & Disk(-10, 9.5)
+    assert worst(design, lambda z: z.real) < -3
+    assert worst(design, lambda z: np.abs(z.imag) / -z.real) < np.sqrt(1 - 0.7**2) / 0.7
+    assert worst(design, lambda z: np.abs(z + 10)) < 9.5
+    summary = json.loads((tmp_path / "s.json").read_text())
+    assert summary["region"]["kind"] == "intersection"
+    assert summary["method"] == label_of(design)
+    out = capsys.readouterr().out
+    assert f"proved: {label_of(design)} keeps all poles of 'stage' in half_plane(3) &" in out
+    assert "note:" not in out
+    assert (tmp_path / "p.svg").exists() == (not options)
+
+
+def test_an_option_stands_above_the_specs_region(stage, tmp_path):
+    for words, region in (
+        (["--disk", "-10", "8"], Disk(-10, 8)),
+        (["--region", "Half-Plane(2) & disk(-10, 9)"], HalfPlane(2) & Disk(-10, 9)),
+    ):
+        assert main(["design", stage, *words, "-o", str(tmp_path / "d")]) == 0
+        assert Design.load(tmp_path / "d").region == region
+    with pytest.raises(SystemExit) as stop:
+        main(["design", stage, "--disk", "-10", "8", "--region", "disk(-10, 8)"])
+    assert stop.value.code == 2
+
+
+def test_degree_auto_climbs_and_says_where_it_came_to(stage, tmp_path, capsys):
+    words = ["design", stage, "--degree", "auto", "--budget", "20", "-o", str(tmp_path / "d")]
+    assert main(words) == 0
+    label = label_of(Design.load(tmp_path / "d"))
+    assert label == "quadratic" or label.startswith("scheduled")
+    assert f"proved: {label} keeps" in capsys.readouterr().out
+
+
+def test_a_region_out_of_reach_exits_1_and_writes_nothing(stage, tmp_path, capsys):
+    words = ["design", stage, "--region", "half_plane(9) & disk(-10, 2)", "--method", "quadratic"]
+    assert main([*words, "-o", str(tmp_path / "d"), "--plot", str(tmp_path / "p.png")]) == 1
+    error = capsys.readouterr().err
+    assert error.startswith("not proved: quadratic")
+    assert error.count("\n") == 1
+    assert not (tmp_path / "d").exists()
+    assert not (tmp_path / "p.png").exists()
+
+
+def test_a_region_across_the_axis_is_noted(stage, capsys):
+    assert main(["design", stage, "--region", "half_plane(-1) & disk(-10, 12)"]) == 0
+    assert "this region reaches into the right half-plane" in capsys.readouterr().out
+
+
+TIGHTEST = {
+    "half_plane": (["--within", "disk(-10, 9)"], r"decay rate ([\d.]+) 1/s, within disk\(-10, 9\)"),
+    "sector": (
+        ["--within", "half_plane(2) & disk(-10, 9)"],
+        r"damping ratio ([\d.]+), within half_plane\(2\) & disk\(-10, 9\)",
+    ),
+    "disk": (["--centre", "-10"], r"radius ([\d.]+) 1/s about -10 \(out of reach: [\d.]+\)"),
+}
+
+
+@pytest.mark.parametrize("of", TIGHTEST)
+def test_tightest_prints_what_is_proved_rounded_to_the_safe_side(stage, tmp_path, capsys, of):
+    options, pattern = TIGHTEST[of]
+    words = ["tightest", stage, "--of", of.replace("_", "-"), *options, "--method", "quadratic"]
+    words += ["-o", str(tmp_path / "d"), "--json", str(tmp_path / "s.json")]
+    plot = ["--plot", str(tmp_path / "p.png")] if of == "sector" else []
+    assert main([*words, *plot]) == 0
+    printed = float(re.search(pattern, capsys.readouterr().out)[1])
+    design = Design.load(tmp_path / "d")
+    summary = json.loads((tmp_path / "s.json").read_text())
+    value = summary["value"]
+    assert list(design.region.parts[0].numbers.values())[of == "disk"] == value
+    assert abs(printed - value) <= 1e-5 * value
+    assert printed >= value if of == "disk" else printed <= value
+    measured = {
+        "half_plane": lambda: -worst(design, lambda z: z.real),
+        "sector": lambda: -worst(design, lambda z: z.real / np.abs(z)),
+        "disk": lambda: worst(design, lambda z: np.abs(z + 10)),
+    }[of]()
+    assert measured <= value if of == "disk" else measured >= value
+    assert summary["status"] == "proved"
+    assert summary["of"] == of
+    if plot:
+        assert (tmp_path / "p.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_what_lies_beyond_the_tightest_is_not_proved(stage, tmp_path, capsys):
+    words = ["tightest", stage, "--of", "half_plane", "--within", "disk(-10, 9)"]
+    assert main([*words, "--method", "quadratic", "--json", str(tmp_path / "s.json")]) == 0
+    decay = json.loads((tmp_path / "s.json").read_text())["value"]
+    for share, status in ((0.995, 0), (1.005, 1)):
+        region = f"half_plane({decay * share}) & disk(-10, 9)"
+        assert main(["design", stage, "--region", region, "--method", "quadratic"]) == status
+
+
+def test_speed_without_a_bound_is_noted(stage, capsys):
+    assert main(["tightest", stage, "--of", "half_plane", "--method", "quadratic"]) == 0
+    assert "note: nothing bounds the poles' speed" in capsys.readouterr().out
+
+
+def test_limits_names_degrees_and_resumes_by_them(tmp_path, capsys, monkeypatch):
+    car, rows = tmp_path / "car.toml", tmp_path / "rows.json"
+    car.write_text(spec_text("quarter-car-physical"))
+    words = ["limits", str(car), "--centre", "-40", "--json", str(rows), "--gain"]
+    words += ["--degree", "2", "--elevation", "1", "--on", "box"]
+    assert main([*words, "--plot", str(tmp_path / "p.svg")]) == 0
+    document = json.loads(rows.read_text())
+    labels = [row["method"] for row in document["rows"]]
+    assert labels == ["quadratic", "slack(2, 1, box)", "scheduled(2, 1, box)"]
+    assert document["rows"][2]["radius"] == pytest.approx(26.62236, rel=1e-5)
+    assert document["rows"][2]["law"]["on"] == "box"
+    out = capsys.readouterr().out
+    assert len({line.index("proved") for line in out.splitlines()[2:]}) == 1  # a straight column
+    seconds = [row["seconds"] for row in document["rows"]]
+    # the same command again computes nothing; another degree is another row, the old ones stay
+    assert main([*words, "--resume"]) == 0
+    assert [row["seconds"] for row in json.loads(rows.read_text())["rows"]] == seconds
+    other = [*words[:6], "--method", "scheduled", "--degree", "1", "--elevation", "0", "--resume"]
+    assert main(other) == 0
+    kept = json.loads(rows.read_text())["rows"]
+    assert [row["method"] for row in kept] == ["scheduled(1, 0)", *labels]
+    assert [row["seconds"] for row in kept[1:]] == seconds
+
+
+def test_a_row_of_no_method_is_no_row_to_resume(tmp_path, stage, capsys):
+    rows = tmp_path / "rows.json"
+    words = ["limits", stage, "--centre", "-10", "--method", "slack", "--json", str(rows)]
+    assert main(words) == 0
+    for label in ("slack(2, 1, sphere)", "scheduled(2)", "cubic", "slack "):
+        document = json.loads(rows.read_text())
+        document["rows"][0]["method"] = label
+        (tmp_path / "bad.json").write_text(json.dumps(document))
+        assert main([*words[:-1], str(tmp_path / "bad.json"), "--resume"]) == 2
+        assert "a row is damaged" in capsys.readouterr().err
+
+
+def test_one_gain_of_degree_zero_is_one_row(stage, capsys):
+    words = ["limits", stage, "--centre", "-10", "--degree", "0", "--method"]
+    assert main([*words, "scheduled", "--method", "quadratic"]) == 0
+    assert len(capsys.readouterr().out.splitlines()) == 3
+
+
+def test_discrete_time_goes_all_the_way(cart, tmp_path, capsys):
+    folder = tmp_path / "d"
+    assert main(["design", cart, "--method", "quadratic", "-o", str(folder)]) == 0
+    assert "note:" not in capsys.readouterr().out  # nothing about half-planes
+    design = Design.load(folder)
+    assert design.plant.sample_time == load(cart).sample_time
+    assert check(folder).proved
+    assert main(["check", str(folder), "--spec", cart]) == 0
+    assert main(["limits", cart, "--centre", "0.6", "--centre", "0", "--method", "slack"]) == 0
+    assert main(["limits", cart, "--centre", "0.6", "--plot", str(tmp_path / "p.png")]) == 2
+    assert "d/sigma has no meaning" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["design", "--disk", "-40", "31"], "discrete-time plant; give a disk inside the unit"),
+        (["design", "--region", "sector(0.5)"], "discrete-time plant; give a disk inside the unit"),
+        (["tightest", "--of", "sector"], "a discrete-time plant; ask --of disk"),
+        (["tightest", "--of", "disk", "--centre", "-2"], "not inside the unit circle"),
+        (["limits", "--centre", "-40"], "not inside the unit circle"),
+    ],
+)
+def test_discrete_time_refuses_what_is_of_continuous_time(cart, capsys, words, message):
+    assert main([words[0], cart, *words[1:]]) == 2
+    error = capsys.readouterr().err
+    assert message in error
+    assert error.count("\n") == 1
+
+
+def test_check_compares_the_sample_time(cart, tmp_path, capsys):
+    assert main(["design", cart, "--method", "quadratic", "-o", str(tmp_path / "d")]) == 0
+    for change, says in (
+        (
+            lambda text: text.replace("1/20", "1/25"),
+            "sample_time = 0.05 s, spec sample_time = 0.04",
+        ),
+        (lambda text: text.replace('sample_time = "1/20"', ""), "spec continuous"),
+    ):
+        other = tmp_path / "other.toml"
+        other.write_text(change(CART))
+        assert main(["check", str(tmp_path / "d"), "--spec", str(other)]) == 1
+        out = capsys.readouterr().out
+        assert "other time" in out
+        assert says in out
+
+
+def test_the_sample_time_survives_being_written():
+    plant = loads(CART)
+    for time in (plant.sample_time, "1/3", None):
+        other = loads(CART.replace('"1/20"', f'"{time}"') if time else VERTEX)
+        assert loads(dumps(other)).sample_time == other.sample_time
+
+
+VERTEX = "[[vertex]]\nA = [[0, 1], [2, 3]]\nB = [[0], [1]]\n"
+
+
+@pytest.mark.parametrize("time", [0, -0.1, "x", None, [1]])
+def test_a_design_file_with_no_sensible_sample_time_is_refused(cart, tmp_path, capsys, time):
+    assert main(["design", cart, "--method", "quadratic", "-o", str(tmp_path)]) == 0
+    path = tmp_path / "design.json"
+    document = json.loads(path.read_text())
+    document["plant"]["sample_time"] = time
+    path.write_text(json.dumps(document))
+    assert main(["check", str(path), "--spec", cart]) == 2
+    assert str(path) in capsys.readouterr().err
+
+
+def test_help_explains_the_new_options(capsys):
+    for command, words in (
+        ("design", ["--region", "--degree N|auto", "--elevation", "--on", "--budget", "--plot"]),
+        ("limits", ["--degree N", "--elevation", "--on"]),
+        ("tightest", ["--of", "--centre", "--within", "--degree N", "--plot", "damping ratio"]),
+    ):
+        with pytest.raises(SystemExit) as stop:
+            main([command, "--help"])
+        assert stop.value.code == 0
+        out = " ".join(capsys.readouterr().out.split())
+        for word in words:
+            assert word in out

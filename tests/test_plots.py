@@ -1,0 +1,131 @@
+"""Figures: boundaries lie on the boundary, every region draws, styles differ."""
+
+from __future__ import annotations
+
+import itertools
+
+import numpy as np
+import pytest
+
+from polefence import Design, Disk, parse_region, tightest
+from polefence.boundary import curves, view_of
+from polefence.conditions.methods import Scheduled
+from polefence.plots import STYLES, limits_figure, poles_figure, render, sampled, styles
+
+REGIONS = [
+    "disk(-40, 31)",
+    "disk(0.5, 0.4)",
+    "half_plane(3)",
+    "half_plane(-3)",
+    "sector(0.3)",
+    "sector(0.99)",
+    "vertical_strip(-30, -2)",
+    "horizontal_strip(12)",
+    "ellipse(-20, 15, 4)",
+    "half_plane(3) & sector(0.5) & disk(-20, 19)",
+    "horizontal_strip(5) & ellipse(-9, 8, 7) & half_plane(2)",
+]
+POLES = np.array([-5, -20 + 8j, -20 - 8j, -2.5 + 1j, -2.5 - 1j])
+
+
+@pytest.mark.parametrize("text", REGIONS)
+def test_curves_lie_on_the_boundary_and_cross_the_view(text):
+    region = parse_region(text)
+    view = low, high, height = view_of(region, POLES)
+    assert low < min(POLES.real.min(), 0) < 0 < high
+    assert height > np.abs(POLES.imag).max()
+    for part in region.parts:
+        drawn = np.concatenate(curves(part, view))
+        assert np.abs(part.distance(drawn)).max() < 1e-9 * max(part.size, high - low, height)
+        # both halves of the plane are reached
+        assert drawn.imag.min() < 0 < drawn.imag.max()
+
+
+@pytest.mark.parametrize("text", REGIONS)
+def test_every_region_draws(text):
+    region = parse_region(text)
+    figure = poles_figure({"plant": (POLES, POLES[:2])}, region)
+    (ax,) = figure.axes
+    solid = [line for line in ax.lines if line.get_linewidth() == 1.3]
+    assert solid, "no part of the boundary is drawn"
+    for line in solid:
+        z = line.get_xdata() + 1j * np.asarray(line.get_ydata())
+        z = z[np.isfinite(z)]
+        assert np.abs(region.distance(z)).max() < 1e-5 * max(region.size, 50)
+    labels = [text.get_text().replace("\n", " ") for text in figure.legends[0].get_texts()]
+    assert parse_region(labels[-1]) == region
+
+
+def test_poles_far_out_are_counted_and_not_shown():
+    region = parse_region("half_plane(1)")
+    poles = np.array([-2, -3, -2.5, -1e6])
+    low, _, _ = view_of(region, poles)
+    assert -100 < low < -3
+    (ax,) = poles_figure({"plant": (poles, poles)}, region).axes
+    (note,) = [text.get_text() for text in ax.texts]
+    assert "25 % of the poles lie outside the picture" in note
+    assert "-1e+06" in note
+
+
+@pytest.mark.parametrize("on", ["simplex", "box"])
+def test_the_sample_is_of_the_domain_of_the_proof(physical, monkeypatch, on):
+    design = tightest(physical, -40, Scheduled(1, 0, on))
+    seen = []
+    poles = Design.poles
+    monkeypatch.setattr(Design, "poles", lambda self, a: (seen.append(a), poles(self, a))[1])
+    cloud, corners = sampled(design)
+    assert cloud.shape[1] == corners.shape[1] == 5
+    assert len(corners) == 4
+    assert np.abs(cloud + 40).max() < design.region.radius
+    # products of two parameters' coordinates are of rank one
+    determinants = np.linalg.det(seen[0].reshape(-1, 2, 2))
+    assert (np.abs(determinants).max() < 1e-12) == (on == "box")
+
+
+LABELS = [
+    "quadratic",
+    "slack",
+    "scheduled",
+    "scheduled(2, 1)",
+    "scheduled(2, 1, box)",
+    "slack(2, 0)",
+]
+
+
+def test_styles_of_methods_are_told_apart_without_colour():
+    known = styles(LABELS)
+    looks = {
+        label: (str(known[label]["ls"]), known[label].get("marker"), known[label]["lw"])
+        for label in LABELS
+    }
+    for one, other in itertools.combinations(LABELS, 2):
+        assert looks[one] != looks[other]
+    assert all(known[label] == STYLES[label] for label in LABELS[:3])
+
+
+@pytest.mark.parametrize("count", [2, 30])
+def test_a_sweep_of_other_degrees_draws(count):
+    rows = [
+        {"centre": -c, "method": label, "radius": c * (0.9 - 0.05 * k)}
+        for k, label in enumerate(LABELS)
+        for c in np.linspace(5, 60, count)
+    ]
+    rows.append({"centre": -70.0, "method": "slack", "radius": None})
+    figure = limits_figure({"plant": rows}, floor=-10)
+    drawn = [line.get_label() for line in figure.axes[0].lines if line.get_label()[0] != "_"]
+    assert len(drawn) == len(LABELS)
+    assert "scheduled(2, 1, box)" in drawn
+    if count == 2:
+        assert b"<svg" in render(figure, "svg")
+
+
+def test_the_papers_figure_is_the_same_twice():
+    """The same data, the same bytes."""
+    cloud = -40 + 20 * np.exp(1j * np.linspace(0, 6, 50))
+    first, second = (
+        render(
+            poles_figure({"a": (cloud, cloud[:3]), "b": (cloud, cloud[:3])}, Disk(-40, 31)), kind
+        )
+        for kind in ("svg", "svg")
+    )
+    assert first == second

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import cached_property
@@ -16,7 +16,7 @@ from polefence.errors import InputError, ParameterValueError, suggest
 from polefence.plant.parameters import Parameter, exact
 from polefence.plant.system import Array
 
-MAX_KNOTS = 200
+MAX_KNOTS, LARGEST = 200, 1e100
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -55,12 +55,15 @@ class GainTable:
                 raise InputError(f"grid: the knots of {name} are missing")
         knots = {p.name: _knots(p, self.grid[p.name]) for p in self.parameters}
         object.__setattr__(self, "grid", knots)
-        gains = np.array(self.gains, dtype=float)
+        try:
+            gains: Array = np.array(self.gains, dtype=float)
+        except (TypeError, ValueError, OverflowError) as error:
+            raise InputError("gains must be nested lists of numbers, all of one shape") from error
         shape = tuple(len(knots[name]) for name in names)
         if gains.ndim != len(names) + 2 or gains.shape[: len(names)] != shape:
             raise InputError(f"gains has shape {gains.shape}; the grid needs {shape} + (m, n)")
-        if not np.all(np.isfinite(gains)):
-            raise InputError("gains must be finite numbers")
+        if not np.all(np.abs(gains) <= LARGEST):
+            raise InputError(f"gains must be finite numbers, of magnitudes up to {LARGEST:g}")
         gains.flags.writeable = False
         object.__setattr__(self, "gains", gains)
 
@@ -112,10 +115,9 @@ class GainTable:
 
 def _knots(parameter: Parameter, given: Sequence[Any]) -> tuple[Fraction, ...]:
     where = f"grid: knots of {parameter.name}"
-    try:
-        knots = [exact(v, where) for v in given]
-    except TypeError as error:
-        raise InputError(f"{where} must be a list of numbers") from error
+    if isinstance(given, str | Mapping) or not isinstance(given, Iterable):
+        raise InputError(f"{where} must be a list of numbers")
+    knots = [exact(v, where) for v in given]
     if not 2 <= len(knots) <= MAX_KNOTS:
         raise InputError(f"{where}: {len(knots)} given; use 2 to {MAX_KNOTS}")
     # a float bound is not the decimal one
@@ -130,3 +132,18 @@ def _knots(parameter: Parameter, given: Sequence[Any]) -> tuple[Fraction, ...]:
             f"{where} must cover [{float(parameter.low):g}, {float(parameter.high):g}]"
         )
     return tuple(knots)
+
+
+def table_from(parameters: tuple[Parameter, ...], data: Any) -> GainTable:
+    """Return a table from plain data, {"grid": {name: knots}, "gains": nested lists}.
+
+    Raises
+    ------
+    InputError
+        If it is malformed or does not fit the parameters.
+    """
+    if not isinstance(data, dict) or set(data) != {"grid", "gains"}:
+        raise InputError('a table of gains is {"grid": {name: knots}, "gains": nested lists}')
+    if not isinstance(data["grid"], dict):
+        raise InputError('grid must name the knots of each parameter: {"m1": [...], ...}')
+    return GainTable(parameters, data["grid"], data["gains"])

@@ -20,6 +20,7 @@ from polefence.proof.exact import Evidence, FormatError, Part, Rationals
 
 FORMAT = "polefence-table"
 MAX_CELLS, MAX_PARAMETERS, MAX_KNOTS = 2000, 6, 200
+MAX_WORK = 10**9  # in all cells together, as the exact checker counts it
 
 Point = tuple[Fraction, ...]
 
@@ -109,19 +110,7 @@ def cell_claim(
     high: Point,
     evidence: tuple[Evidence, ...],
 ) -> exact.Claim:
-    """Return the claim of a cell, about its corners.
-
-    Raises
-    ------
-    FormatError
-        If the cell lies outside the box, is empty, or reaches across a knot.
-    """
-    for axis, a, b in zip(table.axes, low, high, strict=True):
-        if not axis.low <= a < b <= axis.high:
-            raise FormatError(f"a cell lies outside the range of {axis.name}, or is empty")
-        i, _ = axis.place(a)
-        if b > axis.knots[i + 1]:
-            raise FormatError(f"a cell reaches across a knot of {axis.name}")
+    """Return the claim of a cell, about its corners."""
     A, B, K, weights = [], [], [], []
     for corner in product(*zip(low, high, strict=True)):
         q = prod(
@@ -143,8 +132,13 @@ def prove_cell(table: Table, region: tuple[Part, ...], cell: Cell) -> exact.Verd
     Raises
     ------
     FormatError
-        If the cell is malformed.
+        If the cell lies outside the box, is empty, or reaches across a knot.
     """
+    for axis, a, b in zip(table.axes, cell.low, cell.high, strict=True):
+        if not axis.low <= a < b <= axis.high:
+            raise FormatError(f"it lies outside the range of {axis.name}, or is empty")
+        if b > axis.knots[axis.place(a)[0] + 1]:
+            raise FormatError(f"it reaches across a knot of {axis.name}")
     if cell.answer == "proved":
         return exact.prove(cell_claim(table, region, cell.low, cell.high, cell.evidence))
     if cell.answer == "refuted" and cell.point is not None:
@@ -176,17 +170,37 @@ def summarise(table: Table, region: tuple[Part, ...], cells: list[Cell]) -> Summ
     """
     whole = prod((axis.high - axis.low for axis in table.axes), start=Fraction(1))
     shares = dict.fromkeys(("proved", "refuted", "undecided"), Fraction(0))
+    forms = [(e.degree, e.elevation) for cell in cells for e in cell.evidence]
+    if sum(work(table, 1, *form) for form in forms) > MAX_WORK:
+        raise FormatError("the cells are more inequalities than are checked here")
     fault = ""
     for k, cell in enumerate(cells):
-        verdict = prove_cell(table, region, cell)
+        try:
+            verdict = prove_cell(table, region, cell)
+        except FormatError as error:
+            raise FormatError(f"cells[{k + 1}]: {error}") from error
         if not verdict.proved:
             fault = fault or f"cell {k + 1}: {verdict.reason}"
-        if any(_overlap(cell, other) for other in cells[:k]):
-            fault = fault or f"cell {k + 1} overlaps another"
         shares[cell.answer] += cell.volume / whole
-    if not fault and sum(shares.values()) != 1:
-        fault = "the cells do not fill the box"
+    fault = fault or _untiled(cells, sum(shares.values()))
     return Summary(shares["proved"], shares["refuted"], shares["undecided"], fault)
+
+
+def work(table: Table, parts: int, degree: int, elevation: int) -> int:
+    """Return what a cell costs to check, as `polefence.proof.exact` counts it."""
+    blocks = (degree + 2 + elevation + 1) ** len(table.axes)
+    return int(blocks * (2 * len(table.A[0])) ** 3 * parts)
+
+
+def _untiled(cells: list[Cell], total: Fraction | int) -> str:
+    """Say how the cells, each in the box, fail to tile it."""
+    active: list[Cell] = []
+    for cell in sorted(cells, key=lambda c: c.low):
+        active = [c for c in active if c.high[0] > cell.low[0]]
+        if any(_overlap(cell, other) for other in active):
+            return "two cells overlap"
+        active.append(cell)
+    return "" if total == 1 else "the cells do not fill the box"
 
 
 def _overlap(one: Cell, other: Cell) -> bool:
@@ -195,6 +209,8 @@ def _overlap(one: Cell, other: Cell) -> bool:
 
 
 # --- reading -------------------------------------------------------------------------------------
+
+_CARRIES: dict[str, tuple[str, ...]] = {"proved": ("parts",), "refuted": ("at",), "undecided": ()}
 
 
 def read(text: str) -> tuple[Table, tuple[Part, ...], list[Cell], dict[str, Any]]:
@@ -255,12 +271,13 @@ def _axis(parameter: Any, knots: Any, k: int) -> Axis:
 
 
 def _cell(entry: Any, where: str, count: int, n: int) -> Cell:
-    if not isinstance(entry, dict) or not set(entry) <= {"low", "high", "answer", "parts", "at"}:
-        raise FormatError(f"{where} is malformed")
-    low, high = (_point(entry.get(key), f"{where}.{key}", count) for key in ("low", "high"))
-    answer = entry.get("answer")
-    if answer not in ("proved", "refuted", "undecided"):
+    answer = entry.get("answer") if isinstance(entry, dict) else None
+    if not isinstance(answer, str) or answer not in _CARRIES:
         raise FormatError(f"{where}.answer must be proved, refuted or undecided")
+    wanted = {"low", "high", "answer", *_CARRIES[answer]}
+    if set(entry) != wanted:
+        raise FormatError(f"{where}: a cell {answer} must have {', '.join(sorted(wanted))}")
+    low, high = (_point(entry[key], f"{where}.{key}", count) for key in ("low", "high"))
     evidence: tuple[Evidence, ...] = ()
     if "parts" in entry:
         tables = _list(entry["parts"], f"{where}.parts", exact.MAX_PARTS)

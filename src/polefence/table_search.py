@@ -1,0 +1,212 @@
+"""Analyse a table of gains cell by cell: counterexamples, proofs, and halving where neither is."""
+
+from __future__ import annotations
+
+import time
+from collections import deque
+from collections.abc import Callable
+from contextlib import suppress
+from dataclasses import dataclass
+from fractions import Fraction
+from functools import cached_property
+from itertools import pairwise, product
+from math import prod
+
+import numpy as np
+
+from polefence.checks import require_region, require_type
+from polefence.conditions.lyapunov import Loop
+from polefence.conditions.target import Around
+from polefence.errors import InputError, SolverError
+from polefence.gain_table import GainTable
+from polefence.plant.family import UncertainPlant
+from polefence.polynomial import Domain, bernstein, elevated, times
+from polefence.proof import cells as proof
+from polefence.proof import exact
+from polefence.proof.cells import Cell
+from polefence.region import Region
+from polefence.solve.given import least
+from polefence.table_analysis import TableAnalysis
+
+FORMS = ((0, 0), (1, 0))  # degree and elevation of a cell's Lyapunov polynomial
+SAMPLES, MOST_SAMPLES = 7, 1000  # along each side of a cell; in a cell
+INSIDE = (0.98, 0.0)
+
+
+def analyse_table(
+    plant: UncertainPlant,
+    table: GainTable,
+    region: Region,
+    depth: int = 4,
+    budget: float = 60.0,
+    on_cell: Callable[[Cell], None] | None = None,
+) -> TableAnalysis:
+    """Prove or refute, cell by cell, that a table of gains keeps all poles in a region.
+
+    The cells between knots are halved, up to ``depth`` times, where they are not proved whole and
+    some sampled points of them keep the region; the largest first.
+
+    Parameters
+    ----------
+    budget : float
+        Time after which cells are no longer halved [s].
+    on_cell : callable, optional
+        Called with each finished cell.
+
+    Raises
+    ------
+    InputError
+        If the table does not fit the plant, or has more cells than are checked; or the region does
+        not fit the plant's time.
+    """
+    _require_fit(plant, table)
+    require_type(region, Region, "region", "for example polefence.Disk(-40, 31)")
+    require_region(plant, region)
+    work = _Work(TableAnalysis(plant, table, region, ()), _exact_table(plant, table))
+    deadline = time.perf_counter() + budget
+    queue = deque((low, high, 0) for low, high in _cells(work.exactly.axes))
+    most = work.most_cells
+    if len(queue) > most:
+        raise InputError(
+            f"the grid has {len(queue)} cells; at most {most} of this size are checked"
+        )
+    done: list[Cell] = []
+    while queue:
+        low, high, level = queue.popleft()
+        cell, hopeless = work.decided(low, high)
+        halved = cell.answer != "proved" and not hopeless and level < depth
+        if halved and time.perf_counter() < deadline and len(done) + len(queue) + 2 <= most:
+            queue += [(*half, level + 1) for half in _halves(low, high, work.exactly.axes)]
+            continue
+        done.append(cell)
+        if on_cell is not None:
+            on_cell(cell)
+    return TableAnalysis(plant, table, region, tuple(done))
+
+
+def _require_fit(plant: UncertainPlant, table: GainTable) -> None:
+    require_type(plant, UncertainPlant, "plant", "polefence.load(path) reads one")
+    if tuple(table.parameters) != tuple(plant.parameters):
+        raise InputError(f"the table's parameters, or their ranges, are not those of {plant.name}")
+    if len(table.parameters) > proof.MAX_PARAMETERS:
+        count, most = len(table.parameters), proof.MAX_PARAMETERS
+        raise InputError(f"the table has {count} parameters; at most {most} are checked")
+    (n, m), shape = plant.shape, table.gains.shape[-2:]
+    if shape != (m, n):
+        raise InputError(f"the gains are {shape[0]} x {shape[1]}; {plant.name} needs {m} x {n}")
+
+
+@dataclass(frozen=True, eq=False)
+class _Work:
+    question: TableAnalysis
+    exactly: proof.Table
+
+    @cached_property
+    def parts(self) -> tuple[exact.Part, ...]:
+        return exact.read_region(self.question.region.document())
+
+    @property
+    def most_cells(self) -> int:
+        each = max(proof.work(self.exactly, len(self.parts), *form) for form in FORMS)
+        return min(proof.MAX_CELLS, proof.MAX_WORK // each)
+
+    def decided(self, low: proof.Point, high: proof.Point) -> tuple[Cell, bool]:
+        """Return a cell with its answer, and whether all of its sampled points are outside."""
+        point, hopeless = self._counterexample(low, high)
+        if point is not None:
+            return Cell(low, high, "refuted", point=point), hopeless
+        evidence = []
+        for region, part in zip(self.question.region.parts, self.parts, strict=True):
+            found = self._proof(region, part, low, high)
+            if found is None:
+                return Cell(low, high, "undecided"), False
+            evidence.append(found)
+        return Cell(low, high, "proved", tuple(evidence)), False
+
+    def _counterexample(
+        self, low: proof.Point, high: proof.Point
+    ) -> tuple[proof.Point | None, bool]:
+        """Return the worst sampled point if it is outside, exactly; and whether all seem to be."""
+        a, b = (np.array([float(v) for v in side]) for side in (low, high))
+        count = max(2, min(SAMPLES, round(MOST_SAMPLES ** (1 / len(a)))))
+        steps = np.array(list(product(np.linspace(0, 1, count), repeat=len(a))))
+        points = a + steps * (b - a)
+        distance = self.question.region.distance(self.question.poles(points)).max(axis=1)
+        worst = int(np.argmax(distance))
+        if distance[worst] < 0:
+            return None, False
+        point = tuple(
+            min(max(Fraction(float(v)), lo), hi)
+            for v, lo, hi in zip(points[worst], low, high, strict=True)
+        )
+        inside = exact.all_inside(self.exactly.loop(point), self.parts)
+        return None if inside else point, bool(distance.min() >= 0)
+
+    def _proof(
+        self, region: Region, part: exact.Part, low: proof.Point, high: proof.Point
+    ) -> exact.Evidence | None:
+        loop = _loop(proof.cell_claim(self.exactly, (part,), low, high, ()))
+        for form in FORMS:
+            for enough in INSIDE:
+                with suppress(SolverError):
+                    found = least(loop, Around(region), *form, enough=enough)
+                    if found.r >= 1:
+                        break
+                    X = [[[Fraction(e) for e in row] for row in Q] for Q in found.Q.tolist()]
+                    evidence = exact.Evidence(X, *form)
+                    cell = Cell(low, high, "proved", (evidence,))
+                    if proof.prove_cell(self.exactly, (part,), cell).proved:
+                        return evidence
+        return None
+
+
+def _loop(claim: exact.Claim) -> Loop:
+    A, B, K = (np.array(M, dtype=float) for M in (claim.A, claim.B, claim.law.K))
+    q = np.array(claim.weights, dtype=float)
+    # weights of many parameters may be far from one; only their ratio matters
+    A, B, q = A / q.mean(), B / q.mean(), q / q.mean()
+    n, domain = A.shape[1], Domain.of("box", len(A))
+    eye = np.tile(np.eye(n), (len(A), 1, 1))
+    AB = bernstein(domain, np.concatenate([A, B], axis=2), 1)
+    C = times(AB, bernstein(domain, np.concatenate([eye, K], axis=1), 1))
+    return Loop(elevated(bernstein(domain, q[:, None, None] * eye, 1), domain, 1), C, domain)
+
+
+def _cells(axes: tuple[proof.Axis, ...]) -> list[tuple[proof.Point, proof.Point]]:
+    """Return the boxes between neighbouring knots, inside the parameters' intervals."""
+    sides = []
+    for axis in axes:
+        inner = [k for k in axis.knots if axis.low < k < axis.high]
+        sides.append(list(pairwise([axis.low, *inner, axis.high])))
+    count = prod(len(side) for side in sides)
+    if count > proof.MAX_CELLS:
+        raise InputError(f"the grid has {count} cells; at most {proof.MAX_CELLS} are checked")
+    found = []
+    for choice in product(*sides):
+        low, high = zip(*choice, strict=True)
+        found.append((low, high))
+    return found
+
+
+def _halves(
+    low: proof.Point, high: proof.Point, axes: tuple[proof.Axis, ...]
+) -> list[tuple[proof.Point, proof.Point]]:
+    """Halve a cell along the side that is longest as a share of its parameter's interval."""
+    shares = [(b - a) / (x.high - x.low) for a, b, x in zip(low, high, axes, strict=True)]
+    i = shares.index(max(shares))
+    middle = (low[i] + high[i]) / 2
+    return [
+        (low, (*high[:i], middle, *high[i + 1 :])),
+        ((*low[:i], middle, *low[i + 1 :]), high),
+    ]
+
+
+def _exact_table(plant: UncertainPlant, table: GainTable) -> proof.Table:
+    axes = tuple(
+        proof.Axis(p.name, p.low, p.high, p.inverted, tuple(table.grid[p.name]))
+        for p in plant.parameters
+    )
+    A = [[list(row) for row in v.exact_A] for v in plant.vertices]
+    B = [[list(row) for row in v.exact_B] for v in plant.vertices]
+    gains = [[[Fraction(e) for e in row] for row in K] for K in table.flat.tolist()]
+    return proof.Table(A, B, axes, gains)

@@ -18,7 +18,7 @@ from families import polytope, quarter_car
 
 from polefence import METHODS, PolefenceError, UncertainPlant
 from polefence.conditions.methods import build
-from polefence.placement import tightest_near
+from polefence.smallest_region import tightest_near
 from polefence.solve.conic import largest_margin
 from polefence.solve.found import Found, lyapunov_mean
 from polefence.solve.radius import FLOOR

@@ -44,8 +44,8 @@ import numpy as np
 import polefence
 from polefence import METHODS, UncertainPlant
 from polefence.errors import PolefenceError
-from polefence.placement import tightest_near
 from polefence.plant.system import Array
+from polefence.smallest_region import tightest_near
 from polefence.solve import layout
 from polefence.solve import radius as radius_module
 from polefence.solve.found import Found

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import json
-from fractions import Fraction
 import time
+from fractions import Fraction
 
 import pytest
 

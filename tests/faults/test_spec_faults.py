@@ -65,6 +65,11 @@ FAULTS = {
     "toml syntax": (GOOD.replace("[constants]", "[constants"), "not valid TOML"),
     "huge exponent": (GOOD.replace("0.5", "1e999999999"), "out of range"),
     "E for some": (VERTEX + "E = [[0], [1]]\n" + VERTEX, "for all or for none"),
+    "region a number": (GOOD.replace("states", "region = 4\nstates"), "region must be a string"),
+    "sample time zero": ("sample_time = 0\n" + VERTEX, "sample_time = 0 must be positive"),
+    "sample time negative": ("sample_time = -0.1\n" + VERTEX, "must be positive, in seconds"),
+    "sample time a word": ('sample_time = "10 ms"\n' + VERTEX, "sample_time"),
+    "sample time infinite": ("sample_time = inf\n" + VERTEX, "must be a finite number"),
     "parameter no table": (
         GOOD.replace("[parameter.m]", "[x]\n[parameter]\nm = 3\n[y]"),
         "unknown",
@@ -110,6 +115,56 @@ USAGE = {
     "right-hand sides": (
         ["design", "SPEC", "--disk", "-4", "3", "--method", "slack", "--right-hand-sides"],
         "belongs to the method scheduled",
+    ),
+    "no region": (["design", "SPEC"], "names no region; give --disk CENTRE RADIUS or --region"),
+    "region misspelt": (["design", "SPEC", "--region", "dsik(-4, 3)"], "did you mean 'disk'?"),
+    "degree of one gain": (
+        ["limits", "SPEC", "--centre", "-4", "--method", "quadratic", "--degree", "2"],
+        "--degree belongs to scheduled and slack",
+    ),
+    "degree negative": (["design", "SPEC", "--disk", "-4", "3", "--degree", "-1"], "0 to 8"),
+    "degree too high": (["limits", "SPEC", "--centre", "-4", "--degree", "9"], "0 to 8"),
+    "elevation with auto": (
+        ["design", "SPEC", "--disk", "-4", "3", "--degree", "auto", "--elevation", "1"],
+        "auto chooses the elevation",
+    ),
+    "auto for slack": (
+        ["design", "SPEC", "--disk", "-4", "3", "--degree", "auto", "--method", "slack"],
+        "--degree auto belongs to the method scheduled",
+    ),
+    "budget without auto": (
+        ["design", "SPEC", "--disk", "-4", "3", "--budget", "9"],
+        "--budget belongs to --degree auto",
+    ),
+    "budget zero": (
+        ["design", "SPEC", "--disk", "-4", "3", "--degree", "auto", "--budget", "0"],
+        "--budget = 0 must be positive",
+    ),
+    "right-hand sides and degree": (
+        ["design", "SPEC", "--disk", "-4", "3", "--degree", "2", "--right-hand-sides"],
+        "leave the others out",
+    ),
+    "design's figure": (["design", "SPEC", "--disk", "-4", "3", "--plot", "x.gif"], "ends in .png"),
+    "two results in one file": (
+        ["design", "SPEC", "--disk", "-4", "3", "--plot", "x.svg", "--json", "x.svg"],
+        "named for two results",
+    ),
+    "tightest disk of no centre": (["tightest", "SPEC", "--of", "disk"], "needs --centre"),
+    "centre of a sector": (
+        ["tightest", "SPEC", "--of", "sector", "--centre", "-4"],
+        "--centre belongs to --of disk",
+    ),
+    "disk within": (
+        ["tightest", "SPEC", "--of", "disk", "--centre", "-4", "--within", "sector(0.3)"],
+        "--within belongs to",
+    ),
+    "within misspelt": (
+        ["tightest", "SPEC", "--of", "half_plane", "--within", "disk(-4)"],
+        "disk(centre, radius) takes 2 numbers",
+    ),
+    "tightest by slack": (
+        ["tightest", "SPEC", "--of", "half-plane", "--method", "slack"],
+        "goes with the methods quadratic and scheduled",
     ),
     "paper folder": (["paper", "-o", "SPEC/x"], "cannot be"),
 }

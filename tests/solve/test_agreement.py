@@ -10,7 +10,7 @@ import pytest
 
 from polefence import UncertainPlant, build, tightest
 from polefence.errors import PlantError, UncontrollableError
-from polefence.placement import tightest_near
+from polefence.smallest_region import tightest_near
 from polefence.solve.conic import largest_margin
 from polefence.solve.found import lyapunov_mean
 from polefence.solve.radius import ROUNDS

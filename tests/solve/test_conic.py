@@ -88,7 +88,7 @@ def break_engine(monkeypatch):
     def fail(*_, **__):
         raise SolverError("no point to start from")
 
-    monkeypatch.setattr("polefence.placement.smallest_radius", fail)
+    monkeypatch.setattr("polefence.smallest_region.smallest_radius", fail)
 
 
 @pytest.mark.parametrize("method", ["quadratic", "slack", "scheduled"])

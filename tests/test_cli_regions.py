@@ -162,7 +162,7 @@ def test_what_lies_beyond_the_tightest_is_not_proved(stage, tmp_path, capsys):
 
 def test_speed_without_a_bound_is_noted(stage, capsys):
     assert main(["tightest", stage, "--of", "half_plane", "--method", "quadratic"]) == 0
-    assert "note: nothing bounds the poles' speed" in capsys.readouterr().out
+    assert "note: a disk bounds the poles' speed" in capsys.readouterr().out
 
 
 def test_limits_names_degrees_and_resumes_by_them(tmp_path, capsys, monkeypatch):

@@ -216,10 +216,8 @@ def test_questions_that_do_not_fit(physical):
     plant = springs()
     gains = table(plant)
     wide = GainTable(plant.parameters, gains.grid, np.ones((3, 3, 2, 2)))
-    fine = np.linspace(1, 4, 60)
-    many = GainTable(
-        plant.parameters, {"m": fine, "k": fine - 1 - 1 / 3 * (fine - 1)}, np.ones((60, 60, 1, 2))
-    )
+    fine = {"m": np.linspace(1, 4, 60), "k": np.linspace(-1, 3, 60)}
+    many = GainTable(plant.parameters, fine, np.ones((60, 60, 1, 2)))
     for call, message in (
         (lambda: analyse(physical, gains, HalfPlane(1)), "not those of quarter car, physical"),
         (lambda: analyse(plant, wide, HalfPlane(1)), "gains are 2 x 2; spring needs 1 x 2"),
@@ -267,6 +265,41 @@ def test_a_saved_analysis_is_checked_and_loaded(tmp_path, capsys):
     assert "undecided: cell 1: inequality" in capsys.readouterr().out
     with pytest.raises(NotProvedError, match="not proved: cell 1"):
         TableAnalysis.load(tmp_path)
+
+
+def test_the_command_analyses_a_table(tmp_path, capsys, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    spec = '[parameter.m]\nrange = [1, 4]\nunit = "kg"\nthrough = "1/m"\n'
+    spec += "[parameter.k]\nrange = [-1, 3]\n"
+    spec += '[matrices]\nA = [[0, 1], ["-k/m", 0]]\nB = [[0], ["1/m"]]\n'
+    (tmp_path / "spring.toml").write_text(spec)
+    gains = table(springs())
+    grid = {name: [float(v) for v in knots] for name, knots in gains.grid.items()}
+    (tmp_path / "gains.json").write_text(json.dumps({"grid": grid, "gains": gains.gains.tolist()}))
+    command = ["analyse", "spring.toml", "--gain", "gains.json", "--depth", "2"]
+    command += ["--region", "half_plane(1.7) & sector(0.9)"]
+    results = ["-o", "out", "--json", "answer.json", "--plot", "map.svg"]
+    assert main([*command, *results]) == 1
+    out, err = capsys.readouterr()
+    assert not err
+    answer = json.loads((tmp_path / "answer.json").read_text())
+    found = TableAnalysis.load(tmp_path / "out")
+    assert f"refuted: {found.summary}" in out
+    assert answer["shares"] == found.shares
+    assert (answer["answer"], answer["cells"]) == ("refuted", len(found.cells))
+    worst = answer["counterexamples"][0]
+    assert f"at m = {worst['m']:.6g} kg, k = {worst['k']:.6g}\n" in out
+    assert "more cells" in out
+    assert "<svg" in (tmp_path / "map.svg").read_text()
+    monkeypatch.setattr("sys.stderr.isatty", lambda: True)
+    assert main(command) == 1
+    assert "100 % of the box" in capsys.readouterr().err
+    assert main(["analyse", "spring.toml", "--gain", "gains.json", "--of", "sector"]) == 2
+    assert "analyse a table with --region" in capsys.readouterr().err
+    grid["mass"] = grid.pop("m")
+    (tmp_path / "gains.json").write_text(json.dumps({"grid": grid, "gains": [[1]]}))
+    assert main(command) == 2
+    assert "gains.json: grid: unknown parameter 'mass'" in capsys.readouterr().err
 
 
 def test_figures_have_their_axes_and_legend():

@@ -71,7 +71,7 @@ def flights():
 
 def draw(plant, gains):
     """Return the figure of the aircraft's poles over the envelope, for two of the gains."""
-    alpha = np.random.default_rng(1).dirichlet(np.full(4, 0.5), 3000)
+    alpha = np.random.default_rng(1).dirichlet(np.full(4, 0.5), 1500)
     panels = {}
     for k in (0, 3):
         law = pf.FixedGain(gains[k])

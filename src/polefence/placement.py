@@ -16,8 +16,11 @@ from polefence.polynomial import Domain
 from polefence.proof.refute import unplaceable
 from polefence.region import Disk, Region
 from polefence.rounding import proved_at, rounded
-from polefence.smallest_region import INSIDE, radius_of, smallest_disk
+from polefence.smallest_region import radius_of, smallest_disk
 from polefence.solve.radius import smallest, smallest_radius
+
+# How far inside a region a point is looked for first; then as far as the search goes.
+INSIDE = (0.98, 0.0)
 
 # Degree and elevation that "auto" tries, while there are at most so many unknowns.
 LADDER = ((0, 0), (1, 0), (1, 1), (2, 0), (2, 1), (3, 0), (3, 1), (4, 0), (4, 1), (5, 1))

@@ -6,24 +6,20 @@ import math
 from contextlib import suppress
 from dataclasses import replace
 from fractions import Fraction
-from typing import Any
 
-from polefence.checks import require_domain, require_region, require_type, usable_centre
-from polefence.conditions.methods import Method, Scheduled, Slack, method_label, method_name, normal
+from polefence.checks import require_domain, require_type, usable_centre
+from polefence.conditions.methods import Method, Scheduled, method_label, method_name, normal
 from polefence.conditions.methods import options as options_of
-from polefence.conditions.target import FASTEST, Around, Decays, Goal, Sectors
 from polefence.design import Design
 from polefence.errors import InputError, NotProvedError, SolverError
+from polefence.largest import STEPS, largest
 from polefence.plant.family import UncertainPlant
 from polefence.proof.repair import lower_bound
-from polefence.region import Disk, HalfPlane, Region, Sector, damping_of
+from polefence.region import Disk, Region
 from polefence.rounding import proved_at, rounded
 from polefence.solve import bisection
 from polefence.solve.found import Found
-from polefence.solve.radius import smallest, smallest_radius, typical_rate
-
-# How far above the radius that a point reaches in floats the exact proof is attempted.
-STEPS = (1e-7, 1e-6, 1e-5, 1e-4)
+from polefence.solve.radius import smallest_radius
 
 # A search that stopped before it converged, above this share of sigma, has a second opinion.
 STALLED = 1e-3
@@ -31,14 +27,8 @@ STALLED = 1e-3
 # A lower bound farther off than this share of the radius is sought again, with this tolerance.
 GAP, CLOSER = 3e-6, 1e-10
 
-# How close a search for other regions than disks goes, until a point of it is proved.
-TOLERANCES = (1e-10, 1e-8, 1e-6, 1e-4, 1e-3, 1e-2)
-
 # Where nothing near the infimum is proved: points for radii this much larger.
 RETREATS = (1e-4, 1e-3, 1e-2, 0.1, 1.0, 10.0, 100.0)
-
-# How far inside a region a point is looked for first; then as far as the search goes.
-INSIDE = (0.98, 0.0)
 
 
 def tightest(
@@ -84,7 +74,9 @@ def tightest(
     if options_of(method).degree == "auto":
         raise InputError("degree = 'auto' is for place; give tightest a number")
     if of != "disk":
-        return _tightest_other(plant, of, method, within, centre)
+        if centre is not None:
+            raise InputError(f"of = {of!r} has no centre; leave it out")
+        return largest(plant, of, method, within)
     if centre is None or within is not None:
         raise InputError("the smallest disk needs a centre, and takes no region within")
     centre = usable_centre(plant, centre)
@@ -96,51 +88,6 @@ def tightest(
             "proved; check the plant's units and try another centre"
         )
     return best
-
-
-def _tightest_other(
-    plant: UncertainPlant,
-    of: str,
-    method: Method,
-    within: Region | None,
-    centre: float | None,
-) -> Design:
-    """Return the design of the largest decay rate, or damping ratio."""
-    if centre is not None:
-        raise InputError(f"of = {of!r} has no centre; leave it out")
-    if isinstance(options_of(method), Slack):
-        raise InputError(f"of = {of!r} goes with the methods quadratic and scheduled")
-    require_region(plant, HalfPlane(0) if within is None else HalfPlane(0) & within)
-    plant.require_controllable()
-    size = (within.scale if within else 0.0) or typical_rate(plant.A)
-    goal: Goal = Decays(FASTEST * size, within) if of == "half_plane" else Sectors(size, within)
-    base = within if of == "half_plane" else (HalfPlane(0) & within if within else HalfPlane(0))
-    try:
-        start = smallest(plant.A, plant.B, Around(base), method, enough=INSIDE[0]) if base else None
-        if start is not None and start.radius >= 1:
-            raise NotProvedError(f"not proved: {method_label(method)} gives no proof for {base}")
-    except SolverError as error:
-        raise NotProvedError(f"undecided: {method_label(method)}: {error}") from error
-    near = None if start is None else replace(start, radius=0.0)
-    # Nearer to the optimum a Lyapunov matrix may be too ill-conditioned to be proved in doubles.
-    for tolerance in TOLERANCES:
-        with suppress(SolverError):
-            found = smallest(plant.A, plant.B, goal, method, near, tolerance=tolerance)
-            for step in (*STEPS, 1e-3, 1e-2):
-                region = _region_of(of, goal, found.radius * (1 + step), step)
-                whole = region if within is None or region is None else region & within
-                design = whole and proved_at(plant, whole, method, found)
-                if design:
-                    return design
-    raise NotProvedError(f"undecided: {method_label(method)} gave no point that could be proved")
-
-
-def _region_of(of: str, goal: Any, r: float, step: float) -> Region | None:
-    if of == "half_plane":
-        decay = goal.fastest - r
-        return HalfPlane(decay - step * abs(decay))
-    damping = damping_of(r)
-    return Sector(damping) if 1e-8 <= damping < 1 else None
 
 
 def tightest_near(

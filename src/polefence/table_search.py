@@ -6,7 +6,7 @@ import time
 from collections import deque
 from collections.abc import Callable
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from fractions import Fraction
 from functools import cached_property
 from itertools import pairwise, product
@@ -20,6 +20,7 @@ from polefence.conditions.target import Around
 from polefence.errors import InputError, SolverError
 from polefence.gain_table import GainTable
 from polefence.plant.family import UncertainPlant
+from polefence.plant.system import Array
 from polefence.polynomial import Domain, bernstein, elevated, times
 from polefence.proof import cells as proof
 from polefence.proof import exact
@@ -73,9 +74,9 @@ def analyse_table(
     done: list[Cell] = []
     while queue:
         low, high, level = queue.popleft()
-        cell, hopeless = work.decided(low, high)
-        halved = cell.answer != "proved" and not hopeless and level < depth
-        if halved and time.perf_counter() < deadline and len(done) + len(queue) + 2 <= most:
+        room = time.perf_counter() < deadline and len(done) + len(queue) + 2 <= most
+        cell = work.decided(low, high, last=level >= depth or not room)
+        if cell is None:
             queue += [(*half, level + 1) for half in _halves(low, high, work.exactly.axes)]
             continue
         done.append(cell)
@@ -110,54 +111,61 @@ class _Work:
         each = max(proof.work(self.exactly, len(self.parts), *form) for form in FORMS)
         return min(proof.MAX_CELLS, proof.MAX_WORK // each)
 
-    def decided(self, low: proof.Point, high: proof.Point) -> tuple[Cell, bool]:
-        """Return a cell with its answer, and whether all of its sampled points are outside."""
-        point, hopeless = self._counterexample(low, high)
-        if point is not None:
-            return Cell(low, high, "refuted", point=point), hopeless
-        evidence = []
-        for region, part in zip(self.question.region.parts, self.parts, strict=True):
-            found = self._proof(region, part, low, high)
-            if found is None:
-                return Cell(low, high, "undecided"), False
-            evidence.append(found)
-        return Cell(low, high, "proved", tuple(evidence)), False
+    def decided(self, low: proof.Point, high: proof.Point, last: bool) -> Cell | None:
+        """Return a cell with its answer, or None where it is to be halved: never the last time."""
+        points, distance = self._sampled(low, high)
+        some = bool(distance.min() < 0)
+        if distance.max() >= 0 and some and not last:
+            return None
+        if distance.max() >= 0:
+            point = self._counterexample(points[int(np.argmax(distance))], low, high)
+            if point is not None:
+                return Cell(low, high, "refuted", point=point)
+        evidence = self._proof(low, high)
+        if evidence is None:
+            return Cell(low, high, "undecided") if last else None
+        return Cell(low, high, "proved", evidence)
 
-    def _counterexample(
-        self, low: proof.Point, high: proof.Point
-    ) -> tuple[proof.Point | None, bool]:
-        """Return the worst sampled point if it is outside, exactly; and whether all seem to be."""
+    def _sampled(self, low: proof.Point, high: proof.Point) -> tuple[Array, Array]:
+        """Return points of a cell and how far outside the region their worst poles are."""
         a, b = (np.array([float(v) for v in side]) for side in (low, high))
         count = max(2, min(SAMPLES, round(MOST_SAMPLES ** (1 / len(a)))))
         steps = np.array(list(product(np.linspace(0, 1, count), repeat=len(a))))
         points = a + steps * (b - a)
-        distance = self.question.region.distance(self.question.poles(points)).max(axis=1)
-        worst = int(np.argmax(distance))
-        if distance[worst] < 0:
-            return None, False
-        point = tuple(
-            min(max(Fraction(float(v)), lo), hi)
-            for v, lo, hi in zip(points[worst], low, high, strict=True)
-        )
-        inside = exact.all_inside(self.exactly.loop(point), self.parts)
-        return None if inside else point, bool(distance.min() >= 0)
+        return points, self.question.region.distance(self.question.poles(points)).max(axis=1)
 
-    def _proof(
-        self, region: Region, part: exact.Part, low: proof.Point, high: proof.Point
-    ) -> exact.Evidence | None:
-        loop = _loop(proof.cell_claim(self.exactly, (part,), low, high, ()))
-        for form in FORMS:
-            for enough in INSIDE:
-                with suppress(SolverError):
-                    found = least(loop, Around(region), *form, enough=enough)
-                    if found.r >= 1:
-                        break
-                    X = [[[Fraction(e) for e in row] for row in Q] for Q in found.Q.tolist()]
-                    evidence = exact.Evidence(X, *form)
-                    cell = Cell(low, high, "proved", (evidence,))
-                    if proof.prove_cell(self.exactly, (part,), cell).proved:
-                        return evidence
-        return None
+    def _counterexample(
+        self, point: Array, low: proof.Point, high: proof.Point
+    ) -> proof.Point | None:
+        """Return a point of a cell if a pole is not in the region there, exactly."""
+        sides = zip(point, low, high, strict=True)
+        exactly = tuple(min(max(Fraction(float(v)), lo), hi) for v, lo, hi in sides)
+        return None if exact.all_inside(self.exactly.loop(exactly), self.parts) else exactly
+
+    def _proof(self, low: proof.Point, high: proof.Point) -> tuple[exact.Evidence, ...] | None:
+        """Return evidence for every part of the region, None where one has none."""
+        claim = proof.cell_claim(self.exactly, self.parts, low, high, ())
+        loop, evidence = _loop(claim), []
+        for region, part in zip(self.question.region.parts, self.parts, strict=True):
+            found = _evidence(replace(claim, region=(part,)), loop, region)
+            if found is None:
+                return None
+            evidence.append(found)
+        return tuple(evidence)
+
+
+def _evidence(claim: exact.Claim, loop: Loop, part: Region) -> exact.Evidence | None:
+    for form in FORMS:
+        for enough in INSIDE:
+            with suppress(SolverError):
+                found = least(loop, Around(part), *form, enough=enough)
+                if found.r >= 1:
+                    break
+                X = [[[Fraction(e) for e in row] for row in Q] for Q in found.Q.tolist()]
+                evidence = exact.Evidence(X, *form)
+                if exact.prove(replace(claim, evidence=(evidence,))).proved:
+                    return evidence
+    return None
 
 
 def _loop(claim: exact.Claim) -> Loop:

@@ -144,6 +144,10 @@ USAGE = {
         ["design", "SPEC", "--disk", "-4", "3", "--degree", "2", "--right-hand-sides"],
         "leave the others out",
     ),
+    "right-hand sides of no disk": (
+        ["design", "SPEC", "--region", "half_plane(1)", "--right-hand-sides"],
+        "is for a single disk, not half_plane(1)",
+    ),
     "design's figure": (["design", "SPEC", "--disk", "-4", "3", "--plot", "x.gif"], "ends in .png"),
     "two results in one file": (
         ["design", "SPEC", "--disk", "-4", "3", "--plot", "x.svg", "--json", "x.svg"],

@@ -69,7 +69,8 @@ def document(plant, kind):
         certificate = replace(certificate, method="lyapunov", evidence=evidence)
     elif kind == "lyapunov, scheduled":
         W = certificate.law.W.mean(axis=0)
-        small = 1e-3 * np.linalg.inv(W + W.T)
+        small = 1e-3 * np.linalg.inv(W)
+        small = small + small.T
         parts = (
             {"X": small[None], "degree": 0, "elevation": 0, "multiple": np.ones(1)},
             {"X": np.stack([small] * 4), "degree": 1, "elevation": 0, "multiple": np.ones(4)},

@@ -11,7 +11,7 @@ import pytest
 
 from polefence import Scheduled
 from polefence.conditions.methods import build, method_name
-from polefence.proof import exact, lower, repair
+from polefence.proof import lower, repair
 from polefence.solve.radius import smallest_radius
 
 RIGHT = Scheduled(right_hand_sides=True)

@@ -275,6 +275,103 @@ def test_a_small_file_asks_for_no_more_than_seconds_of_work(tmp_path):
     assert time.perf_counter() - begin < SECONDS
 
 
+# --- claims made without a file ------------------------------------------------------------------
+
+ONE, ZERO = [[Fraction(1)]], [[Fraction(0)]]
+HALF_PLANE = exact.Part("half_plane", (Fraction(1, 2),))
+FIXED = exact.Law([ZERO])
+SCHEDULED = exact.Law(None, [ONE] * 3, [ZERO] * 3, 1)
+EVIDENCE = exact.Evidence([ONE])
+
+
+def scalars(method="lyapunov", law=FIXED, evidence=(EVIDENCE,), N=3, **others):
+    """x' = -x, N times: every pole is -1, every certificate that is one proves it."""
+    A, B = [[[Fraction(-1)]]] * N, [ONE] * N
+    return exact.Claim(method, A, B, (HALF_PLANE,), law, tuple(evidence), **others)
+
+
+SLACK = exact.Evidence([ONE] * 3, 1, G=ONE, epsilon=Fraction(1, 10))
+GOOD = {
+    "one gain": scalars(),
+    "one gain, quadratic": scalars("quadratic"),
+    "gains at the corners": scalars(law=exact.Law([ZERO] * 3)),
+    "weights": scalars(weights=(Fraction(1), Fraction(1, 2), Fraction(3, 2))),
+    "scheduled": scalars("scheduled", SCHEDULED, [exact.Evidence([])]),
+    "scheduled, given": scalars(
+        law=SCHEDULED, evidence=[exact.Evidence([ZERO], multiple=(Fraction(1),))]
+    ),
+    "slack": scalars("slack", evidence=[SLACK]),
+    "a box": scalars(N=4, on="box"),
+}
+BAD = {
+    "method": scalars("cubic"),
+    "no vertices": scalars(N=0),
+    "no region": replace(scalars(), region=()),
+    "no evidence": scalars(evidence=[]),
+    "evidence twice": scalars(evidence=[EVIDENCE] * 2),
+    "vertices of B": replace(scalars(), B=[ONE]),
+    "three corners of a box": scalars(on="box"),
+    "a ball": scalars(on="ball"),
+    "no law": scalars(law=exact.Law()),
+    "two laws": scalars(law=replace(SCHEDULED, K=[ZERO])),
+    "two gains for three corners": scalars(law=exact.Law([ZERO] * 2)),
+    "no gain": scalars(law=exact.Law([])),
+    "gains at the corners, quadratic": scalars("quadratic", exact.Law([ZERO] * 3)),
+    "gains at the corners, slack": scalars("slack", exact.Law([ZERO] * 3), [SLACK]),
+    "scheduled law, quadratic": scalars("quadratic", SCHEDULED),
+    "one gain, scheduled": scalars("scheduled", evidence=[exact.Evidence([])]),
+    "W too few": scalars("scheduled", replace(SCHEDULED, W=[ONE] * 2), [exact.Evidence([])]),
+    "Z too few": scalars("scheduled", replace(SCHEDULED, Z=[ZERO] * 2), [exact.Evidence([])]),
+    "degree of the law": scalars("scheduled", replace(SCHEDULED, degree=2), [exact.Evidence([])]),
+    "X of a scheduled law": scalars("scheduled", SCHEDULED),
+    "degree of X": scalars(evidence=[exact.Evidence([ONE], 1)]),
+    "X too few": scalars(evidence=[exact.Evidence([])]),
+    "degree, quadratic": scalars("quadratic", evidence=[exact.Evidence([ONE] * 3, 1)]),
+    "negative elevation": scalars(evidence=[exact.Evidence([ONE], elevation=-1)]),
+    "huge elevation": scalars(evidence=[exact.Evidence([ONE], elevation=17)]),
+    "weights too few": scalars(weights=(Fraction(1),)),
+    "weights, quadratic": scalars("quadratic", weights=(Fraction(1),) * 3),
+    "weights, scheduled": replace(GOOD["scheduled, given"], weights=(Fraction(1),) * 3),
+    "multiples too many": scalars(
+        law=SCHEDULED, evidence=[exact.Evidence([ZERO], multiple=(Fraction(1),) * 3)]
+    ),
+    "multiples of one gain": scalars(evidence=[exact.Evidence([ONE], multiple=(Fraction(1),))]),
+    "no G": scalars("slack", evidence=[replace(SLACK, G=None)]),
+    "G, quadratic": scalars("quadratic", evidence=[exact.Evidence([ONE], G=ONE)]),
+    "tau": scalars(evidence=[exact.Evidence([ONE], tau=Fraction(1))]),
+}
+WRONG = {
+    "weight zero": scalars(weights=(Fraction(1), Fraction(0), Fraction(1))),
+    "weight negative": scalars(weights=(Fraction(-1),) * 3),
+    "X negative": scalars(evidence=[exact.Evidence([[[Fraction(-1)]]])]),
+    "X zero": scalars(evidence=[exact.Evidence([ZERO])]),
+    "W negative": scalars(
+        "scheduled", replace(SCHEDULED, W=[[[Fraction(-1)]]] * 3), [exact.Evidence([])]
+    ),
+    "multiple negative": scalars(
+        law=SCHEDULED, evidence=[exact.Evidence([ZERO], multiple=(Fraction(-1),))]
+    ),
+    "G negative": scalars("slack", evidence=[replace(SLACK, G=[[Fraction(-1)]])]),
+    "gain of a corner": scalars(law=exact.Law([ZERO, ZERO, ONE])),
+}
+
+
+@pytest.mark.parametrize("claim", GOOD)
+def test_claims_without_a_file_are_proved(claim):
+    assert exact.prove(GOOD[claim]).proved
+
+
+@pytest.mark.parametrize("claim", BAD)
+def test_claims_that_do_not_fit_together_are_refused(claim):
+    with pytest.raises(exact.FormatError):
+        exact.prove(BAD[claim])
+
+
+@pytest.mark.parametrize("claim", WRONG)
+def test_claims_whose_numbers_are_wrong_are_not_proved(claim):
+    assert not exact.prove(WRONG[claim]).proved
+
+
 PARTS = [
     exact.Part("ellipse", (Fraction(1, 2), Fraction(3), Fraction(1))),
     exact.Part("sector", (Fraction(1, 2), Fraction(1))),

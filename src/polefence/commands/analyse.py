@@ -214,7 +214,9 @@ def _worst(plant: UncertainPlant, worst: WorstCase, options: Any) -> int:
             "values": worst.values,
         },
     )
-    if options.plot is not None and design is not None:
+    if options.plot is not None and design is None:
+        print("not drawn: nothing was proved")
+    elif options.plot is not None and design is not None:
         from polefence.plots import poles_figure, sampled
 
         write_figure(options.plot, poles_figure({plant.name: sampled(design)}, design.region))

@@ -17,7 +17,6 @@ from polefence.commands.shared import (
 from polefence.conditions.methods import Method, Scheduled
 from polefence.errors import InputError
 from polefence.placement import place
-from polefence.plant.family import UncertainPlant
 from polefence.region import Disk, Region
 from polefence.region_text import load_region, parse_region
 from polefence.sweep import plant_summary
@@ -45,7 +44,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--right-hand-sides",
         action="store_true",
-        help="scheduled: keep the right-hand sides of the paper's (15)-(17)",
+        help="scheduled: keep the right-hand sides of the paper's (15)-(17), for a disk",
     )
     result_arguments(parser)
 
@@ -55,20 +54,24 @@ def design_command(options: Any) -> int:
     plant = read_plant(options.spec)
     region = _region(options)
     method = _method(options)
+    if options.right_hand_sides and not isinstance(region, Disk):
+        raise InputError(f"--right-hand-sides is for a single disk, not {region}")
     check_results(options)
     design = place(plant, region, method)
     label = label_of(design)
-    print(f"proved: {label} keeps all poles of {plant.name!r} in {region} for every alpha")
-    if _across(plant, region):
+    lines = [f"proved: {label} keeps all poles of {plant.name!r} in {region} for every alpha"]
+    if plant.sample_time is None and not region.stable:
         shape = "disk" if isinstance(region, Disk) else "region"
-        print(f"note: this {shape} reaches into the right half-plane; it does not imply stability")
+        lines.append(
+            f"note: this {shape} reaches into the right half-plane; it does not imply stability"
+        )
     summary = {
         "plant": plant_summary(plant),
         "region": region.document(),
         "method": label,
         "status": "proved",
     }
-    report(design, summary, options)
+    report(design, lines, summary, options)
     return PROVED
 
 
@@ -93,7 +96,3 @@ def _method(options: Any) -> Method:
     if method != "scheduled":
         raise InputError("--right-hand-sides is for degree 1 on the simplex; leave the others out")
     return Scheduled(right_hand_sides=True)
-
-
-def _across(plant: UncertainPlant, region: Region) -> bool:
-    return plant.sample_time is None and not region.stable

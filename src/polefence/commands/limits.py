@@ -81,6 +81,10 @@ def limits_command(options: Any) -> int:
             executor,
             progress.step,
         )
+    if options.plot is not None:
+        from polefence.plots import limits_figure
+
+        write_figure(options.plot, limits_figure({plant.name: rows}))
     print(f"{plant.name}: {size_of(plant)}")
     width = max(10, *(len(row["method"]) for row in rows))
     print(
@@ -89,10 +93,6 @@ def limits_command(options: Any) -> int:
     )
     for row in rows:
         print(_row_line(row, width, plant.sample_time is None))
-    if options.plot is not None:
-        from polefence.plots import limits_figure
-
-        write_figure(options.plot, limits_figure({plant.name: rows}))
     return PROVED if all(row["status"] == "proved" for row in rows) else NOT_PROVED
 
 

@@ -23,6 +23,10 @@ PROVED, NOT_PROVED = 0, 1
 
 # Poles computed in doubles may lie outside by so much of the region's size.
 ROUNDING = 1e-6
+TOO_LARGE = (
+    "note: computed in doubles, this gain does NOT keep the poles there: it is too large; "
+    "ask for a region that bounds the poles' speed, such as a disk"
+)
 
 
 def spec_argument(parser: argparse.ArgumentParser) -> None:
@@ -101,26 +105,26 @@ def gains_of(law: Any, N: int) -> dict[str, Any]:
     return {f"K at vertex {j + 1}": law.gain(alpha).tolist() for j, alpha in enumerate(corner)}
 
 
-def report(design: Design, summary: Mapping[str, Any], options: Any) -> None:
-    """Print a design's gains; save it, its summary and its figure where the options say so."""
+def report(design: Design, lines: list[str], summary: Mapping[str, Any], options: Any) -> None:
+    """Save a design, its summary and its figure where the options say so; print lines and gains.
+
+    Files first: nobody need read the output to its end.
+    """
     from polefence.plots import poles_figure, sampled
 
     cloud, corners = sampled(design)
-    if not np.all(design.region.distance(cloud) < ROUNDING * design.region.size):
-        print(
-            "note: computed in doubles, this gain does NOT keep the poles there: it is too large; "
-            "ask for a region that bounds the poles' speed, such as a disk"
-        )
     gains = gains_of(design.law, len(design.plant.vertices))
-    for label, gain in gains.items():
-        print(f"  {label} = {matrix_text(gain)}")
-    if options.output is not None:
-        print(f"saved: {design.save(options.output)}")
+    saved = None if options.output is None else design.save(options.output)
     if options.json is not None:
         write_json(options.json, {**summary, "gains": gains})
     if options.plot is not None:
         figure = poles_figure({design.plant.name: (cloud, corners)}, design.region)
         write_figure(options.plot, figure)
+    if not np.all(design.region.distance(cloud) < ROUNDING * design.region.size):
+        lines = [*lines, TOO_LARGE]
+    print("\n".join([*lines, *(f"  {label} = {matrix_text(K)}" for label, K in gains.items())]))
+    if saved is not None:
+        print(f"saved: {saved}")
 
 
 def write_figure(path: Path, figure: Any) -> None:

@@ -16,13 +16,11 @@ from polefence.commands.shared import (
 )
 from polefence.design import Design
 from polefence.errors import InputError
-from polefence.region import Disk, Ellipse, VerticalStrip
-from polefence.region_text import digits_down, digits_up, parse_region
+from polefence.region_text import digits_down, digits_up, parse_region, short_text
 from polefence.smallest_region import tightest
 from polefence.sweep import plant_summary
 
 KINDS = ("disk", "half_plane", "sector")
-BOUNDED = (Disk, Ellipse, VerticalStrip)  # parts with a fastest pole
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -71,13 +69,14 @@ def tightest_command(options: Any) -> int:
     check_results(options)
     design = tightest(plant, options.centre, method, of=options.of, within=within)
     value, text = _answer(options.of, design)
-    beside = "" if within is None else f", within {within}"
-    print(f"proved: {text}{beside}, for every alpha of {plant.name!r} by {label_of(design)}")
-    if options.of != "disk" and not (within and any(isinstance(p, BOUNDED) for p in within.parts)):
-        print(
-            "note: nothing bounds the poles' speed, so gains may be very large and the search may "
-            "stop early; --within 'disk(-40, 39)' bounds it"
+    rest = " & ".join(short_text(part) for part in design.region.parts[1:])
+    beside = f", within {rest}" if rest else ""
+    lines = [f"proved: {text}{beside}, for every alpha of {plant.name!r} by {label_of(design)}"]
+    if options.of != "disk" and (within is None or within.parts != design.region.parts[1:]):
+        lines.append(
+            "note: a disk bounds the poles' speed, or gains would be without bound; choose"
         )
+        lines.append("your own: --within 'disk(-40, 39)'")
     summary = {
         "plant": plant_summary(plant),
         "of": options.of,
@@ -87,7 +86,7 @@ def tightest_command(options: Any) -> int:
         "method": label_of(design),
         "status": "proved",
     }
-    report(design, summary, options)
+    report(design, lines, summary, options)
     return PROVED
 
 

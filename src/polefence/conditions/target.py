@@ -14,8 +14,8 @@ import numpy as np
 from polefence.plant.system import Array
 from polefence.region import Region
 
-# Decay rates beyond this multiple of the plant's own rates are not looked for.
-FASTEST = 100.0
+# Decay rates are looked for up to this multiple of the rate that is typical of the region.
+FASTEST = 2.5
 # Parts whose inequality does not imply X > 0.
 _OPEN = ("half_plane", "sector")
 

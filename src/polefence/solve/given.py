@@ -20,6 +20,7 @@ FLOOR = 1e-4
 ROUNDS = 3
 DOUBLINGS = 12
 WIDE = 1.3
+LEAST, WORST = 1e-6, 1e8
 
 
 @dataclass(frozen=True, eq=False)
@@ -145,16 +146,33 @@ def _mean(P: dict[tuple[int, ...], Array]) -> Array:
 
 
 def _start(F: Array) -> Array:
-    """Return the Gramian of a loop on a disk about its own modes, as coordinates to begin in."""
+    """Return the Gramian of a loop on a disk about its own modes, as coordinates to begin in.
+
+    Where the modes are close to one multiple mode, on a wider disk: the Gramian must be a usable
+    change of coordinates.
+    """
     n = len(F)
-    centre = float(np.real(np.linalg.eigvals(F)).mean())
-    F = F - centre * np.eye(n)
-    F = F / (1.2 * max(float(np.abs(np.linalg.eigvals(F)).max()), 1e-12))
-    W = np.eye(n)
-    for _ in range(DOUBLINGS):
-        W = W + F @ W @ F.T
-        F = F @ F
-    return (W + W.T) / 2
+    F = F - float(np.real(np.linalg.eigvals(F)).mean()) * np.eye(n)
+    radius = max(1.2 * float(np.abs(np.linalg.eigvals(F)).max()), LEAST)
+    while radius < float(np.abs(F).sum()):
+        W = _gramian(F / radius)
+        if W is not None:
+            return W
+        radius *= 2
+    return np.eye(n)
+
+
+def _gramian(F: Array) -> Array | None:
+    """Return the sum of F^k F'^k, None where it is too ill-conditioned."""
+    W = np.eye(len(F))
+    with np.errstate(over="ignore", invalid="ignore"):
+        for _ in range(DOUBLINGS):
+            W = W + F @ W @ F.T
+            F = F @ F
+        W = (W + W.T) / 2
+        even = W / np.sqrt(np.outer(np.diag(W), np.diag(W)))
+    usable = np.all(np.isfinite(even)) and np.linalg.cond(even) < WORST
+    return W if usable else None
 
 
 def _factor(X: Array) -> Array:

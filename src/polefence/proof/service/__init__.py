@@ -1,0 +1,158 @@
+"""Prove how much may go wrong in service, in exact arithmetic, from a design's own W and Z.
+
+With X = W (of the law K = Z W^-1; for one gain its Lyapunov matrix, Z = K W) three claims, each
+about every parameter value of the plant, or every alpha where the plant has no parameters:
+
+    estimate  all poles of A(p) + B(p) K(q) lie in the region for all p, q with |p_i - q_i| <= e_i:
+              F > 0 for X = W(q), N = A(p) W(q) + B(p) Z(q). At each q, F is multi-affine in the
+              scheduling variables of p: p_i = q_i + e_i and q_i - e_i, cut off at the bounds, are
+              enough. Between the points where a bound begins to act both are affine in q_i, and
+              times p_i, or q_i, so is what is affine in 1/p_i, or 1/q_i. Without parameters:
+              p = (1 - e) a + e u, q = (1 - e) a + e v, a, v in the simplex, u its corners.
+    gain      all poles of A + B (K + e S D T) lie in the region for all |D| <= 1, S and T the
+              diagonal matrices of ``rows`` and ``columns``: for each L, M = M1 M2 there is mu > 0
+              (Petersen 1987) with
+              [ F, mu M1 (x) B S, e M2' (x) W T ; *, mu I, 0 ; *, 0, mu I ] > 0.
+    rate      x' W^-1 x decreases faster than exp(-2 a t) for all |dp_i/dt| <= r_i:
+              -(N + N' + 2 a W) + dW/dt > 0, all signs; d(1/p)/dt = -(1/p)^2 dp/dt. Without
+              parameters alpha' = r (u - v), u and v corners.
+
+F = -(L (x) X + M (x) N + M' (x) N') for each part of the region. Every inequality is a polynomial,
+homogeneous in the coordinates of pieces of the intervals; it holds if all of its coefficients,
+times (sum of coordinates)^elevation, are positive definite. Integers and the standard library only.
+"""
+
+from __future__ import annotations
+
+import math
+from fractions import Fraction
+
+from polefence.proof.exact import (
+    MAX_DEGREE,
+    MAX_WORK,
+    FormatError,
+    Verdict,
+    _characteristic_pairs,
+    _fault,
+    _is_symmetric,
+    _number,
+    is_positive_definite,
+    simplices,
+)
+from polefence.proof.service.claims import (
+    MAX_BLOCKS,
+    MAX_PIECES,
+    Estimate,
+    Gain,
+    Range,
+    Rate,
+    ServiceClaim,
+    Subject,
+)
+from polefence.proof.service.inequalities import blocks
+from polefence.proof.service.pieces import degree_of, law_of
+from polefence.proof.service.reading import FORMAT, read_service
+
+__all__ = [
+    "FORMAT",
+    "MAX_PIECES",
+    "Estimate",
+    "Gain",
+    "Range",
+    "Rate",
+    "ServiceClaim",
+    "Subject",
+    "blocks",
+    "prove_service",
+    "read_service",
+]
+
+
+def prove_service(claim: ServiceClaim) -> Verdict:
+    """Decide whether the design's own matrices prove the claim; False does not refute it.
+
+    Raises
+    ------
+    FormatError
+        If the claim is incomplete or inconsistent, or asks for work out of all proportion.
+    """
+    _require_consistent(claim)
+    for part in claim.subject.design.region:
+        fault = _fault(part)
+        if fault:
+            return Verdict(False, fault)
+    W, _ = law_of(claim.subject.design)
+    for k, w in enumerate(W):
+        if not _is_symmetric(w):
+            return Verdict(False, f"W {k + 1} is not symmetric")
+    count = 0
+    for name, matrix in blocks(claim):
+        if not is_positive_definite(matrix):
+            return Verdict(False, f"inequality {name} is not positive definite")
+        count += 1
+    return Verdict(True, f"{count} inequalities positive definite in exact arithmetic")
+
+
+def _require_consistent(claim: ServiceClaim) -> None:
+    subject = claim.subject
+    design, count = subject.design, max(len(subject.ranges), 1)
+    n, m = len(design.A[0]), len(design.B[0][0])
+    W, _ = law_of(design)
+    if subject.ranges and len(design.A) != 2 ** len(subject.ranges):
+        raise FormatError(
+            f"{len(subject.ranges)} parameters need {2 ** len(subject.ranges)} corners"
+        )
+    if not subject.ranges and len(simplices(design)) > 1:
+        raise FormatError("a law on a box needs the parameters' ranges")
+    for r in subject.ranges:
+        if r.low >= r.high or (r.inverted and r.low <= 0 <= r.high):
+            raise FormatError("a parameter's range is empty, or touches zero where 1/p is used")
+    if len(subject.pieces) != len(subject.ranges):
+        raise FormatError("pieces must hold one whole number a parameter")
+    if any(not 1 <= pieces <= MAX_PIECES for pieces in subject.pieces):
+        raise FormatError(f"pieces must be 1 to {MAX_PIECES}")
+    if not 0 <= subject.elevation <= MAX_DEGREE:
+        raise FormatError(f"elevation must be 0 to {MAX_DEGREE}")
+    pairs = sum(len(_characteristic_pairs(part)) for part in design.region)
+    if isinstance(claim, Estimate):
+        _numbers(claim.errors, count, "errors")
+        if not subject.ranges and claim.errors[0] > 1:
+            raise FormatError("errors: a share is at most 1")
+    elif isinstance(claim, Gain):
+        _numbers((claim.error,), 1, "error")
+        for key, length in (("rows", m), ("columns", n), ("mu", pairs)):
+            _numbers(getattr(claim, key), length, key, positive=True)
+    else:
+        _numbers((claim.decay,), 1, "decay")
+        if claim.rates is not None:
+            _numbers(claim.rates, count, "rates")
+        elif len(W) > 1:
+            raise FormatError("rates: only one W for all parameters holds at any rate")
+    count, size = _work(claim, len(W) > 1)
+    if count > MAX_BLOCKS or count * (2 * size) ** 3 > MAX_WORK:
+        raise FormatError("these are more inequalities, or larger ones, than are checked here")
+
+
+def _numbers(values: tuple[Fraction, ...], count: int, key: str, positive: bool = False) -> None:
+    if len(values) != count:
+        raise FormatError(f"{key} must hold {count} numbers")
+    if any(value < 0 or (positive and not value) for value in values):
+        raise FormatError(f"{key} must be {'positive' if positive else 'zero or more'}")
+
+
+def _work(claim: ServiceClaim, varying: bool) -> tuple[int, int]:
+    """Return how many inequalities there are at most, W > 0 left out, and half their size."""
+    subject, size = claim.subject, len(claim.subject.design.A[0])
+    degree, N, q = degree_of(subject.design), len(subject.design.A), len(subject.ranges)
+    raised = degree + 1 + subject.elevation
+    each = math.prod(subject.pieces) * len(subject.design.region)
+    if isinstance(claim, Gain):
+        size = 2 * size + len(claim.rows)
+    elif isinstance(claim, Estimate) and q:
+        for pieces, error in zip(subject.pieces, claim.errors, strict=True):
+            each = each // pieces * 2 * (pieces + 1) if error else each
+    elif isinstance(claim, Estimate):
+        each *= N * _number((N,), degree)
+    elif varying:
+        each *= 2 ** sum(1 for r in claim.rates or () if r) if q else N * N
+    return each * ((raised + 1) ** q if q else _number((N,), raised)), size

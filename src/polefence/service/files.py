@@ -1,0 +1,132 @@
+"""Service files: a design and what is claimed of it, written, and checked afresh."""
+
+from __future__ import annotations
+
+import json
+from fractions import Fraction
+from pathlib import Path
+from typing import Any
+
+from polefence.design import rounded_down
+from polefence.errors import DesignFileError
+from polefence.files import read_text
+from polefence.plant.family import UncertainPlant
+from polefence.proof import exact
+from polefence.proof.certificate import Certificate, Check
+from polefence.proof.service import (
+    FORMAT,
+    Estimate,
+    Gain,
+    Rate,
+    ServiceClaim,
+    prove_service,
+    read_service,
+)
+from polefence.region import exactly
+
+
+def claim_document(claim: ServiceClaim) -> dict[str, Any]:
+    """Return the claim as plain data: numbers where doubles hold them, else strings "p/q"."""
+    table: dict[str, Any] = {}
+    if isinstance(claim, Estimate):
+        table = {"kind": "estimate", "errors": plain(claim.errors)}
+    elif isinstance(claim, Gain):
+        table = {"kind": "gain", "error": plain(claim.error)}
+        table |= {key: plain(getattr(claim, key)) for key in ("rows", "columns", "mu")}
+    elif isinstance(claim, Rate):
+        rates = "any" if claim.rates is None else plain(claim.rates)
+        table = {"kind": "rate", "decay": plain(claim.decay), "rates": rates}
+    if claim.subject.pieces:
+        table["pieces"] = list(claim.subject.pieces)
+    return table | {"elevation": claim.subject.elevation}
+
+
+def plain(value: Fraction | tuple[Fraction, ...]) -> Any:
+    """Return a number where a double holds it, else the string "p/q"."""
+    if isinstance(value, tuple):
+        return [plain(each) for each in value]
+    return float(value) if Fraction(float(value)) == value else str(value)
+
+
+def is_service_file(path: Path) -> bool:
+    """Whether a file says that it is of this format."""
+    if not path.is_file():
+        return False
+    try:
+        document = json.loads(read_text(path, exact.MAX_BYTES, DesignFileError))
+    except (ValueError, RecursionError):
+        return False
+    return isinstance(document, dict) and document.get("format") == FORMAT
+
+
+def check_service(path: str | Path) -> Check:
+    """Prove a service file afresh, in exact arithmetic: "proved" or "undecided".
+
+    The reason begins with what is claimed.
+
+    Raises
+    ------
+    DesignFileError
+        If the file cannot be read as a service file.
+    """
+    claim, document = _read(path)
+    try:
+        verdict = prove_service(claim)
+    except exact.FormatError as error:
+        raise DesignFileError(f"{path}: {error}") from error
+    reason = f"{statement(claim, document)}: {verdict.reason}"
+    return Check("proved" if verdict.proved else "undecided", reason)
+
+
+def service_plant(path: str | Path) -> UncertainPlant:
+    """Return the plant of a service file.
+
+    Raises
+    ------
+    DesignFileError
+        If the file cannot be read as a service file.
+    """
+    _, document = _read(path)
+    return Certificate.loads(json.dumps(document["design"])).plant
+
+
+def _read(path: str | Path) -> tuple[ServiceClaim, dict[str, Any]]:
+    text = read_text(Path(path), exact.MAX_BYTES, DesignFileError)
+    try:
+        return read_service(text)
+    except exact.FormatError as error:
+        raise DesignFileError(f"{path}: {error}") from error
+
+
+def statement(claim: ServiceClaim, document: dict[str, Any]) -> str:
+    """Say in a line what is claimed."""
+    tables = document["design"]["plant"].get("parameters", [])
+    names = [(t["name"], t.get("unit") or "") for t in tables]
+    parts = claim.subject.design.region
+    region = " & ".join(
+        f"{part.kind}({', '.join(exactly(float(v)) for v in part.numbers)})" for part in parts
+    )
+    if isinstance(claim, Gain):
+        return f"errors of the gain up to {_text(claim.error)} of each column, poles in {region}"
+    if isinstance(claim, Estimate):
+        share = f"a share {_text(claim.errors[0])} of the weight mislaid"
+        errors = _listed("{} wrong by up to {} {}", names, claim.errors) if names else share
+        return f"{errors}, poles in {region}"
+    stable = f"exponential stability, decay rate {float(claim.decay):g}"
+    if claim.rates is None:
+        return f"parameters moving at any rate, {stable}"
+    weight = f"alpha moving by up to {_text(claim.rates[0])} 1/s"
+    rates = _listed("{} moving by up to {} {}/s", names, claim.rates) if names else weight
+    return f"{rates}, {stable}"
+
+
+def _listed(text: str, names: list[tuple[str, str]], values: tuple[Fraction, ...]) -> str:
+    pairs = zip(names, values, strict=True)
+    return ", ".join(
+        " ".join(text.format(name, _text(value), unit).split()).replace(" /s", " 1/s")
+        for (name, unit), value in pairs
+    )
+
+
+def _text(value: Fraction) -> str:
+    return rounded_down(float(value), 4) if value else "0"

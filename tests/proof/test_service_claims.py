@@ -1,0 +1,458 @@
+"""Claims about service: the verifier's matrices against numpy's, and one fault after another."""
+
+from __future__ import annotations
+
+import copy
+import json
+from dataclasses import replace
+from fractions import Fraction
+from itertools import pairwise, product
+
+import numpy as np
+import pytest
+
+from polefence import Certificate, Parameter, Scheduled, UncertainPlant, place
+from polefence.law import FixedGain, ScheduledGain
+from polefence.polynomial import Domain
+from polefence.proof import service
+from polefence.proof.exact import FormatError
+from polefence.proof.service import Estimate, Gain, Range, Rate, Subject, prove_service
+from polefence.proof.service.inequalities import _order, blocks
+from polefence.proof.service.pieces import cells, estimates, family_of
+from polefence.region import Disk, Ellipse, HalfPlane, Sector, VerticalStrip
+from polefence.service import in_service
+
+REGIONS = {
+    "disk": Disk(-3, 2),
+    "all": HalfPlane(1) & Sector(0.5) & VerticalStrip(-9, -1) & Ellipse(-4, 3, 2),
+}
+# (degree, on): -p2 is negative, p1 goes through 1/p1
+LAWS = [(1, "simplex"), (2, "simplex"), (2, "box"), (0, "fixed")]
+
+
+def plant_of(inverted: bool = True) -> UncertainPlant:
+    parameters = [
+        Parameter("p1", 1, 3, "kg", "1/p1" if inverted else "p1"),
+        Parameter("p2", -2, "-1/2", "", "1/p2"),
+    ]
+    entry = "2/p1" if inverted else "2*p1"
+    return UncertainPlant.from_expressions(
+        parameters,
+        [["1", entry], ["1/p2", f"-1 + {entry}/p2"]],
+        [["0", "1"], [entry, "1/p2"]],
+    )
+
+
+def bare() -> UncertainPlant:
+    """The same corners, without parameters."""
+    plant = plant_of()
+    pairs = [(v.exact_A, v.exact_B) for v in plant.vertices[:3]]
+    return UncertainPlant.from_vertices([A for A, _ in pairs], [B for _, B in pairs])
+
+
+def random_claim(plant: UncertainPlant, degree: int, on: str, region, seed: int = 3):
+    """A claim with a law of no meaning: the algebra is what is looked at."""
+    random = np.random.default_rng(seed)
+    if on == "fixed":
+        law = FixedGain(random.normal(size=(2, 2)))
+        return Certificate(plant, region, "quadratic", law, {"W": spd(random)}), law
+    domain = Domain.of(on, len(plant.vertices))
+    count = domain.count(degree)
+    W = np.array([spd(random) for _ in range(count)])
+    Z = random.normal(size=(count, 2, 2))
+    law = ScheduledGain(W, Z, plant.parameters, degree, domain.sizes)
+    return Certificate(plant, region, "scheduled", law, {"tau": np.array(0.0)}), law
+
+
+def spd(random) -> np.ndarray:
+    half = random.normal(size=(2, 2))
+    W = half @ half.T + np.eye(2)
+    return (W + W.T) / 2
+
+
+def law_at(certificate, law, alpha):
+    if isinstance(law, FixedGain):
+        W = certificate.evidence["W"]
+        return W, law.K @ W
+    basis = law.domain.basis(alpha, law.degree)
+    return np.tensordot(basis, law.W, 1), np.tensordot(basis, law.Z, 1)
+
+
+def subject_of(certificate, pieces, elevation=0) -> Subject:
+    ranges = tuple(Range(p.low, p.high, p.inverted) for p in certificate.plant.parameters)
+    return Subject(certificate.claim(), ranges, pieces, elevation)
+
+
+def evaluated(claim, coordinates):
+    """For each piece the value of every polynomial at these coordinates, names by kind of block."""
+    family = family_of(claim.subject)
+    found = list(blocks(claim))
+    for cell in estimates(claim) if isinstance(claim, Estimate) else cells(claim.subject):
+        order = _order(family, cell, claim.subject)
+        weights = np.array([np.prod(np.power(coordinates, e)) for e in order])
+        mine = [found.pop(0) for _ in range(len(found)) if found[0][0].endswith(cell.name)]
+        values = []
+        for start in range(0, len(mine), len(order)):
+            matrices = np.array([m for _, m in mine[start : start + len(order)]], dtype=float)
+            values.append(np.tensordot(weights, matrices, 1))
+        yield values
+    assert not found
+
+
+def same_direction(mine, other):
+    mine, other = mine / np.linalg.norm(mine), other / np.linalg.norm(other)
+    assert np.allclose(mine, other, atol=1e-12)
+
+
+def region_blocks(region, X, N):
+    """-(L (x) X + M (x) N + M' (x) N'), and W first where a part is no disk."""
+    values = [] if region.kind == "disk" else [X]
+    for L, M in region.pairs():
+        values.append(-(np.kron(L, X) + np.kron(M, N) + np.kron(M.T, N.T)))
+    return values
+
+
+@pytest.mark.parametrize(("degree", "on"), LAWS)
+@pytest.mark.parametrize("region", REGIONS)
+def test_estimates_are_the_matrices_at_p_and_its_estimate(degree, on, region):
+    plant, region = plant_of(), REGIONS[region]
+    certificate, law = random_claim(plant, degree, on, region)
+    errors, pieces = (Fraction(1, 3), Fraction(2)), (2, 1)  # the second is more than its range
+    claim = Estimate(subject_of(certificate, pieces, 1), errors)
+    tau = np.array([0.3, 0.6])
+    coordinates = np.stack([1 - tau, tau], axis=1).ravel()
+    pairs = []
+    for p, error, count in zip(plant.parameters, (1 / 3, 2.0), pieces, strict=True):
+        low, high, own = float(p.low), float(p.high), []
+        for sign in (-1, 1):
+            bend = low + error if sign < 0 else high - error
+            cuts = {*np.linspace(low, high, count + 1), *([bend] if low < bend < high else [])}
+            for (u, v), t in zip(pairwise(sorted(cuts)), [tau[len(pairs)]] * 9, strict=False):
+                estimate = u + t * (v - u)
+                own.append((np.clip(estimate + sign * error, low, high), estimate))
+        pairs.append(own)
+    assert [len(own) for own in pairs] == [6, 2]
+    places = list(product(*pairs))
+    for (first, second), mine in zip(places, evaluated(claim, coordinates), strict=True):
+        A, B = plant.at(plant.alpha(p1=first[0], p2=second[0]))
+        W, Z = law_at(certificate, law, plant.alpha(p1=first[1], p2=second[1]))
+        expected = region_blocks(region, W, A @ W + B @ Z)
+        for one, other in zip(mine, expected, strict=True):
+            same_direction(one, other)
+
+
+@pytest.mark.parametrize("degree", [1, 2])
+def test_mislaid_weight(degree):
+    plant, region = bare(), REGIONS["all"]
+    certificate, law = random_claim(plant, degree, "simplex", region)
+    claim = Estimate(subject_of(certificate, (), 1), (Fraction(1, 5),))
+    a, v = np.array([0.2, 0.5, 0.3]), np.array([0.1, 0.3, 0.6])
+    for u, mine in enumerate(evaluated(claim, np.concatenate([a, v]))):
+        A, B = plant.at(0.8 * a + 0.2 * np.eye(3)[u])
+        W, Z = law_at(certificate, law, 0.8 * a + 0.2 * v)
+        for one, other in zip(mine, region_blocks(region, W, A @ W + B @ Z), strict=True):
+            same_direction(one, other)
+    assert u == 2
+
+
+FACTORS = {"disk": (np.array([[1.0], [0]]), np.array([[0.0, 1]]))}
+
+
+@pytest.mark.parametrize(("degree", "on"), LAWS)
+@pytest.mark.parametrize("region", REGIONS)
+@pytest.mark.parametrize("boxed", [True, False])
+def test_gains_have_petersens_schur_complement(degree, on, region, boxed):
+    if not boxed and on == "box":
+        return
+    plant, region = plant_of() if boxed else bare(), REGIONS[region]
+    certificate, law = random_claim(plant, degree, on, region)
+    rows, columns = (1.0, 0.5), (3.0, 0.25)
+    mu = tuple(0.5 + k for k in range(len(region.pairs())))
+    fractions = (tuple(map(Fraction, values)) for values in (rows, columns, mu))
+    claim = Gain(subject_of(certificate, (2, 1) if boxed else (), 1), Fraction(1, 8), *fractions)
+    if boxed:
+        tau = np.array([0.3, 0.6])
+        coordinates = np.stack([1 - tau, tau], axis=1).ravel()
+        shares = [(tau[0] / 2, tau[1]), ((1 + tau[0]) / 2, tau[1])]
+        alphas = [np.kron([1 - s, s], [1 - t, t]) for s, t in shares]
+    else:
+        coordinates = np.array([0.2, 0.5, 0.3])
+        alphas = [coordinates]
+    for alpha, mine in zip(alphas, evaluated(claim, coordinates), strict=True):
+        A, B = plant.at(alpha)
+        W, Z = law_at(certificate, law, alpha)
+        N = A @ W + B @ Z
+        expected = region_blocks(region, W, N)
+        skip = len(expected) - len(region.pairs())
+        for one, other in zip(mine[:skip], expected[:skip], strict=True):
+            same_direction(one, other)
+        for k, (_, M) in enumerate(region.pairs()):
+            M1, M2 = FACTORS["disk"] if np.linalg.matrix_rank(M) < len(M) else (M, np.eye(len(M)))
+            E = np.kron(M1, B @ np.diag(rows))
+            H = 0.125 * np.kron(M2, np.diag(columns) @ W)
+            other = expected[skip + k] - mu[k] * E @ E.T - H.T @ H / mu[k]
+            d, block = len(other), mine[skip + k]
+            corner = block[d:, d:]
+            assert np.allclose(corner, corner[0, 0] * np.eye(len(corner)), rtol=1e-13)
+            assert corner[0, 0] > 0
+            schur = block[:d, :d] - block[:d, d:] @ np.linalg.solve(corner, block[d:, :d])
+            # by absolute size too: the scale of the corner is mu's
+            assert np.allclose(schur * mu[k] / corner[0, 0], other, rtol=1e-10, atol=1e-10)
+
+
+@pytest.mark.parametrize(("degree", "on"), LAWS)
+@pytest.mark.parametrize("inverted", [True, False])
+def test_rates_are_the_derivative_along_a_motion(degree, on, inverted):
+    plant, region = plant_of(inverted), REGIONS["disk"]
+    certificate, law = random_claim(plant, degree, on, region)
+    rates, decay = (0.7, 0.4), 0.25
+    exact_rates = tuple(Fraction(r) for r in rates)
+    claim = Rate(subject_of(certificate, (2, 1), 1), Fraction(decay), exact_rates)
+    tau = np.array([0.3, 0.6])
+    coordinates = np.stack([1 - tau, tau], axis=1).ravel()
+    for k, mine in enumerate(evaluated(claim, coordinates)):
+        values = [
+            value_of(p, share)
+            for p, share in zip(plant.parameters, ((k + tau[0]) / 2, tau[1]), strict=True)
+        ]
+        W, moved = motion(plant, certificate, law, values, decay, rates)
+        same_direction(mine[0], W)
+        assert len(mine) == (5 if degree else 2)  # one W for all does not move
+        found = [matrix / np.linalg.norm(matrix) for matrix in mine[1:]]
+        for other in moved:
+            gaps = [np.abs(one - other / np.linalg.norm(other)).max() for one in found]
+            assert min(gaps) < 1e-8
+        assert k < 2
+
+
+def value_of(p, share):
+    low, high = (float(p.scheduling(end)) for end in (p.low, p.high))
+    s = low + share * (high - low)
+    return 1 / s if p.inverted else s
+
+
+def motion(plant, certificate, law, values, decay, rates):
+    """W, and -(N + N' + 2 a W) + dW/dt by differences along p + t dp/dt, for all signs."""
+
+    def at(p1, p2):
+        alpha = plant.alpha(p1=p1, p2=p2)
+        return (*law_at(certificate, law, alpha), *plant.at(alpha))
+
+    W, Z, A, B = at(*values)
+    N, h, moved = A @ W + B @ Z, 1e-5, []
+    for signs in product((-1, 1), repeat=2):
+        step = np.array(signs) * rates * h
+        slope = (at(*(values + step))[0] - at(*(values - step))[0]) / (2 * h)
+        moved.append(-(N + N.T + 2 * decay * W) + slope)
+    return W, moved
+
+
+@pytest.mark.parametrize("degree", [1, 2, 3])
+def test_rates_of_weight(degree):
+    plant = bare()
+    certificate, law = random_claim(plant, degree, "simplex", REGIONS["disk"])
+    claim = Rate(subject_of(certificate, (), 0), Fraction(1, 4), (Fraction(1, 2),))
+    a, h = np.array([0.2, 0.5, 0.3]), 1e-6
+    (mine,) = evaluated(claim, a)
+    A, B = plant.at(a)
+    W, Z = law_at(certificate, law, a)
+    N = A @ W + B @ Z
+    same_direction(mine[0], W)
+    found = [matrix / np.linalg.norm(matrix) for matrix in mine[1:]]
+    assert len(found) == 6
+    for j, k in ((0, 1), (1, 0), (0, 2), (2, 0), (1, 2), (2, 1)):
+        step = h * (np.eye(3)[j] - np.eye(3)[k])
+        slope = law_at(certificate, law, a + step)[0] - law_at(certificate, law, a - step)[0]
+        other = -(N + N.T + 0.5 * W) + 0.5 * slope / (2 * h)
+        gaps = [np.abs(one - other / np.linalg.norm(other)).max() for one in found]
+        assert min(gaps) < 1e-8
+
+
+# --- faults --------------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def proved():
+    """A document for each kind of claim about one plant, each near the most that is proved."""
+    parameters = [Parameter("m", 1, 2, "kg", "1/m"), Parameter("k", 1, 9, "N/m")]
+    plant = UncertainPlant.from_expressions(
+        parameters, [["0", "1"], ["-k/m", "-1/m"]], [["0"], ["1/m"]]
+    )
+    design = place(plant, Disk(-3, 2.2), Scheduled(1, 1, "box"))
+    found = in_service(design, 0.1)
+    assert found.proved
+    return {margin.name: found.document(margin) for margin in found}
+
+
+NAMES = ["estimate-m", "estimate-k", "estimate", "gain", "rate-m", "rate-k", "rate"]
+
+
+def answer(document):
+    claim, _ = service.read_service(json.dumps(document))
+    return prove_service(claim).proved
+
+
+def changed(document, *keys, value):
+    document = copy.deepcopy(document)
+    place_ = document
+    for key in keys[:-1]:
+        place_ = place_[key]
+    place_[keys[-1]] = value(place_[keys[-1]]) if callable(value) else value
+    return document
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_what_is_proved_is_nearly_all_that_is(proved, name):
+    document = proved[name]
+    assert answer(document)
+    table = document["service"]
+    key = {"estimate": "errors", "gain": "error", "rate": "rates"}[table["kind"]]
+    more = (lambda v: v * 1.01) if key == "error" else (lambda v: [x * 1.01 for x in v])
+    less = (lambda v: v * 0.5) if key == "error" else (lambda v: [x * 0.5 for x in v])
+    assert not answer(changed(document, "service", key, value=more))
+    assert answer(changed(document, "service", key, value=less))
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_one_fault_in_the_design_at_a_time(proved, name):
+    document = proved[name]
+    law, vertex = ("design", "law"), ("design", "plant", "vertices", 3)
+    tilted = changed(document, *law, "W", 0, 0, 1, value=lambda v: v * (1 + 1e-12))
+    assert not answer(tilted)  # W is not symmetric
+    for place_ in (
+        (*law, "W", 0, 0, 0),
+        (*law, "Z", 3, 0, 1),
+        (*vertex, "A", 1, 1),
+        (*vertex, "B", 1, 0),
+    ):
+        refused = [
+            not answer(changed(document, *place_, value=lambda v, f=f: eval(str(v)) * f))
+            for f in (-40, 0.2, 0.8, 1.25, 5, 40)
+        ]
+        assert any(refused), place_
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_the_ranges_are_part_of_the_claim(proved, name):
+    """Other intervals, or 1/m in place of m, make other numbers of the same claim."""
+    document, kind = proved[name], proved[name]["service"]["kind"]
+    parameters = ("design", "plant", "parameters")
+    narrow = changed(document, *parameters, 0, "range", value=[1, 1.2])
+    narrow = changed(narrow, *parameters, 1, "range", value=[1, 1.2])
+    number, through = (0, "m") if name.endswith("m") else (1, "1/k")
+    flipped = changed(document, *parameters, number, "through", value=through)
+    if kind == "gain":  # which is about alpha alone
+        assert answer(narrow)
+        assert answer(flipped)
+        return
+    # a given error or rate is a larger share of a narrower range
+    assert not answer(narrow)
+    if name in ("estimate-m", "rate-k"):
+        assert not answer(flipped)
+
+
+def test_faults_of_single_claims(proved):
+    gain, rate, estimate = proved["gain"], proved["rate"], proved["estimate"]
+    for factor in (0.01, 100):
+        mu = changed(gain, "service", "mu", value=lambda v, f=factor: [x * f for x in v])
+        assert not answer(mu)
+    for key in ("rows", "columns"):
+        wider = changed(gain, "service", key, value=lambda v: [x * 1.1 for x in v])
+        assert not answer(wider)
+    assert not answer(changed(rate, "service", "decay", value=3))
+    assert not answer(changed(gain, "design", "region", "radius", value=2.0))
+    assert not answer(changed(estimate, "design", "region", "radius", value=2.0))
+    assert not answer(changed(estimate, "design", "region", "radius", value=-1))
+    assert answer(changed(rate, "design", "region", "radius", value=2.0))  # rates are of motion
+    wide, narrow = ({"kind": "disk", "centre": -3, "radius": r} for r in (2.5, 2.0))
+    for document in (gain, estimate):
+        assert answer(changed(document, "service", value=lambda t: t | {"region": wide}))
+        assert not answer(changed(document, "service", value=lambda t: t | {"region": narrow}))
+
+
+@pytest.mark.parametrize(("damping", "true"), [(0.05, True), (0.99, False)])
+def test_a_sector_is_what_its_damping_says(proved, damping, true):
+    sector = {"kind": "sector", "damping": damping, "slope": 10}
+    claimed = changed(proved["estimate"], "service", value=lambda t: t | {"region": sector})
+    assert answer(claimed) is true
+
+
+def test_finer_proofs_prove_more():
+    """Pieces and elevation never lose a claim, and at times win one."""
+    plant, won = plant_of(), 0
+    for seed in range(4):
+        reached = {}
+        for fineness in ((1, 0), (3, 0), (1, 2)):
+            low, high = -200.0, 0.0
+            for _ in range(8):
+                middle = (low + high) / 2
+                certificate, _ = random_claim(plant, 2, "box", HalfPlane(middle), seed)
+                subject = subject_of(certificate, (fineness[0],) * 2, fineness[1])
+                claim = Estimate(subject, (Fraction(0), Fraction(0)))
+                low, high = (middle, high) if prove_service(claim).proved else (low, middle)
+            reached[fineness] = low
+        assert reached[3, 0] >= reached[1, 0] <= reached[1, 2]
+        won += reached[3, 0] > reached[1, 0]
+    assert won
+
+
+FAULTS = {
+    "kind": (("service", "kind"), "delay", "must be one of"),
+    "other kind": (("service", "kind"), "gain", "unknown key service.errors"),
+    "unknown key": (("service", "margin"), 1, "unknown key service.margin"),
+    "unknown top": (("note",), 1, "unknown key file.note"),
+    "version": (("version",), 2, "version 2"),
+    "format": (("format",), "polefence-design", "polefence-service"),
+    "no design": (("design",), None, "design"),
+    "design of another format": (("design", "format"), "x", "design"),
+    "errors missing": (("service", "errors"), [0], "errors must hold 2"),
+    "negative": (("service", "errors"), [0, -1], "zero or more"),
+    "word": (("service", "errors"), [0, "x"], "not a finite number"),
+    "pieces": (("service", "pieces"), [1], "one whole number a parameter"),
+    "no pieces": (("service", "pieces"), [0, 1], "1 to 64"),
+    "many pieces": (("service", "pieces"), [65, 1], "1 to 64"),
+    "half a piece": (("service", "pieces"), [1.5, 1], "whole numbers"),
+    "work": (("service",), None, "more inequalities"),
+    "elevation": (("service", "elevation"), 17, "0 to 16"),
+    "parameters": (("design", "plant", "parameters"), [], "ranges"),
+    "range": (("design", "plant", "parameters", 0, "range"), [2, 1], "empty"),
+    "zero": (("design", "plant", "parameters", 0, "range"), [-1, 1], "touches zero"),
+    "one bound": (("design", "plant", "parameters", 0, "range"), [1], "two numbers"),
+    "through": (("design", "plant", "parameters", 0, "through"), "m**2", "through"),
+    "name": (("design", "plant", "parameters", 0, "name"), "k", "through"),
+}
+
+
+@pytest.mark.parametrize("fault", FAULTS)
+def test_a_malformed_file_is_named(proved, fault):
+    keys, value, message = FAULTS[fault]
+    if fault == "work":
+        large = {"pieces": [64, 64], "elevation": 16}
+        document = changed(proved["estimate"], "service", value=lambda t: t | large)
+    else:
+        holder = copy.deepcopy(proved["estimate"])
+        place_ = holder
+        for key in keys[:-1]:
+            place_ = place_[key]
+        place_[keys[-1]] = value
+        document = holder
+    with pytest.raises(FormatError, match=message):
+        answer(document)
+
+
+def test_claims_that_do_not_fit_together(proved):
+    rate, gain = proved["rate"], proved["gain"]
+    with pytest.raises(FormatError, match="only one W"):
+        answer(changed(rate, "service", "rates", value="any"))
+    with pytest.raises(FormatError, match="rows must hold 1"):
+        answer(changed(gain, "service", "rows", value=[1, 1]))
+    with pytest.raises(FormatError, match="mu must be positive"):
+        answer(changed(gain, "service", "mu", value=[0]))
+    with pytest.raises(FormatError, match="continuous time"):
+        answer(changed(rate, "design", "plant", value=lambda t: t | {"sample_time": 0.1}))
+    with pytest.raises(FormatError, match="no proofs for service"):
+        slack, _ = random_claim(plant_of(), 0, "fixed", REGIONS["disk"])
+        claim = replace(slack.claim(), method="slack")
+        prove_service(Rate(Subject(claim), Fraction(0), None))
+    with pytest.raises(FormatError, match="cut short"):
+        service.read_service(json.dumps(rate)[:-9])

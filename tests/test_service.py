@@ -1,0 +1,366 @@
+"""Margins in service: against numbers known in closed form, samples, simulation, and each other."""
+
+from __future__ import annotations
+
+import json
+import math
+
+import numpy as np
+import pytest
+
+from polefence import InputError, Parameter, Scheduled, UncertainPlant, place, tightest
+from polefence.cli import main
+from polefence.errors import DesignFileError
+from polefence.region import Disk, HalfPlane, Sector
+from polefence.service import (
+    check_service,
+    estimation_error,
+    gain_error,
+    in_service,
+    parameter_rate,
+)
+
+BOX, BOX0 = Scheduled(1, 1, "box"), Scheduled(1, 0, "box")
+
+
+def oscillator(m="1/m", k="k") -> UncertainPlant:
+    parameters = [Parameter("m", 1, 2, "kg", m), Parameter("k", 1, 9, "N/m", k)]
+    return UncertainPlant.from_expressions(
+        parameters, [["0", "1"], ["-k/m", "-1/m"]], [["0"], ["1/m"]]
+    )
+
+
+def two_inputs() -> UncertainPlant:
+    """Stiffness through 1/c, c negative; two inputs of unlike strength."""
+    parameters = [Parameter("c", -2, -1, "m/N", "1/c"), Parameter("d", 0, 1)]
+    return UncertainPlant.from_expressions(
+        parameters, [["0", "1"], ["1/c", "-d"]], [["0.1", "0"], ["0", "1 + d/2"]]
+    )
+
+
+def scattered(seed: int, n: int, m: int, spread: float) -> UncertainPlant:
+    """Three vertices without parameters."""
+    random = np.random.default_rng(seed)
+    A, B = random.normal(size=(n, n)), random.normal(size=(n, m))
+    As = [A + spread * random.normal(size=(n, n)) for _ in range(3)]
+    return UncertainPlant.from_vertices(As, [B + spread * random.normal(size=(n, m)) for _ in As])
+
+
+DESIGNS = {
+    "box": (oscillator, Disk(-3, 2.2), BOX),
+    "simplex": (oscillator, Disk(-3, 2.2), "scheduled"),
+    "degree 2": (oscillator, Disk(-3, 2.0), Scheduled(2, 0, "box")),
+    "two inputs": (two_inputs, HalfPlane(1) & Sector(0.4) & Disk(-6, 5.5), BOX),
+    "one gain": (two_inputs, Disk(-4, 3.5), "quadratic"),
+    "vertices": (lambda: scattered(6, 3, 1, 0.1), Disk(-4, 3.6), "scheduled"),
+    "vertices, degree 2": (lambda: scattered(6, 3, 1, 0.1), Disk(-4, 3.5), Scheduled(2, 0)),
+}
+
+
+@pytest.fixture(scope="module")
+def services():
+    return {
+        name: in_service(place(plant(), region, method), 0.05)
+        for name, (plant, region, method) in DESIGNS.items()
+    }
+
+
+def test_everything_is_proved(services):
+    for name, service in services.items():
+        assert service.proved, name
+        for margin in service:
+            assert margin.value > 0, (name, margin)
+            assert margin.upper is None or margin.upper > margin.value
+    names = [margin.name for margin in services["box"]]
+    assert names == ["estimate-m", "estimate-k", "estimate", "gain", "rate-m", "rate-k", "rate"]
+    assert [m.name for m in services["vertices"]] == ["estimate", "gain", "rate"]
+    assert [m.name for m in services["one gain"]] == ["gain", "rate"]
+    assert math.isinf(services["one gain"]["rate"].value)
+    assert [m.unit for m in services["box"]][:2] == ["kg", "N/m"]
+    # known apart, each is at least as large as its share when all are wrong at once
+    for name, span in (("m", 1.0), ("k", 8.0)):
+        assert services["box"][f"estimate-{name}"].value >= services["box"]["estimate"].value * span
+        assert services["box"][f"rate-{name}"].value >= services["box"]["rate"].value * span
+
+
+@pytest.mark.parametrize("name", [n for n in DESIGNS if n != "one gain"])
+def test_poles_stay_where_the_estimate_is_wrong(services, name):
+    """Errors up to what is proved, of all sizes and signs, against numpy's eigenvalues."""
+    service, random = services[name], np.random.default_rng(1)
+    design = service.design
+    plant = design.plant
+    for margin in service:
+        if margin.kind != "estimate":
+            continue
+        if plant.parameters:
+            low, high = (np.array([float(getattr(p, b)) for p in plant.parameters]) for b in ENDS)
+            values = low + (high - low) * random.uniform(-0.1, 1.1, (300, len(low)))
+            values = np.clip(values, low, high)
+            share = np.array(
+                [margin.value if p.name == margin.parameter else 0.0 for p in plant.parameters]
+            )
+            share = share if margin.parameter else margin.value * (high - low)
+            moves = random.choice([-1, 1, 0.5], values.shape) * share
+            own = np.clip(values + moves, low, high)
+            pair = [alphas(plant, each) for each in (own, values)]
+        else:
+            N, eta = len(plant.vertices), margin.value
+            kept = (1 - eta) * random.dirichlet(np.full(N, 0.4), 300)
+            pair = [kept + eta * random.dirichlet(np.full(N, 0.2), 300) for _ in range(2)]
+        A, B = plant.at(pair[0])
+        poles = np.linalg.eigvals(A + B @ design.law.gain(pair[1]))
+        assert design.region.contains(poles)
+
+
+ENDS = ("low", "high")
+
+
+def alphas(plant, values):
+    names = [p.name for p in plant.parameters]
+    return np.array([plant.alpha(**dict(zip(names, row, strict=True))) for row in values])
+
+
+@pytest.mark.parametrize("name", DESIGNS)
+def test_poles_stay_where_the_gain_is_wrong(services, name):
+    design, margin = services[name].design, services[name]["gain"]
+    random = np.random.default_rng(2)
+    N, (n, m) = len(design.plant.vertices), design.plant.shape
+    rows, columns = (np.array(x, dtype=float) for x in (margin.claim.rows, margin.claim.columns))
+    if design.plant.parameters:
+        shares = random.uniform(0, 1, (500, 2))
+        alpha = np.array([np.kron([1 - s, s], [1 - t, t]) for s, t in shares])
+    else:
+        alpha = random.dirichlet(np.full(N, 0.5), 500)
+    D = random.normal(size=(500, m, n))
+    D /= np.linalg.norm(D, 2, axis=(1, 2))[:, None, None]
+    K = design.law.gain(alpha)
+    A, B = design.plant.at(alpha)
+    off = margin.value * rows[:, None] * D * columns
+    assert design.region.contains(np.linalg.eigvals(A + B @ (K + off)))
+    # the scales are those of the gain: no column has a larger entry at a corner
+    corners = np.abs(design.law.gain(np.eye(N)))
+    assert np.allclose(corners.max(axis=(0, 1)), columns)
+    assert rows.max() == 1
+
+
+@pytest.mark.parametrize("name", DESIGNS)
+def test_what_is_said_to_break_does(services, name):
+    """The errors are those of the example, and a pole is out."""
+    service = services[name]
+    design = service.design
+    for margin in service:
+        if margin.kind != "estimate" or margin.upper is None or not margin.parameter:
+            continue
+        pairs = [part.split(" = ")[1].split(" taken for ") for part in margin.example.split(", ")]
+        own, estimate = np.array(pairs, dtype=float).T
+        moved = dict(zip([p.name for p in design.plant.parameters], own - estimate, strict=True))
+        assert abs(moved[margin.parameter]) <= margin.upper * (1 + 1e-4)
+        assert sum(abs(v) > 0 for v in moved.values()) == 1
+        pair = [alphas(design.plant, each[None]) for each in (own, estimate)]
+        A, B = design.plant.at(pair[0])
+        poles = np.linalg.eigvals(A + B @ design.law.gain(pair[1]))
+        assert design.region.distance(poles).max() > -1e-3
+
+
+# --- one state: poles, and what is proved, in closed form ----------------------------------------
+
+
+@pytest.fixture(scope="module")
+def single():
+    """x' = p x + u, the pole p + K(q)."""
+    plant = UncertainPlant.from_expressions([Parameter("p", 1, 3, "1/s")], [["p"]], [["1"]])
+    return place(plant, Disk(-2, 0.5), BOX)
+
+
+def test_one_state_estimates(single):
+    margin = in_service(single)["estimate-p"]
+    q = np.linspace(1, 3, 4001)
+    K = single.law.gain(alphas(single.plant, q[:, None]))[:, 0, 0]
+    room = np.min(np.where(q < 3, 0.5 - (q + K + 2), np.inf)), np.min(0.5 + (q + K + 2))
+    # p - q is limited by the interval too: the pole has to leave inside it
+    reach = np.linspace(0, 2, 4001)
+    breaks = [
+        e
+        for e in reach
+        if (np.clip(q + e, 1, 3) + K + 2 > 0.5).any() or (np.clip(q - e, 1, 3) + K + 2 < -0.5).any()
+    ]
+    assert min(room) > 0
+    assert margin.value == pytest.approx(breaks[0], rel=0.01)
+    assert margin.value <= breaks[0] <= margin.upper * (1 + 1e-3)
+    assert margin.upper == pytest.approx(margin.value, rel=0.03)
+
+
+def test_one_state_gains(single):
+    margin = gain_error(single)
+    q = np.linspace(1, 3, 2001)
+    K = single.law.gain(alphas(single.plant, q[:, None]))[:, 0, 0]
+    room = (0.5 - np.abs(q + K + 2)).min()
+    (scale,) = margin.claim.columns
+    assert margin.value * float(scale) == pytest.approx(room, rel=0.01)
+    assert margin.value * float(scale) <= room <= margin.upper * float(scale) * (1 + 1e-3)
+
+
+def test_one_state_rates(single):
+    """V = x^2 / W: what is proved is 2 (p + K) - (dW/dp) rate / W + 2 a < 0, no more, no less."""
+    for decay in (0.0, 1.0):
+        (margin,) = parameter_rate(single, decay)
+        q, (W0, W1) = np.linspace(1, 3, 2001), single.law.W[:, 0, 0]
+        K = single.law.gain(alphas(single.plant, q[:, None]))[:, 0, 0]
+        W, slope = W0 + (W1 - W0) * (q - 1) / 2, (W1 - W0) / 2
+        limit = (-2 * (q + K + decay) * W / abs(slope)).min()
+        assert margin.value == pytest.approx(limit, rel=0.03)
+        assert margin.value <= limit
+    assert not parameter_rate(single, 4.0)[0].proved  # faster than the poles are
+
+
+# --- motion --------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", ["box", "degree 2", "vertices"])
+def test_v_decays_along_every_motion(services, name):
+    """A parameter moves to and fro as fast as is proved; V exp(2 a t) must fall at each step."""
+    service, random = services[name], np.random.default_rng(3)
+    design, rate = service.design, service["rate"].value
+    plant, law = design.plant, design.law
+    boxed = bool(plant.parameters)
+    if boxed:
+        low, high = (np.array([float(getattr(p, b)) for p in plant.parameters]) for b in ENDS)
+        place_, speed = (low + high) / 2, rate * (high - low)
+    else:
+        place_ = np.full(len(plant.vertices), 1 / len(plant.vertices))
+    x, h = random.normal(size=plant.shape[0]), 1e-4
+    # the motion of p is slow against h: a step of x with the middle's A + B K is enough
+    values = []
+    for step in range(300):
+        if step % 50 == 0:
+            turn = random.choice([-1.0, 1.0], len(place_))
+            to, off = random.choice(len(place_), 2, replace=False)
+        if boxed:
+            there = np.clip(place_ + turn * speed * h, low, high)
+        else:
+            move = min(rate * h, place_[off])
+            there = place_ + move * (np.eye(len(place_))[to] - np.eye(len(place_))[off])
+        before, middle, after = (
+            plant.alpha(**dict(zip([p.name for p in plant.parameters], v, strict=True)))
+            if boxed
+            else v / v.sum()
+            for v in (place_, (place_ + there) / 2, there)
+        )
+        A, B = plant.at(middle)
+        F = A + B @ law.gain(middle)
+        moved = x + h * F @ (x + h / 2 * F @ (x + h / 3 * F @ x))
+        values.append(energy(law, after, moved) / energy(law, before, x))
+        x, place_ = moved / np.linalg.norm(moved), there
+    assert max(values) * math.exp(2 * service.decay * h) < 1
+    # it does come near: the rate is no triviality
+    assert max(values) > 1 - 20 * h
+
+
+def energy(law, alpha, x):
+    W = np.tensordot(law.domain.basis(alpha, law.degree), law.W, 1)
+    return x @ np.linalg.solve(W, x)
+
+
+# --- answers, files, command ---------------------------------------------------------------------
+
+
+def test_another_region_is_kept(services):
+    own = services["box"]
+    design = own.design
+    stable = estimation_error(design, region=HalfPlane(0))[0]
+    assert stable.value > own["estimate-m"].value
+    assert gain_error(design, region=HalfPlane(0)).value > own["gain"].value
+    refused = gain_error(design, region=Disk(-3, 0.5))
+    assert (refused.status, refused.value, refused.text) == ("undecided", 0.0, "-")
+    with pytest.raises(InputError, match="is no region"):
+        in_service(design, region="half_plane(0)")
+
+
+def test_what_has_no_margins(services):
+    with pytest.raises(InputError, match="method 'slack'"):
+        in_service(tightest(oscillator(), -3, "slack"))
+    with pytest.raises(InputError, match="must be a Design"):
+        in_service(oscillator())
+    for decay in (-1, math.nan, "1"):
+        with pytest.raises(InputError, match="decay"):
+            parameter_rate(services["box"].design, decay)
+
+
+def test_files_are_proved_afresh(services, tmp_path):
+    for name in ("box", "one gain", "vertices"):
+        service = services[name]
+        paths = service.save(tmp_path / name)
+        assert [path.stem for path in paths] == [margin.name for margin in service]
+        for path in paths:
+            assert check_service(path).proved
+            assert "nothing" not in str(check_service(path))
+    path = tmp_path / "box" / "estimate-m.json"
+    document = json.loads(path.read_text())
+    document["service"]["errors"][0] *= 1.05
+    path.write_text(json.dumps(document))
+    assert check_service(path).answer == "undecided"
+    path.write_text("{")
+    with pytest.raises(DesignFileError, match="cut short"):
+        check_service(path)
+
+
+def test_the_command(services, tmp_path, capsys):
+    design = services["box"].design.save(tmp_path)
+    out, summary = tmp_path / "out", tmp_path / "summary.json"
+    words = ["service", str(design), "--decay", "0.05", "-o", str(out), "--json", str(summary)]
+    assert main(words) == 0
+    printed = capsys.readouterr().out
+    rows = json.loads(summary.read_text())["margins"]
+    for row, margin in zip(rows, services["box"], strict=True):
+        assert row["value"] == margin.value
+        assert f"{margin.subject}" in printed
+        assert margin.text in printed
+    spec = tmp_path / "spec.toml"
+    spec.write_text(SPEC)
+    for path in sorted(out.iterdir()):
+        assert main(["check", str(path), "--spec", str(spec)]) == 0
+        assert "proved: " in capsys.readouterr().out
+    spec.write_text(SPEC.replace("9]", "8]"))
+    assert main(["check", str(path), "--spec", str(spec)]) == 1
+    document = json.loads(path.read_text())
+    document["service"]["rates"] = [1000, 1000]
+    path.write_text(json.dumps(document))
+    assert main(["check", str(path)]) == 1
+    assert main(["service", str(design), "--decay", "50", "--region", "half_plane(0)"]) == 1
+    assert main(["service", str(design), "--decay", "-1"]) == 2
+    assert main(["service", str(path)]) == 2
+    document["service"]["surprise"] = 1
+    path.write_text(json.dumps(document))
+    assert main(["check", str(path)]) == 2
+
+
+SPEC = """
+name = "plant"
+[parameter.m]
+range = [1, 2]
+unit = "kg"
+through = "1/m"
+[parameter.k]
+range = [1, 9]
+unit = "N/m"
+[matrices]
+A = [[0, 1], ["-k/m", "-1/m"]]
+B = [[0], ["1/m"]]
+"""
+
+
+def test_the_car(physical):
+    """The numbers of docs/service.md."""
+    service = in_service(place(physical, Disk(-40, 31), BOX0))
+    assert service["estimate-m1"].value == pytest.approx(3.27, abs=0.01)
+    assert service["estimate-m1"].upper == pytest.approx(10.98, abs=0.05)
+    assert [m.status for m in service] == ["proved"] * 7
+
+
+def test_values_print(services):
+    assert str(services["one gain"]["rate"]) == "rate of change, all at once: any"
+    text = str(services["box"])
+    assert text.startswith("error of the estimate, m: ")
+    assert " kg, breaks at " in text
+    assert "7 margins" in repr(services["box"])
+    assert all(isinstance(m.upper, float | None) for s in services.values() for m in s)

@@ -22,7 +22,7 @@ from polefence import (
     place,
     tightest,
 )
-from polefence.design import rounded_up
+from polefence.region_text import digits_up
 
 
 def test_the_paper_design_keeps_every_sampled_pole_in_the_disk(placed):
@@ -162,8 +162,8 @@ def test_place_at_the_smallest_radius_it_names(make_random):
 
 
 @pytest.mark.parametrize("value", [33.64394489, 29.0, 0.00123456789, 1234567.8, 99.99999])
-def test_printed_radii_are_rounded_up(value):
-    text = rounded_up(value)
+def test_printed_radii_are_digits_up(value):
+    text = digits_up(value)
     assert float(text) >= value * (1 - 1e-15)
     assert float(text) <= value * (1 + 1e-5) + 1
 

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-from polefence.conditions.methods import Method, method_name, options
+from polefence.conditions.methods import Method, Slack, method_name, options
 from polefence.errors import InputError, RegionError
 from polefence.plant.family import UncertainPlant
+from polefence.polynomial import Domain
+from polefence.proof import exact
 from polefence.region import Disk, Region, check_centre
 
 
@@ -30,8 +32,39 @@ def require_domain(plant: UncertainPlant, method: Method) -> None:
         )
 
 
-def require_region(plant: UncertainPlant, region: Region) -> None:
-    """Refuse regions of the other kind of time."""
+def blocks(plant: UncertainPlant, method: Method) -> int:
+    """Return the number of inequalities that a method has for one part of a region."""
+    o, domain = options(method), Domain.of(options(method).on, len(plant.vertices))
+    natural = max(int(o.degree), 1) if isinstance(o, Slack) else int(o.degree) + 1
+    return domain.count(natural + o.elevation)
+
+
+def is_checkable(plant: UncertainPlant, method: Method, parts: int = 1) -> bool:
+    """Whether the exact checker takes on as many inequalities as the method has."""
+    size = 2 * plant.shape[0] * (2 if method_name(method) == "slack" else 1)
+    return blocks(plant, method) * (size**3 + exact.LEAST_WORK) * parts <= exact.MAX_WORK
+
+
+def require_checkable(plant: UncertainPlant, method: Method, parts: int = 1) -> None:
+    """Refuse what would never be proved, before it is searched for.
+
+    Raises
+    ------
+    InputError
+        Naming the number of inequalities.
+    """
+    if not is_checkable(plant, method, parts):
+        box = ", on='box'" if plant.parameters and options(method).on != "box" else ""
+        raise InputError(
+            f"{blocks(plant, method)} inequalities are more than is checked; use a lower degree or "
+            f"elevation{box}"
+        )
+
+
+def require_region(plant: UncertainPlant, region: Region, method: Method | None = None) -> None:
+    """Refuse regions of the other kind of time, or that the method does not take."""
+    if getattr(method, "right_hand_sides", False) and not isinstance(region, Disk):
+        raise InputError(f"right_hand_sides belong to one disk, not to {region}; leave them out")
     disks = [part for part in region.parts if isinstance(part, Disk)]
     if plant.sample_time is None:
         for disk in disks:

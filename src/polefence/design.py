@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
-from polefence.errors import DesignFileError, NotProvedError
+from polefence.errors import DesignFileError, InputError, NotProvedError
 from polefence.files import make_folder, read_text, write_text
 from polefence.law import Law
 from polefence.plant.family import UncertainPlant
@@ -94,9 +93,9 @@ class Design:
         text = read_text(where, exact.MAX_BYTES, DesignFileError)
         try:
             certificate = Certificate.loads(text)
-        except DesignFileError as error:
+            verdict = certificate.prove()
+        except InputError as error:
             raise DesignFileError(f"{where}: {error}") from error
-        verdict = certificate.prove()
         if not verdict.proved and not allow_unproved:
             raise NotProvedError(f"{where}: not proved: {verdict.reason}")
         return cls(certificate, verdict.proved)
@@ -123,25 +122,9 @@ def check(source: str | Path | Certificate | Design) -> Check:
     text = read_text(path, exact.MAX_BYTES, DesignFileError)
     try:
         claim, _ = exact.read(text)
+        return check_claim(claim)
     except exact.FormatError as error:
         raise DesignFileError(f"{path}: {error}") from error
-    return check_claim(claim)
-
-
-def rounded_up(radius: float, digits: int = 6) -> str:
-    """Print a proved radius with so many significant digits, rounded up so that it stays true."""
-    decimals = _decimals(radius, digits)
-    return f"{math.ceil(radius * 10**decimals) / 10**decimals:.{decimals}f}"
-
-
-def rounded_down(radius: float, digits: int = 6) -> str:
-    """Print a radius proved out of reach, rounded down so that it stays true."""
-    decimals = _decimals(radius, digits)
-    return f"{math.floor(radius * 10**decimals) / 10**decimals:.{decimals}f}"
-
-
-def _decimals(radius: float, digits: int) -> int:
-    return max(digits - 1 - math.floor(math.log10(radius)), 0)
 
 
 def _design_path(path: str | Path) -> Path:

@@ -6,23 +6,21 @@ from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass, replace
 
-from polefence.checks import require_region
+from polefence.checks import require_region, require_type
 from polefence.conditions.methods import Method, Slack, method_label, options
 from polefence.conditions.target import FASTEST, Around, Decays, Goal, Sectors
 from polefence.design import Design
 from polefence.errors import InputError, NotProvedError, SolverError
 from polefence.plant.family import UncertainPlant
 from polefence.region import (
-    Disk,
-    Ellipse,
     HalfPlane,
     Region,
     Sector,
-    VerticalStrip,
     damping_of,
 )
 from polefence.rounding import proved_at
 from polefence.solve.radius import smallest, typical_rate
+from polefence.speed import bounded
 
 # How far above the r that a point reaches in floats the exact proof is attempted.
 STEPS = (1e-7, 1e-6, 1e-5, 1e-4)
@@ -59,9 +57,11 @@ def largest(plant: UncertainPlant, of: str, method: Method, within: Region | Non
     """
     if isinstance(options(method), Slack):
         raise InputError(f"of = {of!r} goes with the methods quadratic and scheduled")
-    require_region(plant, HalfPlane(0) if within is None else HalfPlane(0) & within)
+    if within is not None:
+        require_type(within, Region, "within", "for example polefence.Disk(-40, 39)")
+    require_region(plant, HalfPlane(0) if within is None else HalfPlane(0) & within, method)
     plant.require_controllable()
-    within = _bounded(within, typical_rate(plant.A))
+    within = bounded(within, SPEED * typical_rate(plant.A))
     question = (_decay if of == "half_plane" else _damping)(within)
     design = _direct(plant, method, question) or _grown(plant, method, question)
     if design is None:
@@ -101,18 +101,6 @@ class _Question:
     high: float
     first: float
     base: Region
-
-
-def _bounded(within: Region | None, rate: float) -> Region:
-    """Return a region that bounds the real parts of poles on both sides."""
-    parts = () if within is None else within.parts
-    if within is not None and any(isinstance(p, Disk | Ellipse | VerticalStrip) for p in parts):
-        return within
-    half = SPEED / 2 * rate
-    # rounded, so that people can read it
-    half = float(f"{half:.2g}")
-    disk = Disk(-half, half)
-    return disk if within is None else within & disk
 
 
 def _decay(within: Region) -> _Question:

@@ -6,21 +6,34 @@ import time
 from contextlib import suppress
 from dataclasses import replace
 
-from polefence.checks import require_domain, require_region, require_type
+from polefence.checks import (
+    is_checkable,
+    require_checkable,
+    require_domain,
+    require_region,
+    require_type,
+)
 from polefence.conditions.methods import Method, Scheduled, method_label
 from polefence.conditions.target import Around
-from polefence.design import Design, rounded_up
+from polefence.design import Design
 from polefence.errors import NotProvedError, SolverError
 from polefence.plant.family import UncertainPlant
 from polefence.polynomial import Domain
 from polefence.proof.refute import unplaceable
 from polefence.region import Disk, Region
+from polefence.region_text import digits_up
 from polefence.rounding import proved_at, rounded
 from polefence.smallest_region import radius_of, smallest_disk
-from polefence.solve.radius import smallest, smallest_radius
+from polefence.solve.radius import smallest, smallest_radius, typical_rate
+from polefence.speed import bounded, bounds_speed
 
 # How far inside a region a point is looked for first; then as far as the search goes.
 INSIDE = (0.98, 0.0)
+
+# Where nothing bounds the poles' speed: multiples of the rates of region and plant that bound it in
+# the search, one after the other.
+SPEEDS = (10.0, 100.0, 1000.0)
+FASTEST = 1e99  # [1/s], of regions
 
 # Degree and elevation that "auto" tries, while there are at most so many unknowns.
 LADDER = ((0, 0), (1, 0), (1, 1), (2, 0), (2, 1), (3, 0), (3, 1), (4, 0), (4, 1), (5, 1))
@@ -59,10 +72,11 @@ def place(
     require_type(plant, UncertainPlant, "plant", "polefence.load(path) reads one")
     require_domain(plant, method)
     require_type(region, Region, "region", "for example polefence.Disk(-40, 31)")
-    require_region(plant, region)
+    require_region(plant, region, method)
     plant.require_controllable()
     if isinstance(method, Scheduled) and method.degree == "auto":
         return _climb(plant, region, method)
+    require_checkable(plant, method, len(region.parts))
     if not isinstance(region, Disk):
         return _placed(plant, region, method, allow_unproved)
     inside = _inside(plant, region, method)
@@ -87,7 +101,7 @@ def _inside(plant: UncertainPlant, region: Disk, method: Method) -> Design | Non
 
 def _refusal(method: Method, region: Disk, best: Design) -> str:
     reached = (
-        f"the smallest radius found there is {rounded_up(radius_of(best))} (proved)"
+        f"the smallest radius found there is {digits_up(radius_of(best))} (proved)"
         if best.proved
         else "no radius was proved there"
     )
@@ -101,18 +115,24 @@ def _refusal(method: Method, region: Disk, best: Design) -> str:
 
 def _placed(plant: UncertainPlant, region: Region, method: Method, allow_unproved: bool) -> Design:
     """Place the poles in a region that is no single disk."""
-    found = None
-    for enough in INSIDE:
-        try:
-            found = smallest(plant.A, plant.B, Around(region), method, enough=enough)
-        except SolverError as error:
-            raise NotProvedError(f"undecided: {method_label(method)}: {error}") from error
-        design = proved_at(plant, region, method, found) if found.radius < 1 else None
-        if design is not None:
-            return design
-        if found.radius >= 1 and found.converged:
-            break
-    if allow_unproved and found is not None:
+    found, error = None, None
+    rate = max(region.scale, typical_rate(plant.A))
+    speeds = () if bounds_speed(region) else [s * rate for s in SPEEDS if s * rate < FASTEST]
+    for searched in (*(bounded(region, speed) for speed in speeds), region):
+        for enough in INSIDE:
+            try:
+                found = smallest(plant.A, plant.B, Around(searched), method, enough=enough)
+            except SolverError as failure:
+                error = failure
+                break
+            design = proved_at(plant, region, method, found) if found.radius < 1 else None
+            if design is not None:
+                return design
+            if found.radius >= 1 and found.converged:
+                break
+    if found is None:
+        raise NotProvedError(f"undecided: {method_label(method)}: {error}") from error
+    if allow_unproved:
         return Design(rounded(plant, region, method, found), proved=False)
     raise NotProvedError(
         f"not proved: {method_label(method)} gives no proof for {region}; try a wider region, "
@@ -122,7 +142,7 @@ def _placed(plant: UncertainPlant, region: Region, method: Method, allow_unprove
 
 def _climb(plant: UncertainPlant, region: Region, method: Scheduled) -> Design:
     """Raise degree and elevation until the region is proved, refuted, or the budget is spent."""
-    begin, tried = time.perf_counter(), list[str]()
+    begin, tried, why = time.perf_counter(), list[str](), "the last that is tried"
     best: Design | None = None
     refuted = unplaceable(plant, region, method.on)
     if refuted is not None:
@@ -130,18 +150,22 @@ def _climb(plant: UncertainPlant, region: Region, method: Scheduled) -> Design:
     for degree, elevation in LADDER:
         step = Scheduled(degree, elevation, method.on)
         domain_count = _unknowns(plant, step)
-        spent = time.perf_counter() - begin
-        if tried and (spent > method.budget or domain_count > MOST_UNKNOWNS):
+        if tried and time.perf_counter() - begin > method.budget:
+            why = f"the budget of {method.budget:g} s is spent"
+            break
+        checkable = is_checkable(plant, step, len(region.parts))
+        if not checkable or (tried and domain_count > MOST_UNKNOWNS):
+            why = "more is more than is checked" if tried else "this plant is too large to check"
             break
         tried.append(f"({degree}, {elevation})")
         try:
             return place(plant, region, step)
         except NotProvedError as answer:
             best = _better(best, answer.best)
-    reached = f"; the smallest radius proved is {rounded_up(radius_of(best))}" if best else ""
+    reached = f"; the smallest radius proved is {digits_up(radius_of(best))}" if best else ""
     raise NotProvedError(
-        f"undecided: not proved for {region} with degree and elevation {', '.join(tried)} within "
-        f"the budget of {method.budget:g} s and {MOST_UNKNOWNS} unknowns{reached}",
+        f"undecided: not proved for {region} with degree and elevation {', '.join(tried)}; {why}"
+        f"{reached}",
         best,
     )
 

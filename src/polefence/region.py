@@ -110,7 +110,10 @@ class Region(ABC):
         return {"kind": self.kind, **self.numbers}
 
     def __and__(self, other: Region) -> Region:
-        return Intersection((*self.parts, *other.parts))
+        if not isinstance(other, Region):
+            return NotImplemented
+        both = Intersection((*self.parts, *other.parts))
+        return both if len(both.parts) > 1 else both.parts[0]
 
     def __str__(self) -> str:
         return f"{self.kind}({', '.join(exactly(value) for value in astuple(self))})"
@@ -143,6 +146,11 @@ class Disk(Region):
     def __post_init__(self) -> None:
         object.__setattr__(self, "centre", _number(self.centre, "centre"))
         object.__setattr__(self, "radius", _positive(self.radius, "radius"))
+        if not self.discrete and 0 <= self.centre < 1:
+            raise RegionError(
+                f"{self} reaches beyond the unit circle, which discrete-time plants need, and in "
+                "continuous time the centre is negative (-40)"
+            )
         if not self.discrete:
             check_centre(self.centre)
 
@@ -363,6 +371,8 @@ class Intersection(Region):
 
     def __post_init__(self) -> None:
         unique = tuple(dict.fromkeys(part for region in self.regions for part in region.parts))
+        if not unique:
+            raise RegionError("an intersection needs at least one region")
         object.__setattr__(self, "regions", unique)
 
     @property

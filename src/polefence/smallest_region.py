@@ -7,7 +7,7 @@ from contextlib import suppress
 from dataclasses import replace
 from fractions import Fraction
 
-from polefence.checks import require_domain, require_type, usable_centre
+from polefence.checks import require_checkable, require_domain, require_type, usable_centre
 from polefence.conditions.methods import Method, Scheduled, method_label, method_name, normal
 from polefence.conditions.methods import options as options_of
 from polefence.design import Design
@@ -73,6 +73,7 @@ def tightest(
         raise InputError(f"of = {of!r} is unknown; use 'disk', 'half_plane' or 'sector'")
     if options_of(method).degree == "auto":
         raise InputError("degree = 'auto' is for place; give tightest a number")
+    require_checkable(plant, method)
     if of != "disk":
         if centre is not None:
             raise InputError(f"of = {of!r} has no centre; leave it out")

@@ -20,7 +20,7 @@ from polefence.plant.system import Array
 from polefence.proof import cells as proof
 from polefence.proof import exact
 from polefence.proof.cells import Cell
-from polefence.proof.certificate import Check, _plant, plant_document
+from polefence.proof.certificate import Check, plant_document, plant_from
 from polefence.region import Region, region_of
 from polefence.region_text import digits_down, digits_up
 
@@ -191,7 +191,7 @@ def table_plant(path: Path) -> UncertainPlant:
     """
     where, text = _text(path)
     try:
-        return _plant(proof.read(text)[-1]["plant"])
+        return plant_from(proof.read(text)[-1]["plant"])
     except (exact.FormatError, InputError) as error:
         raise DesignFileError(f"{where}: {error}") from error
 
@@ -207,7 +207,7 @@ def _read(path: Path) -> tuple[TableAnalysis, str]:
     try:
         exactly, parts, cells, document = proof.read(text)
         fault = proof.summarise(exactly, parts, cells).fault
-        plant = _plant(document["plant"])
+        plant = plant_from(document["plant"])
         region = region_of([(part.kind, part.numbers) for part in parts])
         return TableAnalysis(plant, _table(plant, exactly), region, tuple(cells)), fault
     except (exact.FormatError, InputError) as error:

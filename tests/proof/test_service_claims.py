@@ -414,7 +414,7 @@ FAULTS = {
     "half a piece": (("service", "pieces"), [1.5, 1], "whole numbers"),
     "work": (("service",), None, "more inequalities"),
     "elevation": (("service", "elevation"), 17, "0 to 16"),
-    "parameters": (("design", "plant", "parameters"), [], "ranges"),
+    "parameters": (("design", "plant", "parameters"), [], "parameters holds 0"),
     "range": (("design", "plant", "parameters", 0, "range"), [2, 1], "empty"),
     "zero": (("design", "plant", "parameters", 0, "range"), [-1, 1], "touches zero"),
     "one bound": (("design", "plant", "parameters", 0, "range"), [1], "two numbers"),

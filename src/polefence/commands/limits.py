@@ -23,9 +23,9 @@ from polefence.commands.shared import (
     write_figure,
 )
 from polefence.conditions.methods import METHODS, method_label
-from polefence.design import rounded_down, rounded_up
 from polefence.errors import InputError
 from polefence.plant.family import UncertainPlant
+from polefence.region_text import digits_down, digits_up
 from polefence.sweep import processes, sweep
 
 
@@ -114,9 +114,9 @@ def _centres(plant: UncertainPlant, options: Any) -> list[float]:
 def _row_line(row: dict[str, Any], width: int, continuous: bool) -> str:
     radius = lower = ratio = "-"
     if row.get("lower") is not None:
-        lower = rounded_down(row["lower"])
+        lower = digits_down(row["lower"])
     if row["radius"] is not None:
-        radius = rounded_up(row["radius"])
+        radius = digits_up(row["radius"])
     if row["radius"] is not None and continuous:
         ratio = f"{100 * (1 + row['radius'] / row['centre']):.2f} %"
     return (

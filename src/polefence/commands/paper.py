@@ -7,8 +7,8 @@ from pathlib import Path
 from typing import Any
 
 from polefence.commands.shared import NOT_PROVED, PROVED, Progress, jobs_of, sweep_arguments
-from polefence.design import rounded_up
 from polefence.files import make_folder
+from polefence.region_text import digits_up
 from polefence.sweep import processes
 
 
@@ -37,7 +37,7 @@ def paper_command(options: Any) -> int:
     for row in results["radii"]:
         print(
             f"{row['family']:<11} {row['method']:<10} published {row['published']:<5g} "
-            f"{row['status']} {rounded_up(row['radius']) if row['radius'] else '-'}"
+            f"{row['status']} {digits_up(row['radius']) if row['radius'] else '-'}"
         )
     print(f"written: {folder / 'report.md'}, with {len(paths) - 1} files beside it")
     rows = [row for sweep_rows in results["limits"].values() for row in sweep_rows]

@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import Any
 
 from polefence.commands.shared import NOT_PROVED, PROVED, check_targets, write_json
-from polefence.design import Design, rounded_up
-from polefence.region_text import parse_region
+from polefence.design import Design
+from polefence.region_text import digits_up, parse_region
 from polefence.service import Margin, in_service
 
 
@@ -43,7 +43,7 @@ def service_command(options: Any) -> int:
     print(f"{design.plant.name}: all poles in {service.region}")
     print(f"{'':<34} {'proved':>10}  {'breaks at':>10}")
     for margin in service:
-        upper = "-" if margin.upper is None else rounded_up(margin.upper, 4)
+        upper = "-" if margin.upper is None else digits_up(margin.upper, 4)
         line = f"{margin.subject:<34} {margin.text:>10}  {upper:>10}  {margin.unit}"
         print(line.rstrip())
     print(f"rates leave exponential stability, decay rate {options.decay:g} 1/s")

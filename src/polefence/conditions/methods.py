@@ -54,6 +54,8 @@ class Scheduled:
         theorem_1 = (self.degree, self.elevation, self.on) == (1, 1, "simplex")
         if self.right_hand_sides and not theorem_1:
             raise InputError("right_hand_sides belong to degree=1, elevation=1, on='simplex'")
+        if not _is_number(self.budget) or not self.budget >= 0:
+            raise InputError(f"budget = {self.budget!r} must be a number of seconds, at least 0")
 
 
 @dataclass(frozen=True)
@@ -84,11 +86,15 @@ class Slack:
 
     def __post_init__(self) -> None:
         _check(self)
-        if not 0 < self.epsilon <= 100:
+        if not _is_number(self.epsilon) or not 0 < self.epsilon <= 100:
             raise InputError(f"epsilon = {self.epsilon!r} must be positive, at most 100")
 
 
 Method = str | Scheduled | Slack
+
+
+def _is_number(value: object) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool)
 
 
 def _check(method: Scheduled | Slack) -> None:

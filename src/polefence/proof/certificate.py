@@ -90,7 +90,9 @@ class Certificate:
         A = [[list(row) for row in v.exact_A] for v in self.plant.vertices]
         B = [[list(row) for row in v.exact_B] for v in self.plant.vertices]
         try:
-            return exact.claim_of(self._claimed(), A, B)
+            claim = exact.claim_of(self._claimed(), A, B)
+            exact.require_box(claim, self.plant.parameters)
+            return claim
         except exact.FormatError as error:
             raise PlantError(f"{self.plant.name}: {error}") from error
 
@@ -143,7 +145,7 @@ class Certificate:
         """
         try:
             claim, document = exact.read(text)
-            plant = _plant(document["plant"])
+            plant = plant_from(document["plant"])
             region = region_of([(part.kind, part.numbers) for part in claim.region])
             law: Law
             if claim.law.K is not None:
@@ -247,7 +249,14 @@ def _is_double(value: Fraction) -> bool:
         return False
 
 
-def _plant(data: dict[str, Any]) -> UncertainPlant:
+def plant_from(data: dict[str, Any]) -> UncertainPlant:
+    """Return the plant of a design file.
+
+    Raises
+    ------
+    DesignFileError
+        If it is malformed.
+    """
     try:
         parameters = tuple(_parameter(p) for p in data["parameters"])
         As, Bs = ([v[key] for v in data["vertices"]] for key in "AB")

@@ -44,8 +44,9 @@ METHODS = ("quadratic", "slack", "scheduled", "lyapunov")
 MAX_BYTES, MAX_SIZE, MAX_VERTICES, MAX_PARTS = 32_000_000, 60, 256, 16
 MAX_COEFFICIENTS = 20_000
 MAX_DEGREE = 16  # of any polynomial, in each simplex
-# Bounds on the work that a file can ask for: digits of the common denominators, and operations.
-LARGEST, MAX_BITS, MAX_WORK = 10**300, 20_000, 5 * 10**8
+# Bounds on the work that a file can ask for: digits of the common denominators, and operations, of
+# which every inequality takes some whatever its size.
+LARGEST, MAX_BITS, MAX_WORK, LEAST_WORK = 10**300, 20_000, 5 * 10**8, 3000
 
 # Parts of regions: their kinds and the numbers that each has.
 KINDS = {
@@ -207,7 +208,8 @@ def _require_consistent(claim: Claim) -> None:
     if any(e.tau for e in evidence) and not _is_theorem_1(claim):
         raise FormatError("tau belongs to the right-hand sides of Theorem 1")
     work = sum(
-        _number(sizes, _degree(claim, e)) * (2 * n * (2 if e.G is not None else 1)) ** 3
+        _number(sizes, _degree(claim, e))
+        * ((2 * n * (2 if e.G is not None else 1)) ** 3 + LEAST_WORK)
         for e in evidence
     )
     if work * len(claim.region) > MAX_WORK:
@@ -914,7 +916,20 @@ def read(text: str) -> tuple[Claim, dict[str, Any]]:
         If it is no JSON, cut short, of another format or version, or its shapes do not fit.
     """
     document = read_document(text, FORMAT)
-    return claim_of(document, *read_vertices(document)), document
+    claim = claim_of(document, *read_vertices(document))
+    require_box(claim, _at(document, "plant").get("parameters"))
+    _require_consistent(claim)
+    return claim, document
+
+
+def require_box(claim: Claim, parameters: Any) -> None:
+    """Refuse a claim about a box where the plant does not have its intervals."""
+    count = len(parameters) if isinstance(parameters, list | tuple) else 0
+    if claim.on == "box" and 2**count != len(claim.A):
+        raise FormatError(
+            f'"box" belongs to plants whose parameters span the vertices: plant.parameters holds '
+            f"{count}, for {len(claim.A)} vertices"
+        )
 
 
 def read_document(text: str, kind: str) -> dict[str, Any]:
@@ -944,7 +959,7 @@ def claim_of(document: dict[str, Any], A: list[Rationals], B: list[Rationals]) -
     method, kind = _at(document, "method"), _at(document, "law", "kind")
     if method not in METHODS:
         raise FormatError(f"method {method!r} is not one of {', '.join(METHODS)}")
-    kinds = {"scheduled": {"scheduled"}, "lyapunov": {"fixed", "scheduled"}}.get(method, {"fixed"})
+    kinds = {"scheduled": ["scheduled"], "lyapunov": ["fixed", "scheduled"]}.get(method, ["fixed"])
     if kind not in kinds:
         raise FormatError(f"law.kind {kind!r} does not belong to method {method!r}")
     _only(document, "certificate", _EVIDENCE[method])
@@ -1144,16 +1159,17 @@ def main(arguments: list[str]) -> int:
     try:
         with open(arguments[0], encoding="utf-8") as file:
             claim, _ = read(file.read(MAX_BYTES + 1))
+        verdict = prove(claim)
     except (OSError, UnicodeDecodeError, FormatError) as error:
         print(f"{arguments[0]}: {error}", file=sys.stderr)
         return 2
-    verdict = prove(claim)
     region = " & ".join(
         f"{part.kind}({', '.join(f'{float(v):.17g}' for v in part.numbers)})"
         for part in claim.region
     )
     answer = "proved" if verdict.proved else "not proved"
-    print(f"{answer}: {claim.method}, {region}: {verdict.reason}")
+    where = "simplex of the vertices" if claim.on == "simplex" else "box of the parameters"
+    print(f"{answer}: {claim.method}, {region}, on the {where}: {verdict.reason}")
     return 0 if verdict.proved else 1
 
 

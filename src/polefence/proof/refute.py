@@ -53,8 +53,9 @@ def counterexample(claim: exact.Claim) -> list[Fraction] | None:
     """
     try:
         region = region_of([(part.kind, part.numbers) for part in claim.region])
-    except RegionError:  # no region at all keeps no pole
-        return [Fraction(int(j == 0)) for j in range(len(claim.A))]
+    except RegionError:  # numbers that make no region keep no pole
+        alpha = [Fraction(int(j == 0)) for j in range(len(claim.A))]
+        return None if exact.poles_inside(claim, alpha) else alpha
     for point, worst in worst_points(claim, lambda poles: region.distance(poles).max(axis=-1)):
         if worst < -1e-6 * region.size:
             continue

@@ -7,7 +7,6 @@ from fractions import Fraction
 from pathlib import Path
 from typing import Any
 
-from polefence.design import rounded_down
 from polefence.errors import DesignFileError
 from polefence.files import read_text
 from polefence.plant.family import UncertainPlant
@@ -23,6 +22,7 @@ from polefence.proof.service import (
     read_service,
 )
 from polefence.region import exactly
+from polefence.region_text import digits_down
 
 
 def claim_document(claim: ServiceClaim) -> dict[str, Any]:
@@ -129,4 +129,4 @@ def _listed(text: str, names: list[tuple[str, str]], values: tuple[Fraction, ...
 
 
 def _text(value: Fraction) -> str:
-    return rounded_down(float(value), 4) if value else "0"
+    return digits_down(float(value), 4) if value else "0"

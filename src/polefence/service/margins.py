@@ -9,11 +9,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from polefence.design import Design, rounded_down, rounded_up
+from polefence.design import Design
 from polefence.files import make_folder, write_text
 from polefence.proof import exact
 from polefence.proof.service import FORMAT, ServiceClaim
 from polefence.region import Region
+from polefence.region_text import digits_down, digits_up
 from polefence.service.files import claim_document
 
 SUBJECTS = {
@@ -80,7 +81,7 @@ class Margin:
         return f"{what}, {self.parameter or 'all at once'}"
 
     def __str__(self) -> str:
-        upper = "" if self.upper is None else f", breaks at {rounded_up(self.upper, 4)}"
+        upper = "" if self.upper is None else f", breaks at {digits_up(self.upper, 4)}"
         return f"{self.subject}: {self.text} {self.unit}".rstrip() + upper
 
     @property
@@ -88,7 +89,7 @@ class Margin:
         """The value, rounded down so that it stays true as printed."""
         if math.isinf(self.value):
             return "any"
-        return rounded_down(self.value, 4) if self.value > 0 else ("0" if self.proved else "-")
+        return digits_down(self.value, 4) if self.value > 0 else ("0" if self.proved else "-")
 
 
 @dataclass(frozen=True, eq=False, repr=False)

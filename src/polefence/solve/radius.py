@@ -154,6 +154,8 @@ class _Search:
         r = wide * radius / unit
         if not isinstance(self.goal, Disks):
             r = max(r, first_radius(stacked, x))
+            if not np.isfinite(r):
+                return None
         outcome = self._outcome(stacked, x, r, unit, tolerance)
         if outcome is None:
             return None

@@ -98,7 +98,8 @@ def balanced(A: Array, B: Array, sigma: float) -> Scaling:
     n = A.shape[1]
     # beyond these magnitudes the balance's own powers of two overflow
     size = np.clip(np.abs(A).mean(axis=0) / rate, 0.0, 1e30) + np.eye(n)
-    _, (scale, _) = matrix_balance(size, permute=False, separate=True)
+    with np.errstate(invalid="ignore"):  # of its cast of the scale to indices of a permutation
+        _, (scale, _) = matrix_balance(size, permute=False, separate=True)
     T = power_of_two(scale)
     reach = np.abs(B / T[:, None]).mean(axis=0).max(axis=0) / rate
     S = power_of_two(1 / np.where(reach > 0, reach, 1.0))

@@ -7,9 +7,10 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from polefence.design import Design, rounded_up
+from polefence.design import Design
 from polefence.files import write_bytes, write_text
 from polefence.plots import FORMATS, limits_figure, poles_figure, render
+from polefence.region_text import digits_up
 from polefence.suspension.paper import DISK, FAMILIES, cloud, nominal_poles
 from polefence.suspension.quarter_car import family
 from polefence.suspension.tables import gain_cells, number, table
@@ -125,7 +126,7 @@ def report(results: Mapping[str, Any]) -> str:
 
 
 def _radius(value: float | None) -> str:
-    return "-" if value is None else rounded_up(value)
+    return "-" if value is None else digits_up(value)
 
 
 def _yes(value: bool) -> str:

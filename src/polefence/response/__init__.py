@@ -1,0 +1,1 @@
+"""How the plant behaves under a law: responses, roads, comfort, drives."""

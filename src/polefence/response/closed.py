@@ -1,0 +1,97 @@
+"""Closed loops of a family under a law, for many parameter values at once."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from polefence.errors import InputError
+from polefence.gain_table import GainTable
+from polefence.law import Law, check_alpha
+from polefence.loops import given_law, values_at, values_text
+from polefence.plant.family import UncertainPlant
+from polefence.plant.system import Array
+
+
+@dataclass(frozen=True, eq=False)
+class Loops:
+    """x' = (A + B K) x + E w at ``count`` points of the family.
+
+    Attributes
+    ----------
+    plant : UncertainPlant
+    alpha : (count, N) array
+    A, B, E, K : (count, n, n), (count, n, m), (count, n, q), (count, m, n) arrays
+    """
+
+    plant: UncertainPlant
+    alpha: Array
+    A: Array
+    B: Array
+    E: Array
+    K: Array
+
+    @property
+    def closed(self) -> Array:
+        """A + B K, (count, n, n)."""
+        return np.asarray(self.A + self.B @ self.K)
+
+    def poles(self) -> Array:
+        """Closed-loop poles, (count, n) complex."""
+        return np.asarray(np.linalg.eigvals(self.closed))
+
+
+def close(plant: UncertainPlant, law: Any, alpha: Any) -> Loops:
+    """Close a law around the plant at points alpha.
+
+    Parameters
+    ----------
+    law : None, Law, Design, GainTable or (m, n) array
+        None leaves the plant to itself.
+    alpha : (count, N) or (N,) array
+
+    Raises
+    ------
+    InputError
+        If the law does not fit the plant, the plant names no disturbance (no E), or it is in
+        discrete time; if alpha lies off the simplex by more than rounding.
+    """
+    if plant.sample_time is not None:
+        raise InputError(f"{plant.name} is in discrete time; responses are of continuous time")
+    alpha = np.atleast_2d(np.asarray(alpha, dtype=float))
+    if alpha.ndim > 2 or not len(alpha):
+        raise InputError(f"alpha has shape {alpha.shape}; give (count, {len(plant.vertices)})")
+    alpha = check_alpha(alpha, len(plant.vertices))
+    A, B = plant.at(alpha)
+    Es = [v.E for v in plant.vertices]
+    if any(E is None for E in Es):
+        raise InputError(
+            f"{plant.name} says nowhere how a disturbance enters; give E: for every vertex, or "
+            "in [matrices]"
+        )
+    E = np.tensordot(alpha, np.stack(Es), 1)  # type: ignore[arg-type]
+    return Loops(plant, alpha, A, B, E, gains(plant, law, alpha))
+
+
+def gains(plant: UncertainPlant, law: Any, alpha: Array) -> Array:
+    """Return K at every alpha, (count, m, n); zero where there is no law."""
+    n, m = plant.shape
+    if law is None:
+        return np.zeros((len(alpha), m, n))
+    if isinstance(law, GainTable):
+        found = [values_at(plant, a) for a in alpha]
+        if any(v is None for v in found):
+            raise InputError(f"a table of gains needs the parameters of {plant.name}")
+        return np.stack([law.gain_at(clamp=True, **v) for v in found])  # type: ignore[arg-type]
+    own: Law = given_law(plant, law)
+    return np.asarray(own.gain(alpha))
+
+
+def point_text(plant: UncertainPlant, alpha: Array) -> str:
+    """Name a point of the family: by its parameters' values where it has them, else by alpha."""
+    values = values_at(plant, alpha.tolist())
+    if values is not None:
+        return values_text(plant, values)
+    return f"alpha = {[float(f'{a:.6g}') for a in alpha]}"

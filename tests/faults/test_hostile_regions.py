@@ -21,7 +21,6 @@ from polefence import (
     Scheduled,
     UncertainPlant,
     check,
-    engine,
     place,
     tightest,
 )

@@ -52,6 +52,14 @@ _STYLE: Any = {
 
 def new_figure(columns: int, width: float, height: float, **options: Any) -> tuple[Figure, Any]:
     """Return a figure with a row of axes, in the package's style; no window, no global state."""
+    figure, axes = new_grid(1, columns, width, height, **options)
+    return figure, axes[0]
+
+
+def new_grid(
+    rows: int, columns: int, width: float, height: float, **options: Any
+) -> tuple[Figure, Any]:
+    """Return a figure with rows and columns of axes, as `new_figure` does."""
     from matplotlib import rc_context
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
@@ -59,7 +67,7 @@ def new_figure(columns: int, width: float, height: float, **options: Any) -> tup
     with rc_context(_STYLE):
         figure = Figure(figsize=(width, height), layout="constrained")
         FigureCanvasAgg(figure)
-        axes = figure.subplots(1, columns, squeeze=False, **options)[0]
+        axes = figure.subplots(rows, columns, squeeze=False, **options)
     return figure, axes
 
 

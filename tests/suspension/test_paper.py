@@ -8,8 +8,9 @@ import xml.etree.ElementTree as ET
 
 import numpy as np
 import pytest
+from scipy.signal import step as lti_step
 
-from polefence import check
+from polefence import Design, check
 from polefence.suspension import paper, paper_report
 from polefence.suspension.quarter_car import family, quarter_car
 
@@ -53,10 +54,12 @@ def reproduction(tmp_path_factory):
 def test_a_reproduction_writes_everything(reproduction):
     folder, results, paths = reproduction
     names = {path.name for path in paths}
-    for figure in (3, 4, 5, 6):
+    for figure in range(3, 11):
         assert {f"figure-{figure}.{kind}" for kind in ("png", "svg", "pdf")} <= names
     assert all(path.stat().st_size > 0 for path in paths)
-    assert json.loads((folder / "paper.json").read_text()) == json.loads(json.dumps(results))
+    written = json.loads((folder / "paper.json").read_text())
+    assert set(written.pop("ride")) == {"as-printed", "physical"}
+    assert written == json.loads(json.dumps(results))
     for name in ("as-printed", "physical"):
         assert check(folder / f"design-{name}").proved
     for row in results["radii"]:
@@ -65,7 +68,7 @@ def test_a_reproduction_writes_everything(reproduction):
 
 def test_figures_are_well_formed(reproduction):
     folder, _, _ = reproduction
-    for figure in (3, 4, 5, 6):
+    for figure in range(3, 11):
         png = (folder / f"figure-{figure}.png").read_bytes()
         width, height = struct.unpack(">II", png[16:24])
         assert png[:4] == b"\x89PNG"
@@ -108,3 +111,37 @@ def test_a_sample_of_poles_leaves_no_disk(reproduction):
     for summary in results["disk design"].values():
         assert summary["all in the disk"]
         assert summary["sampled alpha"] > 10_000
+
+
+# --- figures 7 to 10 -----------------------------------------------------------------------------
+
+
+def test_the_car_settles_as_published_with_a_band_of_5_percent(reproduction):
+    """And no vertex settles later by an independent simulation."""
+    folder, _, _ = reproduction
+    found = json.loads((folder / "paper.json").read_text())["ride"]
+    claim = paper.published()["claims"]["settling_time_below_s"]
+    times = found["as-printed"]["longest settling time [s]"]
+    assert max(times["5 %"].values()) < claim < max(times["2 %"].values())
+    design = Design.load(folder / "design-as-printed")
+    latest = []
+    for alpha in np.eye(4):
+        A, B = design.plant.at(alpha)
+        closed = A + B @ design.law.gain(alpha)
+        E = np.array([[0], [1], [0], [0], [0]])
+        time = np.linspace(0, 1.5, 3001)
+        deflection = lti_step((closed, E, np.eye(5), np.zeros((5, 1))), T=time)[1][:, 0]
+        outside = np.abs(deflection) > 0.05 * np.abs(deflection).max()
+        latest.append(time[np.flatnonzero(outside)[-1]])
+    longest = times["5 %"]["suspension deflection"]
+    assert longest - 0.05 < max(latest) < longest + 1e-3
+
+
+def test_the_car_rides_rougher_than_without_control(reproduction):
+    folder, _, _ = reproduction
+    found = json.loads((folder / "paper.json").read_text())["ride"]
+    for own in found.values():
+        ours, passive = (own[f"weighted rms acceleration{law} [m/s2]"] for law in ("", ", passive"))
+        assert ours[0] > passive[1]
+        assert own["largest share of the severe discomfort boundary"] < 0.1
+    assert "rides rougher than without control" in (folder / "report.md").read_text()

@@ -26,7 +26,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def paper_command(options: Any) -> int:
-    """Reproduce Leite & Peres (2005): figures 3 to 6 and a report."""
+    """Reproduce Leite & Peres (2005): figures 3 to 10 and a report."""
     from polefence.suspension import paper, paper_report
 
     folder = make_folder(options.output)

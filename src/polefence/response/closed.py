@@ -43,7 +43,7 @@ class Loops:
         return np.asarray(np.linalg.eigvals(self.closed))
 
 
-def close(plant: UncertainPlant, law: Any, alpha: Any) -> Loops:
+def close(plant: UncertainPlant, law: Any, alpha: Any, disturbed: bool = True) -> Loops:
     """Close a law around the plant at points alpha.
 
     Parameters
@@ -51,6 +51,8 @@ def close(plant: UncertainPlant, law: Any, alpha: Any) -> Loops:
     law : None, Law, Design, GainTable or (m, n) array
         None leaves the plant to itself.
     alpha : (count, N) or (N,) array
+    disturbed : bool
+        False takes a plant that names no disturbance too; E then has no columns.
 
     Raises
     ------
@@ -67,6 +69,9 @@ def close(plant: UncertainPlant, law: Any, alpha: Any) -> Loops:
     A, B = plant.at(alpha)
     Es = [v.E for v in plant.vertices]
     if any(E is None for E in Es):
+        if not disturbed:
+            nothing = np.zeros((len(alpha), plant.shape[0], 0))
+            return Loops(plant, alpha, A, B, nothing, gains(plant, law, alpha))
         raise InputError(
             f"{plant.name} says nowhere how a disturbance enters; give E: for every vertex, or "
             "in [matrices]"

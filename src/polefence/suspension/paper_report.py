@@ -1,4 +1,4 @@
-"""Figures 3 to 6 and the report of the paper's reproduction, from its results as plain data."""
+"""Figures 3 to 10 and the report of the paper's reproduction, from its results as plain data."""
 
 from __future__ import annotations
 
@@ -10,7 +10,10 @@ from typing import TYPE_CHECKING, Any
 from polefence.design import Design
 from polefence.files import write_bytes, write_text
 from polefence.plots import FORMATS, limits_figure, poles_figure, render
+from polefence.plots_response import bands_figure, frequency_figure, responses_figure
 from polefence.region_text import digits_up
+from polefence.response.bands import MOTION, RIDE
+from polefence.suspension import ride
 from polefence.suspension.paper import DISK, FAMILIES, cloud, nominal_poles
 from polefence.suspension.quarter_car import family
 from polefence.suspension.tables import gain_cells, number, table
@@ -20,19 +23,34 @@ if TYPE_CHECKING:
 
 # A disk deep in the right half-plane is no design: keep figure 4's scale for those that are.
 FLOOR = -60.0
+# Figures 7 and 8: the settling time that the paper states, and the last time shown [s].
+SETTLED, SHOWN = 0.5, 0.8
 CAPTIONS = {
     "figure-3": "d/sigma over the centre, m1 alone uncertain (k, c of Table 1).",
     "figure-4": "d/sigma over the centre, m1, c and k uncertain; both families.",
     "figure-5": "Closed-loop poles under the nominal gain (27), over the polytope.",
     "figure-6": "Closed-loop poles under the scheduled gain K(alpha), over the polytope.",
+    "figure-7": "States and sprung-mass acceleration after a unit step of road velocity.",
+    "figure-8": "Tyre deflection, sprung-mass velocity and acceleration after a unit impulse of "
+    "road velocity.",
+    "figure-9": "Magnitude from road velocity to the states.",
+    "figure-10": "Sprung-mass acceleration by one-third octaves on a class C road at 20 m/s, "
+    "weighted by Wk (top) and Wf (bottom) of ISO 2631-1; least and greatest over the family, and "
+    "without control; severe discomfort after 30 minutes by ISO 2631-3:1985.",
 }
 
 
-def figures(results: Mapping[str, Any], folder: Path) -> dict[str, Figure]:
-    """Draw figures 3 to 6; the designs are read from ``folder``, and so proved afresh."""
+def figures(
+    results: Mapping[str, Any], designs: Mapping[str, Design], rides: Mapping[str, ride.Ride]
+) -> dict[str, Figure]:
+    """Draw figures 3 to 10."""
     rows = results["limits"]
     plants = {name: family(f"quarter-car-{name}") for name in FAMILIES}
-    designs = {name: Design.load(folder / f"design-{name}") for name in FAMILIES}
+    columns = {f"{name} family": found for name, found in rides.items()}
+    bands = {
+        title: {f"scheduled, {DISK}": found.bands, "passive": found.passive_bands}
+        for title, found in columns.items()
+    }
     return {
         "figure-3": limits_figure({"m1 uncertain": rows["m1"]}),
         "figure-4": limits_figure({f"{name} family": rows[name] for name in FAMILIES}, FLOOR),
@@ -42,14 +60,28 @@ def figures(results: Mapping[str, Any], folder: Path) -> dict[str, Figure]:
         "figure-6": poles_figure(
             {f"{n} family": cloud(plants[n], d.poles) for n, d in designs.items()}, DISK
         ),
+        "figure-7": responses_figure(
+            {title: found.step for title, found in columns.items()}, SETTLED, SHOWN
+        ),
+        "figure-8": responses_figure(
+            {title: found.impulse for title, found in columns.items()}, until=SHOWN
+        ),
+        "figure-9": frequency_figure({t: found.frequency for t, found in columns.items()}),
+        "figure-10": bands_figure(bands, [RIDE.nominal, MOTION.nominal], ride.BOUNDARY),
     }
 
 
 def write(results: Mapping[str, Any], folder: Path) -> list[Path]:
-    """Write ``paper.json``, ``report.md`` and the figures; return their paths."""
+    """Write ``paper.json``, ``report.md`` and the figures; return their paths.
+
+    The designs are read from ``folder``, and so proved afresh.
+    """
+    designs = {name: Design.load(folder / f"design-{name}") for name in FAMILIES}
+    rides = {name: ride.ride_of(design) for name, design in designs.items()}
+    results = {**results, "ride": ride.summary(rides)}
     paths = [folder / "paper.json", folder / "report.md"]
     write_text(paths[0], json.dumps(results, indent=1, allow_nan=False) + "\n")
-    for name, figure in figures(results, folder).items():
+    for name, figure in figures(results, designs, rides).items():
         for kind in FORMATS:
             paths.append(folder / f"{name}.{kind}")
             write_bytes(paths[-1], render(figure, kind))
@@ -103,6 +135,9 @@ def report(results: Mapping[str, Any]) -> str:
             ],
         ),
         _figure("figure-6"),
+        "## How the car responds",
+        ride.text(results["ride"], results["published"]["claims"]["settling_time_below_s"]),
+        *(_figure(f"figure-{k}") for k in (7, 8, 9, 10)),
         '## "Only Theorem 1 below sigma = 13"',
         table(
             ("family", "centre", "method", "smallest radius, proved", "d/sigma [%]"),
@@ -134,7 +169,7 @@ def _yes(value: bool) -> str:
 
 
 def _figure(name: str) -> str:
-    caption = f"Figure {name[-1]}. {CAPTIONS[name]}"
+    caption = f"Figure {name.split('-')[1]}. {CAPTIONS[name]}"
     return f"![{caption}]({name}.png)\n\n*{caption}*"
 
 

@@ -1,0 +1,154 @@
+"""Which times and frequencies a response is asked at: what the caller says, else what fits."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import numpy.typing as npt
+
+from polefence.errors import InputError
+from polefence.plant.system import Array
+from polefence.response.closed import Loops, point_text
+from polefence.response.stationary import STABLE, Numbers
+from polefence.response.weighting import positive
+
+# A disturbance that runs straight between samples has lost (1 - (sin(x/2) / (x/2))^2), x = step
+# times rate, of a component at that rate [rad/s]. At the fastest pole's rate that is 8 % for the
+# longest step, x = 1; 0.08 % for the one that is chosen, x = 0.1.
+LONGEST = 1.0
+CHOSEN = 0.1
+# Of the slowest time constant: so long a response is followed, and in so many steps at most.
+FOLLOWED = 15.0
+MOST_CHOSEN = 20_000
+# Of a result [bytes].
+MOST_BYTES = 8e9
+
+
+def longest_step(loops: Loops) -> float:
+    """Return the longest step at which a sampled disturbance means anything to these loops [s].
+
+    It is 1 / |p|, p the fastest pole of all: straight lines between samples then pass at least
+    92 % of what lies at that pole's rate. Infinite where all poles are zero.
+    """
+    fastest = float(np.abs(loops.poles()).max(initial=0.0))
+    return LONGEST / fastest if fastest else math.inf
+
+
+def require_step(loops: Loops, step: float) -> float:
+    """Return the step of a sampled disturbance [s].
+
+    Raises
+    ------
+    InputError
+        If it is not above zero, or longer than `longest_step`; the bound is named.
+    """
+    step = positive(step, "step [s]")
+    bound = longest_step(loops)
+    if step > bound:
+        speeds = np.abs(loops.poles()).max(axis=1)
+        row = int(np.argmax(speeds))
+        raise InputError(
+            f"step = {step:g} s is too long for the fastest pole, {speeds[row]:.4g} 1/s in size at "
+            f"{point_text(loops.plant, loops.alpha[row])}; sample the disturbance at "
+            f"{_below(bound):g} s or less"
+        )
+    return step
+
+
+def times(
+    loops: Loops, kept: Numbers, duration: float | None, step: float | None, signals: int
+) -> Array:
+    """Return the times of a response [s], 0 first; steps and duration are chosen where not given.
+
+    Parameters
+    ----------
+    kept : (k,) array of int
+        The states that matter: their poles say how long the response lasts.
+    signals : int
+        How many there will be, for the bound on memory.
+
+    Raises
+    ------
+    InputError
+        If a number is not above zero, none is given and none can be chosen, or the result would
+        be too large.
+    """
+    poles = np.asarray(np.linalg.eigvals(loops.closed[:, kept][:, :, kept]), dtype=complex)
+    fastest = float(np.abs(poles).max(initial=0.0))
+    if duration is None:
+        duration = _duration(loops, poles, fastest)
+    duration = positive(duration, "duration [s]")
+    if step is None:
+        step = max(CHOSEN / fastest if fastest else 0.0, duration / MOST_CHOSEN)
+    step = positive(step, "step [s]")
+    return every(step, samples(duration, step, len(loops.alpha), signals))
+
+
+def every(step: float, samples: int) -> Array:
+    """Return 0, step, 2 step, ..., (samples,)."""
+    return np.asarray(step * np.arange(samples), dtype=float)
+
+
+def samples(duration: float, step: float, count: int, signals: int) -> int:
+    """Return how many samples a duration has, both ends among them.
+
+    Raises
+    ------
+    InputError
+        If there is not even one step, or count x samples x signals would be too large.
+    """
+    steps = duration / step * (1 + 1e-12)
+    if steps < 1:
+        raise InputError(f"step = {step:g} s is longer than the duration, {duration:g} s")
+    require_size(steps + 1, count, signals)
+    return math.floor(steps) + 1
+
+
+def require_size(samples: float, count: int, signals: int) -> None:
+    """Refuse a result that takes more than `MOST_BYTES`."""
+    size = 8 * samples * count * signals
+    if size > MOST_BYTES:
+        raise InputError(
+            f"{count} points, {samples:.4g} samples and {signals} signals make {size / 1e9:.3g} GB;"
+            f" at most {MOST_BYTES / 1e9:g} GB (ask for fewer of one of them)"
+        )
+
+
+def frequencies(loops: Loops, given: object) -> Array:
+    """Return frequencies [Hz]; by default 400 from a decade below all poles to one above.
+
+    Raises
+    ------
+    InputError
+        If they are not finite numbers of zero or more.
+    """
+    if given is None:
+        sizes = np.abs(loops.poles())
+        top = sizes.max(initial=0.0)
+        some = sizes[sizes > STABLE * top]
+        low, high = (some.min(), top) if len(some) else (1.0, 1.0)
+        return np.geomspace(low / 10, high * 10, 400) / (2 * math.pi)
+    try:
+        found = np.atleast_1d(np.array(given, dtype=float))
+    except (TypeError, ValueError):
+        found = np.array([math.nan])
+    if found.ndim != 1 or not len(found) or not np.all(np.isfinite(found)) or np.any(found < 0):
+        raise InputError("frequency [Hz] must be a list of finite numbers, zero or more")
+    return found
+
+
+def _duration(loops: Loops, poles: npt.NDArray[np.complex128], fastest: float) -> float:
+    rates = -poles.real
+    slowest = rates.min(axis=1, initial=math.inf)
+    bad = np.flatnonzero(slowest <= STABLE * fastest)
+    if len(bad) or not poles.size:
+        where = point_text(loops.plant, loops.alpha[bad[0] if len(bad) else 0])
+        raise InputError(f"the response does not die away at {where}; give a duration [s]")
+    return FOLLOWED / float(slowest.min())
+
+
+def _below(value: float) -> float:
+    """Round down to three digits, so that the number that is named is accepted."""
+    digits = 10.0 ** (2 - math.floor(math.log10(value)))
+    return math.floor(value * digits) / digits

@@ -1,0 +1,262 @@
+"""Linear responses of a family under a law: step, impulse, frequency, any sampled disturbance.
+
+For all points of the family at once. Step and impulse responses are exact at the samples, and so
+is the response to a disturbance that is held, or runs straight, between them (`discrete`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+
+from polefence.errors import InputError, suggest
+from polefence.plant.family import UncertainPlant
+from polefence.plant.system import Array
+from polefence.response import grid
+from polefence.response.closed import Loops, close, point_text
+from polefence.response.discrete import BUFFER, driven, free, held, ramped
+from polefence.response.result import Frequency, Response
+from polefence.response.sampling import sampled, started
+from polefence.response.signals import Signal, choose, inputs, output_matrices, split
+from polefence.response.stationary import needed, unstable
+
+Wanted = Sequence[Signal | str] | None
+
+
+@dataclass(frozen=True, eq=False)
+class _Path:
+    """From some sources to signals: x' = closed x + E w, y = C x + D w, batched."""
+
+    loops: Loops
+    signals: tuple[Signal, ...]
+    sources: tuple[Signal, ...]
+    E: Array
+    C: Array
+    D: Array
+
+
+def step(
+    plant: UncertainPlant,
+    law: Any,
+    alpha: Any,
+    signals: Wanted = None,
+    source: str | None = None,
+    duration: float | None = None,
+    step: float | None = None,
+) -> Response:
+    """Return the responses to a unit step at time 0, from rest.
+
+    Parameters
+    ----------
+    law : None, Law, Design, GainTable or (m, n) array
+        None leaves the plant to itself.
+    alpha : (count, N) or (N,) array
+    signals : sequence of Signal or str, optional
+        Signals, or names of states and inputs; all states and inputs by default.
+    source : str, optional
+        Where the step enters: name of a disturbance, or of an input u = K x + v for a step in
+        v; the first disturbance by default.
+    duration : float, optional
+        [s]; by default 15 times the slowest time constant that the signals depend on.
+    step : float, optional
+        Time between samples [s]; by default a tenth over the size of the fastest pole, or more
+        where that made over 20,000 samples. The samples are exact whatever it is.
+
+    Raises
+    ------
+    InputError
+        If a name is unknown, a number not above zero, or no duration is given and the response
+        does not die away; and as `close` raises.
+    """
+    path = _path(plant, law, alpha, signals, source)
+    loops, (count, n, _) = path.loops, path.E.shape
+    time = grid.times(loops, needed(path.C, loops.closed), duration, step, len(path.signals))
+    Phi, Gamma = held(loops.closed, path.E, time[1])
+    # The step is a state that stays as it is.
+    longer = np.zeros((count, n + 1, n + 1))
+    longer[:, :n, :n], longer[:, :n, n:], longer[:, n, n] = Phi, Gamma, 1.0
+    start = np.zeros((count, n + 1))
+    start[:, n] = 1.0
+    values = free(longer, np.concatenate([path.C, path.D], axis=2), start, len(time))
+    return Response(plant, loops.alpha, time, path.signals, values, _final(path))
+
+
+def impulse(
+    plant: UncertainPlant,
+    law: Any,
+    alpha: Any,
+    signals: Wanted = None,
+    source: str | None = None,
+    duration: float | None = None,
+    step: float | None = None,
+) -> Response:
+    """Return the responses to a unit impulse at time 0, from rest.
+
+    Arguments and errors are those of `step`. The values at time 0 are those right after the
+    impulse; where it passes straight into a signal, that impulse is not in them.
+    """
+    path = _path(plant, law, alpha, signals, source)
+    loops = path.loops
+    time = grid.times(loops, needed(path.C, loops.closed), duration, step, len(path.signals))
+    Phi, _ = held(loops.closed, path.E, time[1])
+    values = free(Phi, path.C, path.E[:, :, 0], len(time))
+    final = np.where(np.isnan(_final(path)), np.nan, 0.0)
+    return Response(plant, loops.alpha, time, path.signals, values, final)
+
+
+def simulate(
+    plant: UncertainPlant,
+    law: Any,
+    alpha: Any,
+    w: Any,
+    step: float | None = None,
+    signals: Wanted = None,
+    hold: Literal["linear", "held"] = "linear",
+    start: Any = None,
+    duration: float | None = None,
+) -> Response:
+    """Return the responses to a disturbance, the same at all points.
+
+    Parameters
+    ----------
+    law : None, Law, Design, GainTable or (m, n) array
+        None leaves the plant to itself.
+    alpha : (count, N) or (N,) array
+    w : (T,) or (T, q) array, or function
+        Samples; a function of times (T,) [s] that returns them is sampled.
+    step : float, optional
+        Time between samples [s]; samples must say it. For a function, by default a tenth over
+        the size of the fastest pole.
+    signals : sequence of Signal or str, optional
+        Signals, or names of states and inputs; all states and inputs by default.
+    hold : "linear" or "held"
+        Between samples w runs straight to the next one, or stays as it was at the last.
+    start : (n,) or (count, n) array, optional
+        State at time 0; zero by default.
+    duration : float, optional
+        [s]; a function needs it.
+
+    Raises
+    ------
+    InputError
+        If the step is too long for the fastest pole (the bound is named), w is not finite or of
+        another shape, the response outgrows floating point; and as `close` raises.
+    """
+    if hold not in ("linear", "held"):
+        raise InputError(f"hold = {hold!r}; use 'linear' or 'held'")
+    loops = close(plant, law, alpha)
+    asked = choose(plant, signals)
+    step, w = sampled(loops, w, step, duration, len(asked))
+    grid.require_size(len(w), len(loops.alpha), len(asked))
+    C, D = output_matrices(asked, loops.closed, loops.E, loops.K)
+    first = started(start, *loops.closed.shape[:2])
+    if hold == "held":
+        Phi, Gamma = held(loops.closed, loops.E, step)
+        values = driven(Phi, Gamma, C, D, w, first)
+    else:
+        Phi, Gamma, Gamma1 = ramped(loops.closed, loops.E, step)
+        values = driven(Phi, Gamma, C, D, w, first, Gamma1)
+    return Response(plant, loops.alpha, grid.every(step, len(w)), asked, values)
+
+
+def frequency(
+    plant: UncertainPlant,
+    law: Any,
+    alpha: Any,
+    frequency: Any = None,
+    signals: Wanted = None,
+    source: str | None = None,
+) -> Frequency:
+    """Return transfer functions at frequencies.
+
+    Parameters
+    ----------
+    law : None, Law, Design, GainTable or (m, n) array
+        None leaves the plant to itself.
+    alpha : (count, N) or (N,) array
+    frequency : (F,) array, optional
+        [Hz]; by default 400 from a decade below the slowest pole to one above the fastest.
+    signals : sequence of Signal or str, optional
+        Signals, or names of states and inputs; all states and inputs by default.
+    source : str, optional
+        Name of a disturbance or of an input, as `step` has it; all disturbances by default.
+
+    Raises
+    ------
+    InputError
+        If a name is unknown, a frequency negative or not finite, or a pole lies at one; and as
+        `close` raises.
+    """
+    path = _path(plant, law, alpha, signals, source, every=True)
+    asked = grid.frequencies(path.loops, frequency)
+    keep = needed(path.C, path.loops.closed)
+    A, E, C = path.loops.closed[:, keep][:, :, keep], path.E[:, keep], path.C[:, :, keep]
+    grid.require_size(2.0 * len(asked) * len(path.sources), len(A), len(path.signals))
+    gain = np.empty((len(A), len(asked), *path.D.shape[1:]), dtype=complex)
+    some = max(1, BUFFER // (16 * len(asked) * max(1, len(keep)) ** 2))
+    s = 2j * np.pi * asked[:, None, None] * np.eye(len(keep))
+    for first in range(0, len(A), some):
+        part = slice(first, first + some)
+        try:
+            X = np.linalg.solve(s - A[part, None], E[part, None].astype(complex))
+        except np.linalg.LinAlgError:
+            raise InputError(_pole_text(path, A, asked)) from None
+        gain[part] = C[part, None] @ X + path.D[part, None]
+    return Frequency(plant, path.loops.alpha, asked, path.signals, path.sources, gain)
+
+
+def _path(
+    plant: UncertainPlant,
+    law: Any,
+    alpha: Any,
+    signals: Wanted,
+    source: str | None,
+    every: bool = False,
+) -> _Path:
+    """Close the loops and say how one source (``every``: each disturbance) reaches the signals."""
+    pushes = [s.name for s in inputs(plant)]
+    loops = close(plant, law, alpha, disturbed=source not in pushes)
+    asked = choose(plant, signals)
+    q = loops.E.shape[-1]
+    names = plant.disturbances or tuple(f"w{i + 1}" for i in range(q))
+    winds = tuple(Signal(*split(name)) for name in names)
+    C, D = output_matrices(asked, loops.closed, loops.E, loops.K)
+    if source in pushes:
+        j = pushes.index(source)
+        B = loops.B[:, :, j : j + 1]
+        _, D = output_matrices(asked, loops.closed, B, loops.K)
+        D = D + np.array([[s.input.get(j, 0.0)] for s in asked])
+        return _Path(loops, asked, (inputs(plant)[j],), B, C, D)
+    known = [wind.name for wind in winds]
+    if source is not None and source not in known:
+        hint = suggest(str(source), [*known, *pushes])
+        raise InputError(f"no disturbance or input {source!r} of {plant.name}; {hint}")
+    if every and source is None:
+        return _Path(loops, asked, winds, loops.E, C, D)
+    i = 0 if source is None else known.index(source)
+    one = slice(i, i + 1)
+    return _Path(loops, asked, winds[one], loops.E[:, :, one], C, D[:, :, one])
+
+
+def _final(path: _Path) -> Array:
+    """Return what the step responses tend to, (count, p), NaN where a signal tends to nothing."""
+    final = np.full(path.D.shape[:2], np.nan)
+    for i in range(len(path.signals)):
+        C = path.C[:, i : i + 1]
+        keep = needed(C, path.loops.closed)
+        A = path.loops.closed[:, keep][:, :, keep]
+        good = np.setdiff1d(np.arange(len(A)), unstable(A))
+        reached = np.linalg.solve(A[good], -path.E[good][:, keep])
+        final[good, i] = (C[good][:, :, keep] @ reached + path.D[good, i : i + 1])[:, 0, 0]
+    return final
+
+
+def _pole_text(path: _Path, A: Array, asked: Array) -> str:
+    poles = np.linalg.eigvals(A)
+    away = np.abs(poles[:, None, :] - 2j * np.pi * asked[:, None]).min(axis=-1)
+    row, at = np.unravel_index(np.argmin(away), away.shape)
+    where = point_text(path.loops.plant, path.loops.alpha[row])
+    return f"there is a pole at the frequency {asked[at]:g} Hz at {where}; leave that out"

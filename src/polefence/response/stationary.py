@@ -1,0 +1,228 @@
+"""What white noise leaves a closed loop in: stationary covariances and rms values.
+
+With w white of two-sided density S, the covariance X of the state solves the Lyapunov equation
+A X + X A' + E S E' = 0 (Kwakernaak & Sivan, Linear Optimal Control Systems, 1972, section 1.11).
+Densities here are one-sided, as roads are described: S is half of them.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from polefence.errors import InputError
+from polefence.plant.family import UncertainPlant
+from polefence.plant.system import Array
+from polefence.response.closed import Loops, close, point_text
+from polefence.response.discrete import BUFFER
+from polefence.response.exponential import balancing
+from polefence.response.signals import Signal, choose, output_matrices, pick
+from polefence.response.weighting import positive
+
+Numbers = npt.NDArray[np.intp]
+
+# A pole counts as stable if it is so by more than this share of the fastest: rounding.
+STABLE = 1e-12
+
+
+@dataclass(frozen=True, eq=False)
+class Stationary:
+    """Rms of every signal at every point.
+
+    Attributes
+    ----------
+    plant : UncertainPlant
+    alpha : (count, N) array
+    signals : tuple of Signal
+        p of them.
+    psd : (q,) array
+        One-sided density of each disturbance [its unit squared per Hz].
+    rms : (count, p) array
+        In the signals' units.
+    """
+
+    plant: UncertainPlant
+    alpha: Array
+    signals: tuple[Signal, ...]
+    psd: Array
+    rms: Array
+
+    def of(self, name: str) -> Array:
+        """Return the rms of one signal, (count,)."""
+        return np.asarray(self.rms[:, self.signals.index(pick(self.signals, name))])
+
+
+def stationary(
+    plant: UncertainPlant,
+    law: Any,
+    alpha: Any,
+    psd: Any,
+    signals: Sequence[Signal | str] | None = None,
+) -> Stationary:
+    """Return the rms that white disturbances keep every signal at.
+
+    States on which no asked signal depends, directly or through other states, are dropped first:
+    a passive suspension has a stationary deflection, but no stationary integral of it.
+
+    Parameters
+    ----------
+    law : None, Law, Design, GainTable or (m, n) array
+    alpha : (count, N) or (N,) array
+    psd : float or (q,) array
+        One-sided density of each disturbance, independent of one another [unit squared per Hz];
+        of a road's velocity, see `velocity_psd`.
+    signals : sequence of Signal or str, optional
+        Signals, or names of states and inputs; all states and inputs by default.
+
+    Raises
+    ------
+    InputError
+        If a loop is not asymptotically stable in the states that are left, a signal has white
+        noise in it, a density is negative, or as `close` raises.
+    """
+    loops = close(plant, law, alpha)
+    asked = choose(plant, signals)
+    psd = _densities(psd, loops.E.shape[-1])
+    C, D = output_matrices(asked, loops.closed, loops.E, loops.K)
+    white = np.flatnonzero(np.any(D * psd, axis=(0, 2)))
+    if len(white):
+        raise InputError(
+            f"{asked[white[0]].name!r} follows the white disturbance itself: its rms has no bound; "
+            "leave it out"
+        )
+    keep = needed(C, loops.closed)
+    A = loops.closed[:, keep][:, :, keep]
+    bad = unstable(A)
+    if len(bad):
+        poles = np.linalg.eigvals(A[bad[0]])
+        _refuse_unstable(loops, int(bad[0]), asked, C, complex(poles[np.argmax(poles.real)]))
+    X = covariance(A, loops.E[:, keep], psd)
+    C = C[:, :, keep]
+    variance = np.einsum("apn,anm,apm->ap", C, X, C, optimize=True)
+    return Stationary(plant, loops.alpha, asked, psd, np.sqrt(np.maximum(variance, 0.0)))
+
+
+def velocity_psd(roughness: float, speed: float, reference: float = 0.1) -> float:
+    """Return the one-sided white density of a road's vertical velocity [m2/s2 per Hz].
+
+    (2 pi n0)^2 Gd(n0) v of a road with displacement density Gd(n) = Gd(n0) (n / n0)^-2, ISO 8608.
+
+    Parameters
+    ----------
+    roughness : float
+        Gd(n0) [m3]; 256e-6 is class C.
+    speed : float
+        Of the vehicle, v [m/s].
+    reference : float
+        n0 [1/m].
+
+    Raises
+    ------
+    InputError
+        If one of them is not above zero.
+    """
+    turn = 2 * math.pi * positive(reference, "reference [1/m]")
+    density = positive(roughness, "roughness Gd(n0) [m3]") * positive(speed, "speed [m/s]")
+    return turn * turn * density
+
+
+def needed(C: Array, closed: Array) -> Numbers:
+    """Return the numbers of the states that outputs C (count, p, n) depend on at some point.
+
+    By structure: entries that are zero at every point, no cancellation.
+    """
+    follows = np.any(closed, axis=0)
+    kept = np.any(C, axis=(0, 1))
+    for _ in range(len(kept)):
+        kept = kept | np.any(follows[kept], axis=0)
+    return np.flatnonzero(kept)
+
+
+def unstable(A: Array) -> Numbers:
+    """Return the numbers of the matrices (count, n, n) that are not asymptotically stable."""
+    if not A.shape[-1]:
+        return np.zeros(0, dtype=int)
+    poles = np.linalg.eigvals(A)
+    return np.flatnonzero(poles.real.max(axis=1) >= -STABLE * np.abs(poles).max(axis=1))
+
+
+def covariance(A: Array, E: Array, psd: Any) -> Array:
+    """Return the stationary covariance of x' = A x + E w, (count, n, n); A must be stable.
+
+    Parameters
+    ----------
+    A : (count, n, n) array
+    E : (count, n, q) array
+    psd : float or (q,) array
+        One-sided densities of independent white w [unit squared per Hz].
+    """
+    return lyapunov(A, E * (np.asarray(psd, dtype=float) / 2) @ np.swapaxes(E, -1, -2))
+
+
+def lyapunov(A: Array, Q: Array) -> Array:
+    """Return the symmetric X of A X + X A' + Q = 0, (count, n, n), for symmetric Q.
+
+    Solved as n (n + 1) / 2 linear equations for every matrix, in balanced coordinates: for the
+    few states of a suspension. Takes memory as n^4.
+
+    Parameters
+    ----------
+    A : (count, n, n) array
+        No two eigenvalues may add up to zero; stable ones do not.
+    Q : (count, n, n) array
+    """
+    count, n = A.shape[:2]
+    if not count or not n:
+        return np.zeros((count, n, n))
+    d = balancing(A)
+    A, Q = A * (d / d[:, None]), Q / (d * d[:, None])
+    rows, columns = np.triu_indices(n)
+    size = len(rows)
+    place = np.zeros((n, n), dtype=int)
+    place[rows, columns] = place[columns, rows] = np.arange(size)
+    X = np.empty((count, n, n))
+    for first in range(0, count, group := max(1, BUFFER // (8 * size * size))):
+        part = slice(first, first + group)
+        own = A[part]
+        equations = np.zeros((len(own), size, size))
+        each = np.arange(size)
+        for k in range(n):  # sum over k of A_ik X_kj, and of X_ik A_jk
+            equations[:, each, place[k, columns]] += own[:, rows, k]
+            equations[:, each, place[rows, k]] += own[:, columns, k]
+        solved = np.linalg.solve(equations, -Q[part][:, rows, columns, None])
+        X[part] = solved[:, place, 0]
+    return X * (d * d[:, None])
+
+
+def _densities(psd: Any, q: int) -> Array:
+    try:
+        found = np.asarray(psd, dtype=float)
+    except (TypeError, ValueError):
+        found = np.full(1, np.nan)
+    if found.shape not in ((), (q,)) or not np.all(np.isfinite(found)) or np.any(found < 0):
+        raise InputError(f"psd = {psd!r}; give {q} finite densities, zero or more, one each")
+    return np.array(np.broadcast_to(found, q))
+
+
+def _refuse_unstable(
+    loops: Loops, row: int, signals: Sequence[Signal], C: Array, pole: complex
+) -> None:
+    """Raise for the loop of that row, naming the signals that keep it from being asked."""
+    bound = []
+    for signal, weights in zip(signals, np.swapaxes(C, 0, 1), strict=True):
+        keep = needed(weights[:, None], loops.closed)
+        if len(unstable(loops.closed[row, keep][:, keep][None])):
+            bound.append(repr(signal.name))
+    at = f"{pole.real:.3g}" if not pole.imag else f"{pole.real:.3g} +- {abs(pole.imag):.3g}j"
+    remedy = "close it with a law that keeps its poles in the left half-plane"
+    if len(bound) < len(signals):
+        remedy = f"leave out {', '.join(bound)}, or give a law that stabilises what they depend on"
+    raise InputError(
+        f"{loops.plant.name} has a pole at {at} 1/s at {point_text(loops.plant, loops.alpha[row])}"
+        f", so nothing there is stationary; {remedy}"
+    )

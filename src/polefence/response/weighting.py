@@ -1,0 +1,182 @@
+"""Frequency weightings of ISO 2631-1:1997: Wk of vertical vibration, Wf of motion sickness.
+
+Source: the parameters of annex A of the standard (ISO 8041 repeats them), every stage of second
+order: band limits, transition from acceleration to velocity, upward step.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from polefence.errors import InputError
+from polefence.plant.system import Array
+
+Gains = npt.NDArray[np.complex128]
+
+# A one-third-octave band reaches from its centre by this factor up and down (base ten).
+HALF_BAND = 10**0.05
+# So many of its longest time constants after a record, a filter is taken to be at rest: e^-20.
+RING_OUT = 20
+# Samples filtered at once: bounds the memory of a large batch.
+BLOCK = 4_000_000
+
+
+@dataclass(frozen=True)
+class Weighting:
+    """A frequency weighting: high-pass, low-pass, transition and step in series.
+
+    Attributes
+    ----------
+    name : str
+    high_pass, low_pass : float
+        Band limits f1, f2 [Hz], of Butterworth filters of second order.
+    transition : (float, float, float)
+        f3, f4 [Hz] and Q4: (1 + s/w3) / (1 + s/(Q4 w4) + (s/w4)^2); f3 may be infinite.
+    step : (float, float, float, float)
+        f5 [Hz], Q5, f6 [Hz] and Q6: (s^2 + s w5/Q5 + w5^2) / (s^2 + s w6/Q6 + w6^2).
+    top : float
+        Nominal centre [Hz] of the highest one-third-octave band it is meant for.
+    """
+
+    name: str
+    high_pass: float
+    low_pass: float
+    transition: tuple[float, float, float]
+    step: tuple[float, float, float, float]
+    top: float
+
+    def stages(self) -> Iterator[tuple[Array, float, float]]:
+        """Yield numerator, w0 [rad/s] and Q of every stage: b(s) / (s^2 + s w0/Q + w0^2)."""
+        turn = 2 * math.pi
+        w1, w2 = turn * self.high_pass, turn * self.low_pass
+        w3, w4 = turn * self.transition[0], turn * self.transition[1]
+        w5, w6 = turn * self.step[0], turn * self.step[2]
+        yield np.array([1.0, 0.0, 0.0]), w1, math.sqrt(0.5)
+        yield np.array([0.0, 0.0, w2**2]), w2, math.sqrt(0.5)
+        yield np.array([0.0, w4**2 / w3, w4**2]), w4, self.transition[2]
+        yield np.array([1.0, w5 / self.step[1], w5**2]), w6, self.step[3]
+
+    def gain(self, frequency: Any) -> Gains:
+        """Return the complex gain at frequencies [Hz]."""
+        s = 2j * np.pi * np.asarray(frequency, dtype=float)
+        gain = np.ones_like(s)
+        for top, w0, Q in self.stages():
+            gain *= np.polyval(top, s) / (s * s + s * (w0 / Q) + w0 * w0)
+        return gain
+
+    def transfer_function(self) -> tuple[Array, Array]:
+        """Return numerator and denominator in s, highest power first."""
+        above: Array = np.ones(1)
+        below: Array = np.ones(1)
+        for top, w0, Q in self.stages():
+            above = np.asarray(np.polymul(above, np.trim_zeros(top, "f")))
+            below = np.asarray(np.polymul(below, [1.0, w0 / Q, w0 * w0]))
+        return above, below
+
+    def state_space(self) -> tuple[Array, Array, Array, Array]:
+        """Return A (8, 8), B (8, 1), C (1, 8), D (1, 1) of the weighting, two states a stage."""
+        A, B, C, D = np.zeros((0, 0)), np.zeros((0, 1)), np.zeros((1, 0)), np.ones((1, 1))
+        for (b2, b1, b0), w0, Q in self.stages():
+            # x1 = w0^2 / den, x2 = w0 s / den: states of one size, so A is well scaled.
+            a = np.array([[0.0, w0], [-w0, -w0 / Q]])
+            b = np.array([[0.0], [w0]])
+            c = np.array([[b0 / w0**2 - b2, b1 / w0 - b2 / Q]])
+            A = np.block([[A, np.zeros((len(A), 2))], [b @ C, a]])
+            B, C, D = np.vstack([B, b @ D]), np.hstack([b2 * C, c]), b2 * D
+        return A, B, C, D
+
+    @property
+    def settling(self) -> float:
+        """Time [s] in which the slowest free motion falls to e^-20 of itself."""
+        # Slowest real part of s^2 + s w0/Q + w0^2; every Q of the standard is above a half.
+        return RING_OUT / min(w0 / (2 * Q) for _, w0, Q in self.stages())
+
+    def apply(self, signal: Any, step: float) -> Array:
+        """Weight sampled signals, at rest before their first sample.
+
+        The spectrum of the record, prolonged by zeros until the filter has come to rest, is
+        multiplied by the gain of the analogue filter: every frequency below half the sampling
+        rate gets the weighting itself, no discrete approximation of it.
+
+        Parameters
+        ----------
+        signal : (..., T) array
+        step : float
+            Sampling step [s].
+
+        Returns
+        -------
+        (..., T) array
+
+        Raises
+        ------
+        InputError
+            If the step is too long for the band of the weighting, or the signal is no record.
+        """
+        signal = sampled(signal, step, self.top, f"weighting {self.name}")
+        from scipy import fft
+
+        count = signal.shape[-1]
+        length = fft.next_fast_len(count + math.ceil(self.settling / step), real=True)
+        gain = self.gain(fft.rfftfreq(length, step))
+        rows = signal.reshape(-1, count)
+        weighted = np.empty_like(rows)
+        many = max(1, BLOCK // length)
+        for first in range(0, len(rows), many):
+            block = slice(first, first + many)
+            spectrum = fft.rfft(rows[block], length)
+            weighted[block] = fft.irfft(spectrum * gain, length)[:, :count]
+        return np.asarray(weighted.reshape(signal.shape))
+
+
+def sampled(signal: Any, step: float, top: float, what: str) -> Array:
+    """Return the signal as an array, once its step is short enough for bands up to ``top`` [Hz].
+
+    Raises
+    ------
+    InputError
+        If the step is no positive number or too long, or the signal has fewer than two samples
+        or one that is no finite number.
+    """
+    step = positive(step, "sampling step [s]")
+    edge: float = 10 ** (round(10 * math.log10(top)) / 10) * HALF_BAND
+    if step > 1 / (2 * edge):
+        raise InputError(
+            f"{what}: a sampling step of {step:g} s is too long for bands up to {top:g} Hz; sample "
+            f"at least every {1 / (2 * edge):.3g} s (twice the upper edge {edge:.4g} Hz)"
+        )
+    record: Array = np.asarray(signal, dtype=float)
+    if record.ndim == 0 or record.shape[-1] < 2:
+        raise InputError(f"{what}: a record needs two samples or more")
+    finite = np.isfinite(record)
+    if not finite.all():
+        where = np.argwhere(~finite)[0][-1]
+        raise InputError(f"{what}: sample {where + 1} is no finite number; mend the record")
+    return record
+
+
+def positive(value: Any, what: str) -> float:
+    """Return a positive finite number.
+
+    Raises
+    ------
+    InputError
+        If it is none.
+    """
+    try:
+        number = float(value)
+    except (TypeError, ValueError):
+        number = math.nan
+    if not (math.isfinite(number) and number > 0):
+        raise InputError(f"{what} = {value!r}; give a number above zero")
+    return number
+
+
+WK = Weighting("Wk", 0.4, 100.0, (12.5, 12.5, 0.63), (2.37, 0.91, 3.35, 0.91), 80.0)
+WF = Weighting("Wf", 0.08, 0.63, (math.inf, 0.25, 0.86), (0.0625, 0.80, 0.10, 0.80), 0.63)

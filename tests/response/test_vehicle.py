@@ -1,0 +1,193 @@
+"""A quarter car known by its states' names; the laws that designs are compared with."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.linalg import solve_continuous_lyapunov
+
+from polefence import Parameter, UncertainPlant
+from polefence.errors import InputError
+from polefence.response.reference_laws import Sizes, lqr, nominal, passive, skyhook
+from polefence.response.signals import output_matrices
+from polefence.response.vehicle import masses, require_ride, ride
+from polefence.suspension.quarter_car import family, quarter_car
+
+CAR = {"m1": 300.0, "m2": 30.0, "k": 15000.0, "kt": 160000.0, "c": 1200.0}
+
+
+def shuffled() -> UncertainPlant:
+    """A user's car: states in another order and other spelling, none of the integral."""
+    A, B, E = (np.array(M, dtype=float) for M in quarter_car(**CAR))
+    order = [3, 0, 2, 1]
+    return UncertainPlant.from_vertices(
+        [A[np.ix_(order, order)]],
+        [B[order]],
+        [E[order]],
+        states=(
+            "Unsprung mass velocity [m/s]",
+            "suspension deflection [m]",
+            "Sprung-Mass Velocity [m/s]",
+            "tire deflection [m]",
+        ),
+        name="mine",
+    )
+
+
+def test_signals_are_those_of_the_physics():
+    plant = shuffled()
+    found = ride(plant)
+    assert [s.label for s in found.signals] == [
+        "suspension deflection [m]",
+        "tire deflection [m]",
+        "sprung-mass acceleration [m/s2]",
+        "unsprung-mass acceleration [m/s2]",
+        "u1",
+        "tyre force variation [N]",
+    ]
+    x = np.array([0.3, 0.02, -0.1, 0.004])  # unsprung, suspension, sprung, tyre
+    A, B = plant.at([1.0])
+    K = np.array([[1.0, -2000.0, 30.0, 4.0]])
+    C, D = output_matrices(found.signals, A + B @ K, np.zeros((4, 1)), K)
+    u = float((K @ x)[0])
+    damper = CAR["c"] * (x[0] - x[2])
+    up = CAR["k"] * x[1] + damper + u
+    expected = [
+        x[1],
+        x[3],
+        up / CAR["m1"],
+        (CAR["kt"] * x[3] - up) / CAR["m2"],
+        u,
+        CAR["kt"] * x[3],
+    ]
+    assert C @ x == pytest.approx(expected, rel=1e-12)
+    assert not D.any()
+
+
+@pytest.mark.parametrize("name", ["quarter-car-physical", "quarter-car-as-printed"])
+def test_families_that_ship_are_known(name):
+    plant = family(name)
+    found = ride(plant)
+    assert found.tyre_force.state == {1: 155900.0}
+    assert found.places == (0, 1, 2, 3)
+    car = masses(plant, found, np.eye(4))
+    assert car.m1 == pytest.approx([231.12, 231.12, 346.68, 346.68])
+    assert car.m2 == pytest.approx(np.full(4, 28.58))
+    low, high = (8000, 12000) if "physical" in name else (231.12, 346.68)
+    assert car.k == pytest.approx([low, high, low, high])
+
+
+def test_masses_are_those_that_made_the_matrices():
+    plant = shuffled()
+    car = masses(plant, ride(plant), np.ones(1))
+    for name, value in CAR.items():
+        assert float(getattr(car, name)) == pytest.approx(value, rel=1e-12)
+
+
+def test_tyre_force_is_missing_where_kt_is_uncertain():
+    kt = Parameter("kt", 100000, 200000, "N/m")
+    plant = UncertainPlant.from_function(
+        lambda kt: quarter_car(300, 30, 15000, kt, 1200),
+        [kt],
+        states=family("quarter-car-physical").states,
+    )
+    found = ride(plant)
+    assert found.tyre_force is None
+    assert len(found.signals) == 5
+
+
+def test_what_is_no_quarter_car_is_none(physical, make_random):
+    assert ride(make_random(1, 3, 1, 2)) is None
+    assert ride(replace(physical, states=("a", *physical.states[1:]))) is None
+    twice = (physical.states[0], physical.states[0], *physical.states[2:])
+    assert ride(replace(physical, states=twice)) is None
+    with pytest.raises(InputError, match="not known as a quarter car; name four of its states"):
+        require_ride(make_random(1, 3, 1, 2))
+
+
+def test_the_force_among_several_inputs_goes_by_its_name():
+    A, B, E = (np.array(M, dtype=float) for M in quarter_car(**CAR))
+    wide = np.hstack([np.eye(5)[:, [4]], B])
+    names = {"states": family("quarter-car-physical").states}
+    plant = UncertainPlant.from_vertices([A], [wide], [E], **names)
+    assert ride(plant) is None
+    named = replace(plant, inputs=("trim", "Actuator force [N]"))
+    assert ride(named).input == 1
+    assert ride(named).force.label == "Actuator force [N]"
+
+
+def test_a_force_of_the_other_sign_is_refused():
+    A, B, E = (np.array(M, dtype=float) for M in quarter_car(**CAR))
+    states = family("quarter-car-physical").states
+    plant = UncertainPlant.from_vertices([A], [-B], [E], states=states)
+    with pytest.raises(InputError, match="must act up on the sprung mass"):
+        skyhook(plant)
+
+
+def test_passive_is_nothing(physical):
+    assert not passive(physical).K.any()
+    assert passive(physical).K.shape == (1, 5)
+
+
+def test_skyhook_damps_the_sprung_mass(physical):
+    alpha = nominal(physical)
+    A, B = physical.at(alpha)
+    law = skyhook(physical, 1500)
+    extra = (B @ law.K)[2]
+    assert extra == pytest.approx([0, 0, -1500 / 288.9, 0, 0])
+    slow = np.sort_complex(np.linalg.eigvals(A)[np.abs(np.linalg.eigvals(A)) > 1e-9])[-2:]
+    damped = np.linalg.eigvals(A + B @ law.K)
+    body = damped[(np.abs(damped) > 1e-9) & (np.abs(damped) < 30)]
+    assert np.max(body.real) < np.max(slow.real) - 1
+    assert skyhook(physical).K[0, 2] == pytest.approx(-1.4 * math.sqrt(10000 * 288.9))
+
+
+def quadratic_cost(plant, K, sizes):
+    """Trace of the cost over unit impulses in the four states, by a Lyapunov equation."""
+    A, B = plant.at(nominal(plant))
+    A, B, K = A[:4, :4], B[:4], K[:, :4]
+    closed = A + B @ K
+    outputs = [
+        closed[2] / sizes.acceleration,
+        np.eye(4)[0] / sizes.travel,
+        np.eye(4)[1] / sizes.tyre,
+        K[0] / sizes.force,
+    ]
+    C = np.stack(outputs)
+    return np.trace(solve_continuous_lyapunov(closed.T, -C.T @ C))
+
+
+@pytest.mark.parametrize("sizes", [Sizes(), Sizes(0.5, 0.05, 0.01, 300.0)])
+def test_no_gain_nearby_costs_less_than_the_regulator(physical, sizes):
+    law = lqr(physical, sizes)
+    least = quadratic_cost(physical, law.K, sizes)
+    assert law.K[0, 4] == 0
+    random = np.random.default_rng(0)
+    for _ in range(20):
+        other = law.K * (1 + 0.02 * random.normal(size=(1, 5)))
+        assert quadratic_cost(physical, other, sizes) > least * (1 - 1e-9)
+    assert quadratic_cost(physical, 1.1 * law.K, sizes) > least * (1 + 1e-6)
+    assert quadratic_cost(physical, 0.9 * law.K, sizes) > least * (1 + 1e-6)
+
+
+def test_a_regulator_of_the_integral_moves_its_pole(physical):
+    law = lqr(physical, Sizes(integral=0.05))
+    A, B = physical.at(nominal(physical))
+    assert np.linalg.eigvals(A + B @ law.K).real.max() < -0.1
+    with pytest.raises(InputError, match="no state that is the integral"):
+        lqr(shuffled(), Sizes(integral=0.05))
+
+
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        (lambda plant: Sizes(travel=0), "size of travel = 0"),
+        (lambda plant: Sizes(force=math.inf), "size of force"),
+        (lambda plant: skyhook(plant, -1), "skyhook damping = -1"),
+    ],
+)
+def test_bad_values_are_refused(physical, call, message):
+    with pytest.raises(InputError, match=message) as caught:
+        call(physical)
+    assert "\n" not in str(caught.value)

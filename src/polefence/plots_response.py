@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from textwrap import wrap
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -26,7 +27,7 @@ POINTS = 800  # drawn of each
 def responses_figure(
     columns: Mapping[str, Response], mark: float | None = None, until: float | None = None
 ) -> Figure:
-    """Draw signals over time, a row each; one column a response.
+    """Draw signals over time, a row each; one column a response, or two for one alone.
 
     Parameters
     ----------
@@ -38,7 +39,11 @@ def responses_figure(
         The last time that is shown [s].
     """
     first = next(iter(columns.values()))
-    figure, axes = _grid(first.signals, len(columns), sharey="row")
+    if len(columns) == 1:
+        figure, panels = _pairs(len(first.signals))
+        axes = panels[:, None]
+    else:
+        figure, axes = _grid(first.signals, len(columns), sharey="row")
     for column, (title, response) in zip(axes.T, columns.items(), strict=True):
         shown = response.time <= (response.time[-1] if until is None else until)
         every = max(1, int(shown.sum()) // POINTS)
@@ -49,9 +54,12 @@ def responses_figure(
                 ax.axvline(mark, color="0.2", lw=0.8, ls="--")
             if ax is axes[i, 0]:
                 ax.set_ylabel(_folded(signal))
-        column[0].set_title(title)
-        column[-1].set_xlabel("time [s]")
-        column[-1].set_xlim(0, time[-1])
+        if len(columns) > 1:
+            column[0].set_title(title)
+        for ax in column[-2:] if len(columns) == 1 else column[-1:]:
+            ax.set_xlabel("time [s]")
+            ax.xaxis.set_tick_params(labelbottom=True)
+            ax.set_xlim(0, time[-1])
     handles = _handles() if mark is None else [*_handles(), _line("--", f"{mark:g} s")]
     figure.legend(handles=handles, loc="outside lower center", ncols=3, fontsize=8.5)
     return figure
@@ -134,6 +142,15 @@ def _grid(signals: Sequence[Signal], columns: int, **options: Any) -> tuple[Figu
     )
 
 
+def _pairs(count: int) -> tuple[Figure, Any]:
+    """Return panels two in a row, as one list."""
+    rows, columns = (count + 1) // 2, min(count, 2)
+    figure, axes = new_grid(rows, columns, 1.0 + 4.2 * columns, 0.8 + 1.5 * rows, sharex=True)
+    for ax in axes.ravel()[count:]:
+        ax.set_axis_off()
+    return figure, axes.ravel()[:count]
+
+
 def _curves(ax: Axes, x: Array, rows: Array, alpha: Array) -> None:
     """Draw some of the rows, and over them those of the vertices."""
     from matplotlib.collections import LineCollection
@@ -166,5 +183,5 @@ def _folded(signal: Signal, per: str = "") -> str:
     unit = signal.unit.replace("m/s2", "m/s$^2$")
     if per:
         unit = f"{unit} per {per.replace('m/s2', 'm/s$^2$')}"
-    name = "\n".join(signal.name.rsplit(" ", 1))
+    name = "\n".join(wrap(signal.name, 16, break_on_hyphens=False))
     return f"{name}\n[{unit}]" if unit else name

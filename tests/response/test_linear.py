@@ -298,6 +298,9 @@ def test_what_has_not_settled_has_no_settling_time():
     assert np.array_equal(np.isnan(both.settling(of="peak")[:, 0]), [True, False])
     assert np.array_equal(np.isnan(both.overshoot()[:, 0]), [True, False])
     assert both.settling()[1, 0] == pytest.approx(math.log(50), abs=1e-2)
+    hit = impulse(unstable, None, np.eye(2), "x1", duration=6, step=0.1)
+    assert np.array_equal(hit.final[:, 0], [np.nan, 0], equal_nan=True)
+    assert np.array_equal(np.isnan(hit.settling()[:, 0]), [True, False])
     still = simulate(unstable, None, np.eye(2), np.zeros(5), 0.1)
     assert np.array_equal(still.settling(), np.zeros((2, 2)))  # never away from zero
 

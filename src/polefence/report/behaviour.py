@@ -1,0 +1,107 @@
+"""How the plant behaves, for a report: step responses, and a car's ride on a road."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from polefence.design import Design
+from polefence.errors import InputError
+from polefence.plots_response import responses_figure
+from polefence.report.section import Section, Table
+from polefence.response.compare import Comparison, compare, points
+from polefence.response.labels import comfort_reading
+from polefence.response.linear import step
+from polefence.response.reference_laws import lqr, skyhook
+from polefence.response.signals import inputs, states
+from polefence.response.vehicle import ride
+
+SHARES = (0.05, 0.02)
+OURS = "this design"
+
+
+def responses(design: Design) -> Section | None:
+    """Return step responses; None for a plant in discrete time."""
+    plant, known = design.plant, ride(design.plant)
+    if plant.sample_time is not None:
+        return None
+    signals = [*states(plant), *inputs(plant)] + ([known.acceleration] if known else [])
+    source = None if all(v.E is not None for v in plant.vertices) else inputs(plant)[0].name
+    alpha = points(plant)
+    try:
+        found = step(plant, design, alpha, signals, source, _drawn(design, alpha))
+    except InputError as error:
+        return Section("Responses", (f"None are drawn: {error}.",))
+    name = (plant.disturbances or ("the disturbance",))[0] if source is None else source
+    heads = tuple(f"within {100 * share:g} % [s]" for share in SHARES)
+    times = [found.settling(share).max(axis=0) for share in SHARES]
+    peaks = np.abs(found.peaks()[0]).max(axis=0)
+    rows = tuple(
+        (signal.label, f"{peak:.4g}", *(_seconds(t[i]) for t in times))
+        for i, (signal, peak) in enumerate(zip(found.signals, peaks, strict=True))
+    )
+    return Section(
+        "Responses",
+        (
+            f"To a unit step of {name}, over {len(alpha)} points of the family: the largest peak, "
+            "and the longest time until a signal stays near its final value (near zero: within "
+            "that share of its peak).",
+        ),
+        Table(("signal", "largest peak", *heads), rows),
+        responses_figure({plant.name: found}),
+    )
+
+
+def _drawn(design: Design, alpha: Any) -> float:
+    """Return how long a step response is worth drawing: ten of its slowest time constants [s]."""
+    slowest = float(-design.poles(alpha).real.max())
+    return 10 / slowest if slowest > 0 else 10 / design.region.size
+
+
+def _seconds(value: float) -> str:
+    return f"{value:.3g}" if np.isfinite(value) else "-"
+
+
+def comfort(design: Design, road: str, speed: float) -> Section | None:
+    """Return the ride of a quarter car beside other laws; None for any other plant."""
+    plant = design.plant
+    if ride(plant) is None or any(v.E is None for v in plant.vertices):
+        return None
+    laws = {"passive": None, "skyhook": skyhook(plant), "LQR": lqr(plant), OURS: design}
+    found = compare(plant, laws, road, speed)
+    ours, passive = (found.row(name) for name in (OURS, "passive"))
+    if ours.best > passive.worst:
+        verdict = "rougher than without control for every car of the family"
+    elif ours.worst > passive.worst:
+        verdict = "rougher than without control in the worst case"
+    else:
+        verdict = "smoother than without control in the worst case"
+    reading = " to ".join(comfort_reading(ours.worst))
+    return Section(
+        "Comfort, grip and force on a road",
+        (
+            f"Stationary ride on a class {found.road} road of ISO 8608 at {speed:g} m/s, worst "
+            f"case and best over {len(found.alpha)} points of the family. The ride is {verdict}: "
+            f"weighted by ISO 2631-1, {ours.worst:.3g} m/s2 against {passive.worst:.3g} m/s2 in "
+            f"the worst case, which people in public transport call {reading}.",
+            "Pole location is no specification of comfort: a small disk far from the imaginary "
+            "axis asks for speed.",
+        ),
+        _comfort_table(found),
+    )
+
+
+def _comfort_table(found: Comparison) -> Table:
+    names = list(dict.fromkeys((row.quantity, row.unit) for row in found.rows))
+    rows = tuple(
+        (
+            f"{quantity} [{unit}]",
+            *(
+                "{0.worst:.3g} ({0.best:.3g})".format(found.row(law, quantity))
+                for law in found.laws
+            ),
+        )
+        for quantity, unit in names
+    )
+    return Table(("worst (best)", *found.laws), rows)

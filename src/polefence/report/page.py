@@ -1,0 +1,56 @@
+"""From sections to one HTML page that needs nothing but itself."""
+
+from __future__ import annotations
+
+import base64
+from typing import TYPE_CHECKING
+
+from polefence.design import Design, check
+from polefence.errors import NotProvedError
+from polefence.plots import render
+from polefence.region_text import short_text
+from polefence.report.content import sections
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+
+def html_report(design: Design, road: str = "C", speed: float = 20.0) -> str:
+    """Return a report about a design, one HTML page with its figures inside.
+
+    The claim is proved afresh. For a quarter car, known by the names of its states, comfort, grip,
+    travel and force on a road are set beside those of the passive car, skyhook damping and LQR.
+
+    Parameters
+    ----------
+    road : str
+        Class of ISO 8608, "A" to "H".
+    speed : float
+        [m/s]
+
+    Raises
+    ------
+    NotProvedError
+        If the claim is not proved.
+    InputError
+        If the road or the speed cannot be used.
+    """
+    from jinja2 import Environment, PackageLoader, StrictUndefined  # deferred: slow to import
+
+    answer = check(design)
+    if not answer.proved:
+        raise NotProvedError(f"no report: {answer}")
+    environment = Environment(
+        loader=PackageLoader("polefence.report"), autoescape=True, undefined=StrictUndefined
+    )
+    environment.filters["picture"] = _picture
+    return environment.get_template("report.html").render(
+        title=f"{design.plant.name} in {short_text(design.region)}",
+        answer=answer.answer,
+        sections=sections(design, answer, road, speed),
+    )
+
+
+def _picture(figure: Figure) -> str:
+    """Return a figure as the address of an image: names inside one SVG do not meet another's."""
+    return "data:image/svg+xml;base64," + base64.b64encode(render(figure, "svg")).decode()

@@ -1,0 +1,29 @@
+"""What a page is made of."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+
+@dataclass(frozen=True, eq=False)
+class Table:
+    """Rows of cells under their heads."""
+
+    head: tuple[str, ...]
+    rows: tuple[tuple[str, ...], ...]
+
+
+@dataclass(frozen=True, eq=False)
+class Section:
+    """A heading with what stands under it, in this order; what is empty is left out."""
+
+    title: str
+    text: tuple[str, ...] = ()
+    table: Table | None = None
+    figure: Figure | None = None
+    caption: str = ""
+    code: str = ""

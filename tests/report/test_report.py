@@ -1,0 +1,148 @@
+"""Reports: what they say is what was computed, and they ask nothing of the world outside."""
+
+from __future__ import annotations
+
+import json
+import re
+from html.parser import HTMLParser
+
+import numpy as np
+import pytest
+
+from polefence import Design, Disk, HalfPlane, NotProvedError, UncertainPlant, place
+from polefence.cli import main
+from polefence.report import html_report
+from polefence.response.stationary import stationary, velocity_psd
+from polefence.response.vehicle import require_ride
+from polefence.suspension.quarter_car import family
+
+
+class Page(HTMLParser):
+    """Tags with their attributes, and the text by heading."""
+
+    def __init__(self, text):
+        super().__init__()
+        self.tags, self.parts, self.current = [], {}, ""
+        self.feed(text)
+
+    def handle_starttag(self, tag, attrs):
+        self.tags.append((tag, dict(attrs)))
+        self.heading = tag == "h2"
+
+    def handle_data(self, data):
+        if getattr(self, "heading", False) and data.strip():
+            self.current, self.heading = data.strip(), False
+        self.parts[self.current] = self.parts.get(self.current, "") + data + "|"
+
+
+@pytest.fixture(scope="module")
+def car(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("car")
+    design = place(family("quarter-car-physical"), Disk(-40, 31))
+    design.save(folder)
+    assert main(["report", str(folder)]) == 0
+    return folder, design, (folder / "report.html").read_text()
+
+
+def test_all_that_was_asked_for_is_there(car):
+    _, _, text = car
+    page = Page(text)
+    assert list(page.parts)[1:] == [
+        "What is claimed, and proved",
+        "The plant",
+        "Closed-loop poles",
+        "How far the methods go",
+        "Responses",
+        "Comfort, grip and force on a road",
+        "The gain",
+        "Check it, use it",
+    ]
+    assert sum(tag == "img" for tag, _ in page.tags) == 3
+    assert "proved: 20 inequalities" in page.parts["What is claimed, and proved"]
+    assert "29.0755" in page.parts["How far the methods go"]
+
+
+def test_nothing_outside_is_asked_for(car):
+    _, _, text = car
+    for tag, attributes in Page(text).tags:
+        assert tag not in ("script", "link", "iframe", "object", "form")
+        for name, value in attributes.items():
+            assert name not in ("href", "srcset", "action")
+            assert name != "src" or value.startswith("data:image/svg+xml;base64,")
+    style = text[text.index("<style>") : text.index("</style>")]
+    assert "url(" not in style
+    assert "@import" not in style
+
+
+def test_the_comfort_is_that_of_the_stationary_answer(car):
+    _, design, text = car
+    plant = design.plant
+    known = require_ride(plant)
+    cell = Page(text).parts["Comfort, grip and force on a road"].replace("\n", "")
+    assert "rougher than without control for every car" in cell
+    density = velocity_psd(256e-6, 20.0)
+    corners = np.eye(4)
+    for law in (None, design):
+        own = stationary(plant, law, corners, density, [known.acceleration]).rms[:, 0]
+        row = re.search(r"\|acceleration \[m/s2\]\|(.*?)tyre deflection", cell).group(1)
+        pairs = [tuple(map(float, re.findall(r"[\d.]+", p))) for p in row.split("|") if "(" in p]
+        worst, best = pairs[0 if law is None else -1]
+        assert best * (1 - 1e-2) <= own.min()
+        assert own.max() <= worst * (1 + 1e-2)
+
+
+def test_a_report_of_the_same_design_is_the_same(car):
+    _, design, text = car
+    assert html_report(design) == text
+
+
+def test_names_are_text_not_markup():
+    hostile = '<script>alert("1")</script>'
+    plant = UncertainPlant.from_vertices(
+        [[[0, 1], [-2, -1]], [[0, 1], [-3, -1]]],
+        [[[0], [1]]] * 2,
+        name=hostile,
+        states=(hostile, "b & c"),
+        inputs=("<b>",),
+    )
+    text = html_report(place(plant, Disk(-3, 2), "quadratic"))
+    assert "<script" not in text
+    assert "&lt;script&gt;" in text
+    assert "<b>" not in text
+
+
+def test_other_plants_have_what_there_is_of_them():
+    """No disturbance: a step at the input. No disk: no limits. Discrete time: no responses."""
+    As, Bs = [[[0, 1], [-2, -1]], [[0, 1], [-3, -1]]], [[[0], [1]]] * 2
+    found = Page(html_report(place(UncertainPlant.from_vertices(As, Bs), HalfPlane(1))))
+    assert "unit step of u1" in found.parts["Responses"]
+    assert "How far the methods go" not in found.parts
+    sampled = UncertainPlant.from_vertices(
+        [[[1, 0.1], [0, 1]], [[1, 0.1], [0, 0.9]]], [[[0], [1]]] * 2, sample_time="1/10"
+    )
+    found = Page(html_report(place(sampled, Disk(0.5, 0.4), "quadratic")))
+    assert "Responses" not in found.parts
+    assert "Comfort, grip and force on a road" not in found.parts
+
+
+def test_bad_input(car, tmp_path, capsys):
+    folder, _, _ = car
+    cases = [
+        (["--speed", "0"], "speed"),
+        (["--road", "Z"], "class"),
+        (["-o", str(tmp_path / "page.pdf")], "ends in .html"),
+    ]
+    for words, named in cases:
+        assert main(["report", str(folder), *words]) == 2
+        error = capsys.readouterr().err
+        assert named in error
+        assert error.count("\n") == 1
+    assert main(["report", str(tmp_path)]) == 2
+    document = json.loads((folder / "design.json").read_text())
+    document["region"]["radius"] = 28.0
+    (tmp_path / "design.json").write_text(json.dumps(document))
+    assert main(["report", str(tmp_path)]) == 1
+    assert not (tmp_path / "report.html").exists()
+    unproved = Design.load(tmp_path, allow_unproved=True)
+    with pytest.raises(NotProvedError, match="no report"):
+        html_report(unproved)

@@ -17,6 +17,7 @@ from polefence.errors import InputError
 from polefence.law import FixedGain, Law, ScheduledGain
 from polefence.plant.family import UncertainPlant
 from polefence.plant.parameters import Parameter
+from polefence.plant.system import Array
 from polefence.polynomial import Domain, bernstein, elevated, times
 from polefence.proof import exact
 from polefence.proof.certificate import Certificate
@@ -95,8 +96,18 @@ def domain_of(plant: UncertainPlant, law: Law) -> Domain:
 
 def loop_of(plant: UncertainPlant, law: Law) -> Loop:
     """Return the closed loop as a quotient of polynomials."""
+    return _loop(plant, law, np.concatenate([plant.A, plant.B], axis=2))
+
+
+def loop_with(plant: UncertainPlant, law: Law, C: Array, D: Array) -> Loop:
+    """Return the closed loop with the rows of y = C x + D u, (N, p, n) and (N, p, m), below it."""
+    rows = [np.concatenate([plant.A, C], axis=1), np.concatenate([plant.B, D], axis=1)]
+    return _loop(plant, law, np.concatenate(rows, axis=2))
+
+
+def _loop(plant: UncertainPlant, law: Law, rows: Array) -> Loop:
     n, domain = plant.shape[0], domain_of(plant, law)
-    AB = bernstein(domain, np.concatenate([plant.A, plant.B], axis=2), 1)
+    AB = bernstein(domain, rows, 1)
     if isinstance(law, FixedGain):
         eye = {(0,) * sum(domain.sizes): np.eye(n)}
         both = {(0,) * sum(domain.sizes): np.vstack([np.eye(n), law.K])}

@@ -78,12 +78,12 @@ def lyapunov(loop: Loop, target: Target, degree: int = 0, elevation: int = 0) ->
     unknowns = domain.monomials(degree)
     Q = [pencil.symmetric(f"Q{k + 1}", n) for k in range(len(unknowns))]
     E, C = (elevated(P, domain, elevation) for P in (loop.E, loop.C))
-    X, N = _products(E, Q, loop, degree), _products(C, Q, loop, degree)
+    X, N = products(E, Q, loop, degree), products(C, Q, loop, degree)
     if loop.R is not None:
         scalars = [pencil.full(f"s{k + 1}", (1, 1), "") for k in range(len(unknowns))]
         extra = _degree(loop.R, domain)
         for total, P in ((X, E), (N, C)):
-            for e, more in _multiples(elevated(P, domain, extra), scalars, domain, degree).items():
+            for e, more in multiples(elevated(P, domain, extra), scalars, domain, degree).items():
                 total[e] = total.get(e, Linear()) + more
     for e in domain.monomials(loop.degree + degree + elevation):
         name = block_name(e, domain, -1, -1)
@@ -95,7 +95,7 @@ def lyapunov(loop: Loop, target: Target, degree: int = 0, elevation: int = 0) ->
     return pencil.build()
 
 
-def _products(P: Polynomial, Q: list[Linear], loop: Loop, degree: int) -> dict[Exponent, Linear]:
+def products(P: Polynomial, Q: list[Linear], loop: Loop, degree: int) -> dict[Exponent, Linear]:
     """Return the coefficients of P Q R, linear in Q."""
     found: dict[tuple[Exponent, int, int], Array] = {}
     right = loop.rights
@@ -112,12 +112,12 @@ def _products(P: Polynomial, Q: list[Linear], loop: Loop, degree: int) -> dict[E
     return result
 
 
-def _multiples(
+def multiples(
     P: Polynomial, scalars: list[Linear], domain: Domain, degree: int
 ) -> dict[Exponent, Linear]:
     """Return the coefficients of P times a scalar polynomial of these unknowns."""
     result: dict[Exponent, Linear] = {}
-    units = _units(len(next(iter(P.values()))))
+    units = _units(next(iter(P.values())).shape[1])
     for scalar, own in zip(scalars, domain.monomials(degree), strict=True):
         weight = binomial(domain.sizes, own)
         for d, p in P.items():

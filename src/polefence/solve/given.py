@@ -65,7 +65,7 @@ def least(
     middle = _middle(loop)
     size = max(float(np.abs(np.linalg.eigvals(middle)).max()), goal.scale, 1e-100)
     rate = float(power_of_two(np.array(size)))
-    X = _start(middle / rate) if loop.R is None else _mean(loop.R)
+    X = start_matrix(middle / rate) if loop.R is None else sum_of(loop.R)
     if near is not None and loop.R is None:
         X = near.Q.mean(axis=0)
     found: Proof | None = None
@@ -96,7 +96,7 @@ def _run(
     enough: float,
     tolerance: float,
 ) -> tuple[Proof, bool] | None:
-    T = _factor(X)
+    T = factor(X)
     unit = rate if goal.rated else 1.0
     pencil = lyapunov(loop.changed(T, rate), goal.target(rate), *form)
     stacked = stack(pencil)
@@ -136,16 +136,16 @@ def _starts(loop: Loop, T: Array, near: Proof | None, n: int) -> list[tuple[Arra
 
 def _middle(loop: Loop) -> Array:
     """Return the closed loop at the middle of the domain."""
-    E, C = _mean(loop.E), _mean(loop.C)
+    E, C = sum_of(loop.E), sum_of(loop.C)
     return np.asarray(np.linalg.solve(E.T, C.T).T)
 
 
-def _mean(P: dict[tuple[int, ...], Array]) -> Array:
+def sum_of(P: dict[tuple[int, ...], Array]) -> Array:
     """Return a homogeneous polynomial's value at the middle, times a power of the sizes."""
     return np.asarray(sum(P.values()))
 
 
-def _start(F: Array) -> Array:
+def start_matrix(F: Array) -> Array:
     """Return the Gramian of a loop on a disk about its own modes, as coordinates to begin in.
 
     Where the modes are close to one multiple mode, on a wider disk: the Gramian must be a usable
@@ -175,7 +175,7 @@ def _gramian(F: Array) -> Array | None:
     return W if usable else None
 
 
-def _factor(X: Array) -> Array:
+def factor(X: Array) -> Array:
     """Return T with T T' = X, X equilibrated by powers of two first."""
     scale = power_of_two(1 / np.sqrt(np.maximum(np.diag(X), np.finfo(float).tiny)))
     factor = np.linalg.cholesky(X * np.outer(scale, scale))

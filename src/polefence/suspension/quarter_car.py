@@ -18,6 +18,7 @@ SPECS = {
     "quarter-car-as-printed": "the paper's printed vertices, equations (23)-(26)",
     "quarter-car-physical": "Table 1, load and age uncertain by 20 %",
     "quarter-car-m1": "Table 1, load alone uncertain by 20 % (figure 3)",
+    "quarter-car-ride": "Table 1, four states, for designs for the ride",
 }
 
 

@@ -1,0 +1,312 @@
+"""A law for specifications: one signal small, others within limits, all poles in a region; proved.
+
+One W(alpha) for everything is conservative. So the law is designed with one, for a region that may
+be relaxed; what it keeps is then proved for the law as it is, each bound with a Lyapunov polynomial
+of its own, and the region with one for each of its parts.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from polefence.analysis import analyse
+from polefence.checks import require_domain, require_region, require_type
+from polefence.conditions.methods import Method, Scheduled, method_label, options
+from polefence.conditions.target import Around
+from polefence.design import Design
+from polefence.errors import InputError, NotProvedError, SolverError
+from polefence.law import FixedGain, Law, ScheduledGain, right_divide
+from polefence.performance import Bound, best_bound, kept_bound
+from polefence.plant.family import UncertainPlant
+from polefence.polynomial import Domain
+from polefence.region import HalfPlane, Region, Sector
+from polefence.solve.performance import Question, Reached, least
+from polefence.solve.radius import smallest, typical_rate
+from polefence.solve.scaling import balanced
+from polefence.specification import Specification, output_of
+from polefence.speed import bounded
+
+INSIDE = 0.95  # how far inside the region the search begins
+SPEED = 100.0  # times the plant's own rates, where nothing else bounds the first law's
+HALVINGS = 5  # of the share of the region that the design keeps
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Optimised:
+    """A law with a proof of its region, and of every specification.
+
+    Attributes
+    ----------
+    design : Design
+        Law, region and its certificate.
+    bounds : tuple of Bound
+        The one that was minimised first.
+    shared : float
+        What one Lyapunov matrix for everything proves of it, for the region as it is; infinite
+        where that proves nothing.
+    share : float
+        Of the region, what the design kept; 1 is all of it.
+    """
+
+    design: Design
+    bounds: tuple[Bound, ...]
+    shared: float
+    share: float
+
+    def __repr__(self) -> str:
+        return f"<Optimised {self.plant.name!r}: {'; '.join(map(str, self.bounds))}>"
+
+    @property
+    def plant(self) -> UncertainPlant:
+        """The plant family."""
+        return self.design.plant
+
+    @property
+    def law(self) -> Law:
+        """The control law."""
+        return self.design.law
+
+    def bound(self, name: str) -> Bound:
+        """Return the bound on the signal of that name.
+
+        Raises
+        ------
+        InputError
+            If there is none.
+        """
+        for own in self.bounds:
+            if own.specification.name == name:
+                return own
+        raise InputError(f"no specification of {name!r}")
+
+
+def optimise(
+    plant: UncertainPlant,
+    minimise: Specification,
+    subject_to: Sequence[Specification] = (),
+    region: Region | None = None,
+    method: Method | None = None,
+) -> Optimised:
+    """Design the law with the smallest worst case of one signal, within limits on others.
+
+    Parameters
+    ----------
+    plant : UncertainPlant
+        With a disturbance, E.
+    minimise : Specification
+        `Rms`, `EnergyPeak`, `InitialPeak` or `Gain`.
+    subject_to : sequence of Specification
+        Each with its ``at_most``.
+    region : Region, optional
+        For the poles; stability by default.
+    method : str or Scheduled, optional
+        "quadratic" (one gain) or `Scheduled`; by default of degree 1 and elevation 0, on the box
+        where the plant has parameters.
+
+    Returns
+    -------
+    Optimised
+        Everything in it is proved.
+
+    Raises
+    ------
+    NotProvedError
+        If the limits or the region are not proved. The message names the specifications that are in
+        conflict for this method.
+    InputError
+        If a specification does not fit the plant.
+    """
+    require_type(plant, UncertainPlant, "plant", "polefence.load(path) reads one")
+    require_type(minimise, Specification, "minimise", "for example Rms('force')")
+    method = method or Scheduled(1, 0, "box" if plant.parameters else "simplex")
+    _require_method(plant, method)
+    asked = HalfPlane(0) if region is None else region
+    require_region(plant, asked)
+    if plant.sample_time is not None:
+        raise InputError(f"{plant.name} is in discrete time; specifications are of continuous time")
+    for own in subject_to:
+        require_type(own, Specification, "subject_to", "for example Rms('force', at_most=700)")
+        if own.at_most is None:
+            raise InputError(f"the limit of {own.name!r} is missing; give at_most")
+    plant.require_controllable()
+    task = _Task(plant, minimise, tuple(subject_to), asked, method)
+    return _best(task)
+
+
+def _require_method(plant: UncertainPlant, method: Method) -> None:
+    require_domain(plant, method)
+    o = options(method)
+    if not isinstance(o, Scheduled) or o.degree == "auto" or o.right_hand_sides:
+        raise InputError("optimise goes with 'quadratic' and Scheduled(degree, elevation, on)")
+
+
+@dataclass(frozen=True, eq=False)
+class _Task:
+    plant: UncertainPlant
+    minimise: Specification
+    limits: tuple[Specification, ...]
+    region: Region
+    method: Method
+
+    @property
+    def domain(self) -> Domain:
+        return Domain.of(options(self.method).on, len(self.plant.vertices))
+
+    def question(self, region: Region | None) -> Question:
+        """Return the condition with one Lyapunov matrix for everything."""
+        o, plant = options(self.method), self.plant
+        pairs = [output_of(plant, self.domain, s) for s in self.limits]
+        pairs.append(output_of(plant, self.domain, self.minimise, 1.0))
+        sources = {source.name: source for source, _ in pairs}
+        outputs = tuple(output for _, output in pairs)
+        degree, elevation = int(o.degree), o.elevation
+        values = tuple(sources.values())
+        return Question(plant.A, plant.B, values, outputs, region, self.domain, degree, elevation)
+
+    def reached(self, region: Region | None) -> Reached:
+        """Search for the law.
+
+        Raises
+        ------
+        SolverError
+            If there is none, or nowhere to start.
+        """
+        plant, rate = self.plant, typical_rate(self.plant.A)
+        inside = bounded(region or HalfPlane(0), SPEED * rate)
+        degree = int(options(self.method).degree)
+        start = smallest(plant.A, plant.B, Around(inside), self.method, enough=INSIDE)
+        if start.radius >= 1:
+            raise SolverError(f"no law of this method keeps {inside}")
+        values = start.values
+        if not degree:
+            values = {"W1": values["W"], "Z1": values["Z"]}
+        wanted = {k: v for k, v in values.items() if k[0] in "WZ"}
+        return least(self.question(region), wanted, balanced(plant.A, plant.B, rate))
+
+    def law(self, found: Reached) -> Law:
+        """Return the law of a point."""
+        degree = int(options(self.method).degree)
+        count = self.domain.count(degree)
+        W, Z = (np.stack([found.values[f"{x}{k + 1}"] for k in range(count)]) for x in "WZ")
+        if not degree:
+            return FixedGain(right_divide(Z, W)[0])
+        return ScheduledGain(W, Z, self.plant.parameters, degree, self.domain.sizes)
+
+
+def _best(task: _Task) -> Optimised:
+    """Try the region as it is, none of it, and shares between that turn out to be kept."""
+    reasons: list[str] = []
+    shared, whole = _attempt(task, 1.0, reasons)
+    loose = relaxed(task.region, 0.0)
+    best = whole if loose == task.region else _attempt(task, 0.0, reasons)[1]
+    if best is None and loose != task.region:
+        best, low, high = whole, 0.0, 1.0
+        for _ in range(HALVINGS):
+            share = (low + high) / 2
+            level, own = _attempt(task, share, reasons)
+            if own is None and np.isfinite(level):
+                low = share  # a law that does not keep the region: ask for more of it
+                continue
+            high = share
+            if own is not None and (best is None or own.bounds[0].level < best.bounds[0].level):
+                best = own
+    if best is None:
+        raise NotProvedError(_refusal(task, reasons))
+    return replace(best, shared=shared)
+
+
+def _attempt(task: _Task, share: float, reasons: list[str]) -> tuple[float, Optimised | None]:
+    """Design for a share of the region; return the shared bound, infinite if none, and proofs."""
+    try:
+        found = task.reached(relaxed(task.region, share))
+    except SolverError as error:
+        reasons.append(str(error))
+        return np.inf, None
+    return _level(task, found), _proved(task, found, share)
+
+
+def _level(task: _Task, found: Reached) -> float:
+    power = 1.0 if task.minimise.kind == "gain" else 0.5
+    return float(found.r**power)
+
+
+def relaxed(region: Region, share: float) -> Region | None:
+    """Return a region with less decay and damping; None for none of it."""
+    if share >= 1:
+        return region
+    kept: Region | None = None
+    for part in region.parts:
+        own: Region = part
+        if isinstance(part, HalfPlane):
+            own = HalfPlane(part.decay * share if part.decay > 0 else part.decay)
+        elif isinstance(part, Sector):
+            if not share:
+                continue
+            own = Sector(part.damping * share)
+        kept = own if kept is None else kept & own
+    return kept
+
+
+def _proved(task: _Task, found: Reached, share: float) -> Optimised | None:
+    """Prove everything of a law that was found; None where something is not."""
+    law = task.law(found)
+    answer = analyse(task.plant, law, task.region)
+    if not answer.proved or answer.certificate is None:
+        return None
+    limits = [kept_bound(task.plant, law, s) for s in task.limits]
+    if any(bound is None for bound in limits):
+        return None
+    first = best_bound(task.plant, law, task.minimise)
+    if first is None:
+        return None
+    bounds = (first, *(b for b in limits if b is not None))
+    return Optimised(Design(answer.certificate), bounds, np.inf, share)
+
+
+def _refusal(task: _Task, reasons: Sequence[str]) -> str:
+    label = method_label(task.method)
+    named = [f"{s.kind} of {s.name} <= {s.at_most:g}" for s in task.limits if s.at_most]
+    conflict = _conflict(task)
+    if conflict:
+        return (
+            f"not proved: {label} finds no law for these together, and one for any of them left "
+            f"out: {'; '.join(conflict)}"
+        )
+    why = (
+        reasons[0] if reasons else "a bound or the region was not proved of the law that was found"
+    )
+    return f"not proved: {label}, {task.region}, {'; '.join(named) or 'no limits'}: {why}"
+
+
+def _conflict(task: _Task) -> list[str]:
+    """Return a smallest set of specifications that the search finds no law for; empty if none."""
+    if _feasible(task, task.limits, task.region):
+        return []
+    parts: list[Any] = [*task.limits, *task.region.parts]
+    for own in list(parts):
+        fewer = [p for p in parts if p is not own]
+        if not _feasible(task, *_split(fewer)):
+            parts = fewer
+    return [
+        str(p) if isinstance(p, Region) else f"{p.kind} of {p.name} <= {p.at_most:g}" for p in parts
+    ]
+
+
+def _split(parts: Sequence[Any]) -> tuple[tuple[Specification, ...], Region | None]:
+    region: Region | None = None
+    for part in parts:
+        if isinstance(part, Region):
+            region = part if region is None else region & part
+    return tuple(p for p in parts if isinstance(p, Specification)), region
+
+
+def _feasible(task: _Task, limits: tuple[Specification, ...], region: Region | None) -> bool:
+    try:
+        replace(task, limits=limits).reached(region)
+    except SolverError:
+        return False
+    return True

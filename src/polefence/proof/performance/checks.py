@@ -1,0 +1,150 @@
+"""Whether a claim is complete and consistent, and asks for no more work than is done here."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from fractions import Fraction
+
+from polefence.proof import exact
+from polefence.proof.exact import (
+    LEAST_WORK,
+    MAX_DEGREE,
+    MAX_WORK,
+    Claim,
+    Evidence,
+    FormatError,
+    Part,
+    Rationals,
+    _number,
+)
+from polefence.proof.performance.claims import (
+    MAX_POINTS,
+    EnergyPeak,
+    Gain,
+    InitialPeak,
+    PerformanceClaim,
+    RelativeRms,
+    Rms,
+    Subject,
+)
+
+
+def simplices(subject: Subject) -> tuple[int, ...]:
+    """Return the number of corners of each simplex."""
+    return exact.simplices(_design(subject))
+
+
+def _design(subject: Subject) -> Claim:
+    """Return a claim of the same loop and evidence about the half-plane Re z < 0."""
+    evidence = subject.evidence
+    if not evidence.X and subject.law.W is not None:
+        evidence, method = replace(evidence, multiple=()), "scheduled"
+    else:
+        method = "lyapunov"
+    region = (Part("half_plane", (Fraction(0),)),)
+    return Claim(method, subject.A, subject.B, region, subject.law, (evidence,), subject.on)
+
+
+def require_consistent(claim: PerformanceClaim) -> None:
+    """Refuse what is incomplete, of shapes that do not fit, or out of all proportion.
+
+    Raises
+    ------
+    FormatError
+        Saying what.
+    """
+    subject = claim.subject
+    if not subject.A or not subject.A[0] or not subject.B or not subject.B[0]:
+        raise FormatError("vertices are missing")
+    N, n, m = len(subject.A), len(subject.A[0]), len(subject.B[0][0])
+    q = len(subject.E[0][0]) if subject.E and subject.E[0] else 0
+    _shapes(subject.A, N, n, n, "A")
+    _shapes(subject.B, N, n, m, "B")
+    _shapes(claim.output.C, N, 1, n, "C")
+    _shapes(claim.output.D, N, 1, m, "D")
+    if q:
+        _shapes(subject.E, N, n, q, "E")
+    _law_and_evidence(subject, n, m)
+    for key in ("level", "intensity", "norm"):
+        if getattr(claim, key, 0) < 0:
+            raise FormatError(f"{key} must be zero or more")
+    if isinstance(claim, Rms | RelativeRms | EnergyPeak | Gain) and not q:
+        raise FormatError("E is missing: no disturbance acts on the loop")
+    if isinstance(claim, InitialPeak):
+        _initial(claim, n, q)
+    if isinstance(claim, Gain) and claim.F:
+        _shapes(list(claim.F), N, 1, q, "F")
+    if isinstance(claim, RelativeRms):
+        _baseline(claim, N, q)
+    if _work(claim, n + q + 1) > MAX_WORK:
+        raise FormatError("these are more inequalities, or larger ones, than are checked here")
+
+
+def _shapes(matrices: list[Rationals], count: int, rows: int, columns: int, where: str) -> None:
+    if len(matrices) != count:
+        raise FormatError(f"{where} holds {len(matrices)} matrices, not {count}")
+    for k, matrix in enumerate(matrices):
+        if not columns or len(matrix) != rows or any(len(row) != columns for row in matrix):
+            raise FormatError(f"{where} {k + 1} is not {rows} x {columns}")
+
+
+def _law_and_evidence(subject: Subject, n: int, m: int) -> None:
+    law, evidence = subject.law, subject.evidence
+    for matrices, rows, where in (
+        (law.K, m, "K"),
+        (law.W, n, "W"),
+        (law.Z, m, "Z"),
+        (evidence.X, n, "X"),
+    ):
+        _shapes(matrices or [], len(matrices or []), rows, n, where)
+    if evidence.epsilon:
+        raise FormatError("epsilon belongs to designs of the method slack")
+    if not evidence.X and (evidence.degree or len(evidence.multiple) > 1):
+        raise FormatError("the law's own W has its own degree, and at most one multiple")
+    exact._require_consistent(_design(subject))
+
+
+def _initial(claim: InitialPeak, n: int, q: int) -> None:
+    if not claim.points and not any(claim.impulses):
+        raise FormatError("points and impulses are missing: there is no initial state")
+    if any(len(point) != n for point in claim.points):
+        raise FormatError(f"points must hold {n} numbers each")
+    if claim.impulses and len(claim.impulses) != q:
+        raise FormatError(f"impulses must hold {q} numbers, one a column of E")
+    if len(claim.points) + len(claim.impulses) > MAX_POINTS:
+        raise FormatError(f"there are more than {MAX_POINTS} points and impulses")
+
+
+def _baseline(claim: RelativeRms, N: int, q: int) -> None:
+    baseline, sizes = claim.baseline, simplices(claim.subject)
+    if not baseline.A or not baseline.A[0]:
+        raise FormatError("the baseline is missing")
+    n = len(baseline.A[0])
+    _shapes(baseline.A, N, n, n, "the baseline's A")
+    _shapes(baseline.E, N, n, q, "the baseline's E")
+    _shapes(baseline.C, N, 1, n, "the baseline's C")
+    for name, each in (("X", baseline.stability), ("P", baseline.covariance)):
+        if any(not 0 <= degree <= MAX_DEGREE for degree in (each.degree, each.elevation)):
+            raise FormatError(f"degrees must be 0 to {MAX_DEGREE}")
+        if replace(each, X=[], degree=0, elevation=0) != Evidence([]):
+            raise FormatError(f"the baseline's {name} is a polynomial and no more")
+        _shapes(each.X, _number(sizes, each.degree), n, n, f"the baseline's {name}")
+
+
+def _work(claim: PerformanceClaim, size: int) -> int:
+    """Return a bound on the work, from degrees that are reached at most."""
+    subject, sizes = claim.subject, simplices(claim.subject)
+    evidence, blocks, more = subject.evidence, 2, 0
+    natural = exact._degree(_design(subject), replace(evidence, elevation=0))
+    needed = max(natural, 2)
+    if isinstance(claim, InitialPeak):
+        blocks += len(claim.points) + len(claim.impulses)
+    if isinstance(claim, RelativeRms):
+        stability, covariance = claim.baseline.stability, claim.baseline.covariance
+        needed = max(needed, covariance.degree + 2)
+        degrees = [stability.degree + 1 + stability.elevation] * 2
+        degrees.append(max(covariance.degree + 1, 2) + covariance.elevation)
+        each = (len(claim.baseline.A[0]) + len(subject.E[0][0])) ** 3 + LEAST_WORK
+        more = sum(_number(sizes, degree) for degree in degrees) * each
+    count = _number(sizes, needed + evidence.elevation)
+    return count * blocks * (size**3 + LEAST_WORK) + more

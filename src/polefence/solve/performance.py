@@ -1,0 +1,187 @@
+"""The least bound on a signal that a law of a degree keeps, beside a region and other bounds."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from polefence.conditions.pencil import Pencil
+from polefence.conditions.performance import Output, Source, design
+from polefence.conditions.target import Around, Target
+from polefence.errors import SolverError
+from polefence.plant.system import Array
+from polefence.polynomial import Domain
+from polefence.region import Region
+from polefence.solve.engine import run
+from polefence.solve.found import lyapunov_mean
+from polefence.solve.radius import first_radius
+from polefence.solve.scaling import Scaling
+from polefence.solve.smallest import TOLERANCE
+from polefence.solve.stacked import Stacked, stack
+
+ROUNDS = 4
+MARGIN = 1e-5  # of the first inequality, in units of the search's own rate
+INSIDE = 0.97  # how far within the limits a point is looked for, as a share of their squares
+WIDE = 1.3
+HALVINGS = 80
+
+
+@dataclass(frozen=True, eq=False)
+class Reached:
+    """A point of a condition, in the original coordinates.
+
+    Attributes
+    ----------
+    r : float
+        At which it holds in floats.
+    values : dict of str to array
+        W and Z.
+    t : dict of str to float
+        For each source: W / t is its Lyapunov matrix.
+    converged : bool
+    iterations : int
+    """
+
+    r: float
+    values: dict[str, Array]
+    t: dict[str, float]
+    converged: bool
+    iterations: int
+
+
+@dataclass(frozen=True, eq=False)
+class Question:
+    """What is asked of a family: see `polefence.conditions.performance.design`.
+
+    Attributes
+    ----------
+    A, B : (N, n, n), (N, n, m) arrays
+    sources : tuple of Source
+    outputs : tuple of Output
+    region : Region, optional
+    domain : Domain
+    degree, elevation : int
+    """
+
+    A: Array
+    B: Array
+    sources: tuple[Source, ...]
+    outputs: tuple[Output, ...]
+    region: Region | None
+    domain: Domain
+    degree: int
+    elevation: int
+
+    def pencil(self, scaling: Scaling, outputs: tuple[Output, ...]) -> Pencil:
+        """Return the condition in other coordinates."""
+        A, B = scaling.apply(self.A, self.B)
+        inverse = np.asarray(np.linalg.inv(scaling.T), dtype=float)
+        sources = tuple(s.changed(inverse, scaling.rate) for s in self.sources)
+        changed = tuple(o.changed(scaling.T, scaling.S) for o in outputs)
+        target = None if self.region is None else fixed(self.region, scaling.rate)
+        return design(
+            A, B, sources, changed, target, self.domain, self.degree, self.elevation, MARGIN
+        )
+
+
+def fixed(region: Region, rate: float) -> Target:
+    """Return a region that does not grow with r."""
+    sides = (
+        replace(side, L1=0 * side.L1, M1=0 * side.M1) for side in Around(region).target(rate).sides
+    )
+    found = []
+    for side, (L, M) in zip(sides, region.pairs(rate), strict=True):
+        found.append(replace(side, L0=L, M0=M))
+    return Target(tuple(found))
+
+
+def least(
+    question: Question, start: dict[str, Array], scaling: Scaling, tolerance: float = TOLERANCE
+) -> Reached:
+    """Minimise the one output's bound that is not fixed, from a point within the region.
+
+    Parameters
+    ----------
+    start : dict
+        W and Z of the condition's degree, for which all poles lie in the region, in the original
+        coordinates.
+
+    Raises
+    ------
+    SolverError
+        If there is no point to start from, or none that keeps the fixed bounds.
+    """
+    begin = Reached(np.inf, dict(start), {}, False, 0)
+    if any(o.fixed for o in question.outputs):
+        # all bounds grow with r, until they are those that were asked for
+        growing = tuple(replace(o, fixed=False) for o in question.outputs if o.fixed)
+        begin = _rounds(question, growing, begin, scaling, INSIDE, tolerance)
+        if begin.r >= 1:
+            raise SolverError("the limits contradict one another, or the region")
+    if all(o.fixed for o in question.outputs):
+        return begin
+    return _rounds(question, question.outputs, begin, scaling, 0.0, tolerance)
+
+
+def _rounds(
+    question: Question,
+    outputs: tuple[Output, ...],
+    begin: Reached,
+    scaling: Scaling,
+    enough: float,
+    tolerance: float,
+) -> Reached:
+    found: Reached | None = None
+    iterations = 0
+    for _ in range(ROUNDS):
+        own = scaling.refined(lyapunov_mean(begin.values))
+        again = _run(question.pencil(own, outputs), begin, own, enough, tolerance)
+        if again is None or (found is not None and again.r >= found.r * (1 - 1e-7)):
+            break
+        iterations += again.iterations
+        found = begin = again
+        if found.converged or found.r <= enough:
+            break
+    if found is None:
+        raise SolverError("no point to start from: the numbers are too far apart for doubles")
+    return replace(found, iterations=iterations)
+
+
+def _run(
+    pencil: Pencil, begin: Reached, scaling: Scaling, enough: float, tolerance: float
+) -> Reached | None:
+    stacked = stack(pencil)
+    matrices = tuple(v for v in pencil.variables if v.rows)
+    scalars = [v.name for v in pencil.variables if not v.rows]
+    x, r = interior(pencil, stacked, scaling.scaled(begin.values, matrices), begin.t)
+    if x is None:
+        return None
+    try:
+        outcome = run(stacked, x, WIDE * r, enough, tolerance)
+    except np.linalg.LinAlgError:
+        return None
+    if not (np.isfinite(outcome.r) and np.all(np.isfinite(outcome.x))):
+        return None
+    back = pencil.unpack(outcome.x)
+    t = {name: back.pop(name).item() for name in scalars}
+    size = max(t.values())
+    values = scaling.restore({k: v / size for k, v in back.items()}, matrices)
+    t = {name: value / size for name, value in t.items()}
+    return Reached(outcome.r, values, t, outcome.converged, outcome.iterations)
+
+
+def interior(
+    pencil: Pencil, stacked: Stacked, values: dict[str, Array], t: dict[str, float]
+) -> tuple[Array | None, float]:
+    """Return x and an r at which it is interior, with the largest scalars t that make it so."""
+    names = [v.name for v in pencil.variables if v.name not in values]
+    share = 1.0
+    for _ in range(HALVINGS):
+        scalars = {name: np.full((1, 1), share * t.get(name, 1.0)) for name in names}
+        x = pencil.pack(values | scalars)
+        r = first_radius(stacked, x)
+        if np.isfinite(r):
+            return x, r
+        share /= 2
+    return None, 0.0

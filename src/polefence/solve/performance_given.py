@@ -1,0 +1,137 @@
+"""The least bound on a signal that a Lyapunov polynomial proves of a law that is given."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import suppress
+
+import numpy as np
+
+from polefence.conditions.lyapunov import Loop
+from polefence.conditions.performance import Output, Source, given
+from polefence.conditions.target import Around
+from polefence.errors import SolverError
+from polefence.plant.system import Array
+from polefence.region import HalfPlane
+from polefence.solve.engine import run
+from polefence.solve.given import Proof, factor, least, start_matrix, sum_of
+from polefence.solve.performance import ROUNDS, WIDE, interior
+from polefence.solve.scaling import power_of_two
+from polefence.solve.smallest import TOLERANCE
+from polefence.solve.stacked import stack
+
+
+def least_given(
+    loop: Loop,
+    source: Source,
+    output: Output,
+    degree: int,
+    elevation: int,
+    tolerance: float = TOLERANCE,
+) -> Proof:
+    """Minimise the bound that a Lyapunov polynomial of a given loop proves for one output.
+
+    Parameters
+    ----------
+    loop : Loop
+        Its C has the output's row below those of the dynamics.
+
+    Returns
+    -------
+    Proof
+        ``r`` is the square of the bound over the output's level; of a gain the bound over it.
+
+    Raises
+    ------
+    SolverError
+        If there is no point to start from: the loop is not stable, or has no Lyapunov polynomial of
+        this degree.
+    """
+    n = len(next(iter(loop.E.values())))
+    E, C = sum_of(loop.E), sum_of(loop.C)[:n]
+    middle = np.asarray(np.linalg.solve(E.T, C.T).T, dtype=float)
+    rate = float(power_of_two(np.abs(np.linalg.eigvals(middle)).max()))
+    X = start_matrix(middle / rate) if loop.R is None else sum_of(loop.R)
+    form, found = (degree, elevation), None
+    for _ in range(ROUNDS):
+        again = _run(loop, source, output, form, factor(X), rate, found, tolerance)
+        if again is None or (found is not None and again[0].r >= found.r * (1 - 1e-7)):
+            break
+        found, converged = again
+        if converged or loop.R is not None:
+            break
+        X = found.Q.mean(axis=0)
+    if found is None:
+        raise SolverError("no Lyapunov matrix to start from")
+    return found
+
+
+def _run(
+    loop: Loop,
+    source: Source,
+    output: Output,
+    form: tuple[int, int],
+    T: Array,
+    rate: float,
+    near: Proof | None,
+    tolerance: float,
+) -> tuple[Proof, bool] | None:
+    inverse = np.asarray(np.linalg.inv(T), dtype=float)
+    pencil = given(_changed(loop, T, rate), source.changed(inverse, rate), output, *form)
+    stacked, count = stack(pencil), loop.domain.count(form[0])
+    for Q, s in _starts(loop, T, form, near):
+        values = {f"Q{k + 1}": Q[k % len(Q)] for k in range(count)}
+        if loop.R is not None:
+            values |= {f"s{k + 1}": s[k % len(s)].reshape(1, 1) for k in range(count)}
+        x, r = interior(pencil, stacked, values, {})
+        if x is None:
+            continue
+        try:
+            outcome = run(stacked, x, WIDE * r, 0.0, tolerance)
+        except np.linalg.LinAlgError:
+            continue
+        if not (np.isfinite(outcome.r) and np.all(np.isfinite(outcome.x))):
+            continue
+        back = pencil.unpack(outcome.x)
+        t = back[f"t {source.name}"].item()
+        Qs = np.stack([loop.restored(back[f"Q{k + 1}"] / t, T) for k in range(count)])
+        multiple = None
+        if loop.R is not None:
+            multiple = np.array([back[f"s{k + 1}"].item() / t for k in range(count)])
+        return Proof(outcome.r, Qs, multiple), outcome.converged
+    return None
+
+
+def _starts(
+    loop: Loop, T: Array, form: tuple[int, int], near: Proof | None
+) -> Iterator[tuple[Array, Array]]:
+    """Yield points Q, multiple: the last one; the law's own W; one that proves stability."""
+    n = len(T)
+    inverse = np.asarray(np.linalg.inv(T) if loop.R is None else T.T, dtype=float)
+    if near is not None:
+        yield _moved(near, inverse)
+    if loop.R is not None:
+        yield np.zeros((1, n, n)), np.ones(1)
+    else:
+        yield np.eye(n)[None], np.zeros(1)
+    with suppress(SolverError):
+        plain = Loop(loop.E, {e: p[:n] for e, p in loop.C.items()}, loop.domain, loop.R)
+        stable = least(plain, Around(HalfPlane(0)), *form, enough=0.98)
+        if stable.r < 1:
+            yield _moved(stable, inverse)
+
+
+def _moved(found: Proof, inverse: Array) -> tuple[Array, Array]:
+    Q = inverse @ found.Q @ inverse.T
+    return Q, np.zeros(1) if found.multiple is None else found.multiple
+
+
+def _changed(loop: Loop, T: Array, rate: float) -> Loop:
+    """Return the loop in coordinates x = T x_s; outputs stay as they are."""
+    n = len(T)
+    inverse = np.linalg.inv(T)
+    right = T if loop.R is None else inverse.T
+    E = {e: inverse @ p @ right for e, p in loop.E.items()}
+    C = {e: np.vstack([inverse @ p[:n] / rate, p[n:]]) @ right for e, p in loop.C.items()}
+    R = loop.R and {e: inverse @ p @ inverse.T for e, p in loop.R.items()}
+    return Loop(E, C, loop.domain, R)

@@ -14,12 +14,15 @@ from polefence import __version__, engine
 from polefence.commands import (
     analyse,
     check,
+    compare,
     design,
     example,
     limits,
     observe,
     paper,
+    report,
     service,
+    simulate,
     tightest,
 )
 from polefence.errors import InputError, MissingExtraError, NotProvedError, PolefenceError
@@ -35,6 +38,9 @@ COMMANDS: tuple[Command, ...] = (
     ("observe", observe.observe_command, observe.add_arguments),
     ("service", service.service_command, service.add_arguments),
     ("analyse", analyse.analyse_command, analyse.add_arguments),
+    ("simulate", simulate.simulate_command, simulate.add_arguments),
+    ("compare", compare.compare_command, compare.add_arguments),
+    ("report", report.report_command, report.add_arguments),
     ("check", check.check_command, check.add_arguments),
     ("paper", paper.paper_command, paper.add_arguments),
     ("example", example.example_command, example.add_arguments),

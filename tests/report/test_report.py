@@ -9,7 +9,7 @@ from html.parser import HTMLParser
 import numpy as np
 import pytest
 
-from polefence import Design, Disk, HalfPlane, NotProvedError, UncertainPlant, place
+from polefence import Design, Disk, HalfPlane, NotProvedError, UncertainPlant, analyse, place
 from polefence.cli import main
 from polefence.report import html_report
 from polefence.response.stationary import stationary, velocity_psd
@@ -123,6 +123,12 @@ def test_other_plants_have_what_there_is_of_them():
     found = Page(html_report(place(sampled, Disk(0.5, 0.4), "quadratic")))
     assert "Responses" not in found.parts
     assert "Comfort, grip and force on a road" not in found.parts
+
+
+def test_a_region_that_implies_no_stability_has_no_comfort():
+    design = analyse(family("quarter-car-physical"), [[0, 0, 1000, 0, 0]], Disk(-1, 400)).design
+    parts = Page(html_report(design)).parts
+    assert "Nothing can be said of this design" in parts["Comfort, grip and force on a road"]
 
 
 def test_bad_input(car, tmp_path, capsys):

@@ -19,6 +19,7 @@ from polefence.response.vehicle import ride
 
 SHARES = (0.05, 0.02)
 OURS = "this design"
+TITLE = "Comfort, grip and force on a road"
 
 
 def responses(design: Design) -> Section | None:
@@ -70,6 +71,8 @@ def comfort(design: Design, road: str, speed: float) -> Section | None:
         return None
     laws = {"passive": None, "skyhook": skyhook(plant), "LQR": lqr(plant), OURS: design}
     found = compare(plant, laws, road, speed)
+    if OURS in found.left_out:
+        return Section(TITLE, (f"Nothing can be said of this design: {found.left_out[OURS]}.",))
     ours, passive = (found.row(name) for name in (OURS, "passive"))
     if ours.best > passive.worst:
         verdict = "rougher than without control for every car of the family"
@@ -79,7 +82,7 @@ def comfort(design: Design, road: str, speed: float) -> Section | None:
         verdict = "smoother than without control in the worst case"
     reading = " to ".join(comfort_reading(ours.worst))
     return Section(
-        "Comfort, grip and force on a road",
+        TITLE,
         (
             f"Stationary ride on a class {found.road} road of ISO 8608 at {speed:g} m/s, worst "
             f"case and best over {len(found.alpha)} points of the family. The ride is {verdict}: "

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from scipy.integrate import DOP853
 
 from polefence.errors import InputError
 from polefence.plant.system import Array
@@ -143,6 +142,8 @@ def stages(model: Model, k: Any) -> Pieces:
 
 
 def _adaptive(model: Model, controller: Controller | None) -> Cross:
+    from scipy.integrate import DOP853
+
     h, n = model.grid.step, model.plant.shape[0]
     steady = None
     if model.courses.constant and (model.reading is None or model.reading.constant):

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from scipy.signal import lfilter
 
 from polefence.errors import InputError, suggest
 from polefence.gain_table import GainTable
@@ -114,6 +113,8 @@ class Reading:
 
     def _filtered(self) -> Array:
         """Return the filter's output at the instants, exact for a straight line in each step."""
+        from scipy.signal import lfilter
+
         h, lag, steps = self.grid.step, self.how.lag, self.grid.steps
         start, end = self._ends(np.arange(steps))
         begin = start[:1]

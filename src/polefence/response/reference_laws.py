@@ -7,7 +7,6 @@ from dataclasses import dataclass, fields
 from typing import Any
 
 import numpy as np
-from scipy.linalg import solve_continuous_are
 
 from polefence.errors import InputError
 from polefence.law import FixedGain
@@ -110,6 +109,8 @@ def lqr(plant: UncertainPlant, sizes: Sizes | None = None) -> FixedGain:
         If the plant is no quarter car, a size is not positive, or the Riccati equation has no
         stabilising solution.
     """
+    from scipy.linalg import solve_continuous_are
+
     sizes = sizes or Sizes()
     known, _ = _nominal_car(plant)
     kept = list(known.places)

@@ -1,0 +1,430 @@
+"""`polefence simulate` and `polefence compare`: what they write, say, and refuse."""
+
+from __future__ import annotations
+
+import csv
+import json
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from polefence import Disk, UncertainPlant, place
+from polefence.cli import main
+from polefence.commands.driven import panels_of
+from polefence.plant.spec import dumps
+from polefence.plots_drive import Panel, signals_figure
+from polefence.response.comfort import comfort
+from polefence.response.drive_parts import Jump
+from polefence.response.export import Table, write_table
+from polefence.response.iso8608 import random_road
+from polefence.response.linear import simulate
+from polefence.response.obstacles import pothole
+from polefence.response.run import Setup, run, signals
+from polefence.suspension.quarter_car import spec_text
+
+ROAD = ["--road", "C", "--speed", "20", "--duration", "2"]
+
+
+@pytest.fixture(scope="module")
+def design(physical):
+    return place(physical, Disk(-40, 36), "scheduled")
+
+
+@pytest.fixture
+def car(tmp_path, monkeypatch, design):
+    """A folder with car.toml and a design for it in car/."""
+    monkeypatch.chdir(tmp_path)
+    Path("car.toml").write_text(spec_text("quarter-car-physical"))
+    design.save("car")
+    return tmp_path
+
+
+def ran(capsys, *words):
+    """Run a command that is done; return what it said."""
+    assert main([str(word) for word in words]) == 0
+    return capsys.readouterr().out
+
+
+def refused(capsys, *words):
+    """Run a command that refuses; return its one line."""
+    try:
+        status = main([str(word) for word in words])
+    except SystemExit as leaving:
+        status = leaving.code
+    said = capsys.readouterr()
+    assert status == 2, said
+    assert said.out == ""
+    assert said.err.count("\n") == 1
+    return said.err
+
+
+def rows(path):
+    with open(path, newline="") as file:
+        return list(csv.reader(file))
+
+
+def test_csv_has_time_and_every_signal_exactly(car, physical, design, capsys):
+    words = ["simulate", "car", *ROAD, "--seed", "3", "--set", "m1=300", "--set", "beta = 2"]
+    out = ran(capsys, *words, "-o", "out/drive.csv", "--json", "drive.json")
+    head, *body = rows("out/drive.csv")
+    assert head[:3] == ["time [s]", "road height [m]", "road velocity [m/s]"]
+    asked = signals(physical)
+    assert head[3:] == [signal.label for signal in asked]
+    values = np.array(body, dtype=float)
+    assert values.shape == (2001, 3 + len(asked))
+    # The linear answer, the file without a rounding.
+    road = random_road("C", 100.0, 3)
+    _, w = road.velocity(20.0, 1e-3, 2.0)
+    alpha = physical.alpha(m1=300, beta=2)
+    theirs = simulate(physical, design, alpha, np.append(w, w[-1]), 1e-3, asked, hold="held")
+    size = np.abs(theirs.values[0]).max(axis=0)
+    assert np.abs((values[:, 3:] - theirs.values[0]) / size).max() < 1e-12
+    setup = Setup(physical, road, 20.0, duration=2.0, parameters={"m1": 300, "beta": 2})
+    assert np.array_equal(values[:, 3:], run(setup, design).response.values[0])
+    assert np.array_equal(values[:, 0], theirs.time)
+    assert np.allclose(np.diff(values[:, 1]), values[:-1, 2] * 1e-3, atol=1e-15)
+    # The summary is of the same numbers.
+    document = json.loads(Path("drive.json").read_text())
+    (law,) = document["laws"]
+    assert law["exact"]
+    assert document["parameters"] == {"m1": 300, "beta": 2}
+    for row, own in zip(law["signals"], values[:, 3:].T, strict=True):
+        k = np.abs(own).argmax()
+        assert (row["peak"], row["at"]) == (own[k], values[k, 0])
+        assert row["rms"] == pytest.approx(np.sqrt(np.mean(own**2)))
+    own = comfort(values[:, head.index("sprung-mass acceleration [m/s2]")], 1e-3)
+    assert law["comfort"]["weighted rms"] == pytest.approx(float(own.weighted_rms))
+    assert f"weighted rms {float(own.weighted_rms):.4g} m/s2, " in out
+    assert "proved of this law: all poles in disk(-40, 36), for every constant value" in out
+    assert "no limit was met" in out
+    assert "written: out/drive.csv" in out
+
+
+def test_parquet_has_the_same_columns(car, capsys):
+    pyarrow = pytest.importorskip("pyarrow.parquet")
+    words = ["simulate", "car.toml", "--law", "skyhook", "--law", "passive", *ROAD]
+    ran(capsys, *words, "-o", "drive.csv")
+    ran(capsys, *words, "-o", "drive.parquet")
+    head, *body = rows("drive.csv")
+    table = pyarrow.read_table("drive.parquet")
+    assert table.column_names == head
+    assert "skyhook: sprung-mass acceleration [m/s2]" in head
+    columns = np.stack([c.to_numpy() for c in table.columns], axis=1)
+    assert np.array_equal(columns, np.array(body, dtype=float))
+
+
+def test_without_a_law_a_spec_is_passive(car, capsys):
+    out = ran(capsys, "simulate", "car.toml", "--bump", "0.05", "0.5", "--speed", "5")
+    assert "passive (exact at every instant)" in out
+    assert "proved of this law: nothing" in out
+    assert "3 s in steps" in out
+    assert "written" not in out
+
+
+def test_a_drive_says_what_it_met_and_what_margins_cover(car, capsys, monkeypatch):
+    drawn = []
+
+    def figure(time, panels, title, outside):
+        drawn.extend([panels, outside])
+        return signals_figure(time, panels[:1], title, outside)
+
+    monkeypatch.setattr("polefence.plots_drive.signals_figure", figure)
+    words = ["simulate", "car", "--pothole", "0.06", "0.5", "--speed", "8", "--duration", "2"]
+    words += ["--set", "m1=250", "--jump", "m1=340@1", "--drift", "beta=5@0.5..1.5"]
+    words += ["--force-limit", "900", "--travel-limit", "0.03", "--sampling", "0.004"]
+    out = ran(capsys, *words, "-o", "d.csv", "--plot", "d.png", "--json", "d.json")
+    for said in (
+        "Runge-Kutta", "the margins cover ", "rate of change above what is proved: m1 jumps",
+        "demanded of an actuator that gives 900", "stop hit", "the tyre leaves the road",
+        "note: the controller samples every 0.004 s", "m1 = 250 kg, beta = 0 at first",
+    ):  # fmt: skip
+        assert said in out, said
+    document = json.loads(Path("d.json").read_text())
+    kinds = {event["kind"] for event in document["laws"][0]["events"]}
+    assert kinds == {"rate", "rate and estimate", "limit", "stops", "road"}
+    head, *body = rows("d.csv")
+    values = dict(zip(head, np.array(body, dtype=float).T, strict=True))
+    time, load = values["time [s]"], values["m1 [kg]"]
+    assert set(load[time < 1 - 1e-9]) == {250.0}
+    assert set(load[time >= 1 - 1e-9]) == {340.0}
+    assert values["beta"][time.searchsorted(1.0)] == pytest.approx(2.5)
+    assert np.abs(values["actuator force [N]"]).max() == 900
+    assert np.abs(values["actuator force demanded [N]"]).max() > 900
+    assert np.any(values["stop force [N]"])
+    assert Path("d.png").read_bytes().startswith(b"\x89PNG")
+    panels, outside = drawn
+    curves = {panel.label: tuple(panel.curves) for panel in panels}
+    assert curves["actuator force [N]"] == ("car", "car, demanded")
+    assert curves["m1 [kg]"] == curves["road height [m]"] == ("",)
+    assert len(panels) == 1 + 9 + 3  # the road, signals, stops and two parameters
+    lasting = float(out.split("the margins cover ")[1].split(" s of 2 s")[0])
+    assert outside[:-1].mean() * 2 == pytest.approx(2 - lasting)
+
+
+def test_estimates_are_told_to_the_law_and_written(car, capsys):
+    words = ["simulate", "car", "--road", "C", "--speed", "20", "--duration", "1.5"]
+    out = ran(capsys, *words, "--set", "m1=330", "--estimate", "-o", "d.csv")
+    assert "error of the scheduling above what is proved" in out
+    head, *body = rows("d.csv")
+    told = np.array(body, dtype=float)[:, head.index("m1 estimated [kg]")]
+    assert told[0] == pytest.approx(288.9)
+    assert told[-1] == pytest.approx(330, abs=3)
+
+
+def test_estimates_stand_beside_the_truth_in_the_figure(physical, design):
+    setup = Setup(physical, pothole(0.06, 0.4), 8.0, duration=0.1, estimate=True)
+    runs = {"a": run(setup, design), "b": run(setup, None)}
+    curves = {panel.label: tuple(panel.curves) for panel in panels_of(setup, runs)}
+    assert curves["m1, true and estimated [kg]"] == ("", "a", "b")
+    assert curves["beta, true and estimated"] == ("", "a", "b")
+    assert curves["actuator force [N]"] == ("a", "b")
+    figure = signals_figure(setup.time, panels_of(setup, runs))
+    texts = [text.get_text() for text in figure.legends[0].get_texts()]
+    assert texts == ["a", "b", "true"]
+
+
+def test_a_sampling_period_beyond_the_fastest_pole_is_noted(car, capsys):
+    words = ["simulate", "car", "--kerb", "0.01", "--speed", "5"]
+    assert "asks for a period of at most 0.0274 s" in ran(capsys, *words, "--sampling", "0.05")
+    assert "asks for a period" not in ran(capsys, *words, "--sampling", "0.0125")
+
+
+def test_a_loop_that_runs_away_is_written_as_it_is(car, capsys):
+    words = ["simulate", "car.toml", "--law", "[[0, 0, 90000, 0, 0]]", "--kerb", "0.05"]
+    words += ["--speed", "5", "--force-limit", "1e12"]
+    out = ran(capsys, *words, "-o", "d.csv", "--json", "d.json")
+    assert "the state runs away" in out
+    assert "comfort: not evaluated" in out
+    (law,) = json.loads(Path("d.json").read_text())["laws"]
+    assert law["law"] == "gain"
+    assert law["signals"][0]["peak"] is None
+    assert rows("d.csv")[-1][3] == "nan"
+
+
+def test_exact_and_stepped_agree_and_see_the_same_contact(physical, design):
+    """What is not needed is not solved another way: the equations are the same."""
+    for law in (None, design):
+        setup = Setup(physical, pothole(0.06, 0.4, before=0.5, after=20), 8.0, duration=1.0)
+        exact, stepped = run(setup, law), run(replace(setup, outside=True), law)
+        assert setup.exact
+        assert not replace(setup, outside=True).exact
+        size = np.abs(exact.response.values).max(axis=1)
+        size = np.where(size > 0, size, 1)
+        off = (exact.response.values - stepped.response.values) / size
+        assert np.abs(off).max() < 2e-6
+        assert [e.kind for e in exact.events] == ["road"]
+        assert exact.events == stepped.events
+        assert exact.report() == stepped.report()
+
+
+def test_what_is_not_exact(physical):
+    road = pothole(0.06, 0.4)
+    assert Setup(physical, road, 8.0, parameters={"m1": 250, "beta": 1}).exact
+    moving = Setup(physical, road, 8.0, parameters={"m1": Jump(1, 250, 340), "beta": 1})
+    assert not moving.exact
+    assert not moving.still
+    assert not Setup(physical, road, 8.0, estimate=True).still
+
+
+def test_designs_without_a_proof_here_are_said_to_prove_nothing(car, physical, capsys):
+    document = json.loads(Path("car/design.json").read_text())
+    document["region"]["radius"] = 20.0
+    Path("false.json").write_text(json.dumps(document))
+    out = ran(capsys, "simulate", "false.json", *ROAD)
+    assert "proved of this law: nothing: the proof in its file fails" in out
+    text = spec_text("quarter-car-physical").replace("28.58", "30")
+    Path("other.toml").write_text(text)
+    out = ran(capsys, "simulate", "other.toml", "--law", "car", "--law", "car", *ROAD)
+    assert out.count("proved of this law: nothing: its proof is about another plant") == 2
+    assert "car (2) (exact" in out
+
+
+def test_a_plant_of_vertices_takes_weights(tmp_path, physical, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    Path("v.toml").write_text(dumps(replace(physical, parameters=())))
+    out = ran(capsys, "simulate", "v.toml", *ROAD, "--set", "alpha1=0.25", "--set", "alpha2=0.75")
+    assert "alpha1 = 0.25, alpha2 = 0.75, alpha3 = 0, alpha4 = 0" in out
+    assert "sum to one; they sum to 0.5" in refused(
+        capsys, "simulate", "v.toml", *ROAD, "--set", "alpha1=0.5"
+    )
+    error = refused(capsys, "simulate", "v.toml", *ROAD, "--jump", "alpha1=1@1")
+    assert "no parameters that could move" in error
+
+
+def test_any_plant_with_a_road_is_simulated(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    plant = UncertainPlant.from_vertices(
+        [[[-1, 2], [-2, -1]], [[-2, 2], [-2, -1]]], [[[0], [1]]] * 2, [[[1], [0]]] * 2
+    )
+    Path("p.toml").write_text(dumps(plant))
+    out = ran(capsys, "simulate", "p.toml", *ROAD, "-o", "p.csv", "--plot", "p.svg")
+    assert "<svg" in Path("p.svg").read_text()
+    assert "comfort: not evaluated (the plant is not known as a quarter car)" in out
+    assert rows("p.csv")[0][3:] == ["x1", "x2", "u1"]
+    assert "not known as a quarter car" in refused(
+        capsys, "simulate", "p.toml", *ROAD, "--law", "lqr"
+    )
+
+
+PROFILES = {
+    "gap.csv": ("distance [m],height [m]\n0,0\n1,\n2,0\n", "gap.csv: row 3: no height"),
+    "nan.csv": ("0,0\n1,nan\n2,0\n", "nan.csv: row 2: height nan is no finite number"),
+    "back.csv": ("0,0\n2,0.1\n1,0\n", "back.csv: row 3: distance 1 m lies before"),
+    "short.csv": ("0,0\n1,0.1\n", "short is 1 m long; 2 s at 20 m/s need 40 m"),
+    "none.csv": ("distance,height\n", "none.csv: 0 points"),
+}
+
+
+@pytest.mark.parametrize("name", PROFILES)
+def test_bad_profiles_are_refused(car, capsys, name):
+    content, message = PROFILES[name]
+    Path(name).write_text(content)
+    words = ["simulate", "car", "--profile", name, "--speed", "20", "--duration", "2"]
+    assert message in refused(capsys, *words, "-o", "out.csv")
+    assert not Path("out.csv").exists()
+
+
+def test_a_measured_profile_is_driven_to_its_end(car, capsys):
+    x = np.linspace(0, 30, 301)
+    lines = "\n".join(f"{a:.6g},{0.01 * np.sin(a):.6g}" for a in x)
+    Path("track.csv").write_text(f"distance [m],height [m]\n{lines}\n")
+    out = ran(capsys, "simulate", "car", "--profile", "track.csv", "--speed", "10", "-o", "o.csv")
+    assert "track, at 10 m/s, 3 s" in out
+    assert float(rows("o.csv")[-1][1]) == pytest.approx(0.01 * np.sin(30), abs=1e-7)
+
+
+REFUSED = {
+    "speed zero": (["--road", "C", "--speed", "0"], "--speed [m/s] = 0.0; give a number above"),
+    "no such class": (["--road", "I", "--speed", "9"], "no road class 'I'; known: A, B, C"),
+    "slow step": ([*ROAD, "--step", "0.05"], "sample the disturbance at 0.0"),
+    "slow step of a drive": (
+        [*ROAD, "--step", "0.05", "--force-limit", "9"], "use at most 0.0",
+    ),
+    "no step": ([*ROAD, "--step", "-1"], "--step [s] = -1.0; give a number above zero"),
+    "duration": (["--road", "C", "--speed", "9", "--duration", "nan"], "--duration [s] = nan"),
+    "seed": (["--kerb", "0.1", "--speed", "9", "--seed", "1"], "--seed belongs to --road"),
+    "bad seed": ([*ROAD, "--seed", "-1"], "seed = -1; give a whole number"),
+    "no road": (["--speed", "9"], "one of the arguments --road --bump"),
+    "two roads": ([*ROAD, "--kerb", "0.1"], "not allowed with argument --road"),
+    "flat bump": (["--bump", "0", "1", "--speed", "9"], "height of the bump [m] = 0"),
+    "form of --set": ([*ROAD, "--set", "m1"], "--set 'm1'; write NAME=VALUE"),
+    "number of --set": ([*ROAD, "--set", "m1=nan"], "--set 'm1=nan'; write NAME=VALUE"),
+    "parameter": ([*ROAD, "--set", "mass=300"], "no parameter 'mass'; known: beta, m1"),
+    "twice": ([*ROAD, "--set", "m1=300", "--set", "m1=310"], "m1 is given twice"),
+    "jump and drift": (
+        [*ROAD, "--jump", "m1=300@1", "--drift", "m1=310@1..2"], "m1 is given twice",
+    ),
+    "form of --jump": ([*ROAD, "--jump", "m1=300"], "write NAME=VALUE@TIME, as in m1=340@5"),
+    "form of --drift": ([*ROAD, "--drift", "m1=300@1"], "write NAME=VALUE@BEGIN..END"),
+    "drift backwards": ([*ROAD, "--drift", "m1=300@2..1"], "it must end later"),
+    "interval": ([*ROAD, "--jump", "m1=400@1"], "outside [231.12, 346.68]; the guarantee ends"),
+    "sampling": ([*ROAD, "--sampling", "0"], "--sampling [s] = 0.0"),
+    "sampling and step": (
+        [*ROAD, "--sampling", "0.0015", "--step", "0.001"], "is no multiple of the step",
+    ),
+    "force": ([*ROAD, "--force-limit", "0"], "limit of the actuator = 0.0"),
+    "travel": ([*ROAD, "--travel-limit", "-1"], "free travel in bump [m] = -1.0"),
+    "law": ([*ROAD, "--law", "skyhok"], "no law and no file 'skyhok'; did you mean 'skyhook'?"),
+    "gain": ([*ROAD, "--law", "[[1, 2]]"], "the gain is 1 x 2; quarter car, physical needs 1 x 5"),
+    "table": ([*ROAD, "-o", "out.xlsx"], "out.xlsx: signals are written as .csv or .parquet"),
+    "figure": ([*ROAD, "--plot", "out.csv"], "out.csv: a figure ends in .png, .svg or .pdf"),
+    "one file": ([*ROAD, "-o", "x.csv", "--json", "x.csv"], "named for two results"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("case", REFUSED)
+def test_bad_input_is_one_line_and_leaves_nothing(car, capsys, case):
+    words, message = REFUSED[case]
+    before = sorted(car.rglob("*"))
+    if "-o" not in words:
+        words = [*words, "-o", "out.csv", "--json", "out.json"]
+    assert message in refused(capsys, "simulate", "car.toml", *words)
+    assert sorted(car.rglob("*")) == before
+
+
+def test_outside_of_the_interval_is_driven_only_if_asked(car, capsys):
+    words = ["simulate", "car", *ROAD, "--set", "m1=400"]
+    assert "(--outside drives on)" in refused(capsys, *words)
+    assert "m1 = 400 kg outside [231.12, 346.68]" in ran(capsys, *words, "--outside")
+
+
+def test_parquet_without_pyarrow_names_the_extra(car, capsys, monkeypatch):
+    monkeypatch.setitem(sys.modules, "pyarrow", None)
+    error = refused(capsys, "simulate", "car", *ROAD, "-o", "out.parquet")
+    assert "pip install 'polefence[parquet]'" in error
+
+
+def test_what_cannot_be_read_is_named(car, capsys):
+    assert "nowhere.toml: cannot be read" in refused(capsys, "simulate", "nowhere.toml", *ROAD)
+    Path("empty").mkdir()
+    assert "empty/design.json: cannot be read" in refused(capsys, "simulate", "empty", *ROAD)
+    Path("table.json").write_text('{"format": 3}')
+    error = refused(capsys, "simulate", "car.toml", *ROAD, "--law", "table.json")
+    assert error.startswith("polefence: table.json: ")
+
+
+def test_compare_prints_the_table_and_writes_its_rows(car, capsys):
+    words = ["compare", "car", "--law", "passive", "--law", "quadratic", "--disk", "-40", "34"]
+    out = ran(capsys, *words, "--road", "B", "--speed", "30", "--json", "c.json")
+    assert "class B (ISO 8608) at 30 m/s" in out
+    assert "\nquadratic: refuted for quadratic: its inequalities have no solution" in out
+    document = json.loads(Path("c.json").read_text())
+    assert {row["law"] for row in document["rows"]} == {"car", "passive"}
+    assert (document["road"], document["speed"]) == ("B", 30.0)
+    worst = {r["law"]: r["worst"] for r in document["rows"] if r["quantity"] == "acceleration"}
+    assert worst["car"] > worst["passive"]
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["car.toml", "--law", "[[0, 0, 9000, 0, 0]]"], "(gain: unstable: a pole at"),
+        (["car.toml", "--law", "passive", "--speed", "0"], "speed [m/s] = 0.0"),
+        (["car.toml", "--law", "passive", "--road", "X"], "no road class 'X'"),
+        (["car.toml", "--law", "slack", "--disk", "-40", "-1"], "radius"),
+        (["car.toml", "--law", "pasive"], "did you mean 'passive'?"),
+        (["car.toml", "--law", "passive", "--json", "car"], "is a folder"),
+    ],
+)
+def test_compare_refuses_in_one_line(car, capsys, words, message):
+    assert message in refused(capsys, "compare", *words)
+
+
+def test_a_comma_in_a_name_stays_in_its_cell(tmp_path):
+    table = Table(("time [s]", 'force, "up" [N]'), np.array([[0.1, -1e-300], [0.3, np.nan]]))
+    write_table(tmp_path / "t.csv", table)
+    head, *body = rows(tmp_path / "t.csv")
+    assert head == ["time [s]", 'force, "up" [N]']
+    assert body == [["0.1", "-1e-300"], ["0.3", "nan"]]
+    with pytest.raises(ValueError, match="two columns are called 'a'"):
+        Table(("a", "a"), np.zeros((1, 2)))
+
+
+def test_a_long_record_is_drawn_with_its_extremes():
+    time = np.arange(100_000) / 1000
+    values = np.sin(time)
+    values[77_777], values[12_345] = 5.0, -4.0
+    outside = (time > 20) & (time < 30)
+    panels = [Panel("a [m]", {"one": values, "two": 0.5 * values}), Panel("road [m]", {"": time})]
+    figure = signals_figure(time, [*panels, panels[0]], "title", outside)
+    first, _, _, fourth = figure.axes
+    drawn = first.lines[0]
+    assert len(drawn.get_xdata()) < 4000
+    assert np.all(np.diff(drawn.get_xdata()) >= 0)
+    assert drawn.get_ydata().max() == 5
+    assert drawn.get_ydata().min() == -4
+    assert drawn.get_xdata()[[0, -1]].tolist() == [0, time[-1]]
+    assert first.get_ylabel() == "a [m]"
+    assert not fourth.axison
+    shaded = first.collections[0].get_paths()[0].vertices[:, 0]
+    assert (shaded.min(), shaded.max()) == pytest.approx((20.001, 30.0), abs=1e-9)
+    texts = [text.get_text() for text in figure.legends[0].get_texts()]
+    assert texts == ["one", "two", "outside of what is proved"]
+    assert np.isnan(
+        signals_figure(time, [Panel("lost", {"": np.exp(time)})]).axes[0].lines[0].get_ydata()[-1]
+    )
+    looks = {(line.get_linestyle(), line.get_linewidth()) for line in first.lines}
+    assert len(looks) == 2

@@ -42,7 +42,7 @@ class Margin:
         found. For rates, none is looked for.
     example : str
         Where it does.
-    claim : Estimate, Gain or Rate, optional
+    claim : polefence.proof.service.Estimate, Gain or Rate, optional
         What was proved; None where nothing was.
     """
 

@@ -1,0 +1,89 @@
+"""docs/responses.md: its Python does what it shows; its example measures what it says."""
+
+from __future__ import annotations
+
+import doctest
+import importlib.util
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from polefence import response
+
+DOCS = Path(__file__).resolve().parents[2] / "docs"
+PAGE = (DOCS / "responses.md").read_text()
+
+
+@pytest.fixture(scope="module")
+def example():
+    spec = importlib.util.spec_from_file_location("estimation", DOCS / "examples" / "estimation.py")
+    example = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(example)
+    return example
+
+
+@pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
+def test_the_page_does_what_it_shows(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    result = doctest.testfile(
+        str(DOCS / "responses.md"), module_relative=False, optionflags=doctest.ELLIPSIS
+    )
+    assert result.attempted == PAGE.count(">>> ")
+    assert result.attempted > 50
+    assert result.failed == 0
+
+
+def test_every_python_block_is_one_that_is_run():
+    blocks = re.findall(r"```python\n(.*?)```", PAGE, re.DOTALL)
+    assert len(blocks) > 12
+    assert all(block.startswith(">>> ") and block.endswith("\n\n") for block in blocks)
+
+
+def test_the_page_says_what_the_example_measures(example, tmp_path, capsys, monkeypatch):
+    found, margins = example.estimated()
+    monkeypatch.setattr(example, "estimated", lambda: (found, margins))
+    example.main(tmp_path)
+    picture = (tmp_path / "estimation.png").read_bytes()
+    assert picture.startswith(b"\x89PNG")
+    assert len(picture) > 20_000
+    said = capsys.readouterr().out.splitlines()[:-1]
+    shown = re.search(r"has converged:\n\n((?:    .*\n)+)", PAGE)[1]
+    assert [line.strip() for line in shown.splitlines()] == said
+    # what the example sums up, from the drive itself
+    t, off = found.time, np.abs(found.used - found.parameters)[0]
+    late = ((t >= 4) & (t < 6)) | (t >= 10)
+    rms = np.sqrt((off[late] ** 2).mean(axis=0))
+    assert f"error {rms[0]:.1f} kg rms" in said[0]
+    assert f"error {rms[1]:.1f} rms" in said[1]
+    # 2.361 % of each range is what docs/service.md has
+    assert example.allowed(margins) == pytest.approx([0.02361 * 115.56, 0.02361 * 20], rel=1e-3)
+    assert rms[0] < example.allowed(margins)[0]
+    assert rms[1] > 2 * example.allowed(margins)[1]
+    assert {"rate", "estimate"} <= {event.kind for event in found.events}
+    assert np.abs(found.states).max() < 3  # nothing ran away
+
+
+def test_the_page_names_functions_of_the_package():
+    known = set(response.__all__)
+    used = set(re.findall(r"\bpr\.(\w+)", PAGE))
+    assert used <= known, used - known
+    assert len(used) > 25
+    for name in known:
+        assert getattr(response, name).__class__.__name__ != "module", name
+    api = (DOCS / "api.md").read_text().split("## Responses")[1].split("\n## ")[0]
+    listed = set(re.findall(r"^\.\. (?:auto\w+|py:data):: (\w+)$", api, re.MULTILINE))
+    assert listed == known, listed ^ known
+
+
+def test_the_front_door_stays_light():
+    code = (
+        "import sys, polefence\n"
+        "assert 'polefence.response' not in sys.modules\n"
+        "import polefence.response\n"
+        "assert not [m for m in sys.modules if m.split('.')[0] in ('scipy', 'matplotlib')]\n"
+    )
+    subprocess.run([sys.executable, "-c", code], check=True)

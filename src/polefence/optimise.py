@@ -7,6 +7,7 @@ of its own, and the region with one for each of its parts.
 
 from __future__ import annotations
 
+import time
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -22,7 +23,9 @@ from polefence.errors import InputError, NotProvedError, SolverError
 from polefence.law import FixedGain, Law, ScheduledGain, right_divide
 from polefence.performance import Bound, best_bound, kept_bound
 from polefence.plant.family import UncertainPlant
+from polefence.plant.system import Array
 from polefence.polynomial import Domain
+from polefence.proof.certificate import Certificate
 from polefence.region import HalfPlane, Region, Sector
 from polefence.solve.performance import Question, Reached, least
 from polefence.solve.radius import smallest, typical_rate
@@ -32,6 +35,7 @@ from polefence.speed import bounded
 
 INSIDE = 0.95  # how far inside the region the search begins
 SPEED = 100.0  # times the plant's own rates, where nothing else bounds the first law's
+ENOUGH = 5.0  # for the proof of a region [s], after which no higher degree is begun
 HALVINGS = 5  # of the share of the region that the design keeps
 
 
@@ -90,6 +94,7 @@ def optimise(
     subject_to: Sequence[Specification] = (),
     region: Region | None = None,
     method: Method | None = None,
+    budget: float = 60.0,
 ) -> Optimised:
     """Design the law with the smallest worst case of one signal, within limits on others.
 
@@ -106,6 +111,8 @@ def optimise(
     method : str or Scheduled, optional
         "quadratic" (one gain) or `Scheduled`; by default of degree 1 and elevation 0, on the box
         where the plant has parameters.
+    budget : float
+        Time after which no further share of the region is tried [s].
 
     Returns
     -------
@@ -134,7 +141,7 @@ def optimise(
             raise InputError(f"the limit of {own.name!r} is missing; give at_most")
     plant.require_controllable()
     task = _Task(plant, minimise, tuple(subject_to), asked, method)
-    return _best(task)
+    return _best(task, time.perf_counter() + budget)
 
 
 def _require_method(plant: UncertainPlant, method: Method) -> None:
@@ -176,16 +183,24 @@ class _Task:
             If there is none, or nowhere to start.
         """
         plant, rate = self.plant, typical_rate(self.plant.A)
-        inside = bounded(region or HalfPlane(0), SPEED * rate)
-        degree = int(options(self.method).degree)
-        start = smallest(plant.A, plant.B, Around(inside), self.method, enough=INSIDE)
+        scaling, question = balanced(plant.A, plant.B, rate), self.question(region)
+        kept, failure = region or HalfPlane(0), SolverError("nowhere to start from")
+        for inside in dict.fromkeys((kept, bounded(kept, SPEED * rate))):
+            try:
+                return least(question, self._start(inside), scaling)
+            except SolverError as error:
+                failure = error
+        raise failure
+
+    def _start(self, inside: Region) -> dict[str, Array]:
+        """Return W and Z of a law that keeps a region."""
+        start = smallest(self.plant.A, self.plant.B, Around(inside), self.method, enough=INSIDE)
         if start.radius >= 1:
             raise SolverError(f"no law of this method keeps {inside}")
         values = start.values
-        if not degree:
+        if not int(options(self.method).degree):
             values = {"W1": values["W"], "Z1": values["Z"]}
-        wanted = {k: v for k, v in values.items() if k[0] in "WZ"}
-        return least(self.question(region), wanted, balanced(plant.A, plant.B, rate))
+        return {k: v for k, v in values.items() if k[0] in "WZ"}
 
     def law(self, found: Reached) -> Law:
         """Return the law of a point."""
@@ -197,7 +212,7 @@ class _Task:
         return ScheduledGain(W, Z, self.plant.parameters, degree, self.domain.sizes)
 
 
-def _best(task: _Task) -> Optimised:
+def _best(task: _Task, deadline: float) -> Optimised:
     """Try the region as it is, none of it, and shares between that turn out to be kept."""
     reasons: list[str] = []
     shared, whole = _attempt(task, 1.0, reasons)
@@ -206,6 +221,8 @@ def _best(task: _Task) -> Optimised:
     if best is None and loose != task.region:
         best, low, high = whole, 0.0, 1.0
         for _ in range(HALVINGS):
+            if time.perf_counter() > deadline:
+                break
             share = (low + high) / 2
             level, own = _attempt(task, share, reasons)
             if own is None and np.isfinite(level):
@@ -254,8 +271,8 @@ def relaxed(region: Region, share: float) -> Region | None:
 def _proved(task: _Task, found: Reached, share: float) -> Optimised | None:
     """Prove everything of a law that was found; None where something is not."""
     law = task.law(found)
-    answer = analyse(task.plant, law, task.region)
-    if not answer.proved or answer.certificate is None:
+    certificate = _region(task, found, law, share)
+    if certificate is None:
         return None
     limits = [kept_bound(task.plant, law, s) for s in task.limits]
     if any(bound is None for bound in limits):
@@ -264,7 +281,21 @@ def _proved(task: _Task, found: Reached, share: float) -> Optimised | None:
     if first is None:
         return None
     bounds = (first, *(b for b in limits if b is not None))
-    return Optimised(Design(answer.certificate), bounds, np.inf, share)
+    return Optimised(Design(certificate), bounds, np.inf, share)
+
+
+def _region(task: _Task, found: Reached, law: Law, share: float) -> Certificate | None:
+    """Prove the region with the law's own W where it was asked of it, else as of a given law."""
+    if share == 1:
+        elevation = options(task.method).elevation
+        name, evidence = "scheduled", {"tau": np.array(0.0), "elevation": elevation}
+        if isinstance(law, FixedGain):
+            name, evidence = "quadratic", {"W": found.values["W1"]}
+        own = Certificate(task.plant, task.region, name, law, evidence)
+        if own.prove().proved:
+            return own
+    answer = analyse(task.plant, law, task.region, budget=ENOUGH)
+    return answer.certificate if answer.proved else None
 
 
 def _refusal(task: _Task, reasons: Sequence[str]) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import dataclass
@@ -25,6 +26,7 @@ from polefence.specification import Specification, claim_of, output_of
 LADDER = ((0, 0), (1, 0), (2, 0))
 # How far above what was found in floats the exact proof is attempted.
 STEPS = (1e-7, 1e-6, 1e-5, 1e-4, 1e-3)
+LONG = 2.0  # a search that took so long [s] ends the climb: the next takes several times as long
 WORTH = 1e-3  # a smaller bound by less than this share ends the climb
 
 
@@ -96,8 +98,11 @@ def _found(
     source, output = output_of(plant, domain_of(plant, law), specification, unit or 1.0)
     loop = loop_with(plant, law, output.C, output.D)
     for form in LADDER:
+        begin = time.perf_counter()
         with suppress(SolverError):
             yield least_given(loop, source, output, *form), form
+        if time.perf_counter() - begin > LONG:
+            return
 
 
 def _level(specification: Specification, r: float, unit: float) -> float:

@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from fractions import Fraction
 from typing import Any
 
 import numpy as np
 
+from polefence.baseline import Baseline, baseline
 from polefence.conditions import performance as conditions
 from polefence.errors import InputError
 from polefence.plant.family import UncertainPlant
 from polefence.plant.system import Array
-from polefence.polynomial import Domain
+from polefence.polynomial import Domain, Polynomial
 from polefence.proof import performance as proof
 from polefence.proof.exact import Evidence, Law, Rationals
 from polefence.response.signals import Signal, inputs, pick, states
@@ -60,7 +61,11 @@ class Specification:
         raise NotImplementedError
 
     def claim(
-        self, subject: proof.Subject, output: proof.Output, level: Fraction
+        self,
+        subject: proof.Subject,
+        output: proof.Output,
+        level: Fraction,
+        plant: UncertainPlant,
     ) -> proof.PerformanceClaim:
         """Return the claim that the bound is kept."""
         raise NotImplementedError
@@ -92,10 +97,44 @@ class Rms(Specification):
         )
 
     def claim(
-        self, subject: proof.Subject, output: proof.Output, level: Fraction
+        self,
+        subject: proof.Subject,
+        output: proof.Output,
+        level: Fraction,
+        plant: UncertainPlant,  # noqa: ARG002
     ) -> proof.PerformanceClaim:
         """Return the claim about the rms."""
         return proof.Rms(subject, output, level, Fraction(self.density) / 2)
+
+
+@dataclass(frozen=True)
+class RelativeRms(Rms):
+    """The worst ratio of a signal's rms to its rms without control, at the same parameters.
+
+    ``at_most`` is a number without unit. The plant without control must be stable.
+    """
+
+    kind = "relative rms"
+
+    def square(self, plant: UncertainPlant, domain: Domain, C: Array) -> Polynomial:
+        """Return a polynomial that is less than the variance without control."""
+        return self._baseline(plant, domain).variance(domain, C)
+
+    def _baseline(self, plant: UncertainPlant, domain: Domain) -> Baseline:
+        on = "box" if len(domain.sizes) > 1 else "simplex"
+        disturbance(plant)
+        return baseline(plant, on, self.density / 2)
+
+    def claim(
+        self, subject: proof.Subject, output: proof.Output, level: Fraction, plant: UncertainPlant
+    ) -> proof.PerformanceClaim:
+        """Return the claim about the ratio."""
+        domain = Domain.of(subject.on, len(subject.A))
+        stability, covariance = self._baseline(plant, domain).evidence()
+        n = len(subject.A[0])
+        A, E, C = proof.baseline_loop(subject, output, None, tuple(range(n)))
+        base = proof.Baseline(A, E, C, stability, covariance)
+        return proof.RelativeRms(subject, output, level, base, Fraction(self.density) / 2)
 
 
 @dataclass(frozen=True)
@@ -121,7 +160,11 @@ class EnergyPeak(Specification):
         return conditions.noise(f"energy {self.norm:g}", domain, disturbance(plant), self.norm**2)
 
     def claim(
-        self, subject: proof.Subject, output: proof.Output, level: Fraction
+        self,
+        subject: proof.Subject,
+        output: proof.Output,
+        level: Fraction,
+        plant: UncertainPlant,  # noqa: ARG002
     ) -> proof.PerformanceClaim:
         """Return the claim about the peak."""
         return proof.EnergyPeak(subject, output, level, Fraction(self.norm))
@@ -161,7 +204,11 @@ class InitialPeak(Specification):
         return conditions.Points(f"points {hash((self.points, self.impulse))}", tuple(found))
 
     def claim(
-        self, subject: proof.Subject, output: proof.Output, level: Fraction
+        self,
+        subject: proof.Subject,
+        output: proof.Output,
+        level: Fraction,
+        plant: UncertainPlant,  # noqa: ARG002
     ) -> proof.PerformanceClaim:
         """Return the claim about the peak."""
         points = tuple(tuple(Fraction(x) for x in point) for point in self.points)
@@ -180,7 +227,11 @@ class Gain(Specification):
         return conditions.Through("gain", disturbance(plant))
 
     def claim(
-        self, subject: proof.Subject, output: proof.Output, level: Fraction
+        self,
+        subject: proof.Subject,
+        output: proof.Output,
+        level: Fraction,
+        plant: UncertainPlant,  # noqa: ARG002
     ) -> proof.PerformanceClaim:
         """Return the claim about the gain."""
         return proof.Gain(subject, output, level)
@@ -262,6 +313,8 @@ def output_of(
     own = conditions.Output(
         label, source.name, floats(C), floats(D), 1.0 if level is None else level, unit is None
     )
+    if isinstance(specification, RelativeRms):
+        own = replace(own, square=specification.square(plant, domain, own.C))
     return source, own
 
 
@@ -284,4 +337,4 @@ def claim_of(
     )
     C, D = rows(plant, signal_of(plant, specification))
     subject = proof.Subject(A, B, E, law, evidence, on)
-    return specification.claim(subject, proof.Output(C, D, specification.name), level)
+    return specification.claim(subject, proof.Output(C, D, specification.name), level, plant)

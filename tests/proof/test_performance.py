@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import fields, is_dataclass, replace
 from fractions import Fraction
 
@@ -479,7 +478,7 @@ def test_what_is_proved_is_what_the_lyapunov_matrix_bounds(on, law, kind):
 # --- faults --------------------------------------------------------------------------------------
 
 
-def shortened(value, where="") -> Iterator:
+def shortened(value, where=""):
     """Every copy of a claim in which one list, at any depth, has lost its last entry."""
     if is_dataclass(value):
         for field in fields(value):
@@ -506,6 +505,9 @@ def test_a_claim_with_an_entry_missing_is_refused(law, kind):
         if path in (".points", ".subject.evidence.multiple", ".F"):
             continue  # less is claimed, nothing is a number
         seen.add(path)
+        if law == "given" and path == ".subject.evidence.X":  # X = 0 W is what is left
+            assert not prove_performance(fault).proved
+            continue
         with pytest.raises(FormatError):
             prove_performance(fault)
     wanted = {".subject.A", ".subject.A[3]", ".subject.B[3][2]", ".output.C[3][0]", ".output.D"}
@@ -566,7 +568,7 @@ def test_one_number_wrong_is_one_too_many(on, law, kind):
             prove_performance(changed(claim, path, lambda v, more=more: v + more)).proved
             for more in (-50, 50)
         ]
-        assert answers.count(True) == 0, path
+        assert not all(answers), path  # another number may be as good, not every other
 
 
 @pytest.mark.parametrize("law", ["one", "own", "given"])
@@ -590,7 +592,6 @@ FAULTS = {
     "degree": (("subject", "evidence", "degree"), 1, "matrices are missing"),
     "elevation": (("subject", "evidence", "elevation"), 17, "0 to 16"),
     "below": (("subject", "evidence", "elevation"), -1, "0 to 16"),
-    "work": (("subject", "evidence", "elevation"), 16, "more"),
     "epsilon": (("subject", "evidence", "epsilon"), Fraction(1), "epsilon belongs"),
     "tau": (("subject", "evidence", "tau"), Fraction(1), "tau belongs"),
     "G": (("subject", "evidence", "G"), [[Fraction(1)]], "G does not belong"),
@@ -609,22 +610,27 @@ FAULTS = {
 def test_a_claim_that_is_not_consistent_is_named(fault):
     path, value, message = FAULTS[fault]
     claim = Family("simplex", "one", "relative").claim(20)
-    if fault == "work":  # as many vertices as make the inequalities too many
-        claim = Family("simplex", "own 2", "relative").claim(20)
-        claim = changed(claim, ("baseline", "covariance", "elevation"), lambda _: 16)
-        claim = changed(claim, ("baseline", "stability", "elevation"), lambda _: 16)
-        prove_once = changed(claim, path, lambda _: value)
-        assert prove_performance(changed(claim, path, lambda _: 0)).proved
-        with pytest.raises(FormatError, match=message):
-            prove_performance(wide(prove_once))
-        return
     with pytest.raises(FormatError, match=message):
         prove_performance(changed(claim, path, lambda _: value))
 
 
-def wide(claim):
-    """The same with more vertices: (20 + 15 choose 15) inequalities."""
-    return claim
+@pytest.mark.parametrize("kind", ["rms", "initial", "relative"])
+def test_work_out_of_all_proportion_is_refused(kind):
+    claim, N = first_order(kind, Fraction(99), Fraction(26)), 24
+    for name, letters in (("subject", "ABE"), ("output", "CD"), ("baseline", "AEC")):
+        for letter in letters if hasattr(claim, name) else "":
+            claim = changed(claim, (name, letter), lambda matrices: matrices * N)
+    assert prove_performance(claim).proved
+    elevation = ("subject", "evidence", "elevation")
+    with pytest.raises(FormatError, match="more than is checked"):
+        prove_performance(changed(claim, elevation, lambda _: 5))
+    for each in ("stability", "covariance") if kind == "relative" else ():
+        with pytest.raises(FormatError, match="than are checked"):
+            prove_performance(changed(claim, ("baseline", each, "elevation"), lambda _: 5))
+    if kind == "initial":  # one block a point
+        raised = changed(claim, elevation, lambda _: 3)
+        with pytest.raises(FormatError, match="than are checked"):
+            prove_performance(replace(raised, points=claim.points * 32))
 
 
 def test_points_and_impulses_are_needed():
@@ -639,3 +645,26 @@ def test_points_and_impulses_are_needed():
             prove_performance(replace(claim, points=points_, impulses=impulses))
     bare = replace(claim, subject=replace(claim.subject, E=[]), impulses=())
     assert prove_performance(bare).proved  # nothing is driven
+
+
+def test_the_passive_loop_is_what_is_left_without_its_integral():
+    claim = Family("box", "one", "rms").claim(20)
+    A = [[[*row[:2], Fraction(0)] for row in matrix] for matrix in claim.subject.A]
+    C = [[[*row[:2], Fraction(0)] for row in matrix] for matrix in claim.output.C]
+    subject, output = replace(claim.subject, A=A), replace(claim.output, C=C)
+    found = baseline_loop(subject, output, None, (0, 1))
+    assert found[0] == [[row[:2] for row in matrix[:2]] for matrix in A]
+    assert found[1] == [matrix[:2] for matrix in subject.E]
+    assert found[2] == [[row[:2] for row in matrix] for matrix in C]
+    for states in ((0, 2), (1,), (), (0, 3), (-1, 0), (1, 0), (0, 0, 1)):
+        with pytest.raises(FormatError, match="left out|states must be"):
+            baseline_loop(subject, output, None, states)
+    K = [[Fraction(1), Fraction(2), Fraction(3)]]
+    with pytest.raises(FormatError, match="vertex 1: the baseline depends"):
+        baseline_loop(subject, output, K, (0, 1))
+    A, E, C = baseline_loop(subject, output, K, (0, 1, 2))
+    loop = np.array(subject.A[2], dtype=float) + np.array(subject.B[2], dtype=float) @ [[1, 2, 3]]
+    row = np.array(output.C[2], dtype=float) + np.array(output.D[2], dtype=float) @ [[1, 2, 3]]
+    assert np.allclose(np.array(A[2], dtype=float), loop)
+    assert np.allclose(np.array(C[2], dtype=float), row)
+    assert E == subject.E

@@ -87,6 +87,8 @@ class Output:
         Whether the bound is fixed; else it grows with r.
     F : (N, 1, q) array, optional
         For `Through` only.
+    square : polynomial, optional
+        A positive scalar: the bound's square is level^2 times this, not level^2.
     """
 
     name: str
@@ -96,6 +98,7 @@ class Output:
     level: float
     fixed: bool = True
     F: Array | None = None
+    square: Polynomial | None = None
 
     def changed(self, T: Array, S: Array) -> Output:
         """Return the output of states and inputs in other coordinates, x = T x_s, u = S u_s."""
@@ -126,8 +129,13 @@ def degree_of(P: Polynomial, domain: Domain) -> int:
     return sum(next(iter(P))[: domain.sizes[0]])
 
 
-def _own_degree(source: Source, domain: Domain) -> int:
-    return degree_of(source.EE, domain) if isinstance(source, Noise) else 1
+def _own_degrees(
+    sources: tuple[Source, ...], outputs: tuple[Output, ...], domain: Domain
+) -> Iterator[int]:
+    for source in sources:
+        yield degree_of(source.EE, domain) if isinstance(source, Noise) else 1
+    for output in outputs:
+        yield 0 if output.square is None else degree_of(output.square, domain)
 
 
 def design(
@@ -157,8 +165,11 @@ def design(
     names = [str(k + 1) for k in range(domain.count(degree))]
     W = [pencil.symmetric(f"W{name}", n) for name in names]
     Z = [pencil.full(f"Z{name}", (m, n), "u") for name in names]
-    natural = max(degree + 1, *(_own_degree(s, domain) for s in sources))
+    natural = max(degree + 1, *_own_degrees(sources, outputs, domain))
     extra = natural - degree - 1 + elevation
+    AC = np.concatenate([A, *(o.C for o in outputs)], axis=1)
+    BD = np.concatenate([B, *(o.D for o in outputs)], axis=1)
+    parts = np.split(np.eye(AC.shape[1]), n + np.arange(len(outputs)))
 
     def forms() -> Iterator[Form]:
         tables = domain.pairs(degree, extra), domain.elevated(degree, 1 + extra)
@@ -166,8 +177,8 @@ def design(
             X = Linear()
             for k, weight in sums.items():
                 X = X + float(weight) * W[k]
-            rows = [(A, B), *((o.C, o.D) for o in outputs)]
-            N, *Y = (_combined(left, right, pairs, W, Z) for left, right in rows)
+            NY = _combined(AC, BD, pairs, W, Z)
+            N, *Y = (part @ NY for part in parts)
             yield Form(e, X, N, tuple(Y))
 
     return _assembled(pencil, forms(), sources, outputs, target, domain, margin)
@@ -198,7 +209,7 @@ def given(loop: Loop, source: Source, output: Output, degree: int, elevation: in
     pencil = Builder("performance, given")
     Q = [pencil.symmetric(f"Q{k + 1}", n) for k in range(domain.count(degree))]
     natural = loop.degree + degree
-    elevation += max(_own_degree(source, domain) - natural, 0)
+    elevation += max(0, *(d - natural for d in _own_degrees((source,), (output,), domain)))
     E, C = (elevated(P, domain, elevation) for P in (loop.E, loop.C))
     X, NY = products(E, Q, loop, degree), products(C, Q, loop, degree)
     if loop.R is not None:
@@ -227,12 +238,14 @@ def _assembled(
     t = {source.name: pencil.positive(f"t {source.name}") for source in sources}
     by_name = {source.name: source for source in sources}
     degree, raised = -1, dict[str, Callable[[Exponent], Array]]()
+    squares: dict[str, dict[Exponent, float]] = {}
     for form in forms:
         e, n = form.exponent, form.X.terms[0].left.shape[0]
         if degree < 0:
             degree = sum(e[: domain.sizes[0]])
             tops = [1, *(o.F.shape[2] for o in outputs if o.F is not None)]
             raised = {s.name: _raised(s, domain, degree, n, max(tops)) for s in sources}
+            squares = {o.name: _square(o, domain, degree) for o in outputs}
         name = block_name(e, domain, -1, -1)
         weight = binomial(domain.sizes, e)
         motion = form.N + margin * form.X if margin else form.N
@@ -248,7 +261,7 @@ def _assembled(
                 F = _raised_F(output, domain, degree, E.shape[1])(e)
                 pencil.blocks.append(_passed(label, form.N, Y, own, E, F, weight, output))
             else:
-                pencil.blocks.append(_bound(label, form.X, Y, own, weight, output))
+                pencil.blocks.append(_bound(label, form.X, Y, own, squares[output.name][e], output))
         for number, side in enumerate(() if target is None else target.sides):
             pencil.region(f"region, part {number + 1}, {name}", form.X, form.N, side)
         if target is not None and target.positive:
@@ -267,6 +280,14 @@ def _raised(
         P, zero = bernstein(domain, E, 1), np.zeros((n, q))
     table = elevated(P, domain, degree - degree_of(P, domain))
     return lambda e: table.get(e, zero)
+
+
+def _square(output: Output, domain: Domain, degree: int) -> dict[Exponent, float]:
+    """Return the coefficients of the bound's square over level^2."""
+    if output.square is None:
+        return {e: float(binomial(domain.sizes, e)) for e in domain.monomials(degree)}
+    table = elevated(output.square, domain, degree - degree_of(output.square, domain))
+    return {e: table[e].item() for e in domain.monomials(degree)}
 
 
 def _raised_F(output: Output, domain: Domain, degree: int, q: int) -> Callable[[Exponent], Array]:
@@ -290,7 +311,9 @@ def _moved(
     eye = np.eye(n)
     driven = _put(N, eye, eye)
     if isinstance(source, Noise):
-        driven += multiple(t, data / 2).terms
+        # columns of zeros ask for work and for nothing else
+        own = np.any(data, axis=0)
+        driven += _put(multiple(t, data[:, own] / 2), eye, eye[:, own])
     yield Block(f"{source.name}, {name}", n, (), driven)
     if isinstance(source, Points):
         first, rest = np.eye(n + 1)[:, :1], np.eye(n + 1)[:, 1:]
@@ -310,7 +333,7 @@ def _bound(name: str, X: Linear, Y: Linear, t: Linear, weight: float, output: Ou
     n = X.terms[0].left.shape[0]
     first, rest = np.eye(n + 1)[:, :1], np.eye(n + 1)[:, 1:]
     size = weight * output.level**2 / 2
-    others = _put(-1.0 * Y, first, rest) + _put(-0.5 * X, rest, rest)
+    others = _put(Y, -first, rest) + _put(X, -0.5 * rest, rest)
     if output.fixed:
         return Block(name, n + 1, (), _put(-size * t, first, first) + others)
     return Block(name, n + 1, _put(size * t, first, first), others)

@@ -15,7 +15,6 @@ from polefence.polynomial import Domain
 from polefence.region import Region
 from polefence.solve.engine import run
 from polefence.solve.found import lyapunov_mean
-from polefence.solve.radius import first_radius
 from polefence.solve.scaling import Scaling
 from polefence.solve.smallest import TOLERANCE
 from polefence.solve.stacked import Stacked, stack
@@ -176,12 +175,34 @@ def interior(
 ) -> tuple[Array | None, float]:
     """Return x and an r at which it is interior, with the largest scalars t that make it so."""
     names = [v.name for v in pencil.variables if v.name not in values]
+    x = pencil.pack(values | {name: np.zeros((1, 1)) for name in names})
+    most = pencil.pack(
+        {name: np.zeros_like(X) for name, X in values.items()}
+        | {name: np.full((1, 1), t.get(name, 1.0)) for name in names}
+    )
+    alone, rising = stacked.at(x), stacked.at(most)
+    fixed = [~np.any([D, dD], axis=(0, 2, 3)) for (D, _), (dD, _) in zip(alone, rising, strict=True)]
+    pairs = list(zip(alone, rising, fixed, strict=True))
+    plain = [(M[own], dM[own]) for (_, M), (_, dM), own in pairs if own.any()]
+    grown = [
+        (D[~own], dD[~own], M[~own], dM[~own]) for (D, M), (dD, dM), own in pairs if not own.all()
+    ]
     share = 1.0
     for _ in range(HALVINGS):
-        scalars = {name: np.full((1, 1), share * t.get(name, 1.0)) for name in names}
-        x = pencil.pack(values | scalars)
-        r = first_radius(stacked, x)
-        if np.isfinite(r):
-            return x, r
+        if _positive([-M - share * dM for M, dM in plain]):
+            blocks = [(D + share * dD, M + share * dM) for D, dD, M, dM in grown]
+            # D >= 0, so that r D - M only grows with r
+            for r in 2.0 ** np.arange(-14, 60):
+                if _positive([r * D - M for D, M in blocks]):
+                    return x + share * most, float(r)
         share /= 2
     return None, 0.0
+
+
+def _positive(blocks: list[Array]) -> bool:
+    try:
+        for block in blocks:
+            np.linalg.cholesky(block)
+    except np.linalg.LinAlgError:
+        return False
+    return True

@@ -208,11 +208,11 @@ def first_radius(stacked: Stacked, x: Array) -> float:
 
     D(x) >= 0, so that r D(x) - M(x) only grows with r.
     """
-    D, M = stacked.parts(x)
+    blocks = stacked.at(x)
     for r in 2.0 ** np.arange(-14, 60):
         try:
-            for d, m in zip(D, M, strict=True):
-                np.linalg.cholesky(r * d - m)
+            for D, M in blocks:
+                np.linalg.cholesky(r * D - M)
         except np.linalg.LinAlgError:
             continue
         return float(r)

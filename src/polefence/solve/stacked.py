@@ -101,6 +101,20 @@ class Stacked:
         half = len(both) // 2
         return self.split(both[:half]), self.split(both[half:])
 
+    def at(self, x: Array) -> list[tuple[Array, Array]]:
+        """Return D(x) and M(x), one pair a size, for a few x without what `parts` sets up."""
+        entries = x[self.entries]
+        found = {size: np.zeros((2, count, size, size)) for size, count in self.sizes.items()}
+        for family in self.families:
+            D, M = found[family.size][:, family.where]
+            for t in family.terms:
+                places = t.rows[..., None] + np.arange(t.R.shape[2])
+                X = np.einsum("bp,bpac->bac", t.weights, entries[places])
+                right = X @ t.R.swapaxes(1, 2)
+                D += t.D @ right
+                M += t.M @ right
+        return [(D + D.swapaxes(1, 2), M + M.swapaxes(1, 2)) for D, M in found.values()]
+
     def adjoint(self, r: float, P: Blocks, only_D: bool = False) -> Array:
         """Return the gradient of <P, r D(x) - M(x)> in x; with ``only_D`` that of <P, D(x)>."""
         flat = _flat(P)
@@ -269,14 +283,16 @@ def _row(lefts: _Lefts, R: Array, start: dict[str, int]) -> _Row:
         D = only_D[0]
         rows = [start[name] + columns * np.arange(D.shape[1]) for name in names]
         return _Row(D, np.zeros_like(D), R, np.array(rows), weights)
-    Ds, Ms, places = [], [], list[int]()
-    for name in names:
-        left_D, left_M = lefts[name]
-        like = np.zeros_like(left_D if left_D is not None else left_M)
-        Ds.append(like if left_D is None else left_D)
-        Ms.append(like if left_M is None else left_M)
-        places.extend(range(start[name], start[name] + columns * like.shape[1], columns))
-    return _Row(np.hstack(Ds), np.hstack(Ms), R, np.array([places]), np.ones(1))
+    widths = [next(L for L in lefts[name] if L is not None).shape[1] for name in names]
+    both = np.zeros((2, len(R), sum(widths)))
+    places, column = list[int](), 0
+    for name, width in zip(names, widths, strict=True):
+        for half, left in zip(both, lefts[name], strict=True):
+            if left is not None:
+                half[:, column : column + width] = left
+        column += width
+        places.extend(range(start[name], start[name] + columns * width, columns))
+    return _Row(both[0], both[1], R, np.array([places]), np.ones(1))
 
 
 def _multiples(lefts: list[Array]) -> Array | None:

@@ -110,7 +110,10 @@ class _Entry:
         _only({self.where: self.table}, self.where, known)
 
     def below(self, key: str) -> _Entry:
-        return _Entry(self.at(key), f"{self.where}.{key}")
+        found = _Entry(self.at(key), f"{self.where}.{key}")
+        if not isinstance(found.table, dict):
+            raise FormatError(f"{found.where} must be a table")
+        return found
 
     def number(self, key: str, default: int | None = None) -> Fraction:
         if default is not None and key not in self.table:
@@ -159,12 +162,12 @@ def _claim(
 
 def _evidence(entry: _Entry, design: Claim) -> tuple[Evidence, str]:
     """Return the evidence, and whether it is about the simplex or the box."""
-    own = isinstance(entry.table, dict) and "own" in entry.table
+    own = "own" in entry.table
     fixed = design.law.K is not None
     known = {"own", "scale"} if own else {"X", "degree"} | (set() if fixed else {"multiple"})
     entry.only(known | {"elevation"} | ({"on"} if fixed else set()))
     on = design.on
-    if fixed and isinstance(entry.table, dict):
+    if fixed:
         on = exact._domain(entry.table.get("on", on), f"{entry.where}.on")
     n = len(design.A[0])
     if not own:

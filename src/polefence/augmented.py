@@ -13,7 +13,7 @@ from polefence.errors import InputError
 from polefence.plant.family import UncertainPlant
 from polefence.plant.system import Exact, System
 from polefence.response.signals import Signal, inputs, states
-from polefence.specification import rows
+from polefence.specification import WEIGHTS, Rms, Specification, rows, signal_of
 
 
 def with_filter(
@@ -59,6 +59,30 @@ def with_filter(
         raise InputError(f"the filter {name} has a direct way through it; give one without")
     larger = replace(plant, vertices=tuple(vertices), states=names)
     return larger, Signal(f"{signal.name}, {name}", signal.unit, state=weights)
+
+
+def with_weights(
+    plant: UncertainPlant, specifications: Sequence[Specification]
+) -> tuple[UncertainPlant, tuple[Specification, ...]]:
+    """Return the plant with the filters that specifications ask for, and those without weights.
+
+    Raises
+    ------
+    InputError
+        If the plant has no such signal, or a disturbance passes straight into it.
+    """
+    made: dict[tuple[str, str], Signal] = {}
+    found: list[Specification] = []
+    for own in specifications:
+        if isinstance(own, Rms) and own.weight is not None:
+            key = own.name, own.weight
+            if key not in made:
+                signal = signal_of(plant, own)
+                system = WEIGHTS[own.weight].state_space()
+                plant, made[key] = with_filter(plant, signal, system, own.weight)
+            own = replace(own, signal=made[key], weight=None)
+        found.append(own)
+    return plant, tuple(found)
 
 
 def with_actuator(plant: UncertainPlant, bandwidth: float) -> UncertainPlant:

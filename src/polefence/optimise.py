@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from polefence.analysis import analyse
+from polefence.augmented import with_weights
 from polefence.checks import require_domain, require_region, require_type
 from polefence.conditions.methods import Method, Scheduled, method_label, options
 from polefence.conditions.target import Around
@@ -48,10 +49,10 @@ class Optimised:
     design : Design
         Law, region and its certificate.
     bounds : tuple of Bound
-        The one that was minimised first.
+        The one that was minimised first, where one was.
     shared : float
         What one Lyapunov matrix for everything proves of it, for the region as it is; infinite
-        where that proves nothing.
+        where that proves nothing, zero where nothing was minimised.
     share : float
         Of the region, what the design kept; 1 is all of it.
     """
@@ -90,7 +91,7 @@ class Optimised:
 
 def optimise(
     plant: UncertainPlant,
-    minimise: Specification,
+    minimise: Specification | None,
     subject_to: Sequence[Specification] = (),
     region: Region | None = None,
     method: Method | None = None,
@@ -102,8 +103,9 @@ def optimise(
     ----------
     plant : UncertainPlant
         With a disturbance, E.
-    minimise : Specification
-        `Rms`, `EnergyPeak`, `InitialPeak` or `Gain`.
+    minimise : Specification or None
+        `Rms`, `RelativeRms`, `EnergyPeak`, `InitialPeak` or `Gain`; None: any law within the
+        limits will do.
     subject_to : sequence of Specification
         Each with its ``at_most``.
     region : Region, optional
@@ -117,7 +119,8 @@ def optimise(
     Returns
     -------
     Optimised
-        Everything in it is proved.
+        Everything in it is proved. Where a specification has a weight its plant has the filter's
+        states, and the law feeds them back.
 
     Raises
     ------
@@ -128,19 +131,25 @@ def optimise(
         If a specification does not fit the plant.
     """
     require_type(plant, UncertainPlant, "plant", "polefence.load(path) reads one")
-    require_type(minimise, Specification, "minimise", "for example Rms('force')")
+    if minimise is None and not subject_to:
+        raise InputError("nothing to minimise and no limits: polefence.place is for regions alone")
+    if minimise is not None:
+        require_type(minimise, Specification, "minimise", "for example Rms('force')")
     method = method or Scheduled(1, 0, "box" if plant.parameters else "simplex")
     _require_method(plant, method)
-    asked = HalfPlane(0) if region is None else region
-    require_region(plant, asked)
     if plant.sample_time is not None:
         raise InputError(f"{plant.name} is in discrete time; specifications are of continuous time")
+    asked = HalfPlane(0) if region is None else region
+    require_region(plant, asked)
     for own in subject_to:
         require_type(own, Specification, "subject_to", "for example Rms('force', at_most=700)")
         if own.at_most is None:
             raise InputError(f"the limit of {own.name!r} is missing; give at_most")
     plant.require_controllable()
-    task = _Task(plant, minimise, tuple(subject_to), asked, method)
+    asked_for = subject_to if minimise is None else (*subject_to, minimise)
+    plant, found = with_weights(plant, tuple(asked_for))
+    least_of = None if minimise is None else found[-1]
+    task = _Task(plant, least_of, found[: len(subject_to)], asked, method)
     return _best(task, time.perf_counter() + budget)
 
 
@@ -154,7 +163,7 @@ def _require_method(plant: UncertainPlant, method: Method) -> None:
 @dataclass(frozen=True, eq=False)
 class _Task:
     plant: UncertainPlant
-    minimise: Specification
+    minimise: Specification | None
     limits: tuple[Specification, ...]
     region: Region
     method: Method
@@ -167,7 +176,8 @@ class _Task:
         """Return the condition with one Lyapunov matrix for everything."""
         o, plant = options(self.method), self.plant
         pairs = [output_of(plant, self.domain, s) for s in self.limits]
-        pairs.append(output_of(plant, self.domain, self.minimise, 1.0))
+        if self.minimise is not None:
+            pairs.append(output_of(plant, self.domain, self.minimise, 1.0))
         sources = {source.name: source for source, _ in pairs}
         outputs = tuple(output for _, output in pairs)
         degree, elevation = int(o.degree), o.elevation
@@ -217,7 +227,8 @@ def _best(task: _Task, deadline: float) -> Optimised:
     reasons: list[str] = []
     shared, whole = _attempt(task, 1.0, reasons)
     loose = relaxed(task.region, 0.0)
-    best = whole if loose == task.region else _attempt(task, 0.0, reasons)[1]
+    done = loose == task.region or (task.minimise is None and whole is not None)
+    best = whole if done else _attempt(task, 0.0, reasons)[1]
     if best is None and loose != task.region:
         best, low, high = whole, 0.0, 1.0
         for _ in range(HALVINGS):
@@ -231,6 +242,8 @@ def _best(task: _Task, deadline: float) -> Optimised:
             high = share
             if own is not None and (best is None or own.bounds[0].level < best.bounds[0].level):
                 best = own
+            if own is not None and task.minimise is None:
+                break
     if best is None:
         raise NotProvedError(_refusal(task, reasons))
     return replace(best, shared=shared)
@@ -247,6 +260,8 @@ def _attempt(task: _Task, share: float, reasons: list[str]) -> tuple[float, Opti
 
 
 def _level(task: _Task, found: Reached) -> float:
+    if task.minimise is None:
+        return 0.0
     power = 1.0 if task.minimise.kind == "gain" else 0.5
     return float(found.r**power)
 
@@ -277,10 +292,12 @@ def _proved(task: _Task, found: Reached, share: float) -> Optimised | None:
     limits = [kept_bound(task.plant, law, s) for s in task.limits]
     if any(bound is None for bound in limits):
         return None
-    first = best_bound(task.plant, law, task.minimise)
-    if first is None:
-        return None
-    bounds = (first, *(b for b in limits if b is not None))
+    bounds = tuple(b for b in limits if b is not None)
+    if task.minimise is not None:
+        first = best_bound(task.plant, law, task.minimise)
+        if first is None:
+            return None
+        bounds = (first, *bounds)
     return Optimised(Design(certificate), bounds, np.inf, share)
 
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from polefence.baseline import Baseline, baseline
 from polefence.conditions import performance as conditions
-from polefence.errors import InputError
+from polefence.errors import InputError, suggest
 from polefence.plant.family import UncertainPlant
 from polefence.plant.system import Array
 from polefence.polynomial import Domain, Polynomial
@@ -19,6 +19,9 @@ from polefence.proof import performance as proof
 from polefence.proof.exact import Evidence, Law, Rationals
 from polefence.response.signals import Signal, inputs, pick, states
 from polefence.response.vehicle import ride
+from polefence.response.weighting import WF, WK
+
+WEIGHTS = {"Wk": WK, "Wf": WF}
 
 
 @dataclass(frozen=True)
@@ -80,15 +83,23 @@ class Rms(Specification):
     density : float
         One-sided density of the disturbance [its unit squared per Hz]; of a road's velocity see
         `polefence.response.iso8608.velocity_density`.
+    weight : str, optional
+        "Wk" or "Wf" of ISO 2631-1: the rms of the signal so weighted. `polefence.optimise` puts the
+        filter into the plant.
     """
 
     density: float = 1.0
+    weight: str | None = None
     kind = "rms"
 
     def __post_init__(self) -> None:
         super().__post_init__()
         if not (_is_number(self.density) and self.density > 0):
             raise InputError(f"density = {self.density!r} must be a positive number")
+        if self.weight is not None and self.weight not in WEIGHTS:
+            raise InputError(
+                f"weight = {self.weight!r} is unknown; {suggest(str(self.weight), WEIGHTS)}"
+            )
 
     def source(self, plant: UncertainPlant, domain: Domain) -> conditions.Source:
         """Return white noise."""
@@ -156,8 +167,8 @@ class EnergyPeak(Specification):
             raise InputError(f"norm = {self.norm!r} must be a positive number")
 
     def source(self, plant: UncertainPlant, domain: Domain) -> conditions.Source:
-        """Return the disturbances as noise: they ask the same of X."""
-        return conditions.noise(f"energy {self.norm:g}", domain, disturbance(plant), self.norm**2)
+        """Return disturbances of unit norm as noise: they ask the same of X."""
+        return conditions.noise("energy", domain, disturbance(plant), 1.0)
 
     def claim(
         self,
@@ -309,9 +320,16 @@ def output_of(
     C, D = rows(plant, signal_of(plant, specification))
     source = specification.source(plant, domain)
     level = specification.at_most if unit is None else unit
+    # as in the claim: a disturbance of unit norm, and the output times the norm
+    size = specification.norm if isinstance(specification, EnergyPeak) else 1.0
     label = f"{specification.kind} of {specification.name}"
     own = conditions.Output(
-        label, source.name, floats(C), floats(D), 1.0 if level is None else level, unit is None
+        label,
+        source.name,
+        size * floats(C),
+        size * floats(D),
+        1.0 if level is None else level,
+        unit is None,
     )
     if isinstance(specification, RelativeRms):
         own = replace(own, square=specification.square(plant, domain, own.C))

@@ -78,8 +78,10 @@ class Scaling:
             If W is not numerically positive definite.
         """
         scale = power_of_two(1 / np.sqrt(np.maximum(np.diag(W), np.finfo(float).tiny)))
+        with np.errstate(over="ignore", invalid="ignore"):
+            even = W * np.outer(scale, scale)
         try:
-            factor = np.linalg.cholesky(W * np.outer(scale, scale))
+            factor = np.linalg.cholesky(even if np.all(np.isfinite(even)) else -np.eye(len(W)))
         except np.linalg.LinAlgError as error:
             raise SolverError("a Lyapunov matrix is numerically singular") from error
         return replace(self, T=factor / scale[:, None])

@@ -15,7 +15,7 @@ from scipy.signal import lsim
 from polefence import Disk, GainTable, Scheduled, UncertainPlant, place, tightest
 from polefence.errors import InputError
 from polefence.response.drive import drive
-from polefence.response.drive_parts import (
+from polefence.response.driving.parts import (
     Actuator,
     BumpStops,
     Estimated,

@@ -18,8 +18,8 @@ from polefence.response.comfort import Comfort, comfort, running_rms
 from polefence.response.compare import NoLaw, compare, points, standard_laws
 from polefence.response.comparison import Comparison, Row
 from polefence.response.drive import drive
-from polefence.response.drive_events import Event
-from polefence.response.drive_parts import (
+from polefence.response.driving.events import Event
+from polefence.response.driving.parts import (
     Actuator,
     BumpStops,
     Estimated,
@@ -30,7 +30,7 @@ from polefence.response.drive_parts import (
     Sensors,
     Sine,
 )
-from polefence.response.drive_result import Drive
+from polefence.response.driving.result import Drive
 from polefence.response.estimate import Estimate, estimate
 from polefence.response.iso8608 import (
     displacement_density,

@@ -16,13 +16,13 @@ import numpy as np
 
 from polefence.errors import InputError
 from polefence.plant.family import UncertainPlant
-from polefence.response.drive_controller import Controller, Learner
-from polefence.response.drive_courses import Courses, read_courses
-from polefence.response.drive_judge import judged, throughout
-from polefence.response.drive_march import march
-from polefence.response.drive_margins import is_scheduled, read_margins
-from polefence.response.drive_model import Model
-from polefence.response.drive_parts import (
+from polefence.response.driving.controller import Controller, Learner
+from polefence.response.driving.courses import Courses, read_courses
+from polefence.response.driving.judge import judged, throughout
+from polefence.response.driving.march import march
+from polefence.response.driving.margins import is_scheduled, read_margins
+from polefence.response.driving.model import Model
+from polefence.response.driving.parts import (
     Actuator,
     BumpStops,
     Estimated,
@@ -30,10 +30,10 @@ from polefence.response.drive_parts import (
     Sampling,
     Scheduling,
 )
-from polefence.response.drive_reading import Grid, Reading, gains_of
-from polefence.response.drive_record import record
-from polefence.response.drive_result import Drive
-from polefence.response.drive_setup import multiple, read_grid, read_start, require_step
+from polefence.response.driving.reading import Grid, Reading, gains_of
+from polefence.response.driving.record import record
+from polefence.response.driving.result import Drive
+from polefence.response.driving.setup import multiple, read_grid, read_start, require_step
 from polefence.response.estimate import Estimate, collected
 from polefence.response.recursion import estimator
 from polefence.response.vehicle import Ride, masses, require_ride, ride

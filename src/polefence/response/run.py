@@ -16,10 +16,10 @@ from polefence.plant.system import Array
 from polefence.response import linear
 from polefence.response.closed import close
 from polefence.response.drive import drive
-from polefence.response.drive_courses import Courses, read_courses
-from polefence.response.drive_events import Event, spans, summary
-from polefence.response.drive_judge import GRAVITY
-from polefence.response.drive_parts import Actuator, BumpStops, Estimated, Sampling
+from polefence.response.driving.courses import Courses, read_courses
+from polefence.response.driving.events import Event, spans, summary
+from polefence.response.driving.judge import GRAVITY
+from polefence.response.driving.parts import Actuator, BumpStops, Estimated, Sampling
 from polefence.response.grid import longest_step
 from polefence.response.result import Response
 from polefence.response.road import Road

@@ -10,8 +10,8 @@ import numpy as np
 
 from polefence.plant.family import UncertainPlant
 from polefence.plant.system import Array
-from polefence.response.drive_courses import Space
-from polefence.response.drive_events import Event, summary
+from polefence.response.driving.courses import Space
+from polefence.response.driving.events import Event, summary
 from polefence.response.estimate import Estimate
 from polefence.response.result import Response
 from polefence.response.signals import Signal, choose

@@ -14,8 +14,8 @@ from polefence.gain_table import GainTable
 from polefence.law import FixedGain
 from polefence.loops import given_law
 from polefence.plant.system import Array
-from polefence.response.drive_courses import Courses, Space
-from polefence.response.drive_reading import INSIDE, Grid
+from polefence.response.driving.courses import Courses, Space
+from polefence.response.driving.reading import INSIDE, Grid
 from polefence.service import Margin, Service
 
 # Of the range, within an instant: a jump, at no finite rate. Of the range: nothing but rounding.

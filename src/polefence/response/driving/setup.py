@@ -10,10 +10,10 @@ import numpy as np
 from polefence.errors import InputError
 from polefence.plant.family import UncertainPlant
 from polefence.plant.system import Array
-from polefence.response.drive_courses import Courses
-from polefence.response.drive_march import stages
-from polefence.response.drive_model import Model
-from polefence.response.drive_reading import Grid
+from polefence.response.driving.courses import Courses
+from polefence.response.driving.march import stages
+from polefence.response.driving.model import Model
+from polefence.response.driving.reading import Grid
 from polefence.response.weighting import positive
 
 MOST_STEPS = 10_000_000

@@ -10,9 +10,9 @@ import numpy as np
 
 from polefence.errors import InputError
 from polefence.plant.system import Array
-from polefence.response.drive_controller import Controller
-from polefence.response.drive_model import Model, Pieces, Row
-from polefence.response.drive_reading import INSIDE
+from polefence.response.driving.controller import Controller
+from polefence.response.driving.model import Model, Pieces, Row
+from polefence.response.driving.reading import INSIDE
 from polefence.response.recursion import Belief
 
 # Of a state or force: beyond it a car counts as lost.

@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 
 from polefence.plant.system import Array
-from polefence.response.drive_courses import Space
-from polefence.response.drive_margins import Claims, measured_by, share_of_claim
+from polefence.response.driving.courses import Space
+from polefence.response.driving.margins import Claims, measured_by, share_of_claim
 
 
 @dataclass(frozen=True)

@@ -7,12 +7,12 @@ from typing import Any
 import numpy as np
 
 from polefence.plant.system import Array
-from polefence.response.drive_controller import Learner
-from polefence.response.drive_events import Event, Motion, claim_events, interval_events, spans
-from polefence.response.drive_margins import Claims, rates_of
-from polefence.response.drive_model import Model
-from polefence.response.drive_parts import Sampling
-from polefence.response.drive_record import Record
+from polefence.response.driving.controller import Learner
+from polefence.response.driving.events import Event, Motion, claim_events, interval_events, spans
+from polefence.response.driving.margins import Claims, rates_of
+from polefence.response.driving.model import Model
+from polefence.response.driving.parts import Sampling
+from polefence.response.driving.record import Record
 
 GRAVITY = 9.81  # [m/s2]
 

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from polefence.plant.system import Array
-from polefence.response.drive_march import Marched
-from polefence.response.drive_model import Model
-from polefence.response.drive_reading import INSIDE, Reading
+from polefence.response.driving.march import Marched
+from polefence.response.driving.model import Model
+from polefence.response.driving.reading import INSIDE, Reading
 from polefence.response.vehicle import Ride
 
 CHUNK = 4_000_000  # numbers held at once
@@ -17,7 +17,7 @@ CHUNK = 4_000_000  # numbers held at once
 
 @dataclass(frozen=True, eq=False)
 class Record:
-    """Arrays (count, time, ...) at all instants; see `drive_result.Drive`.
+    """Arrays (count, time, ...) at all instants; see `driving.result.Drive`.
 
     ``mass`` [kg] is what rests on the tyre of a quarter car, infinite where that is not known.
     """

@@ -7,9 +7,9 @@ from collections.abc import Callable
 import numpy as np
 
 from polefence.plant.system import Array
-from polefence.response.drive_model import Model
-from polefence.response.drive_parts import Estimated, Sampling
-from polefence.response.drive_reading import INSIDE, Reading
+from polefence.response.driving.model import Model
+from polefence.response.driving.parts import Estimated, Sampling
+from polefence.response.driving.reading import INSIDE, Reading
 from polefence.response.recursion import Belief, Estimator
 from polefence.response.vehicle import Ride
 

@@ -9,9 +9,9 @@ import numpy as np
 
 from polefence.plant.family import UncertainPlant
 from polefence.plant.system import Array
-from polefence.response.drive_courses import Courses
-from polefence.response.drive_parts import Actuator, BumpStops
-from polefence.response.drive_reading import INSIDE, Gains, Grid, Reading
+from polefence.response.driving.courses import Courses
+from polefence.response.driving.parts import Actuator, BumpStops
+from polefence.response.driving.reading import INSIDE, Gains, Grid, Reading
 from polefence.response.vehicle import Ride, masses, require_ride
 
 Row = tuple[Array, Array, Array, Array, Array | None]

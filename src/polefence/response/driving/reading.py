@@ -13,8 +13,8 @@ from polefence.gain_table import GainTable
 from polefence.law import FixedGain
 from polefence.loops import given_law
 from polefence.plant.system import Array
-from polefence.response.drive_courses import Courses, Space
-from polefence.response.drive_parts import Measured
+from polefence.response.driving.courses import Courses, Space
+from polefence.response.driving.parts import Measured
 
 # Jumps at an instant of the grid belong to the step that begins there: a step is looked at this
 # share of it inside its ends.

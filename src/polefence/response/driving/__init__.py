@@ -1,0 +1,1 @@
+"""The parts of `polefence.response.drive`: what moves, what measures, what is judged."""

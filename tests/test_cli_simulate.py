@@ -17,7 +17,7 @@ from polefence.commands.driven import panels_of
 from polefence.plant.spec import dumps
 from polefence.plots_drive import Panel, signals_figure
 from polefence.response.comfort import comfort
-from polefence.response.drive_parts import Jump
+from polefence.response.driving.parts import Jump
 from polefence.response.export import Table, write_table
 from polefence.response.iso8608 import random_road
 from polefence.response.linear import simulate

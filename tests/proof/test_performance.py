@@ -633,6 +633,13 @@ def test_work_out_of_all_proportion_is_refused(kind):
             prove_performance(replace(raised, points=claim.points * 32))
 
 
+def test_the_laws_own_matrix_has_its_own_degree_and_one_multiple():
+    claim = Family("simplex", "own", "rms").claim(20)
+    for key, value in (("degree", 1), ("multiple", (Fraction(1),) * 2)):
+        with pytest.raises(FormatError, match="own degree"):
+            prove_performance(changed(claim, ("subject", "evidence", key), lambda _, v=value: v))
+
+
 def test_points_and_impulses_are_needed():
     claim = Family("simplex", "one", "initial").claim(20)
     for points_, impulses, message in (
@@ -656,6 +663,8 @@ def test_the_passive_loop_is_what_is_left_without_its_integral():
     assert found[0] == [[row[:2] for row in matrix[:2]] for matrix in A]
     assert found[1] == [matrix[:2] for matrix in subject.E]
     assert found[2] == [[row[:2] for row in matrix] for matrix in C]
+    with pytest.raises(FormatError, match="left out"):  # y has the integral in it
+        baseline_loop(subject, claim.output, None, (0, 1))
     for states in ((0, 2), (1,), (), (0, 3), (-1, 0), (1, 0), (0, 0, 1)):
         with pytest.raises(FormatError, match="left out|states must be"):
             baseline_loop(subject, output, None, states)

@@ -100,7 +100,7 @@ def setup_of(plant: UncertainPlant, options: Any) -> Setup:
     InputError
         Naming the option that cannot be used.
     """
-    from polefence.response.drive_parts import Actuator, BumpStops, Sampling
+    from polefence.response.driving.parts import Actuator, BumpStops, Sampling
     from polefence.response.run import Setup
 
     road, duration = _road(options)
@@ -169,8 +169,8 @@ def _step(options: Any) -> float:
 
 def _parameters(plant: UncertainPlant, options: Any) -> Any:
     """Return values, jumps and ramps by name; weights alpha for a plant without parameters."""
-    from polefence.response.drive_courses import Space
-    from polefence.response.drive_parts import Jump, Ramp
+    from polefence.response.driving.courses import Space
+    from polefence.response.driving.parts import Jump, Ramp
 
     space, given = Space(plant), dict[str, Any]()
     for text in options.set:

@@ -70,6 +70,11 @@ class Through:
 Source = Noise | Points | Through
 
 
+def unit_of(source: Source, rate: float) -> float:
+    """Return what X is in the original time, of X = 1 with time in units of 1 / rate."""
+    return rate if isinstance(source, Through) else 1.0
+
+
 @dataclass(frozen=True, eq=False)
 class Output:
     """A scalar output y = C x + D u, or + F w, and the bound on it.
@@ -264,7 +269,8 @@ def _assembled(
                 pencil.blocks.append(_bound(label, form.X, Y, own, squares[output.name][e], output))
         for number, side in enumerate(() if target is None else target.sides):
             pencil.region(f"region, part {number + 1}, {name}", form.X, form.N, side)
-        if target is not None and target.positive:
+        # of a gain alone nothing else makes X positive
+        if all(isinstance(source, Through) for source in sources):
             pencil.positive_definite(f"X at {name}", form.X)
     return pencil.build()
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from polefence.conditions.pencil import Pencil
-from polefence.conditions.performance import Output, Source, design
+from polefence.conditions.performance import Output, Source, design, unit_of
 from polefence.conditions.target import Around, Target
 from polefence.errors import SolverError
 from polefence.plant.system import Array
@@ -118,9 +118,10 @@ def least(
         begin = _rounds(question, growing, begin, scaling, INSIDE, tolerance)
         if begin.r >= 1:
             raise SolverError("the limits contradict one another, or the region")
-    if all(o.fixed for o in question.outputs):
-        return begin
-    return _rounds(question, question.outputs, begin, scaling, 0.0, tolerance)
+    if not all(o.fixed for o in question.outputs):
+        begin = _rounds(question, question.outputs, begin, scaling, 0.0, tolerance)
+    units = {f"t {source.name}": unit_of(source, scaling.rate) for source in question.sources}
+    return replace(begin, t={name: value / units[name] for name, value in begin.t.items()})
 
 
 def _rounds(
@@ -181,7 +182,9 @@ def interior(
         | {name: np.full((1, 1), t.get(name, 1.0)) for name in names}
     )
     alone, rising = stacked.at(x), stacked.at(most)
-    fixed = [~np.any([D, dD], axis=(0, 2, 3)) for (D, _), (dD, _) in zip(alone, rising, strict=True)]
+    fixed = [
+        ~np.any([D, dD], axis=(0, 2, 3)) for (D, _), (dD, _) in zip(alone, rising, strict=True)
+    ]
     pairs = list(zip(alone, rising, fixed, strict=True))
     plain = [(M[own], dM[own]) for (_, M), (_, dM), own in pairs if own.any()]
     grown = [

@@ -8,7 +8,7 @@ from contextlib import suppress
 import numpy as np
 
 from polefence.conditions.lyapunov import Loop
-from polefence.conditions.performance import Output, Source, given
+from polefence.conditions.performance import Output, Source, given, unit_of
 from polefence.conditions.target import Around
 from polefence.errors import SolverError
 from polefence.plant.system import Array
@@ -93,7 +93,7 @@ def _run(
         if not (np.isfinite(outcome.r) and np.all(np.isfinite(outcome.x))):
             continue
         back = pencil.unpack(outcome.x)
-        t = back[f"t {source.name}"].item()
+        t = back[f"t {source.name}"].item() / unit_of(source, rate)
         Qs = np.stack([loop.restored(back[f"Q{k + 1}"] / t, T) for k in range(count)])
         multiple = None
         if loop.R is not None:

@@ -136,15 +136,21 @@ def _work(claim: PerformanceClaim, size: int) -> int:
     subject, sizes = claim.subject, simplices(claim.subject)
     evidence, blocks, more = subject.evidence, 2, 0
     natural = exact._degree(_design(subject), replace(evidence, elevation=0))
-    needed = max(natural, 2)
+    needed = natural
     if isinstance(claim, InitialPeak):
         blocks += len(claim.points) + len(claim.impulses)
+    elif not isinstance(claim, Gain):  # E E'
+        needed = max(natural, 2 * _varies(subject.E))
     if isinstance(claim, RelativeRms):
         stability, covariance = claim.baseline.stability, claim.baseline.covariance
-        needed = max(needed, covariance.degree + 2)
+        needed = max(needed, covariance.degree + 2 * _varies(claim.baseline.C))
         degrees = [stability.degree + 1 + stability.elevation] * 2
         degrees.append(max(covariance.degree + 1, 2) + covariance.elevation)
         each = (len(claim.baseline.A[0]) + len(subject.E[0][0])) ** 3 + LEAST_WORK
         more = sum(_number(sizes, degree) for degree in degrees) * each
     count = _number(sizes, needed + evidence.elevation)
     return count * blocks * (size**3 + LEAST_WORK) + more
+
+
+def _varies(matrices: list[Rationals]) -> bool:
+    return any(matrix != matrices[0] for matrix in matrices)

@@ -19,11 +19,13 @@ from polefence.commands import (
     example,
     limits,
     observe,
+    optimise,
     paper,
     report,
     service,
     simulate,
     tightest,
+    tradeoff,
 )
 from polefence.errors import InputError, MissingExtraError, NotProvedError, PolefenceError
 
@@ -36,6 +38,8 @@ COMMANDS: tuple[Command, ...] = (
     ("design", design.design_command, design.add_arguments),
     ("tightest", tightest.tightest_command, tightest.add_arguments),
     ("observe", observe.observe_command, observe.add_arguments),
+    ("optimise", optimise.optimise_command, optimise.add_arguments),
+    ("tradeoff", tradeoff.tradeoff_command, tradeoff.add_arguments),
     ("service", service.service_command, service.add_arguments),
     ("analyse", analyse.analyse_command, analyse.add_arguments),
     ("simulate", simulate.simulate_command, simulate.add_arguments),

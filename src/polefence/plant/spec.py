@@ -18,7 +18,7 @@ from polefence.plant.parameters import Parameter, exact
 
 MAX_BYTES = 1_000_000
 _NAMES = ("states", "inputs", "disturbances")
-_TOP = {"name", "region", "sample_time", *_NAMES}
+_TOP = {"name", "region", "sample_time", "specification", "road", *_NAMES}
 _TOP |= {"constants", "parameter", "definitions", "matrices", "vertex"}
 
 
@@ -58,6 +58,30 @@ def region_text(path: str | Path) -> str | None:
         raise type(error)(f"{path}: {error}") from error
 
 
+def specification_tables(path: str | Path) -> tuple[list[dict[str, Any]], dict[str, Any] | None]:
+    """Return the tables ``[[specification]]`` of a spec and its ``[road]``, as they are written.
+
+    Raises
+    ------
+    SpecError
+        If the file is missing, too long, no TOML, or these are no tables.
+    """
+    data = _toml(read_text(Path(path), MAX_BYTES, SpecError), str(path))
+    try:
+        return _asked(data)
+    except InputError as error:
+        raise type(error)(f"{path}: {error}") from error
+
+
+def _asked(data: Mapping[str, Any]) -> tuple[list[dict[str, Any]], dict[str, Any] | None]:
+    tables, road = data.get("specification", []), data.get("road")
+    if not isinstance(tables, list):
+        raise SpecError("specification must be an array of tables; write [[specification]]")
+    if road is not None and not isinstance(road, dict):
+        raise SpecError("road must be a table; write [road]")
+    return _tables(tables, "specification"), road
+
+
 def _toml(text: str, source: str) -> dict[str, Any]:
     try:
         return tomllib.loads(text, parse_float=_number)
@@ -82,6 +106,7 @@ def _plant(data: Mapping[str, Any]) -> UncertainPlant:
     names: dict[str, Any] = {key: _strings(data[key], key) for key in _NAMES if key in data}
     names["name"] = _text(data.get("name", "plant"), "name")
     _text(data.get("region", ""), "region")
+    _asked(data)
     if "sample_time" in data:
         names["sample_time"] = _sample_time(data["sample_time"])
     if "vertex" in data:

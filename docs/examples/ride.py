@@ -1,0 +1,84 @@
+"""Laws for the ride of a quarter car, within limits and proved; the table of the page; figure.
+
+``python docs/examples/ride.py [FOLDER]`` writes ride.png into the folder, by default here. The
+table takes about a minute.
+"""
+
+import sys
+from pathlib import Path
+
+import numpy as np
+
+import polefence as pf
+from polefence.commands.bounds import figure_of, rows_of
+from polefence.files import write_bytes
+from polefence.optimise import optimise
+from polefence.plots import render
+from polefence.region_text import digits_up
+from polefence.response.closed import close
+from polefence.specification import RelativeRms
+from polefence.specification_text import load_specifications
+
+SPEC = Path(__file__).with_name("ride.toml")
+CAR = pf.HalfPlane(1) & pf.Sector(0.15)  # about what the passive car has
+ROWS = (
+    ("quadratic", None),
+    ("quadratic", CAR),
+    (None, None),
+    (None, CAR),
+    (None, pf.HalfPlane(1.5) & pf.Sector(0.2)),
+    (None, pf.HalfPlane(2) & pf.Sector(0.3)),
+)
+
+
+def design(plant, region, method=None):
+    """Return the law with the least acceleration within the spec's limits."""
+    return optimise(plant, *load_specifications(SPEC), region, method)
+
+
+def facts(done):
+    """Return what the page says of a law: bound, shared bound, and measured at the sample."""
+    first, *others = rows_of(done)
+    share = first.own.values / first.passive.values
+    poles = close(done.plant, done.law, first.own.alpha).poles()
+    return {
+        "proved": digits_up(done.bounds[0].level, 5),
+        "shared": digits_up(done.shared, 5),
+        "share": done.share,
+        "sampled": first.own.worst,
+        "of passive": (share.min(), share.max()),
+        "decay": -poles.real.max(),
+        "damping": (-poles.real / np.abs(poles)).min(),
+        **{row.bound.specification.name: row.own.worst for row in others},
+    }
+
+
+def everywhere(plant):
+    """Return the law with the least acceleration relative to the passive car's."""
+    least, limits = load_specifications(SPEC)
+    relative = RelativeRms(least.signal, density=least.density)
+    return optimise(plant, relative, limits)
+
+
+def draw(done, folder):
+    """Write the figure."""
+    path = Path(folder) / "ride.png"
+    write_bytes(path, render(figure_of(done, rows_of(done)), "png"))
+    print(f"written: {path}")
+
+
+def main(folder="."):
+    """Design, print the page's table, and draw."""
+    plant = pf.load(SPEC)
+    poles = close(plant, None, np.eye(4)).poles()
+    print("passive:", -poles.real.max(), (-poles.real / np.abs(poles)).min())
+    for method, region in ROWS:
+        done = design(plant, region, method)
+        print(method or "scheduled", region or "stable", facts(done), flush=True)
+        if method is None and region == CAR:
+            draw(done, folder)
+    print("relative to the passive car:", everywhere(plant).bounds[0])
+
+
+if __name__ == "__main__":
+    main(*sys.argv[1:])

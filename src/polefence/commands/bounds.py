@@ -1,0 +1,180 @@
+"""How proved bounds are shown: beside the worst of a sample, and beside the plant left alone."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from polefence.commands.shared import ROUNDING, TOO_LARGE, gains_of, matrix_text
+from polefence.errors import InputError
+from polefence.loops import values_at
+from polefence.optimise import Optimised
+from polefence.performance import Bound
+from polefence.region_text import digits_down, digits_up
+from polefence.response.signals import split
+from polefence.response.vehicle import ride
+from polefence.sampled_bounds import Sampled, sampled, seeded
+from polefence.specification import signal_of
+from polefence.sweep import plant_summary
+
+
+@dataclass(frozen=True, eq=False)
+class Row:
+    """One bound, and what was sampled of it.
+
+    Attributes
+    ----------
+    bound : Bound
+    unit : str
+    own : Sampled
+        With the law.
+    passive : Sampled, optional
+        A quarter car's without control, where that is stable in this signal.
+    """
+
+    bound: Bound
+    unit: str
+    own: Sampled
+    passive: Sampled | None
+
+    @property
+    def label(self) -> str:
+        """What is bounded, with its unit."""
+        own = self.bound.specification
+        text = f"{own.kind} of {own.name}"
+        return f"{text} [{self.unit}]" if self.unit else text
+
+    @property
+    def minimised(self) -> bool:
+        """Whether it has no limit."""
+        return self.bound.specification.at_most is None
+
+    @property
+    def conservatism(self) -> float | None:
+        """What is proved over the worst that was sampled; None where that is zero."""
+        return self.bound.level / self.own.worst if self.own.worst > 0 else None
+
+
+def rows_of(done: Optimised) -> list[Row]:
+    """Sample every bound of a law."""
+    plant, alpha, found = done.plant, seeded(done.plant), []
+    for bound in done.bounds:
+        own, passive = bound.specification, None
+        if ride(plant) is not None:
+            with suppress(InputError):  # the plant alone is not stable: nothing to compare with
+                passive = sampled(plant, None, own, alpha)
+        unit = "" if own.kind == "relative rms" else signal_of(plant, own).unit
+        if own.kind == "gain":
+            unit = f"{unit or 1} per {_disturbance_unit(done) or 'unit'}"
+        found.append(Row(bound, unit, sampled(plant, done.law, own, alpha), passive))
+    return found
+
+
+def _disturbance_unit(done: Optimised) -> str:
+    units = {split(name)[1] for name in done.plant.disturbances}
+    return units.pop() if len(units) == 1 else ""
+
+
+def lines_of(done: Optimised, rows: Sequence[Row], label: str) -> list[str]:
+    """Return what was proved, line by line; bounds rounded up and samples down."""
+    count = len(rows[0].own.alpha)
+    width = max(len(row.label) for row in rows)
+    alone = any(row.passive is not None for row in rows)
+    heads = ["proved", f"sampled {count}", "ratio", *(["passive"] if alone else [])]
+    lines = [
+        f"proved: {label} keeps all poles of {done.plant.name!r} in {done.design.region} and, for "
+        "every alpha,",
+        " ".join([" " * (width + 2), *(f"{head:>13}" for head in heads)]),
+    ]
+    for row in rows:
+        ratio = row.conservatism
+        cells = [digits_up(row.bound.level), digits_down(row.own.worst)]
+        cells.append("-" if ratio is None else digits_up(ratio, 5))
+        if alone:
+            cells.append("-" if row.passive is None else digits_down(row.passive.worst))
+        note = "minimised" if row.minimised else "limit"
+        text = " ".join([f"  {row.label:<{width}}", *(f"{cell:>13}" for cell in cells), f" {note}"])
+        lines.append(text)
+    lines += _design_lines(done)
+    if not _kept(done, rows[0].own.alpha):
+        lines.append(TOO_LARGE)
+    gains = gains_of(done.law, len(done.plant.vertices))
+    return lines + [f"  {name} = {matrix_text(K)}" for name, K in gains.items()]
+
+
+def _design_lines(done: Optimised) -> list[str]:
+    """Say how the law came about."""
+    shared = "nothing"
+    if np.isfinite(done.shared):
+        shared = digits_up(done.shared)
+    lines = [f"  one Lyapunov matrix for region and signals together proves {shared}"]
+    if done.bounds[0].specification.at_most is not None:  # nothing was minimised
+        lines = []
+    if done.share < 1:
+        share = f"{100 * done.share:.4g} %"
+        kept = f"for {share} of the region's decay and damping" if done.share else "for stability"
+        lines.append(f"  designed {kept}; the whole region was proved of the law afterwards")
+    return lines
+
+
+def _kept(done: Optimised, alpha: Any) -> bool:
+    region = done.design.region
+    distance = region.distance(done.design.poles(alpha[:1000]))
+    return bool(np.all(distance < ROUNDING * region.size))
+
+
+def document_of(done: Optimised, rows: Sequence[Row], label: str) -> dict[str, Any]:
+    """Return the summary as plain data."""
+    return {
+        "plant": plant_summary(done.plant),
+        "region": done.design.region.document(),
+        "method": label,
+        "status": "proved",
+        "sampled": len(rows[0].own.alpha),
+        "bounds": [
+            {
+                "kind": row.bound.specification.kind,
+                "signal": row.bound.specification.name,
+                "unit": row.unit,
+                "limit": row.bound.specification.at_most,
+                "proved": row.bound.level,
+                "degree": row.bound.degree,
+                "worst sampled": row.own.worst,
+                "conservatism": row.conservatism,
+                "passive": None if row.passive is None else row.passive.worst,
+            }
+            for row in rows
+        ],
+        "shared": done.shared if np.isfinite(done.shared) else None,
+        "share": done.share,
+        "gains": gains_of(done.law, len(done.plant.vertices)),
+    }
+
+
+def figure_of(done: Optimised, rows: Sequence[Row]) -> Any:
+    """Draw bounds and samples over the first parameter, or over the first vertex's weight."""
+    from polefence.plots_performance import Panel, bounds_figure
+
+    alpha, plant = rows[0].own.alpha, done.plant
+    every = max(1, len(alpha) // 2000)
+    some = alpha[::every]
+    if plant.parameters:
+        first = plant.parameters[0]
+        x = np.array([(values_at(plant, a) or {first.name: np.nan})[first.name] for a in some])
+        label = f"{first.name} [{first.unit}]" if first.unit else first.name
+    else:
+        x, label = some[:, 0], "weight of the first vertex"
+    panels = [
+        Panel(
+            row.label.replace(" [", "\n["),
+            row.bound.level,
+            row.own.values[::every],
+            None if row.passive is None else row.passive.values[::every],
+        )
+        for row in rows
+    ]
+    return bounds_figure(x, label, panels)

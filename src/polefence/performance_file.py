@@ -1,0 +1,273 @@
+"""Performance files: a design and what is proved of its signals, written, and checked afresh."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from fractions import Fraction
+from math import inf, nextafter
+from pathlib import Path
+from typing import Any
+
+from polefence.design import FILE_NAME as DESIGN_NAME
+from polefence.errors import DesignFileError, InputError
+from polefence.files import make_folder, read_text, write_text
+from polefence.optimise import Optimised
+from polefence.plant.family import UncertainPlant
+from polefence.proof import exact
+from polefence.proof.certificate import Certificate, Check, check_claim, plant_from
+from polefence.proof.exact import Evidence, Rationals
+from polefence.proof.performance import (
+    FORMAT,
+    EnergyPeak,
+    Gain,
+    InitialPeak,
+    PerformanceClaim,
+    RelativeRms,
+    Rms,
+    baseline_loop,
+    prove_performance,
+    read_performance,
+)
+from polefence.region import region_of
+from polefence.region_text import digits_down, digits_up
+from polefence.response.signals import Signal, inputs, states
+from polefence.response.vehicle import ride
+from polefence.specification import rows
+
+FILE_NAME = "performance.json"
+
+
+def save(optimised: Optimised, directory: str | Path) -> Path:
+    """Write ``performance.json``, and ``design.json`` beside it, into a folder; return the first.
+
+    The folder is made if need be. The numbers are those that were proved: a double as it is, any
+    other rational as "p/q".
+
+    Raises
+    ------
+    OutputError
+        If the folder cannot be written.
+    """
+    path = make_folder(Path(directory)) / FILE_NAME
+    claims = [bound.claim for bound in optimised.bounds]
+    text = performance_text(optimised.design.certificate, claims)
+    optimised.design.save(directory)
+    write_text(path, text)
+    return path
+
+
+def performance_text(certificate: Certificate, claims: Sequence[PerformanceClaim]) -> str:
+    """Return the text of a performance file: claims about the loop of a design's certificate."""
+    document = {
+        "format": FORMAT,
+        "version": exact.VERSION,
+        "design": certificate.document(),
+        "specifications": [claim_document(claim) for claim in claims],
+    }
+    return json.dumps(document, indent=1, allow_nan=False) + "\n"
+
+
+def claim_document(claim: PerformanceClaim) -> dict[str, Any]:
+    """Return a claim as plain data; the plant and the law are the design's."""
+    table: dict[str, Any] = {"kind": kind_of(claim), "name": claim.output.name}
+    table["output"] = {"C": _rows(claim.output.C), "D": _rows(claim.output.D)}
+    if isinstance(claim, Gain) and claim.F:
+        table["output"]["F"] = _rows(list(claim.F))
+    table["level"] = plain(claim.level)
+    if isinstance(claim, Rms | RelativeRms):
+        table["intensity"] = plain(claim.intensity)
+    if isinstance(claim, EnergyPeak):
+        table["norm"] = plain(claim.norm)
+    if isinstance(claim, InitialPeak):
+        if claim.points:
+            table["points"] = [list(map(plain, point)) for point in claim.points]
+        if claim.impulses:
+            table["impulses"] = list(map(plain, claim.impulses))
+    if isinstance(claim, RelativeRms):
+        if not _without_control(claim):
+            raise InputError(f"{claim.output.name}: only no control is written as a baseline")
+        proofs = claim.baseline.stability, claim.baseline.covariance
+        pairs = zip(("stability", "covariance"), "XP", proofs, strict=True)
+        table["baseline"] = {key: _evidence(own, letter) for key, letter, own in pairs}
+    table["evidence"] = _evidence(claim.subject.evidence)
+    if claim.subject.law.K is not None:
+        table["evidence"]["on"] = claim.subject.on
+    return table
+
+
+def kind_of(claim: PerformanceClaim) -> str:
+    """Return the kind of a claim as a file has it."""
+    names = {Rms: "rms", EnergyPeak: "energy peak", InitialPeak: "initial peak", Gain: "gain"}
+    return names.get(type(claim), "relative rms")
+
+
+def plain(value: Fraction) -> float | int | str:
+    """Return a number where a double holds it, else the string "p/q"."""
+    if value.denominator == 1 and abs(value.numerator) < 2**53:
+        return value.numerator
+    try:
+        return float(value) if Fraction(float(value)) == value else str(value)
+    except OverflowError:
+        return str(value)
+
+
+def _matrix(matrix: Rationals) -> list[list[Any]]:
+    return [list(map(plain, row)) for row in matrix]
+
+
+def _rows(matrices: list[Rationals]) -> list[list[Any]]:
+    """Return one row for all vertices where it is the same, else one a vertex."""
+    rows = [_matrix(matrix)[0] for matrix in matrices]
+    return rows[:1] if all(row == rows[0] for row in rows) else rows
+
+
+def _evidence(evidence: Evidence, letter: str = "X") -> dict[str, Any]:
+    if not evidence.X:  # the law's own W
+        table: dict[str, Any] = {"own": True}
+        if evidence.multiple:
+            table["scale"] = plain(evidence.multiple[0])
+    else:
+        table = {letter: list(map(_matrix, evidence.X)), "degree": evidence.degree}
+        if evidence.multiple:
+            table["multiple"] = list(map(plain, evidence.multiple))
+    return table | {"elevation": evidence.elevation}
+
+
+def is_performance_file(path: Path) -> bool:
+    """Whether a file, or the one of that name in a folder, says that it is of this format."""
+    if path.is_dir():
+        return (path / FILE_NAME).is_file()
+    if not path.is_file():
+        return False
+    try:
+        document = json.loads(read_text(path, exact.MAX_BYTES, DesignFileError))
+    except (ValueError, RecursionError):
+        return False
+    return isinstance(document, dict) and document.get("format") == FORMAT
+
+
+def check_performance(path: str | Path) -> Check:
+    """Prove a performance file afresh in exact arithmetic: its region and every bound.
+
+    Of a folder the ``design.json`` in it must be the design that the bounds are about. An output
+    that has the name of one of the plant's signals must be that signal.
+
+    Returns
+    -------
+    Check
+        "proved" if everything is, "refuted" with an alpha whose poles leave the region, else
+        "undecided". The reason says what is claimed.
+
+    Raises
+    ------
+    DesignFileError
+        If the file cannot be read as a performance file.
+    """
+    where, claims, document = _read(path)
+    beside = where.parent / DESIGN_NAME
+    if Path(path).is_dir() and beside.exists() and not _same(beside, document["design"]):
+        return Check("undecided", f"{DESIGN_NAME} in the folder is not the design of {FILE_NAME}")
+    try:
+        plant = plant_from(document["design"]["plant"])
+        for claim in claims:
+            if not _is_named_so(plant, claim):
+                name = claim.output.name
+                return Check("undecided", f"the output called {name!r} is another of the plant's")
+        design, _ = exact.read(json.dumps(document["design"]))
+        answer = check_claim(design)
+        if not answer.proved:
+            return Check(answer.answer, f"the design: {answer.reason}", answer.alpha)
+        count = int(answer.reason.split()[0])
+        for claim in claims:
+            verdict = prove_performance(claim)
+            if not verdict.proved:
+                return Check("undecided", f"{statement(claim)}: {verdict.reason}")
+            count += int(verdict.reason.split()[0])
+    except (exact.FormatError, InputError) as error:
+        raise DesignFileError(f"{where}: {error}") from error
+    region = region_of([(part.kind, part.numbers) for part in design.region])
+    said = ", ".join([f"poles in {region}", *(statement(claim, plant) for claim in claims)])
+    return Check("proved", f"{said}: {count} inequalities positive definite in exact arithmetic")
+
+
+def signals_of(plant: UncertainPlant) -> tuple[Signal, ...]:
+    """Return the signals that a plant names: states, inputs, and of a quarter car those of ride."""
+    known = ride(plant)
+    return (*states(plant), *inputs(plant), *(known.signals if known else ()))
+
+
+def _is_named_so(plant: UncertainPlant, claim: PerformanceClaim) -> bool:
+    """Whether an output is the signal of its name, where the plant has one."""
+    known = {signal.name: signal for signal in signals_of(plant)}
+    signal = known.get(claim.output.name)
+    if signal is None:
+        return True
+    return rows(plant, signal) == (claim.output.C, claim.output.D) and not getattr(claim, "F", ())
+
+
+def _without_control(claim: RelativeRms) -> bool:
+    """Whether the baseline is the same plant under no control."""
+    base, states_ = claim.baseline, tuple(range(len(claim.subject.A[0])))
+    return baseline_loop(claim.subject, claim.output, None, states_) == (base.A, base.E, base.C)
+
+
+def statement(claim: PerformanceClaim, plant: UncertainPlant | None = None) -> str:
+    """Say in a line what is claimed, rounded so that it is true as printed.
+
+    With the plant, a name that is none of its signals is said to be the file's own.
+    """
+    name = claim.output.name or "an output"
+    if plant is not None and name not in {signal.name for signal in signals_of(plant)}:
+        name = f"{name} (as the file defines it)"
+    if isinstance(claim, RelativeRms) and not _without_control(claim):
+        name = f"{name} (relative to a loop that the file defines)"
+    level = float(claim.level)
+    level = level if Fraction(level) >= claim.level else nextafter(level, inf)
+    under = ""
+    if isinstance(claim, Rms | RelativeRms):
+        under = f" at density {digits_down(2 * float(claim.intensity), 4)}"
+    elif isinstance(claim, EnergyPeak):
+        under = f" at norm {digits_down(float(claim.norm), 4)}"
+    elif isinstance(claim, InitialPeak):
+        sizes = [f"impulse {digits_down(float(s), 4)}" for s in claim.impulses[:1]]
+        if claim.points:
+            sizes.insert(0, f"{len(claim.points)} initial states")
+        under = f" from {' and '.join(sizes)}"
+    return f"{kind_of(claim)} of {name} <= {digits_up(level)}{under}"
+
+
+def performance_plant(path: str | Path) -> UncertainPlant:
+    """Return the plant of a performance file; proves nothing.
+
+    Raises
+    ------
+    DesignFileError
+        If the file cannot be read as a performance file.
+    """
+    where, _, document = _read(path)
+    try:
+        return plant_from(document["design"]["plant"])
+    except DesignFileError as error:
+        raise DesignFileError(f"{where}: {error}") from error
+
+
+def _read(path: str | Path) -> tuple[Path, list[PerformanceClaim], dict[str, Any]]:
+    where = _where(Path(path))
+    text = read_text(where, exact.MAX_BYTES, DesignFileError)
+    try:
+        return where, *read_performance(text)
+    except exact.FormatError as error:
+        raise DesignFileError(f"{where}: {error}") from error
+
+
+def _same(path: Path, design: Any) -> bool:
+    """Whether a design file holds this design, number for number."""
+    try:
+        return bool(json.loads(read_text(path, exact.MAX_BYTES, DesignFileError)) == design)
+    except (ValueError, RecursionError) as error:
+        raise DesignFileError(f"{path}: no design file: {error}") from error
+
+
+def _where(path: Path) -> Path:
+    return path / FILE_NAME if path.is_dir() else path

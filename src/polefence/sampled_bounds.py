@@ -1,0 +1,160 @@
+"""What a law keeps at sampled parameters, in floats: how much of a proved bound is conservatism.
+
+A sample proves nothing. Its worst value is at most the true worst case, which is at most a bound
+that is proved; the ratio of the two says how far apart they can be.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from polefence.plant.family import UncertainPlant
+from polefence.plant.system import Array
+from polefence.polynomial import Domain
+from polefence.response.closed import close
+from polefence.response.grid import MOST_CHOSEN
+from polefence.response.linear import frequency, simulate
+from polefence.response.signals import Signal
+from polefence.response.stationary import STABLE, stationary
+from polefence.specification import (
+    EnergyPeak,
+    InitialPeak,
+    RelativeRms,
+    Rms,
+    Specification,
+    signal_of,
+)
+
+COUNT = 10_000
+SEED = 20051
+# Of a peak: time followed, of the slowest pole's time constant; step, of the fastest's.
+FOLLOWED, STEP = 5.0, 0.25
+GROUP = 2_000_000  # of samples at once
+COARSE, FINE, FEW = 60, 2000, 20  # frequencies at all points, and at the worst few
+
+
+@dataclass(frozen=True, eq=False)
+class Sampled:
+    """One specification's signal at points of a family.
+
+    Attributes
+    ----------
+    specification : Specification
+    alpha : (count, N) array
+    values : (count,) array
+        In the signal's unit; of a gain, per unit of the disturbance.
+    """
+
+    specification: Specification
+    alpha: Array
+    values: Array
+
+    @property
+    def worst(self) -> float:
+        """The largest value."""
+        return float(self.values.max())
+
+
+def seeded(plant: UncertainPlant, count: int = COUNT, seed: int = SEED) -> Array:
+    """Return points of a family as alpha (count, N): its vertices, and others at random.
+
+    Where the plant has parameters the others are uniform in the box of their values; else on the
+    simplex.
+    """
+    N = len(plant.vertices)
+    random, more = np.random.default_rng(seed), max(count - N, 0)
+    if not plant.parameters:
+        return np.vstack([np.eye(N), random.dirichlet(np.ones(N), more)])[:count]
+    columns = []
+    for p in plant.parameters:
+        low, high = float(p.low), float(p.high)
+        value = random.uniform(low, high, more)
+        s0, s1, s = (1 / v if p.inverted else v for v in (low, high, value))
+        t = np.clip((s - s0) / (s1 - s0), 0, 1)
+        columns.append(np.stack([1 - t, t], axis=1))
+    return np.vstack([np.eye(N), Domain.of("box", N).alpha(np.hstack(columns))])[:count]
+
+
+def sampled(
+    plant: UncertainPlant, law: Any, specification: Specification, alpha: Array | None = None
+) -> Sampled:
+    """Return what a specification bounds, at points of a family.
+
+    The rms by a Lyapunov equation at each point, and so the peak for bounded energy, which is the
+    norm times the root of c P c', P the controllability Gramian; the peak from initial states by
+    exact responses at close instants; the gain by a sweep over frequency, which is fine at the
+    worst points only.
+
+    Parameters
+    ----------
+    law : None, Law, Design, GainTable or (m, n) array
+        None leaves the plant to itself.
+    alpha : (count, N) array, optional
+        By default `seeded`, 10,000 of them.
+
+    Raises
+    ------
+    InputError
+        If the loop is not stable at a point, or as `stationary` and `simulate` raise.
+    """
+    signal = signal_of(plant, specification)
+    alpha = seeded(plant) if alpha is None else np.atleast_2d(np.asarray(alpha, dtype=float))
+    if isinstance(specification, RelativeRms):
+        values = _rms(plant, law, specification, signal, alpha)
+        values /= _rms(plant, None, specification, signal, alpha)
+    elif isinstance(specification, Rms):
+        values = _rms(plant, law, specification, signal, alpha)
+    elif isinstance(specification, EnergyPeak):
+        values = stationary(plant, law, alpha, 2 * specification.norm**2, [signal]).rms[:, 0]
+    elif isinstance(specification, InitialPeak):
+        values = _peaks(plant, law, specification, signal, alpha)
+    else:
+        values = _gains(plant, law, signal, alpha)
+    return Sampled(specification, alpha, np.asarray(values))
+
+
+def _rms(plant: UncertainPlant, law: Any, own: Rms, signal: Signal, alpha: Array) -> Array:
+    return np.array(stationary(plant, law, alpha, own.density, [signal]).rms[:, 0])
+
+
+def _peaks(
+    plant: UncertainPlant, law: Any, own: InitialPeak, signal: Signal, alpha: Array
+) -> Array:
+    loops = close(plant, law, alpha, disturbed=bool(own.impulse))
+    count = len(loops.closed)
+    starts = [np.tile(np.array(point, dtype=float), (count, 1)) for point in own.points]
+    if own.impulse:
+        starts += [own.impulse * loops.E[:, :, k] for k in range(loops.E.shape[2])]
+    stationary(plant, law, alpha, 1.0, [signal])  # refuses what is not stable
+    poles = loops.poles()
+    fastest = np.abs(poles).max()
+    slowest = np.where(-poles.real > STABLE * fastest, -poles.real, np.inf).min()
+    steps = int(min(FOLLOWED / slowest * fastest / STEP + 1, MOST_CHOSEN))
+    still, size = np.zeros((steps, loops.E.shape[2])), max(1, GROUP // steps)
+    found = np.zeros(count)
+    for start in starts:
+        for first in range(0, count, size):
+            part = slice(first, first + size)
+            one = simulate(plant, law, alpha[part], still, STEP / fastest, [signal], "held",
+                           start[part])  # fmt: skip
+            found[part] = np.maximum(found[part], np.abs(one.values[:, :, 0]).max(axis=1))
+    return found
+
+
+def _gains(plant: UncertainPlant, law: Any, signal: Signal, alpha: Array) -> Array:
+    stationary(plant, law, alpha, 1.0, [signal])  # refuses what is not stable
+    poles = np.abs(close(plant, law, alpha).poles())
+    low, high = poles[poles > STABLE * poles.max()].min() / 10, 10 * poles.max()
+
+    def swept(points: Array, count: int) -> Array:
+        asked = np.append(0.0, np.geomspace(low, high, count)) / (2 * np.pi)
+        found = frequency(plant, law, points, asked, [signal]).gain[:, :, 0]
+        return np.asarray(np.sqrt((np.abs(found) ** 2).sum(axis=-1)).max(axis=1))
+
+    values = swept(alpha, COARSE)
+    worst = np.argsort(-values)[:FEW]
+    values[worst] = np.maximum(values[worst], swept(alpha[worst], FINE))
+    return values

@@ -1,0 +1,342 @@
+"""`polefence optimise`: what it prints and writes, what `check` makes of it, what it refuses."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from polefence import Design, load
+from polefence.cli import main
+from polefence.region import HalfPlane
+from polefence.specification import EnergyPeak, Gain, InitialPeak, RelativeRms, Rms
+from polefence.specification_text import Road, load_specifications, parse_specification
+
+PLANT = """
+name = "stage"
+states = ["x [m]", "v [m/s]"]
+inputs = ["force [N]"]
+disturbances = ["shock [m/s2]"]
+region = "half_plane(0.2)"
+[parameter.k]
+range = [1, 3]
+unit = "N/m"
+[matrices]
+A = [[0, 1], ["-k", -0.1]]
+B = [[0], [1]]
+E = [[0], [1]]
+"""
+ASKED = """
+[[specification]]
+kind = "rms"
+signal = "x"
+density = 2
+minimise = true
+[[specification]]
+kind = "rms"
+signal = "force"
+density = 2
+at_most = 1.5
+[[specification]]
+kind = "gain"
+signal = "v"
+at_most = 4
+"""
+
+
+def ran(capsys, *words, status=0):
+    """Run a command; return what it said."""
+    found = main([str(word) for word in words])
+    said = capsys.readouterr()
+    assert found == status, said
+    return said.out + said.err
+
+
+def refused(capsys, *words):
+    """Run a command that refuses; return its one line."""
+    try:
+        status = main([str(word) for word in words])
+    except SystemExit as leaving:
+        status = leaving.code
+    said = capsys.readouterr()
+    assert status == 2, said
+    assert said.out == ""
+    assert said.err.count("\n") == 1
+    return said.err
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory):
+    """A folder with a spec and what `optimise` made of it."""
+    folder = tmp_path_factory.mktemp("made")
+    (folder / "stage.toml").write_text(PLANT + ASKED)
+    spec, out = str(folder / "stage.toml"), str(folder / "stage")
+    more = ["--json", str(folder / "s.json"), "--plot", str(folder / "s.png")]
+    assert main(["optimise", spec, "-o", out, *more]) == 0
+    return folder
+
+
+@pytest.fixture
+def here(made, tmp_path, monkeypatch):
+    """A copy of it, entered."""
+    shutil.copytree(made, tmp_path / "made")
+    monkeypatch.chdir(tmp_path / "made")
+    return tmp_path / "made"
+
+
+def test_files_say_what_was_proved(here, capsys):
+    design = Design.load("stage")
+    assert design.region == HalfPlane(0.2)
+    document = json.loads(Path("s.json").read_text())
+    assert (document["status"], document["method"]) == ("proved", "scheduled(1, 0, box)")
+    assert document["gains"]["K at vertex 1"] == design.law.gain([1, 0]).tolist()
+    first, force, gain = document["bounds"]
+    assert [b["signal"] for b in document["bounds"]] == ["x", "force", "v"]
+    assert first["limit"] is None
+    assert (force["proved"], gain["proved"]) == (1.5, 4)
+    assert gain["unit"] == "m/s per m/s2"
+    for bound in document["bounds"]:
+        assert bound["worst sampled"] <= bound["proved"]
+        assert bound["conservatism"] == bound["proved"] / bound["worst sampled"]
+        assert bound["passive"] is None  # no quarter car
+    assert first["conservatism"] < 1.01
+    assert Path("s.png").read_bytes().startswith(b"\x89PNG")
+    assert "poles in half_plane(0.2), rms of x <= " in ran(capsys, "check", "stage")
+
+
+def test_the_same_is_asked_by_options(here, capsys):
+    Path("bare.toml").write_text(PLANT)
+    words = ["--minimise", "rms of x with density 2", "--limit", "gain of v <= 4"]
+    out = ran(
+        capsys, "optimise", "bare.toml", *words, "--limit", "RMS of force<=1.5 with density 2"
+    )
+    assert out.startswith("proved: scheduled(1, 0, box) keeps all poles of 'stage' in half_plane(")
+    head, *rows = out.splitlines()[1:5]
+    assert head.split() == ["proved", "sampled", "10000", "ratio"]
+    assert [row.split()[-1] for row in rows] == ["minimised", "limit", "limit"]
+    level = float(rows[0].split()[4])
+    exactly = json.loads(Path("s.json").read_text())["bounds"][0]["proved"]
+    assert exactly <= level * (1 + 1e-9)
+    assert level == pytest.approx(exactly, rel=2e-5)
+    # an option takes the place of the spec's limit on the same, another is added
+    words = [
+        "--limit",
+        "rms of force <= 1.2 with density 2",
+        "--limit",
+        "rms of v <= 9 with density 2",
+    ]
+    out = ran(capsys, "optimise", "stage.toml", *words, "--method", "quadratic", "--region",
+              "half_plane(0)")  # fmt: skip
+    assert out.startswith("proved: quadratic keeps all poles of 'stage' in half_plane(0)")
+    assert "rms of force [N] 1.2 " in " ".join(out.split())
+    assert out.count(" limit\n") == 3
+
+
+def test_what_is_not_proved_names_the_conflict(here, capsys):
+    words = ["optimise", "stage.toml", "--limit", "rms of force <= 0.01 with density 2"]
+    words += ["--region", "half_plane(0)", "--limit", "rms of x <= 0.3 with density 2"]
+    out = ran(capsys, *words, "-o", "no", status=1)
+    assert out.endswith("left out: rms of force <= 0.01; rms of x <= 0.3\n")
+    assert not Path("no").exists() or not list(Path("no").iterdir())
+
+
+def test_limits_alone_and_relative_to_no_control(here, capsys):
+    Path("bare.toml").write_text(PLANT)
+    words = ["--limit", "relative rms of x <= 0.5 with density 2"]
+    words += ["--limit", "gain of v <= 4", "--method", "quadratic"]
+    out = ran(capsys, "optimise", "bare.toml", *words, "-o", "any", "--json", "any.json")
+    assert "minimised" not in out
+    assert "one Lyapunov matrix" not in out
+    ratio, gain = json.loads(Path("any.json").read_text())["bounds"]
+    assert (ratio["limit"], ratio["proved"], ratio["unit"], gain["limit"]) == (0.5, 0.5, "", 4)
+    assert ratio["worst sampled"] < 0.5
+    assert "relative rms of x <= 0.5 at density 2, gain" in ran(capsys, "check", "any")
+    # of another loop than the plant under no control it is proved too, and said
+    change("any/performance.json", ["specifications", 0, "baseline", "K"], [[1e-9, 0]])
+    assert "rms of x (relative to a loop that the file defines) <= 0.5" in ran(
+        capsys, "check", "any"
+    )
+    error = refused(capsys, "optimise", "bare.toml")
+    assert "bare.toml: nothing is asked; give --minimise" in error
+
+
+# --- one number changed ---------------------------------------------------------------------------
+
+
+def change(path, keys, value):
+    document = json.loads(Path(path).read_text())
+    table = document
+    for key in keys[:-1]:
+        table = table[key]
+    assert isinstance(table, list) or table.get(keys[-1]) != value
+    table[keys[-1]] = value
+    Path(path).write_text(json.dumps(document))
+    return document
+
+
+CHANGES = {
+    "lower level": (["specifications", 0, "level"], 0.05, "rms of x <= 0.05 at density 2"),
+    "more noise": (["specifications", 1, "intensity"], 40, "rms of force <= 1.5 at density 80"),
+    "evidence": (["specifications", 2, "evidence", "X", 0, 0, 0], -1, "not positive definite"),
+    "asymmetry": (["specifications", 2, "evidence", "X", 0, 0, 1], 1e-3, "is not symmetric"),
+    "another output": (["specifications", 0, "output", "C", 0, 0], "1/2", "output called 'x' is"),
+    "another name": (["specifications", 1, "name"], "v", "output called 'v' is another"),
+    "law": (["design", "law", "Z", 0, 0, 0], 1000.0, "design.json in the folder is not"),
+    "disturbance": (["design", "plant", "vertices", 0, "E", 1, 0], 0.5, "design.json in the"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("case", CHANGES)
+def test_one_number_changed_is_not_proved(here, capsys, case):
+    keys, value, message = CHANGES[case]
+    change("stage/performance.json", keys, value)
+    out = ran(capsys, "check", "stage", status=1)
+    assert message in out
+    assert ": proved" not in out
+
+
+def test_a_change_of_both_files_is_seen(here, capsys):
+    for path, keys in (("performance", ["design"]), ("design", [])):
+        keys = [*keys, "plant", "vertices", 0, "E", 1, 0]
+        change(f"stage/{path}.json", keys, 0.5)
+    out = ran(capsys, "check", "stage", "--spec", "stage.toml", status=1)
+    assert "other vertices: vertex 1: E[2][1] = 0.5, spec 1" in out
+    shutil.rmtree("stage")
+    assert main(["optimise", "stage.toml", "-o", "stage"]) == 0
+    assert "proved" in ran(capsys, "check", "stage", "--spec", "stage.toml")
+    for path, keys in (("performance", ["design"]), ("design", [])):
+        change(f"stage/{path}.json", [*keys, "law", "Z", 0, 0, 0], 1000.0)
+    assert ": refuted: the design: at alpha = " in ran(capsys, "check", "stage", status=1)
+
+
+def test_what_is_no_performance_file_is_refused(here, capsys):
+    path = Path("stage/performance.json")
+    whole = path.read_text()
+    path.write_text(whole[:900])
+    assert "performance.json: " in refused(capsys, "check", "stage")
+    path.write_text(whole.replace('"rms"', '"rns"', 1))
+    assert "kind must be one of rms" in refused(capsys, "check", "stage")
+    path.write_text(whole.replace('"level"', '"levels"', 1))
+    assert "unknown key specifications[1].levels" in refused(capsys, "check", path)
+
+
+# --- bad input ------------------------------------------------------------------------------------
+
+WORDS = {
+    "signal": (["--limit", "gain of u <= 1"], "--limit 'gain of u <= 1': no signal 'u'; known:"),
+    "kind": (["--limit", "peak of v <= 1"], "kind = 'peak' is unknown; known: energy peak"),
+    "form": (["--limit", "rms v <= 1"], "'rms v <= 1' is not of the form KIND of SIGNAL"),
+    "no limit": (["--limit", "gain of v"], "--limit 'gain of v' has no limit"),
+    "zero": (["--limit", "gain of v <= 0"], "at_most = 0.0 of 'v' must be a positive number"),
+    "nan": (["--limit", "gain of v <= nan"], "at_most = 'nan' must be a finite number"),
+    "huge": (["--limit", "gain of v <= 1e999"], "at_most is too large a number"),
+    "key": (["--limit", "rms of v <= 1 with densty 2"], "unknown key densty = 2; did you mean"),
+    "twice": (["--limit", "gain of v <= 1", "--limit", "gain of v <= 2"], "is given twice"),
+    "density": (["--limit", "rms of v <= 1"], "neither density nor a road is given; write a table"),
+    "filter": (["--limit", "rms of v <= 1 with weight Wx with density 1"], "weight = 'Wx' is unkn"),
+    "start": (["--limit", "initial peak of v <= 1"], "'v': give points or an impulse"),
+    "key twice": (["--limit", "energy peak of v <= 1 with norm 1 with norm 2"], "given twice"),
+    "least": (["--minimise", "gain of v <= 3"], "has a limit; give it by --limit"),
+    "road": (["--road", "C"], "--road needs --speed V too"),
+    "speed": (["--speed", "20"], "--speed needs --road CLASS too"),
+    "class": (["--road", "I", "--speed", "20"], "no road class 'I'; known: A, B"),
+    "slow": (["--road", "C", "--speed", "0"], "speed [m/s] = 0.0; give a number above zero"),
+    "method": (["--method", "slack"], "invalid choice: 'slack'"),
+    "degree": (["--method", "quadratic", "--degree", "2"], "--degree belongs to scheduled"),
+    "high": (["--degree", "9"], "degree = 9"),
+    "region": (["--region", "disc(-40, 31)"], "kind 'disc' is unknown"),
+    "figure": (["--plot", "s.txt"], "s.txt: a figure ends in .png, .svg or .pdf"),
+    "one file": (["--json", "a", "--plot", "a.png", "-o", "s.png/x"], "cannot be written"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("case", WORDS)
+def test_bad_options_are_one_line_and_leave_nothing(here, capsys, case):
+    words, message = WORDS[case]
+    before = sorted(here.rglob("*"))
+    assert message in refused(capsys, "optimise", "stage.toml", *words)
+    assert sorted(here.rglob("*")) == before
+
+
+TABLES = {
+    "key": ("at_most = 4", "atmost = 4", "specification 3, gain of v: unknown key atmost = 4"),
+    "kind": ('"gain"', '"gian"', "specification 3: kind = 'gian' is unknown; did you mean 'gain'?"),
+    "signal": ('"force"\ndensity', '"froce"\ndensity', "no signal 'froce'; did you mean 'force'?"),
+    "no signal": ('signal = "v"', "", "specification 3: signal is missing"),
+    "text": ('signal = "v"', "signal = 2", "specification 3: signal = 2 must be text"),
+    "quoted": ("at_most = 4", 'at_most = "4"', "at_most = '4' must be a finite number, without q"),
+    "nan": ("at_most = 4", "at_most = nan", "at_most = nan must be a finite number"),
+    "negative": ("at_most = 4", "at_most = -4", "at_most = -4.0 of 'v' must be a positive number"),
+    "neither": ("at_most = 4", "", "gain of v: give at_most = LIMIT or minimise = true, one of th"),
+    "both": ("at_most = 4", "at_most = 4\nminimise = true", "or minimise = true, one of them"),
+    "two": ("at_most = 4", "minimise = true", "minimise = true for rms of x and gain of v"),
+    "switch": ("minimise = true", "minimise = 1", "minimise = 1 must be true or false"),
+    "no noise": ("density = 2\nat_most", "at_most", "neither density nor a road is given"),
+    "density": ("density = 2\nat_most", "density = 0\nat_most", "density = 0.0 must be a positive"),
+    "foreign": ("at_most = 4", "at_most = 4\nnorm = 1", "unknown key norm = 1; "),
+    "no table": ("[[specification]]", "[specification.a]", "specification must be an array of tab"),
+    "road": ("[parameter.k]", "[road]\nclas = 'C'\n[parameter.k]", "road: unknown key clas = 'C'"),
+    "slow": ("[parameter.k]", "[road]\nclass = 'C'\nspeed = 0\n[parameter.k]", "road: speed [m/s]"),
+    "half a road": ("[parameter.k]", "[road]\nspeed = 9\n[parameter.k]", "road: class is missing"),
+    "no road": ("name =", "road = 3\nname =", "road must be a table; write [road]"),
+    "no E": ("E = [[0], [1]]", "", "says nowhere how a disturbance enters; give E"),
+    "filter": ("density = 2\nat_most", "weight = 2\ndensity = 2\nat_most", "weight = 2 must be"),
+    "points": ("at_most = 1.5", "points = [1]\nat_most = 1", "unknown key points = [1]"),
+    "discrete": ("name =", "sample_time = 1\nname =", "stage is in discrete time"),
+    "same twice": ('"rms"\nsignal = "force"\ndensity = 2', '"gain"\nsignal = "v"', "two limits on"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("case", TABLES)
+def test_bad_tables_are_named_with_their_file(tmp_path, monkeypatch, capsys, case):
+    monkeypatch.chdir(tmp_path)
+    old, new, message = TABLES[case]
+    count = 99 if case == "no table" else 1
+    text = (PLANT + ASKED).replace(old, new, count)
+    if case == "no table":
+        text = text.replace("[specification.a]", "[specification]", 1).replace(
+            "[specification.a]", "[specification.b]", 1
+        )
+    if case == "no E":
+        text = text.replace('disturbances = ["shock [m/s2]"]\n', "")
+    assert text != PLANT + ASKED
+    Path("bad.toml").write_text(text)
+    error = refused(capsys, "optimise", "bad.toml", "-o", "out")
+    assert message in error
+    assert "bad.toml" in error or case in ("discrete", "no E")
+    assert not Path("out").exists()
+
+
+def test_texts_and_tables_say_the_same(tmp_path):
+    texts = {
+        "rms of x <= 2 with density 0.5": Rms("x", 2.0, 0.5),
+        "gain of v <= 1e-2": Gain("v", 0.01),
+        "energy peak of out of phase <= 3 with norm 2": EnergyPeak("out of phase", 3.0, 2.0),
+        "Initial  peak of v <= .5 with impulse 2": InitialPeak("v", 0.5, (), 2.0),
+        "gain of v": Gain("v"),
+        "relative rms of x <= 0.9 with density 3": RelativeRms("x", 0.9, 3.0),
+        "rms of x <= 1 with weight Wk with density 3": Rms("x", 1.0, 3.0, "Wk"),
+    }
+    for text, wanted in texts.items():
+        assert parse_specification(text) == wanted
+    road = Road("C", 20.0)
+    assert parse_specification("rms of x", road) == Rms("x", None, road.density)
+    assert road.density == pytest.approx((2 * np.pi * 0.1) ** 2 * 256e-6 * 20)
+    spec = tmp_path / "s.toml"
+    peak = '[[specification]]\nkind = "initial peak"\nsignal = "v"\nat_most = 2\n'
+    tables = ASKED.replace("density = 2\nat_most", "at_most") + peak + "points = [[0.1, -1]]\n"
+    spec.write_text(PLANT + tables + '[road]\nclass = "b"\nspeed = 10\n')
+    least, limits = load_specifications(spec)
+    assert least == Rms("x", None, 2.0)
+    assert limits == (
+        Rms("force", 1.5, Road("B", 10.0).density),
+        Gain("v", 4.0),
+        InitialPeak("v", 2.0, ((0.1, -1.0),)),
+    )
+    assert load_specifications(spec, road)[1][0] == Rms("force", 1.5, road.density)
+    assert load(spec).name == "stage"  # other commands read the plant as ever
+    spec.write_text(PLANT)
+    assert load_specifications(spec) == (None, ())

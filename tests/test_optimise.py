@@ -1,0 +1,296 @@
+"""Designs for signals: closed forms, brackets on both sides, bounds against other computations."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from scipy.linalg import expm, solve_continuous_lyapunov
+
+from polefence import (
+    HalfPlane,
+    InputError,
+    NotProvedError,
+    Scheduled,
+    Sector,
+    UncertainPlant,
+    check,
+)
+from polefence.optimise import optimise, relaxed
+from polefence.performance_file import check_performance, performance_text, save
+from polefence.plant.spec import loads
+from polefence.proof.performance import read_performance
+from polefence.response.signals import Signal
+from polefence.sampled_bounds import sampled, seeded
+from polefence.specification import EnergyPeak, Gain, InitialPeak, RelativeRms, Rms
+
+ONE = """
+name = "one state"
+states = ["x [m]"]
+inputs = ["force [N]"]
+disturbances = ["w [m/s]"]
+[parameter.a]
+range = [0.5, 2]
+[matrices]
+A = [["a"]]
+B = [[1]]
+E = [[1]]
+"""
+TWO = """
+name = "two states"
+states = ["x [m]", "v [m/s]"]
+inputs = ["force [N]"]
+disturbances = ["w1", "w2"]
+[parameter.k]
+range = [1, 3]
+[parameter.m]
+range = [0.8, 1.25]
+unit = "kg"
+through = "1/m"
+[matrices]
+A = [[0, 1], ["-k/m", "-0.2/m"]]
+B = [[0], ["1/m"]]
+E = [[0.1, 0], [0, "0.5/m"]]
+"""
+DENSITY = 2.0  # two-sided intensity 1
+
+
+def rms(signal, at_most=None):
+    return Rms(signal, at_most, DENSITY)
+
+
+@pytest.fixture(scope="module")
+def one():
+    return loads(ONE)
+
+
+@pytest.fixture(scope="module")
+def two():
+    return loads(TWO)
+
+
+@pytest.fixture(scope="module")
+def designed(two):
+    """Every kind of specification, in a region."""
+    limits = [
+        rms("x", 0.6),
+        EnergyPeak("v", 0.9, 1.1),
+        InitialPeak("force", 3.0, points=((0.3, 0.0), (0.1, -0.4)), impulse=0.5),
+        Gain(Signal("speed and force", "", {1: 1.0}, {}, {0: 0.125}), 3.0),
+    ]
+    return optimise(two, rms("force"), limits, HalfPlane(0.3) & Sector(0.2))
+
+
+# --- closed forms: u = -k x has mean squares x^2 = S / (2 (k - a)), u^2 = k^2 x^2 ----------------
+
+
+@pytest.mark.parametrize("method", ["quadratic", None])
+@pytest.mark.parametrize("limit", [None, 0.1, 0.4])
+def test_the_least_force_is_that_of_the_closed_form(one, method, limit):
+    a = 2.0  # the worst
+    gain = 2 * a if limit is None else max(2 * a, a + 1 / (2 * limit**2))
+    least = gain / math.sqrt(2 * (gain - a))
+    limits = [] if limit is None else [rms("x", limit)]
+    done = optimise(one, rms("force"), limits, method=method)
+    assert least <= done.bounds[0].level * (1 + 1e-12)
+    assert done.bounds[0].level == pytest.approx(least, rel=1e-5)
+    assert done.shared == pytest.approx(least, rel=1e-5)
+    assert (done.share, done.bound("force")) == (1.0, done.bounds[0])
+    assert [b.level for b in done.bounds[1:]] == [s.at_most for s in limits]
+
+
+@pytest.mark.parametrize(("share", "reached"), [(1 + 1e-4, True), (1 - 1e-4, False)])
+def test_limits_are_bracketed(one, share, reached):
+    limits = [rms("x", 0.1), rms("force", 5.2 * share)]  # the least, by the closed form
+    if reached:
+        assert optimise(one, rms("x"), limits).bounds[0].level <= 0.1
+        return
+    with pytest.raises(NotProvedError, match="finds no law for these together") as answer:
+        optimise(one, rms("x"), limits)
+    named = str(answer.value).partition("left out: ")[2]
+    assert named == "rms of x <= 0.1; rms of force <= 5.19948"
+
+
+def test_a_conflict_names_no_more_than_it_takes(one):
+    limits = [rms("x", 0.1), Gain("x", 50.0), rms("force", 1.9), EnergyPeak("x", 9.0)]
+    with pytest.raises(NotProvedError) as answer:
+        optimise(one, rms("x"), limits, HalfPlane(0.1))
+    # stable alone takes a force of 2
+    assert str(answer.value).endswith("left out: rms of force <= 1.9")
+
+
+def test_a_region_out_of_reach_is_not_proved(one):
+    with pytest.raises(NotProvedError, match="rms of force <= 3"):
+        optimise(one, rms("force"), [rms("force", 3.0)], HalfPlane(50))
+
+
+# --- what is proved against other computations --------------------------------------------------
+
+
+def loops(done, alpha):
+    A, B = done.plant.at(alpha)
+    E = np.tensordot(alpha, np.stack([v.E for v in done.plant.vertices]), 1)
+    K = done.law.gain(alpha)
+    return A + B @ K, E, K
+
+
+def norm_below(A, E, C, level):
+    """Whether the H-infinity norm is below a level: the Hamiltonian has no imaginary eigenvalue."""
+    H = np.block([[A, E @ E.T / level**2], [-C.T @ C, -A.T]])
+    return np.abs(np.linalg.eigvals(H).real).min() > 1e-9
+
+
+def test_everything_that_is_proved_is_met(designed):
+    alpha = seeded(designed.plant, 60)
+    force, x, v, peak, gain = designed.bounds
+    own = [sampled(designed.plant, designed.law, b.specification, alpha) for b in designed.bounds]
+    for k, (A, E, K) in enumerate(zip(*loops(designed, alpha), strict=True)):
+        assert designed.design.region.contains(np.linalg.eigvals(A)[None])
+        P = solve_continuous_lyapunov(A, -E @ E.T)
+        exactly = [
+            math.sqrt((K @ P @ K.T).item()),
+            math.sqrt(P[0, 0]),
+            1.1 * math.sqrt(P[1, 1]),
+        ]
+        for value, bound, sample in zip(exactly, (force, x, v), own, strict=False):
+            assert sample.values[k] == pytest.approx(value, rel=1e-9)
+            assert value < bound.level
+        starts = np.array([[0.3, 0.0], [0.1, -0.4], *(0.5 * E.T)]).T
+        step, state, largest = expm(A * 0.01), starts, 0.0
+        for _ in range(1500):
+            largest = max(largest, np.abs(K @ state).max())
+            state = step @ state
+        assert largest < peak.level
+        assert own[3].values[k] == pytest.approx(largest, rel=2e-2)
+        C = np.array([[0.0, 1.0]]) + 0.125 * K
+        assert norm_below(A, E, C, gain.level)
+        assert norm_below(A, E, C, own[4].values[k] * (1 + 1e-3) if k in worst(own[4]) else 3.0)
+        assert not norm_below(A, E, C, own[4].values[k] * (1 - 1e-9))
+    for bound, sample in zip(designed.bounds, own, strict=True):
+        assert sample.worst <= bound.level
+
+
+def test_the_ratio_to_no_control_is_met_point_by_point(two):
+    least, limits = RelativeRms("v", density=DENSITY), [rms("force", 3.0)]
+    done = optimise(two, least, limits)
+    alpha = seeded(two, 40)
+    ratios = []
+    for (A, E, _), bare in zip(
+        zip(*loops(done, alpha), strict=True), two.at(alpha)[0], strict=True
+    ):
+        own, other = (solve_continuous_lyapunov(M, -E @ E.T)[1, 1] for M in (A, bare))
+        ratios.append(math.sqrt(own / other))
+    found = sampled(two, done.law, done.bounds[0].specification, alpha)
+    assert found.values == pytest.approx(np.array(ratios), rel=1e-9)
+    assert found.worst < done.bounds[0].level < 1
+    claims = [bound.claim for bound in done.bounds]
+    read, _ = read_performance(performance_text(done.design.certificate, claims))
+    assert read == claims
+
+
+def worst(sample):
+    return np.argsort(-sample.values)[:20]
+
+
+def test_the_region_is_proved_as_it_was_asked(designed):
+    assert designed.design.region == HalfPlane(0.3) & Sector(0.2)
+    assert check(designed.design).proved
+    assert [b.specification.kind for b in designed.bounds] == [
+        "rms", "rms", "energy peak", "initial peak", "gain",
+    ]  # fmt: skip
+    assert designed.bounds[0].level <= designed.shared * (1 + 1e-6)
+
+
+def test_a_relaxed_region_holds_the_region():
+    region = HalfPlane(2) & Sector(0.4)
+    assert relaxed(region, 0.5) == HalfPlane(1) & Sector(0.2)
+    assert relaxed(region, 0) == HalfPlane(0)
+    assert relaxed(region, 1) is region
+
+
+def test_samples_are_of_the_family(two):
+    alpha = seeded(two, 500)
+    assert np.array_equal(alpha, seeded(two, 500))
+    assert alpha.shape == (500, 4)
+    assert np.array_equal(alpha[:4], np.eye(4))
+    assert np.allclose(alpha[:, 0] * alpha[:, 3], alpha[:, 1] * alpha[:, 2], atol=1e-15)  # products
+    mass = 1 / (alpha[:, [0, 2]].sum(axis=1) / 0.8 + alpha[:, [1, 3]].sum(axis=1) / 1.25)
+    assert (mass.min(), mass.max()) == pytest.approx((0.8, 1.25))
+    assert mass.mean() == pytest.approx((0.8 + 1.25) / 2, abs=0.02)  # uniform in m, not in 1/m
+    bare = UncertainPlant.from_vertices([[[1]], [[2]], [[3]]], [[[1]]] * 3)
+    assert seeded(bare, 50).sum(axis=1) == pytest.approx(1)
+
+
+# --- the file -------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("method", ["quadratic", Scheduled(2, 0, "box"), Scheduled(1, 1)])
+def test_a_file_holds_the_numbers_that_were_proved(one, method, tmp_path):
+    third = Signal("a third", "", state={0: 1 / 3}, rate={}, input={0: 0.1})
+    limits = [
+        InitialPeak("x", 2.0, ((0.1,),), 1.0),
+        Gain("x", 3.0),
+        EnergyPeak(third, 3.0, 2.0),
+    ]
+    done = optimise(one, rms("force"), limits, method=method)
+    claims = [bound.claim for bound in done.bounds]
+    found, _ = read_performance(performance_text(done.design.certificate, claims))
+    assert found == claims
+    save(done, tmp_path / "new")
+    answer = check_performance(tmp_path / "new")
+    assert answer.proved
+    assert "poles in half_plane(0), rms of force <= 2.0" in answer.reason
+    assert "initial peak of x <= 2 from 1 initial states and impulse 1, gain" in answer.reason
+
+
+# --- what is refused ------------------------------------------------------------------------------
+
+REFUSED = {
+    "signal": (rms("forze"), "no signal 'forze'; did you mean 'force'?"),
+    "no limit": ([rms("x")], "the limit of 'x' is missing; give at_most"),
+    "no specification": ("force", "minimise is 'force'; give a Specification"),
+    "no such limit": (["x <= 2"], "subject_to is 'x <= 2'"),
+}
+
+
+@pytest.mark.parametrize("case", REFUSED)
+def test_what_does_not_fit_is_refused(one, case):
+    asked, message = REFUSED[case]
+    least, limits = (rms("force"), asked) if isinstance(asked, list) else (asked, [])
+    with pytest.raises(InputError) as error:
+        optimise(one, least, limits)
+    assert message in str(error.value) or case.startswith("no s")
+    assert "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize("value", [0, -1.0, math.nan, math.inf, True, "1"])
+def test_a_limit_is_a_positive_number(value):
+    with pytest.raises(InputError, match=r"at_most = .* of 'x' must be a positive number"):
+        Rms("x", value)
+    with pytest.raises(InputError, match="must be a positive number"):
+        Rms("x", density=value)
+    with pytest.raises(InputError, match="must be a positive number"):
+        EnergyPeak("x", norm=value)
+
+
+def test_plants_that_say_too_little_are_refused(one):
+    bare = loads(ONE.replace("E = [[1]]", "").replace('disturbances = ["w [m/s]"]', ""))
+    with pytest.raises(InputError, match="says nowhere how a disturbance enters; give E"):
+        optimise(bare, rms("force"))
+    with pytest.raises(InputError, match="is in discrete time"):
+        optimise(loads("sample_time = 1\n" + ONE), rms("force"))
+    with pytest.raises(InputError, match="give points or an impulse"):
+        InitialPeak("x", 1.0)
+    with pytest.raises(InputError, match="an initial state has 1 numbers"):
+        optimise(one, rms("force"), [InitialPeak("x", 1.0, ((1.0, 2.0),))])
+    with pytest.raises(InputError, match="a disturbance passes straight into 'rate'"):
+        optimise(one, rms(Signal("rate", "", rate={0: 1.0})))
+    with pytest.raises(InputError, match="optimise goes with 'quadratic' and Scheduled"):
+        optimise(one, rms("force"), method="slack")
+
+
+def test_unstable_loops_are_not_sampled(one):
+    for own in (rms("x"), Gain("x"), EnergyPeak("x"), InitialPeak("x", impulse=1.0)):
+        with pytest.raises(InputError, match="has a pole at"):
+            sampled(one, None, own, seeded(one, 10))

@@ -1,0 +1,142 @@
+"""docs/ride.md: its commands print what it shows, its table states what is measured."""
+
+from __future__ import annotations
+
+import contextlib
+import importlib.util
+import io
+import re
+import shlex
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from polefence import Design, load
+from polefence.cli import main
+from polefence.response.closed import close
+from polefence.response.compare import compare, points
+from polefence.response.stationary import lyapunov
+from polefence.sampled_bounds import sampled, seeded
+from polefence.specification_text import load_specifications
+from polefence.suspension.quarter_car import spec_text
+
+DOCS = Path(__file__).resolve().parents[1] / "docs"
+PAGE = (DOCS / "ride.md").read_text()
+TEXT = re.sub(r"\s+", " ", PAGE)
+NUMBER = re.compile(r"(?<![\w.])-?\d+\.?\d*(?:e[-+]\d+)?(?![\w.]*\w)")
+COMMANDS = re.findall(r"^\$ (.*)\n((?:(?!\$ |```).*\n)*)", PAGE, re.MULTILINE)
+
+
+@pytest.fixture(scope="module")
+def said(tmp_path_factory):
+    """The folder in which all commands were run, once, and what they said."""
+    folder, found = tmp_path_factory.mktemp("page"), {}
+    shutil.copy(DOCS / "examples" / "ride.toml", folder)
+    with contextlib.chdir(folder):
+        for command, _ in COMMANDS:
+            out, err = io.StringIO(), io.StringIO()
+            with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
+                status = main(shlex.split(command)[1:])
+            found[command] = (status, out.getvalue() + err.getvalue())
+    return folder, found
+
+
+@pytest.mark.parametrize(("command", "shown"), COMMANDS)
+def test_the_commands_print_what_the_page_shows(said, command, shown):
+    status, text = said[1][command]
+    assert status == int(shown.startswith("not proved"))
+    lines = text.splitlines()
+    assert len(lines) == len(shown.splitlines())
+    for wanted, line in zip(shown.splitlines(), lines, strict=True):
+        if wanted.endswith(" = ..."):
+            assert line.startswith(wanted.removesuffix("..."))
+            continue
+        assert NUMBER.sub("#", wanted).split() == NUMBER.sub("#", line).split()
+        shows, says = ([float(n) for n in NUMBER.findall(part)] for part in (wanted, line))
+        assert says == pytest.approx(shows, rel=2e-3)
+
+
+def rows():
+    """The table's rows by law and region."""
+    table = PAGE.split("### What each step bought")[1].split("\n- ")[0]
+    lines = [line.strip("| ").split(" | ") for line in table.splitlines() if line.startswith("| ")]
+    return {(line[0].strip("`"), line[1].strip("`")): line[2:] for line in lines[1:]}
+
+
+@pytest.mark.parametrize(
+    ("key", "number"),
+    [
+        (("quadratic", "stable"), 0),
+        (("scheduled(1, 0, box)", "stable"), 1),
+        (("scheduled(1, 0, box)", "half_plane(1) & sector(0.15)"), 2),
+    ],
+)
+def test_the_table_states_what_the_commands_print(said, key, number):
+    _, text = said[1][COMMANDS[number][0]]
+    proved, shared, _, tyre, travel, force = rows()[key]
+    printed = [[float(n) for n in NUMBER.findall(line)] for line in text.splitlines()[2:7]]
+    assert float(proved) == pytest.approx(printed[0][0], rel=1e-4)
+    assert float(shared) == pytest.approx(printed[4][0], rel=1e-4)
+    for cell, line, scale, width in zip(
+        (tyre, travel, force), printed[1:4], (1e3, 1e3, 1), (0.005, 0.05, 0.5), strict=True
+    ):
+        assert float(cell) == pytest.approx(scale * line[1], abs=1.5 * width)
+
+
+def test_the_prose_states_what_is_measured(said):
+    plant, design = load(said[0] / "ride.toml"), Design.load(said[0] / "ride")
+    least, _ = load_specifications(said[0] / "ride.toml")
+    alpha = seeded(plant)
+    own, bare = (sampled(plant, law, least, alpha).values for law in (design, None))
+    share = f"{(own / bare).min():.3f} to {(own / bare).max():.3f}"
+    assert rows()["scheduled(1, 0, box)", "half_plane(1) & sector(0.15)"][2] == share
+    assert "between 0.75 and 1.02 times" in TEXT
+    poles = close(plant, None, np.vstack([alpha, points(plant)])).poles()
+    assert f"slowest pole is at −{-poles.real.max():.2f} 1/s" in TEXT
+    assert f"least damping ratio is {(-poles.real / np.abs(poles)).min():.3f}" in TEXT
+    found = compare(plant, {"law": design, "passive": None})
+    felt, passive = (found.row(name, "weighted acceleration") for name in ("law", "passive"))
+    assert f"has {felt.worst:.3f} against {passive.worst:.3f} m/s² by Wk" in TEXT
+    assert f"worst case, {felt.best:.3f} against {passive.best:.3f} in the best" in TEXT
+    assert 45 < found.row("law", "mean power drawn").worst <= 51  # up to 50 W
+    tyre = compare(plant, {"law": design}).row("law", "tyre deflection").worst
+    assert tyre <= 0.00472
+    # the sample's rms by another computation, at the worst
+    A, B = plant.at(alpha[own.argmax()])
+    A = A + B @ design.law.gain(alpha[own.argmax()])
+    X = lyapunov(A[None], least.density / 2 * np.diag([0.0, 1.0, 0.0, 0.0])[None])[0]
+    assert np.sqrt(A[2] @ X @ A[2]) == pytest.approx(own.max(), rel=1e-9)
+    assert own.max() <= 1.02387
+
+
+def test_the_spec_is_the_example_with_the_tables_shown():
+    (tables,) = re.findall(r"```toml\n(.*?)```", PAGE, re.DOTALL)
+    spec = (DOCS / "examples" / "ride.toml").read_text()
+    assert spec == spec_text("quarter-car-ride") + tables
+
+
+def test_the_snippet_and_the_figure(said, monkeypatch, tmp_path):
+    monkeypatch.chdir(tmp_path)
+    shutil.copy(DOCS / "examples" / "ride.toml", tmp_path)
+    (snippet,) = re.findall(r"```python\n(.*?)```", PAGE, re.DOTALL)
+    names: dict[str, object] = {}
+    exec(snippet, names)
+    assert str(names["done"].bounds[0]) in snippet
+    spec = importlib.util.spec_from_file_location("ride", DOCS / "examples" / "ride.py")
+    example = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(example)
+    assert (said[0] / "ride.png").read_bytes().startswith(b"\x89PNG")
+    facts = example.facts(names["done"])
+    shown = rows()["quadratic", "stable"]
+    assert shown[:2] == [facts["proved"], facts["shared"]]
+    assert shown[2] == "{:.3f} to {:.3f}".format(*facts["of passive"])
+
+
+def test_options_are_those_of_the_command(capsys):
+    with pytest.raises(SystemExit):
+        main(["optimise", "--help"])
+    known = set(re.findall(r"--[a-z-]+", capsys.readouterr().out)) - {"--help", "--output"}
+    section = PAGE.split("## Options of `optimise`")[1]
+    assert known == set(re.findall(r"(?<![\w-])--[a-z][a-z-]*", section))

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from polefence.errors import InputError
+from polefence.law import FixedGain, Law
 from polefence.plant.family import UncertainPlant
 from polefence.plant.system import Exact, System
 from polefence.response.signals import Signal, inputs, states
@@ -83,6 +84,19 @@ def with_weights(
             own = replace(own, signal=made[key], weight=None)
         found.append(own)
     return plant, tuple(found)
+
+
+def without_feedback(law: Law, plant: UncertainPlant) -> Law:
+    """Return a law of the plant's first states as one of all: the others are not fed back."""
+    n = plant.shape[0]
+    if isinstance(law, FixedGain):
+        return FixedGain(np.pad(law.K, ((0, 0), (0, n - law.K.shape[1]))))
+    own = law.W.shape[1]
+    W = np.tile(np.eye(n), (len(law.W), 1, 1))
+    # any W does that is positive and of a size; the proofs have Lyapunov matrices of their own
+    W *= np.trace(law.W.mean(axis=0)) / own
+    W[:, :own, :own] = law.W
+    return replace(law, W=W, Z=np.pad(law.Z, ((0, 0), (0, 0), (0, n - own))))
 
 
 def with_actuator(plant: UncertainPlant, bandwidth: float) -> UncertainPlant:

@@ -9,13 +9,14 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from polefence.analysis import analyse
-from polefence.augmented import with_weights
+from polefence.augmented import with_weights, without_feedback
 from polefence.checks import require_domain, require_region, require_type
 from polefence.conditions.methods import Method, Scheduled, method_label, options
 from polefence.conditions.target import Around
@@ -31,7 +32,7 @@ from polefence.region import HalfPlane, Region, Sector
 from polefence.solve.performance import Question, Reached, least
 from polefence.solve.radius import smallest, typical_rate
 from polefence.solve.scaling import balanced
-from polefence.specification import Specification, output_of
+from polefence.specification import Rms, Specification, output_of
 from polefence.speed import bounded
 
 INSIDE = 0.95  # how far inside the region the search begins
@@ -120,7 +121,7 @@ def optimise(
     -------
     Optimised
         Everything in it is proved. Where a specification has a weight its plant has the filter's
-        states, and the law feeds them back.
+        states; the law feeds them back only where that is better.
 
     Raises
     ------
@@ -147,10 +148,45 @@ def optimise(
             raise InputError(f"the limit of {own.name!r} is missing; give at_most")
     plant.require_controllable()
     asked_for = subject_to if minimise is None else (*subject_to, minimise)
-    plant, found = with_weights(plant, tuple(asked_for))
-    least_of = None if minimise is None else found[-1]
-    task = _Task(plant, least_of, found[: len(subject_to)], asked, method)
-    return _best(task, time.perf_counter() + budget)
+    deadline = time.perf_counter() + budget
+    larger, found = with_weights(plant, tuple(asked_for))
+    task = _task(larger, found, minimise is not None, asked, method)
+    if larger is plant:
+        return _best(task, deadline)
+    bare = tuple(replace(s, weight=None) if isinstance(s, Rms) else s for s in asked_for)
+    return _weighted(task, _task(plant, bare, minimise is not None, asked, method), deadline)
+
+
+def _task(
+    plant: UncertainPlant,
+    asked_for: tuple[Specification, ...],
+    minimised: bool,
+    region: Region,
+    method: Method,
+) -> _Task:
+    """Return the task; what is minimised comes last of the specifications."""
+    if not minimised:
+        return _Task(plant, None, asked_for, region, method)
+    return _Task(plant, asked_for[-1], asked_for[:-1], region, method)
+
+
+def _weighted(task: _Task, bare: _Task, deadline: float) -> Optimised:
+    """Return the better of a law with the filters' states, and one without, for bare signals."""
+    simple: Optimised | None = None
+    with suppress(NotProvedError):
+        found = _best(bare, deadline)
+        simple = _kept(task, without_feedback(found.law, task.plant), found.share)
+    if simple is not None and time.perf_counter() > deadline:
+        return simple
+    try:
+        best = _best(task, deadline)
+    except NotProvedError:
+        if simple is None:
+            raise
+        return simple
+    if simple is None or (task.minimise and best.bounds[0].level < simple.bounds[0].level):
+        return best
+    return replace(simple, shared=best.shared)
 
 
 def _require_method(plant: UncertainPlant, method: Method) -> None:
@@ -287,8 +323,19 @@ def _proved(task: _Task, found: Reached, share: float) -> Optimised | None:
     """Prove everything of a law that was found; None where something is not."""
     law = task.law(found)
     certificate = _region(task, found, law, share)
-    if certificate is None:
+    return None if certificate is None else _bounded(task, law, certificate, share)
+
+
+def _kept(task: _Task, law: Law, share: float) -> Optimised | None:
+    """Prove everything of a law that was designed otherwise; None where something is not."""
+    answer = analyse(task.plant, law, task.region, budget=ENOUGH)
+    if not answer.proved or answer.certificate is None:
         return None
+    return _bounded(task, law, answer.certificate, share)
+
+
+def _bounded(task: _Task, law: Law, certificate: Certificate, share: float) -> Optimised | None:
+    """Prove the bounds; None where one is not."""
     limits = [kept_bound(task.plant, law, s) for s in task.limits]
     if any(bound is None for bound in limits):
         return None

@@ -26,7 +26,7 @@ from polefence.specification import Specification, claim_of, output_of
 LADDER = ((0, 0), (1, 0), (2, 0))
 # How far above what was found in floats the exact proof is attempted.
 STEPS = (1e-7, 1e-6, 1e-5, 1e-4, 1e-3)
-LONG = 2.0  # a search that took so long [s] ends the climb: the next takes several times as long
+LONG = 8.0  # a search that took so long [s] ends the climb: the next takes several times as long
 WORTH = 1e-3  # a smaller bound by less than this share ends the climb
 
 

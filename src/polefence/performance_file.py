@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from polefence.design import FILE_NAME as DESIGN_NAME
-from polefence.errors import DesignFileError, InputError
+from polefence.errors import DesignFileError, InputError, NotProvedError
 from polefence.files import make_folder, read_text, write_text
 from polefence.optimise import Optimised
 from polefence.plant.family import UncertainPlant
@@ -189,6 +189,24 @@ def check_performance(path: str | Path) -> Check:
     region = region_of([(part.kind, part.numbers) for part in design.region])
     said = ", ".join([f"poles in {region}", *(statement(claim, plant) for claim in claims)])
     return Check("proved", f"{said}: {count} inequalities positive definite in exact arithmetic")
+
+
+def statements(path: str | Path) -> tuple[str, ...]:
+    """Return what a performance file claims of signals, a line each; proved afresh.
+
+    Raises
+    ------
+    DesignFileError
+        If the file cannot be read.
+    NotProvedError
+        If it is not proved.
+    """
+    answer = check_performance(path)
+    if not answer.proved:
+        raise NotProvedError(f"{path}: {answer}")
+    _, claims, document = _read(path)
+    plant = plant_from(document["design"]["plant"])
+    return tuple(statement(claim, plant) for claim in claims)
 
 
 def signals_of(plant: UncertainPlant) -> tuple[Signal, ...]:

@@ -14,7 +14,7 @@ from polefence.cli import main
 from polefence.report import html_report
 from polefence.response.stationary import stationary, velocity_psd
 from polefence.response.vehicle import require_ride
-from polefence.suspension.quarter_car import family
+from polefence.suspension.quarter_car import family, spec_text
 
 
 class Page(HTMLParser):
@@ -152,3 +152,24 @@ def test_bad_input(car, tmp_path, capsys):
     unproved = Design.load(tmp_path, allow_unproved=True)
     with pytest.raises(NotProvedError, match="no report"):
         html_report(unproved)
+
+
+def test_bounds_and_a_front_are_put_in(tmp_path, capsys):
+    spec, folder = tmp_path / "car.toml", tmp_path / "law"
+    spec.write_text(spec_text("quarter-car-ride"))
+    words = ["optimise", str(spec), "--method", "quadratic", "--road", "C", "--speed", "20"]
+    words += ["--minimise", "rms of sprung-mass acceleration", "--limit"]
+    assert main([*words, "rms of actuator force <= 300", "-o", str(folder)]) == 0
+    picture = tmp_path / "front.svg"
+    picture.write_text("<svg xmlns='http://www.w3.org/2000/svg'/>")
+    assert main(["report", str(folder), "--front", str(picture)]) == 0
+    page = Page((folder / "report.html").read_text())
+    assert "rms of actuator force <= 300" in page.parts["Bounds on signals, proved"]
+    assert sum(tag == "img" for tag, _ in page.tags) == 3
+    assert main(["report", str(folder), "--front", str(spec)]) == 2
+    document = json.loads((folder / "performance.json").read_text())
+    document["specifications"][1]["level"] = 1.0
+    (folder / "performance.json").write_text(json.dumps(document))
+    capsys.readouterr()
+    assert main(["report", str(folder)]) == 1
+    assert "undecided" in capsys.readouterr().err

@@ -10,6 +10,9 @@ from polefence.commands.shared import PROVED
 from polefence.design import Design
 from polefence.errors import InputError
 from polefence.files import make_folder, write_text
+from polefence.performance_file import is_performance_file, statements
+
+MAX_BYTES = 20_000_000  # of a figure
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -22,12 +25,30 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--speed", type=float, default=20.0, metavar="SPEED", help="[m/s]; default: 20"
     )
     parser.add_argument(
+        "--front",
+        type=Path,
+        metavar="FIGURE",
+        help="a figure of polefence tradeoff to put in, .svg or .png",
+    )
+    parser.add_argument(
         "-o",
         "--output",
         type=Path,
         metavar="FILE",
         help="ends in .html; default: report.html beside the design",
     )
+
+
+def _figure(path: Path) -> tuple[str, bytes]:
+    kind = path.suffix[1:]
+    if kind not in ("svg", "png"):
+        raise InputError(f"{path}: a figure for the page ends in .svg or .png")
+    try:
+        if path.stat().st_size > MAX_BYTES:
+            raise InputError(f"{path}: the figure is larger than {MAX_BYTES} bytes")
+        return kind, path.read_bytes()
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read: {error.strerror}") from error
 
 
 def report_command(options: Any) -> int:
@@ -38,7 +59,10 @@ def report_command(options: Any) -> int:
     target = options.output or beside / "report.html"
     if target.suffix != ".html":
         raise InputError(f"{target}: a report ends in .html")
-    text = html_report(Design.load(options.design), options.road, options.speed)
+    front = None if options.front is None else _figure(options.front)
+    design = Design.load(options.design)
+    bounds = statements(options.design) if is_performance_file(options.design) else ()
+    text = html_report(design, options.road, options.speed, bounds, front)
     make_folder(target.parent)
     write_text(target, text)
     print(f"written: {target}")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import base64
 from collections.abc import Sequence
 
 import numpy as np
@@ -23,7 +24,14 @@ from polefence.response.iso8608 import velocity_density
 CENTRES = tuple(np.geomspace(0.25, 2.5, 13))
 
 
-def sections(design: Design, answer: Check, road: str, speed: float) -> list[Section]:
+def sections(
+    design: Design,
+    answer: Check,
+    road: str,
+    speed: float,
+    bounds: Sequence[str] = (),
+    front: tuple[str, bytes] | None = None,
+) -> list[Section]:
     """Return all that is to be said about a proved design.
 
     Parameters
@@ -40,7 +48,8 @@ def sections(design: Design, answer: Check, road: str, speed: float) -> list[Sec
     """
     velocity_density(road, speed)  # refuses what cannot be used before the work
     parts = [_claim(design, answer), _plant(design.plant), _poles(design), _limits(design)]
-    return [p for p in (*parts, responses(design), comfort(design, road, speed)) if p] + [
+    parts += [_bounds(bounds), responses(design), comfort(design, road, speed), _front(front)]
+    return [part for part in parts if part] + [
         _gain(design),
         _again(design),
     ]
@@ -125,6 +134,25 @@ def _limits(design: Design) -> Section | None:
 def _limit(row: Limit) -> tuple[str, str, str]:
     radius = "-" if row.radius is None else digits_up(row.radius)
     return row.method, radius, "-" if row.lower is None else digits_down(row.lower)
+
+
+def _bounds(bounds: Sequence[str]) -> Section | None:
+    if not bounds:
+        return None
+    return Section(
+        "Bounds on signals, proved",
+        ("For the same values of the parameters, in the same arithmetic:",),
+        Table(("",), tuple((line,) for line in bounds)),
+    )
+
+
+def _front(front: tuple[str, bytes] | None) -> Section | None:
+    if front is None:
+        return None
+    kind, data = front
+    mime = {"svg": "image/svg+xml", "png": "image/png"}[kind]
+    address = f"data:{mime};base64,{base64.b64encode(data).decode()}"
+    return Section("What it costs", picture=address, caption="A trade-off, from its own figure.")
 
 
 def _gain(design: Design) -> Section:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import base64
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from polefence.design import Design, check
@@ -15,7 +16,13 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
-def html_report(design: Design, road: str = "C", speed: float = 20.0) -> str:
+def html_report(
+    design: Design,
+    road: str = "C",
+    speed: float = 20.0,
+    bounds: Sequence[str] = (),
+    front: tuple[str, bytes] | None = None,
+) -> str:
     """Return a report about a design, one HTML page with its figures inside.
 
     The claim is proved afresh. For a quarter car, known by the names of its states, comfort, grip,
@@ -27,6 +34,10 @@ def html_report(design: Design, road: str = "C", speed: float = 20.0) -> str:
         Class of ISO 8608, "A" to "H".
     speed : float
         [m/s]
+    bounds : sequence of str
+        What else is proved of the design, a line each, see `performance_file.statements`.
+    front : (kind, bytes), optional
+        A figure of a trade-off, "svg" or "png".
 
     Raises
     ------
@@ -47,7 +58,7 @@ def html_report(design: Design, road: str = "C", speed: float = 20.0) -> str:
     return environment.get_template("report.html").render(
         title=f"{design.plant.name} in {short_text(design.region)}",
         answer=answer.answer,
-        sections=sections(design, answer, road, speed),
+        sections=sections(design, answer, road, speed, bounds, front),
     )
 
 

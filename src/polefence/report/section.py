@@ -19,11 +19,15 @@ class Table:
 
 @dataclass(frozen=True, eq=False)
 class Section:
-    """A heading with what stands under it, in this order; what is empty is left out."""
+    """A heading with what stands under it, in this order; what is empty is left out.
+
+    ``picture`` is the address of an image that is drawn already.
+    """
 
     title: str
     text: tuple[str, ...] = ()
     table: Table | None = None
     figure: Figure | None = None
     caption: str = ""
+    picture: str = ""
     code: str = ""

@@ -1,0 +1,69 @@
+"""Plants with a filter or an actuator in series: against plain block matrices."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.linalg import solve_continuous_lyapunov
+
+from polefence import InputError
+from polefence.augmented import with_actuator, with_filter, without_feedback
+from polefence.law import FixedGain
+from polefence.performance import best_bound
+from polefence.response.vehicle import ride
+from polefence.response.weighting import WK
+from polefence.specification import Rms
+from polefence.suspension.quarter_car import family
+
+
+@pytest.fixture(scope="module")
+def car():
+    return family("quarter-car-ride")
+
+
+def test_a_filter_is_in_series(car):
+    known = ride(car)
+    a, b, c, _ = WK.state_space()
+    larger, signal = with_filter(car, known.acceleration, WK.state_space(), "Wk")
+    for vertex, own in zip(larger.vertices, car.vertices, strict=True):
+        assert np.array_equal(vertex.A[:4, :4], own.A)
+        assert not vertex.A[:4, 4:].any()
+        assert np.allclose(vertex.A[4:, :4], b @ own.A[2:3], rtol=1e-15)
+        assert np.array_equal(vertex.A[4:, 4:], a)
+        assert np.allclose(vertex.B[4:], b @ own.B[2:3], rtol=1e-15)
+        assert not vertex.E[4:].any()
+    assert [signal.state[4 + i] for i in range(8)] == c[0].tolist()
+    assert ride(larger).places == known.places
+
+
+def test_a_weighted_rms_is_that_of_the_series(car):
+    larger, signal = with_filter(car, ride(car).acceleration, WK.state_space(), "Wk")
+    law = without_feedback(FixedGain([[0, 0, -1500.0, 0]]), larger)
+    assert law.K.shape == (1, 12)
+    bound = best_bound(larger, law, Rms(signal, density=1e-3))
+    worst = 0.0
+    for alpha in np.random.default_rng(1).dirichlet(np.ones(4), 20).tolist() + np.eye(4).tolist():
+        A, B = larger.at(alpha)
+        E = larger.vertices[0].E
+        X = solve_continuous_lyapunov(A + B @ law.K, -0.5e-3 * E @ E.T)
+        c = np.array([signal.state.get(i, 0.0) for i in range(12)])
+        worst = max(worst, float(np.sqrt(c @ X @ c)))
+    assert worst < bound.level < worst * 1.01
+
+
+def test_an_actuator_lags(car):
+    slow = with_actuator(car, 50.0)
+    A, B = slow.at([0.1, 0.2, 0.3, 0.4])
+    plain_A, plain_B = car.at([0.1, 0.2, 0.3, 0.4])
+    assert np.allclose(A, np.block([[plain_A, plain_B], [np.zeros((1, 4)), -50 * np.eye(1)]]))
+    assert np.allclose(B[:, 0], [0, 0, 0, 0, 50])
+    assert slow.states[-1] == car.inputs[0]
+    slow.require_controllable()
+    for wrong in (0.0, -1.0, float("nan")):
+        with pytest.raises(InputError, match="bandwidth"):
+            with_actuator(car, wrong)
+
+
+def test_a_filter_with_a_direct_way_is_refused(car):
+    with pytest.raises(InputError, match="direct way"):
+        with_filter(car, ride(car).travel, ([[-1.0]], [[1.0]], [[1.0]], [[1.0]]), "lead")

@@ -1,0 +1,199 @@
+"""What the exported code computes, as numbers: scaled so that single precision suffices.
+
+A scheduled law u = Z(alpha) W(alpha)^-1 x becomes Z' W'^-1 (T x) with W' = T W T', Z' = Z T',
+where T is chosen so that W' is the identity at the centre of the family: whatever the units of the
+states, its entries are near one.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from fractions import Fraction
+
+import numpy as np
+
+from polefence.errors import InputError
+from polefence.export.number import Number
+from polefence.law import FixedGain, Law
+from polefence.plant.parameters import Parameter
+from polefence.plant.system import Array
+from polefence.polynomial import Domain, Exponent, binomial
+
+Exact = list[list[Fraction]]
+MAX_TERMS = 512  # polynomials' coefficients, which the code computes one by one
+# Constants that the format holds with all of its digits, and whose products stay in its range.
+LEAST, MOST = 1e-18, 1e18
+
+
+@dataclass(frozen=True)
+class Share:
+    """How the code finds where a parameter stands in its interval, 0 at low and 1 at high.
+
+    scale (p - low) where the plant is affine in p, scale (p - low) / p where it is in 1/p.
+
+    Attributes
+    ----------
+    parameter : Parameter
+    low, high : float
+        What p is clamped to: the interval, rounded outwards.
+    scale : float
+    """
+
+    parameter: Parameter
+    low: float
+    high: float
+    scale: float
+
+
+@dataclass(frozen=True, eq=False)
+class Fixed:
+    """u = K x.
+
+    Attributes
+    ----------
+    number : Number
+    K : (m, n) array
+        As the code has it: every entry a number of the format.
+    """
+
+    number: Number
+    K: Array
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """States and inputs."""
+        m, n = self.K.shape
+        return n, m
+
+
+@dataclass(frozen=True, eq=False)
+class Scheduled:
+    """u = Z(w) W(w)^-1 T x, w the Bernstein polynomials' values.
+
+    Attributes
+    ----------
+    number : Number
+    shares : tuple of Share
+        Empty where the code is given alpha itself.
+    domain, degree
+        Of the polynomials.
+    T : (n, n) array, lower triangular
+    W : (count, n, n) array, symmetric
+    Z : (count, m, n) array
+        As the code has them: every entry a number of the format.
+    """
+
+    number: Number
+    shares: tuple[Share, ...]
+    domain: Domain
+    degree: int
+    T: Array
+    W: Array
+    Z: Array
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """States and inputs."""
+        _, m, n = self.Z.shape
+        return n, m
+
+    def weights(self) -> list[tuple[int, Exponent]]:
+        """Return for each coefficient its multinomial and its exponents of the coordinates."""
+        return [(binomial(self.domain.sizes, e), e) for e in self.domain.monomials(self.degree)]
+
+
+Program = Fixed | Scheduled
+
+
+def program(law: Law, parameters: tuple[Parameter, ...], number: Number) -> Program:
+    """Return what the code of a law computes in a number format.
+
+    Parameters
+    ----------
+    parameters : tuple of Parameter
+        What the code is given; empty for alpha itself.
+
+    Raises
+    ------
+    InputError
+        If the law has too many coefficients, or numbers out of the format's range.
+    """
+    if isinstance(law, FixedGain):
+        return Fixed(number, _held(number.nearest(law.K), "K"))
+    count = law.domain.count(law.degree)
+    if count > MAX_TERMS:
+        raise InputError(f"a law of {count} coefficients is not exported; at most {MAX_TERMS}")
+    if parameters and 2 ** len(parameters) != law.domain.corners:
+        raise InputError("the plant's vertices are not those of its parameters; export with alpha")
+    T = _held(number.nearest(_whitening(law.W, law.domain, law.degree)), "T")
+    W, Z = transformed(law.W, law.Z, T)
+    return Scheduled(
+        number,
+        tuple(_share(p, number) for p in parameters),
+        law.domain,
+        law.degree,
+        T,
+        _held(number.nearest(_floats(W)), "W"),
+        _held(number.nearest(_floats(Z)), "Z"),
+    )
+
+
+def transformed(W: Array, Z: Array, T: Array) -> tuple[list[Exact], list[Exact]]:
+    """Return T W T' and Z T' in rationals, of doubles."""
+    t = exactly(T)
+    columns = [[each[j] for each in t] for j in range(len(t))]
+    new_W = [multiply(multiply(t, exactly(w)), columns) for w in W]
+    return new_W, [multiply(exactly(z), columns) for z in Z]
+
+
+def exactly(matrix: Array) -> Exact:
+    """Return a matrix of doubles as the rationals that they are."""
+    return [[Fraction(float(value)) for value in row] for row in matrix]
+
+
+def multiply(left: Exact, right: Exact) -> Exact:
+    """Return a product of rational matrices."""
+    columns = list(zip(*right, strict=True))
+    return [
+        [sum((a * b for a, b in zip(row, c, strict=True) if a and b), Fraction(0)) for c in columns]
+        for row in left
+    ]
+
+
+def _whitening(W: Array, domain: Domain, degree: int) -> Array:
+    """Return T with T W T' = I at the centre of the family."""
+    centre = np.full(domain.corners, 1 / domain.corners)
+    middle = np.tensordot(domain.basis(centre, degree), W, 1)
+    scale = np.sqrt(np.diagonal(middle))
+    if not np.all(scale > 0):
+        raise InputError("W is not positive definite at the centre of the family")
+    try:
+        factor = np.linalg.cholesky(middle / np.outer(scale, scale))
+    except np.linalg.LinAlgError as error:
+        raise InputError("W is not positive definite at the centre of the family") from error
+    return np.asarray(np.tril(np.linalg.inv(factor)) / scale)
+
+
+def _share(p: Parameter, number: Number) -> Share:
+    width = p.high - p.low
+    scale = p.high / width if p.inverted else 1 / width
+    low, high = number.outward(p.low, up=False), number.outward(p.high, up=True)
+    nearest = float(number.nearest(np.array(float(scale))))
+    _held(np.array([high - low, nearest]), f"the range of {p.name}")
+    return Share(p, low, high, nearest)
+
+
+def _floats(matrices: list[Exact]) -> Array:
+    return np.array([[[float(value) for value in row] for row in m] for m in matrices])
+
+
+def _held(values: Array, what: str) -> Array:
+    """Refuse numbers near the ends of the format's range."""
+    size = np.abs(values[values != 0])
+    if not np.all(np.isfinite(values)) or (size.size and size.max() > MOST):
+        raise InputError(
+            f"{what}: numbers of the law reach {size.max():.3g}, too large for the code; choose "
+            "units in which states and inputs are nearer to one"
+        )
+    # what is tiny beside its row matters to nobody, and is zero rather than subnormal
+    return np.where(np.abs(values) < LEAST**2, 0.0, values)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -65,6 +66,38 @@ class Design:
         """Closed-loop poles at points alpha (..., N) of the simplex, as (..., n) complex."""
         A, B = self.plant.at(alpha)
         return np.asarray(np.linalg.eigvals(A + B @ self.law.gain(alpha)))
+
+    def to_control(self, given: str = "", name: str = "law", clamp: bool = True) -> Any:
+        """Return the law as a system of python-control without states, to connect and simulate.
+
+        Parameters
+        ----------
+        given : str
+            "parameters", in their units, or "alpha", one weight a vertex; by default the parameters
+            where the plant has some.
+        name : str
+            Of the system.
+        clamp : bool
+            What lies outside the family is taken at the nearest bound, as linearising and steps of
+            a solver need; else it is refused.
+
+        Returns
+        -------
+        control.NonlinearIOSystem
+            Inputs: the states, under their names without units in letters, digits and _ (``x1`` and
+            so on where the plant has none), then the parameters, or ``alpha1`` and so on. Outputs:
+            the plant's inputs u = K x, likewise (``u1``).
+
+        Raises
+        ------
+        InputError
+            If ``given`` is neither, or the plant has no parameters.
+        MissingExtraError
+            If python-control is not installed.
+        """
+        from polefence.law_control import to_control  # deferred: an extra
+
+        return to_control(self.plant, self.law, given, name, clamp)
 
     def save(self, directory: str | Path) -> Path:
         """Write ``design.json`` into a folder, made if need be; return its path.

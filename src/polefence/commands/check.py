@@ -10,6 +10,7 @@ from typing import Any
 from polefence.augmented import with_weights
 from polefence.commands.shared import NOT_PROVED, PROVED, write_json
 from polefence.design import Design, check
+from polefence.export import check_guarantee, guarantee_plant, is_guarantee_file
 from polefence.performance_file import check_performance, is_performance_file, performance_plant
 from polefence.plant.family import UncertainPlant
 from polefence.plant.spec import load
@@ -26,6 +27,7 @@ def _plant(path: Path) -> UncertainPlant:
 KINDS: tuple[Any, ...] = (
     (is_service_file, check_service, service_plant),
     (is_table_file, check_table, table_plant),
+    (is_guarantee_file, check_guarantee, guarantee_plant),
     (is_performance_file, check_performance, performance_plant),
     (lambda _: True, check, _plant),
 )

@@ -2,28 +2,25 @@
 
 from __future__ import annotations
 
-import re
-import textwrap
 from dataclasses import dataclass
+from fractions import Fraction
 from itertools import product
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from polefence.errors import InputError
+from polefence.export.c_text import block, cell, check_c_name, comment, wrap
 from polefence.export.number import Number
-from polefence.export.program import Fixed, Program, Scheduled, Share
+from polefence.export.program import LEAST, MOST, Fixed, Program, Scheduled, Share
 from polefence.polynomial import Exponent
 
 if TYPE_CHECKING:
     from jinja2 import Environment
 
+__all__ = ["MARKER", "Texts", "check_c_name", "context", "environment", "sources"]
+
 MARKER = "Written by polefence export; a new export overwrites it."
-WORDS = """
-auto break case char const continue default do double else enum extern float for goto if inline int
-long main register restrict return short signed sizeof static struct switch typedef union unsigned
-void volatile while
-"""
 
 
 @dataclass(frozen=True)
@@ -51,21 +48,6 @@ class Texts:
     limits: tuple[float, ...] = ()
 
 
-def check_c_name(name: str) -> None:
-    """Refuse what cannot begin the names of C functions.
-
-    Raises
-    ------
-    InputError
-        If it is no C identifier, a word of C, or reserved.
-    """
-    if not re.fullmatch(r"[a-zA-Z][a-zA-Z0-9_]{0,30}", name) or name in WORDS.split():
-        raise InputError(
-            f"name = {name!r} cannot begin C names; use at most 31 letters, digits and _, a letter "
-            "first, and no word of C"
-        )
-
-
 def environment() -> Environment:
     """Return the templates, strict about undefined names."""
     from jinja2 import Environment, PackageLoader, StrictUndefined  # deferred: slow to import
@@ -78,26 +60,16 @@ def environment() -> Environment:
         keep_trailing_newline=True,
     )
     found.filters["comment"] = comment
+    found.filters["block"] = block
     found.filters["wrap"] = wrap
+    found.filters["cell"] = cell
     return found
-
-
-def comment(text: str) -> str:
-    """Return text that cannot end a C comment, in one line of ASCII."""
-    plain = re.sub(r"\s+", " ", text).encode("ascii", "replace").decode()
-    plain = "".join(c if c.isprintable() else "?" for c in plain)
-    return plain.replace("*/", "* /").replace("/*", "/ *").replace("\\", "/").replace("??", "? ?")
-
-
-def wrap(text: str) -> str:
-    """Break a long list of constants into lines."""
-    return ("\n" + 6 * " ").join(textwrap.wrap(text, 92))
 
 
 def context(program: Program, texts: Texts) -> dict[str, Any]:
     """Return what every template is given."""
     number, name = program.number, texts.name
-    signature = [
+    arguments = [
         f"const {name}_real x[{name.upper()}_STATES]",
         f"{name}_real u[{name.upper()}_INPUTS]",
     ]
@@ -110,11 +82,14 @@ def context(program: Program, texts: Texts) -> dict[str, Any]:
         "states": texts.states,
         "inputs": texts.inputs,
         "number": number,
-        "limits": [number.text(v) for v in number.nearest(np.array(texts.limits))],
+        "prefix": number.largest[:3],
+        "digits": 24 if number.bits == 32 else 53,
+        "limits": [number.text(number.outward(Fraction(v), up=False)) for v in texts.limits],
         "K": [],
         "T": [],
         "given": [],
         "GIVEN": "",
+        "bounds": [],
         "by_parameters": False,
         "letter": "",
     }
@@ -125,8 +100,8 @@ def context(program: Program, texts: Texts) -> dict[str, Any]:
     else:
         common |= _scheduled(program)
         array = f"{common['letter']}[{name.upper()}_{common['GIVEN']}]"
-        signature.insert(0, f"const {name}_real {array}")
-    return common | {"signature": ", ".join(signature)}
+        arguments.insert(0, f"const {name}_real {array}")
+    return common | {"arguments": arguments, "signature": ", ".join(arguments)}
 
 
 def _scheduled(program: Scheduled) -> dict[str, Any]:
@@ -146,18 +121,23 @@ def _scheduled(program: Scheduled) -> dict[str, Any]:
         "by_parameters": by_parameters,
         "loose": number.text(1e-4 if number.bits == 32 else 1e-9),
         "least": number.text(1e-30),
+        "most": number.text(1e30),
+        "bounds": [_bounds(number, share) for share in program.shares],
         "equal": number.text(1 / program.domain.corners),
         "GIVEN": "PARAMETERS" if by_parameters else "VERTICES",
         "letter": "p" if by_parameters else "alpha",
         "given_what": "the parameters p" if by_parameters else "the weights alpha of the vertices",
-        "clamped": "a parameter was outside its interval, or beyond: its bound was taken"
+        "clamped": "a parameter was outside its interval: the nearer bound was taken"
         if by_parameters
-        else "alpha was off the simplex: cut at 0 and scaled to sum to 1",
+        else "alpha was off the simplex by more than rounding: cut at 0, scaled to sum to 1",
         "not_a_number": "a parameter was NaN: the middle of its interval was taken"
         if by_parameters
-        else "alpha had NaN, or no weight: equal weights were taken",
+        else "alpha had NaN, infinity or no weight: equal weights were taken",
         "weighing": weighing(program),
-        "terms": [_term(number, each, e) for each, e in program.weights()],
+        "terms": len(program.W),
+        "weights": []
+        if _straight(program)
+        else [_term(number, each, e) for each, e in program.weights()],
     }
 
 
@@ -172,43 +152,63 @@ def _given(share: Share) -> str:
     return f"{p.name}{unit}, {float(p.low):g} to {float(p.high):g}"
 
 
+def _bounds(number: Number, share: Share) -> dict[str, str]:
+    return {
+        "text": _given(share),
+        "low": _signed(number, share.low),
+        "high": _signed(number, share.high),
+        "scale": number.text(share.scale),
+    }
+
+
+def _signed(number: Number, value: float) -> str:
+    text = number.text(value)
+    return f"({text})" if text.startswith("-") else text
+
+
 def weighing(program: Scheduled) -> list[str]:
-    """Return the lines of C that find c, the coordinates in the law's simplices."""
-    sizes = program.domain.sizes
+    """Return the lines of C that find the coordinates in the law's simplices.
+
+    They are c, or at once the weights w where these are the coordinates.
+    """
+    sizes, count = program.domain.sizes, len(program.shares)
+    c = "w" if _straight(program) else "c"
+    arrays = [] if c == "w" else [f"real c[{sum(sizes)}];"]
     if not program.shares:
-        lines = [f"real a[{program.domain.corners}];", f"real c[{sum(sizes)}];"]
-        return [*lines, "flags |= onto_simplex(alpha, a);", *_sums(sizes)]
-    own = sizes == (2,) * len(program.shares)  # a simplex a parameter
-    m = "c" if own else "m"
-    lines = [f"real {name}[{size}];" for name, size in _arrays(program, own)]
+        if len(sizes) == 1:
+            return [*arrays, f"const uint32_t flags = onto_simplex(alpha, {c});"]
+        arrays.append(f"real a[{program.domain.corners}];")
+        return [*arrays, "const uint32_t flags = onto_simplex(alpha, a);", "", *_sums(sizes)]
+    inside = [
+        f"const real p{k} = inside(p[{k}], P{k}_LOW, P{k}_HIGH, &flags);" for k in range(count)
+    ]
+    own = sizes == (2,) * count  # a simplex a parameter
+    if not own:
+        arrays.append(f"real m[{2 * count}]; /* of each parameter: how near to low, to high */")
+    lines = [*inside, *arrays, ""]
     for k, share in enumerate(program.shares):
-        lines += _placed(program.number, k, share, m)
-    return lines if own else lines + _products(len(program.shares))
+        lines += _placed(program.number, k, share, c if own else "m")
+    return lines if own else lines + _products(c, count)
 
 
-def _arrays(program: Scheduled, own: bool) -> list[tuple[str, int]]:
-    count = 2 * len(program.shares)
-    return [("c", count)] if own else [("m", count), ("c", program.domain.corners)]
+def _straight(program: Scheduled) -> bool:
+    return program.degree == 1 and len(program.domain.sizes) == 1
 
 
 def _placed(number: Number, k: int, share: Share, m: str) -> list[str]:
-    """Return the lines that clamp a parameter and find its two weights."""
-    text = number.text
-    low, high, scale = (text(v) for v in (share.low, share.high, share.scale))
-    from_low = f"(p{k} - {low})" if share.low >= 0 else f"(p{k} + {text(-share.low)})"
-    where = f"{scale} * {from_low}" + (f" / p{k}" if share.parameter.inverted else "")
+    """Return the lines that find a parameter's two weights."""
+    over = f" / p{k}" if share.parameter.inverted else ""
     return [
-        f"const real p{k} = inside(p[{k}], {low}, {high}, &flags);",
-        f"{m}[{2 * k + 1}] = fraction({where});",
-        f"{m}[{2 * k}] = {text(1.0)} - {m}[{2 * k + 1}];",
+        f"{m}[{2 * k + 1}] = fraction(P{k}_SCALE * (p{k} - P{k}_LOW){over});",
+        f"{m}[{2 * k}] = {number.text(1.0)} - {m}[{2 * k + 1}];",
     ]
 
 
-def _products(count: int) -> list[str]:
+def _products(c: str, count: int) -> list[str]:
     """Return the lines that make alpha of the parameters' weights."""
     corners = product(*((2 * k, 2 * k + 1) for k in range(count)))
     return [
-        f"c[{j}] = {' * '.join(f'm[{k}]' for k in corner)};" for j, corner in enumerate(corners)
+        f"{c}[{j}] = {' * '.join(f'm[{k}]' for k in corner)};" for j, corner in enumerate(corners)
     ]
 
 
@@ -232,10 +232,32 @@ def _term(number: Number, multinomial: int, exponent: Exponent) -> str:
 
 
 def sources(program: Program, texts: Texts) -> dict[str, str]:
-    """Return the law's header and source, by the files' names."""
+    """Return the law's header and source, by the files' names.
+
+    Raises
+    ------
+    InputError
+        If the name cannot begin C names, a text is missing, or a limit is no positive number.
+    """
     check_c_name(texts.name)
+    _check(program, texts)
     templates, given = environment(), context(program, texts)
     return {
         f"{texts.name}.{ending}": templates.get_template(f"law.{ending}.j2").render(given)
         for ending in "hc"
     }
+
+
+def _check(program: Program, texts: Texts) -> None:
+    """Refuse texts that are not those of the program: the header counts them."""
+    n, m = program.shape
+    if (len(texts.states), len(texts.inputs)) != (n, m):
+        raise InputError(
+            f"{len(texts.states)} states and {len(texts.inputs)} inputs are named; the law has "
+            f"{n} and {m}"
+        )
+    if texts.limits and len(texts.limits) != m:
+        raise InputError(f"{len(texts.limits)} limits are given; the law has {m} inputs")
+    for limit in texts.limits:
+        if not LEAST <= limit <= MOST:
+            raise InputError(f"limit = {limit!r} must be a number from {LEAST:g} to {MOST:g}")

@@ -32,7 +32,8 @@ def claim_document(claim: ServiceClaim) -> dict[str, Any]:
         table = {"kind": "estimate", "errors": plain(claim.errors)}
     elif isinstance(claim, Gain):
         table = {"kind": "gain", "error": plain(claim.error)}
-        table |= {key: plain(getattr(claim, key)) for key in ("rows", "columns", "mu")}
+        table |= {"rows": plain(claim.rows), "mu": plain(claim.mu)}
+        table["columns"] = [plain(c) for c in claim.columns]
     elif isinstance(claim, Rate):
         rates = "any" if claim.rates is None else plain(claim.rates)
         table = {"kind": "rate", "decay": plain(claim.decay), "rates": rates}
@@ -102,12 +103,10 @@ def statement(claim: ServiceClaim, document: dict[str, Any]) -> str:
     """Say in a line what is claimed."""
     tables = document["design"]["plant"].get("parameters", [])
     names = [(t["name"], t.get("unit") or "") for t in tables]
-    parts = claim.subject.design.region
-    region = " & ".join(
-        f"{part.kind}({', '.join(exactly(float(v)) for v in part.numbers)})" for part in parts
-    )
+    region = region_text(claim.subject.design)
     if isinstance(claim, Gain):
-        return f"errors of the gain up to {_text(claim.error)} of each column, poles in {region}"
+        measure = "of each column" if isinstance(claim.columns[0], Fraction) else "times T"
+        return f"errors of the gain up to {_text(claim.error)} {measure}, poles in {region}"
     if isinstance(claim, Estimate):
         share = f"a share {_text(claim.errors[0])} of the weight mislaid"
         errors = _listed("{} wrong by up to {} {}", names, claim.errors) if names else share
@@ -118,6 +117,14 @@ def statement(claim: ServiceClaim, document: dict[str, Any]) -> str:
     weight = f"alpha moving by up to {_text(claim.rates[0])} 1/s"
     rates = _listed("{} moving by up to {} {}/s", names, claim.rates) if names else weight
     return f"{rates}, {stable}"
+
+
+def region_text(design: exact.Claim) -> str:
+    """Return the region of a claim as people write it."""
+    return " & ".join(
+        f"{part.kind}({', '.join(exactly(float(v)) for v in part.numbers)})"
+        for part in design.region
+    )
 
 
 def _listed(text: str, names: list[tuple[str, str]], values: tuple[Fraction, ...]) -> str:

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from polefence.design import Design
 from polefence.plant.system import Array
+from polefence.region import Pair
 from polefence.service.floats import (
     Balanced,
     are_positive,
@@ -25,10 +26,19 @@ WIDTH = 9.0  # decades of mu that it looks at
 
 @dataclass(frozen=True, eq=False)
 class Scales:
-    """What an error of the gain is measured by: K is off by error * diag(rows) D diag(columns)."""
+    """What an error of the gain is measured by: K is off by error * diag(rows) D diag(columns).
+
+    Or by error * diag(rows) D columns, where columns is a matrix.
+    """
 
     rows: Array
     columns: Array
+
+    def across(self, T: Array) -> Array:
+        """Return diag(columns) T, or columns T, transposed."""
+        if self.columns.ndim == 1:
+            return np.asarray(T.T * self.columns)
+        return np.asarray((self.columns @ T).T)
 
 
 def scales_of(design: Design) -> Scales:
@@ -48,17 +58,43 @@ def largest(
     design: Balanced, scales: Scales, pieces: int, elevation: int
 ) -> tuple[float, tuple[float, ...]]:
     """Return the largest error that is proved in floats, -1 where none is, and mu for each L, M."""
-    X, N, B = design.loop(whole_points(design, pieces, elevation))
-    if not design.disks and not are_positive(X):
+    found = largest_each(design, scales, pieces, elevation)
+    if not found:
         return -1.0, ()
-    left, right = B * scales.rows, X @ (design.T.T * scales.columns)  # x = T y
+    return min(error for error, _ in found), tuple(mu for _, mu in found)
+
+
+def largest_each(
+    design: Balanced, scales: Scales, pieces: int, elevation: int
+) -> list[tuple[float, float]]:
+    """Return for each L, M the largest error proved in floats, and its mu; empty where none is."""
+    loop = design.loop(whole_points(design, pieces, elevation))
+    return largest_of(design.pairs, not design.disks, loop, design.T, scales)
+
+
+def largest_of(
+    pairs: Sequence[Pair],
+    bounded: bool,
+    loop: tuple[Array, Array, Array],
+    T: Array,
+    scales: Scales,
+) -> list[tuple[float, float]]:
+    """Return for each L, M the largest error proved in floats, and its mu; empty where none is.
+
+    ``loop`` has the coefficients of X, N and B in coordinates y, x = T y; ``bounded`` says that
+    X > 0 is asked for besides.
+    """
+    X, N, B = loop
+    if bounded and not are_positive(X):
+        return []
+    left, right = B * scales.rows, X @ scales.across(T)
     found = []
-    for L, M in design.pairs:
+    for L, M in pairs:
         F = region_block((L, M), X, N)
         if not are_positive(F):
-            return -1.0, ()
+            return []
         found.append(_largest(F, M, left, right))
-    return min(error for error, _ in found), tuple(mu for _, mu in found)
+    return found
 
 
 def _largest(F: Array, M: Array, left: Array, right: Array) -> tuple[float, float]:

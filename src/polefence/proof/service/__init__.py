@@ -10,9 +10,11 @@ about every parameter value of the plant, or every alpha where the plant has no 
               times p_i, or q_i, so is what is affine in 1/p_i, or 1/q_i. Without parameters:
               p = (1 - e) a + e u, q = (1 - e) a + e v, a, v in the simplex, u its corners.
     gain      all poles of A + B (K + e S D T) lie in the region for all |D| <= 1, S and T the
-              diagonal matrices of ``rows`` and ``columns``: for each L, M = M1 M2 there is mu > 0
-              (Petersen 1987) with
-              [ F, mu M1 (x) B S, e M2' (x) W T ; *, mu I, 0 ; *, 0, mu I ] > 0.
+              diagonal matrices of ``rows`` and ``columns``, or T any matrix: for each L, M = M1 M2
+              there is mu > 0 (Petersen 1987) with
+              [ F, mu M1 (x) B S, e M2' (x) W T' ; *, mu I, 0 ; *, 0, mu I ] > 0.
+              Of a law that was given (the method lyapunov) with each part's own X for W, and
+              N = (A + B K) X, in the certificate's own domain and degrees; see `given`.
     rate      x' W^-1 x decreases faster than exp(-2 a t) for all |dp_i/dt| <= r_i:
               -(N + N' + 2 a W) + dW/dt > 0, all signs; d(1/p)/dt = -(1/p)^2 dp/dt. Without
               parameters alpha' = r (u - v), u and v corners.
@@ -30,7 +32,9 @@ from fractions import Fraction
 from polefence.proof.exact import (
     MAX_DEGREE,
     MAX_WORK,
+    Claim,
     FormatError,
+    Rationals,
     Verdict,
     _characteristic_pairs,
     _fault,
@@ -49,6 +53,7 @@ from polefence.proof.service.claims import (
     ServiceClaim,
     Subject,
 )
+from polefence.proof.service.given import asymmetric, count_given, require_given
 from polefence.proof.service.inequalities import blocks
 from polefence.proof.service.pieces import degree_of, law_of
 from polefence.proof.service.reading import FORMAT, read_service
@@ -81,10 +86,9 @@ def prove_service(claim: ServiceClaim) -> Verdict:
         fault = _fault(part)
         if fault:
             return Verdict(False, fault)
-    W, _ = law_of(claim.subject.design)
-    for k, w in enumerate(W):
-        if not _is_symmetric(w):
-            return Verdict(False, f"W {k + 1} is not symmetric")
+    fault = _asymmetric(claim.subject.design)
+    if fault:
+        return Verdict(False, f"{fault} is not symmetric")
     count = 0
     for name, matrix in blocks(claim):
         if not is_positive_definite(matrix):
@@ -93,11 +97,23 @@ def prove_service(claim: ServiceClaim) -> Verdict:
     return Verdict(True, f"{count} inequalities positive definite in exact arithmetic")
 
 
+def _asymmetric(design: Claim) -> str:
+    """Name a matrix that ought to be symmetric and is not; "" where there is none."""
+    if design.method == "lyapunov":
+        return asymmetric(design)
+    W, _ = law_of(design)
+    return next((f"W {k + 1}" for k, w in enumerate(W) if not _is_symmetric(w)), "")
+
+
 def _require_consistent(claim: ServiceClaim) -> None:
     subject = claim.subject
     design, count = subject.design, max(len(subject.ranges), 1)
     n, m = len(design.A[0]), len(design.B[0][0])
-    W, _ = law_of(design)
+    W: list[Rationals] = []
+    if isinstance(claim, Gain) and design.method == "lyapunov":
+        require_given(claim)
+    else:
+        W, _ = law_of(design)
     if subject.ranges and len(design.A) != 2 ** len(subject.ranges):
         raise FormatError(
             f"{len(subject.ranges)} parameters need {2 ** len(subject.ranges)} corners"
@@ -120,8 +136,9 @@ def _require_consistent(claim: ServiceClaim) -> None:
             raise FormatError("errors: a share is at most 1")
     elif isinstance(claim, Gain):
         _numbers((claim.error,), 1, "error")
-        for key, length in (("rows", m), ("columns", n), ("mu", pairs)):
+        for key, length in (("rows", m), ("mu", pairs)):
             _numbers(getattr(claim, key), length, key, positive=True)
+        _require_columns(claim, n)
     else:
         _numbers((claim.decay,), 1, "decay")
         if claim.rates is not None:
@@ -133,6 +150,14 @@ def _require_consistent(claim: ServiceClaim) -> None:
         raise FormatError("these are more inequalities, or larger ones, than are checked here")
 
 
+def _columns(claim: Gain, n: int) -> None:
+    numbers = [c for c in claim.columns if isinstance(c, Fraction)]
+    if numbers:
+        _numbers(tuple(numbers), n, "columns", positive=True)
+    elif not claim.right or any(len(row) != n for row in claim.right):
+        raise FormatError(f"columns must hold {n} numbers, or rows of {n}")
+
+
 def _numbers(values: tuple[Fraction, ...], count: int, key: str, positive: bool = False) -> None:
     if len(values) != count:
         raise FormatError(f"{key} must hold {count} numbers")
@@ -140,9 +165,19 @@ def _numbers(values: tuple[Fraction, ...], count: int, key: str, positive: bool 
         raise FormatError(f"{key} must be {'positive' if positive else 'zero or more'}")
 
 
+def _require_columns(claim: Gain, n: int) -> None:
+    numbers = tuple(c for c in claim.columns if isinstance(c, Fraction))
+    if numbers or len(claim.columns) != n:
+        _numbers(numbers, n, "columns", positive=True)
+    elif any(len(row) != n for row in claim.right):
+        raise FormatError(f"columns must hold {n} rows of {n} numbers")
+
+
 def _work(claim: ServiceClaim, varying: bool) -> tuple[int, int]:
     """Return how many inequalities there are at most, W > 0 left out, and half their size."""
     subject, size = claim.subject, len(claim.subject.design.A[0])
+    if isinstance(claim, Gain) and subject.design.method == "lyapunov":
+        return count_given(claim), 2 * size + len(claim.rows)
     degree, N, q = degree_of(subject.design), len(subject.design.A), len(subject.ranges)
     raised = degree + 1 + subject.elevation
     each = math.prod(subject.pieces) * len(subject.design.region)

@@ -50,15 +50,26 @@ class Estimate:
 class Gain:
     """The poles stay in the region while the gain is off by ``error`` S D T, |D| <= 1.
 
-    S and T are diagonal, of ``rows`` (a number an input) and ``columns`` (a number a state).
-    ``mu`` has one number for each L, M of the region.
+    S is diagonal, of ``rows`` (a number an input); T too, of ``columns`` (a number a state), or it
+    is any matrix, with ``columns`` its rows. ``mu`` has one number for each L, M of the region.
     """
 
     subject: Subject
     error: Fraction
     rows: tuple[Fraction, ...]
-    columns: tuple[Fraction, ...]
+    columns: tuple[Fraction | tuple[Fraction, ...], ...]
     mu: tuple[Fraction, ...]
+
+    @property
+    def right(self) -> list[list[Fraction]]:
+        """T in full."""
+        n, zero, full = len(self.columns), Fraction(0), list[list[Fraction]]()
+        for i, own in enumerate(self.columns):
+            if isinstance(own, tuple):
+                full.append(list(own))
+            else:
+                full.append([own if i == j else zero for j in range(n)])
+        return full
 
 
 @dataclass(frozen=True)

@@ -4,31 +4,27 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass
 from fractions import Fraction
 from itertools import permutations, product
 
 from polefence.proof.exact import (
-    MAX_BITS,
     Exponent,
     Integers,
     Polynomial,
-    Rationals,
     _add,
     _block,
     _characteristic_pairs,
-    _denominator,
     _elevated,
-    _integers,
     _integral,
     _multiple,
     _plus,
     _sum,
     _times,
-    _transposed,
     _weighted,
 )
+from polefence.proof.service.border import border_of
 from polefence.proof.service.claims import Estimate, Gain, Rate, ServiceClaim, Subject
+from polefence.proof.service.given import perturbed
 from polefence.proof.service.pieces import (
     Cell,
     Family,
@@ -45,6 +41,9 @@ Named = Iterator[tuple[str, Integers]]
 
 def blocks(claim: ServiceClaim) -> Named:
     """Yield each inequality's name and its matrix, times a positive integer."""
+    if isinstance(claim, Gain) and claim.subject.design.method == "lyapunov":
+        yield from perturbed(claim)
+        return
     family = family_of(claim.subject)
     for cell in estimates(claim) if isinstance(claim, Estimate) else cells(claim.subject):
         if isinstance(claim, Estimate):
@@ -102,77 +101,10 @@ def _perturbed(family: Family, cell: Cell, claim: Gain) -> Named:
     for part in subject.design.region:
         for L, M in _characteristic_pairs(part):
             L_, M_, common = _integral(L, M, family.plant)
-            border = _border(claim, next(numbers), M, (common, family.plant, family.law))
+            border = border_of(claim, next(numbers), M, (common, family.plant, family.law))
             for e in order:
                 F = _block(L_, M_, X[e], N[e])
                 yield _name(part.kind, e, cell), border.around(F, X[e], B[e], one[e][0][0])
-
-
-@dataclass(frozen=True)
-class _Border:
-    """Completes F to [ F, mu M1 (x) B S, e M2' (x) W T ; *, mu I, 0 ; *, 0, mu I ].
-
-    ``left`` has mu M1 times the diagonal of S, ``right`` e M2' times that of T, for each entry of
-    M1 and M2'; all whole numbers, F to come times ``whole``.
-    """
-
-    left: list[Integers]
-    right: list[Integers]
-    corner: int
-    whole: int
-
-    def around(self, F: Integers, X: Integers, B: Integers, one: int) -> Integers:
-        """Return the block of one coefficient; ``one`` is that of the number 1."""
-        upper = []
-        for i, row in enumerate(F):
-            a, k = divmod(i, len(X))
-            beside = [s * b for each in self.left[a] for s, b in zip(each, B[k], strict=True)]
-            beside += [t * x for each in self.right[a] for t, x in zip(each, X[k], strict=True)]
-            upper.append((_times(self.whole, [row])[0], beside))
-        size, diagonal = len(upper[0][1]), self.corner * one
-        lower = _transposed([beside for _, beside in upper])
-        return [row + beside for row, beside in upper] + [
-            column + [diagonal * (i == j) for j in range(size)] for i, column in enumerate(lower)
-        ]
-
-
-def _border(claim: Gain, mu: Fraction, M: Rationals, units: tuple[int, int, int]) -> _Border:
-    """Return the border for one L, M; F comes times all ``units``, B and X times one each."""
-    common, plant, law = units
-    M1, M2 = _factors(M)
-    d, rank = len(M), len(M2)
-    left = [[mu * common * law * x * s for s in claim.rows] for row in M1 for x in row]
-    right = [
-        [claim.error * common * plant * row[a] * t for t in claim.columns]
-        for a in range(d)
-        for row in M2
-    ]
-    corner = mu * common * plant * law
-    whole = _denominator([left, right, [[corner]]], 8 * MAX_BITS)
-    lefts, rights = _integers(left, whole), _integers(right, whole)
-    return _Border(
-        [lefts[a * rank : (a + 1) * rank] for a in range(d)],
-        [rights[a * rank : (a + 1) * rank] for a in range(d)],
-        int(corner * whole),
-        whole,
-    )
-
-
-def _factors(M: Rationals) -> tuple[Rationals, Rationals]:
-    """Return M1, M2 of full rank with M = M1 M2: M's pivot columns, its reduced rows."""
-    rows, pivots = [list(row) for row in M], list[int]()
-    for column in range(len(M[0])):
-        r = len(pivots)
-        pivot = next((i for i in range(r, len(rows)) if rows[i][column]), None)
-        if pivot is None:
-            continue
-        rows[r], rows[pivot] = rows[pivot], rows[r]
-        rows[r] = [value / rows[r][column] for value in rows[r]]
-        for i, row in enumerate(rows):
-            if i != r and row[column]:
-                rows[i] = [x - row[column] * y for x, y in zip(row, rows[r], strict=True)]
-        pivots.append(column)
-    return [[row[p] for p in pivots] for row in M], rows[: len(pivots)]
 
 
 def _moving(family: Family, cell: Cell, claim: Rate) -> Named:

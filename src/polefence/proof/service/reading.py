@@ -20,6 +20,7 @@ from polefence.proof.exact import (
     _list,
     _only,
     read_document,
+    read_matrix,
     read_number,
     read_region,
 )
@@ -102,8 +103,19 @@ def _estimate(subject: Subject, document: dict[str, Any]) -> Estimate:
 
 
 def _gain(subject: Subject, document: dict[str, Any]) -> Gain:
-    rows, columns, mu = (_numbers(document, key) for key in ("rows", "columns", "mu"))
-    return Gain(subject, _number(document, "error"), rows, columns, mu)
+    rows, mu = (_numbers(document, key) for key in ("rows", "mu"))
+    return Gain(subject, _number(document, "error"), rows, _columns(subject, document), mu)
+
+
+def _columns(
+    subject: Subject, document: dict[str, Any]
+) -> tuple[Fraction | tuple[Fraction, ...], ...]:
+    """Return numbers, or the rows of a matrix."""
+    value = _list(_at(document, "service", "columns"), "service.columns", MAX_SIZE)
+    if not isinstance(value[0], list):
+        return _numbers(document, "columns")
+    n = len(subject.design.A[0])
+    return tuple(map(tuple, read_matrix(value, "service.columns", n, n)))
 
 
 def _rate(subject: Subject, document: dict[str, Any]) -> Rate:

@@ -1,0 +1,82 @@
+"""``polefence export``: a design as C99, an FMU or a MATLAB file."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import Any
+
+from polefence.commands.shared import NOT_PROVED, PROVED
+from polefence.design import Design
+from polefence.export import export_c99
+from polefence.export.c99 import check_c_name
+from polefence.export.exported import GIVEN, Exported, marks
+from polefence.export.folder import check_folder
+
+LANGUAGES = ("c99", "fmu", "mat")
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the options of `export`."""
+    parser.add_argument(
+        "design", type=Path, metavar="DESIGN", help="design.json, or the folder with it"
+    )
+    parser.add_argument("--lang", choices=LANGUAGES, default="c99", help="default: c99")
+    parser.add_argument(
+        "--float",
+        type=int,
+        choices=(32, 64),
+        default=64,
+        dest="bits",
+        help="numbers of the code; default: 64",
+    )
+    parser.add_argument(
+        "-o", "--output", type=Path, required=True, metavar="OUT", help="folder to write"
+    )
+    parser.add_argument(
+        "--name", default="law", metavar="NAME", help="begins the names of files and functions"
+    )
+    parser.add_argument(
+        "--given", choices=GIVEN, help="what the code is given; default: parameters, if any"
+    )
+    parser.add_argument(
+        "--limit",
+        type=float,
+        action="append",
+        default=[],
+        metavar="U",
+        help="cut each input to +-U, in its unit; repeat for one value an input",
+    )
+    parser.add_argument(
+        "--allow-unproved", action="store_true", help="export even where nothing is proved"
+    )
+
+
+def export_command(options: Any) -> int:
+    """Write a design as code for a microprocessor, with what is proved of it."""
+    check_c_name(options.name)
+    check_folder(options.output, marks(options.name))
+    design = Design.load(options.design, allow_unproved=options.allow_unproved)
+    limits = options.limit[0] if len(options.limit) == 1 else options.limit
+    found = export_c99(
+        design,
+        options.bits,
+        name=options.name,
+        given=options.given,
+        limits=limits,
+        allow_unproved=options.allow_unproved,
+    )
+    paths = found.save(options.output)
+    _print(found)
+    for path in paths:
+        print(f"saved: {path}")
+    return PROVED if found.guarantee.proved else NOT_PROVED
+
+
+def _print(found: Exported) -> None:
+    made = found.guarantee
+    print(f"{found.texts.title}: {found.program.number.c_type} code")
+    for line in found.texts.statement:
+        print(f"  {line}")
+    if made.tolerated > 0:
+        print(f"  rounding {made.rounding:.2e}, tolerated {made.tolerated:.2e}")

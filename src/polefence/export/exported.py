@@ -1,0 +1,192 @@
+"""From a design to a folder of C99, with what is guaranteed of it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from polefence.design import Design, check
+from polefence.errors import InputError, NotProvedError
+from polefence.export.c99 import MARKER, Texts, check_c_name, context, environment, sources
+from polefence.export.documents import FILE_NAME, guarantee_text
+from polefence.export.folder import check_folder, write_folder
+from polefence.export.guarantee import Guarantee, guarantee
+from polefence.export.number import number
+from polefence.export.program import Program, Scheduled, program
+from polefence.export.vectors import harness, makefile
+from polefence.law import FixedGain
+from polefence.plant.parameters import Parameter
+from polefence.proof.rounding import FORMAT
+from polefence.region_text import digits_up, short_text
+
+GIVEN = ("parameters", "alpha")
+
+
+@dataclass(frozen=True, eq=False)
+class Exported:
+    """A law as code.
+
+    Attributes
+    ----------
+    design : Design
+    program : Program
+        The numbers that the code has.
+    texts : Texts
+        What the code says of itself.
+    guarantee : Guarantee
+        What is proved of it.
+    files : mapping of str to bytes
+        The folder's contents.
+    """
+
+    design: Design
+    program: Program
+    texts: Texts
+    guarantee: Guarantee
+    files: dict[str, bytes] = field(repr=False, default_factory=dict)
+
+    def save(self, directory: str | Path) -> list[Path]:
+        """Write the folder, each file whole, and return the files' paths.
+
+        Raises
+        ------
+        OutputError
+            If it holds files of others, or cannot be written.
+        """
+        check_folder(Path(directory), marks(self.texts.name))
+        return write_folder(Path(directory), self.files)
+
+
+def export_c99(
+    design: Design,
+    bits: int = 64,
+    *,
+    name: str = "law",
+    given: str | None = None,
+    limits: Sequence[float] | float = (),
+    allow_unproved: bool = False,
+) -> Exported:
+    """Return a law as C99 for a microprocessor, proved with the rounding of its own arithmetic.
+
+    Parameters
+    ----------
+    design : Design
+    bits : int
+        32 or 64: the code computes in float or in double.
+    name : str
+        Begins the names of files and functions; a C identifier.
+    given : str, optional
+        "parameters" or "alpha": what the code is given; parameters where the plant has them.
+    limits : float or sequence of float
+        Largest absolute value of the inputs, one for all or one each; none without. What is proved
+        is about the law within them.
+    allow_unproved : bool
+        Export even where rounding is not proved to leave the poles in the region; the code and its
+        folder then say so.
+
+    Returns
+    -------
+    Exported
+        Its `save` writes the folder.
+
+    Raises
+    ------
+    NotProvedError
+        If the design, or the design with the code's rounding, is not proved.
+    InputError
+        If an option cannot be used, or the law cannot be exported.
+    """
+    check_c_name(name)
+    parameters = _given(design, given)
+    made = program(design.law, parameters, number(bits))
+    cuts = _limits(limits, len(design.plant.inputs) or design.plant.shape[1])
+    answer = check(design)
+    if not answer.proved and not allow_unproved:
+        raise NotProvedError(f"not exported: the design is not proved: {answer.reason}")
+    found = guarantee(design, made)
+    if not found.proved and not allow_unproved:
+        raise NotProvedError(f"not exported: {found.reason}")
+    texts = _texts(design, name, cuts, found)
+    return Exported(design, made, texts, found, _files(design, made, texts, found))
+
+
+def marks(name: str) -> dict[str, bytes]:
+    """Return the names of an export's files, and what marks each as one."""
+    texts = [f"{name}.c", f"{name}.h", f"{name}_test.c", "Makefile", "README.md"]
+    return dict.fromkeys(texts, MARKER.encode()) | {FILE_NAME: FORMAT.encode()}
+
+
+def _given(design: Design, given: str | None) -> tuple[Parameter, ...]:
+    if given not in (None, *GIVEN):
+        raise InputError(f"given = {given!r} is unknown; use {' or '.join(GIVEN)}")
+    if given == "parameters" and not design.plant.parameters:
+        raise InputError("given = 'parameters': this plant was given by its vertices; use 'alpha'")
+    if isinstance(design.law, FixedGain) or given == "alpha":
+        return ()
+    return design.plant.parameters
+
+
+def _limits(limits: Any, inputs: int) -> tuple[float, ...]:
+    values = (limits,) * inputs if isinstance(limits, int | float) else tuple(limits)
+    if values and len(values) != inputs:
+        raise InputError(f"limits: {len(values)} numbers for {inputs} inputs; one, or one each")
+    for value in values:
+        if not (isinstance(value, int | float) and 1e-30 < value < 1e30):
+            raise InputError(f"limits: {value!r} must be a positive number, in the input's unit")
+    return tuple(map(float, values))
+
+
+def _texts(design: Design, name: str, limits: tuple[float, ...], found: Guarantee) -> Texts:
+    plant = design.plant
+    n, m = plant.shape
+    return Texts(
+        name,
+        plant.name,
+        tuple(statement(design, limits, found)),
+        tuple(plant.states) or tuple(f"state {j + 1}" for j in range(n)),
+        tuple(plant.inputs) or tuple(f"input {j + 1}" for j in range(m)),
+        limits,
+    )
+
+
+def statement(design: Design, limits: tuple[float, ...], found: Guarantee) -> list[str]:
+    """Say in lines what is guaranteed of the code."""
+    region = short_text(design.region)
+    if not found.proved:
+        return [f"NOT PROVED to keep the poles in {region}:", f"{found.reason}."]
+    lines = [
+        f"Proved in exact arithmetic: all poles of A + B K lie in {region}, whatever the",
+        "parameters, with the gain as this code computes it; its rounding is at most",
+        f"{digits_up(100 * found.share, 2)} % of what the design tolerates.",
+        "At constant parameters, without sampling, delay, underflow"
+        + (" or limits." if limits else "."),
+    ]
+    return lines
+
+
+def _files(design: Design, made: Program, texts: Texts, found: Guarantee) -> dict[str, bytes]:
+    code = {key: text.encode() for key, text in sources(made, texts).items()}
+    files = dict(code)
+    files[f"{texts.name}_test.c"] = harness(made, texts, design.law).encode()
+    files["Makefile"] = makefile(texts).encode()
+    template = environment().get_template("README.md.j2")
+    files["README.md"] = template.render(context(made, texts) | _facts(made, found)).encode()
+    if found.claim is not None:
+        files[FILE_NAME] = guarantee_text(found.design, found.claim, code).encode()
+    return files
+
+
+def _facts(made: Program, found: Guarantee) -> dict[str, Any]:
+    return {"proved": found.proved, "bytes": local_bytes(made)}
+
+
+def local_bytes(made: Program) -> int:
+    """Return the bytes of the arrays that an update keeps on the stack."""
+    if not isinstance(made, Scheduled):
+        return 0
+    n, _ = made.shape
+    own = len(made.shares) * 2 if made.shares else made.domain.corners
+    count = own + sum(made.domain.sizes) + len(made.W) + (n + 1) * n + n
+    return count * made.number.bits // 8

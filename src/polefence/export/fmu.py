@@ -1,0 +1,118 @@
+"""A law as a functional mock-up unit: FMI 2.0 or 3.0, co-simulation, from the exported sources.
+
+Source: Functional Mock-up Interface, versions 2.0 and 3.0, fmi-standard.org.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import io
+import math
+import uuid
+import zipfile
+from typing import Any
+
+from polefence.errors import InputError
+from polefence.export import c99
+from polefence.export.c99 import Texts
+from polefence.export.fmi_variables import plain, variables
+from polefence.export.program import Program
+from polefence.export.shared_library import library
+
+VERSIONS = ("2.0", "3.0")
+EPOCH = (1980, 1, 1, 0, 0, 0)  # the first time that a zip file can say
+
+
+def fmu(
+    program: Program,
+    texts: Texts,
+    *,
+    version: str,
+    compiler: str = "cc",
+    step: float | None = None,
+) -> bytes:
+    """Return an FMU of co-simulation, with sources and the library that the compiler makes of them.
+
+    Inputs are the states x, then the parameters or weights that the program is given; outputs are
+    u and the flags. All real variables are doubles, whatever the law computes with. u is always
+    that of the inputs as they are now, also before the first step. The same program, texts and
+    compiler give the same bytes.
+
+    Parameters
+    ----------
+    version : "2.0" or "3.0"
+        Of FMI.
+    compiler : str
+        A C compiler that takes the options of gcc.
+    step : float, optional
+        Step [s] that importers take unless told otherwise.
+
+    Raises
+    ------
+    InputError
+        If version or step cannot be used, the compiler is missing, fails, or builds for a system
+        that FMI does not know.
+    """
+    if version not in VERSIONS:
+        raise InputError(f"FMI version = {version!r} is unknown; use {' or '.join(VERSIONS)}")
+    if step is not None and not (math.isfinite(step) and step > 0):
+        raise InputError(f"step = {step!r} s; give a number above zero")
+    description, sources = _texts(program, texts, version, step)
+    place, binary = library(sources, texts.name, version, compiler)
+    files: dict[str, bytes] = {"modelDescription.xml": description.encode()}
+    files |= {f"sources/{name}": text.encode() for name, text in sources.items()}
+    return _zipped(files | {place: binary})
+
+
+def _texts(
+    program: Program, texts: Texts, version: str, step: float | None
+) -> tuple[str, dict[str, str]]:
+    """Return the model description and the sources, which know a digest of both."""
+    law, common = c99.sources(program, texts), c99.context(program, texts)
+    fmi = f"fmi{version[0]}"
+    given = common | variables(program, texts, common)
+    given |= {
+        "title": plain(texts.title) or texts.name,
+        "description": plain(" ".join(texts.statement)),
+        "step": "" if step is None else repr(float(step)),
+        "c_files": [f"{texts.name}.c", f"{texts.name}_{fmi}.c"],
+        "fmi": fmi,
+        "handle": "fmi2Component" if fmi == "fmi2" else "fmi3Instance",
+        "flags_type": "fmi2Integer" if fmi == "fmi2" else "fmi3UInt32",
+    }
+    unsigned = _rendered(fmi, given | {"token": "", "design": "0U"})
+    digest = hashlib.sha256()
+    for text in (version, *law.values(), *unsigned.values()):
+        digest.update(hashlib.sha256(text.encode()).digest())
+    raw = digest.digest()
+    signature = {
+        "token": f"{{{uuid.UUID(bytes=raw[:16])}}}",
+        "design": f"{int.from_bytes(raw[16:20], 'big')}U",
+    }
+    found = _rendered(fmi, given | signature)
+    return found.pop("modelDescription.xml"), law | found
+
+
+def _rendered(fmi: str, given: dict[str, Any]) -> dict[str, str]:
+    code, name = c99.environment(), given["name"]
+    pages = code.overlay(autoescape=True)
+    found = {
+        "modelDescription.xml": pages.get_template(f"{fmi}.xml.j2").render(given),
+        f"{name}_{fmi}.h": code.get_template(f"{fmi}.h.j2").render(given),
+        f"{name}_{fmi}.c": code.get_template(f"{fmi}.c.j2").render(given),
+    }
+    if fmi == "fmi3":
+        found["buildDescription.xml"] = pages.get_template("fmi3.build.xml.j2").render(given)
+    return found
+
+
+def _zipped(files: dict[str, bytes]) -> bytes:
+    buffer = io.BytesIO()
+    with zipfile.ZipFile(buffer, "w", zipfile.ZIP_DEFLATED) as archive:
+        for name, content in files.items():
+            info = zipfile.ZipInfo(name, EPOCH)
+            info.create_system = 3  # or it would tell where it was made
+            info.external_attr = (0o755 if name.startswith("binaries/") else 0o644) << 16
+            info.compress_type = zipfile.ZIP_DEFLATED
+            archive.writestr(info, content)
+    return buffer.getvalue()

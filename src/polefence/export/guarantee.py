@@ -1,0 +1,188 @@
+"""Whether the region holds with the gain as the code computes it; proved, with what is needed."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from fractions import Fraction
+from math import inf
+
+import numpy as np
+
+from polefence.design import Design
+from polefence.export.number import Number
+from polefence.export.program import Fixed, Program, Scheduled, exactly, transformed
+from polefence.law import FixedGain
+from polefence.plant.system import Array
+from polefence.polynomial import Domain, Polynomial, bernstein, binomial, elevated, times
+from polefence.proof.certificate import Check
+from polefence.proof.exact import FormatError
+from polefence.proof.rounding import Code, Rounded, Share, prove_rounding, rounding_error
+from polefence.proof.service import Gain, Range, Subject
+from polefence.service.tolerated import claimed_design, gain_claim
+
+ELEVATIONS = 8
+ENOUGH = 0.95  # a higher elevation must gain so much
+MOST_COEFFICIENTS = 3000
+SLACK = 1e-3  # of bounds found in floats, for the exact proof
+TINY = 1e-30  # above zero, for a law that is zero
+BITS = 24  # of the scales of inputs and columns
+
+
+@dataclass(frozen=True, eq=False)
+class Guarantee:
+    """What rounding leaves of a design's claim.
+
+    Attributes
+    ----------
+    design : Design
+        The one whose matrices it is proved with; of the method "slack", another of the same gain.
+    rounding : float
+        Bound on the error of the gain as the code computes it, in the claim's scales.
+    tolerated : float
+        What the design's own matrices allow, found in floats; -1 where nothing is.
+    claim : Rounded, optional
+        What was proved; None where rounding may break the region.
+    reason : str
+        Why not, in one line; empty where it is proved.
+    """
+
+    design: Design
+    rounding: float
+    tolerated: float
+    claim: Rounded | None
+    reason: str = ""
+
+    @property
+    def proved(self) -> bool:
+        """Whether the region is proved for the code."""
+        return self.claim is not None
+
+    @property
+    def share(self) -> float:
+        """Rounding as a share of what is tolerated."""
+        return self.rounding / self.tolerated if self.tolerated > 0 else inf
+
+    def check(self) -> Check:
+        """Prove the claim afresh."""
+        if self.claim is None:
+            return Check("undecided", self.reason)
+        verdict = prove_rounding(self.claim)
+        return Check("proved" if verdict.proved else "undecided", verdict.reason)
+
+
+def guarantee(design: Design, program: Program) -> Guarantee:
+    """Prove that the region holds with the gain as the code computes it, or say why not."""
+    rows, columns = scales(program)
+    own = claimed_design(design)
+    if own is None:
+        reason = "nothing is proved of errors of this gain; design with 'scheduled' or 'quadratic'"
+        return Guarantee(design, inf, -1.0, None, reason)
+    claim = Rounded(_blank(own, rows, columns), code_of(program))
+    try:
+        claim = _with_bounds(own, program, claim)
+        needed = float(rounding_error(claim))
+    except FormatError as problem:
+        return Guarantee(own, inf, -1.0, None, str(problem))
+    tolerated, gain = gain_claim(own, rows, columns, needed)
+    if gain is None:
+        reason = _refusal(program.number, needed, tolerated)
+        return Guarantee(own, needed, tolerated, None, reason)
+    claim = replace(claim, gain=gain)
+    verdict = prove_rounding(claim)
+    if not verdict.proved:
+        return Guarantee(own, needed, tolerated, None, verdict.reason)
+    return Guarantee(own, needed, tolerated, claim)
+
+
+def _refusal(number: Number, needed: float, tolerated: float) -> str:
+    wider = "export with --float 64, or " if number.bits == 32 else ""
+    allowed = f"{tolerated:.2g}" if tolerated > 0 else "none"
+    return (
+        f"rounding in float{number.bits} may change the gain by {needed:.2g}, and {allowed} is "
+        f"proved to leave the poles in the region; {wider}design for a slightly larger region"
+    )
+
+
+def code_of(program: Program) -> Code:
+    """Return the code's constants as rationals."""
+    bits = program.number.bits
+    if isinstance(program, Fixed):
+        return Code(bits, K=exactly(program.K))
+    shares = tuple(
+        Share(Fraction(s.low), Fraction(s.high), Fraction(s.scale)) for s in program.shares
+    )
+    W, Z = (tuple(map(exactly, each)) for each in (program.W, program.Z))
+    return Code(bits, None, exactly(program.T), W, Z, shares)
+
+
+def scales(program: Program) -> tuple[Array, Array]:
+    """Return what an error of the gain is measured by: the rows' scales, and C of S D C.
+
+    For a fixed gain the largest entry of each column, else T.
+    """
+    if isinstance(program, Scheduled):
+        size = np.linalg.norm(program.Z, axis=-1).max(axis=0)
+        return _rows(size), program.T
+    size = np.abs(program.K)
+    columns = size.max(axis=0)
+    return _rows(size.max(axis=1)), _short(np.where(columns > 0, columns, columns.max() or 1.0))
+
+
+def _rows(size: Array) -> Array:
+    """Return the inputs' sizes relative to the largest."""
+    top = size.max()
+    return _short(np.where(size > 0, size, top) / top) if top > 0 else np.ones(len(size))
+
+
+def _short(values: Array) -> Array:
+    mantissa, exponent = np.frexp(values)
+    return np.asarray(np.ldexp(np.round(mantissa * 2.0**BITS), exponent - BITS))
+
+
+def _blank(design: Design, rows: Array, columns: Array) -> Gain:
+    """Return a claim of no error, for what of it the bound on rounding needs."""
+    ranges = tuple(Range(p.low, p.high, p.inverted) for p in design.plant.parameters)
+    subject = Subject(design.certificate.claim(), ranges, (1,) * len(ranges))
+    right = tuple(map(tuple, exactly(columns))) if columns.ndim == 2 else _exact(columns)
+    return Gain(subject, Fraction(0), _exact(rows), right, ())
+
+
+def _exact(values: Array) -> tuple[Fraction, ...]:
+    return tuple(Fraction(float(v)) for v in values)
+
+
+def _with_bounds(design: Design, program: Program, claim: Rounded) -> Rounded:
+    """Find bounds on W' and on Z' W'^-1, at the elevation that makes them sharpest."""
+    if isinstance(program, Fixed) or isinstance(design.law, FixedGain):
+        return claim
+    exact_W, exact_Z = transformed(design.law.W, design.law.Z, program.T)
+    rows = scales(program)[0][:, None]
+    domain, degree = program.domain, program.degree
+    W = bernstein(domain, np.array(exact_W, dtype=float), degree)
+    Z = bernstein(domain, np.array(exact_Z, dtype=float) / rows, degree)
+    square, best = times(W, W), (inf, 0.0, 0.0, 0)
+    for elevation in range(ELEVATIONS + 1):
+        if domain.count(2 * degree + elevation) > MOST_COEFFICIENTS:
+            break
+        smallest = float(np.linalg.eigvalsh(_raised(domain, W, degree, elevation)).min())
+        s = _raised(domain, square, 2 * degree, elevation)
+        if smallest <= 0 or np.linalg.eigvalsh(s).min() <= 0:
+            continue
+        z = _raised(domain, Z, degree, degree + elevation)
+        energy = np.linalg.eigvalsh(z @ np.linalg.solve(s, z.swapaxes(-1, -2))).max()
+        size = float(np.sqrt(max(energy, 0.0)))
+        if size / smallest < ENOUGH * best[0]:
+            best = size / smallest, smallest, size, elevation
+    if not best[1]:
+        raise FormatError("W of the law is not proved to be positive definite by its coefficients")
+    _, smallest, size, elevation = best
+    low, high = _exact(_short(np.array([smallest * (1 - SLACK), size * (1 + SLACK) + TINY])))
+    return replace(claim, smallest=low, size=high, elevation=elevation)
+
+
+def _raised(domain: Domain, P: Polynomial, degree: int, times: int) -> Array:
+    """Return the Bernstein coefficients of a polynomial at a higher degree."""
+    found = elevated(P, domain, times)
+    return np.array(
+        [found[e] / binomial(domain.sizes, e) for e in domain.monomials(degree + times)]
+    )

@@ -1,0 +1,118 @@
+"""A design as a MATLAB 5 file: the vertices, and the law's polynomials or its gain."""
+
+from __future__ import annotations
+
+import io
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from polefence.design import Design
+from polefence.files import write_bytes
+from polefence.law import FixedGain
+from polefence.plant.family import UncertainPlant
+from polefence.plant.system import Array
+from polefence.polynomial import binomial
+
+# In place of scipy's own text, which has a date: the same design makes the same file.
+HEADER = b"MATLAB 5.0 MAT-file, written by polefence"
+HEADER_LENGTH = 116
+
+
+def mat(design: Design, path: str | Path) -> Path:
+    """Write a design as a MATLAB 5 file, which MATLAB, GNU Octave and SciPy load.
+
+    Its variables: ``A`` (n, n, N), ``B`` (n, m, N), ``E`` (n, d, N) of the vertices, in SI units;
+    ``K`` (m, n) of one gain, else ``W`` (n, n, count) and ``Z`` (m, n, count), the Bernstein
+    coefficients, with ``degree``, ``exponents`` (count, coordinates) and ``multinomials``
+    (count, 1) of their terms, and ``sizes``, the corners of each simplex of the coordinates;
+    ``parameters``, a structure array (``name``, ``low``, ``high``, ``unit``, ``inverted`` where the
+    plant is affine in 1/p); cell arrays ``states``, ``inputs``, ``disturbances`` of names; texts
+    ``name``, ``method``, ``region``, ``statement``; and ``sample_time`` [s], in discrete time.
+
+    Returns
+    -------
+    Path
+        Of the file.
+
+    Raises
+    ------
+    OutputError
+        If it cannot be written; nothing is left half-written.
+    """
+    from scipy.io import savemat  # deferred: slow to import
+
+    stream = io.BytesIO()
+    savemat(stream, variables(design), oned_as="row")
+    content = stream.getvalue()
+    where = Path(path)
+    write_bytes(where, HEADER.ljust(HEADER_LENGTH) + content[HEADER_LENGTH:])
+    return where
+
+
+def variables(design: Design) -> dict[str, Any]:
+    """Return what the file holds, by its names in MATLAB."""
+    plant = design.plant
+    found: dict[str, Any] = {
+        "A": _stacked(plant.A),
+        "B": _stacked(plant.B),
+        "name": plant.name,
+        "states": _cells(plant.states),
+        "inputs": _cells(plant.inputs),
+        "disturbances": _cells(plant.disturbances),
+        "parameters": _parameters(plant),
+        "region": str(design.region),
+        "method": design.method,
+        "statement": statement(design),
+    }
+    if plant.vertices[0].E is not None:
+        found["E"] = _stacked(np.array([vertex.E for vertex in plant.vertices]))
+    if plant.sample_time is not None:
+        found["sample_time"] = float(plant.sample_time)
+    return found | _law(design)
+
+
+def statement(design: Design) -> str:
+    """Say what the design's certificate proves."""
+    if not design.proved:
+        return f"NOT PROVED to keep all poles of A + B K in {design.region}."
+    return (
+        f"Proved in exact arithmetic: all poles of A(alpha) + B(alpha) K(alpha) lie in "
+        f"{design.region}, for every constant alpha of the family, of the numbers of design.json. "
+        "Rounding in MATLAB, sampling and delay are not in it."
+    )
+
+
+def _law(design: Design) -> dict[str, Any]:
+    law = design.law
+    if isinstance(law, FixedGain):
+        return {"K": np.array(law.K)}
+    sizes, exponents = law.domain.sizes, law.domain.monomials(law.degree)
+    return {
+        "W": _stacked(law.W),
+        "Z": _stacked(law.Z),
+        "degree": float(law.degree),
+        "sizes": np.array(sizes, dtype=float),
+        "exponents": np.array(exponents, dtype=float),
+        "multinomials": np.array([[binomial(sizes, e)] for e in exponents], dtype=float),
+    }
+
+
+def _stacked(matrices: Array) -> Array:
+    """Return matrices side by side in the third dimension, as MATLAB has them."""
+    return np.moveaxis(np.asarray(matrices), 0, -1)
+
+
+def _cells(names: tuple[str, ...]) -> Any:
+    cells = np.empty((1, len(names)), dtype=object)
+    cells[0, :] = names
+    return cells
+
+
+def _parameters(plant: UncertainPlant) -> Any:
+    kinds = [(key, object) for key in ("name", "low", "high", "unit", "inverted")]
+    table = np.empty((1, len(plant.parameters)), dtype=kinds)
+    for k, p in enumerate(plant.parameters):
+        table[0, k] = (p.name, float(p.low), float(p.high), p.unit, p.inverted)
+    return table

@@ -1,0 +1,324 @@
+"""Test vectors of exported code: inputs, and what the law makes of them.
+
+They are written into the C test that ships with the code, and are the same for the same seed.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from fractions import Fraction
+from typing import Any
+
+import numpy as np
+
+from polefence.errors import InputError
+from polefence.export.c99 import MARKER, Texts, context, environment
+from polefence.export.number import NUMBERS
+from polefence.export.program import Fixed, Program, Scheduled, Share
+from polefence.law import FixedGain, Law
+from polefence.plant.parameters import simplex_weights
+from polefence.plant.system import Array
+
+Flags = np.ndarray[Any, np.dtype[np.int64]]
+Rationals = Any  # an array of Fractions, which numpy does not type
+
+# The flags of the C interface.
+OK, CLAMPED, NOT_A_NUMBER, NO_CONTROL, LIMITED = 0, 1, 2, 4, 8
+# Largest error of u allowed, relative to sum_j |K_ij| |x_j|, by the bits of the number format.
+ALLOWED = {32: 1e-5, 64: 1e-12}
+SUM = 1e-3  # alpha whose sum is off by more is no rounding of a point of the simplex
+CORRECTIONS = 4  # each leaves a part of 1e-6 or less, of any law worth exporting
+
+
+@dataclass(frozen=True, eq=False)
+class Vectors:
+    """Inputs of exported code, and what it is to answer.
+
+    Attributes
+    ----------
+    given : (count, g) array
+        Parameters or alpha; g is 0 for a fixed gain.
+    x : (count, n) array
+        As ``given``, numbers of the code's format.
+    u : (count, m) array
+        Of the law itself, the nearest doubles.
+    scale : (count, m) array
+        sum_j |K_ij| |x_j|, what errors of u are relative to.
+    flags : (count,) array of int
+    """
+
+    given: Array
+    x: Array
+    u: Array
+    scale: Array
+    flags: Flags
+
+
+def vectors(
+    program: Program, law: Law, limits: tuple[float, ...] = (), count: int = 64, seed: int = 0
+) -> Vectors:
+    """Return random vectors inside the set, of several magnitudes of x.
+
+    Parameters
+    ----------
+    program : Program
+        What the code computes; tells what it is given, in which format.
+    law : Law
+        What it was made of.
+    limits : tuple of float
+        Largest absolute value of each input; empty for none.
+
+    Raises
+    ------
+    InputError
+        If the program is not that of a law of this kind and size.
+    """
+    random = np.random.default_rng(seed)
+    given = program.number.nearest(_inside(program, random, count))
+    magnitude = 10.0 ** random.integers(-3, 4, size=(count, 1))
+    spread = 10.0 ** random.uniform(-1, 1, size=(count, program.shape[0]))
+    x = program.number.nearest(magnitude * spread * random.choice([-1.0, 1.0], spread.shape))
+    return _answered(program, law, limits, given, x)
+
+
+def special(program: Program, law: Law, limits: tuple[float, ...] = ()) -> Vectors:
+    """Return vectors with NaN, infinity, and values outside the set, one fault or two in each.
+
+    Raises
+    ------
+    InputError
+        If the program is not that of a law of this kind and size.
+    """
+    n, _ = program.shape
+    middle, faults = _faulty(program)
+    plain = np.where(np.arange(n) % 2, -0.5, 1.0)
+    rows = [(middle, plain), (middle, 0 * plain), (middle, 1e3 * plain)]
+    rows += [(fault, plain) for fault in faults]
+    # every state must be looked at; NaN and both infinities
+    rows += [(middle, _with(plain, j, np.nan)) for j in range(n)]
+    rows += [(middle, _with(plain, 0, np.inf)), (middle, _with(plain, n - 1, -np.inf))]
+    given, x = (np.array(column) for column in zip(*rows, strict=True))
+    return _answered(program, law, limits, program.number.nearest(given), x)
+
+
+def expected(program: Program, law: Law, given: Array, x: Array) -> tuple[Array, Array]:
+    """Return u of the law, exact to the rounding of the result, and sum_j |K_ij| |x_j|.
+
+    `law.gain` alone would not do: where W is badly scaled it is less exact than the code.
+
+    Parameters
+    ----------
+    given : (count, g) array
+        Parameters, clamped to their intervals, or alpha, projected as by `law.gain` with ``clamp``.
+    x : (count, n) array
+
+    Returns
+    -------
+    u, scale : (count, m) arrays
+
+    Raises
+    ------
+    InputError
+        If the program is not that of a law of this kind and size.
+    """
+    fixed = isinstance(program, Fixed)
+    shape = law.K.shape if isinstance(law, FixedGain) else law.Z.shape[1:]
+    if fixed != isinstance(law, FixedGain) or shape != program.shape[::-1]:
+        raise InputError(f"{law!r} is not the law of this code, which is {program.shape[::-1]}")
+    pairs = [_expected(program, law, *each) for each in zip(given, x, strict=True)]
+    u, scale = (np.array(column) for column in zip(*pairs, strict=True))
+    return u, scale
+
+
+def _expected(program: Program, law: Law, given: Array, x: Array) -> tuple[Array, Array]:
+    exact_x = _rationals(x)
+    if isinstance(law, FixedGain) or isinstance(program, Fixed):
+        K = law.gain(None)
+        return _float(_rationals(K) @ exact_x), np.asarray(np.abs(K) @ np.abs(x))
+    alpha = _alpha(program, given)
+    K = law.gain(_float(alpha), clamp=True)
+    c = law.domain.coordinates(alpha)
+    basis = np.array([many * np.prod(c ** np.array(e)) for many, e in program.weights()])
+    Z, W = (np.tensordot(basis, _rationals(each), 1) for each in (law.Z, law.W))
+    return _float(Z @ _solved(W, exact_x)), np.asarray(np.abs(K) @ np.abs(x))
+
+
+def _solved(W: Rationals, x: Rationals) -> Rationals:
+    """Return W^-1 x: solved in doubles, corrected by the exact residual until nothing is left."""
+    size = np.sqrt(_float(np.diagonal(W)))
+    inverse = np.linalg.inv(_float(W) / np.outer(size, size)) / np.outer(size, size)
+    v = np.full(len(x), Fraction(0))
+    for _ in range(CORRECTIONS):
+        v = v + _rationals(inverse @ _float(x - W @ v))
+    return v
+
+
+def _rationals(values: Array) -> Rationals:
+    return np.vectorize(Fraction, otypes=[object])(np.asarray(values, dtype=float))
+
+
+def _float(values: Rationals) -> Array:
+    return np.asarray(values, dtype=float)
+
+
+def _alpha(program: Scheduled, given: Array) -> Rationals:
+    """Return the vertices' weights as rationals: of parameters the product, the first slowest."""
+    if not program.shares:
+        weights = _rationals(np.maximum(given, 0.0))
+        return np.asarray(weights / weights.sum())
+    parameters = tuple(share.parameter for share in program.shares)
+    values = {p.name: float(v) for p, v in zip(parameters, given, strict=True)}
+    return np.array(simplex_weights(parameters, values, clamp=True))
+
+
+def _answered(
+    program: Program, law: Law, limits: tuple[float, ...], given: Array, x: Array
+) -> Vectors:
+    """Find what the code is to answer."""
+    finite = np.asarray(np.isfinite(x).all(axis=1))
+    taken, flags = _taken(program, given)
+    x = _off_limits(program, law, limits, taken, x)
+    u, scale = expected(program, law, taken, np.where(finite[:, None], x, 0.0))
+    if limits:
+        most = _limits(program, limits)
+        flags = flags | np.where((np.abs(u) > most).any(axis=1), LIMITED, OK)
+        u = np.clip(u, -most, most)
+    return Vectors(given, x, u, scale, flags | np.where(finite, OK, NO_CONTROL))
+
+
+def _off_limits(
+    program: Program, law: Law, limits: tuple[float, ...], taken: Array, x: Array
+) -> Array:
+    """Return x halved where rounding would decide whether an input is cut."""
+    if not limits:
+        return x
+    u, scale = expected(program, law, taken, np.where(np.isfinite(x), x, 0.0))
+    gap = np.abs(np.abs(u) - _limits(program, limits))
+    near = (gap <= 4 * ALLOWED[program.number.bits] * scale) & (scale > 0)
+    return np.where(np.any(near, axis=1, keepdims=True), x / 2, x)
+
+
+def _limits(program: Program, limits: tuple[float, ...]) -> Array:
+    """Return the limits as the code has them, rounded towards zero."""
+    return np.array([program.number.outward(Fraction(v), up=False) for v in limits])
+
+
+def _taken(program: Program, given: Array) -> tuple[Array, Flags]:
+    """Return what the code takes in place of what it is given, and its flags."""
+    flags = np.zeros(len(given), dtype=np.int64)
+    if not isinstance(program, Scheduled):
+        return given, flags
+    if not program.shares:
+        return _taken_weights(given)
+    low, high = _bounds(program.shares)
+    missing = np.isnan(given)
+    flags |= np.where(missing.any(axis=1), NOT_A_NUMBER, OK)
+    flags |= np.where(((given < low) | (given > high)).any(axis=1), CLAMPED, OK)
+    return np.where(missing, (low + high) / 2, np.clip(given, low, high)), flags
+
+
+def _taken_weights(alpha: Array) -> tuple[Array, Flags]:
+    positive = np.maximum(np.where(np.isfinite(alpha), alpha, 0.0), 0.0)
+    total = positive.sum(axis=1)
+    useless = ~np.isfinite(alpha).all(axis=1) | (total == 0)
+    off = (alpha < -SUM).any(axis=1) | (np.abs(total - 1) > SUM)
+    taken = np.where(useless[:, None], 1 / alpha.shape[1], positive)
+    return taken, np.where(useless, NOT_A_NUMBER, np.where(off, CLAMPED, OK))
+
+
+def _bounds(shares: tuple[Share, ...]) -> tuple[Array, Array]:
+    return np.array([s.low for s in shares]), np.array([s.high for s in shares])
+
+
+def _inside(program: Program, random: np.random.Generator, count: int) -> Array:
+    """Return points of the set, every fourth value at an end or a vertex."""
+    if not isinstance(program, Scheduled):
+        return np.empty((count, 0))
+    if program.shares:
+        low, high = _bounds(program.shares)
+        part = random.uniform(size=(count, len(low)))
+        part = np.where(random.uniform(size=part.shape) < 0.25, np.round(part), part)
+        return np.clip(low + part * (high - low), low, high)
+    N = program.domain.corners
+    vertices = np.eye(N)[random.integers(N, size=count)]
+    at_vertex = random.uniform(size=(count, 1)) < 0.25
+    return np.where(at_vertex, vertices, random.dirichlet(np.ones(N), size=count))
+
+
+def _faulty(program: Program) -> tuple[Array, list[Array]]:
+    """Return the middle of the set, and points with faults."""
+    if not isinstance(program, Scheduled):
+        return np.empty(0), []
+    if not program.shares:
+        return _faulty_weights(program.domain.corners)
+    low, high = _bounds(program.shares)
+    middle, width = (low + high) / 2, high - low
+    faults = [low, high, np.full_like(low, np.nan)]
+    for k in range(len(low)):
+        values = (low[k] - width[k], high[k] + width[k], np.nan, np.inf, -np.inf)
+        faults += [_with(middle, k, value) for value in values]
+    if len(low) > 1:
+        faults.append(_with(_with(middle, 0, np.nan), 1, high[1] + width[1]))
+    return middle, faults
+
+
+def _faulty_weights(N: int) -> tuple[Array, list[Array]]:
+    middle, last = np.full(N, 1 / N), N - 1
+    faults = [2 * middle, 0 * middle, _with(middle, 0, np.nan), _with(middle, last, np.inf)]
+    return middle, [*faults, _with(middle, 0, middle[0] - 2), -middle]
+
+
+def _with(values: Array, k: int, value: float) -> Array:
+    changed = np.array(values, dtype=float)
+    changed[k] = value
+    return changed
+
+
+def harness(program: Program, texts: Texts, law: Law, seed: int = 0) -> str:
+    """Return the text of <name>_test.c: a program that compares the code with the law.
+
+    Raises
+    ------
+    InputError
+        If the program is not that of a law of this kind and size.
+    """
+    found = vectors(program, law, texts.limits, seed=seed), special(program, law, texts.limits)
+    return (
+        environment()
+        .get_template("test.c.j2")
+        .render(
+            **context(program, texts),
+            allowed=NUMBERS[64].text(ALLOWED[program.number.bits]),
+            tables=[[_row(program, each, k) for k in range(len(each.x))] for each in found],
+            odd=_odd(found[1]),
+        )
+    )
+
+
+def _row(program: Program, table: Vectors, k: int) -> dict[str, Any]:
+    """Return one vector as C constants, 0 in place of what is not finite."""
+    double = NUMBERS[64]
+    inputs = {"given": table.given[k], "x": table.x[k]}
+    outputs = {"u": table.u[k], "scale": table.scale[k]}
+    row: dict[str, Any] = {"flags": f"{table.flags[k]}U"}
+    row |= {
+        key: [program.number.text(v) for v in np.where(np.isfinite(values), values, 0.0)]
+        for key, values in inputs.items()
+    }
+    return row | {key: [double.text(v) for v in values] for key, values in outputs.items()}
+
+
+def _odd(table: Vectors) -> list[str]:
+    """Return the places of what is not finite, which C99 cannot write into a table."""
+    lines = []
+    for field, values in (("given", table.given), ("x", table.x)):
+        for k, j in np.argwhere(~np.isfinite(values)):
+            value = values[k, j]
+            name = "not_a_number" if np.isnan(value) else "infinite"
+            lines.append(f"[{k}].{field}[{j}] = {'-' if value < 0 else ''}{name};")
+    return lines
+
+
+def makefile(texts: Texts) -> str:
+    """Return the text of the Makefile that builds and runs the test."""
+    return environment().get_template("Makefile.j2").render(marker=MARKER, name=texts.name)

@@ -1,0 +1,69 @@
+"""The C code on this machine and on an emulated Cortex-M4F: what it answers and what it costs."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from cortex import emulated, run
+
+from polefence.export.vectors import ALLOWED
+
+COUNT = 100_000
+# Of the main case: quarter car, Theorem 1, five states, four vertices, float32.
+INSTRUCTIONS = {"-O2": 1900, "-O3": 1000}
+BYTES = 4096
+
+
+@pytest.mark.parametrize("given", ["parameters", "alpha"])
+@pytest.mark.parametrize("bits", [32, 64])
+def test_code_equals_the_law_on_host_and_target(emulator, exported, bits, given):
+    made = exported("scheduled", bits, given)
+    host = made.answers(made.host("many.c", f"-DCOUNT={COUNT}U"), COUNT, "host")
+    target = made.answers(made.target("many.c", f"-DCOUNT={COUNT}U"), COUNT, "target")
+    assert host.dtype == made.real
+    assert host.tobytes() == target.tobytes()
+    error, plain = made.errors(host)
+    assert 0 < error < ALLOWED[bits]
+    # law.gain in doubles is off by rounding itself, by as much as 1e-12
+    assert abs(plain - error) < 1e-11
+    # and what is compared can differ
+    assert made.errors(host * (1 + 2 * ALLOWED[bits]))[0] > ALLOWED[bits]
+
+
+@pytest.mark.parametrize("kind", ["degree 2", "fixed"])
+def test_other_laws_on_host_and_target(emulator, exported, kind):
+    made, count = exported(kind, 32), COUNT // 10
+    host = made.answers(made.host("many.c", f"-DCOUNT={count}U", level="-O3"), count, "host")
+    target = made.answers(made.target("many.c", f"-DCOUNT={count}U"), count, "target")
+    assert host.tobytes() == target.tobytes()
+    assert max(made.errors(host)) < ALLOWED[32]
+
+
+@pytest.mark.parametrize("bits", [32, 64])
+@pytest.mark.parametrize("given", ["parameters", "alpha"])
+def test_the_exported_test_passes_on_the_target(emulator, exported, bits, given):
+    made = exported("scheduled", bits, given)
+    lines = run(*emulated(made.target("law_test.c"))).splitlines()
+    assert [line.split(": ")[-1] for line in lines] == ["passed (0 failed)"] * 2
+
+
+def test_a_failed_test_is_a_failure_of_the_emulator(emulator, exported, tmp_path):
+    made = exported("scheduled", 32)
+    text = (made.folder / "law_test.c").read_text()
+    (made.folder / "wrong.c").write_text(
+        text.replace("#define ALLOWED 1e-05", "#define ALLOWED 1e-09")
+    )
+    assert "FAILED" in run(*emulated(made.target("wrong.c")), status=1)
+
+
+@pytest.mark.parametrize("level", ["-O2", "-O3"])
+def test_cost_of_the_main_case(emulator, exported, level):
+    made = exported("scheduled", 32)
+    counts, stack = made.counted(level)
+    assert counts.max() <= INSTRUCTIONS[level]
+    # inputs change nothing but which way a clamp goes
+    assert np.ptp(counts) <= 8
+    # another means, for the first input: the list of what was executed
+    assert made.traced(level) == counts[0]
+    assert made.size(level) < BYTES
+    assert stack <= made.stack(level) < 256

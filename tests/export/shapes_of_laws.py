@@ -19,13 +19,13 @@ from polefence.plant.parameters import Parameter
 from polefence.polynomial import Domain
 
 FUZZ = Path(__file__).parent / "fuzz"
-STRICT = """
--std=c99 -Wall -Wextra -Wpedantic -Wconversion -Wsign-conversion -Wdouble-promotion -Wshadow
--Wcast-qual -Wstrict-prototypes -Wundef -Werror -O2
-""".split()
-SANITIZED = """
--std=c99 -g -O1 -fsanitize=address,undefined,float-divide-by-zero -fno-sanitize-recover=all
-""".split()
+WARNINGS = (
+    "all extra pedantic conversion sign-conversion double-promotion shadow cast-qual "
+    "strict-prototypes undef error"
+)
+STRICT = ["-std=c99", "-O2", *(f"-W{each}" for each in WARNINGS.split())]
+SANITIZERS = "address,undefined,float-divide-by-zero"
+SANITIZED = ["-std=c99", "-O0", f"-fsanitize={SANITIZERS}", "-fno-sanitize-recover=all"]
 
 M1 = Parameter("m1", "231.12", "346.68", "kg", "1/m1")
 BETA = Parameter("beta", -10, 10)

@@ -27,7 +27,7 @@ def test_code_equals_the_law_on_host_and_target(emulator, exported, bits, given)
     # law.gain in doubles is off by rounding itself, by as much as 1e-12
     assert abs(plain - error) < 1e-11
     # and what is compared can differ
-    assert made.errors(host * (1 + 2 * ALLOWED[bits]))[0] > ALLOWED[bits]
+    assert made.errors(host[:100] * (1 + 2 * ALLOWED[bits]))[0] > ALLOWED[bits]
 
 
 @pytest.mark.parametrize("kind", ["degree 2", "fixed"])

@@ -147,7 +147,7 @@ def test_another_law_is_refused(car_designs, small_designs):
             vectors(made(car), small_designs[kind].law)
 
 
-def tested(folder, *words, status=0):
+def c_test(folder, *words, status=0):
     return run("make", "-s", "test", "CFLAGS=-O1 -Werror", *words, cwd=folder, status=status)
 
 
@@ -156,13 +156,13 @@ def test_the_c_test_of_many_laws_passes(host_compiler, car_designs, small_design
     cases += [(car_designs["degree 2"], "alpha", ()), (car_designs["scheduled"], "alpha", (800.0,))]
     cases += [(small_designs[kind], "alpha", (0.5, 2.0)) for kind in ("scheduled", "quadratic")]
     for k, (design, given, limits) in enumerate(cases):
-        for bits in (32, 64):
-            folder = tmp_path / f"{k}-{bits}"
-            export(design, bits, folder, given, limits)
-            lines = tested(folder).splitlines()
-            assert [line.split(": ")[-1] for line in lines] == ["passed (0 failed)"] * 2
-            error = float(re.search(r"largest error (\S+) of", lines[0])[1])
-            assert error < ALLOWED[bits]
+        bits = (32, 64)[k % 2]
+        folder = tmp_path / str(k)
+        export(design, bits, folder, given, limits)
+        lines = c_test(folder).splitlines()
+        assert [line.split(": ")[-1] for line in lines] == ["passed (0 failed)"] * 2
+        error = float(re.search(r"largest error (\S+) of", lines[0])[1])
+        assert error < ALLOWED[bits]
 
 
 FAULTS = {
@@ -185,12 +185,12 @@ def test_the_c_test_finds_faults(host_compiler, exported, tmp_path, fault):
     changed = re.sub(*FAULTS[fault], code, count=1, flags=re.S)
     assert changed != code
     (tmp_path / "law.c").write_text(changed)
-    assert "FAILED" in tested(tmp_path, status=2)
+    assert "FAILED" in c_test(tmp_path, status=2)
 
 
 def test_the_makefile_can_be_told_the_tools(host_compiler, exported):
     folder = exported("scheduled", 32).folder
-    tested(folder)
+    c_test(folder)
     found = run("make", "-B", "-n", "test", "CC=other", "CFLAGS=-O3 -g", "RUN=emulate", cwd=folder)
     assert re.search(r"^other -std=c99 .*-Wdouble-promotion.* -O3 -g .*-c", found, re.M)
     assert "\nemulate build/law_test" in found

@@ -98,13 +98,13 @@ def context(program: Program, texts: Texts) -> dict[str, Any]:
         common |= {"formula": "u = K x, the same for every parameter value."}
         common |= {"K": rows(number, program.K)}
     else:
-        common |= _scheduled(program)
+        common |= _scheduled(program, name)
         array = f"{common['letter']}[{name.upper()}_{common['GIVEN']}]"
         arguments.insert(0, f"const {name}_real {array}")
     return common | {"arguments": arguments, "signature": ", ".join(arguments)}
 
 
-def _scheduled(program: Scheduled) -> dict[str, Any]:
+def _scheduled(program: Scheduled, name: str) -> dict[str, Any]:
     number, (n, _) = program.number, program.shape
     lower = np.tril_indices(n)
     by_parameters = bool(program.shares)
@@ -133,7 +133,7 @@ def _scheduled(program: Scheduled) -> dict[str, Any]:
         "not_a_number": "a parameter was NaN: the middle of its interval was taken"
         if by_parameters
         else "alpha had NaN, infinity or no weight: equal weights were taken",
-        "weighing": weighing(program),
+        "weighing": weighing(program, f"{name}_real"),
         "terms": len(program.W),
         "weights": []
         if _straight(program)
@@ -166,25 +166,25 @@ def _signed(number: Number, value: float) -> str:
     return f"({text})" if text.startswith("-") else text
 
 
-def weighing(program: Scheduled) -> list[str]:
+def weighing(program: Scheduled, real: str) -> list[str]:
     """Return the lines of C that find the coordinates in the law's simplices.
 
     They are c, or at once the weights w where these are the coordinates.
     """
     sizes, count = program.domain.sizes, len(program.shares)
     c = "w" if _straight(program) else "c"
-    arrays = [] if c == "w" else [f"real c[{sum(sizes)}];"]
+    arrays = [] if c == "w" else [f"{real} c[{sum(sizes)}];"]
     if not program.shares:
         if len(sizes) == 1:
             return [*arrays, f"const uint32_t flags = onto_simplex(alpha, {c});"]
-        arrays.append(f"real a[{program.domain.corners}];")
+        arrays.append(f"{real} a[{program.domain.corners}];")
         return [*arrays, "const uint32_t flags = onto_simplex(alpha, a);", "", *_sums(sizes)]
     inside = [
-        f"const real p{k} = inside(p[{k}], P{k}_LOW, P{k}_HIGH, &flags);" for k in range(count)
+        f"const {real} p{k} = inside(p[{k}], P{k}_LOW, P{k}_HIGH, &flags);" for k in range(count)
     ]
     own = sizes == (2,) * count  # a simplex a parameter
     if not own:
-        arrays.append(f"real m[{2 * count}]; /* of each parameter: how near to low, to high */")
+        arrays.append(f"{real} m[{2 * count}]; /* of each parameter: how near to low, to high */")
     lines = [*inside, *arrays, ""]
     for k, share in enumerate(program.shares):
         lines += _placed(program.number, k, share, c if own else "m")

@@ -11,7 +11,7 @@ from polefence.design import Design, check
 from polefence.errors import InputError, NotProvedError
 from polefence.export.c99 import MARKER, Texts, check_c_name, context, environment, sources
 from polefence.export.documents import FILE_NAME, guarantee_text
-from polefence.export.folder import check_folder, write_folder
+from polefence.export.folder import write_folder
 from polefence.export.guarantee import Guarantee, guarantee
 from polefence.export.number import number
 from polefence.export.program import Program, Scheduled, program
@@ -55,8 +55,7 @@ class Exported:
         OutputError
             If it holds files of others, or cannot be written.
         """
-        check_folder(Path(directory), marks(self.texts.name))
-        return write_folder(Path(directory), self.files)
+        return write_folder(Path(directory), self.files, marks(self.texts.name))
 
 
 def export_c99(

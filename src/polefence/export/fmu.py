@@ -10,7 +10,7 @@ import io
 import math
 import uuid
 import zipfile
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from polefence.errors import InputError
 from polefence.export import c99
@@ -18,6 +18,9 @@ from polefence.export.c99 import Texts
 from polefence.export.fmi_variables import plain, variables
 from polefence.export.program import Program
 from polefence.export.shared_library import library
+
+if TYPE_CHECKING:
+    from jinja2 import Environment
 
 VERSIONS = ("2.0", "3.0")
 EPOCH = (1980, 1, 1, 0, 0, 0)  # the first time that a zip file can say
@@ -80,7 +83,9 @@ def _texts(
         "handle": "fmi2Component" if fmi == "fmi2" else "fmi3Instance",
         "flags_type": "fmi2Integer" if fmi == "fmi2" else "fmi3UInt32",
     }
-    unsigned = _rendered(fmi, given | {"token": "", "design": "0U"})
+    code = c99.environment()
+    pages = code.overlay(autoescape=True)
+    unsigned = _rendered(code, pages, given | {"token": "", "design": "0U"})
     digest = hashlib.sha256()
     for text in (version, *law.values(), *unsigned.values()):
         digest.update(hashlib.sha256(text.encode()).digest())
@@ -89,13 +94,13 @@ def _texts(
         "token": f"{{{uuid.UUID(bytes=raw[:16])}}}",
         "design": f"{int.from_bytes(raw[16:20], 'big')}U",
     }
-    found = _rendered(fmi, given | signature)
+    found = _rendered(code, pages, given | signature)
     return found.pop("modelDescription.xml"), law | found
 
 
-def _rendered(fmi: str, given: dict[str, Any]) -> dict[str, str]:
-    code, name = c99.environment(), given["name"]
-    pages = code.overlay(autoescape=True)
+def _rendered(code: Environment, pages: Environment, given: dict[str, Any]) -> dict[str, str]:
+    """Return the texts; pages are of XML, and escape what they are given."""
+    fmi, name = given["fmi"], given["name"]
     found = {
         "modelDescription.xml": pages.get_template(f"{fmi}.xml.j2").render(given),
         f"{name}_{fmi}.h": code.get_template(f"{fmi}.h.j2").render(given),

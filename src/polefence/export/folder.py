@@ -47,15 +47,20 @@ def _is_ours(path: Path, mark: bytes) -> bool:
         return False
 
 
-def write_folder(directory: Path, files: Mapping[str, bytes]) -> list[Path]:
-    """Write files, each whole, and return their paths.
+def write_folder(
+    directory: Path, files: Mapping[str, bytes], marks: Mapping[str, bytes]
+) -> list[Path]:
+    """Write files, each whole, and return their paths; an earlier export's others go first.
 
     Raises
     ------
     OutputError
-        If one cannot be written.
+        If the folder holds files of others, or one cannot be written.
     """
+    check_folder(directory, marks)
     folder = make_folder(directory)
+    for name in marks.keys() - files.keys():
+        (folder / name).unlink(missing_ok=True)
     for name, content in files.items():
         write_bytes(folder / name, content)
     return [folder / name for name in files]

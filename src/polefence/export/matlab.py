@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import io
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 
@@ -44,7 +44,7 @@ def mat(design: Design, path: str | Path) -> Path:
     from scipy.io import savemat  # deferred: slow to import
 
     stream = io.BytesIO()
-    savemat(stream, variables(design), oned_as="row")
+    savemat(cast(Any, stream), variables(design), oned_as="row")
     content = stream.getvalue()
     where = Path(path)
     write_bytes(where, HEADER.ljust(HEADER_LENGTH) + content[HEADER_LENGTH:])

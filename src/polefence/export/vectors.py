@@ -11,23 +11,20 @@ from typing import Any
 
 import numpy as np
 
-from polefence.errors import InputError
 from polefence.export.c99 import MARKER, Texts, context, environment
+from polefence.export.expected import expected
 from polefence.export.number import NUMBERS
-from polefence.export.program import Fixed, Program, Scheduled, Share
-from polefence.law import FixedGain, Law
-from polefence.plant.parameters import simplex_weights
+from polefence.export.program import Program, Scheduled, Share
+from polefence.law import Law
 from polefence.plant.system import Array
 
 Flags = np.ndarray[Any, np.dtype[np.int64]]
-Rationals = Any  # an array of Fractions, which numpy does not type
 
 # The flags of the C interface.
 OK, CLAMPED, NOT_A_NUMBER, NO_CONTROL, LIMITED = 0, 1, 2, 4, 8
 # Largest error of u allowed, relative to sum_j |K_ij| |x_j|, by the bits of the number format.
 ALLOWED = {32: 1e-5, 64: 1e-12}
 SUM = 1e-3  # alpha whose sum is off by more is no rounding of a point of the simplex
-CORRECTIONS = 4  # each leaves a part of 1e-6 or less, of any law worth exporting
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,76 +96,6 @@ def special(program: Program, law: Law, limits: tuple[float, ...] = ()) -> Vecto
     rows += [(middle, _with(plain, 0, np.inf)), (middle, _with(plain, n - 1, -np.inf))]
     given, x = (np.array(column) for column in zip(*rows, strict=True))
     return _answered(program, law, limits, program.number.nearest(given), x)
-
-
-def expected(program: Program, law: Law, given: Array, x: Array) -> tuple[Array, Array]:
-    """Return u of the law, exact to the rounding of the result, and sum_j |K_ij| |x_j|.
-
-    `law.gain` alone would not do: where W is badly scaled it is less exact than the code.
-
-    Parameters
-    ----------
-    given : (count, g) array
-        Parameters, clamped to their intervals, or alpha, projected as by `law.gain` with ``clamp``.
-    x : (count, n) array
-
-    Returns
-    -------
-    u, scale : (count, m) arrays
-
-    Raises
-    ------
-    InputError
-        If the program is not that of a law of this kind and size.
-    """
-    fixed = isinstance(program, Fixed)
-    shape = law.K.shape if isinstance(law, FixedGain) else law.Z.shape[1:]
-    if fixed != isinstance(law, FixedGain) or shape != program.shape[::-1]:
-        raise InputError(f"{law!r} is not the law of this code, which is {program.shape[::-1]}")
-    pairs = [_expected(program, law, *each) for each in zip(given, x, strict=True)]
-    u, scale = (np.array(column) for column in zip(*pairs, strict=True))
-    return u, scale
-
-
-def _expected(program: Program, law: Law, given: Array, x: Array) -> tuple[Array, Array]:
-    exact_x = _rationals(x)
-    if isinstance(law, FixedGain) or isinstance(program, Fixed):
-        K = law.gain(None)
-        return _float(_rationals(K) @ exact_x), np.asarray(np.abs(K) @ np.abs(x))
-    alpha = _alpha(program, given)
-    K = law.gain(_float(alpha), clamp=True)
-    c = law.domain.coordinates(alpha)
-    basis = np.array([many * np.prod(c ** np.array(e)) for many, e in program.weights()])
-    Z, W = (np.tensordot(basis, _rationals(each), 1) for each in (law.Z, law.W))
-    return _float(Z @ _solved(W, exact_x)), np.asarray(np.abs(K) @ np.abs(x))
-
-
-def _solved(W: Rationals, x: Rationals) -> Rationals:
-    """Return W^-1 x: solved in doubles, corrected by the exact residual until nothing is left."""
-    size = np.sqrt(_float(np.diagonal(W)))
-    inverse = np.linalg.inv(_float(W) / np.outer(size, size)) / np.outer(size, size)
-    v = np.full(len(x), Fraction(0))
-    for _ in range(CORRECTIONS):
-        v = v + _rationals(inverse @ _float(x - W @ v))
-    return v
-
-
-def _rationals(values: Array) -> Rationals:
-    return np.vectorize(Fraction, otypes=[object])(np.asarray(values, dtype=float))
-
-
-def _float(values: Rationals) -> Array:
-    return np.asarray(values, dtype=float)
-
-
-def _alpha(program: Scheduled, given: Array) -> Rationals:
-    """Return the vertices' weights as rationals: of parameters the product, the first slowest."""
-    if not program.shares:
-        weights = _rationals(np.maximum(given, 0.0))
-        return np.asarray(weights / weights.sum())
-    parameters = tuple(share.parameter for share in program.shares)
-    values = {p.name: float(v) for p, v in zip(parameters, given, strict=True)}
-    return np.array(simplex_weights(parameters, values, clamp=True))
 
 
 def _answered(

@@ -32,6 +32,7 @@ GAIN = 0.01
 ENOUGH, MOST = 1500, 25_000  # inequalities: no finer proof beyond the first, none beyond the second
 BITS = 16  # short numbers make short proofs
 LEAST = 2.0**-80  # of the largest error: what is smaller is proved as this
+ROOM = 10  # times what is needed: so much makes a coarser proof, which is shorter, as good
 
 
 @dataclass(frozen=True)
@@ -96,14 +97,18 @@ def gain_claim(
     if not 0 <= needed < math.inf:
         raise InputError(f"needed = {needed!r} must be a number of zero or more")
     subject = claimed_design(design)
-    reached = None if subject is None else _search(subject, scales)
-    if subject is None or reached is None:
+    found = [] if subject is None else _search(subject, scales)
+    if subject is None or not found:
         return 0.0, None
-    for error in _targets(needed, reached.error):
-        claim = _claim(subject, scales, reached, error)
-        if _holds(claim):
-            return reached.error, claim
-    return reached.error, None
+    largest = found[-1].error
+    for reached in found:
+        if reached is not found[-1] and reached.error < ROOM * max(needed, LEAST * largest):
+            continue
+        for error in _targets(needed, reached.error):
+            claim = _claim(subject, scales, reached, error)
+            if _holds(claim):
+                return largest, claim
+    return largest, None
 
 
 def gain_document(claim: Gain, design: Design) -> dict[str, Any]:
@@ -135,19 +140,19 @@ def _columns(values: Any, n: int) -> Array:
     return array
 
 
-def _search(design: Design, scales: gain.Scales) -> _Reached | None:
-    """Search at one fineness after another; return the best."""
-    best: _Reached | None = None
+def _search(design: Design, scales: gain.Scales) -> list[_Reached]:
+    """Search at one fineness after another while the error grows; the last is the largest."""
+    found: list[_Reached] = []
     for pieces, elevation in _ladder(design):
-        if _count(design, pieces, elevation) > (ENOUGH if best else MOST):
+        if _count(design, pieces, elevation) > (ENOUGH if found else MOST):
             break
         each = _largest(design, scales, pieces, elevation)
-        found = _Reached(tuple(each), pieces, elevation) if each else None
-        if best and (found is None or found.error <= best.error * (1 + GAIN)):
+        reached = _Reached(tuple(each), pieces, elevation) if each else None
+        if found and (reached is None or reached.error <= found[-1].error * (1 + GAIN)):
             break
-        if found is not None and found.error > 0:
-            best = found
-    return best
+        if reached is not None and reached.error > 0:
+            found.append(reached)
+    return found
 
 
 def _ladder(design: Design) -> tuple[tuple[int, int], ...]:

@@ -119,7 +119,7 @@ static uint32_t expected(const law_real given[GIVEN], law_real same[GIVEN])
 
 static void choose(law_real given[GIVEN])
 {
-    const uint64_t kind = draw(4U);
+    const uint64_t kind = draw(6U);
 
     for (unsigned k = 0U; k < GIVEN; k++) {
 #ifdef LAW_PARAMETERS
@@ -143,12 +143,24 @@ static void choose(law_real given[GIVEN])
         total += given[k];
     }
     for (unsigned k = 0U; k < GIVEN; k++) {
-        given[k] = (kind == 3U || !(total > (law_real)0)) ? given[k] : given[k] / total;
+        given[k] = ((kind == 3U) || !(total > (law_real)0)) ? given[k] : given[k] / total;
     }
     if (kind == 0U) {
         given[draw(GIVEN)] = any();
     } else if (kind == 1U) {
         given[draw(GIVEN)] -= LAW_LOOSE * (law_real)4 * ordinary();
+    } else if ((kind == 2U) && (GIVEN > 1U)) {
+        /* the others alone sum to one */
+        for (unsigned k = 0U; k < GIVEN; k++) {
+            given[k] = (law_real)1 / (law_real)(GIVEN - 1U);
+        }
+        given[draw(GIVEN)] = LAW_LOOSE * (law_real)4 * ordinary();
+    } else if (kind == 4U) {
+        const law_real size = any();
+
+        for (unsigned k = 0U; k < GIVEN; k++) {
+            given[k] *= size;
+        }
     }
 #endif
 }

@@ -1,0 +1,100 @@
+"""A law run by samples: the loop at the sampling instants, at many parameter values at once."""
+
+from __future__ import annotations
+
+import math
+from itertools import combinations
+from typing import Any
+
+import numpy as np
+
+from polefence.design import Design
+from polefence.errors import InputError
+from polefence.plant.family import UncertainPlant
+from polefence.plant.system import Array
+from polefence.polynomial import Domain
+from polefence.proof import exact
+from polefence.proof.refute import EDGE_POINTS, SEED, edges, sample_simplex
+from polefence.response.discrete import held
+
+MOST_EDGES = 20_000  # points
+
+
+def require_usable(design: Design, sample_time: Any, delay: int) -> float:
+    """Return the sample time as a float.
+
+    Raises
+    ------
+    InputError
+        If the plant is a discrete-time one, or the numbers cannot be used.
+    """
+    require_continuous(design, delay)
+    try:
+        value = float(sample_time)
+    except (TypeError, ValueError, OverflowError):
+        value = math.nan
+    if not 0 < value < math.inf:
+        raise InputError(f"sample_time = {sample_time!r} must be a positive number of seconds")
+    return value
+
+
+def require_continuous(design: Design, delay: int) -> None:
+    """Refuse discrete-time plants, whose law is sampled by design, and unknown delays."""
+    time = design.plant.sample_time
+    if time is not None:
+        raise InputError(
+            f"{design.plant.name} is a discrete-time plant: its law runs every {float(time):g} s, "
+            "without delay, and the region is proved for just that"
+        )
+    if delay not in (0, 1) or isinstance(delay, bool):
+        raise InputError(f"delay = {delay!r} must be 0 or 1, in samples")
+
+
+def stepped(design: Design, alpha: Array, sample_time: float, delay: int) -> Array:
+    """Return the matrices from one sample to the next, (..., n, n), or with a delay n + m.
+
+    Without delay x+ = (F + G K) x. With a delay of one sample the state is (x, u):
+    x+ = F x + G u, u+ = K x.
+    """
+    (n, m), K = design.plant.shape, design.law.gain(alpha)
+    F, G = held(*design.plant.at(alpha), sample_time)
+    if not delay:
+        return np.asarray(F + G @ K)
+    whole = np.zeros((*F.shape[:-2], n + m, n + m))
+    whole[..., :n, :n], whole[..., :n, n:], whole[..., n:, :n] = F, G, K
+    return whole
+
+
+def domain_of(plant: UncertainPlant, design: Design) -> Domain:
+    """Return where alpha lives: on the box of the parameters where there are any."""
+    if plant.parameters:
+        return Domain.of("box", len(plant.vertices))
+    return Domain(exact.simplices(design.certificate.claim()))
+
+
+def cloud(design: Design, count: int) -> Array:
+    """Return vertices, points of the edges and ``count`` random points alpha, (points, N)."""
+    domain = domain_of(design.plant, design)
+    if len(domain.sizes) == 1:
+        (N,) = domain.sizes
+        return np.vstack([edges(N), sample_simplex(N, count)])
+    random = np.random.default_rng(SEED)
+    columns = [sample_simplex(size, count, SEED + f) for f, size in enumerate(domain.sizes)]
+    inside = np.hstack([random.permutation(column) for column in columns])
+    return domain.alpha(np.vstack([_box_edges(domain), inside]))
+
+
+def _box_edges(domain: Domain) -> Array:
+    """Return the corners of a box and points of its edges, in its own coordinates."""
+    corners = np.array(domain.monomials(1), dtype=float)
+    pairs = np.array(
+        [
+            (i, j)
+            for i, j in combinations(range(len(corners)), 2)
+            if (corners[i] != corners[j]).sum() == 2
+        ]
+    )
+    pairs = pairs[: MOST_EDGES // EDGE_POINTS]
+    share = np.linspace(0, 1, EDGE_POINTS + 2)[1:-1, None, None]
+    between = share * corners[pairs[:, 0]] + (1 - share) * corners[pairs[:, 1]]
+    return np.vstack([corners, between.reshape(-1, corners.shape[1])])

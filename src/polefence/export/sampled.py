@@ -1,0 +1,228 @@
+"""Where the poles of a sampled loop lie, over a sample of the family; nothing here is a proof."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from polefence.design import Design
+from polefence.errors import InputError
+from polefence.export.held import cloud, require_continuous, require_usable, stepped
+from polefence.law import check_alpha
+from polefence.loops import values_at
+from polefence.plant.system import Array
+
+POINTS = 10_000  # random ones
+SCANNED = 300  # of the scan over sample times
+SHORTEST, LONGEST, PER_DECADE = 1e-5, 1e2, 16  # sample times tried, over the fastest pole's time
+HALVINGS = 10
+SHORTER = 0.99
+TINY = 1e-300
+
+
+@dataclass(frozen=True, eq=False)
+class SampledPoles:
+    """Poles of a sampled loop.
+
+    Attributes
+    ----------
+    equivalent : (..., n) array
+        s = log(z) / sample_time of the n largest |z| [1/s]: where poles in continuous time have the
+        same motion at the samples.
+    z : (..., n) array, or (..., n + m) with a delay
+        All of them, the largest first. The delay's own m are near zero while samples are short.
+    """
+
+    equivalent: Array
+    z: Array
+
+
+def sampled_poles(
+    design: Design, alpha: Array, sample_time: float, delay: int = 1
+) -> SampledPoles:
+    """Return the poles of the loop as a computer closes it every ``sample_time``.
+
+    The input is held between samples (zero-order hold); with ``delay`` = 1 it is u[k] = K x[k-1],
+    as where the law is computed during the step.
+
+    Parameters
+    ----------
+    design : Design
+        Of a plant in continuous time.
+    alpha : (..., N) array
+    sample_time : float
+        [s]
+    delay : int
+        0 or 1 samples.
+
+    Raises
+    ------
+    InputError
+        If the plant is a discrete-time one, the sample time not positive, or so long that the
+        plant outgrows floating point in one.
+    """
+    time = require_usable(design, sample_time, delay)
+    alpha = check_alpha(alpha, len(design.plant.vertices))
+    z = _eigenvalues(stepped(design, alpha, time, delay))
+    return SampledPoles(_equivalent(z, design.plant.shape[0], time), z)
+
+
+def _eigenvalues(matrices: Array) -> Array:
+    """Return eigenvalues, the largest first."""
+    if not np.all(np.isfinite(matrices)):
+        raise InputError("the plant outgrows floating point in one sample; take a shorter one")
+    z = np.linalg.eigvals(matrices).astype(complex)
+    return np.asarray(np.take_along_axis(z, np.argsort(-np.abs(z), axis=-1), axis=-1))
+
+
+def _equivalent(z: Array, n: int, time: float) -> Array:
+    slow = z[..., :n]
+    return np.asarray(np.log(np.where(np.abs(slow) < TINY, TINY, slow)) / time)
+
+
+@dataclass(frozen=True, eq=False)
+class Sampling:
+    """What a sample time leaves of a design's region, over a sample of the family.
+
+    Attributes
+    ----------
+    sample_time : float
+        [s]
+    delay : int
+        In samples.
+    inside : bool
+        Whether all equivalent poles lie in the region, at every point looked at.
+    stable : bool
+        Whether all |z| < 1, likewise.
+    distance : float
+        The largest distance of an equivalent pole from the region, negative inside [1/s].
+    alpha : (N,) array
+        Where that is.
+    values : dict or None
+        The parameters there; None for a plant without any.
+    decay : float
+        -log|z| / sample_time of the slowest pole of all [1/s].
+    points : int
+        How many alpha were looked at.
+    """
+
+    sample_time: float
+    delay: int
+    inside: bool
+    stable: bool
+    distance: float
+    alpha: Array
+    values: dict[str, float] | None
+    decay: float
+    points: int
+
+
+def sampling(design: Design, sample_time: float, delay: int = 1) -> Sampling:
+    """Look where the poles of the sampled loop lie: at vertices, on edges and at random points.
+
+    See `sampled_poles` for the loop, its parameters and errors. A sample proves nothing; for the
+    decay rate see `polefence.export.sampled_proof.prove_decay`.
+    """
+    time = require_usable(design, sample_time, delay)
+    alphas = cloud(design, POINTS)
+    poles = sampled_poles(design, alphas, time, delay)
+    distance = design.region.distance(poles.equivalent).max(axis=-1)
+    worst = int(np.argmax(distance))
+    size = float(np.abs(poles.z).max())
+    alpha = alphas[worst].copy()
+    alpha.flags.writeable = False
+    return Sampling(
+        time,
+        delay,
+        bool(distance[worst] < 0),
+        size < 1,
+        float(distance[worst]),
+        alpha,
+        values_at(design.plant, alpha.tolist()),
+        -float(np.log(max(size, TINY))) / time,
+        len(alphas),
+    )
+
+
+@dataclass(frozen=True)
+class LargestSampleTime:
+    """How long samples may be, found by trial over a sample of the family.
+
+    Attributes
+    ----------
+    delay : int
+    region : float
+        At every sample time tried up to this one the equivalent poles lie in the region; zero where
+        they do not even at the shortest [s].
+    stable : float
+        Likewise, all |z| < 1 [s].
+    longest : float
+        The longest sample time tried: what equals it may be longer still [s].
+    """
+
+    delay: int
+    region: float
+    stable: float
+    longest: float
+
+
+def largest_sample_time(design: Design, delay: int = 1) -> LargestSampleTime:
+    """Return up to which sample time the region, and stability, hold.
+
+    Sample times are tried upwards on a logarithmic grid, at vertices, edges and a few hundred
+    random points, until one fails, then by bisection; what is found is tried at as many points as
+    `sampling` looks at, and shortened until it holds there. What fails between two sample times
+    tried is not seen.
+
+    Raises
+    ------
+    InputError
+        If the plant is a discrete-time one, or the delay neither 0 nor 1.
+    """
+    require_continuous(design, delay)
+    few, many = cloud(design, SCANNED), cloud(design, POINTS)
+    fastest = float(np.abs(design.poles(few)).max())
+    unit = 1 / fastest if fastest else 1.0
+    decades = np.log10(LONGEST / SHORTEST)
+    grid = unit * np.geomspace(SHORTEST, LONGEST, round(PER_DECADE * decades) + 1)
+    found = [
+        _largest(lambda time, points, test=test: test(design, points, time, delay), grid, few, many)
+        for test in (_is_inside, _is_stable)
+    ]
+    return LargestSampleTime(delay, found[0], found[1], float(grid[-1]))
+
+
+Test = Callable[[float, Array], bool]
+
+
+def _largest(holds: Test, grid: Array, few: Array, many: Array) -> float:
+    fails = next((k for k, time in enumerate(grid) if not holds(time, few)), len(grid))
+    if fails == 0:
+        return 0.0
+    low = float(grid[fails - 1])
+    if fails < len(grid):
+        high = float(grid[fails])
+        for _ in range(HALVINGS):
+            middle = float(np.sqrt(low * high))
+            low, high = (middle, high) if holds(middle, few) else (low, middle)
+    while low >= grid[0] and not holds(low, many):  # more points may fail earlier
+        low *= SHORTER
+    return low if low >= grid[0] else 0.0
+
+
+def _is_inside(design: Design, alphas: Array, time: float, delay: int) -> bool:
+    z = _finite(stepped(design, alphas, time, delay))
+    if z is None:
+        return False
+    return bool(design.region.contains(_equivalent(z, design.plant.shape[0], time)))
+
+
+def _is_stable(design: Design, alphas: Array, time: float, delay: int) -> bool:
+    z = _finite(stepped(design, alphas, time, delay))
+    return z is not None and bool(np.abs(z).max() < 1)
+
+
+def _finite(matrices: Array) -> Array | None:
+    return _eigenvalues(matrices) if np.all(np.isfinite(matrices)) else None

@@ -1,0 +1,183 @@
+"""A sampled loop as a family in discrete time, in floats: what the search for a proof works on.
+
+See `polefence.proof.sampling.loop` for the states and inputs; nothing of the proof rests on this.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from fractions import Fraction
+from typing import Any
+
+import numpy as np
+
+from polefence.design import Design
+from polefence.export.held import cloud
+from polefence.law import FixedGain, Law, ScheduledGain
+from polefence.loops import certificate_of, domain_of, given_law
+from polefence.plant.family import UncertainPlant
+from polefence.plant.system import Array
+from polefence.region import Disk
+from polefence.response.discrete import held
+from polefence.service.gain import Scales
+from polefence.service.given import largest_given
+from polefence.solve.given import start_matrix
+
+POINTS = 200  # at which the error of the steps is looked at
+BITS = 12  # of the coordinates: short numbers make short proofs
+FINE = 10  # bits by which the steps are finer than their error
+
+
+@dataclass(frozen=True, eq=False)
+class Coordinates:
+    """y = T x, u = diag(scale) v; short numbers."""
+
+    T: Array
+    scale: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Family:
+    """The loop, with short numbers for the vertices' steps [F, G], (N, n, n + m).
+
+    ``error`` is how far their combinations are from the plant's step, as a sample shows it.
+    """
+
+    design: Design
+    sample_time: float
+    delay: int
+    coordinates: Coordinates
+    steps: Array
+    error: float
+    plant: UncertainPlant
+    law: Law
+
+    @property
+    def rate(self) -> float:
+        """The largest Frobenius norm of [A, B] in these coordinates [1/s]."""
+        return float(np.linalg.norm(_rates(self.design, self.coordinates), axis=(1, 2)).max())
+
+    def tolerated(
+        self, evidence: dict[str, Any], radius: float, weight: Array
+    ) -> tuple[float, float]:
+        """Return the largest error of the steps that evidence proves in floats, and its mu.
+
+        Zero where it does not even prove the poles to lie in the disk. ``weight`` (m,) has the rows
+        of v.
+        """
+        n, width = self.steps.shape[1], self.plant.shape[0]
+        certificate = certificate_of(self.plant, self.law, Disk(0.0, radius), [evidence])
+        scales = Scales(np.concatenate([weight, np.ones(n)]), np.ones(width))
+        found = largest_given(Design(certificate), scales, 0)
+        return found[0] if found else (0.0, 1.0)
+
+
+def first_coordinates(design: Design) -> Coordinates:
+    """Return coordinates of the loop at the middle of the family."""
+    middle = np.full((1, len(design.plant.vertices)), 1 / len(design.plant.vertices))
+    A, B = (each[0] for each in design.plant.at(middle))
+    K = design.law.gain(middle)[0]
+    closed = A + B @ K
+    size = float(np.abs(np.linalg.eigvals(closed)).max()) or 1.0
+    T = _whitening(start_matrix(closed / size))
+    size_of_gain = np.linalg.norm(K @ np.linalg.inv(T), axis=1)
+    return _rounded(T, np.where(size_of_gain > 0, size_of_gain, 1.0))
+
+
+def next_coordinates(family: Family, evidence: Mapping[str, Any]) -> Coordinates:
+    """Return coordinates in which the Lyapunov matrix at the middle is near to the identity."""
+    n, own = family.steps.shape[1], family.coordinates
+    X = _middle(family, evidence)
+    T = _whitening(X[:n, :n]) @ own.T
+    scale = own.scale * np.sqrt(np.diag(X)[n:]) if family.delay else own.scale
+    return _rounded(T, scale)
+
+
+def family_of(
+    design: Design, sample_time: float, delay: int, coordinates: Coordinates
+) -> Family:
+    """Return the loop in these coordinates."""
+    n, _ = design.plant.shape
+    steps = _steps(_rates(design, coordinates), n, sample_time)
+    alphas = cloud(design, POINTS)
+    between = np.tensordot(alphas, _rates(design, coordinates), 1)
+    off = _steps(between, n, sample_time) - np.tensordot(alphas, steps, 1)
+    # their errors have signs: moving all vertices by half of the largest halves it
+    shift = (off.max(axis=0) + off.min(axis=0)) / 2
+    error = float(np.linalg.norm(off - shift, axis=(1, 2)).max())
+    unit = 2.0 ** (math.floor(math.log2(max(error, 1e-12))) - FINE)
+    steps = np.round((steps + shift) / unit) * unit
+    plant = _plant(design, steps, delay, sample_time)
+    law = given_law(plant, _law(design, plant, coordinates, delay))
+    return Family(design, sample_time, delay, coordinates, steps, error, plant, law)
+
+
+def _rates(design: Design, coordinates: Coordinates) -> Array:
+    """Return [A, B] of all vertices in these coordinates."""
+    T, plant = coordinates.T, design.plant
+    B = T @ plant.B * coordinates.scale
+    return np.concatenate([T @ plant.A @ np.linalg.inv(T), B], axis=2)
+
+
+def _steps(rates: Array, n: int, sample_time: float) -> Array:
+    return np.concatenate(held(rates[..., :n], rates[..., n:], sample_time), axis=-1)
+
+
+def _plant(design: Design, steps: Array, delay: int, sample_time: float) -> UncertainPlant:
+    (n, m), N = design.plant.shape, len(steps)
+    A, B = steps[..., :n], np.zeros((N, n, m + n))
+    B[..., m:] = np.eye(n)
+    if delay:
+        A = np.concatenate([steps, np.zeros((N, m, n + m))], axis=1)
+        below = np.zeros((N, m, m + n))
+        below[..., :m] = np.eye(m)
+        B = np.concatenate([B, below], axis=1)
+    else:
+        B[..., :m] = steps[..., n:]
+    plant = UncertainPlant.from_vertices(list(A), list(B), sample_time=Fraction(sample_time))
+    return replace(plant, parameters=design.plant.parameters)
+
+
+def _law(design: Design, plant: UncertainPlant, coordinates: Coordinates, delay: int) -> Law:
+    (n, m), law, T = design.plant.shape, design.law, coordinates.T
+    width = plant.shape[0]
+    if isinstance(law, FixedGain):
+        K = np.zeros((m + n, width))
+        K[:m, :n] = law.K @ np.linalg.inv(T) / coordinates.scale[:, None]
+        return FixedGain(K)
+    W = np.tile(np.eye(width), (len(law.W), 1, 1))
+    own = T @ law.W @ T.T
+    W[:, :n, :n] = (own + own.swapaxes(1, 2)) / 2
+    Z = np.zeros((len(W), m + n, width))
+    Z[:, :m, :n] = law.Z @ T.T / coordinates.scale[:, None]
+    return ScheduledGain(W, Z, plant.parameters, law.degree, law.sizes)
+
+
+def _middle(family: Family, evidence: Mapping[str, Any]) -> Array:
+    """Return the Lyapunov matrix at the middle."""
+    law = family.law
+    where = domain_of(family.plant, law)
+    alpha = np.full(where.corners, 1 / where.corners)
+    basis = where.basis(alpha, evidence["degree"])
+    Q = np.tensordot(basis, np.asarray(evidence["X"]), 1)
+    if not isinstance(law, ScheduledGain):
+        return np.asarray(Q)
+    W = np.tensordot(where.basis(alpha, law.degree), law.W, 1)
+    X = W @ (basis @ np.asarray(evidence["multiple"]) * np.eye(len(W)) + Q @ W)
+    return np.asarray((X + X.T) / 2)
+
+
+def _whitening(X: Array) -> Array:
+    """Return a lower triangular T with T X T' = I."""
+    scale = np.sqrt(np.diag(X))
+    factor = np.linalg.cholesky(X / np.outer(scale, scale))
+    return np.asarray(np.tril(np.linalg.inv(factor)) / scale)
+
+
+def _rounded(T: Array, scale: Array) -> Coordinates:
+    """Return short numbers, and powers of two."""
+    mantissa, exponent = np.frexp(T)
+    short = np.ldexp(np.round(mantissa * 2.0**BITS), exponent - BITS)
+    return Coordinates(np.asarray(short), 2.0 ** np.round(np.log2(scale)))

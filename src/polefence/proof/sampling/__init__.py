@@ -1,0 +1,86 @@
+"""Prove how fast a loop decays that is closed by samples, for every parameter value.
+
+The law is computed every Ts seconds, its output held between; with a delay of one step it acts on
+the sample before. The claim, |z| < exp(-a Ts) for all poles of the sampled loop:
+
+1. Between the vertices e^(A Ts) is no convex combination of theirs; how far off it is, is bounded
+   (`error`), and with it the rounding of the vertices' own steps.
+2. The loop with the combination (`loop`) tolerates such an error of its steps: a claim of kind
+   "gain" of `proof.service`, built here from the design and the law themselves.
+
+Integers, rationals and the standard library only.
+"""
+
+from __future__ import annotations
+
+from polefence.proof.exact import FormatError, Rationals, Verdict, _shape, simplices
+from polefence.proof.sampling.claims import Off, Sampled
+from polefence.proof.sampling.error import exponential, gain_error, held_size, step_error
+from polefence.proof.sampling.loop import loop_claim
+from polefence.proof.sampling.reading import read_sampling
+from polefence.proof.service import prove_service
+
+__all__ = ["Off", "Sampled", "loop_claim", "prove_sampling", "read_sampling", "step_error"]
+
+
+def prove_sampling(claim: Sampled) -> Verdict:
+    """Decide whether all poles of the sampled loop are proved to have |z| < exp(-decay Ts).
+
+    Raises
+    ------
+    FormatError
+        If the claim is incomplete or inconsistent, or asks for work out of all proportion.
+    """
+    _require_consistent(claim)
+    if claim.radius * exponential(claim.decay * claim.sample_time) > 1:
+        return Verdict(False, "the radius is not below exp(-decay sample_time)")
+    whole = loop_claim(claim)
+    verdict = prove_service(whole)
+    if not verdict.proved:
+        return verdict
+    sizes = simplices(whole.subject.design)
+    try:
+        steps = step_error(claim, sizes)
+        steps *= 1 if claim.delay else held_size(claim)
+    except FormatError as problem:
+        return Verdict(False, str(problem))
+    needed = steps**2 + gain_error(claim) ** 2
+    share = float(needed / claim.error**2) ** 0.5 if claim.error else float("inf")
+    if needed > claim.error**2:
+        return Verdict(False, f"the steps may be off by {share:.3g} times the error given")
+    return Verdict(True, f"{verdict.reason}; the steps are off by {100 * share:.2g} % of the error")
+
+
+def _require_consistent(claim: Sampled) -> None:
+    design = claim.design
+    n, m, law = len(design.A[0]), len(design.B[0][0]), design.law
+    if design.weights or (law.K is not None and len(law.K) != 1):
+        raise FormatError("sampling: this kind of plant or law has no proofs here")
+    if claim.ranges and len(design.A) != 2 ** len(claim.ranges):
+        raise FormatError("sampling: the vertices are not those of the parameters")
+    if design.on == "box" and len(design.A) > 1 and not claim.ranges:
+        raise FormatError("a law on a box needs the parameters' ranges")
+    if claim.delay not in (0, 1):
+        raise FormatError("sampling.delay must be 0 or 1")
+    for key in ("sample_time", "radius", "error", "mu", "weight"):
+        if getattr(claim, key) <= 0:
+            raise FormatError(f"sampling.{key} must be positive")
+    if claim.decay < 0:
+        raise FormatError("sampling.decay must be zero or more")
+    _require_shapes(claim, n, m)
+
+
+def _require_shapes(claim: Sampled, n: int, m: int) -> None:
+    shaped: list[tuple[str, Rationals, int, int]] = [("T", claim.T, n, n)]
+    shaped += [("steps", step, n, n + m) for step in claim.steps]
+    shaped += [("off.columns", claim.off.columns, n, n)] if claim.off else []
+    for key, matrix, rows, columns in shaped:
+        _shape(matrix, rows, columns, f"sampling.{key}")
+    if len(claim.steps) != len(claim.design.A):
+        raise FormatError("sampling.steps must hold a matrix for each vertex")
+    named = [("scale", claim.scale)] + ([("off.rows", claim.off.rows)] if claim.off else [])
+    for key, values in named:
+        if len(values) != m or min(values) <= 0:
+            raise FormatError(f"sampling.{key} must hold {m} positive numbers")
+    if claim.off and claim.off.error < 0:
+        raise FormatError("sampling.off.error must be zero or more")

@@ -1,0 +1,198 @@
+"""A folder of C99 from a design: what is in it, what is refused, what `check` says of it."""
+
+import json
+import re
+import shutil
+from functools import cache
+
+import numpy as np
+import pytest
+
+from polefence import Disk, InputError, NotProvedError, OutputError, UncertainPlant, place
+from polefence.cli import main
+from polefence.export import check_guarantee, export_c99
+from polefence.suspension.quarter_car import family
+
+FILES = {"law.c", "law.h", "law_test.c", "Makefile", "README.md", "guarantee.json"}
+
+
+@cache
+def design(radius=31, method="scheduled", plant="quarter-car-physical"):
+    return place(family(plant), Disk(-40, radius), method)
+
+
+@pytest.fixture
+def saved(tmp_path):
+    design().save(tmp_path / "car")
+    return tmp_path / "car"
+
+
+def run(*arguments):
+    return main(["export", *map(str, arguments)])
+
+
+def test_the_folder_is_whole_and_proved(saved, tmp_path, capsys):
+    out = tmp_path / "out"
+    assert run(saved, "--float", 32, "-o", out) == 0
+    text = capsys.readouterr().out
+    assert "Proved in exact arithmetic" in text
+    assert {path.name for path in out.iterdir()} == FILES
+    assert main(["check", str(out)]) == 0
+    assert "float32 code" in capsys.readouterr().out
+    assert run(saved, "--float", 32, "-o", out) == 0  # over an export of its own
+    (out / "build").mkdir()
+    assert run(saved, "--float", 64, "-o", out) == 0
+    assert json.loads((out / "guarantee.json").read_text())["code"]["bits"] == 64
+
+
+def test_the_same_design_gives_the_same_bytes():
+    assert export_c99(design(), 32).files == export_c99(design(), 32).files
+
+
+def test_the_constants_of_the_code_are_those_that_are_proved():
+    """Read back from the C text, against the file about them."""
+    files = export_c99(design(), 32).files
+    code = json.loads(files["guarantee.json"])["code"]
+    source = files["law.c"].decode()
+
+    def table(name):
+        body = re.search(rf"static const real {name}\[.*?\] = \{{(.*?)\}};", source, re.DOTALL)[1]
+        return np.array([float(v) for v in re.findall(r"-?[\d.]+(?:e[+-]?\d+)?(?=F)", body)])
+
+    lower = np.tril_indices(5)
+    single = np.float32
+    assert np.array_equal(table("T").astype(single), np.array(code["T"])[lower].astype(single))
+    W = np.array(code["W"])[:, lower[0], lower[1]].T
+    assert np.array_equal(table("W").astype(single), W.ravel().astype(single))
+    Z = np.array(code["Z"])[:, 0].T
+    assert np.array_equal(table("Z").astype(single), Z.ravel().astype(single))
+    assert np.array_equal(W.astype(single).astype(float), W)  # exactly what float32 holds
+    for share in code["shares"]:
+        for value in share.values():
+            assert np.float64(np.float32(value)) == value
+            assert f"{value:.9g}".lstrip("-") in source
+
+
+@pytest.mark.parametrize("change", ["law.c", "law.h"])
+def test_changed_sources_are_not_what_is_proved(change, tmp_path, capsys):
+    export_c99(design(), 32).save(tmp_path)
+    path = tmp_path / change
+    path.write_text(path.read_text().replace("0.0F", "0.5F").replace("OK 0U", "OK 1U"))
+    answer = check_guarantee(tmp_path)
+    assert not answer.proved
+    assert change in answer.reason
+    assert main(["check", str(tmp_path)]) == 1
+    path.unlink()
+    assert "missing" in check_guarantee(tmp_path / "guarantee.json").reason
+
+
+def test_foreign_files_are_left_alone(saved, tmp_path, capsys):
+    out = tmp_path / "out"
+    out.mkdir()
+    (out / "main.c").write_text("int main(void) { return 0; }\n")
+    assert run(saved, "-o", out) == 2
+    error = capsys.readouterr().err
+    assert "main.c" in error
+    assert len(error.splitlines()) == 1
+    assert [path.name for path in out.iterdir()] == ["main.c"]
+    (out / "main.c").rename(out / "law.c")  # of the same name, but not ours
+    assert run(saved, "-o", out) == 2
+    assert "law.c" in capsys.readouterr().err
+    assert (out / "law.c").read_text().startswith("int main")
+    (tmp_path / "file").write_text("")
+    assert run(saved, "-o", tmp_path / "file") == 2
+
+
+def test_an_export_of_another_name_is_foreign(tmp_path):
+    export_c99(design(), 32, name="front").save(tmp_path)
+    with pytest.raises(OutputError, match=r"front_test\.c|front\.[ch]"):
+        export_c99(design(), 32).save(tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["--name", "static"], "name"),
+        (["--name", "9lives"], "name"),
+        (["--name", "a b"], "name"),
+        (["--limit", "-3"], "limits"),
+        (["--limit", "nan"], "limits"),
+        (["--limit", "1", "--limit", "2"], "limits"),
+    ],
+)
+def test_bad_options_are_one_line(arguments, words, saved, tmp_path, capsys):
+    assert run(saved, "-o", tmp_path / "out", *arguments) == 2
+    error = capsys.readouterr().err
+    assert words in error
+    assert len(error.splitlines()) == 1
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize("arguments", [["--float", "16"], ["--lang", "ada"], ["--given", "p"]])
+def test_unknown_choices_are_usage(arguments, saved, tmp_path, capsys):
+    with pytest.raises(SystemExit) as stop:
+        run(saved, "-o", tmp_path / "out", *arguments)
+    assert stop.value.code == 2
+
+
+def test_a_design_that_cannot_be_read(tmp_path, capsys):
+    (tmp_path / "design.json").write_text("{}")
+    assert run(tmp_path, "-o", tmp_path / "out") == 2
+    assert not (tmp_path / "out").exists()
+
+
+def test_what_is_given(tmp_path):
+    by_alpha = export_c99(design(), 32, given="alpha")
+    assert "alpha[LAW_VERTICES]" in by_alpha.files["law.h"].decode()
+    A, B = ([v.A for v in design().plant.vertices], [v.B for v in design().plant.vertices])
+    printed = place(UncertainPlant.from_vertices(A, B), Disk(-40, 31), "scheduled")
+    assert "alpha[LAW_VERTICES]" in export_c99(printed, 32).files["law.h"].decode()
+    with pytest.raises(InputError, match="given by its vertices"):
+        export_c99(printed, 32, given="parameters")
+    with pytest.raises(InputError, match="given = 'weights'"):
+        export_c99(design(), 32, given="weights")
+    fixed = export_c99(design(36, "quadratic"), 32)
+    assert "law_update(const law_real x[" in re.sub(r"\s+", " ", fixed.files["law.h"].decode())
+
+
+def test_too_small_a_margin_is_refused_for_float32_and_accepted_for_float64(tmp_path, capsys):
+    """The claim is false when it should be."""
+    design(29.08).save(tmp_path / "tight")
+    out = tmp_path / "out"
+    assert run(tmp_path / "tight", "--float", 32, "-o", out) == 1
+    assert "--float 64" in capsys.readouterr().err
+    assert not out.exists()
+    assert run(tmp_path / "tight", "--float", 64, "-o", out) == 0
+    assert main(["check", str(out)]) == 0
+    shutil.rmtree(out)
+    assert run(tmp_path / "tight", "--float", 32, "-o", out, "--allow-unproved") == 1
+    assert "NOT PROVED" in (out / "law.h").read_text()
+    assert "NOT PROVED" in (out / "README.md").read_text()
+    assert not (out / "guarantee.json").exists()
+
+
+def test_an_unproved_export_over_a_proved_one_leaves_no_stale_proof(tmp_path):
+    export_c99(design(), 32).save(tmp_path)
+    export_c99(design(29.08), 32, allow_unproved=True).save(tmp_path)
+    assert not (tmp_path / "guarantee.json").exists()
+
+
+def test_limits_are_in_the_code(tmp_path):
+    found = export_c99(design(), 32, limits=2000)
+    assert "LIMIT[INPUTS] = { 2000.0F }" in found.files["law.c"].decode()
+    assert "LAW_LIMITED" in found.files["law.h"].decode()
+    assert any("limits" in line for line in found.texts.statement)
+    with pytest.raises(InputError, match="2 numbers for 1 input"):
+        export_c99(design(), 32, limits=(1, 2))
+
+
+def test_an_unproved_design_is_not_exported():
+    from polefence.design import Design
+
+    good = design()
+    certificate = good.certificate
+    from dataclasses import replace
+
+    bad = Design(replace(certificate, region=Disk(-40, 20)), proved=False)
+    with pytest.raises(NotProvedError, match="not proved"):
+        export_c99(bad, 64)

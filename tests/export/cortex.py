@@ -201,7 +201,7 @@ class Export:
         own = run("arm-none-eabi-nm", "law_target.o", cwd=self.folder)
         names = re.findall(r" [tT] (\w+)$", own, re.M)
         log = self.folder / "trace.txt"
-        trace = ["-singlestep", "-d", "exec,nochain", "-D", log]
+        trace = [*_one_by_one(), "-d", "exec,nochain", "-D", log]
         ranges = ["-dfilter", ",".join(sizes[name] for name in names)]
         run(*emulated(built), *trace, *ranges, cwd=self.folder)
         return sum(line.startswith("Trace") for line in log.read_text().splitlines())
@@ -213,6 +213,13 @@ def emulated(built: Path, counting: bool = False) -> list[object]:
     clock = ["-icount", "shift=0"] if counting else []
     semihosting = ["-semihosting-config", "enable=on,target=native"]
     return [*words.split(), *clock, *semihosting, "-kernel", built]
+
+
+def _one_by_one() -> list[str]:
+    """Return the option that lets the emulator list each instruction; since 8.1 another."""
+    version = re.search(r"version (\d+)\.(\d+)", run("qemu-system-arm", "--version"))
+    old = (int(version[1]), int(version[2])) < (8, 1)
+    return ["-singlestep"] if old else ["-accel", "tcg,one-insn-per-tb=on"]
 
 
 def _mixed(n: np.ndarray) -> np.ndarray:

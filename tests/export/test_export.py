@@ -56,7 +56,7 @@ def test_the_constants_of_the_code_are_those_that_are_proved():
     source = files["law.c"].decode()
 
     def table(name):
-        body = re.search(rf"static const real {name}\[.*?\] = \{{(.*?)\}};", source, re.DOTALL)[1]
+        body = re.search(rf"static const law_real {name}\[.*?\] = \{{(.*?)\}};", source, re.DOTALL)[1]
         return np.array([float(v) for v in re.findall(r"-?[\d.]+(?:e[+-]?\d+)?(?=F)", body)])
 
     lower = np.tril_indices(5)
@@ -196,3 +196,15 @@ def test_an_unproved_design_is_not_exported():
     bad = Design(replace(certificate, region=Disk(-40, 20)), proved=False)
     with pytest.raises(NotProvedError, match="not proved"):
         export_c99(bad, 64)
+
+
+@pytest.mark.parametrize(("low", "high"), [("1e-50", "1"), ("1", "1e50"), ("1e-20", "1e-3")])
+def test_an_interval_out_of_reach_of_the_numbers_is_refused(low, high):
+    from polefence import Parameter, ScheduledGain
+    from polefence.export.number import number
+    from polefence.export.program import program
+
+    parameter = Parameter("c", low, high, through="1/c")
+    law = ScheduledGain(np.ones((2, 1, 1)), np.ones((2, 1, 1)), (parameter,))
+    with pytest.raises(InputError, match="c: "):
+        program(law, (parameter,), number(32))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from cortex import emulated, run
+from cortex import CORTEX, emulated, run
 
 from polefence.export.vectors import ALLOWED
 
@@ -67,3 +67,14 @@ def test_cost_of_the_main_case(emulator, exported, level):
     assert made.traced(level) == counts[0]
     assert made.size(level) < BYTES
     assert stack <= made.stack(level) < 256
+
+
+def test_the_makefile_says_the_sizes(emulator, exported):
+    made = exported("scheduled", 32)
+    run(
+        "make", "test", cwd=made.folder
+    )  # for this machine: nothing of it may be taken for the other
+    words = ["CC=arm-none-eabi-gcc", "SIZE=arm-none-eabi-size", f"CFLAGS=-O3 {' '.join(CORTEX)}"]
+    said = run("make", "-s", "size", *words, cwd=made.folder)
+    assert f"\n{made.size('-O3'):7d}\t" in said
+    assert f"law_update\t{made.stack('-O3')}\tstatic" in said

@@ -177,10 +177,14 @@ def _whitening(W: Array, domain: Domain, degree: int) -> Array:
 def _share(p: Parameter, number: Number) -> Share:
     width = p.high - p.low
     scale = p.high / width if p.inverted else 1 / width
+    _held(np.array([float(abs(p.low)), float(abs(p.high)), abs(float(scale))]), p.name)
     low, high = number.outward(p.low, up=False), number.outward(p.high, up=True)
-    nearest = float(number.nearest(np.array(float(scale))))
-    _held(np.array([high - low, nearest]), f"the range of {p.name}")
-    return Share(p, low, high, nearest)
+    if p.inverted and min(abs(low), abs(high)) < LEAST:
+        raise InputError(
+            f"{p.name}: its interval begins too near to zero for code that divides by it; choose a "
+            "unit in which it is nearer to one"
+        )
+    return Share(p, low, high, float(number.nearest(np.array(float(scale)))))
 
 
 def _floats(matrices: list[Exact]) -> Array:

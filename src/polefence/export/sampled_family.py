@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from typing import Any
@@ -70,8 +71,11 @@ class Family:
         n, width = self.steps.shape[1], self.plant.shape[0]
         certificate = certificate_of(self.plant, self.law, Disk(0.0, radius), [evidence])
         scales = Scales(np.concatenate([weight, np.ones(n)]), np.ones(width))
-        found = largest_given(Design(certificate), scales, 0)
-        return found[0] if found else (0.0, 1.0)
+        with np.errstate(invalid="ignore", divide="ignore"), suppress(np.linalg.LinAlgError):
+            found = largest_given(Design(certificate), scales, 0)
+            if found and found[0][0] > 0:
+                return found[0]
+        return 0.0, 1.0  # not even a Lyapunov matrix
 
 
 def first_coordinates(design: Design) -> Coordinates:
@@ -82,17 +86,28 @@ def first_coordinates(design: Design) -> Coordinates:
     closed = A + B @ K
     size = float(np.abs(np.linalg.eigvals(closed)).max()) or 1.0
     T = _whitening(start_matrix(closed / size))
-    size_of_gain = np.linalg.norm(K @ np.linalg.inv(T), axis=1)
-    return _rounded(T, np.where(size_of_gain > 0, size_of_gain, 1.0))
+    return _rounded(T, _size_of_gain(K, T))
 
 
 def next_coordinates(family: Family, evidence: Mapping[str, Any]) -> Coordinates:
     """Return coordinates in which the Lyapunov matrix at the middle is near to the identity."""
     n, own = family.steps.shape[1], family.coordinates
-    X = _middle(family, evidence)
-    T = _whitening(X[:n, :n]) @ own.T
-    scale = own.scale * np.sqrt(np.diag(X)[n:]) if family.delay else own.scale
-    return _rounded(T, scale)
+    X, law = _middle(family, evidence), family.design.law
+    T, unit = _whitening(X[:n, :n]) @ own.T, 1.0
+    if isinstance(law, ScheduledGain):
+        # beside it stands the identity, for v: one size for both
+        W = T @ law.W @ T.T
+        unit = math.sqrt(n / float(np.trace(W.mean(axis=0))))
+    if family.delay:
+        return _rounded(unit * T, own.scale * np.sqrt(np.diag(X)[n:]) / unit)
+    corners = np.eye(len(family.steps))
+    return _rounded(unit * T, _size_of_gain(law.gain(corners), unit * T))
+
+
+def _size_of_gain(K: Array, T: Array) -> Array:
+    """Return what makes the rows of the gains K T^-1 one at most."""
+    size = np.linalg.norm(K @ np.linalg.inv(T), axis=-1).reshape(-1, K.shape[-2]).max(axis=0)
+    return np.where(size > 0, size, 1.0)
 
 
 def family_of(

@@ -37,14 +37,17 @@ from polefence.region_text import digits_down
 from polefence.service.files import plain
 from polefence.solve.given import least
 
-FIRST = (1, 0)  # degree and elevation that coordinates are found with
-DEGREES = 2  # of the Lyapunov polynomials at most
-ENOUGH = 0.95  # of the sampled decay: no more is looked for beyond
+FIRST = (1, 0)  # degree and elevation of the Lyapunov polynomial that coordinates are found with
+CENTRAL = 0.5  # of the sampled decay, which it proves: with less room it is near to singular
+# Those that are tried for the proof; the first only where the law is one gain.
+LADDER = ((0, 0), (1, 0), (2, 0), (2, 1))
+ENOUGH = 0.9  # of the sampled decay: no more is looked for beyond
 HALVINGS = 8
 RETREATS = (1.0, 0.98, 0.9, 0.7, 0.4)
 ROOM = 1.1  # of what evidence must tolerate in floats over what is needed
 LEAST = 2.0**-20  # weight of the rows of v where the gain is not off
-RADIUS_BITS = 52
+RADIUS_BITS = 14  # of 1 - radius
+EVIDENCE_BITS = 26  # short numbers make short proofs
 TAIL = 1e-3  # terms left out of the series, over the error
 DIGITS = 4  # of the decay rate
 BOUND = 1e-3  # by which bounds on the law are wider than floats say
@@ -171,7 +174,8 @@ class _Search:
     def _family(self) -> Family:
         """Return the loop in coordinates of its own Lyapunov polynomial."""
         first = self._in(first_coordinates(self.design))
-        found = least(loop_of(first.plant, first.law), Disks(0.0), *FIRST)
+        enough = math.exp(-CENTRAL * self.slowest * self.sample_time)
+        found = least(loop_of(first.plant, first.law), Disks(0.0), *FIRST, enough=enough)
         return self._in(next_coordinates(first, evidence_of(found, FIRST)))
 
     def _in(self, coordinates: Coordinates) -> Family:
@@ -187,12 +191,14 @@ class _Search:
             blank = _with_bounds(blank, family)
             needed *= float(held_size(blank))
         needed = math.hypot(needed, float(gain_error(blank)))
-        for form in forms(family.plant, family.law):
-            if form[0] > DEGREES:
+        fixed = isinstance(self.design.law, FixedGain)
+        allowed = set(forms(family.plant, family.law))
+        for form in LADDER if fixed else LADDER[1:]:
+            if form not in allowed:
                 return
             with suppress(SolverError):
                 found = least(loop_of(family.plant, family.law), Disks(0.0), *form)
-                evidence = evidence_of(found, form)
+                evidence = _short_evidence(evidence_of(found, form))
                 share = self._share(family, blank, evidence, needed)
                 yield _Candidate(share, evidence, blank, needed)
                 if share >= ENOUGH:
@@ -287,8 +293,10 @@ def _with_bounds(blank: Sampled, family: Family) -> Sampled:
 
 def _radius(decay: Fraction, sample_time: Fraction) -> Fraction:
     """Return a short number a little below exp(-decay sample_time)."""
-    value = math.exp(-float(decay * sample_time))
-    return Fraction(math.floor(value * 2**RADIUS_BITS) - 4, 2**RADIUS_BITS)
+    rest = -math.expm1(-float(decay * sample_time))
+    _, exponent = math.frexp(rest)
+    unit = Fraction(2) ** (exponent - RADIUS_BITS)
+    return 1 - math.ceil(Fraction(rest) / unit * (1 + Fraction(1, 2**40))) * unit
 
 
 def _above(value: float) -> Fraction:
@@ -297,9 +305,19 @@ def _above(value: float) -> Fraction:
     return Fraction(math.ceil(mantissa * 2**16)) * Fraction(2) ** (exponent - 16)
 
 
+def _short_evidence(evidence: dict[str, Any]) -> dict[str, Any]:
+    """Round a Lyapunov polynomial to a multiple of a power of two, symmetric."""
+    X = np.asarray(evidence["X"])
+    multiple = np.asarray(evidence.get("multiple", np.zeros(0)))
+    _, exponent = np.frexp(max(np.abs(X).max(), np.abs(multiple).max(initial=0.0)))
+    unit = 2.0 ** (int(exponent) - EVIDENCE_BITS)
+    short = evidence | {"X": np.round((X + X.swapaxes(1, 2)) / 2 / unit) * unit}
+    return short | ({"multiple": np.round(multiple / unit) * unit} if multiple.size else {})
+
+
 def _exact_evidence(evidence: dict[str, Any]) -> Evidence:
-    X = [exactly((x + x.T) / 2) for x in np.asarray(evidence["X"])]
     multiple = tuple(Fraction(float(v)) for v in evidence.get("multiple", ()))
+    X = [exactly(x) for x in evidence["X"]]
     return Evidence(X, evidence["degree"], evidence["elevation"], multiple)
 
 

@@ -6,7 +6,7 @@ With M(alpha) = [A, B] Ts in the claim's coordinates the exact step is
 
 and its first p terms are a polynomial in alpha of degree p. So is the combination of the vertices'
 steps; a polynomial is at most as large as the largest of its Bernstein coefficients, and these are
-whole numbers over a known one. The entries of M are first rounded to multiples of 2^-64: with
+whole numbers over a known one. The entries of M are first rounded to multiples of 2^-48: with
 |M|_F <= b after and d more before, that changes the step by at most d exp(b + d); and the terms
 left out sum to at most b^(p + 1) / (p + 1)! / (1 - b / (p + 2)).
 
@@ -47,10 +47,11 @@ from polefence.proof.sampling.loop import (
     vertices,
 )
 
-BITS = 64  # of entries of M after the point
+BITS = 48  # of entries of M after the point
 MAX_TERMS = 60
 MAX_PRODUCTS = 2 * 10**7  # of two entries
 EXP_TERMS = 40
+SHORT = 256  # bits after the point
 
 
 def step_error(claim: Sampled, sizes: tuple[int, ...]) -> Fraction:
@@ -87,7 +88,7 @@ def exponential(x: Fraction) -> Fraction:
 
 def _short(value: Fraction) -> Fraction:
     """Round up to a number of few digits."""
-    whole = 2 ** (4 * BITS)
+    whole = 2**SHORT
     return Fraction(-(-value.numerator * whole // value.denominator), whole)
 
 

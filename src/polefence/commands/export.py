@@ -8,10 +8,11 @@ from typing import Any
 
 from polefence.commands.shared import NOT_PROVED, PROVED
 from polefence.design import Design
-from polefence.export import export_c99
+from polefence.export import export_c99, with_fmus
 from polefence.export.c99 import check_c_name
 from polefence.export.exported import GIVEN, Exported, marks
-from polefence.export.folder import check_folder
+from polefence.export.folder import check_folder, write_folder
+from polefence.export.matlab import HEADER, mat_bytes
 
 LANGUAGES = ("c99", "fmu", "mat")
 
@@ -21,7 +22,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "design", type=Path, metavar="DESIGN", help="design.json, or the folder with it"
     )
-    parser.add_argument("--lang", choices=LANGUAGES, default="c99", help="default: c99")
+    parser.add_argument(
+        "--lang",
+        choices=LANGUAGES,
+        default="c99",
+        help="c99; fmu: C with FMUs of FMI 2.0 and 3.0; mat: the numbers for MATLAB; default: c99",
+    )
     parser.add_argument(
         "--float",
         type=int,
@@ -55,6 +61,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def export_command(options: Any) -> int:
     """Write a design as code for a microprocessor, with what is proved of it."""
     check_c_name(options.name)
+    if options.lang == "mat":
+        return _matlab(options)
     check_folder(options.output, marks(options.name))
     design = Design.load(options.design, allow_unproved=options.allow_unproved)
     limits = options.limit[0] if len(options.limit) == 1 else options.limit
@@ -66,11 +74,24 @@ def export_command(options: Any) -> int:
         limits=limits,
         allow_unproved=options.allow_unproved,
     )
+    if options.lang == "fmu":
+        found = with_fmus(found)
     paths = found.save(options.output)
     _print(found)
     for path in paths:
         print(f"saved: {path}")
     return PROVED if found.guarantee.proved else NOT_PROVED
+
+
+def _matlab(options: Any) -> int:
+    """Write the design's own numbers: no code, so no rounding to prove."""
+    own = {f"{options.name}.mat": HEADER}
+    check_folder(options.output, own)
+    design = Design.load(options.design, allow_unproved=options.allow_unproved)
+    content = dict.fromkeys(own, mat_bytes(design))
+    for path in write_folder(options.output, content, own):
+        print(f"saved: {path}")
+    return PROVED if design.proved else NOT_PROVED
 
 
 def _print(found: Exported) -> None:

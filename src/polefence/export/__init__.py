@@ -1,7 +1,7 @@
 """A law on a microprocessor: C99, FMU, MATLAB; what rounding and sampling leave of the claim."""
 
 from polefence.export.documents import check_guarantee, guarantee_plant, is_guarantee_file
-from polefence.export.exported import Exported, export_c99
+from polefence.export.exported import Exported, export_c99, with_fmus
 from polefence.export.guarantee import Guarantee
 
 __all__ = [
@@ -11,4 +11,5 @@ __all__ = [
     "export_c99",
     "guarantee_plant",
     "is_guarantee_file",
+    "with_fmus",
 ]

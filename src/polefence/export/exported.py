@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +11,7 @@ from polefence.design import Design, check
 from polefence.errors import InputError, NotProvedError
 from polefence.export.c99 import MARKER, Texts, check_c_name, context, environment, sources
 from polefence.export.documents import FILE_NAME, guarantee_text
+from polefence.export.fmu import fmu
 from polefence.export.folder import write_folder
 from polefence.export.guarantee import Guarantee, guarantee
 from polefence.export.number import number
@@ -108,13 +109,59 @@ def export_c99(
     if not found.proved and not allow_unproved:
         raise NotProvedError(f"not exported: {found.reason}")
     texts = _texts(design, name, cuts, found)
-    return Exported(design, made, texts, found, _files(design, made, texts, found))
+    whole = Exported(design, made, texts, found, _files(design, made, texts, found))
+    return replace(whole, files=_sealed(whole, whole.files))
+
+
+def with_fmus(
+    found: Exported,
+    versions: Sequence[str] = ("2.0", "3.0"),
+    *,
+    compiler: str = "cc",
+    step: float | None = None,
+) -> Exported:
+    """Return an export with functional mock-up units of the same sources beside them.
+
+    Parameters
+    ----------
+    versions : sequence of str
+        Of FMI, "2.0" and "3.0".
+    compiler : str
+    step : float, optional
+        The step that a simulator begins with [s].
+
+    Raises
+    ------
+    InputError
+        If a version is unknown, or the compiler fails.
+    """
+    files = dict(found.files)
+    for version in versions:
+        unit = fmu(found.program, found.texts, version=version, compiler=compiler, step=step)
+        files[_fmu_name(found.texts.name, version)] = unit
+    return replace(found, files=_sealed(found, files))
+
+
+def _fmu_name(name: str, version: str) -> str:
+    return f"{name}_fmi{version[0]}.fmu"
+
+
+def _sealed(found: Exported, files: dict[str, bytes]) -> dict[str, bytes]:
+    """Put the digests of all that runs into ``guarantee.json``."""
+    if found.guarantee.claim is None:
+        return files
+    runs = {name: files[name] for name in sorted(files) if name.endswith((".c", ".h", ".fmu"))}
+    runs.pop(f"{found.texts.name}_test.c", None)
+    text = guarantee_text(found.guarantee.design, found.guarantee.claim, runs)
+    return files | {FILE_NAME: text.encode()}
 
 
 def marks(name: str) -> dict[str, bytes]:
     """Return the names of an export's files, and what marks each as one."""
     texts = [f"{name}.c", f"{name}.h", f"{name}_test.c", "Makefile", "README.md"]
-    return dict.fromkeys(texts, MARKER.encode()) | {FILE_NAME: FORMAT.encode()}
+    units = [_fmu_name(name, version) for version in ("2.0", "3.0")]
+    own = dict.fromkeys(texts, MARKER.encode()) | {FILE_NAME: FORMAT.encode()}
+    return own | dict.fromkeys(units, b"modelDescription.xml")
 
 
 def _given(design: Design, given: str | None) -> tuple[Parameter, ...]:
@@ -172,8 +219,6 @@ def _files(design: Design, made: Program, texts: Texts, found: Guarantee) -> dic
     files["Makefile"] = makefile(texts).encode()
     template = environment().get_template("README.md.j2")
     files["README.md"] = template.render(context(made, texts) | _facts(made, found)).encode()
-    if found.claim is not None:
-        files[FILE_NAME] = guarantee_text(found.design, found.claim, code).encode()
     return files
 
 

@@ -41,14 +41,18 @@ def mat(design: Design, path: str | Path) -> Path:
     OutputError
         If it cannot be written; nothing is left half-written.
     """
+    where = Path(path)
+    write_bytes(where, mat_bytes(design))
+    return where
+
+
+def mat_bytes(design: Design) -> bytes:
+    """Return the content of such a file; the same design makes the same bytes."""
     from scipy.io import savemat  # deferred: slow to import
 
     stream = io.BytesIO()
     savemat(cast(Any, stream), variables(design), oned_as="row")
-    content = stream.getvalue()
-    where = Path(path)
-    write_bytes(where, HEADER.ljust(HEADER_LENGTH) + content[HEADER_LENGTH:])
-    return where
+    return HEADER.ljust(HEADER_LENGTH) + stream.getvalue()[HEADER_LENGTH:]
 
 
 def variables(design: Design) -> dict[str, Any]:

@@ -39,9 +39,7 @@ class SampledPoles:
     z: Array
 
 
-def sampled_poles(
-    design: Design, alpha: Array, sample_time: float, delay: int = 1
-) -> SampledPoles:
+def sampled_poles(design: Design, alpha: Array, sample_time: float, delay: int = 1) -> SampledPoles:
     """Return the poles of the loop as a computer closes it every ``sample_time``.
 
     The input is held between samples (zero-order hold); with ``delay`` = 1 it is u[k] = K x[k-1],

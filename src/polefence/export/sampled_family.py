@@ -86,6 +86,7 @@ def first_coordinates(design: Design) -> Coordinates:
     closed = A + B @ K
     size = float(np.abs(np.linalg.eigvals(closed)).max()) or 1.0
     T = _whitening(start_matrix(closed / size))
+    T = _evened(design.law, T)
     return _rounded(T, _size_of_gain(K, T))
 
 
@@ -93,15 +94,19 @@ def next_coordinates(family: Family, evidence: Mapping[str, Any]) -> Coordinates
     """Return coordinates in which the Lyapunov matrix at the middle is near to the identity."""
     n, own = family.steps.shape[1], family.coordinates
     X, law = _middle(family, evidence), family.design.law
-    T, unit = _whitening(X[:n, :n]) @ own.T, 1.0
-    if isinstance(law, ScheduledGain):
-        # beside it stands the identity, for v: one size for both
-        W = T @ law.W @ T.T
-        unit = math.sqrt(n / float(np.trace(W.mean(axis=0))))
+    before = _whitening(X[:n, :n]) @ own.T
+    T = _evened(law, before)
     if family.delay:
-        return _rounded(unit * T, own.scale * np.sqrt(np.diag(X)[n:]) / unit)
-    corners = np.eye(len(family.steps))
-    return _rounded(unit * T, _size_of_gain(law.gain(corners), unit * T))
+        return _rounded(T, own.scale * np.sqrt(np.diag(X)[n:]) * before[0, 0] / T[0, 0])
+    return _rounded(T, _size_of_gain(law.gain(np.eye(len(family.steps))), T))
+
+
+def _evened(law: Law, T: Array) -> Array:
+    """Return a multiple of T for which T W T' is of the identity's size: that stands beside it."""
+    if not isinstance(law, ScheduledGain):
+        return T
+    W = T @ law.W @ T.T
+    return np.asarray(T * np.sqrt(len(T) / np.trace(W.mean(axis=0))))
 
 
 def _size_of_gain(K: Array, T: Array) -> Array:
@@ -110,9 +115,7 @@ def _size_of_gain(K: Array, T: Array) -> Array:
     return np.where(size > 0, size, 1.0)
 
 
-def family_of(
-    design: Design, sample_time: float, delay: int, coordinates: Coordinates
-) -> Family:
+def family_of(design: Design, sample_time: float, delay: int, coordinates: Coordinates) -> Family:
     """Return the loop in these coordinates."""
     n, _ = design.plant.shape
     steps = _steps(_rates(design, coordinates), n, sample_time)

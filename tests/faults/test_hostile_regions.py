@@ -81,7 +81,7 @@ def asked(plant, region, method="scheduled"):
 NO_REGION = [3, None, "disk(-40, 31)", Disk, (Disk(-40, 31),), {"kind": "disk"}, [], object()]
 
 
-@pytest.mark.parametrize("region", NO_REGION, ids=repr)
+@pytest.mark.parametrize("region", NO_REGION, ids=lambda region: repr(region).split(" at ")[0])
 def test_what_is_no_region_is_refused(region):
     with pytest.raises(InputError, match="region"):
         place(oscillator(), region)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
@@ -185,11 +186,10 @@ def largest_sample_time(design: Design, delay: int = 1) -> LargestSampleTime:
     unit = 1 / fastest if fastest else 1.0
     decades = np.log10(LONGEST / SHORTEST)
     grid = unit * np.geomspace(SHORTEST, LONGEST, round(PER_DECADE * decades) + 1)
-    found = [
-        _largest(lambda time, points, test=test: test(design, points, time, delay), grid, few, many)
-        for test in (_is_inside, _is_stable)
-    ]
-    return LargestSampleTime(delay, found[0], found[1], float(grid[-1]))
+    region, stable = (
+        _largest(partial(test, design, delay), grid, few, many) for test in (_is_inside, _is_stable)
+    )
+    return LargestSampleTime(delay, region, stable, float(grid[-1]))
 
 
 Test = Callable[[float, Array], bool]
@@ -210,14 +210,14 @@ def _largest(holds: Test, grid: Array, few: Array, many: Array) -> float:
     return low if low >= grid[0] else 0.0
 
 
-def _is_inside(design: Design, alphas: Array, time: float, delay: int) -> bool:
+def _is_inside(design: Design, delay: int, time: float, alphas: Array) -> bool:
     z = _finite(stepped(design, alphas, time, delay))
     if z is None:
         return False
     return bool(design.region.contains(_equivalent(z, design.plant.shape[0], time)))
 
 
-def _is_stable(design: Design, alphas: Array, time: float, delay: int) -> bool:
+def _is_stable(design: Design, delay: int, time: float, alphas: Array) -> bool:
     z = _finite(stepped(design, alphas, time, delay))
     return z is not None and bool(np.abs(z).max() < 1)
 

@@ -128,7 +128,7 @@ def family_of(design: Design, sample_time: float, delay: int, coordinates: Coord
     unit = 2.0 ** (math.floor(math.log2(max(error, 1e-12))) - FINE)
     steps = np.round((steps + shift) / unit) * unit
     plant = _plant(design, steps, delay, sample_time)
-    law = given_law(plant, _law(design, plant, coordinates, delay))
+    law = given_law(plant, _law(design, plant, coordinates))
     return Family(design, sample_time, delay, coordinates, steps, error, plant, law)
 
 
@@ -158,7 +158,7 @@ def _plant(design: Design, steps: Array, delay: int, sample_time: float) -> Unce
     return replace(plant, parameters=design.plant.parameters)
 
 
-def _law(design: Design, plant: UncertainPlant, coordinates: Coordinates, delay: int) -> Law:
+def _law(design: Design, plant: UncertainPlant, coordinates: Coordinates) -> Law:
     (n, m), law, T = design.plant.shape, design.law, coordinates.T
     width = plant.shape[0]
     if isinstance(law, FixedGain):
@@ -198,4 +198,4 @@ def _rounded(T: Array, scale: Array) -> Coordinates:
     """Return short numbers, and powers of two."""
     mantissa, exponent = np.frexp(T)
     short = np.ldexp(np.round(mantissa * 2.0**BITS), exponent - BITS)
-    return Coordinates(np.asarray(short), 2.0 ** np.round(np.log2(scale)))
+    return Coordinates(np.asarray(short), np.asarray(2.0 ** np.round(np.log2(scale))))

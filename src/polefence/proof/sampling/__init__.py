@@ -15,7 +15,13 @@ from __future__ import annotations
 
 from polefence.proof.exact import FormatError, Rationals, Verdict, _shape, simplices
 from polefence.proof.sampling.claims import Off, Sampled
-from polefence.proof.sampling.error import exponential, gain_error, held_size, step_error
+from polefence.proof.sampling.error import (
+    MAX_TERMS,
+    exponential,
+    gain_error,
+    held_size,
+    step_error,
+)
 from polefence.proof.sampling.loop import loop_claim
 from polefence.proof.sampling.reading import read_sampling
 from polefence.proof.service import prove_service
@@ -65,6 +71,8 @@ def _require_consistent(claim: Sampled) -> None:
     for key in ("sample_time", "radius", "error", "mu", "weight"):
         if getattr(claim, key) <= 0:
             raise FormatError(f"sampling.{key} must be positive")
+    if not 1 <= claim.terms <= MAX_TERMS:
+        raise FormatError(f"sampling.terms must be 1 to {MAX_TERMS}")
     if claim.decay < 0:
         raise FormatError("sampling.decay must be zero or more")
     _require_shapes(claim, n, m)
@@ -73,6 +81,8 @@ def _require_consistent(claim: Sampled) -> None:
 def _require_shapes(claim: Sampled, n: int, m: int) -> None:
     shaped: list[tuple[str, Rationals, int, int]] = [("T", claim.T, n, n)]
     shaped += [("steps", step, n, n + m) for step in claim.steps]
+    width = n + m if claim.delay else n
+    shaped += [("evidence.X", X, width, width) for X in claim.evidence.X]
     shaped += [("off.columns", claim.off.columns, n, n)] if claim.off else []
     for key, matrix, rows, columns in shaped:
         _shape(matrix, rows, columns, f"sampling.{key}")

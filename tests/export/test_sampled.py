@@ -1,0 +1,214 @@
+"""Sampled loops: poles by other means, analytic limits, simulation, the document."""
+
+import json
+import math
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+from scipy.linalg import expm
+
+from polefence import Disk, FixedGain, HalfPlane, Sector, UncertainPlant, place
+from polefence.errors import InputError
+from polefence.export.sampled import largest_sample_time, sampled_poles, sampling
+from polefence.export.sampled_document import sampling_document
+from polefence.export.sampled_proof import prove_decay
+from polefence.proof.exact import FormatError
+from polefence.proof.sampling import prove_sampling, read_sampling
+from polefence.suspension.quarter_car import family
+
+TIME = 0.002
+
+
+@cache
+def car(tight=False):
+    region = Disk(-40, 31) if tight else HalfPlane(2) & Sector(0.3)
+    return place(family("quarter-car-physical"), region, "scheduled")
+
+
+@cache
+def proof(tight=False):
+    return prove_decay(car(tight), TIME)
+
+
+@cache
+def integrator():
+    plant = UncertainPlant.from_vertices([[[0]]], [[[1]]])
+    return place(plant, Disk(-4, 1), "quadratic")
+
+
+def stepped(design, alpha, time, delay):
+    """The loop at the samples, from scipy's exponential."""
+    A, B = design.plant.at(alpha)
+    (n, m), K = design.plant.shape, design.law.gain(alpha)
+    F = expm(np.block([[A, B], [np.zeros((m, n + m))]]) * time)[:n]
+    if not delay:
+        return F[:, :n] + F[:, n:] @ K
+    return np.block([[F], [K, np.zeros((m, m))]])
+
+
+def some(design, count):
+    values = np.random.default_rng(3).random((count, 2))
+    low, width = [231.12, -10.0], [115.56, 20.0]
+    m1, beta = (low + values * width).T
+    return np.array([design.plant.alpha(m1=m, beta=b) for m, b in zip(m1, beta, strict=True)])
+
+
+@pytest.mark.parametrize("delay", [0, 1])
+def test_poles_are_those_of_scipys_loop(delay):
+    alphas = some(car(), 12)
+    found = sampled_poles(car(), alphas, TIME, delay)
+    assert found.equivalent.shape == (12, 5)
+    assert found.z.shape == (12, 5 + delay)
+    for a, z, s in zip(alphas, found.z, found.equivalent, strict=True):
+        own = np.linalg.eigvals(stepped(car(), a, TIME, delay))
+        own = own[np.argsort(-np.abs(own))]
+        assert np.allclose(np.poly(z), np.poly(own), atol=1e-9)
+        assert np.allclose(np.abs(z), np.abs(own), atol=1e-7)
+        assert np.allclose(np.exp(s * TIME), z[:5], atol=1e-12)
+
+
+def test_short_samples_have_the_poles_of_continuous_time():
+    alphas = some(car(), 5)
+    for delay in (0, 1):
+        own = np.sort_complex(sampled_poles(car(), alphas, 1e-6, delay).equivalent)
+        assert np.abs(own - np.sort_complex(car().poles(alphas))).max() < 0.1
+
+
+def test_sampling_finds_what_leaves_the_region():
+    good, bad = (sampling(car(tight=True), time) for time in (1e-4, 1e-3))
+    assert good.inside
+    assert good.stable
+    assert not bad.inside
+    assert bad.stable
+    assert good.points > 10_000
+    K = stepped(car(tight=True), bad.alpha, 1e-3, 1)
+    z = np.linalg.eigvals(K)
+    s = np.log(z[np.argsort(-np.abs(z))][:5].astype(complex)) / 1e-3
+    assert np.isclose(car(tight=True).region.distance(s).max(), bad.distance, rtol=1e-6)
+    assert set(bad.values) == {"m1", "beta"}
+    # no pole found by other means is slower
+    slowest = max(
+        np.abs(np.linalg.eigvals(stepped(car(tight=True), a, 1e-3, 1))).max()
+        for a in some(car(tight=True), 50)
+    )
+    assert -math.log(slowest) / 1e-3 >= bad.decay - 1e-6
+
+
+@pytest.mark.parametrize(("delay", "limit"), [(0, 2.0), (1, 1.0)])
+def test_the_largest_sample_time_of_an_integrator_is_known(delay, limit):
+    # z = 1 - k T, and z^2 - z + k T = 0
+    k = -float(integrator().law.K[0, 0])
+    found = largest_sample_time(integrator(), delay)
+    assert found.stable == pytest.approx(limit / k, rel=2e-3)
+    assert found.stable <= limit / k
+    assert found.region < found.stable < found.longest
+
+
+def test_the_largest_sample_time_of_the_car_holds_and_hardly_more():
+    found = largest_sample_time(car(tight=True), 1)
+    assert 2e-4 < found.region < 4e-4 < 5e-3 < found.stable < 1e-2
+    assert sampling(car(tight=True), found.region).inside
+    assert not sampling(car(tight=True), 1.02 * found.region).inside
+    assert sampling(car(tight=True), found.stable).stable
+    assert not sampling(car(tight=True), 1.02 * found.stable).stable
+
+
+def test_the_proved_decay_is_below_the_sampled_one_and_near():
+    found = proof(tight=True)
+    assert found.proved
+    assert 0.95 * found.sampled < found.decay < found.sampled
+    assert found.reason == ""
+    assert found.sampled == pytest.approx(sampling(car(tight=True), TIME).decay, rel=1e-9)
+
+
+def test_a_simulation_decays_as_proved():
+    """From many states, x and the input that is under way; over time, not by poles."""
+    found, random = proof(), np.random.default_rng(4)
+    assert found.proved
+    for a in some(car(), 6):
+        step = stepped(car(), a, TIME, 1)
+        states = random.normal(size=(6, 20)) * np.array([[1.0]] * 5 + [[1e4]])
+        sizes = [np.linalg.norm(states, axis=0).max()]
+        for _ in range(1200):
+            states = step @ states
+            sizes.append(np.linalg.norm(states, axis=0).max())
+        slope = (math.log(sizes[1200]) - math.log(sizes[200])) / (1000 * TIME)
+        assert slope < -found.decay + 0.5
+        scaled = np.array(sizes) * np.exp(found.decay * TIME * np.arange(1201))
+        assert scaled[600:].max() < scaled[:600].max()
+
+
+def test_an_unstable_loop_is_not_proved_and_said_so():
+    found = prove_decay(car(), 5e-3)
+    assert not found.proved
+    assert found.decay == 0
+    assert found.sampled < 0
+    assert "not stable" in found.reason
+    assert found.check().answer == "undecided"
+
+
+def test_the_proof_reaches_near_to_the_limit_of_stability():
+    k = -float(integrator().law.K[0, 0])
+    found = prove_decay(integrator(), 0.95 / k, 1)
+    assert found.proved
+    assert 0 < found.decay <= found.sampled
+    assert not prove_decay(integrator(), 1.05 / k, 1).proved
+
+
+def test_the_document_reads_back_the_same():
+    claim = proof().claim
+    table = json.loads(json.dumps(sampling_document(claim), allow_nan=False))
+    again = read_sampling(table, car().certificate.claim(), claim.ranges)
+    assert again == claim
+    assert prove_sampling(again).proved
+    off = replace(claim, delay=0, smallest=claim.mu, energy=claim.error)
+    assert sampling_document(off)["energy"] == float(claim.error)
+
+
+@pytest.mark.parametrize("key", ["sample_time", "decay", "T", "steps", "evidence", "mu"])
+def test_a_document_that_is_cut_short_is_refused(key):
+    claim, table = proof().claim, sampling_document(proof().claim)
+    for changed in ({**table, "more": 1}, {k: v for k, v in table.items() if k != key}, [], None):
+        with pytest.raises(FormatError):
+            read_sampling(changed, car().certificate.claim(), claim.ranges)
+
+
+@pytest.mark.parametrize(
+    ("key", "value"),
+    [("delay", "1"), ("terms", 1.5), ("T", [[1]]), ("steps", [[[1]]]), ("evidence", {"X": []})],
+)
+def test_a_malformed_document_is_refused(key, value):
+    claim, table = proof().claim, sampling_document(proof().claim)
+    with pytest.raises(FormatError):
+        read_sampling({**table, key: value}, car().certificate.claim(), claim.ranges)
+
+
+@pytest.mark.parametrize("time", [0, -1.0, math.nan, math.inf, "fast", None])
+def test_a_sample_time_is_a_positive_number(time):
+    for function in (sampling, prove_decay):
+        with pytest.raises(InputError, match="sample_time"):
+            function(car(), time)
+
+
+def test_delays_are_none_or_one():
+    for function in (lambda d: sampling(d, TIME, 2), lambda d: largest_sample_time(d, -1)):
+        with pytest.raises(InputError, match="delay"):
+            function(car())
+
+
+def test_a_discrete_time_plant_is_sampled_already():
+    plant = UncertainPlant.from_vertices([[[1.2]]], [[[1]]], sample_time=0.01)
+    design = place(plant, Disk(0, 0.5), "quadratic")
+    for function in (lambda: sampling(design, TIME), lambda: largest_sample_time(design)):
+        with pytest.raises(InputError, match="discrete-time plant"):
+            function()
+
+
+def test_samples_too_long_for_floating_point_are_refused():
+    plant = UncertainPlant.from_vertices([[[2.0]]], [[[1]]])
+    design = place(plant, Disk(-4, 1), "quadratic")
+    assert isinstance(design.law, FixedGain)
+    with pytest.raises(InputError, match="outgrows"):
+        sampling(design, 1000.0)

@@ -1,0 +1,253 @@
+"""The exact proof that a sampled loop decays: theory from the other side, and every fault found."""
+
+import math
+from dataclasses import replace
+from fractions import Fraction
+from functools import cache
+
+import numpy as np
+import pytest
+from scipy.linalg import expm
+
+from polefence import Disk, HalfPlane, Sector, UncertainPlant, place
+from polefence.export.sampled_proof import prove_decay
+from polefence.plant.parameters import Parameter
+from polefence.proof.exact import FormatError, closed_loop, simplices
+from polefence.proof.sampling import Off, loop_claim, prove_sampling, step_error
+from polefence.proof.sampling.error import exponential, held_size
+
+TIME = 0.02
+
+
+def spring(m, k):
+    return [[0, 1], [-k / m, -1 / (2 * m)]], [[0], [1 / m]]
+
+
+@cache
+def design(kind):
+    if kind == "corners":
+        As = [[[0, 1], [2, 0]], [[0, 1], [3, 1]], [[0.5, 1], [1, -1]]]
+        plant = UncertainPlant.from_vertices(As, [[[0], [1]], [[0], [2]], [[0], [1.5]]])
+        return place(plant, Disk(-5, 3), "scheduled")
+    bounds = [Parameter("m", 1, 2, "kg", "1/m"), Parameter("k", 4, 20, "N/m")]
+    plant = UncertainPlant.from_function(spring, bounds)
+    if kind == "one gain":
+        return place(plant, HalfPlane(1) & Sector(0.3), "quadratic")
+    return place(plant, Disk(-6, 4), "scheduled")
+
+
+@cache
+def proof(kind="box", delay=1):
+    return prove_decay(design(kind), TIME, delay)
+
+
+CASES = [(kind, delay) for kind in ("box", "corners", "one gain") for delay in (0, 1)]
+
+
+@pytest.mark.parametrize(("kind", "delay"), CASES)
+def test_nearly_the_sampled_decay_is_proved(kind, delay):
+    found = proof(kind, delay)
+    assert found.proved
+    assert found.check().proved
+    assert 0.9 * found.sampled < found.decay < found.sampled
+
+
+@pytest.mark.parametrize(("kind", "delay"), CASES)
+def test_poles_by_expm_decay_as_claimed(kind, delay):
+    own, claim = design(kind), proof(kind, delay).claim
+    for a in points(kind, 40):
+        z = np.linalg.eigvals(by_expm(own, a, TIME, delay))
+        assert np.abs(z).max() < math.exp(-float(claim.decay) * TIME)
+
+
+def points(kind, count):
+    random = np.random.default_rng(1)
+    if kind == "corners":
+        return np.vstack([np.eye(3), random.dirichlet(np.ones(3), count)])
+    share = np.vstack([[[0, 0], [1, 1]], random.random((count, 2))])
+    pair = [np.stack([1 - s, s], axis=-1) for s in share.T]
+    return np.einsum("ka,kb->kab", *pair).reshape(-1, 4)
+
+
+def by_expm(own, alpha, time, delay):
+    A, B = own.plant.at(alpha)
+    K, n, m = own.law.gain(alpha), *own.plant.shape
+    whole = np.zeros((n + m, n + m))
+    whole[:n] = expm(np.block([[A, B], [np.zeros((m, n + m))]]) * time)[:n]
+    if not delay:
+        return whole[:n, :n] + whole[:n, n:] @ K
+    whole[n:, :n] = K
+    return whole
+
+
+@pytest.mark.parametrize("kind", ["box", "corners"])
+def test_the_error_of_the_steps_is_bounded_and_not_by_far(kind):
+    claim = proof(kind).claim
+    bound = float(step_error(claim, simplices(loop_claim(claim).subject.design)))
+    T, S = np.array(claim.T, dtype=float), np.diag(np.array(claim.scale, dtype=float))
+    steps, worst = np.array(claim.steps, dtype=float), 0.0
+    for a in points(kind, 200):
+        A, B = design(kind).plant.at(a)
+        rates = np.hstack([T @ A @ np.linalg.inv(T), T @ B @ S])
+        whole = expm(np.vstack([rates, np.zeros((1, 3))]) * TIME)[:2]
+        worst = max(worst, float(np.linalg.norm(whole - np.tensordot(a, steps, 1))))
+    assert worst < bound < 2 * worst
+
+
+@pytest.mark.parametrize("delay", [0, 1])
+def test_the_loop_of_the_claim_is_that_of_design_and_steps(delay):
+    claim = proof("box", delay).claim
+    alpha = [Fraction(a) for a in ("1/5", "3/10", "1/5", "3/10")]
+    exact = np.array(closed_loop(loop_claim(claim).subject.design, alpha), dtype=float)
+    z = np.sort_complex(np.linalg.eigvals(exact))
+    own = by_expm(design("box"), np.array(alpha, dtype=float), TIME, delay)
+    # they differ by the steps' error, which is small
+    assert np.abs(z - np.sort_complex(np.linalg.eigvals(own))).max() < 1e-3
+
+
+def test_the_size_of_the_law_without_delay_is_a_bound():
+    claim, own = proof("box", 0).claim, design("box")
+    T, S = np.array(claim.T, dtype=float), np.array(claim.scale, dtype=float)
+    gains = own.law.gain(points("box", 300)) @ np.linalg.inv(T) / S[:, None]
+    largest = np.sqrt(1 + np.linalg.norm(gains, 2, axis=(1, 2)).max() ** 2)
+    assert largest < float(held_size(claim)) < 3 * largest
+
+
+@pytest.mark.parametrize("x", [Fraction(0), Fraction(1, 7), Fraction(3), Fraction(20)])
+def test_the_exponential_is_bounded_from_above(x):
+    assert (
+        math.exp(x) * (1 - 1e-15)
+        <= float(exponential(x))
+        <= math.exp(x) * (1 + (1e-12 if x < 5 else 1e-4))
+    )
+
+
+def test_an_error_of_the_gain_is_tolerated_besides():
+    columns = [[Fraction(2), Fraction(0)], [Fraction(1), Fraction(1, 2)]]
+    small, large = (Off(Fraction(e), (Fraction(1),), columns) for e in ("1/10", "1/2"))
+    one, other = (prove_decay(design("box"), TIME, 1, off) for off in (small, large))
+    assert other.decay < one.decay < proof("box").decay
+    assert one.check().proved
+    # that much is not covered by the claim without
+    assert not prove_sampling(replace(proof("box").claim, off=small)).proved
+    # and a gain that is off by so much keeps the decay
+    C, random = np.array(columns, dtype=float), np.random.default_rng(2)
+    for a in points("box", 30):
+        whole = by_expm(design("box"), a, TIME, 1)
+        D = random.normal(size=(1, 2))
+        whole[2:, :2] += 0.5 * D / np.linalg.norm(D) @ C
+        assert np.abs(np.linalg.eigvals(whole)).max() < math.exp(-other.decay * TIME)
+
+
+# --- one fault at a time -------------------------------------------------------------------------
+
+
+def matrix(entries, i, j, change):
+    return [
+        [v + change * ((a, b) == (i, j)) for b, v in enumerate(r)] for a, r in enumerate(entries)
+    ]
+
+
+def in_design(claim, **changes):
+    return replace(claim, design=replace(claim.design, **changes))
+
+
+def in_law(claim, **changes):
+    return in_design(claim, law=replace(claim.design.law, **changes))
+
+
+def in_evidence(claim, **changes):
+    return replace(claim, evidence=replace(claim.evidence, **changes))
+
+
+FAULTS = {
+    "decay too fast": lambda c: replace(c, decay=c.decay + Fraction(1, 10)),
+    "radius too large": lambda c: replace(c, radius=c.radius + Fraction(1, 100)),
+    "radius too small": lambda c: replace(c, radius=c.radius - Fraction(1, 50)),
+    "radius of one": lambda c: replace(c, radius=Fraction(1), decay=Fraction(0)),
+    "another sample time": lambda c: replace(c, sample_time=c.sample_time * Fraction(9, 10)),
+    "a step off": lambda c: replace(c, steps=(matrix(c.steps[0], 0, 0, 3 * c.error), *c.steps[1:])),
+    "the input's step off": lambda c: replace(
+        c, steps=(*c.steps[:-1], matrix(c.steps[-1], 1, 2, 3 * c.error))
+    ),
+    "too few terms": lambda c: replace(c, terms=2),
+    "less error than there is": lambda c: replace(c, error=c.error / 2, mu=c.mu / 2),
+    "more error than is tolerated": lambda c: replace(c, error=20 * c.error, mu=20 * c.mu),
+    "mu too large": lambda c: replace(c, mu=c.mu * 10**6),
+    "mu too small": lambda c: replace(c, mu=c.mu / 10**6),
+    "X not symmetric": lambda c: in_evidence(
+        c, X=[matrix(c.evidence.X[0], 0, 1, Fraction(1, 10**9)), *c.evidence.X[1:]]
+    ),
+    "X too small": lambda c: in_evidence(
+        c, X=[matrix(x, 2, 2, -abs(x[2][2]) - 1) for x in c.evidence.X]
+    ),
+    "multiples too small": lambda c: in_evidence(
+        c, multiple=tuple(v - 2 for v in c.evidence.multiple)
+    ),
+    "another A": lambda c: in_design(
+        c, A=[matrix(c.design.A[0], 1, 0, Fraction(1)), *c.design.A[1:]]
+    ),
+    "another B": lambda c: in_design(
+        c, B=[*c.design.B[:-1], matrix(c.design.B[-1], 1, 0, Fraction(1, 10))]
+    ),
+    "vertices in another order": lambda c: in_design(c, A=c.design.A[::-1], B=c.design.B[::-1]),
+    "another Z": lambda c: in_law(
+        c, Z=[[[2 * v for v in row] for row in z] for z in c.design.law.Z]
+    ),
+    "W not symmetric": lambda c: in_law(
+        c, W=[matrix(c.design.law.W[0], 0, 1, Fraction(1, 10**9)), *c.design.law.W[1:]]
+    ),
+    "other coordinates": lambda c: replace(c, T=matrix(c.T, 0, 0, c.T[0][0] / 20)),
+    "singular coordinates": lambda c: replace(c, T=[[Fraction(1)] * 2] * 2),
+    "another scale": lambda c: replace(c, scale=(c.scale[0] * Fraction(21, 20),)),
+}
+
+
+@pytest.mark.parametrize("name", FAULTS)
+def test_a_fault_is_found(name):
+    claim = proof("box").claim
+    assert prove_sampling(claim).proved
+    assert not prove_sampling(FAULTS[name](claim)).proved
+
+
+REFUSED = {
+    "delay": lambda c: replace(c, delay=2),
+    "no delay": lambda c: replace(c, delay=0),
+    "terms": lambda c: replace(c, terms=0),
+    "many terms": lambda c: replace(c, terms=10**9),
+    "decay": lambda c: replace(c, decay=Fraction(-1)),
+    "long samples": lambda c: replace(c, sample_time=Fraction(1000)),
+    "no samples": lambda c: replace(c, sample_time=Fraction(0)),
+    "shape": lambda c: replace(c, T=[[Fraction(1)]]),
+    "steps": lambda c: replace(c, steps=c.steps[:-1]),
+    "narrow steps": lambda c: replace(c, steps=tuple([row[:2] for row in s] for s in c.steps)),
+    "scale": lambda c: replace(c, scale=(Fraction(0),)),
+    "scales": lambda c: replace(c, scale=c.scale * 2),
+    "mu": lambda c: replace(c, mu=Fraction(0)),
+    "error": lambda c: replace(c, error=Fraction(0)),
+    "weight": lambda c: replace(c, weight=Fraction(0)),
+    "evidence": lambda c: in_evidence(c, X=c.evidence.X[1:]),
+    "weights": lambda c: in_design(c, weights=(Fraction(1),) * 4),
+    "parameters": lambda c: replace(c, ranges=c.ranges[1:]),
+    "off": lambda c: replace(c, off=Off(Fraction(-1), (Fraction(1),), c.T)),
+}
+
+
+@pytest.mark.parametrize("name", REFUSED)
+def test_what_does_not_fit_is_refused(name):
+    with pytest.raises(FormatError):
+        prove_sampling(REFUSED[name](proof("box").claim))
+
+
+WITHOUT = {
+    "smallest": lambda c: replace(c, smallest=2 * c.smallest),
+    "energy": lambda c: replace(c, energy=c.energy / 2),
+    "none": lambda c: replace(c, smallest=Fraction(0)),
+    "law": lambda c: in_law(c, Z=[[[2 * v for v in row] for row in z] for z in c.design.law.Z]),
+}
+
+
+@pytest.mark.parametrize("name", WITHOUT)
+def test_a_fault_without_delay_is_found(name):
+    claim = proof("box", 0).claim
+    assert not prove_sampling(WITHOUT[name](claim)).proved

@@ -56,7 +56,9 @@ def test_the_constants_of_the_code_are_those_that_are_proved():
     source = files["law.c"].decode()
 
     def table(name):
-        body = re.search(rf"static const law_real {name}\[.*?\] = \{{(.*?)\}};", source, re.DOTALL)[1]
+        body = re.search(rf"static const law_real {name}\[.*?\] = \{{(.*?)\}};", source, re.DOTALL)[
+            1
+        ]
         return np.array([float(v) for v in re.findall(r"-?[\d.]+(?:e[+-]?\d+)?(?=F)", body)])
 
     lower = np.tril_indices(5)
@@ -208,3 +210,66 @@ def test_an_interval_out_of_reach_of_the_numbers_is_refused(low, high):
     law = ScheduledGain(np.ones((2, 1, 1)), np.ones((2, 1, 1)), (parameter,))
     with pytest.raises(InputError, match="c: "):
         program(law, (parameter,), number(32))
+
+
+def test_a_sample_time_is_proved_with_the_rounding(saved, tmp_path, capsys):
+    out = tmp_path / "out"
+    assert run(saved, "--float", 32, "--sample-time", 0.002, "-o", out) == 0
+    assert "proved to decay" in capsys.readouterr().out
+    assert main(["check", str(out)]) == 0
+    assert "run every 2 ms, u one step late" in capsys.readouterr().out
+    whole = json.loads((out / "guarantee.json").read_text())
+    assert whole["sampling"]["off"]["error"] > 0.04  # the code's rounding is in the same proof
+
+    def answer(**changes):
+        table = whole["sampling"] | changes
+        text = json.dumps(whole | {"sampling": {k: v for k, v in table.items() if v is not None}})
+        (out / "guarantee.json").write_text(text)
+        return check_guarantee(out)
+
+    assert answer().proved
+    assert not answer(off=None).proved
+    less = whole["sampling"]["off"] | {"error": 0.01}
+    assert not answer(off=less).proved
+    assert not answer(decay=12.0).proved
+    assert not answer(sample_time=0.004).proved
+    assert not answer(delay=0).proved
+
+
+def test_too_long_a_sample_time_is_refused(saved, tmp_path, capsys):
+    out = tmp_path / "out"
+    assert run(saved, "--sample-time", 0.01, "-o", out) == 1
+    assert "found stable up to 7.1" in capsys.readouterr().err
+    assert not out.exists()
+    assert run(saved, "--sample-time", 0.01, "-o", out, "--allow-unproved") == 1
+    assert "NOT PROVED to be stable" in (out / "law.h").read_text()
+    assert "sampling" not in json.loads((out / "guarantee.json").read_text())
+    for value in ("0", "-1", "nan", "inf"):
+        assert run(saved, f"--sample-time={value}", "-o", tmp_path / "other") == 2
+        assert len(capsys.readouterr().err.splitlines()) == 1
+    assert not (tmp_path / "other").exists()
+
+
+def test_an_observer_is_put_beside_the_law(saved, tmp_path, capsys):
+    from polefence import observe
+
+    plant = design().plant
+    measured = ["suspension deflection", "sprung-mass velocity", plant.states[4]]
+    observer = observe(plant, measured, Disk(-80, 30))
+    observer.save(tmp_path / "observer")
+    out = tmp_path / "out"
+    arguments = [saved, "--float", 32, "--observer", tmp_path / "observer", "-o", out]
+    assert run(*arguments) == 2
+    assert "--sample-time" in capsys.readouterr().err
+    assert run(*arguments, "--sample-time", 0.002) == 0
+    assert {path.name for path in out.iterdir()} == FILES | {"law_observer.c", "law_observer.h"}
+    assert "Observer: proved" in (out / "README.md").read_text()
+    assert main(["check", str(out)]) == 0
+    (out / "law_observer.c").write_text("")
+    assert main(["check", str(out)]) == 1
+    # an export without it leaves none behind, but does not take what is not ours
+    assert run(saved, "-o", out) == 2
+    (out / "law_observer.c").unlink()
+    assert run(saved, "-o", out) == 0
+    assert {path.name for path in out.iterdir()} == FILES
+    assert run(saved, "--observer", saved, "--sample-time", 0.002, "-o", out) == 2

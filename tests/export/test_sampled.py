@@ -11,11 +11,14 @@ from scipy.linalg import expm
 
 from polefence import Disk, FixedGain, HalfPlane, Sector, UncertainPlant, place
 from polefence.errors import InputError
+from polefence.export.guarantee import guarantee
+from polefence.export.number import number
+from polefence.export.program import program
 from polefence.export.sampled import largest_sample_time, sampled_poles, sampling
 from polefence.export.sampled_document import sampling_document
-from polefence.export.sampled_proof import prove_decay
+from polefence.export.sampled_proof import off_by_rounding, prove_decay
 from polefence.proof.exact import FormatError
-from polefence.proof.sampling import prove_sampling, read_sampling
+from polefence.proof.sampling import covers_rounding, prove_sampling, read_sampling
 from polefence.suspension.quarter_car import family
 
 TIME = 0.002
@@ -28,8 +31,8 @@ def car(tight=False):
 
 
 @cache
-def proof(tight=False):
-    return prove_decay(car(tight), TIME)
+def proof():
+    return prove_decay(car(), TIME)
 
 
 @cache
@@ -69,11 +72,16 @@ def test_poles_are_those_of_scipys_loop(delay):
         assert np.allclose(np.exp(s * TIME), z[:5], atol=1e-12)
 
 
-def test_short_samples_have_the_poles_of_continuous_time():
+@pytest.mark.parametrize("delay", [0, 1])
+def test_short_samples_have_the_poles_of_continuous_time(delay):
     alphas = some(car(), 5)
-    for delay in (0, 1):
-        own = np.sort_complex(sampled_poles(car(), alphas, 1e-6, delay).equivalent)
-        assert np.abs(own - np.sort_complex(car().poles(alphas))).max() < 0.1
+    own = np.sort_complex(car().poles(alphas))
+    off = [
+        np.abs(np.sort_complex(sampled_poles(car(), alphas, time, delay).equivalent) - own).max()
+        for time in (1e-5, 1e-6)
+    ]
+    assert off[1] < 0.5
+    assert 8 < off[0] / off[1] < 12  # of first order
 
 
 def test_sampling_finds_what_leaves_the_region():
@@ -116,11 +124,11 @@ def test_the_largest_sample_time_of_the_car_holds_and_hardly_more():
 
 
 def test_the_proved_decay_is_below_the_sampled_one_and_near():
-    found = proof(tight=True)
+    found = proof()
     assert found.proved
     assert 0.95 * found.sampled < found.decay < found.sampled
     assert found.reason == ""
-    assert found.sampled == pytest.approx(sampling(car(tight=True), TIME).decay, rel=1e-9)
+    assert found.sampled == pytest.approx(sampling(car(), TIME).decay, rel=1e-9)
 
 
 def test_a_simulation_decays_as_proved():
@@ -138,6 +146,25 @@ def test_a_simulation_decays_as_proved():
         assert slope < -found.decay + 0.5
         scaled = np.array(sizes) * np.exp(found.decay * TIME * np.arange(1201))
         assert scaled[600:].max() < scaled[:600].max()
+
+
+def test_rounding_and_sampling_are_proved_together():
+    design, program_of = car(), program(car().law, car().plant.parameters, number(32))
+    rounded = guarantee(design, program_of).claim
+    found = prove_decay(design, TIME, 1, off_by_rounding(rounded))
+    assert found.proved
+    assert 0.9 * found.sampled < found.decay < found.sampled
+    assert covers_rounding(found.claim, rounded)
+    assert not covers_rounding(proof().claim, rounded)
+    less = replace(found.claim, off=replace(found.claim.off, error=found.claim.off.error / 2))
+    assert not covers_rounding(less, rounded)
+    other = replace(found.claim, off=replace(found.claim.off, rows=(found.claim.off.rows[0] * 2,)))
+    assert not covers_rounding(other, rounded)
+    law = replace(found.claim.design.law, Z=found.claim.design.law.W)
+    other = replace(found.claim, design=replace(found.claim.design, law=law))
+    assert not covers_rounding(other, rounded)
+    table = json.loads(json.dumps(sampling_document(found.claim)))
+    assert read_sampling(table, found.claim.design, found.claim.ranges) == found.claim
 
 
 def test_an_unstable_loop_is_not_proved_and_said_so():

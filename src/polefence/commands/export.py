@@ -8,11 +8,13 @@ from typing import Any
 
 from polefence.commands.shared import NOT_PROVED, PROVED
 from polefence.design import Design
+from polefence.errors import InputError
 from polefence.export import export_c99, with_fmus
 from polefence.export.c99 import check_c_name
 from polefence.export.exported import GIVEN, Exported, marks
 from polefence.export.folder import check_folder, write_folder
 from polefence.export.matlab import HEADER, mat_bytes
+from polefence.observer import Observer
 
 LANGUAGES = ("c99", "fmu", "mat")
 
@@ -54,6 +56,25 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="cut each input to +-U, in its unit; repeat for one value an input",
     )
     parser.add_argument(
+        "--sample-time",
+        type=float,
+        metavar="TS",
+        help="judge the loop as a computer closes it every TS seconds",
+    )
+    parser.add_argument(
+        "--delay",
+        type=int,
+        choices=(0, 1),
+        default=1,
+        help="sample times from measuring x to applying u; default: 1",
+    )
+    parser.add_argument(
+        "--observer",
+        type=Path,
+        metavar="OBSERVER",
+        help="design.json of `observe`, or its folder: adds its code; needs --sample-time",
+    )
+    parser.add_argument(
         "--allow-unproved", action="store_true", help="export even where nothing is proved"
     )
 
@@ -72,15 +93,28 @@ def export_command(options: Any) -> int:
         name=options.name,
         given=options.given,
         limits=limits,
+        sample_time=options.sample_time,
+        delay=options.delay,
+        observer=_observer(design, options),
         allow_unproved=options.allow_unproved,
     )
     if options.lang == "fmu":
-        found = with_fmus(found)
+        found = with_fmus(found, step=options.sample_time)
     paths = found.save(options.output)
     _print(found)
     for path in paths:
         print(f"saved: {path}")
-    return PROVED if found.guarantee.proved else NOT_PROVED
+    return PROVED if found.proved else NOT_PROVED
+
+
+def _observer(design: Design, options: Any) -> Observer | None:
+    if options.observer is None:
+        return None
+    dual = Design.load(options.observer, allow_unproved=options.allow_unproved)
+    try:
+        return Observer(design.plant, dual)
+    except InputError as error:
+        raise InputError(f"{options.observer}: {error}") from error
 
 
 def _matlab(options: Any) -> int:

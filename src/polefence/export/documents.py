@@ -11,18 +11,23 @@ from typing import Any
 
 from polefence.design import Design
 from polefence.errors import DesignFileError
+from polefence.export.sampled_document import sampling_document
 from polefence.files import read_text
 from polefence.plant.family import UncertainPlant
 from polefence.proof import exact
 from polefence.proof.certificate import Certificate, Check
-from polefence.proof.exact import Rationals
+from polefence.proof.exact import Rationals, Verdict
 from polefence.proof.rounding import FORMAT, Code, Rounded, prove_rounding, read_rounded
+from polefence.proof.sampling import Sampled, covers_rounding, prove_sampling, read_sampling
+from polefence.region_text import digits_down
 from polefence.service.files import claim_document, plain, region_text
 
 FILE_NAME = "guarantee.json"
 
 
-def guarantee_text(design: Design, claim: Rounded, files: Mapping[str, bytes]) -> str:
+def guarantee_text(
+    design: Design, claim: Rounded, files: Mapping[str, bytes], sampled: Sampled | None = None
+) -> str:
     """Return the text of ``guarantee.json``.
 
     Parameters
@@ -31,8 +36,10 @@ def guarantee_text(design: Design, claim: Rounded, files: Mapping[str, bytes]) -
         The one that the claim about the gain is of.
     files : mapping
         The sources whose digests are kept.
+    sampled : Sampled, optional
+        What is proved of the sampled loop.
     """
-    document = {
+    document: dict[str, Any] = {
         "format": FORMAT,
         "version": exact.VERSION,
         "design": design.certificate.document(),
@@ -40,6 +47,8 @@ def guarantee_text(design: Design, claim: Rounded, files: Mapping[str, bytes]) -
         "code": _code(claim),
         "files": {name: hashlib.sha256(text).hexdigest() for name, text in files.items()},
     }
+    if sampled is not None:
+        document["sampling"] = sampling_document(sampled)
     return json.dumps(document, indent=1, allow_nan=False) + "\n"
 
 
@@ -90,16 +99,35 @@ def check_guarantee(path: str | Path) -> Check:
     """
     where = guarantee_path(Path(path))
     claim, document = _read(where)
+    changed = _changed(where, document)
     try:
         verdict = prove_rounding(claim)
+        region = region_text(claim.gain.subject.design)
+        bits = claim.code.bits
+        what = f"all poles in {region} with the gain as the float{bits} code computes it"
+        if verdict.proved and "sampling" in document:
+            sampled, verdict = _sampled(claim, document["sampling"], verdict)
+            what += sampled
     except exact.FormatError as error:
         raise DesignFileError(f"{where}: {error}") from error
-    changed = _changed(where, document)
     if changed:
         return Check("undecided", changed)
-    region = region_text(claim.gain.subject.design)
-    what = f"all poles in {region} with the gain as the float{claim.code.bits} code computes it"
     return Check("proved" if verdict.proved else "undecided", f"{what}: {verdict.reason}")
+
+
+def _sampled(claim: Rounded, table: Any, verdict: Verdict) -> tuple[str, Verdict]:
+    """Prove what is claimed of the sampled loop too; return it in words."""
+    subject = claim.gain.subject
+    found = read_sampling(table, subject.design, subject.ranges)
+    late = ", u one step late" if found.delay else ""
+    rate = digits_down(float(found.decay), 3)
+    text = f", and, run every {1e3 * float(found.sample_time):g} ms{late}, decay {rate} 1/s"
+    own = prove_sampling(found)
+    if own.proved and not covers_rounding(found, claim):
+        own = Verdict(False, "the sampled loop is not proved with the code's rounding")
+    return text, Verdict(
+        own.proved, f"{verdict.reason}; {own.reason}" if own.proved else own.reason
+    )
 
 
 def guarantee_plant(path: str | Path) -> UncertainPlant:

@@ -15,12 +15,15 @@ from polefence.export.fmu import fmu
 from polefence.export.folder import write_folder
 from polefence.export.guarantee import Guarantee, guarantee
 from polefence.export.number import number
+from polefence.export.observer import observer_sources
 from polefence.export.program import Program, Scheduled, program
+from polefence.export.statement import statement
+from polefence.export.timing import Timing, timing
 from polefence.export.vectors import harness, makefile
 from polefence.law import FixedGain
+from polefence.observer import Observer
 from polefence.plant.parameters import Parameter
 from polefence.proof.rounding import FORMAT
-from polefence.region_text import digits_up, short_text
 
 GIVEN = ("parameters", "alpha")
 
@@ -37,7 +40,10 @@ class Exported:
     texts : Texts
         What the code says of itself.
     guarantee : Guarantee
-        What is proved of it.
+        What is proved of its rounding.
+    timing : Timing, optional
+        What was found of the loop at the sample time; None where none was given.
+    observer : Observer, optional
     files : mapping of str to bytes
         The folder's contents.
     """
@@ -46,7 +52,14 @@ class Exported:
     program: Program
     texts: Texts
     guarantee: Guarantee
+    timing: Timing | None = None
+    observer: Observer | None = None
     files: dict[str, bytes] = field(repr=False, default_factory=dict)
+
+    @property
+    def proved(self) -> bool:
+        """Whether the region is proved for the code; and, at a sample time, the loop stable."""
+        return self.guarantee.proved and (self.timing is None or self.timing.proved)
 
     def save(self, directory: str | Path) -> list[Path]:
         """Write the folder, each file whole, and return the files' paths.
@@ -66,6 +79,9 @@ def export_c99(
     name: str = "law",
     given: str | None = None,
     limits: Sequence[float] | float = (),
+    sample_time: float | None = None,
+    delay: int = 1,
+    observer: Observer | None = None,
     allow_unproved: bool = False,
 ) -> Exported:
     """Return a law as C99 for a microprocessor, proved with the rounding of its own arithmetic.
@@ -82,9 +98,16 @@ def export_c99(
     limits : float or sequence of float
         Largest absolute value of the inputs, one for all or one each; none without. What is proved
         is about the law within them.
+    sample_time : float, optional
+        From one update to the next [s]: the loop that a computer closes is then judged too. An
+        observer needs it.
+    delay : int
+        0 or 1 sample times from measuring x to applying u.
+    observer : Observer, optional
+        Of the same plant; its code is put beside that of the law.
     allow_unproved : bool
-        Export even where rounding is not proved to leave the poles in the region; the code and its
-        folder then say so.
+        Export even where the region is not proved for the code, or no decay rate of the sampled
+        loop; the code and its folder then say so.
 
     Returns
     -------
@@ -94,23 +117,47 @@ def export_c99(
     Raises
     ------
     NotProvedError
-        If the design, or the design with the code's rounding, is not proved.
+        If the design, the design with the code's rounding, or the stability of the sampled loop is
+        not proved.
     InputError
         If an option cannot be used, or the law cannot be exported.
     """
     check_c_name(name)
-    parameters = _given(design, given)
-    made = program(design.law, parameters, number(bits))
-    cuts = _limits(limits, len(design.plant.inputs) or design.plant.shape[1])
+    made = program(design.law, _given(design, given), number(bits))
+    cuts = _limits(limits, design.plant.shape[1])
+    _require_observer(design, observer, sample_time, allow_unproved)
     answer = check(design)
     if not answer.proved and not allow_unproved:
         raise NotProvedError(f"not exported: the design is not proved: {answer.reason}")
     found = guarantee(design, made)
     if not found.proved and not allow_unproved:
         raise NotProvedError(f"not exported: {found.reason}")
-    texts = _texts(design, name, cuts, found)
-    whole = Exported(design, made, texts, found, _files(design, made, texts, found))
-    return replace(whole, files=_sealed(whole, whole.files))
+    timed = None if sample_time is None else timing(design, sample_time, delay, found, observer)
+    if timed is not None and not timed.proved and not allow_unproved:
+        raise NotProvedError(f"not exported: {timed.reason}")
+    lines = statement(design, bool(cuts), found, timed, observer)
+    texts = _texts(design, name, cuts, lines)
+    whole = Exported(design, made, texts, found, timed, observer)
+    files = _files(whole)
+    if observer is not None:
+        own = () if given == "alpha" else design.plant.parameters
+        code = observer_sources(observer, made.number, texts, own, sample_time)
+        files |= {key: text.encode() for key, text in code.items()}
+    return replace(whole, files=_sealed(whole, files))
+
+
+def _require_observer(
+    design: Design, observer: Observer | None, sample_time: float | None, allow_unproved: bool
+) -> None:
+    if observer is None:
+        return
+    observer.feedback(design)  # refuses another plant's
+    if sample_time is None and design.plant.sample_time is None:
+        raise InputError(
+            "an observer's code needs the sample time; give sample_time (--sample-time)"
+        )
+    if not observer.design.proved and not allow_unproved:
+        raise NotProvedError("not exported: the observer's region is not proved")
 
 
 def with_fmus(
@@ -152,13 +199,15 @@ def _sealed(found: Exported, files: dict[str, bytes]) -> dict[str, bytes]:
         return files
     runs = {name: files[name] for name in sorted(files) if name.endswith((".c", ".h", ".fmu"))}
     runs.pop(f"{found.texts.name}_test.c", None)
-    text = guarantee_text(found.guarantee.design, found.guarantee.claim, runs)
+    proof = None if found.timing is None else found.timing.proof.claim
+    text = guarantee_text(found.guarantee.design, found.guarantee.claim, runs, proof)
     return files | {FILE_NAME: text.encode()}
 
 
 def marks(name: str) -> dict[str, bytes]:
     """Return the names of an export's files, and what marks each as one."""
-    texts = [f"{name}.c", f"{name}.h", f"{name}_test.c", "Makefile", "README.md"]
+    texts = [f"{name}{end}" for end in (".c", ".h", "_test.c", "_observer.c", "_observer.h")]
+    texts += ["Makefile", "README.md"]
     units = [_fmu_name(name, version) for version in ("2.0", "3.0")]
     own = dict.fromkeys(texts, MARKER.encode()) | {FILE_NAME: FORMAT.encode()}
     return own | dict.fromkeys(units, b"modelDescription.xml")
@@ -184,53 +233,39 @@ def _limits(limits: Any, inputs: int) -> tuple[float, ...]:
     return tuple(map(float, values))
 
 
-def _texts(design: Design, name: str, limits: tuple[float, ...], found: Guarantee) -> Texts:
+def _texts(design: Design, name: str, limits: tuple[float, ...], lines: Sequence[str]) -> Texts:
     plant = design.plant
     n, m = plant.shape
     return Texts(
         name,
         plant.name,
-        tuple(statement(design, limits, found)),
+        tuple(lines),
         tuple(plant.states) or tuple(f"state {j + 1}" for j in range(n)),
         tuple(plant.inputs) or tuple(f"input {j + 1}" for j in range(m)),
         limits,
     )
 
 
-def statement(design: Design, limits: tuple[float, ...], found: Guarantee) -> list[str]:
-    """Say in lines what is guaranteed of the code."""
-    region = short_text(design.region)
-    if not found.proved:
-        return [f"NOT PROVED to keep the poles in {region}:", f"{found.reason}."]
-    lines = [
-        f"Proved in exact arithmetic: all poles of A + B K lie in {region}, whatever the",
-        "parameters, with the gain as this code computes it; its rounding is at most",
-        f"{digits_up(100 * found.share, 2)} % of what the design tolerates.",
-        "At constant parameters, without sampling, delay, underflow"
-        + (" or limits." if limits else "."),
-    ]
-    return lines
-
-
-def _files(design: Design, made: Program, texts: Texts, found: Guarantee) -> dict[str, bytes]:
-    code = {key: text.encode() for key, text in sources(made, texts).items()}
-    files = dict(code)
-    files[f"{texts.name}_test.c"] = harness(made, texts, design.law).encode()
+def _files(found: Exported) -> dict[str, bytes]:
+    made, texts = found.program, found.texts
+    files = {key: text.encode() for key, text in sources(made, texts).items()}
+    files[f"{texts.name}_test.c"] = harness(made, texts, found.design.law).encode()
     files["Makefile"] = makefile(texts).encode()
+    facts = {
+        "proved": found.guarantee.proved,
+        "bytes": local_bytes(made),
+        "observer": found.observer is not None,
+    }
     template = environment().get_template("README.md.j2")
-    files["README.md"] = template.render(context(made, texts) | _facts(made, found)).encode()
+    files["README.md"] = template.render(context(made, texts) | facts).encode()
     return files
-
-
-def _facts(made: Program, found: Guarantee) -> dict[str, Any]:
-    return {"proved": found.proved, "bytes": local_bytes(made)}
 
 
 def local_bytes(made: Program) -> int:
     """Return the bytes of the arrays that an update keeps on the stack."""
+    n, m = made.shape
     if not isinstance(made, Scheduled):
-        return 0
-    n, _ = made.shape
+        return m * made.number.bits // 8
     own = len(made.shares) * 2 if made.shares else made.domain.corners
-    count = own + sum(made.domain.sizes) + len(made.W) + (n + 1) * n + n
+    count = own + sum(made.domain.sizes) + len(made.W) + (n + 1) * n + m
     return count * made.number.bits // 8

@@ -8,8 +8,9 @@ from dataclasses import dataclass
 from polefence.design import Design
 from polefence.export.held import require_usable
 from polefence.export.sampled import sampling
-from polefence.export.sampled_search import Search
+from polefence.export.sampled_search import Search, above
 from polefence.proof.certificate import Check
+from polefence.proof.rounding import Rounded, rounding_error
 from polefence.proof.sampling import Off, Sampled, prove_sampling
 
 
@@ -76,7 +77,7 @@ def prove_decay(
     delay : int
         0 or 1 samples.
     off : Off, optional
-        An error of the gain to be tolerated besides, such as that of rounding.
+        An error of the gain to be tolerated besides, such as that of rounding: `off_by_rounding`.
 
     Raises
     ------
@@ -93,3 +94,9 @@ def prove_decay(
     decay = float(claim.decay) if claim else 0.0
     taken = time.perf_counter() - start
     return SampledProof(seconds, delay, decay, slowest, claim, reason, taken)
+
+
+def off_by_rounding(claim: Rounded) -> Off:
+    """Return what the code's rounding puts on the gain, for `prove_decay`."""
+    error = above(float(rounding_error(claim)))
+    return Off(error, claim.gain.rows, claim.gain.right)

@@ -13,7 +13,7 @@ import numpy as np
 
 from polefence.conditions.target import Disks
 from polefence.design import Design
-from polefence.errors import SolverError
+from polefence.errors import InputError, SolverError
 from polefence.export.program import exactly
 from polefence.export.sampled_family import (
     Coordinates,
@@ -73,18 +73,22 @@ class Search:
         try:
             family = self._family()
             found = max(self._candidates(family), key=lambda each: each.share, default=None)
-        except (SolverError, np.linalg.LinAlgError, FormatError) as problem:
+        except (SolverError, np.linalg.LinAlgError, FormatError, InputError) as problem:
             return None, f"no proof was found: {problem}"
         if found is None or found.share <= 0:
             return None, "no Lyapunov polynomial was found that leaves room for the error between"
-        reason = ""
+        reason = "the room found in floats is not there"
         for retreat in RETREATS:
             claim = self._claim(family, found, found.share * retreat)
-            with suppress(FormatError):
-                verdict = prove_sampling(claim) if claim else None
-                if verdict and verdict.proved:
-                    return claim, ""
-                reason = verdict.reason if verdict else reason
+            if claim is None:
+                continue
+            try:
+                verdict = prove_sampling(claim)
+            except FormatError as problem:
+                return None, f"not proved: {problem}"
+            if verdict.proved:
+                return claim, ""
+            reason = verdict.reason
         return None, f"not proved: {reason}"
 
     def _family(self) -> Family:
@@ -150,7 +154,7 @@ class Search:
     def _weighted(self, blank: Sampled, needed: float) -> Sampled:
         """Give the rows of v the weight that makes both errors alike."""
         own = float(gain_error(blank)) * LEAST
-        return replace(blank, weight=_above(own / needed)) if own > LEAST * needed else blank
+        return replace(blank, weight=above(own / needed)) if own > LEAST * needed else blank
 
     def _share(
         self, family: Family, blank: Sampled, evidence: dict[str, Any], needed: float
@@ -176,8 +180,8 @@ class Search:
             decay=decay,
             radius=radius,
             evidence=_exact_evidence(found.evidence),
-            error=_above(error),
-            mu=_above(mu * error / largest),
+            error=above(error),
+            mu=above(mu * error / largest),
         )
 
 
@@ -209,7 +213,7 @@ def _with_bounds(blank: Sampled, family: Family) -> Sampled:
         raise FormatError("W of the law is not proved to be positive definite by its coefficients")
     energy = float(np.linalg.eigvalsh(Z @ np.linalg.solve(W, Z.swapaxes(1, 2))).max())
     low, high = smallest * (1 - BOUND), max(energy, LEAST) * (1 + BOUND)
-    return replace(blank, smallest=_above(low), energy=_above(high))
+    return replace(blank, smallest=above(low), energy=above(high))
 
 
 def _radius(decay: Fraction, sample_time: Fraction) -> Fraction:
@@ -220,7 +224,7 @@ def _radius(decay: Fraction, sample_time: Fraction) -> Fraction:
     return 1 - math.ceil(Fraction(rest) / unit * (1 + Fraction(1, 2**40))) * unit
 
 
-def _above(value: float) -> Fraction:
+def above(value: float) -> Fraction:
     """Return a number of few digits, a little above."""
     mantissa, exponent = math.frexp(value)
     return Fraction(math.ceil(mantissa * 2**16)) * Fraction(2) ** (exponent - 16)

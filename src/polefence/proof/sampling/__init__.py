@@ -14,6 +14,7 @@ Integers, rationals and the standard library only.
 from __future__ import annotations
 
 from polefence.proof.exact import FormatError, Rationals, Verdict, _shape, simplices
+from polefence.proof.rounding import Rounded, rounding_error
 from polefence.proof.sampling.claims import Off, Sampled
 from polefence.proof.sampling.error import (
     MAX_TERMS,
@@ -26,7 +27,15 @@ from polefence.proof.sampling.loop import loop_claim
 from polefence.proof.sampling.reading import read_sampling
 from polefence.proof.service import prove_service
 
-__all__ = ["Off", "Sampled", "loop_claim", "prove_sampling", "read_sampling", "step_error"]
+__all__ = [
+    "Off",
+    "Sampled",
+    "covers_rounding",
+    "loop_claim",
+    "prove_sampling",
+    "read_sampling",
+    "step_error",
+]
 
 
 def prove_sampling(claim: Sampled) -> Verdict:
@@ -55,6 +64,21 @@ def prove_sampling(claim: Sampled) -> Verdict:
     if needed > claim.error**2:
         return Verdict(False, f"the steps may be off by {share:.3g} times the error given")
     return Verdict(True, f"{verdict.reason}; the steps are off by {100 * share:.2g} % of the error")
+
+
+def covers_rounding(claim: Sampled, rounded: Rounded) -> bool:
+    """Whether the error of the gain that a claim allows is at least that of the code's rounding.
+
+    Raises
+    ------
+    FormatError
+        If a bound that the claim about the code rests on does not hold.
+    """
+    off, gain, own = claim.off, rounded.gain, rounded.gain.subject.design
+    same = (claim.design.A, claim.design.B, claim.design.law) == (own.A, own.B, own.law)
+    if off is None or not same or off.rows != gain.rows or off.columns != gain.right:
+        return False
+    return off.error >= rounding_error(rounded)
 
 
 def _require_consistent(claim: Sampled) -> None:

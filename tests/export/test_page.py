@@ -1,0 +1,73 @@
+"""docs/export.md: its commands print what it shows, its examples run, its numbers are measured."""
+
+import re
+import shlex
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from polefence.cli import main
+
+DOCS = Path(__file__).resolve().parents[2] / "docs"
+PAGE = (DOCS / "export.md").read_text()
+CONSOLE = re.findall(r"```console\n(.*?)```", PAGE, re.DOTALL)
+PYTHON = re.findall(r"```python\n(.*?)```", PAGE, re.DOTALL)
+SESSIONS = [
+    session.partition("\n")
+    for block in CONSOLE
+    for session in re.split(r"^\$ ", block, flags=re.MULTILINE)[1:]
+]
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    return tmp_path_factory.mktemp("page")
+
+
+def alike(shown, said):
+    """Lines as shown; "..." at the end stands for any."""
+    if shown.endswith("...\n"):
+        shown = shown[: -len("...\n")]
+        said = said[: len(shown)]
+    assert shown.splitlines() == said.splitlines()
+
+
+@pytest.mark.parametrize("command", range(len(SESSIONS)))
+def test_the_commands_print_what_the_page_shows(command, folder, monkeypatch, capsys):
+    monkeypatch.chdir(folder)
+    line, _, shown = SESSIONS[command]
+    line, _, target = line.partition(" > ")
+    status = main(shlex.split(line)[1:])
+    said = capsys.readouterr()
+    assert status == ("not exported" in shown), line
+    if target:
+        Path(target).write_text(said.out)
+    else:
+        alike(shown, said.out or said.err)
+
+
+@pytest.mark.parametrize("example", range(len(PYTHON)))
+def test_the_python_runs(example, folder, monkeypatch, request):
+    monkeypatch.chdir(folder)
+    code = PYTHON[example]
+    if "fmpy" in code:
+        request.getfixturevalue("host_compiler")
+        assert main(["export", "car", "--lang", "fmu", "-o", "car-c"]) == 0
+    subprocess.run([sys.executable, "-W", "error", "-c", code], check=True, timeout=120)
+
+
+def test_the_ten_lines_compile(folder, host_compiler):
+    """With what the reader is to bring: three functions and a report."""
+    code = re.search(r"```c\n(.*?)```", PAGE, re.DOTALL)[1]
+    own = (
+        "float load_in_kg(void); float age(void); void measure(float *x);"
+        "void report(void); void actuate(const float *u);\n"
+    )
+    (folder / "main.c").write_text(own + code)
+    flags = ["-std=c99", "-Wall", "-Wextra", "-Werror", "-Icar-c", "-c", "main.c", "-o", "main.o"]
+    if not (folder / "car-c").is_dir():
+        pytest.fail("the page's commands did not run")
+    assert main(["export", str(folder / "car"), "--float", "32", "-o", str(folder / "car-c")]) == 0
+    subprocess.run(["gcc", *flags], cwd=folder, check=True)

@@ -11,9 +11,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from polefence.export.c99 import Texts, sources
-from polefence.export.number import number
-from polefence.export.program import Program, program
+from polefence.export.c99.number import number
+from polefence.export.c99.program import Program, program
+from polefence.export.c99.sources import Texts, sources
 from polefence.law import FixedGain, Law, ScheduledGain
 from polefence.plant.parameters import Parameter
 from polefence.polynomial import Domain

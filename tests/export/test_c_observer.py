@@ -28,9 +28,8 @@ from polefence import (
     observe,
     place,
 )
-from polefence.export.c99 import Texts, sources
-from polefence.export.number import number
-from polefence.export.observer import (
+from polefence.export.c99.number import number
+from polefence.export.c99.observer import (
     check_sample_time,
     judge_sampled_loop,
     longest_sample_time,
@@ -38,7 +37,8 @@ from polefence.export.observer import (
     observer_step,
     sampled_output_loop,
 )
-from polefence.export.program import program
+from polefence.export.c99.program import program
+from polefence.export.c99.sources import Texts, sources
 from polefence.law import FixedGain
 from polefence.observer import Observer
 from polefence.suspension.quarter_car import family

@@ -25,7 +25,7 @@ from shapes_of_laws import (
 )
 
 from polefence.errors import InputError
-from polefence.export.c99 import sources
+from polefence.export.c99.sources import sources
 
 PAGE = Path(__file__).parents[2] / "docs" / "export-misra.md"
 CHECKED = ("fixed, two inputs with limits, double", "two parameters, limits")

@@ -8,7 +8,15 @@ from functools import cache
 import numpy as np
 import pytest
 
-from polefence import Disk, InputError, NotProvedError, OutputError, UncertainPlant, place
+from polefence import (
+    DesignFileError,
+    Disk,
+    InputError,
+    NotProvedError,
+    OutputError,
+    UncertainPlant,
+    place,
+)
 from polefence.cli import main
 from polefence.export import check_guarantee, export_c99
 from polefence.suspension.quarter_car import family
@@ -203,8 +211,8 @@ def test_an_unproved_design_is_not_exported():
 @pytest.mark.parametrize(("low", "high"), [("1e-50", "1"), ("1", "1e50"), ("1e-20", "1e-3")])
 def test_an_interval_out_of_reach_of_the_numbers_is_refused(low, high):
     from polefence import Parameter, ScheduledGain
-    from polefence.export.number import number
-    from polefence.export.program import program
+    from polefence.export.c99.number import number
+    from polefence.export.c99.program import program
 
     parameter = Parameter("c", low, high, through="1/c")
     law = ScheduledGain(np.ones((2, 1, 1)), np.ones((2, 1, 1)), (parameter,))
@@ -233,7 +241,8 @@ def test_a_sample_time_is_proved_with_the_rounding(saved, tmp_path, capsys):
     assert not answer(off=less).proved
     assert not answer(decay=12.0).proved
     assert not answer(sample_time=0.004).proved
-    assert not answer(delay=0).proved
+    with pytest.raises(DesignFileError, match="6 x 6, not 5 x 5"):
+        answer(delay=0)
 
 
 def test_too_long_a_sample_time_is_refused(saved, tmp_path, capsys):

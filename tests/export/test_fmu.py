@@ -22,13 +22,13 @@ from hypothesis import strategies as st
 
 from polefence import Disk, FixedGain, place
 from polefence.errors import InputError
-from polefence.export import shared_library
-from polefence.export.c99 import Texts
-from polefence.export.fmi_variables import plain, split, unique
-from polefence.export.fmu import fmu
-from polefence.export.number import number
-from polefence.export.program import program
-from polefence.export.shared_library import platform
+from polefence.export.c99.number import number
+from polefence.export.c99.program import program
+from polefence.export.c99.sources import Texts
+from polefence.export.fmi import library as shared_library
+from polefence.export.fmi.fmu import fmu
+from polefence.export.fmi.library import platform
+from polefence.export.fmi.variables import plain, split, unique
 from polefence.response.discrete import held
 from polefence.response.drive import drive
 from polefence.response.driving.parts import Sampling
@@ -554,7 +554,7 @@ def given_sources(monkeypatch, law, parameters, texts, version, bits=64) -> dict
         return "binaries/none", b""
 
     with monkeypatch.context() as patched:
-        patched.setattr("polefence.export.fmu.library", library)
+        patched.setattr("polefence.export.fmi.fmu.library", library)
         content = fmu(program(law, parameters, number(bits)), texts, version=version)
     with zipfile.ZipFile(io.BytesIO(content)) as archive:
         found["modelDescription.xml"] = archive.read("modelDescription.xml").decode()

@@ -11,12 +11,12 @@ from scipy.linalg import expm
 
 from polefence import Disk, FixedGain, HalfPlane, Sector, UncertainPlant, place
 from polefence.errors import InputError
+from polefence.export.c99.number import number
+from polefence.export.c99.program import program
 from polefence.export.guarantee import guarantee
-from polefence.export.number import number
-from polefence.export.program import program
-from polefence.export.sampled import largest_sample_time, sampled_poles, sampling
-from polefence.export.sampled_document import sampling_document
-from polefence.export.sampled_proof import off_by_rounding, prove_decay
+from polefence.export.sampled.document import sampling_document
+from polefence.export.sampled.poles import largest_sample_time, sampled_poles, sampling
+from polefence.export.sampled.proof import off_by_rounding, prove_decay
 from polefence.proof.exact import FormatError
 from polefence.proof.sampling import covers_rounding, prove_sampling, read_sampling
 from polefence.suspension.quarter_car import family

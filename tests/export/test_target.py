@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from cortex import CORTEX, emulated, run
 
-from polefence.export.vectors import ALLOWED
+from polefence.export.c99.vectors import ALLOWED
 
 COUNT = 100_000
 # Of the main case: quarter car, Theorem 1, five states, four vertices, float32.

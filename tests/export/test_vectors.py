@@ -10,9 +10,9 @@ import pytest
 from cortex import export, run
 
 from polefence import Disk, InputError, place
-from polefence.export.number import number
-from polefence.export.program import program
-from polefence.export.vectors import (
+from polefence.export.c99.number import number
+from polefence.export.c99.program import program
+from polefence.export.c99.vectors import (
     ALLOWED,
     CLAMPED,
     LIMITED,

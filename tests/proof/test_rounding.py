@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from polefence import Disk, Scheduled, place
+from polefence.export.c99.number import number
+from polefence.export.c99.program import Scheduled as Code
+from polefence.export.c99.program import program
 from polefence.export.guarantee import code_of, guarantee, scales
-from polefence.export.number import number
-from polefence.export.program import Scheduled as Code
-from polefence.export.program import program
 from polefence.proof.exact import FormatError
 from polefence.proof.rounding import prove_rounding, rounding_error
 from polefence.suspension.quarter_car import family

@@ -10,7 +10,7 @@ from polefence.commands.shared import NOT_PROVED, PROVED
 from polefence.design import Design
 from polefence.errors import InputError
 from polefence.export import export_c99, with_fmus
-from polefence.export.c99 import check_c_name
+from polefence.export.c99.sources import check_c_name
 from polefence.export.exported import GIVEN, Exported, marks
 from polefence.export.folder import check_folder, write_folder
 from polefence.export.matlab import HEADER, mat_bytes

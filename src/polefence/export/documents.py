@@ -11,7 +11,7 @@ from typing import Any
 
 from polefence.design import Design
 from polefence.errors import DesignFileError
-from polefence.export.sampled_document import sampling_document
+from polefence.export.sampled.document import sampling_document
 from polefence.files import read_text
 from polefence.plant.family import UncertainPlant
 from polefence.proof import exact

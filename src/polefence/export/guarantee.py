@@ -9,8 +9,8 @@ from math import inf
 import numpy as np
 
 from polefence.design import Design
-from polefence.export.number import Number
-from polefence.export.program import Fixed, Program, Scheduled, exactly, transformed
+from polefence.export.c99.number import Number
+from polefence.export.c99.program import Fixed, Program, Scheduled, exactly, transformed
 from polefence.law import FixedGain
 from polefence.plant.system import Array
 from polefence.polynomial import Domain, Polynomial, bernstein, binomial, elevated, times

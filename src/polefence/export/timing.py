@@ -6,15 +6,15 @@ from dataclasses import dataclass
 
 from polefence.design import Design
 from polefence.errors import InputError
+from polefence.export.c99.observer import SampledLoop, judge_sampled_loop
 from polefence.export.guarantee import Guarantee
-from polefence.export.observer import SampledLoop, judge_sampled_loop
-from polefence.export.sampled import (
+from polefence.export.sampled.poles import (
     LargestSampleTime,
     Sampling,
     largest_sample_time,
     sampling,
 )
-from polefence.export.sampled_proof import SampledProof, off_by_rounding, prove_decay
+from polefence.export.sampled.proof import SampledProof, off_by_rounding, prove_decay
 from polefence.observer import Observer
 from polefence.region_text import digits_down
 

@@ -6,8 +6,8 @@ import re
 from dataclasses import dataclass
 from typing import Any
 
-from polefence.export.c99 import Texts
-from polefence.export.program import Program, Scheduled
+from polefence.export.c99.program import Program, Scheduled
+from polefence.export.c99.sources import Texts
 
 # "suspension deflection [m]", where the unit is no more than letters, digits and signs
 UNIT = re.compile(r"(.*?)\s*\[([A-Za-z0-9 ./*^()%°µμΩ·²³-]{1,30})\]\s*", re.DOTALL)

@@ -14,8 +14,8 @@ import numpy as np
 from polefence.conditions.target import Disks
 from polefence.design import Design
 from polefence.errors import InputError, SolverError
-from polefence.export.program import exactly
-from polefence.export.sampled_family import (
+from polefence.export.c99.program import exactly
+from polefence.export.sampled.family import (
     Coordinates,
     Family,
     family_of,

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from polefence.errors import InputError
-from polefence.export.program import Fixed, Program, Scheduled
+from polefence.export.c99.program import Fixed, Program, Scheduled
 from polefence.law import FixedGain, Law, ScheduledGain
 from polefence.plant.parameters import simplex_weights
 from polefence.plant.system import Array

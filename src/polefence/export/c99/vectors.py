@@ -11,10 +11,10 @@ from typing import Any
 
 import numpy as np
 
-from polefence.export.c99 import MARKER, Texts, context, environment
-from polefence.export.expected import expected
-from polefence.export.number import NUMBERS
-from polefence.export.program import Program, Scheduled, Share
+from polefence.export.c99.expected import expected
+from polefence.export.c99.number import NUMBERS
+from polefence.export.c99.program import Program, Scheduled, Share
+from polefence.export.c99.sources import MARKER, Texts, context, environment
 from polefence.law import Law
 from polefence.plant.system import Array
 

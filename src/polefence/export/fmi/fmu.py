@@ -13,11 +13,11 @@ import zipfile
 from typing import TYPE_CHECKING, Any
 
 from polefence.errors import InputError
-from polefence.export import c99
-from polefence.export.c99 import Texts
-from polefence.export.fmi_variables import plain, variables
-from polefence.export.program import Program
-from polefence.export.shared_library import library
+from polefence.export.c99 import sources as c99
+from polefence.export.c99.program import Program
+from polefence.export.c99.sources import Texts
+from polefence.export.fmi.library import library
+from polefence.export.fmi.variables import plain, variables
 
 if TYPE_CHECKING:
     from jinja2 import Environment

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from polefence.design import Design
-from polefence.export.held import cloud
+from polefence.export.sampled.held import cloud
 from polefence.law import FixedGain, Law, ScheduledGain
 from polefence.loops import certificate_of, domain_of, given_law
 from polefence.plant.family import UncertainPlant

@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from polefence.errors import InputError
-from polefence.export.c_text import block, cell, check_c_name, comment, wrap
-from polefence.export.number import Number
-from polefence.export.program import LEAST, MOST, Fixed, Program, Scheduled, Share
+from polefence.export.c99.number import Number
+from polefence.export.c99.program import LEAST, MOST, Fixed, Program, Scheduled, Share
+from polefence.export.c99.text import block, cell, check_c_name, comment, wrap
 from polefence.polynomial import Exponent
 
 if TYPE_CHECKING:

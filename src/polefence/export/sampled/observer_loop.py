@@ -14,7 +14,7 @@ import numpy as np
 
 from polefence.design import Design
 from polefence.errors import InputError
-from polefence.export.program import LEAST, MOST
+from polefence.export.c99.program import LEAST, MOST
 from polefence.law import ScheduledGain, check_alpha
 from polefence.observer import Observer
 from polefence.plant.system import Array

@@ -10,10 +10,11 @@ from typing import Any
 import numpy as np
 
 from polefence.errors import InputError
-from polefence.export.c99 import Texts, context, environment, rows, weighing
-from polefence.export.c_text import check_c_name
-from polefence.export.number import Number
-from polefence.export.observer_loop import (
+from polefence.export.c99.number import Number
+from polefence.export.c99.program import LEAST, MOST, Scheduled, program
+from polefence.export.c99.sources import Texts, context, environment, rows, weighing
+from polefence.export.c99.text import check_c_name
+from polefence.export.sampled.observer_loop import (
     ORDER,
     SampledLoop,
     check_sample_time,
@@ -22,7 +23,6 @@ from polefence.export.observer_loop import (
     observer_step,
     sampled_output_loop,
 )
-from polefence.export.program import LEAST, MOST, Scheduled, program
 from polefence.law import FixedGain, ScheduledGain
 from polefence.observer import Observer
 from polefence.plant.parameters import Parameter

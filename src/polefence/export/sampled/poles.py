@@ -10,7 +10,7 @@ import numpy as np
 
 from polefence.design import Design
 from polefence.errors import InputError
-from polefence.export.held import cloud, require_continuous, require_usable, stepped
+from polefence.export.sampled.held import cloud, require_continuous, require_usable, stepped
 from polefence.law import check_alpha
 from polefence.loops import values_at
 from polefence.plant.system import Array
@@ -122,7 +122,7 @@ def sampling(design: Design, sample_time: float, delay: int = 1) -> Sampling:
     """Look where the poles of the sampled loop lie: at vertices, on edges and at random points.
 
     See `sampled_poles` for the loop, its parameters and errors. A sample proves nothing; for the
-    decay rate see `polefence.export.sampled_proof.prove_decay`.
+    decay rate see `polefence.export.sampled.proof.prove_decay`.
     """
     time = require_usable(design, sample_time, delay)
     alphas = cloud(design, POINTS)

@@ -13,7 +13,7 @@ from fractions import Fraction
 import numpy as np
 
 from polefence.errors import InputError
-from polefence.export.number import Number
+from polefence.export.c99.number import Number
 from polefence.law import FixedGain, Law
 from polefence.plant.parameters import Parameter
 from polefence.plant.system import Array

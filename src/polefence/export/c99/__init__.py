@@ -1,0 +1,1 @@
+"""The C text of laws and observers, and the numbers in it."""

@@ -248,8 +248,9 @@ def _texts(design: Design, name: str, limits: tuple[float, ...], lines: Sequence
 
 def _files(found: Exported) -> dict[str, bytes]:
     made, texts = found.program, found.texts
+    bound = found.guarantee.bound if found.guarantee.proved else None
     files = {key: text.encode() for key, text in sources(made, texts).items()}
-    files[f"{texts.name}_test.c"] = harness(made, texts, found.design.law).encode()
+    files[f"{texts.name}_test.c"] = harness(made, texts, found.design.law, bound).encode()
     files["Makefile"] = makefile(texts).encode()
     facts = {
         "proved": found.guarantee.proved,

@@ -9,6 +9,7 @@ from math import inf
 import numpy as np
 
 from polefence.design import Design
+from polefence.errors import InputError
 from polefence.export.c99.number import Number
 from polefence.export.c99.program import Fixed, Program, Scheduled, exactly, transformed
 from polefence.law import FixedGain
@@ -61,6 +62,14 @@ class Guarantee:
     def share(self) -> float:
         """Rounding as a share of what is tolerated."""
         return self.rounding / self.tolerated if self.tolerated > 0 else inf
+
+    def bound(self, x: Array) -> Array:
+        """Return what is proved of the error of u, (count, m) for x (count, n)."""
+        if self.claim is None:
+            raise InputError("nothing is proved of the rounding of this code")
+        gain = self.claim.gain
+        size = np.linalg.norm(x @ np.array(gain.right, dtype=float).T, axis=-1)
+        return np.asarray(self.rounding * size[:, None] * np.array(gain.rows, dtype=float))
 
     def check(self) -> Check:
         """Prove the claim afresh."""

@@ -5,6 +5,7 @@ They are written into the C test that ships with the code, and are the same for 
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from fractions import Fraction
 from typing import Any
@@ -18,6 +19,7 @@ from polefence.export.c99.sources import MARKER, Texts, context, environment
 from polefence.law import Law
 from polefence.plant.system import Array
 
+Bound = Callable[[Array], Array]
 Flags = np.ndarray[Any, np.dtype[np.int64]]
 
 # The flags of the C interface.
@@ -201,8 +203,16 @@ def _with(values: Array, k: int, value: float) -> Array:
     return changed
 
 
-def harness(program: Program, texts: Texts, law: Law, seed: int = 0) -> str:
+def harness(
+    program: Program, texts: Texts, law: Law, bound: Bound | None = None, seed: int = 0
+) -> str:
     """Return the text of <name>_test.c: a program that compares the code with the law.
+
+    Parameters
+    ----------
+    bound : function of x, optional
+        What is proved of the error of u, (count, m) for x (count, n): where a sixteenth of it is
+        larger than `ALLOWED`, that is what is allowed.
 
     Raises
     ------
@@ -215,18 +225,27 @@ def harness(program: Program, texts: Texts, law: Law, seed: int = 0) -> str:
         .get_template("test.c.j2")
         .render(
             **context(program, texts),
-            allowed=NUMBERS[64].text(ALLOWED[program.number.bits]),
-            tables=[[_row(program, each, k) for k in range(len(each.x))] for each in found],
+            why_allowed=f"{ALLOWED[program.number.bits]:g} of that"
+            + (", or a sixteenth of what is proved of rounding" if bound else ""),
+            tables=[_rows(program, each, bound) for each in found],
             odd=_odd(found[1]),
         )
     )
 
 
-def _row(program: Program, table: Vectors, k: int) -> dict[str, Any]:
+def _rows(program: Program, table: Vectors, bound: Bound | None) -> list[dict[str, Any]]:
+    allowed = ALLOWED[program.number.bits] * table.scale
+    if bound is not None:
+        x = np.where(np.isfinite(table.x), table.x, 0.0)
+        allowed = np.maximum(allowed, USUAL * bound(x))
+    return [_row(program, table, allowed, k) for k in range(len(table.x))]
+
+
+def _row(program: Program, table: Vectors, allowed: Array, k: int) -> dict[str, Any]:
     """Return one vector as C constants, 0 in place of what is not finite."""
     double = NUMBERS[64]
     inputs = {"given": table.given[k], "x": table.x[k]}
-    outputs = {"u": table.u[k], "scale": table.scale[k]}
+    outputs = {"u": table.u[k], "scale": table.scale[k], "allowed": allowed[k]}
     row: dict[str, Any] = {"flags": f"{table.flags[k]}U"}
     row |= {
         key: [program.number.text(v) for v in np.where(np.isfinite(values), values, 0.0)]

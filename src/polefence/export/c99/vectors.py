@@ -26,6 +26,7 @@ Flags = np.ndarray[Any, np.dtype[np.int64]]
 OK, CLAMPED, NOT_A_NUMBER, NO_CONTROL, LIMITED = 0, 1, 2, 4, 8
 # Largest error of u allowed, relative to sum_j |K_ij| |x_j|, by the bits of the number format.
 ALLOWED = {32: 1e-5, 64: 1e-12}
+USUAL = 1 / 16  # of a bound on rounding, which is a worst case: errors are some hundredths of it
 SUM = 1e-3  # alpha whose sum is off by more is no rounding of a point of the simplex
 
 

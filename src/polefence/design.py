@@ -163,4 +163,10 @@ def check(source: str | Path | Certificate | Design) -> Check:
 def _design_path(path: str | Path) -> Path:
     """A design file, or the folder that `Design.save` wrote it into."""
     where = Path(path)
-    return where / FILE_NAME if where.is_dir() else where
+    if not where.is_dir():
+        return where
+    if not (where / FILE_NAME).is_file():
+        raise DesignFileError(
+            f"{where}: has no {FILE_NAME}; name the folder that `polefence design -o` wrote"
+        )
+    return where / FILE_NAME

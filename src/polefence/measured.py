@@ -24,6 +24,8 @@ MOST_TRIED = 20
 
 HOW = "give state names, a matrix C of p rows and n columns, or one C a vertex"
 
+DUAL = "(dual, observer)"  # how the names of dual plants end
+
 
 def read_measured(
     plant: UncertainPlant, measured: Any
@@ -140,7 +142,7 @@ def dual_plant(
     return UncertainPlant(
         vertices,
         plant.parameters,
-        f"{plant.name} (dual, observer)",
+        f"{plant.name} {DUAL}",
         plant.states,
         names,
         sample_time=plant.sample_time,

@@ -230,7 +230,7 @@ def found(tmp_path_factory):
     folder = tmp_path_factory.mktemp("cppcheck")
     for k, label in enumerate(CHECKED):
         shape = BY_LABEL[label]
-        texts = replace(shape.texts, name=f"law{k}")
+        texts = replace(shape.texts, name=f"law{k}", sample_time=0.001, delay=1)
         for name, text in sources(shape.program, texts).items():
             (folder / name).write_text(text)
     return findings(folder)

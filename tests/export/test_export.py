@@ -1,5 +1,6 @@
 """A folder of C99 from a design: what is in it, what is refused, what `check` says of it."""
 
+import hashlib
 import json
 import re
 import shutil
@@ -252,7 +253,6 @@ def test_too_long_a_sample_time_is_refused(saved, tmp_path, capsys):
     assert not out.exists()
     assert run(saved, "--sample-time", 0.01, "-o", out, "--allow-unproved") == 1
     assert "NOT PROVED to be stable" in (out / "law.h").read_text()
-    assert "sampling" not in json.loads((out / "guarantee.json").read_text())
     for value in ("0", "-1", "nan", "inf"):
         assert run(saved, f"--sample-time={value}", "-o", tmp_path / "other") == 2
         assert len(capsys.readouterr().err.splitlines()) == 1
@@ -276,9 +276,92 @@ def test_an_observer_is_put_beside_the_law(saved, tmp_path, capsys):
     assert main(["check", str(out)]) == 0
     (out / "law_observer.c").write_text("")
     assert main(["check", str(out)]) == 1
+    assert run(tmp_path / "observer", "-o", tmp_path / "dual") == 2  # no law
+    assert "--observer" in capsys.readouterr().err
+    assert run(*arguments, "--sample-time", 0.002, "--lang", "fmu") == 2
     # an export without it leaves none behind, but does not take what is not ours
     assert run(saved, "-o", out) == 2
     (out / "law_observer.c").unlink()
     assert run(saved, "-o", out) == 0
     assert {path.name for path in out.iterdir()} == FILES
     assert run(saved, "--observer", saved, "--sample-time", 0.002, "-o", out) == 2
+
+
+def test_a_guarantee_of_other_code_is_no_guarantee(tmp_path):
+    """The law's sources are written again from the constants that the proof is about."""
+    export_c99(design(), 32).save(tmp_path)
+    path, source = tmp_path / "guarantee.json", tmp_path / "law.c"
+    whole, text = json.loads(path.read_text()), source.read_text()
+
+    def answer(**changes):
+        path.write_text(json.dumps(whole | changes))
+        return check_guarantee(tmp_path)
+
+    assert answer().proved
+    source.write_text(text.replace("58.2491798F", "99.0F"))
+    assert "58.2491798F" in text
+    for files in ({}, {"law.c": hashlib.sha256(source.read_bytes()).hexdigest()}):
+        assert "law.c" in answer(files=files).reason
+    source.write_text(text)
+    assert not answer(code=whole["code"] | {"bits": 64}).proved
+    assert not answer(text=whole["text"] | {"limits": [10.0]}).proved
+    assert "sample time" in answer(text=whole["text"] | {"sample_time": 0.001}).reason
+    for wrong in ({}, [], whole["text"] | {"name": 3}, whole["text"] | {"name": "../law"}):
+        with pytest.raises(DesignFileError):
+            answer(text=wrong)
+    with pytest.raises(DesignFileError):
+        answer(files={"../law.c": "0"})
+
+
+def test_what_was_not_proved_leaves_nothing_to_check(saved, tmp_path, capsys):
+    arguments = ["--sample-time", 0.01, "--allow-unproved", "-o", tmp_path / "out"]
+    assert run(saved, *arguments) == 1
+    assert not (tmp_path / "out" / "guarantee.json").exists()
+    assert main(["check", str(tmp_path / "out")]) == 2
+    assert "design.json" in capsys.readouterr().err
+
+
+def test_a_discrete_time_plant_runs_at_its_own_time(tmp_path):
+    A = [[[0.9, 0.1], [0.0, 1.1]], [[0.8, 0.1], [0.0, 1.1]]]
+    plant = UncertainPlant.from_vertices(A, [[[0.0], [0.1]]] * 2, sample_time="0.005")
+    made = place(plant, Disk(0.5, 0.45), "scheduled")
+    found = export_c99(made, 64)
+    head = found.files["law.h"].decode()
+    assert "Run every 5 ms, the plant's own, u without delay" in head
+    assert "without sampling" not in head
+    assert "#define LAW_SAMPLE_TIME 0.005" in head
+    assert "#define LAW_DELAY 0U" in head
+    with pytest.raises(InputError, match="discrete"):
+        export_c99(made, 64, sample_time=0.005)
+    found.save(tmp_path)
+    assert check_guarantee(tmp_path).proved
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ["--delay", 0],
+        ["--lang", "mat", "--sample-time", 0.01],
+        ["--lang", "mat", "--limit", 3],
+        ["--lang", "mat", "--float", 32],
+        ["--sample-time", 1e-30],
+        ["--limit", 1e60],
+    ],
+)
+def test_options_without_a_meaning_are_refused(arguments, saved, tmp_path, capsys):
+    assert run(saved, *arguments, "-o", tmp_path / "out") == 2
+    assert len(capsys.readouterr().err.splitlines()) == 1
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_folder_without_a_design_says_what_to_name(tmp_path, capsys):
+    assert run(tmp_path, "-o", tmp_path / "out") == 2
+    assert "polefence design -o" in capsys.readouterr().err
+
+
+def test_a_guarantee_cut_short_is_named(tmp_path, capsys):
+    export_c99(design(), 32).save(tmp_path)
+    path = tmp_path / "guarantee.json"
+    path.write_text(path.read_text()[:500])
+    assert main(["check", str(tmp_path)]) == 2
+    assert "guarantee.json" in capsys.readouterr().err

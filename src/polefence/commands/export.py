@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import os
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +18,8 @@ from polefence.export.matlab import HEADER, mat_bytes
 from polefence.observer import Observer
 
 LANGUAGES = ("c99", "fmu", "mat")
+BITS = 64
+OF_CODE = ("given", "limit", "sample_time", "observer")
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -34,7 +37,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--float",
         type=int,
         choices=(32, 64),
-        default=64,
+        default=BITS,
         dest="bits",
         help="numbers of the code; default: 64",
     )
@@ -65,7 +68,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--delay",
         type=int,
         choices=(0, 1),
-        default=1,
         help="sample times from measuring x to applying u; default: 1",
     )
     parser.add_argument(
@@ -82,6 +84,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def export_command(options: Any) -> int:
     """Write a design as code for a microprocessor, with what is proved of it."""
     check_c_name(options.name)
+    if options.delay is not None and options.sample_time is None:
+        raise InputError("--delay: is of a sample time; give --sample-time")
     if options.lang == "mat":
         return _matlab(options)
     check_folder(options.output, marks(options.name))
@@ -94,12 +98,12 @@ def export_command(options: Any) -> int:
         given=options.given,
         limits=limits,
         sample_time=options.sample_time,
-        delay=options.delay,
+        delay=1 if options.delay is None else options.delay,
         observer=_observer(design, options),
         allow_unproved=options.allow_unproved,
     )
     if options.lang == "fmu":
-        found = with_fmus(found, step=options.sample_time)
+        found = with_fmus(found, compiler=os.environ.get("CC") or "cc")
     paths = found.save(options.output)
     _print(found)
     for path in paths:
@@ -119,6 +123,10 @@ def _observer(design: Design, options: Any) -> Observer | None:
 
 def _matlab(options: Any) -> int:
     """Write the design's own numbers: no code, so no rounding to prove."""
+    unused = [f"--{key.replace('_', '-')}" for key in OF_CODE if getattr(options, key)]
+    if options.bits != BITS or unused:
+        told = ", ".join(unused) or "--float"
+        raise InputError(f"{told}: of code, which --lang mat does not write; leave it out")
     own = {f"{options.name}.mat": HEADER}
     check_folder(options.output, own)
     design = Design.load(options.design, allow_unproved=options.allow_unproved)

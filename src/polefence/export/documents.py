@@ -10,7 +10,9 @@ from pathlib import Path
 from typing import Any
 
 from polefence.design import Design
-from polefence.errors import DesignFileError
+from polefence.errors import DesignFileError, InputError
+from polefence.export.again import program_again, texts_again, texts_document
+from polefence.export.c99.sources import Texts, sources
 from polefence.export.sampled.document import sampling_document
 from polefence.files import read_text
 from polefence.plant.family import UncertainPlant
@@ -26,7 +28,11 @@ FILE_NAME = "guarantee.json"
 
 
 def guarantee_text(
-    design: Design, claim: Rounded, files: Mapping[str, bytes], sampled: Sampled | None = None
+    design: Design,
+    claim: Rounded,
+    texts: Texts,
+    files: Mapping[str, bytes],
+    sampled: Sampled | None = None,
 ) -> str:
     """Return the text of ``guarantee.json``.
 
@@ -34,8 +40,10 @@ def guarantee_text(
     ----------
     design : Design
         The one that the claim about the gain is of.
+    texts : Texts
+        What, with the constants, the law's sources are made of.
     files : mapping
-        The sources whose digests are kept.
+        What else runs; their digests are kept.
     sampled : Sampled, optional
         What is proved of the sampled loop.
     """
@@ -45,7 +53,8 @@ def guarantee_text(
         "design": design.certificate.document(),
         "service": claim_document(claim.gain),
         "code": _code(claim),
-        "files": {name: hashlib.sha256(text).hexdigest() for name, text in files.items()},
+        "text": texts_document(texts),
+        "files": {name: _digest(text) for name, text in files.items()},
     }
     if sampled is not None:
         document["sampling"] = sampling_document(sampled)
@@ -82,6 +91,8 @@ def is_guarantee_file(path: Path) -> bool:
     where = guarantee_path(path)
     if not where.is_file():
         return False
+    if where.name == FILE_NAME:
+        return True
     try:
         document = json.loads(read_text(where, exact.MAX_BYTES, DesignFileError))
     except (ValueError, RecursionError):
@@ -92,6 +103,8 @@ def is_guarantee_file(path: Path) -> bool:
 def check_guarantee(path: str | Path) -> Check:
     """Prove ``guarantee.json`` afresh, and that the sources beside it are those it is about.
 
+    The law's sources are written again from the constants that the proof is about, and compared.
+
     Raises
     ------
     DesignFileError
@@ -99,20 +112,23 @@ def check_guarantee(path: str | Path) -> Check:
     """
     where = guarantee_path(Path(path))
     claim, document = _read(where)
-    changed = _changed(where, document)
     try:
         verdict = prove_rounding(claim)
-        region = region_text(claim.gain.subject.design)
-        bits = claim.code.bits
-        what = f"all poles in {region} with the gain as the float{bits} code computes it"
+        what = _claimed(claim)
         if verdict.proved and "sampling" in document:
             sampled, verdict = _sampled(claim, document["sampling"], verdict)
             what += sampled
-    except exact.FormatError as error:
+        changed = _other(where, claim, document) if verdict.proved else ""
+    except (exact.FormatError, InputError) as error:
         raise DesignFileError(f"{where}: {error}") from error
     if changed:
         return Check("undecided", changed)
     return Check("proved" if verdict.proved else "undecided", f"{what}: {verdict.reason}")
+
+
+def _claimed(claim: Rounded) -> str:
+    region = region_text(claim.gain.subject.design)
+    return f"all poles in {region} with the gain as the float{claim.code.bits} code computes it"
 
 
 def _sampled(claim: Rounded, table: Any, verdict: Verdict) -> tuple[str, Verdict]:
@@ -150,17 +166,29 @@ def _read(path: Path) -> tuple[Rounded, dict[str, Any]]:
         raise DesignFileError(f"{path}: {error}") from error
 
 
-def _changed(path: Path, document: dict[str, Any]) -> str:
-    """Name a source beside the file that is missing or was changed; "" where there is none."""
+def _other(path: Path, claim: Rounded, document: dict[str, Any]) -> str:
+    """Name a source beside the file that is not what it is about; "" where there is none."""
+    certificate = Certificate.loads(json.dumps(document["design"]))
+    texts = texts_again(document.get("text"), certificate)
+    if (texts.sample_time is not None) != ("sampling" in document) and (
+        certificate.plant.sample_time is None
+    ):
+        return "the code states a sample time of which nothing is proved here, or the other way"
     files = document.get("files", {})
     if not isinstance(files, dict):
-        raise DesignFileError(f"{path}: files must be a table of names and digests")
-    for name, digest in files.items():
+        raise InputError("files must be a table of names and digests")
+    own = sources(program_again(claim.code, certificate), texts)
+    for name, digest in {**files, **{name: _digest(t.encode()) for name, t in own.items()}}.items():
         if Path(name).name != name:
-            raise DesignFileError(f"{path}: files: {name!r} is no name in this folder")
-        source = path.parent / name
-        if not source.is_file():
+            raise InputError(f"files: {name!r} is no name in this folder")
+        try:
+            there = _digest((path.parent / name).read_bytes())
+        except OSError:
             return f"{name} is missing beside it; keep the folder of an export together"
-        if hashlib.sha256(source.read_bytes()).hexdigest() != digest:
-            return f"{name} was changed after the export; export it again"
+        if there != digest:
+            return f"{name} is not what this version writes of these constants; export it again"
     return ""
+
+
+def _digest(content: bytes) -> str:
+    return hashlib.sha256(content).hexdigest()

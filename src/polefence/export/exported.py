@@ -9,6 +9,7 @@ from typing import Any
 
 from polefence.design import Design, check
 from polefence.errors import InputError, NotProvedError
+from polefence.export.again import names, require_law
 from polefence.export.c99.number import number
 from polefence.export.c99.observer import observer_sources
 from polefence.export.c99.program import Program, Scheduled, program
@@ -26,6 +27,7 @@ from polefence.plant.parameters import Parameter
 from polefence.proof.rounding import FORMAT
 
 GIVEN = ("parameters", "alpha")
+BESIDE = (".c", ".h", ".fmu")  # what runs beside the law
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,7 +61,11 @@ class Exported:
     @property
     def proved(self) -> bool:
         """Whether the region is proved for the code; and, at a sample time, the loop stable."""
-        return self.guarantee.proved and (self.timing is None or self.timing.proved)
+        return (
+            self.design.proved
+            and self.guarantee.proved
+            and (self.timing is None or self.timing.proved)
+        )
 
     def save(self, directory: str | Path) -> list[Path]:
         """Write the folder, each file whole, and return the files' paths.
@@ -123,6 +129,7 @@ def export_c99(
         If an option cannot be used, or the law cannot be exported.
     """
     check_c_name(name)
+    require_law(design)
     made = program(design.law, _given(design, given), number(bits))
     cuts = _limits(limits, design.plant.shape[1])
     _require_observer(design, observer, sample_time, allow_unproved)
@@ -136,7 +143,15 @@ def export_c99(
     if timed is not None and not timed.proved and not allow_unproved:
         raise NotProvedError(f"not exported: {timed.reason}")
     lines = statement(design, bool(cuts), found, timed, observer)
-    texts = _texts(design, name, cuts, lines)
+    texts = Texts(
+        name,
+        design.plant.name,
+        tuple(lines),
+        *names(design),
+        cuts,
+        _time(design, sample_time),
+        delay if sample_time is not None else 0,
+    )
     whole = Exported(design, made, texts, found, timed, observer)
     files = _files(whole)
     if observer is not None:
@@ -175,13 +190,16 @@ def with_fmus(
         Of FMI, "2.0" and "3.0".
     compiler : str
     step : float, optional
-        The step that a simulator begins with [s].
+        The step that a simulator begins with [s]; the sample time, where there is one.
 
     Raises
     ------
     InputError
-        If a version is unknown, or the compiler fails.
+        If a version is unknown, the compiler fails, or there is an observer: a unit has the law.
     """
+    if found.observer is not None:
+        raise InputError("an FMU has the law alone; leave out the observer (--observer)")
+    step = found.texts.sample_time if step is None else step
     files = dict(found.files)
     for version in versions:
         unit = fmu(found.program, found.texts, version=version, compiler=compiler, step=step)
@@ -195,12 +213,13 @@ def _fmu_name(name: str, version: str) -> str:
 
 def _sealed(found: Exported, files: dict[str, bytes]) -> dict[str, bytes]:
     """Put the digests of all that runs into ``guarantee.json``."""
-    if found.guarantee.claim is None:
+    if not found.proved or found.guarantee.claim is None:
         return files
-    runs = {name: files[name] for name in sorted(files) if name.endswith((".c", ".h", ".fmu"))}
-    runs.pop(f"{found.texts.name}_test.c", None)
+    name = found.texts.name
+    own = {f"{name}{ending}" for ending in (".c", ".h", "_test.c")}
+    beside = {key: files[key] for key in sorted(files.keys() - own) if key.endswith(BESIDE)}
     proof = None if found.timing is None else found.timing.proof.claim
-    text = guarantee_text(found.guarantee.design, found.guarantee.claim, runs, proof)
+    text = guarantee_text(found.guarantee.design, found.guarantee.claim, found.texts, beside, proof)
     return files | {FILE_NAME: text.encode()}
 
 
@@ -229,21 +248,15 @@ def _limits(limits: Any, inputs: int) -> tuple[float, ...]:
         raise InputError(f"limits: {len(values)} numbers for {inputs} inputs; one, or one each")
     for value in values:
         if not (isinstance(value, int | float) and 1e-30 < value < 1e30):
-            raise InputError(f"limits: {value!r} must be a positive number, in the input's unit")
+            raise InputError(
+                f"limits: {value!r} must be a number from 1e-30 to 1e30, in the input's unit"
+            )
     return tuple(map(float, values))
 
 
-def _texts(design: Design, name: str, limits: tuple[float, ...], lines: Sequence[str]) -> Texts:
-    plant = design.plant
-    n, m = plant.shape
-    return Texts(
-        name,
-        plant.name,
-        tuple(lines),
-        tuple(plant.states) or tuple(f"state {j + 1}" for j in range(n)),
-        tuple(plant.inputs) or tuple(f"input {j + 1}" for j in range(m)),
-        limits,
-    )
+def _time(design: Design, sample_time: float | None) -> float | None:
+    own = design.plant.sample_time
+    return sample_time if own is None else float(own)
 
 
 def _files(found: Exported) -> dict[str, bytes]:
@@ -251,9 +264,10 @@ def _files(found: Exported) -> dict[str, bytes]:
     bound = found.guarantee.bound if found.guarantee.proved else None
     files = {key: text.encode() for key, text in sources(made, texts).items()}
     files[f"{texts.name}_test.c"] = harness(made, texts, found.design.law, bound).encode()
-    files["Makefile"] = makefile(texts).encode()
+    files["Makefile"] = makefile(texts, found.observer is not None).encode()
     facts = {
-        "proved": found.guarantee.proved,
+        "proved": found.proved,
+        "discrete": found.design.plant.sample_time is not None,
         "bytes": local_bytes(made),
         "observer": found.observer is not None,
     }

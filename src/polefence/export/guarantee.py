@@ -108,7 +108,8 @@ def _refusal(number: Number, needed: float, tolerated: float) -> str:
     allowed = f"{tolerated:.2g}" if tolerated > 0 else "none"
     return (
         f"rounding in float{number.bits} may change the gain by {needed:.2g}, and {allowed} is "
-        f"proved to leave the poles in the region; {wider}design for a slightly larger region"
+        f"proved to leave the poles in the region; {wider}design for a slightly larger region, or "
+        "with --method quadratic"
     )
 
 

@@ -19,9 +19,12 @@ def statement(
 ) -> list[str]:
     """Return what is guaranteed, proved or sampled, and what is not."""
     sentences = [_rounding(design, found), *_timing(design, timed)]
+    own = design.plant.sample_time
+    if own is not None:
+        sentences.append(f"Run every {1e3 * float(own):g} ms, the plant's own, u without delay.")
     if observer is not None:
         sentences += _observer(observer, timed)
-    sentences.append(_outside(limited, timed))
+    sentences.append(_outside(limited, sampled=timed is not None or own is not None))
     return [line for each in sentences for line in _wrapped(each, short_text(design.region))]
 
 
@@ -33,6 +36,8 @@ def _wrapped(sentence: str, region: str) -> list[str]:
 
 def _rounding(design: Design, found: Guarantee) -> str:
     region = short_text(design.region)
+    if not design.proved:
+        return f"NOT PROVED to keep the poles in {region}: the design itself is not proved."
     if not found.proved:
         return f"NOT PROVED to keep the poles in {region}: {found.reason}."
     return (
@@ -49,7 +54,7 @@ def _timing(design: Design, timed: Timing | None) -> Iterator[str]:
     time = f"Run every {1e3 * seen.sample_time:g} ms{timed.late}"
     if timed.proof.proved:
         rate = digits_down(timed.proof.decay, 3)
-        yield f"{time}: the sampled loop is proved to decay, at {rate} 1/s or faster."
+        yield f"{time}: with x measured the loop is proved to decay, at {rate} 1/s or faster."
     else:
         yield f"{time}: NOT PROVED to be stable: {timed.proof.reason}."
     where, slowest = "in" if seen.inside else "NOT all in", digits_down(seen.decay, 3)
@@ -63,19 +68,20 @@ def _timing(design: Design, timed: Timing | None) -> Iterator[str]:
 
 def _observer(observer: Observer, timed: Timing | None) -> Iterator[str]:
     proved = "proved" if observer.design.proved else "NOT PROVED"
+    time = "" if observer.plant.sample_time is not None else "in continuous time and "
     yield (
-        f"Observer: {proved} that the poles of its error lie in {short_text(observer.region)}, in "
-        "continuous time and without rounding."
+        f"Observer: {proved} that the poles of its error lie in {short_text(observer.region)}, "
+        f"{time}without rounding."
     )
     if timed is not None and timed.with_observer is not None:
         loop = timed.with_observer
         how = (
             f"decay {digits_down(loop.decay, 3)} 1/s or faster" if loop.stable else "are NOT stable"
         )
-        yield f"With it the sampled loops of {loop.points} parameter values {how}."
+        yield f"With it, not proved: the loops of {loop.points} sampled parameter values {how}."
 
 
-def _outside(limited: bool, timed: Timing | None) -> str:
-    missing = ["underflow"] if timed else ["sampling", "delay", "underflow"]
+def _outside(limited: bool, sampled: bool) -> str:
+    missing = ["underflow"] if sampled else ["sampling", "delay", "underflow"]
     without = ", ".join(missing) + (" or limits" if limited else "")
     return f"At constant parameters, without {without}."

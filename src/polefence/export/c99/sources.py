@@ -36,6 +36,9 @@ class Texts:
         What is guaranteed, in lines.
     states, inputs : tuple of str
         Names with units.
+    sample_time : float, optional
+        From one update to the next [s], where one is known; then also the delay from x to u in
+        samples.
     limits : tuple of float
         Largest absolute value of each input; empty for none.
     """
@@ -46,6 +49,8 @@ class Texts:
     states: tuple[str, ...]
     inputs: tuple[str, ...]
     limits: tuple[float, ...] = ()
+    sample_time: float | None = None
+    delay: int = 0
 
 
 def environment() -> Environment:
@@ -85,6 +90,9 @@ def context(program: Program, texts: Texts) -> dict[str, Any]:
         "prefix": number.largest[:3],
         "digits": 24 if number.bits == 32 else 53,
         "limits": [number.text(number.outward(Fraction(v), up=False)) for v in texts.limits],
+        "plain_limits": [f"{limit:g}" for limit in texts.limits],
+        "sample_time": "" if texts.sample_time is None else number.text(texts.sample_time),
+        "delay": texts.delay,
         "K": [],
         "T": [],
         "given": [],

@@ -266,6 +266,7 @@ def _odd(table: Vectors) -> list[str]:
     return lines
 
 
-def makefile(texts: Texts) -> str:
+def makefile(texts: Texts, observer: bool = False) -> str:
     """Return the text of the Makefile that builds and runs the test."""
-    return environment().get_template("Makefile.j2").render(marker=MARKER, name=texts.name)
+    template = environment().get_template("Makefile.j2")
+    return template.render(marker=MARKER, name=texts.name, observer=observer)

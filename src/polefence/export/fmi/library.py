@@ -101,7 +101,7 @@ def _found(compiler: str) -> str:
     if path is None:
         raise InputError(
             f"compiler {compiler!r} is not found; an FMU holds compiled C: install gcc or clang "
-            "(Debian: apt install gcc; macOS: xcode-select --install), or name yours"
+            "(Debian: apt install gcc; macOS: xcode-select --install), or name yours in CC"
         )
     return os.path.abspath(path)
 

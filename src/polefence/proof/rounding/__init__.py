@@ -40,11 +40,11 @@ def prove_rounding(claim: Rounded) -> Verdict:
         error = rounding_error(claim)
     except FormatError as problem:
         return Verdict(False, str(problem))
-    share = float(error / claim.gain.error) if claim.gain.error else float("inf")
-    if share > 1:
-        return Verdict(False, f"rounding may reach {share:.3g} times the error of the gain given")
+    if error > claim.gain.error:
+        return Verdict(False, f"rounding may reach {float(error):.3g}, more than what is allowed")
+    share = float(error / claim.gain.error) if error else 0.0
     return Verdict(
-        True, f"{verdict.reason}; rounding at most {100 * share:.2g} % of the error given"
+        True, f"{verdict.reason}; rounding at most {100 * share:.2g} % of what these allow"
     )
 
 

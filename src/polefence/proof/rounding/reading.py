@@ -28,7 +28,17 @@ from polefence.proof.service import Gain, read_service
 from polefence.proof.service.reading import MAX_PARAMETERS
 
 FORMAT = "polefence-export"
-_TABLES = {"format", "version", "polefence", "design", "service", "code", "files", "sampling"}
+_TABLES = {
+    "format",
+    "version",
+    "polefence",
+    "design",
+    "service",
+    "code",
+    "files",
+    "sampling",
+    "text",
+}
 _KEYS = {"bits", "K", "T", "W", "Z", "shares", "smallest", "size", "elevation"}
 
 

@@ -63,7 +63,7 @@ def prove_sampling(claim: Sampled) -> Verdict:
     share = float(needed / claim.error**2) ** 0.5 if claim.error else float("inf")
     if needed > claim.error**2:
         return Verdict(False, f"the steps may be off by {share:.3g} times the error given")
-    return Verdict(True, f"{verdict.reason}; the steps are off by {100 * share:.2g} % of the error")
+    return Verdict(True, f"{verdict.reason}; steps off by {100 * share:.2g} % of what these allow")
 
 
 def covers_rounding(claim: Sampled, rounded: Rounded) -> bool:

@@ -2,8 +2,10 @@
 
 import hashlib
 import json
+import math
 import re
 import shutil
+from contextlib import suppress
 from functools import cache
 
 import numpy as np
@@ -246,6 +248,18 @@ def test_a_sample_time_is_proved_with_the_rounding(saved, tmp_path, capsys):
         answer(delay=0)
 
 
+def test_sampling_of_a_discrete_time_plant_is_not_read(tmp_path):
+    """Its matrices would be taken for those of continuous time."""
+    export_c99(design(), 32, sample_time=0.001).save(tmp_path)
+    path = tmp_path / "guarantee.json"
+    whole = json.loads(path.read_text())
+    assert check_guarantee(tmp_path).proved
+    whole["design"]["plant"]["sample_time"] = 0.001
+    path.write_text(json.dumps(whole))
+    with pytest.raises(DesignFileError, match="continuous"):
+        check_guarantee(tmp_path)
+
+
 def test_too_long_a_sample_time_is_refused(saved, tmp_path, capsys):
     out = tmp_path / "out"
     assert run(saved, "--sample-time", 0.01, "-o", out) == 1
@@ -309,8 +323,14 @@ def test_a_guarantee_of_other_code_is_no_guarantee(tmp_path):
     for wrong in ({}, [], whole["text"] | {"name": 3}, whole["text"] | {"name": "../law"}):
         with pytest.raises(DesignFileError):
             answer(text=wrong)
+    for name in ("../law.c", "x" * 5000):
+        with pytest.raises(DesignFileError):
+            answer(files={name: "0"})
+    for key, value in (("error", math.inf), ("error", "1/" + "9" * 290), ("columns", [1.0] * 5)):
+        with suppress(DesignFileError):
+            assert not answer(service=whole["service"] | {key: value}).proved
     with pytest.raises(DesignFileError):
-        answer(files={"../law.c": "0"})
+        answer(code=whole["code"] | {"bits": []})
 
 
 def test_what_was_not_proved_leaves_nothing_to_check(saved, tmp_path, capsys):

@@ -166,6 +166,48 @@ def malformed():
     yield "a W missing", lambda c: replace(c, code=replace(c.code, W=c.code.W[1:]))
     yield "a share missing", lambda c: replace(c, code=replace(c.code, shares=c.code.shares[1:]))
     yield "other columns", lambda c: replace(c, gain=replace(c.gain, columns=(Fraction(1),) * 5))
+    yield "bits no number", with_code(bits=[])
+
+    def scaled(power):
+        """Numbers that no float32 arithmetic survives, but that fit together."""
+
+        def change(c):
+            by, code = Fraction(2) ** power, c.code
+
+            def times(f, matrix):
+                return [[f * v for v in row] for row in matrix]
+
+            return replace(
+                c,
+                gain=replace(
+                    c.gain,
+                    columns=tuple(tuple(v * by for v in row) for row in c.gain.columns),
+                    error=c.gain.error / by,
+                ),
+                code=replace(
+                    code,
+                    T=times(by, code.T),
+                    W=tuple(times(by**2, w) for w in code.W),
+                    Z=tuple(times(by, z) for z in code.Z),
+                ),
+                smallest=c.smallest * by**2,
+                size=c.size / by,
+            )
+
+        return change
+
+    yield "underflow", scaled(-70)
+    yield "overflow", scaled(70)
+    yield (
+        "no float32",
+        lambda c: replace(
+            c,
+            code=replace(
+                c.code,
+                Z=tuple([[v * (1 + Fraction(1, 2**26)) for v in r] for r in z] for z in c.code.Z),
+            ),
+        ),
+    )
     yield "negative bound", lambda c: replace(c, smallest=Fraction(-1))
     yield "elevation", lambda c: replace(c, elevation=99)
     yield (
@@ -186,6 +228,32 @@ def test_what_does_not_fit_together_is_refused(fault):
     _, _, found = made("parameters")
     with pytest.raises(FormatError):
         prove_rounding(dict(malformed())[fault](found.claim))
+
+
+def test_an_error_a_trifle_too_small_is_not_proved():
+    """Decided in rationals: in floats their quotient is one."""
+    _, _, found = made("parameters")
+    error = rounding_error(found.claim)
+    for share, proved in ((1, True), (1 - Fraction(1, 2**70), False)):
+        gain = replace(found.claim.gain, error=error * share)
+        assert prove_rounding(replace(found.claim, gain=gain)).proved is proved
+
+
+def test_a_small_file_cannot_ask_for_hours():
+    many = [[[Fraction(-1)]]] * 16
+    from polefence.proof.exact import Claim, Law, Part
+    from polefence.proof.rounding import Code as Constants
+    from polefence.proof.rounding import Rounded
+    from polefence.proof.service import Gain, Subject
+
+    one = [[Fraction(1)]]
+    law = Law(W=[one] * 16, Z=[one] * 16, degree=1)
+    disk = Part("disk", (Fraction(-3), Fraction(2)))
+    design = Claim("scheduled", many, [one] * 16, (disk,), law, ())
+    gain = Gain(Subject(design), Fraction(1, 10), (Fraction(1),), ((Fraction(1),),), (Fraction(1),))
+    code = Constants(32, None, one, (one,) * 16, (one,) * 16)
+    with pytest.raises(FormatError):
+        prove_rounding(Rounded(gain, code, Fraction(1, 2), Fraction(2), 16))
 
 
 def test_a_share_clamped_inside_its_interval_is_not_proved():

@@ -71,8 +71,9 @@ def texts_again(table: Any, certificate: Certificate) -> Texts:
     lines, limits, time = table["statement"], table["limits"], table.get("sample_time")
     if not all(isinstance(line, str) for line in lines):
         raise InputError("text.statement must be a list of lines")
-    if not all(isinstance(v, int | float) for v in [*limits, 0.0 if time is None else time]):
-        raise InputError("text: limits and sample_time must be numbers")
+    numbers = [*limits, 1.0 if time is None else time]
+    if not all(isinstance(v, int | float) and 0 < v < 1e30 for v in numbers):
+        raise InputError("text: limits and sample_time must be positive numbers")
     return Texts(
         table["name"],
         certificate.plant.name,

@@ -25,6 +25,7 @@ from polefence.region_text import digits_down
 from polefence.service.files import claim_document, plain, region_text
 
 FILE_NAME = "guarantee.json"
+LONGEST = 100  # characters of a file's name
 
 
 def guarantee_text(
@@ -179,7 +180,7 @@ def _other(path: Path, claim: Rounded, document: dict[str, Any]) -> str:
         raise InputError("files must be a table of names and digests")
     own = sources(program_again(claim.code, certificate), texts)
     for name, digest in {**files, **{name: _digest(t.encode()) for name, t in own.items()}}.items():
-        if Path(name).name != name:
+        if Path(name).name != name or len(name) > LONGEST:
             raise InputError(f"files: {name!r} is no name in this folder")
         try:
             there = _digest((path.parent / name).read_bytes())

@@ -21,7 +21,7 @@ from polefence.polynomial import Domain, Exponent, binomial
 
 Exact = list[list[Fraction]]
 MAX_TERMS = 512  # polynomials' coefficients, which the code computes one by one
-# Constants that the format holds with all of its digits, and whose products stay in its range.
+# Constants whose products stay in the format's range; smaller ones are zero.
 LEAST, MOST = 1e-18, 1e18
 
 
@@ -120,6 +120,8 @@ def program(law: Law, parameters: tuple[Parameter, ...], number: Number) -> Prog
     """
     if isinstance(law, FixedGain):
         return Fixed(number, _held(number.nearest(law.K), "K"))
+    if not law.degree:
+        raise InputError("a law of degree 0 is one gain; export FixedGain(law.gain(alpha))")
     count = law.domain.count(law.degree)
     if count > MAX_TERMS:
         raise InputError(f"a law of {count} coefficients is not exported; at most {MAX_TERMS}")
@@ -199,5 +201,4 @@ def _held(values: Array, what: str) -> Array:
             f"{what}: numbers of the law reach {size.max():.3g}, too large for the code; choose "
             "units in which states and inputs are nearer to one"
         )
-    # what is tiny beside its row matters to nobody, and is zero rather than subnormal
-    return np.where(np.abs(values) < LEAST**2, 0.0, values)
+    return np.where(np.abs(values) < LEAST, 0.0, values)  # a rounding like any other

@@ -155,7 +155,7 @@ def weight_error(claim: Rounded) -> Fraction:
     code, subject = claim.code, claim.gain.subject
     sizes, degree = simplices(subject.design), subject.design.law.degree
     corners = len(subject.design.A)
-    products = (1 + in_a_row(code, max(len(sizes) * degree, 1))) - 1
+    products = in_a_row(code, len(sizes) * degree + 1)  # a large multinomial is rounded too
     if not code.shares:  # cut, summed, scaled, and for a box summed again
         own = in_a_row(code, 2 * corners + 2)
         return (1 + own) ** (degree * len(sizes)) * (1 + products) - 1

@@ -53,9 +53,15 @@ def read_rounded(text: str) -> tuple[Rounded, dict[str, Any]]:
     document = read_document(text, FORMAT)
     _only({"file": document}, "file", _TABLES)
     own = {key: _at(document, key) for key in ("version", "design", "service")}
-    gain, _ = read_service(json.dumps({"format": SERVICE, **own}, allow_nan=False))
+    try:
+        text = json.dumps({"format": SERVICE, **own}, allow_nan=False)
+    except (RecursionError, ValueError) as error:
+        raise FormatError(f"design or service: {error}") from error
+    gain, _ = read_service(text)
     if not isinstance(gain, Gain):
         raise FormatError("service.kind must be gain")
+    if "sampling" in document and own["design"]["plant"].get("sample_time") is not None:
+        raise FormatError("sampling: is of plants in continuous time")
     _only(document, "code", _KEYS)
     table = _at(document, "code")
     code = Code(

@@ -13,7 +13,15 @@ Integers, rationals and the standard library only.
 
 from __future__ import annotations
 
-from polefence.proof.exact import FormatError, Rationals, Verdict, _shape, simplices
+from polefence.proof.exact import (
+    MAX_BITS,
+    FormatError,
+    Rationals,
+    Verdict,
+    _denominator,
+    _shape,
+    simplices,
+)
 from polefence.proof.rounding import Rounded, rounding_error
 from polefence.proof.sampling.claims import Off, Sampled
 from polefence.proof.sampling.error import (
@@ -26,6 +34,8 @@ from polefence.proof.sampling.error import (
 from polefence.proof.sampling.loop import loop_claim
 from polefence.proof.sampling.reading import read_sampling
 from polefence.proof.service import prove_service
+
+SHORT = 2048  # bits
 
 __all__ = [
     "Off",
@@ -60,9 +70,9 @@ def prove_sampling(claim: Sampled) -> Verdict:
     except FormatError as problem:
         return Verdict(False, str(problem))
     needed = steps**2 + gain_error(claim) ** 2
-    share = float(needed / claim.error**2) ** 0.5 if claim.error else float("inf")
     if needed > claim.error**2:
-        return Verdict(False, f"the steps may be off by {share:.3g} times the error given")
+        return Verdict(False, "the steps may be off by more than the error given")
+    share = float(needed / claim.error**2) ** 0.5 if needed else 0.0
     return Verdict(True, f"{verdict.reason}; steps off by {100 * share:.2g} % of what these allow")
 
 
@@ -110,6 +120,8 @@ def _require_shapes(claim: Sampled, n: int, m: int) -> None:
     shaped += [("off.columns", claim.off.columns, n, n)] if claim.off else []
     for key, matrix, rows, columns in shaped:
         _shape(matrix, rows, columns, f"sampling.{key}")
+    _denominator([claim.T], SHORT)  # inverted in rationals
+    _denominator([*claim.steps, *(matrix for _, matrix, *_ in shaped)], MAX_BITS)
     if len(claim.steps) != len(claim.design.A):
         raise FormatError("sampling.steps must hold a matrix for each vertex")
     named = [("scale", claim.scale)] + ([("off.rows", claim.off.rows)] if claim.off else [])

@@ -150,14 +150,6 @@ def _require_consistent(claim: ServiceClaim) -> None:
         raise FormatError("these are more inequalities, or larger ones, than are checked here")
 
 
-def _columns(claim: Gain, n: int) -> None:
-    numbers = [c for c in claim.columns if isinstance(c, Fraction)]
-    if numbers:
-        _numbers(tuple(numbers), n, "columns", positive=True)
-    elif not claim.right or any(len(row) != n for row in claim.right):
-        raise FormatError(f"columns must hold {n} numbers, or rows of {n}")
-
-
 def _numbers(values: tuple[Fraction, ...], count: int, key: str, positive: bool = False) -> None:
     if len(values) != count:
         raise FormatError(f"{key} must hold {count} numbers")

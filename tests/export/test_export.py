@@ -385,3 +385,20 @@ def test_a_guarantee_cut_short_is_named(tmp_path, capsys):
     path.write_text(path.read_text()[:500])
     assert main(["check", str(tmp_path)]) == 2
     assert "guarantee.json" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("bits", [32, 64])
+def test_a_law_of_one_vertex_is_one_gain(bits, tmp_path):
+    plant = UncertainPlant.from_vertices([[[0.0, 1.0], [-2.0, -0.3]]], [[[0.0], [1.0]]])
+    made = place(plant, Disk(-5, 4), "scheduled")
+    found = export_c99(made, bits)
+    assert "static const law_real K[" in found.files["law.c"].decode()
+    found.save(tmp_path)
+    assert check_guarantee(tmp_path).proved
+    K = np.array(json.loads((tmp_path / "guarantee.json").read_text())["code"]["K"])
+    assert pytest.approx(made.law.gain([1.0]), rel=1e-6) == K
+    path = tmp_path / "guarantee.json"
+    whole = json.loads(path.read_text())
+    whole["code"]["K"][0][0] *= 2
+    path.write_text(json.dumps(whole))
+    assert not check_guarantee(tmp_path).proved

@@ -11,7 +11,7 @@ from polefence.errors import InputError
 from polefence.export.c99.number import number
 from polefence.export.c99.program import Fixed, Program, Scheduled, Share
 from polefence.export.c99.sources import Texts
-from polefence.law import FixedGain
+from polefence.law import FixedGain, Law, ScheduledGain
 from polefence.measured import DUAL
 from polefence.plant.family import UncertainPlant
 from polefence.proof.certificate import Certificate
@@ -25,6 +25,13 @@ def require_law(design: Design) -> None:
             f"{design.plant.name}: the design of an observer, no law; export the state feedback's "
             "design and name this one as its observer (--observer)"
         )
+
+
+def code_law(law: Law) -> Law:
+    """Return the law as code computes it: that of one vertex is one gain."""
+    if isinstance(law, ScheduledGain) and law.domain.corners == 1:
+        return FixedGain(law.gain([1.0]))
+    return law
 
 
 def names(design: Design | Certificate) -> tuple[tuple[str, ...], tuple[str, ...]]:

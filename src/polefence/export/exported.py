@@ -9,7 +9,7 @@ from typing import Any
 
 from polefence.design import Design, check
 from polefence.errors import InputError, NotProvedError
-from polefence.export.again import names, require_law
+from polefence.export.again import code_law, names, require_law
 from polefence.export.c99.number import number
 from polefence.export.c99.observer import observer_sources
 from polefence.export.c99.program import Program, Scheduled, program
@@ -130,7 +130,7 @@ def export_c99(
     """
     check_c_name(name)
     require_law(design)
-    made = program(design.law, _given(design, given), number(bits))
+    made = program(code_law(design.law), _given(design, given), number(bits))
     cuts = _limits(limits, design.plant.shape[1])
     _require_observer(design, observer, sample_time, allow_unproved)
     answer = check(design)
@@ -237,7 +237,7 @@ def _given(design: Design, given: str | None) -> tuple[Parameter, ...]:
         raise InputError(f"given = {given!r} is unknown; use {' or '.join(GIVEN)}")
     if given == "parameters" and not design.plant.parameters:
         raise InputError("given = 'parameters': this plant was given by its vertices; use 'alpha'")
-    if isinstance(design.law, FixedGain) or given == "alpha":
+    if isinstance(code_law(design.law), FixedGain) or given == "alpha":
         return ()
     return design.plant.parameters
 
@@ -263,7 +263,7 @@ def _files(found: Exported) -> dict[str, bytes]:
     made, texts = found.program, found.texts
     bound = found.guarantee.bound if found.guarantee.proved else None
     files = {key: text.encode() for key, text in sources(made, texts).items()}
-    files[f"{texts.name}_test.c"] = harness(made, texts, found.design.law, bound).encode()
+    files[f"{texts.name}_test.c"] = harness(made, texts, code_law(found.design.law), bound).encode()
     files["Makefile"] = makefile(texts, found.observer is not None).encode()
     facts = {
         "proved": found.proved,

@@ -71,7 +71,8 @@ def _require_consistent(claim: Rounded) -> None:
         raise FormatError("code.bits must be 32 or 64")
     _require_numbers(code)
     if code.K is not None:
-        if law.K is None or len(law.K) != 1 or code.T is not None or code.W or code.Z:
+        own = law.K if law.K is not None else law.W or []  # of one vertex K = Z W^-1
+        if len(own) != 1 or code.T is not None or code.W or code.Z:
             raise FormatError("code: the law and its constants do not belong together")
         if not all(isinstance(column, Fraction) for column in gain.columns):
             raise FormatError("columns must be numbers for one gain")

@@ -24,8 +24,8 @@ class Share:
 class Code:
     """The constants of the code, with the bits of its numbers.
 
-    A fixed gain has ``K`` alone. ``shares`` has one entry a parameter, none where the code is given
-    alpha itself. W and Z are Bernstein coefficients.
+    One gain, that of one vertex too, has ``K`` alone. ``shares`` has one entry a parameter, none
+    where the code is given alpha itself. W and Z are Bernstein coefficients.
     """
 
     bits: int

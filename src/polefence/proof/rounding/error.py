@@ -38,6 +38,7 @@ from polefence.proof.exact import (
     _denominator,
     _elevated,
     _integers,
+    _right_divide,
     _times,
     is_positive_definite,
     simplices,
@@ -72,7 +73,7 @@ def in_a_row(code: Code, k: int) -> Fraction:
 
 def _fixed(claim: Rounded) -> Fraction:
     code, gain = claim.code, claim.gain
-    (K,), own = gain.subject.design.law.K or [[]], code.K or []
+    K, own = _gain(claim), code.K or []
     gamma = in_a_row(code, len(K[0]))
     columns = [c for c in gain.columns if isinstance(c, Fraction)]
     return _norm(
@@ -81,6 +82,15 @@ def _fixed(claim: Rounded) -> Fraction:
             for k, o, s in zip(K, own, gain.rows, strict=True)
         ]
     )
+
+
+def _gain(claim: Rounded) -> Rationals:
+    """Return the one gain of the design; of one vertex Z W^-1."""
+    law = claim.gain.subject.design.law
+    K = law.K[0] if law.K else _right_divide((law.Z or [])[0], (law.W or [])[0])
+    if K is None:
+        raise FormatError("W is singular")
+    return K
 
 
 def _scheduled(claim: Rounded) -> Fraction:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -158,6 +159,17 @@ def check(source: str | Path | Certificate | Design) -> Check:
         return check_claim(claim)
     except exact.FormatError as error:
         raise DesignFileError(f"{path}: {error}") from error
+
+
+def says_format(path: Path, name: str) -> bool:
+    """Whether a file says that it is of a format of ours; what cannot be read says nothing."""
+    if not path.is_file():
+        return False
+    try:
+        document = json.loads(read_text(path, exact.MAX_BYTES, DesignFileError))
+    except (ValueError, RecursionError):
+        return False
+    return isinstance(document, dict) and document.get("format") == name
 
 
 def _design_path(path: str | Path) -> Path:

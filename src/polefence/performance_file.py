@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from polefence.design import FILE_NAME as DESIGN_NAME
+from polefence.design import says_format
 from polefence.errors import DesignFileError, InputError, NotProvedError
 from polefence.files import make_folder, read_text, write_text
 from polefence.optimise import Optimised
@@ -138,13 +139,7 @@ def is_performance_file(path: Path) -> bool:
     """Whether a file, or the one of that name in a folder, says that it is of this format."""
     if path.is_dir():
         return (path / FILE_NAME).is_file()
-    if not path.is_file():
-        return False
-    try:
-        document = json.loads(read_text(path, exact.MAX_BYTES, DesignFileError))
-    except (ValueError, RecursionError):
-        return False
-    return isinstance(document, dict) and document.get("format") == FORMAT
+    return says_format(path, FORMAT)
 
 
 def check_performance(path: str | Path) -> Check:

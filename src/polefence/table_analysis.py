@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from polefence.design import FILE_NAME as DESIGN_NAME
+from polefence.design import says_format
 from polefence.errors import DesignFileError, InputError, NotProvedError
 from polefence.files import make_folder, read_text, write_text
 from polefence.gain_table import GainTable
@@ -152,13 +153,7 @@ def is_table_file(path: Path) -> bool:
     """Whether a file, or a folder without a design, holds an analysed table."""
     if path.is_dir():
         return (path / FILE_NAME).is_file() and not (path / DESIGN_NAME).exists()
-    if not path.is_file():
-        return False
-    try:
-        document = json.loads(read_text(path, exact.MAX_BYTES, DesignFileError))
-    except (ValueError, RecursionError):
-        return False
-    return isinstance(document, dict) and document.get("format") == proof.FORMAT
+    return says_format(path, proof.FORMAT)
 
 
 def check_table(path: Path) -> Check:

@@ -9,7 +9,7 @@ from fractions import Fraction
 from pathlib import Path
 from typing import Any
 
-from polefence.design import Design
+from polefence.design import Design, says_format
 from polefence.errors import DesignFileError, InputError
 from polefence.export.again import program_again, texts_again, texts_document
 from polefence.export.c99.sources import Texts, sources
@@ -90,15 +90,7 @@ def guarantee_path(path: Path) -> Path:
 def is_guarantee_file(path: Path) -> bool:
     """Whether a file, or the one in a folder, says that it is of this format."""
     where = guarantee_path(path)
-    if not where.is_file():
-        return False
-    if where.name == FILE_NAME:
-        return True
-    try:
-        document = json.loads(read_text(where, exact.MAX_BYTES, DesignFileError))
-    except (ValueError, RecursionError):
-        return False
-    return isinstance(document, dict) and document.get("format") == FORMAT
+    return (where.name == FILE_NAME and where.is_file()) or says_format(where, FORMAT)
 
 
 def check_guarantee(path: str | Path) -> Check:

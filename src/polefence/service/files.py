@@ -7,6 +7,7 @@ from fractions import Fraction
 from pathlib import Path
 from typing import Any
 
+from polefence.design import says_format
 from polefence.errors import DesignFileError
 from polefence.files import read_text
 from polefence.plant.family import UncertainPlant
@@ -51,13 +52,7 @@ def plain(value: Fraction | tuple[Fraction, ...]) -> Any:
 
 def is_service_file(path: Path) -> bool:
     """Whether a file says that it is of this format."""
-    if not path.is_file():
-        return False
-    try:
-        document = json.loads(read_text(path, exact.MAX_BYTES, DesignFileError))
-    except (ValueError, RecursionError):
-        return False
-    return isinstance(document, dict) and document.get("format") == FORMAT
+    return says_format(path, FORMAT)
 
 
 def check_service(path: str | Path) -> Check:

@@ -29,16 +29,16 @@ from polefence import (
     place,
 )
 from polefence.export.c99.number import number
-from polefence.export.c99.observer import (
+from polefence.export.c99.program import program
+from polefence.export.c99.sources import Texts, sources
+from polefence.export.observer import observer_sources
+from polefence.export.sampled.observer_loop import (
     check_sample_time,
     judge_sampled_loop,
     longest_sample_time,
-    observer_sources,
     observer_step,
     sampled_output_loop,
 )
-from polefence.export.c99.program import program
-from polefence.export.c99.sources import Texts, sources
 from polefence.law import FixedGain
 from polefence.observer import Observer
 from polefence.suspension.quarter_car import family

@@ -11,7 +11,6 @@ from polefence.design import Design, check
 from polefence.errors import InputError, NotProvedError
 from polefence.export.again import code_law, names, require_law
 from polefence.export.c99.number import number
-from polefence.export.c99.observer import observer_sources
 from polefence.export.c99.program import Program, Scheduled, program
 from polefence.export.c99.sources import MARKER, Texts, check_c_name, context, environment, sources
 from polefence.export.c99.vectors import harness, makefile
@@ -19,6 +18,7 @@ from polefence.export.documents import FILE_NAME, guarantee_text
 from polefence.export.fmi.fmu import fmu
 from polefence.export.folder import write_folder
 from polefence.export.guarantee import Guarantee, guarantee
+from polefence.export.observer import observer_sources
 from polefence.export.statement import statement
 from polefence.export.timing import Timing, timing
 from polefence.law import FixedGain

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 from polefence.design import Design
 from polefence.errors import InputError
-from polefence.export.c99.observer import SampledLoop, judge_sampled_loop
 from polefence.export.guarantee import Guarantee
+from polefence.export.sampled.observer_loop import SampledLoop, judge_sampled_loop
 from polefence.export.sampled.poles import (
     LargestSampleTime,
     Sampling,

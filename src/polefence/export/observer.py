@@ -14,31 +14,13 @@ from polefence.export.c99.number import Number
 from polefence.export.c99.program import LEAST, MOST, Scheduled, program
 from polefence.export.c99.sources import Texts, context, environment, rows, weighing
 from polefence.export.c99.text import check_c_name
-from polefence.export.sampled.observer_loop import (
-    ORDER,
-    SampledLoop,
-    check_sample_time,
-    judge_sampled_loop,
-    longest_sample_time,
-    observer_step,
-    sampled_output_loop,
-)
+from polefence.export.sampled.observer_loop import ORDER, check_sample_time
 from polefence.law import FixedGain, ScheduledGain
 from polefence.observer import Observer
 from polefence.plant.parameters import Parameter
 from polefence.plant.system import Array, Exact
 from polefence.polynomial import binomial
 from polefence.region_text import short_text
-
-__all__ = [
-    "SampledLoop",
-    "check_sample_time",
-    "judge_sampled_loop",
-    "longest_sample_time",
-    "observer_sources",
-    "observer_step",
-    "sampled_output_loop",
-]
 
 LONGEST = 20  # characters: C tells external names apart by 31
 

@@ -360,7 +360,7 @@ def test_parquet_without_pyarrow_names_the_extra(car, capsys, monkeypatch):
 def test_what_cannot_be_read_is_named(car, capsys):
     assert "nowhere.toml: cannot be read" in refused(capsys, "simulate", "nowhere.toml", *ROAD)
     Path("empty").mkdir()
-    assert "empty/design.json: cannot be read" in refused(capsys, "simulate", "empty", *ROAD)
+    assert "empty: has no design.json" in refused(capsys, "simulate", "empty", *ROAD)
     Path("table.json").write_text('{"format": 3}')
     error = refused(capsys, "simulate", "car.toml", *ROAD, "--law", "table.json")
     assert error.startswith("polefence: table.json: ")

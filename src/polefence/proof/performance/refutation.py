@@ -1,0 +1,175 @@
+"""Prove that no law whatever keeps limits on rms values at once, at one vertex.
+
+For x' = A x + B u + E w with white w of two-sided intensity S, and y_i = C_i x + D_i u. Let P = P'
+and weights a_i >= 0 have
+
+    [ A'P + P A + sum a_i C_i'C_i,  P B + sum a_i C_i'D_i ]
+    [ *,                            sum a_i D_i'D_i       ]  >= 0.
+
+In the stationary state E[2 x'P (A x + B u)] + S tr E'P E = 0, the mean of the derivative of x'P x,
+for every u of finite variance that is no function of the noise to come and has none in it that is
+white: every stabilising law, static or dynamic, linear or not, told the parameters or not. The
+block's mean with (x, u) is sum a_i E[y_i^2] - S tr E'P E, and is not negative. So limits g_i with
+S sum a_i g_i^2 / S_i < S tr E'P E cannot be kept together, where limit i is for noise of intensity
+S_i. P need not be positive. Integers and the standard library only.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+
+from polefence.proof.exact import (
+    MAX_SIZE,
+    FormatError,
+    Integers,
+    Rationals,
+    Verdict,
+    _denominator,
+    _integers,
+    _is_symmetric,
+)
+from polefence.proof.performance.checks import _shapes
+from polefence.proof.performance.claims import Output
+
+
+@dataclass(frozen=True)
+class RmsLimit:
+    """The rms of the output is at most ``level``, for white noise of two-sided ``intensity``."""
+
+    output: Output
+    level: Fraction
+    intensity: Fraction = Fraction(1)
+
+
+@dataclass(frozen=True)
+class RmsRefutation:
+    """At a vertex no law keeps the limits, nor ``factor`` times each: the claim and its evidence.
+
+    Attributes
+    ----------
+    A, B, E : list of matrices
+        For each vertex.
+    limits : tuple of RmsLimit
+    vertex : int
+        Counted from zero.
+    weights : tuple of Fraction
+        One a limit, for mean squares over the intensity.
+    P : n x n rationals
+    factor : Fraction
+        At least 1.
+    """
+
+    A: list[Rationals]
+    B: list[Rationals]
+    E: list[Rationals]
+    limits: tuple[RmsLimit, ...]
+    vertex: int
+    weights: tuple[Fraction, ...]
+    P: Rationals
+    factor: Fraction = Fraction(1)
+
+
+def prove_refutation(claim: RmsRefutation) -> Verdict:
+    """Decide whether the evidence proves the claim; False does not say that there is a law.
+
+    Raises
+    ------
+    FormatError
+        If the claim is incomplete or inconsistent.
+    """
+    _require_consistent(claim)
+    if not _is_symmetric(claim.P):
+        return Verdict(False, "P is not symmetric")
+    if min(claim.weights) < 0:
+        return Verdict(False, "a weight is negative")
+    block = _block(claim)
+    if not is_positive_semidefinite(_integers(block, _denominator([block]))):
+        return Verdict(False, "the block is not positive semidefinite")
+    E = claim.E[claim.vertex]
+    least = sum(_form(claim.P, column) for column in zip(*E, strict=True))
+    allowed = sum(
+        a * limit.level**2 / limit.intensity
+        for a, limit in zip(claim.weights, claim.limits, strict=True)
+    )
+    if not least > claim.factor**2 * allowed:
+        return Verdict(False, "the limits allow as much as every law has")
+    return Verdict(
+        True,
+        f"at vertex {claim.vertex + 1} no law keeps {len(claim.limits)} limits at once: a block of "
+        f"{len(block)} rows positive semidefinite in exact arithmetic",
+    )
+
+
+def is_positive_semidefinite(matrix: Integers) -> bool:
+    """Decide it by fraction-free elimination: a pivot of zero has a row of zeros, and is left out.
+
+    Without the rows left out the pivots are minors of what stays, so that divisions are exact.
+    """
+    rows = [row[i:] for i, row in enumerate(matrix)]  # the upper triangle
+    previous = 1
+    while rows:
+        first, *rows = rows
+        pivot = first[0]
+        if pivot < 0 or (pivot == 0 and any(first)):
+            return False
+        if pivot == 0:
+            continue
+        rows = [
+            [
+                (pivot * entry - first[i + 1] * first[i + 1 + j]) // previous
+                for j, entry in enumerate(row)
+            ]
+            for i, row in enumerate(rows)
+        ]
+        previous = pivot
+    return True
+
+
+def _block(claim: RmsRefutation) -> Rationals:
+    """Return the symmetric block of (x, u)."""
+    A, B, P = claim.A[claim.vertex], claim.B[claim.vertex], claim.P
+    n, m = len(A), len(B[0])
+    F = [[*a, *b] for a, b in zip(A, B, strict=True)]
+    PF = [[_dot(row, column) for column in zip(*F, strict=True)] for row in P]
+    PF += [[Fraction(0)] * (n + m) for _ in range(m)]
+    block = [[PF[i][j] + PF[j][i] for j in range(n + m)] for i in range(n + m)]
+    for a, limit in zip(claim.weights, claim.limits, strict=True):
+        y = [*limit.output.C[claim.vertex][0], *limit.output.D[claim.vertex][0]]
+        for i, j in ((i, j) for i in range(n + m) for j in range(n + m)):
+            block[i][j] += a * y[i] * y[j]
+    return block
+
+
+def _dot(a: Sequence[Fraction], b: Sequence[Fraction]) -> Fraction:
+    return sum((x * y for x, y in zip(a, b, strict=True)), Fraction(0))
+
+
+def _form(P: Rationals, x: Sequence[Fraction]) -> Fraction:
+    return _dot(x, [_dot(row, x) for row in P])
+
+
+def _require_consistent(claim: RmsRefutation) -> None:
+    if not claim.A or not claim.A[0] or not claim.B or not claim.B[0] or not claim.E:
+        raise FormatError("vertices, or how the disturbance enters, are missing")
+    N, n, m = len(claim.A), len(claim.A[0]), len(claim.B[0][0])
+    if n + m > 2 * MAX_SIZE:
+        raise FormatError(f"{n} states and {m} inputs are more than is checked here")
+    _shapes(claim.A, N, n, n, "A")
+    _shapes(claim.B, N, n, m, "B")
+    _shapes(claim.E, N, n, len(claim.E[0][0]) if claim.E[0] else 0, "E")
+    _shapes([claim.P], 1, n, n, "P")
+    if type(claim.vertex) is not int or not 0 <= claim.vertex < N:
+        raise FormatError(f"vertex {claim.vertex!r} is not one of 0 to {N - 1}")
+    if not claim.limits or len(claim.weights) != len(claim.limits):
+        raise FormatError("there must be limits, and one weight for each")
+    for limit in claim.limits:
+        _shapes(limit.output.C, N, 1, n, "C")
+        _shapes(limit.output.D, N, 1, m, "D")
+        if limit.level < 0 or limit.intensity <= 0:
+            raise FormatError("a limit must be zero or more, an intensity more than zero")
+    if claim.factor < 1:
+        raise FormatError("factor must be 1 or more")
+    numbers = [[[*claim.weights, claim.factor]], claim.P, *claim.A, *claim.B, *claim.E]
+    _denominator([*numbers, *(M for limit in claim.limits for M in limit.output.C)])

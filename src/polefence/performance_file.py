@@ -20,8 +20,10 @@ from polefence.proof.certificate import Certificate, Check, check_claim, plant_f
 from polefence.proof.exact import Evidence, Rationals
 from polefence.proof.performance import (
     FORMAT,
+    LAW,
     EnergyPeak,
     Gain,
+    GainNorm,
     InitialPeak,
     PerformanceClaim,
     RelativeRms,
@@ -71,6 +73,8 @@ def performance_text(certificate: Certificate, claims: Sequence[PerformanceClaim
 
 def claim_document(claim: PerformanceClaim) -> dict[str, Any]:
     """Return a claim as plain data; the plant and the law are the design's."""
+    if isinstance(claim, GainNorm):
+        return _gain_norm(claim)
     table: dict[str, Any] = {"kind": kind_of(claim), "name": claim.output.name}
     table["output"] = {"C": _rows(claim.output.C), "D": _rows(claim.output.D)}
     if isinstance(claim, Gain) and claim.F:
@@ -85,6 +89,8 @@ def claim_document(claim: PerformanceClaim) -> dict[str, Any]:
             table["points"] = [list(map(plain, point)) for point in claim.points]
         if claim.impulses:
             table["impulses"] = list(map(plain, claim.impulses))
+        if claim.ellipsoid:
+            table["ellipsoid"] = [list(map(plain, row)) for row in claim.ellipsoid]
     if isinstance(claim, RelativeRms):
         if not _without_control(claim):
             raise InputError(f"{claim.output.name}: only no control is written as a baseline")
@@ -97,9 +103,24 @@ def claim_document(claim: PerformanceClaim) -> dict[str, Any]:
     return table
 
 
+def _gain_norm(claim: GainNorm) -> dict[str, Any]:
+    evidence: dict[str, Any] = {"elevation": claim.subject.evidence.elevation}
+    if claim.subject.law.K is not None:
+        evidence["on"] = claim.subject.on
+    table: dict[str, Any] = {"kind": kind_of(claim), "name": LAW, "level": plain(claim.level)}
+    table |= {key: list(map(plain, getattr(claim, key))) for key in ("rows", "columns")}
+    return table | {"evidence": evidence}
+
+
 def kind_of(claim: PerformanceClaim) -> str:
     """Return the kind of a claim as a file has it."""
-    names = {Rms: "rms", EnergyPeak: "energy peak", InitialPeak: "initial peak", Gain: "gain"}
+    names: dict[type, str] = {
+        Rms: "rms",
+        EnergyPeak: "energy peak",
+        InitialPeak: "initial peak",
+        Gain: "gain",
+        GainNorm: "gain norm",
+    }
     return names.get(type(claim), "relative rms")
 
 
@@ -214,7 +235,7 @@ def _is_named_so(plant: UncertainPlant, claim: PerformanceClaim) -> bool:
     """Whether an output is the signal of its name, where the plant has one."""
     known = {signal.name: signal for signal in signals_of(plant)}
     signal = known.get(claim.output.name)
-    if signal is None:
+    if signal is None or isinstance(claim, GainNorm):
         return True
     return rows(plant, signal) == (claim.output.C, claim.output.D) and not getattr(claim, "F", ())
 
@@ -231,7 +252,8 @@ def statement(claim: PerformanceClaim, plant: UncertainPlant | None = None) -> s
     With the plant, a name that is none of its signals is said to be the file's own.
     """
     name = claim.output.name or "an output"
-    if plant is not None and name not in {signal.name for signal in signals_of(plant)}:
+    known = {LAW} if isinstance(claim, GainNorm) else set[str]()
+    if plant is not None and name not in known | {signal.name for signal in signals_of(plant)}:
         name = f"{name} (as the file defines it)"
     if isinstance(claim, RelativeRms) and not _without_control(claim):
         name = f"{name} (relative to a loop that the file defines)"
@@ -246,8 +268,22 @@ def statement(claim: PerformanceClaim, plant: UncertainPlant | None = None) -> s
         sizes = [f"impulse {digits_down(float(s), 4)}" for s in claim.impulses[:1]]
         if claim.points:
             sizes.insert(0, f"{len(claim.points)} initial states")
+        if claim.ellipsoid:
+            sizes.insert(0, "an ellipsoid of initial states")
         under = f" from {' and '.join(sizes)}"
+    elif isinstance(claim, GainNorm):
+        under = _units_of(claim)
     return f"{kind_of(claim)} of {name} <= {digits_up(level)}{under}"
+
+
+def _units_of(claim: GainNorm) -> str:
+    """Say what one unit of each state and input is, where it is not one of the plant's."""
+    said = [
+        f"{key} of {', '.join(digits_down(float(u), 4) for u in units)}"
+        for key, units in (("states in units", claim.columns), ("inputs in units", claim.rows))
+        if any(unit != 1 for unit in units)
+    ]
+    return f", {' and '.join(said)}" if said else ""
 
 
 def performance_plant(path: str | Path) -> UncertainPlant:

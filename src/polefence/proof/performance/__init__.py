@@ -10,12 +10,15 @@ chapters 6 and 10, and Scherer, Gahinet & Chilali (1997):
     energy    the same with S = 1: x' X^-1 x is at most the integral of |w|^2 so far; e Y in place
     peak      of Y for w whose L2 norm is at most e
     initial   -(N + N') > 0, [ 1, x0' ; x0, X ] > 0 for each initial state, and
-    peak      [ g^2, Y ; Y', X ] > 0: x' X^-1 x stays below 1
+    peak      [ g^2, Y ; Y', X ] > 0: x' X^-1 x stays below 1; for all initial states of an
+              ellipsoid x0' X0^-1 x0 <= 1, X - X0 > 0
     gain      X > 0 and, with y = C x + D u + F w, the bounded real lemma
               [ -(N + N'), -E, -Y' ; *, g I, -F' ; *, *, g ] > 0
     relative  rms with g^2 C0 P C0' in place of g^2, where A0 P + P A0' + S E0 E0' > 0 for a
     rms       baseline that X0 > 0, -(A0 X0 + X0 A0') > 0 show to be stable, so that P is less
               than its covariance
+    gain      [ H' H, V' ; V, g^2 I ] > 0 with H = diag(columns)^-1 W, V = diag(rows)^-1 Z, W = I
+    norm      and Z = K of a fixed gain: V H^-1 = diag(rows)^-1 K diag(columns)
 
 Every inequality is a polynomial, homogeneous in each simplex; it holds if all of its coefficients,
 times (sum of alpha)^elevation, are positive definite. All that is about one loop is raised to one
@@ -33,11 +36,13 @@ from polefence.proof.exact import (
     _is_symmetric,
     is_positive_definite,
 )
-from polefence.proof.performance.checks import require_consistent, simplices
+from polefence.proof.performance.checks import is_semidefinite, require_consistent, simplices
 from polefence.proof.performance.claims import (
     Baseline,
     EnergyPeak,
+    LAW,
     Gain,
+    GainNorm,
     InitialPeak,
     Output,
     PerformanceClaim,
@@ -51,9 +56,11 @@ from polefence.proof.performance.reading import FORMAT, read_performance
 
 __all__ = [
     "FORMAT",
+    "LAW",
     "Baseline",
     "EnergyPeak",
     "Gain",
+    "GainNorm",
     "InitialPeak",
     "Output",
     "PerformanceClaim",
@@ -62,6 +69,7 @@ __all__ = [
     "Subject",
     "baseline_loop",
     "blocks",
+    "is_semidefinite",
     "prove_performance",
     "read_performance",
 ]

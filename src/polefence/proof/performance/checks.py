@@ -21,6 +21,7 @@ from polefence.proof.performance.claims import (
     MAX_POINTS,
     EnergyPeak,
     Gain,
+    GainNorm,
     InitialPeak,
     PerformanceClaim,
     RelativeRms,
@@ -60,6 +61,9 @@ def require_consistent(claim: PerformanceClaim) -> None:
     q = len(subject.E[0][0]) if subject.E and subject.E[0] else 0
     _shapes(subject.A, N, n, n, "A")
     _shapes(subject.B, N, n, m, "B")
+    if isinstance(claim, GainNorm):
+        _gain_norm(claim, n, m)
+        return
     _shapes(claim.output.C, N, 1, n, "C")
     _shapes(claim.output.D, N, 1, m, "D")
     if q:
@@ -104,8 +108,48 @@ def _law_and_evidence(subject: Subject, n: int, m: int) -> None:
     exact._require_consistent(_design(subject))
 
 
+def _gain_norm(claim: GainNorm, n: int, m: int) -> None:
+    subject = claim.subject
+    if replace(subject.evidence, elevation=0) != Evidence([]):
+        raise FormatError("a gain's norm is proved with nothing but an elevation")
+    evidence = subject.evidence
+    if subject.law.K is not None:  # any X of the right shape
+        evidence = replace(evidence, X=[[[Fraction(0)] * n] * n])
+    _law_and_evidence(replace(subject, evidence=evidence), n, m)
+    if claim.level < 0:
+        raise FormatError("level must be zero or more")
+    for key, units, count in (("rows", claim.rows, m), ("columns", claim.columns, n)):
+        if len(units) != count or any(unit <= 0 for unit in units):
+            raise FormatError(f"{key} must hold {count} positive numbers")
+    law = subject.law
+    degree = 2 * (law.degree if law.K is None else int(len(law.K) > 1))
+    count = _number(simplices(subject), degree + subject.evidence.elevation)
+    if count * ((n + m) ** 3 + LEAST_WORK) > MAX_WORK:
+        raise FormatError("these are more inequalities, or larger ones, than are checked here")
+
+
+def is_semidefinite(matrix: Rationals) -> bool:
+    """Whether a symmetric matrix has no negative eigenvalue."""
+    rows = [list(row) for row in matrix]
+    while rows:
+        (pivot, *first), *rest = rows
+        if pivot < 0 or (not pivot and any(first)):
+            return False
+        rows = [
+            [a - row[0] * b / pivot if pivot else a for a, b in zip(row[1:], first, strict=True)]
+            for row in rest
+        ]
+    return True
+
+
 def _initial(claim: InitialPeak, n: int, q: int) -> None:
-    if not claim.points and not any(claim.impulses):
+    ellipsoid = claim.ellipsoid
+    if ellipsoid:
+        X0 = list(map(list, ellipsoid))
+        _shapes([X0], 1, n, n, "ellipsoid")
+        if not exact._is_symmetric(X0) or not is_semidefinite(X0):
+            raise FormatError("ellipsoid must be symmetric, without negative eigenvalues")
+    if not claim.points and not any(claim.impulses) and not any(map(any, ellipsoid)):
         raise FormatError("points and impulses are missing: there is no initial state")
     if any(len(point) != n for point in claim.points):
         raise FormatError(f"points must hold {n} numbers each")
@@ -138,7 +182,7 @@ def _work(claim: PerformanceClaim, size: int) -> int:
     natural = exact._degree(_design(subject), replace(evidence, elevation=0))
     needed = natural
     if isinstance(claim, InitialPeak):
-        blocks += len(claim.points) + len(claim.impulses)
+        blocks += len(claim.points) + len(claim.impulses) + bool(claim.ellipsoid)
     elif not isinstance(claim, Gain):  # E E'
         needed = max(natural, 2 * _varies(subject.E))
     if isinstance(claim, RelativeRms):

@@ -13,6 +13,7 @@ from fractions import Fraction
 from polefence.proof.exact import Evidence, Law, Rationals
 
 MAX_POINTS = 64  # initial states of one claim, and impulses
+LAW = "the law"  # what a claim about no signal is about
 
 
 @dataclass(frozen=True)
@@ -70,8 +71,9 @@ class InitialPeak:
     """|y(t)| stays within ``level`` from each initial state, w = 0.
 
     And so from the convex hull of the initial states and their negatives. They are ``points`` (n
-    numbers each) and s E_k, which an impulse of s in column k of w leaves: ``impulses`` holds one
-    s a column, or nothing.
+    numbers each); s E_k, which an impulse of s in column k of w leaves: ``impulses`` holds one
+    s a column, or nothing; and X0 v, v' X0 v <= 1, X0 = ``ellipsoid`` (n x n, positive
+    semidefinite, or nothing), which are x0' X0^-1 x0 <= 1 where X0 has an inverse.
     """
 
     subject: Subject
@@ -79,6 +81,7 @@ class InitialPeak:
     level: Fraction
     points: tuple[tuple[Fraction, ...], ...] = ()
     impulses: tuple[Fraction, ...] = ()
+    ellipsoid: tuple[tuple[Fraction, ...], ...] = ()
 
 
 @dataclass(frozen=True)
@@ -120,4 +123,23 @@ class RelativeRms:
     intensity: Fraction = Fraction(1)
 
 
-PerformanceClaim = Rms | EnergyPeak | InitialPeak | Gain | RelativeRms
+@dataclass(frozen=True)
+class GainNorm:
+    """The spectral norm of diag(rows)^-1 K(alpha) diag(columns) is less than ``level``.
+
+    ``rows`` holds one positive number an input, ``columns`` one a state. Of the subject's evidence
+    only the elevation counts.
+    """
+
+    subject: Subject
+    level: Fraction
+    rows: tuple[Fraction, ...]
+    columns: tuple[Fraction, ...]
+
+    @property
+    def output(self) -> Output:
+        """No signal, by the name of what is bounded."""
+        return Output([], [], LAW)
+
+
+PerformanceClaim = Rms | EnergyPeak | InitialPeak | Gain | RelativeRms | GainNorm

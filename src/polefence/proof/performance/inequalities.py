@@ -10,6 +10,7 @@ from polefence.proof.exact import MAX_BITS, Exponent, Integers, Law, Rationals, 
 from polefence.proof.performance.claims import (
     EnergyPeak,
     Gain,
+    GainNorm,
     InitialPeak,
     Output,
     PerformanceClaim,
@@ -60,6 +61,8 @@ def _powers(e: Exponent, sizes: tuple[int, ...]) -> str:
 
 def inequalities(claim: PerformanceClaim, sizes: tuple[int, ...]) -> list[Inequality]:
     """Return what proves the claim; all that is about its loop is raised to one degree."""
+    if isinstance(claim, GainNorm):
+        return [_gain_norm(claim, sizes)]
     X, N, Y = loop(claim.subject, claim.output, sizes)
     minus = (N + N.T).times(-_ONE)
     if isinstance(claim, Gain):
@@ -68,6 +71,9 @@ def inequalities(claim: PerformanceClaim, sizes: tuple[int, ...]) -> list[Inequa
         one = _number_of(_ONE, sizes)
         rows = {"of the decrease": [[minus]]}
         rows |= {name: [[one, x.T], [X]] for name, x in _starts(claim, sizes)}
+        if claim.ellipsoid:
+            X0 = affine([list(map(list, claim.ellipsoid))], sizes)
+            rows["of the ellipsoid"] = [[X + X0.times(-_ONE)]]
         rows["of the output"] = [[_number_of(claim.level**2, sizes), Y], [X]]
     elif isinstance(claim, EnergyPeak):
         # the norm times Y: level / norm would not be there for a norm of zero
@@ -97,6 +103,24 @@ def _bounded_real(claim: Gain, minus: Form, Y: Form) -> list[list[Form]]:
         [affine([level], sizes), F.T.times(-_ONE)],
         [_number_of(claim.level, sizes)],
     ]
+
+
+def _gain_norm(claim: GainNorm, sizes: tuple[int, ...]) -> Inequality:
+    """Return [ H' H, Z' ; Z, g^2 I ] > 0 of K = Z H^-1 in the units of rows and columns."""
+    n, m = len(claim.columns), len(claim.rows)
+    law = _law(claim.subject.law, n, sizes)
+    H = _diagonal(claim.columns, sizes) * law.part(slice(n))
+    Z = _diagonal(claim.rows, sizes) * law.part(slice(n, n + m))
+    square, level = H.T * H, claim.level**2
+    corner = affine([[[level * (i == j) for j in range(m)] for i in range(m)]], sizes)
+    degree = square.degree + claim.subject.evidence.elevation
+    return Inequality("of the gain's norm", [[square, Z.T], [corner]], degree)
+
+
+def _diagonal(units: tuple[Fraction, ...], sizes: tuple[int, ...]) -> Form:
+    """Return diag(units)^-1."""
+    count = len(units)
+    return affine([[[(i == j) / units[j] for j in range(count)] for i in range(count)]], sizes)
 
 
 def _starts(claim: InitialPeak, sizes: tuple[int, ...]) -> Iterator[tuple[str, Form]]:

@@ -36,6 +36,7 @@ from polefence.proof.performance.claims import (
     Baseline,
     EnergyPeak,
     Gain,
+    GainNorm,
     InitialPeak,
     Output,
     PerformanceClaim,
@@ -51,9 +52,10 @@ _COMMON = {"kind", "name", "output", "level", "evidence"}
 _KEYS = {
     "rms": {"intensity"},
     "energy peak": {"norm"},
-    "initial peak": {"points", "impulses"},
+    "initial peak": {"points", "impulses", "ellipsoid"},
     "gain": set[str](),
     "relative rms": {"intensity", "baseline"},
+    "gain norm": {"rows", "columns"},
 }
 
 
@@ -142,13 +144,15 @@ def _claim(
     kind = entry.at("kind")
     if not isinstance(kind, str) or kind not in _KEYS:
         raise FormatError(f"{entry.where}.kind must be one of {', '.join(_KEYS)}")
-    entry.only(_COMMON | _KEYS[kind])
+    entry.only((_COMMON - {"output"} if kind == "gain norm" else _COMMON) | _KEYS[kind])
     name = entry.table.get("name", "")
     if not isinstance(name, str):
         raise FormatError(f"{entry.where}.name must be text")
     N, n, m = len(design.A), len(design.A[0]), len(design.B[0][0])
-    if kind != "initial peak" and not E:
+    if kind not in ("initial peak", "gain norm") and not E:
         raise FormatError(f"{entry.where}: the plant has no E: no disturbance acts on it")
+    if kind == "gain norm":
+        return _gain_norm(entry, design, E, plant.get("parameters"))
     evidence, on = _evidence(entry.below("evidence"), design)
     exact.require_box(replace(design, on=on), plant.get("parameters"))
     table = entry.below("output")
@@ -185,6 +189,19 @@ def _evidence(entry: _Entry, design: Claim) -> tuple[Evidence, str]:
     return Evidence([W], elevation=elevation), on
 
 
+def _gain_norm(entry: _Entry, design: Claim, E: list[Rationals], parameters: Any) -> GainNorm:
+    below, fixed, on = entry.below("evidence"), design.law.K is not None, design.on
+    below.only({"elevation", "on"} if fixed else {"elevation"})
+    if fixed:
+        on = exact._domain(below.table.get("on", on), f"{below.where}.on")
+    exact.require_box(replace(design, on=on), parameters)
+    evidence = Evidence([], elevation=_integer(below.table, below.where, "elevation", 0))
+    subject = Subject(design.A, design.B, E, design.law, evidence, on)
+    n, m = len(design.A[0]), len(design.B[0][0])
+    rows, columns = entry.numbers("rows", m), entry.numbers("columns", n)
+    return GainNorm(subject, entry.number("level"), rows, columns)
+
+
 def _rms(subject: Subject, output: Output, entry: _Entry) -> Rms:
     return Rms(subject, output, entry.number("level"), entry.number("intensity", 1))
 
@@ -203,7 +220,12 @@ def _initial(subject: Subject, output: Output, entry: _Entry) -> InitialPeak:
         if not subject.E:
             raise FormatError(f"{entry.where}.impulses: the plant has no E")
         impulses = entry.numbers("impulses", len(subject.E[0][0]))
-    return InitialPeak(subject, output, entry.number("level"), tuple(points), impulses)
+    ellipsoid: list[tuple[Fraction, ...]] = []
+    if "ellipsoid" in entry.table:
+        where, n = f"{entry.where}.ellipsoid", len(subject.A[0])
+        ellipsoid = list(map(tuple, read_matrix(entry.at("ellipsoid"), where, n, n)))
+    level = entry.number("level")
+    return InitialPeak(subject, output, level, tuple(points), impulses, tuple(ellipsoid))
 
 
 def _gain(subject: Subject, output: Output, entry: _Entry) -> Gain:

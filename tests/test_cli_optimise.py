@@ -139,7 +139,12 @@ def test_what_is_not_proved_names_the_conflict(here, capsys):
     words = ["optimise", "stage.toml", "--limit", "rms of force <= 0.01 with density 2"]
     words += ["--region", "half_plane(0)", "--limit", "rms of x <= 0.3 with density 2"]
     out = ran(capsys, *words, "-o", "no", status=1)
-    assert out.endswith("left out: rms of force <= 0.01; rms of x <= 0.3\n")
+    assert out.startswith("refuted: at vertex ")
+    assert out.endswith(" times each: rms of force <= 0.01; rms of x <= 0.3\n")
+    assert not Path("no").exists() or not list(Path("no").iterdir())
+    words = ["optimise", "stage.toml", "--limit", "rms of force <= 0.01 with density 2"]
+    out = ran(capsys, *words, "--limit", "gain of v <= 0.01", "-o", "no", status=1)
+    assert out.startswith("not proved: scheduled(1, 0, box) finds no law for these together")
     assert not Path("no").exists() or not list(Path("no").iterdir())
 
 

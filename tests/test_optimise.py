@@ -106,9 +106,9 @@ def test_limits_are_bracketed(one, share, reached):
     if reached:
         assert optimise(one, rms("x"), limits).bounds[0].level <= 0.1
         return
-    with pytest.raises(NotProvedError, match="finds no law for these together") as answer:
+    with pytest.raises(NotProvedError, match="no law keeps these at once") as answer:
         optimise(one, rms("x"), limits)
-    named = str(answer.value).partition("left out: ")[2]
+    named = str(answer.value).partition("times each: ")[2]
     assert named == "rms of x <= 0.1; rms of force <= 5.19948"
 
 
@@ -117,7 +117,10 @@ def test_a_conflict_names_no_more_than_it_takes(one):
     with pytest.raises(NotProvedError) as answer:
         optimise(one, rms("x"), limits, HalfPlane(0.1))
     # stable alone takes a force of 2
-    assert str(answer.value).endswith("left out: rms of force <= 1.9")
+    assert str(answer.value).endswith("times it: rms of force <= 1.9")
+    with pytest.raises(NotProvedError, match="finds no law for these together") as answer:
+        optimise(one, rms("x"), [Gain("x", 0.01), rms("force", 2.1), EnergyPeak("x", 9.0)])
+    assert str(answer.value).endswith("left out: gain of x <= 0.01; rms of force <= 2.1")
 
 
 def test_a_region_out_of_reach_is_not_proved(one):

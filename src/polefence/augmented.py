@@ -10,11 +10,12 @@ from typing import Any
 import numpy as np
 
 from polefence.errors import InputError
+from polefence.gain_norm import GainNorm
 from polefence.law import FixedGain, Law
 from polefence.plant.family import UncertainPlant
 from polefence.plant.system import Exact, System
 from polefence.response.signals import Signal, inputs, states
-from polefence.specification import WEIGHTS, Rms, Specification, rows, signal_of
+from polefence.specification import WEIGHTS, InitialPeak, Rms, Specification, rows, signal_of
 
 
 def with_filter(
@@ -74,6 +75,7 @@ def with_weights(
     """
     made: dict[tuple[str, str], Signal] = {}
     found: list[Specification] = []
+    n = plant.shape[0]
     for own in specifications:
         if isinstance(own, Rms) and own.weight is not None:
             key = own.name, own.weight
@@ -83,7 +85,22 @@ def with_weights(
                 plant, made[key] = with_filter(plant, signal, system, own.weight)
             own = replace(own, signal=made[key], weight=None)
         found.append(own)
-    return plant, tuple(found)
+    more = plant.shape[0] - n
+    return plant, tuple(_at_rest(own, n, more) for own in found) if more else tuple(found)
+
+
+def _at_rest(own: Specification, n: int, more: int) -> Specification:
+    """Return a specification for the states of filters too, which are at rest at first."""
+    zeros = (0.0,) * more
+    if isinstance(own, InitialPeak):
+        points = tuple((*point, *zeros) if len(point) == n else point for point in own.points)
+        X0 = own.ellipsoid
+        if len(X0) == n:
+            X0 = (*((*row, *zeros) for row in X0), *((0.0,) * (n + more),) * more)
+        return replace(own, points=points, ellipsoid=X0)
+    if isinstance(own, GainNorm) and own.columns is not None and len(own.columns) == n:
+        return replace(own, columns=(*own.columns, *(1.0,) * more))
+    return own
 
 
 def without_feedback(law: Law, plant: UncertainPlant) -> Law:

@@ -70,11 +70,13 @@ class NotProvedError(PolefenceError):
     ----------
     best : Design or None
         The design of the same method and centre with the smallest disk that was proved.
+    refutation : Refutation or None
+        The proof that no law keeps the limits that were asked for.
     """
 
-    def __init__(self, message: str, best: Any = None) -> None:
+    def __init__(self, message: str, best: Any = None, refutation: Any = None) -> None:
         super().__init__(message)
-        self.best = best
+        self.best, self.refutation = best, refutation
 
 
 def suggest(word: str, known: Iterable[str]) -> str:

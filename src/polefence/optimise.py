@@ -22,12 +22,14 @@ from polefence.conditions.methods import Method, Scheduled, method_label, option
 from polefence.conditions.target import Around
 from polefence.design import Design
 from polefence.errors import InputError, NotProvedError, SolverError
+from polefence.gain_norm import as_norms, is_signal
 from polefence.law import FixedGain, Law, ScheduledGain, right_divide
 from polefence.performance import Bound, best_bound, kept_bound
 from polefence.plant.family import UncertainPlant
 from polefence.plant.system import Array
 from polefence.polynomial import Domain
 from polefence.proof.certificate import Certificate
+from polefence.refutation import Refutation, refute_limits
 from polefence.region import HalfPlane, Region, Sector
 from polefence.solve.performance import Question, Reached, least
 from polefence.solve.radius import smallest, typical_rate
@@ -105,8 +107,8 @@ def optimise(
     plant : UncertainPlant
         With a disturbance, E.
     minimise : Specification or None
-        `Rms`, `RelativeRms`, `EnergyPeak`, `InitialPeak` or `Gain`; None: any law within the
-        limits will do.
+        `Rms`, `RelativeRms`, `EnergyPeak`, `InitialPeak`, `Gain` or `GainNorm`; None: any law
+        within the limits will do.
     subject_to : sequence of Specification
         Each with its ``at_most``.
     region : Region, optional
@@ -127,7 +129,8 @@ def optimise(
     ------
     NotProvedError
         If the limits or the region are not proved. The message names the specifications that are in
-        conflict for this method.
+        conflict for this method; where it says "refuted" no law keeps them, and the error's
+        ``refutation`` is the proof.
     InputError
         If a specification does not fit the plant.
     """
@@ -150,7 +153,9 @@ def optimise(
     asked_for = subject_to if minimise is None else (*subject_to, minimise)
     deadline = time.perf_counter() + budget
     larger, found = with_weights(plant, tuple(asked_for))
-    task = _task(larger, found, minimise is not None, asked, method)
+    task = replace(
+        _task(larger, found, minimise is not None, asked, method), asked=(plant, tuple(subject_to))
+    )
     if larger is plant:
         return _best(task, deadline)
     bare = tuple(replace(s, weight=None) if isinstance(s, Rms) else s for s in asked_for)
@@ -203,6 +208,8 @@ class _Task:
     limits: tuple[Specification, ...]
     region: Region
     method: Method
+    # the plant without filters, and the limits as they were asked for
+    asked: tuple[UncertainPlant, tuple[Specification, ...]] | None = None
 
     @property
     def domain(self) -> Domain:
@@ -211,14 +218,16 @@ class _Task:
     def question(self, region: Region | None) -> Question:
         """Return the condition with one Lyapunov matrix for everything."""
         o, plant = options(self.method), self.plant
-        pairs = [output_of(plant, self.domain, s) for s in self.limits]
-        if self.minimise is not None:
+        pairs = [output_of(plant, self.domain, s) for s in self.limits if is_signal(s)]
+        if self.minimise is not None and is_signal(self.minimise):
             pairs.append(output_of(plant, self.domain, self.minimise, 1.0))
         sources = {source.name: source for source, _ in pairs}
         outputs = tuple(output for _, output in pairs)
         degree, elevation = int(o.degree), o.elevation
         values = tuple(sources.values())
-        return Question(plant.A, plant.B, values, outputs, region, self.domain, degree, elevation)
+        norms = as_norms(plant, self.limits, self.minimise)
+        form = self.domain, degree, elevation, norms
+        return Question(plant.A, plant.B, values, outputs, region, *form)
 
     def reached(self, region: Region | None) -> Reached:
         """Search for the law.
@@ -281,7 +290,7 @@ def _best(task: _Task, deadline: float) -> Optimised:
             if own is not None and task.minimise is None:
                 break
     if best is None:
-        raise NotProvedError(_refusal(task, reasons))
+        raise _refusal(task, reasons)
     return replace(best, shared=shared)
 
 
@@ -362,23 +371,53 @@ def _region(task: _Task, found: Reached, law: Law, share: float) -> Certificate 
     return answer.certificate if answer.proved else None
 
 
-def _refusal(task: _Task, reasons: Sequence[str]) -> str:
+def _refusal(task: _Task, reasons: Sequence[str]) -> NotProvedError:
     label = method_label(task.method)
-    named = [f"{s.kind} of {s.name} <= {s.at_most:g}" for s in task.limits if s.at_most]
     conflict = _conflict(task)
     if conflict:
-        return (
+        refutation = _refuted(task, conflict)
+        if refutation is not None:
+            return NotProvedError(str(refutation), refutation=refutation)
+        named = [str(p) if isinstance(p, Region) else _named(p) for p in conflict]
+        return NotProvedError(
             f"not proved: {label} finds no law for these together, and one for any of them left "
-            f"out: {'; '.join(conflict)}"
+            f"out: {'; '.join(named)}"
         )
     why = (
         reasons[0] if reasons else "a bound or the region was not proved of the law that was found"
     )
-    return f"not proved: {label}, {task.region}, {'; '.join(named) or 'no limits'}: {why}"
+    named = [_named(s) for s in task.limits if s.at_most]
+    return NotProvedError(
+        f"not proved: {label}, {task.region}, {'; '.join(named) or 'no limits'}: {why}"
+    )
 
 
-def _conflict(task: _Task) -> list[str]:
-    """Return a smallest set of specifications that the search finds no law for; empty if none."""
+def _named(own: Specification) -> str:
+    return f"{own.kind} of {own.name} <= {own.at_most:g}"
+
+
+def _refuted(task: _Task, conflict: Sequence[Any]) -> Refutation | None:
+    """Return the proof that no law keeps the limits in conflict, or a smallest set of all limits.
+
+    What is in conflict for the search may have a part of the region in it, and some of the limits
+    be in conflict without it.
+    """
+    if task.asked is None:
+        return None
+    plant, limits = task.asked
+    own = [a for a, s in zip(limits, task.limits, strict=True) if any(s is p for p in conflict)]
+    if len(own) == len(conflict) and (found := refute_limits(plant, own)) is not None:
+        return found
+    found = refute_limits(plant, limits)
+    if found is not None:
+        for each in found.specifications:
+            fewer = [s for s in found.specifications if s is not each]
+            found = refute_limits(plant, fewer) or found
+    return found
+
+
+def _conflict(task: _Task) -> list[Any]:
+    """Return a smallest set of limits and parts of the region that the search finds no law for."""
     if _feasible(task, task.limits, task.region):
         return []
     parts: list[Any] = [*task.limits, *task.region.parts]
@@ -386,9 +425,7 @@ def _conflict(task: _Task) -> list[str]:
         fewer = [p for p in parts if p is not own]
         if not _feasible(task, *_split(fewer)):
             parts = fewer
-    return [
-        str(p) if isinstance(p, Region) else f"{p.kind} of {p.name} <= {p.at_most:g}" for p in parts
-    ]
+    return parts
 
 
 def _split(parts: Sequence[Any]) -> tuple[tuple[Specification, ...], Region | None]:

@@ -11,6 +11,7 @@ from fractions import Fraction
 import numpy as np
 
 from polefence.errors import PlantError, SolverError
+from polefence.gain_norm import GainNorm, levels
 from polefence.law import FixedGain, Law
 from polefence.loops import domain_of, loop_with
 from polefence.plant.family import UncertainPlant
@@ -42,7 +43,7 @@ class Bound:
     claim : PerformanceClaim
         With its evidence.
     degree : int
-        Of the Lyapunov polynomial.
+        Of the Lyapunov polynomial; of a gain norm of the law's.
     reason : str
         What was proved.
     """
@@ -61,13 +62,13 @@ class Bound:
 def best_bound(plant: UncertainPlant, law: Law, specification: Specification) -> Bound | None:
     """Return the least bound that is proved with Lyapunov polynomials of growing degree."""
     best: Bound | None = None
-    for found, form in _found(plant, law, specification, None):
-        level = _level(specification, found.r, 1.0)
+    for evidence, r in _found(plant, law, specification, None):
+        level = _level(specification, r, 1.0)
         own = next(
             (
                 bound
                 for step in STEPS
-                if (bound := _proved(plant, law, specification, found, form, level * (1 + step)))
+                if (bound := _proved(plant, law, specification, evidence, level * (1 + step)))
             ),
             None,
         )
@@ -84,9 +85,9 @@ def best_bound(plant: UncertainPlant, law: Law, specification: Specification) ->
 def kept_bound(plant: UncertainPlant, law: Law, specification: Specification) -> Bound | None:
     """Return the proof that a specification's own limit is kept, None where there is none."""
     limit = specification.at_most or 0.0
-    for found, form in _found(plant, law, specification, limit):
-        if found.r < 1:
-            own = _proved(plant, law, specification, found, form, limit)
+    for evidence, r in _found(plant, law, specification, limit):
+        if r < 1:
+            own = _proved(plant, law, specification, evidence, limit)
             if own is not None:
                 return own
     return None
@@ -94,13 +95,20 @@ def kept_bound(plant: UncertainPlant, law: Law, specification: Specification) ->
 
 def _found(
     plant: UncertainPlant, law: Law, specification: Specification, unit: float | None
-) -> Iterator[tuple[Proof, tuple[int, int]]]:
+) -> Iterator[tuple[exact.Evidence, float]]:
+    """Yield evidence, and the r that it proves in floats."""
+    if isinstance(specification, GainNorm):
+        for level, elevation in levels(plant, law, specification):
+            if np.isfinite(level):
+                yield exact.Evidence([], elevation=elevation), (level / (unit or 1.0)) ** 2
+        return
     source, output = output_of(plant, domain_of(plant, law), specification, unit or 1.0)
     loop = loop_with(plant, law, output.C, output.D)
     for form in LADDER:
         begin = time.perf_counter()
         with suppress(SolverError):
-            yield least_given(loop, source, output, *form), form
+            found = least_given(loop, source, output, *form)
+            yield _evidence(found, form), found.r
         if time.perf_counter() - begin > LONG:
             return
 
@@ -113,20 +121,27 @@ def _proved(
     plant: UncertainPlant,
     law: Law,
     specification: Specification,
-    found: Proof,
-    form: tuple[int, int],
+    evidence: exact.Evidence,
     level: float,
 ) -> Bound | None:
     on = "box" if len(domain_of(plant, law).sizes) > 1 else "simplex"
-    X = [[[Fraction(x) for x in row] for row in Q] for Q in found.Q.tolist()]
-    multiple = () if found.multiple is None else tuple(map(Fraction, found.multiple.tolist()))
-    evidence = exact.Evidence(X, form[0], form[1], multiple)
     claim = claim_of(plant, exact_law(law), on, specification, evidence, Fraction(level))
     try:
         verdict = prove_performance(claim)
     except exact.FormatError as error:
         raise PlantError(f"{plant.name}: {error}") from error
-    return Bound(specification, level, claim, form[0], verdict.reason) if verdict.proved else None
+    if not verdict.proved:
+        return None
+    degree = evidence.degree
+    if isinstance(specification, GainNorm):
+        degree = 0 if isinstance(law, FixedGain) else law.degree
+    return Bound(specification, level, claim, degree, verdict.reason)
+
+
+def _evidence(found: Proof, form: tuple[int, int]) -> exact.Evidence:
+    X = [[[Fraction(x) for x in row] for row in Q] for Q in found.Q.tolist()]
+    multiple = () if found.multiple is None else tuple(map(Fraction, found.multiple.tolist()))
+    return exact.Evidence(X, form[0], form[1], multiple)
 
 
 def exact_law(law: Law) -> exact.Law:

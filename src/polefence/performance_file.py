@@ -279,8 +279,11 @@ def statement(claim: PerformanceClaim, plant: UncertainPlant | None = None) -> s
 def _units_of(claim: GainNorm) -> str:
     """Say what one unit of each state and input is, where it is not one of the plant's."""
     said = [
-        f"{key} of {', '.join(digits_down(float(u), 4) for u in units)}"
-        for key, units in (("states in units", claim.columns), ("inputs in units", claim.rows))
+        f"{name} in units of {', '.join(digits(float(u), 4) for u in units)}"
+        for name, units, digits in (
+            ("states", claim.columns, digits_down),
+            ("inputs", claim.rows, digits_up),
+        )
         if any(unit != 1 for unit in units)
     ]
     return f", {' and '.join(said)}" if said else ""

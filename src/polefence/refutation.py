@@ -3,7 +3,7 @@
 At one vertex the least weighted sum of mean squares over all laws is that of the linear-quadratic
 regulator, sum a_i E[y_i^2] >= S tr E'P E with P from a Riccati equation. It is concave in the
 weights a; its largest value over that of the limits themselves is the square of the factor by which
-every law exceeds one of the limits (Boyd & Barratt 1991, sections 6.5 and 12.2).
+every law exceeds one of the limits (Boyd & Barratt 1991, on weights of several mean squares).
 """
 
 from __future__ import annotations
@@ -30,6 +30,7 @@ from polefence.specification import Rms, Specification, disturbance, rows, signa
 # Decay taken off the plant, of its own rates, so that P proves the inequality with a margin; and
 # as a share of that what is taken off the cost, for directions that no output sees.
 MARGINS = tuple((10.0**k, share) for share in (0.0, 1.0) for k in range(-9, -2))
+SEARCH = 1e-6  # the same in the search for weights
 SHORT = 1e-9  # below what P stands for, the factor that is claimed
 
 
@@ -60,26 +61,29 @@ class Refutation:
 
     @property
     def factor(self) -> float:
-        """How many times its limit one of the signals has at least, whatever the law."""
+        """No law keeps so many times each limit either."""
         return float(self.claim.factor)
 
     @property
     def where(self) -> str:
         """The vertex in words, with the parameters' values."""
-        count = len(self.plant.parameters)
+        last = len(self.plant.parameters) - 1
         values = [
-            f"{p.name} = {float((p.high if self.vertex >> (count - 1 - k) & 1 else p.low)):g}"
+            f"{p.name} = {float(p.high if self.vertex >> (last - k) & 1 else p.low):g} {p.unit}"
             for k, p in enumerate(self.plant.parameters)
         ]
-        return f"vertex {self.vertex + 1}" + (f" ({', '.join(values)})" if values else "")
+        named = ", ".join(value.strip() for value in values)
+        return f"vertex {self.vertex + 1}" + (f" ({named})" if named else "")
 
     def __str__(self) -> str:
-        named = "; ".join(f"{s.kind} of {s.name} <= {s.at_most:g}" for s in self.specifications)
-        one = len(self.specifications) == 1
+        named = "; ".join(
+            f"rms of {s.name} <= {s.at_most:g}{f' with weight {s.weight}' if s.weight else ''}"
+            for s in self.specifications
+        )
+        these, them = ("this", "it") if len(self.specifications) == 1 else ("these at once", "each")
         return (
-            f"refuted: at {self.where} no law keeps {'' if one else 'these at once: '}{named}; any "
-            f"law has at least {digits_down(self.factor)} times "
-            f"{'that' if one else 'one of these limits'}"
+            f"refuted: at {self.where} no law keeps {these}, nor {digits_down(self.factor)} times "
+            f"{them}: {named}"
         )
 
 
@@ -157,14 +161,12 @@ def _claims(plant: UncertainPlant, limits: tuple[RmsLimit, ...]) -> Iterator[Rms
         if exact is None:
             continue
         floats = _regulated(exact, unit)
-        weights, cost = heaviest(floats, MARGINS[0][0] * _rate(floats.A))
+        weights, cost = heaviest(floats, SEARCH * _rate(floats.A))
         if cost > 1:
             found.append((cost, j, weights, exact, floats))
-    for _, j, weights, exact, floats in sorted(found, key=lambda each: -each[0]):
+    for _, j, weights, exact, floats in sorted(found, key=lambda each: -round(each[0], 5)):
         scaled = tuple(Fraction(x) for x in (weights * unit**2).tolist())
-        allowed = sum(
-            a * y.level**2 / y.intensity for a, y in zip(scaled, limits, strict=True)
-        )
+        allowed = sum(a * y.level**2 / y.intensity for a, y in zip(scaled, limits, strict=True))
         for own in _matrices(floats, weights):
             factor = _factor(exact, own, allowed)
             if factor >= 1:

@@ -11,10 +11,11 @@ from typing import Any
 
 import numpy as np
 
+from polefence.gain_norm import GainNorm
 from polefence.plant.family import UncertainPlant
 from polefence.plant.system import Array
 from polefence.polynomial import Domain
-from polefence.response.closed import close
+from polefence.response.closed import close, gains
 from polefence.response.grid import MOST_CHOSEN
 from polefence.response.linear import frequency, simulate
 from polefence.response.signals import Signal
@@ -85,8 +86,9 @@ def sampled(
 
     The rms by a Lyapunov equation at each point, and so the peak for bounded energy, which is the
     norm times the root of c P c', P the controllability Gramian; the peak from initial states by
-    exact responses at close instants; the gain by a sweep over frequency, which is fine at the
-    worst points only.
+    exact responses at close instants, from an ellipsoid of them by the largest root of
+    c e^At X0 e^A't c' at those; the norm of a gain by its singular values; the gain by a sweep
+    over frequency, which is fine at the worst points only.
 
     Parameters
     ----------
@@ -100,8 +102,11 @@ def sampled(
     InputError
         If the loop is not stable at a point, or as `stationary` and `simulate` raise.
     """
-    signal = signal_of(plant, specification)
     alpha = seeded(plant) if alpha is None else np.atleast_2d(np.asarray(alpha, dtype=float))
+    if isinstance(specification, GainNorm):
+        values = specification.values(plant, gains(plant, law, alpha))
+        return Sampled(specification, alpha, values)
+    signal = signal_of(plant, specification)
     if isinstance(specification, RelativeRms):
         values = _rms(plant, law, specification, signal, alpha)
         values /= _rms(plant, None, specification, signal, alpha)
@@ -134,14 +139,32 @@ def _peaks(
     slowest = np.where(-poles.real > STABLE * fastest, -poles.real, np.inf).min()
     steps = int(min(FOLLOWED / slowest * fastest / STEP + 1, MOST_CHOSEN))
     still, size = np.zeros((steps, loops.E.shape[2])), max(1, GROUP // steps)
+
+    def squares(start: Array, part: slice) -> Array:
+        one = simulate(plant, law, alpha[part], still, STEP / fastest, [signal], "held",
+                       start[part])  # fmt: skip
+        return np.asarray(one.values[:, :, 0] ** 2)
+
     found = np.zeros(count)
-    for start in starts:
-        for first in range(0, count, size):
-            part = slice(first, first + size)
-            one = simulate(plant, law, alpha[part], still, STEP / fastest, [signal], "held",
-                           start[part])  # fmt: skip
-            found[part] = np.maximum(found[part], np.abs(one.values[:, :, 0]).max(axis=1))
-    return found
+    axes = [np.tile(axis, (count, 1)) for axis in _axes(own)]
+    for first in range(0, count, size):
+        part = slice(first, first + size)
+        each = [squares(start, part) for start in starts]
+        if axes:  # c e^At L L' e^A't c' of X0 = L L'
+            each.append(np.sum([squares(axis, part) for axis in axes], axis=0))
+        found[part] = np.max([y.max(axis=1) for y in each], axis=0)
+    return np.sqrt(found)
+
+
+def _axes(own: InitialPeak) -> Array:
+    """Return the columns of L, X0 = L L', as rows."""
+    if not own.ellipsoid:
+        return np.zeros((0, 0))
+    X0 = np.array(own.ellipsoid, dtype=float)
+    # scaled before its eigenvalues are taken: states' units may lie decades apart
+    scale = np.sqrt(np.where(np.diag(X0) > 0, np.diag(X0), 1.0))
+    values, vectors = np.linalg.eigh(X0 / np.outer(scale, scale))
+    return np.asarray((scale[:, None] * vectors * np.sqrt(np.maximum(values, 0.0))).T)
 
 
 def _gains(plant: UncertainPlant, law: Any, signal: Signal, alpha: Array) -> Array:

@@ -46,7 +46,7 @@ class Specification:
 
     def __post_init__(self) -> None:
         value = self.at_most
-        if value is not None and not (_is_number(value) and value > 0):
+        if value is not None and not (is_number(value) and value > 0):
             raise InputError(f"at_most = {value!r} of {self.name!r} must be a positive number")
 
     @property
@@ -94,7 +94,7 @@ class Rms(Specification):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if not (_is_number(self.density) and self.density > 0):
+        if not (is_number(self.density) and self.density > 0):
             raise InputError(f"density = {self.density!r} must be a positive number")
         if self.weight is not None and self.weight not in WEIGHTS:
             raise InputError(
@@ -163,7 +163,7 @@ class EnergyPeak(Specification):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if not (_is_number(self.norm) and self.norm > 0):
+        if not (is_number(self.norm) and self.norm > 0):
             raise InputError(f"norm = {self.norm!r} must be a positive number")
 
     def source(self, plant: UncertainPlant, domain: Domain) -> conditions.Source:
@@ -191,28 +191,49 @@ class InitialPeak(Specification):
         Initial states; with them their convex hull and their negatives.
     impulse : float
         Of the disturbance, at rest [its unit times s]; zero for none.
+    ellipsoid : (n, n) nested tuple, optional
+        X0, symmetric without negative eigenvalues, numbers or exact (Fraction): all initial states
+        with x0' X0^-1 x0 <= 1. A diagonal X0 has the squares of the half-axes on it. A box is the
+        hull of its corners: give them as ``points``.
     """
 
     points: tuple[tuple[float, ...], ...] = ()
     impulse: float = 0.0
+    ellipsoid: tuple[tuple[float | Fraction, ...], ...] = ()
     kind = "initial peak"
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        numbers = [self.impulse, *(x for point in self.points for x in point)]
-        if not all(_is_number(x) for x in numbers) or not any(numbers):
-            raise InputError(f"{self.name!r}: give points or an impulse, finite numbers")
+        _require_square(self.name, self.ellipsoid)
+        object.__setattr__(self, "ellipsoid", tuple(map(tuple, self.ellipsoid)))
+        numbers = [
+            self.impulse,
+            *(x for own in (self.points, self.ellipsoid) for p in own for x in p),
+        ]
+        if not all(isinstance(x, Fraction) or is_number(x) for x in numbers) or not any(numbers):
+            raise InputError(
+                f"{self.name!r}: give points or an impulse, or an ellipsoid, finite numbers"
+            )
+        X0 = [[Fraction(x) for x in row] for row in self.ellipsoid]
+        if [list(row) for row in zip(*X0, strict=True)] != X0 or not proof.is_semidefinite(X0):
+            raise InputError(
+                f"{self.name!r}: the ellipsoid must be symmetric, without negative eigenvalues"
+            )
 
     def source(self, plant: UncertainPlant, domain: Domain) -> conditions.Source:  # noqa: ARG002
         """Return the initial states."""
         N, n = len(plant.vertices), plant.shape[0]
         if any(len(point) != n for point in self.points):
             raise InputError(f"{self.name!r}: an initial state has {n} numbers")
+        if self.ellipsoid and len(self.ellipsoid) != n:
+            raise InputError(f"{self.name!r}: the ellipsoid must be {n} x {n}")
         found = [np.tile(np.array(p, dtype=float)[:, None], (N, 1, 1)) for p in self.points]
         if self.impulse:
             E = disturbance(plant)
             found += [self.impulse * E[:, :, k : k + 1] for k in range(E.shape[2])]
-        return conditions.Points(f"points {hash((self.points, self.impulse))}", tuple(found))
+        X0 = np.array(self.ellipsoid, dtype=float) if self.ellipsoid else None
+        name = f"points {hash((self.points, self.impulse, self.ellipsoid))}"
+        return conditions.Points(name, tuple(found), X0)
 
     def claim(
         self,
@@ -224,7 +245,9 @@ class InitialPeak(Specification):
         """Return the claim about the peak."""
         points = tuple(tuple(Fraction(x) for x in point) for point in self.points)
         q = len(subject.E[0][0]) if self.impulse else 0
-        return proof.InitialPeak(subject, output, level, points, (Fraction(self.impulse),) * q)
+        impulses = (Fraction(self.impulse),) * q
+        X0 = tuple(tuple(Fraction(x) for x in row) for row in self.ellipsoid)
+        return proof.InitialPeak(subject, output, level, points, impulses, X0)
 
 
 @dataclass(frozen=True)
@@ -248,7 +271,17 @@ class Gain(Specification):
         return proof.Gain(subject, output, level)
 
 
-def _is_number(value: Any) -> bool:
+def _require_square(name: str, ellipsoid: Any) -> None:
+    try:
+        widths = [len(row) for row in ellipsoid]
+    except TypeError:
+        widths = [-1]
+    if any(width != len(widths) for width in widths):
+        raise InputError(f"{name!r}: the ellipsoid must be a square matrix, [[...], [...]]")
+
+
+def is_number(value: Any) -> bool:
+    """Whether a value is a finite number."""
     return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
 
 

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from fractions import Fraction
 from pathlib import Path
 from typing import Any
 
 from polefence.errors import InputError, SpecError, suggest
+from polefence.gain_norm import GainNorm
 from polefence.plant.spec import specification_tables
+from polefence.proof.performance import LAW
 from polefence.response.iso8608 import velocity_density
 from polefence.specification import (
     EnergyPeak,
@@ -26,10 +28,12 @@ KINDS: dict[str, tuple[str, ...]] = {
     "rms": ("density", "weight"),
     "relative rms": ("density", "weight"),
     "energy peak": ("norm",),
-    "initial peak": ("points", "impulse"),
+    "initial peak": ("points", "impulse", "ellipsoid"),
     "gain": (),
+    "gain norm": ("rows", "columns"),
 }
 COMMON = ("kind", "signal", "at_most", "minimise")
+ONLY_TABLES = ("points", "ellipsoid", "rows", "columns")
 EXAMPLE = "rms of actuator force <= 700"
 _NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
 _WITH = re.compile(r"(?P<rest>.*\S)\s+with\s+(?P<key>\w+)\s+(?P<value>\S+)\s*")
@@ -128,7 +132,7 @@ def parse_specification(text: str, road: Road | None = None) -> Specification:
     table, rest = dict[str, Any](), text
     while match := _WITH.fullmatch(rest):
         rest, key = match["rest"], match["key"]
-        if key in (*COMMON, "points"):
+        if key in (*COMMON, *ONLY_TABLES):
             raise InputError(f"{text!r}: {key} is for a spec's tables; give the limit by <=")
         if key in table:
             raise InputError(f"{text!r}: {key} is given twice; give it once")
@@ -177,6 +181,7 @@ def _read(table: Mapping[str, Any], where: str, road: Road | None) -> tuple[Spec
 
 
 def _specification(table: Mapping[str, Any], where: str, road: Road | None) -> Specification:
+    table = {"signal": LAW} | dict(table) if table.get("kind") == GainNorm.kind else table
     for key in ("kind", "signal"):
         if key not in table:
             raise SpecError(f"{where}: {key} is missing; {_remedy(key)}")
@@ -185,6 +190,8 @@ def _specification(table: Mapping[str, Any], where: str, road: Road | None) -> S
     kind, signal = table["kind"], table["signal"]
     if kind not in KINDS:
         raise SpecError(f"{where}: kind = {kind!r} is unknown; {suggest(kind, KINDS)}")
+    if kind == GainNorm.kind and signal != LAW:
+        raise SpecError(f"{where}: signal = {signal!r}; a gain norm is of {LAW}; leave it out")
     _known(table, (*COMMON, *KINDS[kind]), f"{where}, {kind} of {signal}")
     where = f"{where}, {kind} of {signal}"
     numbers = {
@@ -211,16 +218,28 @@ def _specification(table: Mapping[str, Any], where: str, road: Road | None) -> S
             return EnergyPeak(signal, **numbers)
         if kind == "gain":
             return Gain(signal, **numbers)
-        points = _points(table.get("points", []), "points")
-        return InitialPeak(signal, points=points, **numbers)
+        if kind == GainNorm.kind:
+            units = {key: _units(table[key], key) for key in ("rows", "columns") if key in table}
+            return GainNorm(numbers.get("at_most"), **units)
+        points = _points(table.get("points", []), "points", "initial states", _number)
+        ellipsoid = _points(table.get("ellipsoid", []), "ellipsoid", "rows of a matrix", _exact)
+        return InitialPeak(signal, points=points, ellipsoid=ellipsoid, **numbers)
     except InputError as error:
         raise SpecError(f"{where}: {error}") from error
 
 
-def _points(value: Any, where: str) -> tuple[tuple[float, ...], ...]:
+def _points(
+    value: Any, where: str, what: str, read: Callable[[Any, str], Any]
+) -> tuple[tuple[Any, ...], ...]:
     if not isinstance(value, list) or not all(isinstance(point, list) for point in value):
-        raise SpecError(f"{where} must be a list of initial states, [[...], [...]]")
-    return tuple(tuple(_number(x, where) for x in point) for point in value)
+        raise SpecError(f"{where} must be a list of {what}, [[...], [...]]")
+    return tuple(tuple(read(x, where) for x in point) for point in value)
+
+
+def _units(value: Any, where: str) -> tuple[float, ...]:
+    if not isinstance(value, list):
+        raise SpecError(f"{where} = {_shown(value)} must be a list of numbers, [...]")
+    return tuple(_number(x, where) for x in value)
 
 
 def _number(value: Any, where: str) -> float:
@@ -230,6 +249,11 @@ def _number(value: Any, where: str) -> float:
         return float(value)
     except OverflowError as error:
         raise SpecError(f"{where} is too large a number") from error
+
+
+def _exact(value: Any, where: str) -> Fraction:
+    _number(value, where)
+    return Fraction(value)
 
 
 def _known(table: Mapping[str, Any], known: tuple[str, ...], where: str) -> None:

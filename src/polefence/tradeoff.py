@@ -15,6 +15,7 @@ from polefence.augmented import with_weights
 from polefence.checks import require_domain, require_region, require_type
 from polefence.conditions.methods import Method, Scheduled, method_label, options
 from polefence.errors import InputError
+from polefence.gain_norm import GainNorm
 from polefence.law import Law
 from polefence.optimise import Optimised, optimise
 from polefence.performance import best_bound
@@ -156,7 +157,10 @@ def _require(asked: Asked, values: list[float], methods: list[Method]) -> None:
     require_region(plant, asked.region)
     domain = Domain.of("simplex", len(plant.vertices))
     for own in (asked.minimise, asked.over, *asked.subject_to):
-        output_of(plant, domain, own)
+        if isinstance(own, GainNorm):
+            own.units(plant)
+        else:
+            output_of(plant, domain, own)
     if _same(asked.over, asked.minimise) or any(_same(asked.over, s) for s in asked.subject_to):
         raise InputError(
             f"{asked.over.kind} of {asked.over.name!r} is what the limit is swept of; minimise or "

@@ -20,6 +20,7 @@ from polefence.commands.shared import (
 )
 from polefence.conditions.methods import Method, Scheduled, method_label
 from polefence.errors import InputError, SpecError
+from polefence.gain_norm import GainNorm
 from polefence.optimise import Optimised, optimise
 from polefence.performance_file import FILE_NAME, save
 from polefence.plant.family import UncertainPlant
@@ -195,7 +196,9 @@ def _known(plant: UncertainPlant, own: Specification, where: str) -> None:
     """Refuse a signal that there is not, and a plant that nothing disturbs."""
     try:
         signal_of(plant, own)
-        if not isinstance(own, InitialPeak) or own.impulse:
+        if isinstance(own, GainNorm):
+            own.units(plant)
+        elif not isinstance(own, InitialPeak) or own.impulse:
             disturbance(plant)
     except InputError as error:
         raise type(error)(f"{where}: {error}") from error

@@ -4,7 +4,8 @@ For x' = (A + B K) x + E w, y = C x + D u with one row, and X = W, N = A W + B Z
 with a scalar t > 0 for each source of motion, which keeps everything homogeneous:
 
     noise     white, of intensity S:  -(N + N' + t E S E') > 0, so that X / t > the covariance
-    points    motion from each x0:    -(N + N') > 0 and [ t, t x0' ; t x0, X ] > 0
+    points    motion from each x0:    -(N + N') > 0 and [ t, t x0' ; t x0, X ] > 0; from all x0
+              of an ellipsoid x0' X0^-1 x0 <= 1: X - t X0 > 0
               with either, [ g^2 t, Y ; Y', X ] > 0 bounds the rms, or the peak, of y by g
     through   from w to y in L2:      [ -(N + N'), -t E, -Y' ; *, g t, -t F' ; *, *, g t ] > 0
 
@@ -16,11 +17,12 @@ alone.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
+from polefence.conditions.gain_norm import Norm, add_norm
 from polefence.conditions.linear import Linear, Term, multiple
 from polefence.conditions.lyapunov import Loop, multiples, products
 from polefence.conditions.parameter_dependent import block_name
@@ -45,14 +47,17 @@ class Noise:
 
 @dataclass(frozen=True, eq=False)
 class Points:
-    """Initial states, each (N, n, 1) at the vertices."""
+    """Initial states, each (N, n, 1) at the vertices; and X0 of an ellipsoid of them, (n, n)."""
 
     name: str
     points: tuple[Array, ...]
+    ellipsoid: Array | None = None
 
     def changed(self, inverse: Array, rate: float) -> Points:  # noqa: ARG002
         """Return them in coordinates x = T x_s."""
-        return Points(self.name, tuple(inverse @ x for x in self.points))
+        X0 = self.ellipsoid
+        X0 = None if X0 is None else np.asarray(inverse @ X0 @ inverse.T)
+        return Points(self.name, tuple(inverse @ x for x in self.points), X0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -153,6 +158,7 @@ def design(
     degree: int,
     elevation: int,
     margin: float = 0.0,
+    norms: Sequence[tuple[Norm, Array]] = (),
 ) -> Pencil:
     """Build the condition for a law K = Z W^-1 that keeps all outputs' bounds and a region.
 
@@ -164,14 +170,18 @@ def design(
     margin : float
         Added as -2 margin X to the first inequality of noise and points, so that rounding keeps it;
         a small rate.
+    norms : pairs of Norm and (count, n, n) array
+        Bounds on the law itself, and coefficients of the H0 near which each is tight.
     """
     n, m = A.shape[1], B.shape[2]
     pencil = Builder("performance")
     names = [str(k + 1) for k in range(domain.count(degree))]
     W = [pencil.symmetric(f"W{name}", n) for name in names]
     Z = [pencil.full(f"Z{name}", (m, n), "u") for name in names]
-    natural = max(degree + 1, *_own_degrees(sources, outputs, domain))
+    natural = max([degree + 1, *_own_degrees(sources, outputs, domain)])
     extra = natural - degree - 1 + elevation
+    for norm, near in norms:
+        add_norm(pencil, W, Z, norm, near, domain, degree, elevation)
     AC = np.concatenate([A, *(o.C for o in outputs)], axis=1)
     BD = np.concatenate([B, *(o.D for o in outputs)], axis=1)
     parts = np.split(np.eye(AC.shape[1]), n + np.arange(len(outputs)))
@@ -281,6 +291,8 @@ def _raised(
     """Return the source's coefficients, elevated to a degree: E S E', points side by side, or E."""
     if isinstance(source, Noise):
         P, zero = source.EE, np.zeros((n, n))
+    elif isinstance(source, Points) and not source.points:
+        return lambda _: np.zeros((n, 0))
     else:
         E = np.concatenate(source.points, axis=2) if isinstance(source, Points) else source.E
         P, zero = bernstein(domain, E, 1), np.zeros((n, q))
@@ -332,6 +344,12 @@ def _moved(
                 (),
                 corner + side + _put(-0.5 * X, rest, rest),
             )
+        if source.ellipsoid is not None:
+            X0 = source.ellipsoid
+            own = np.any(X0, axis=0)
+            above = _put(multiple(t, weight / 2 * X0[:, own]), eye, eye[:, own])
+            name = f"{source.name} of the ellipsoid, {name}"
+            yield Block(name, n, (), above + _put(-0.5 * X, eye, eye))
 
 
 def _bound(name: str, X: Linear, Y: Linear, t: Linear, weight: float, output: Output) -> Block:

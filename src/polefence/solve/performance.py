@@ -6,13 +6,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from polefence.conditions.gain_norm import Norm, tangents
 from polefence.conditions.pencil import Pencil
 from polefence.conditions.performance import Output, Source, design, unit_of
 from polefence.conditions.target import Around, Target
 from polefence.errors import SolverError
 from polefence.plant.system import Array
 from polefence.polynomial import Domain
-from polefence.region import Region
+from polefence.region import HalfPlane, Region
 from polefence.solve.engine import run
 from polefence.solve.found import lyapunov_mean
 from polefence.solve.scaling import Scaling
@@ -20,6 +21,7 @@ from polefence.solve.smallest import TOLERANCE
 from polefence.solve.stacked import Stacked, stack
 
 ROUNDS = 4
+NORM_ROUNDS, TANGENTS, WORTH = 30, 3, 1e-5  # of bounds on the law, tight near the last point only
 MARGIN = 1e-5  # of the first inequality, in units of the search's own rate
 INSIDE = 0.97  # how far within the limits a point is looked for, as a share of their squares
 WIDE = 1.3
@@ -61,6 +63,8 @@ class Question:
     region : Region, optional
     domain : Domain
     degree, elevation : int
+    norms : tuple of Norm
+        Bounds on the law itself.
     """
 
     A: Array
@@ -71,17 +75,34 @@ class Question:
     domain: Domain
     degree: int
     elevation: int
+    norms: tuple[Norm, ...] = ()
 
-    def pencil(self, scaling: Scaling, outputs: tuple[Output, ...]) -> Pencil:
-        """Return the condition in other coordinates."""
+    def pencil(
+        self,
+        scaling: Scaling,
+        outputs: tuple[Output, ...],
+        norms: tuple[Norm, ...],
+        values: dict[str, Array],
+        tangent: int = 0,
+    ) -> Pencil:
+        """Return the condition in other coordinates; bounds on the law are tight near ``values``.
+
+        ``tangent`` numbers those of `polefence.conditions.gain_norm.tangents`.
+        """
         A, B = scaling.apply(self.A, self.B)
         inverse = np.asarray(np.linalg.inv(scaling.T), dtype=float)
         sources = tuple(s.changed(inverse, scaling.rate) for s in self.sources)
         changed = tuple(o.changed(scaling.T, scaling.S) for o in outputs)
-        target = None if self.region is None else fixed(self.region, scaling.rate)
-        return design(
-            A, B, sources, changed, target, self.domain, self.degree, self.elevation, MARGIN
-        )
+        region = self.region
+        if region is None and not sources:  # nothing else asks for stability
+            region = HalfPlane(0)
+        target = None if region is None else fixed(region, scaling.rate)
+        W = np.stack([values[f"W{k + 1}"] for k in range(self.domain.count(self.degree))])
+        near = inverse @ W @ inverse.T
+        scaled = [norm.changed(scaling.T, scaling.S) for norm in norms]
+        own = [(norm, tangents(norm, near)[tangent]) for norm in scaled]
+        form = self.domain, self.degree, self.elevation
+        return design(A, B, sources, changed, target, *form, MARGIN, own)
 
 
 def fixed(region: Region, rate: float) -> Target:
@@ -112,21 +133,24 @@ def least(
         If there is no point to start from, or none that keeps the fixed bounds.
     """
     begin = Reached(np.inf, dict(start), {}, False, 0)
-    if any(o.fixed for o in question.outputs):
+    outputs, norms = question.outputs, question.norms
+    fixed_ones = [bound.fixed for bound in outputs] + [norm.fixed for norm in norms]
+    if any(fixed_ones):
         # all bounds grow with r, until they are those that were asked for
-        growing = tuple(replace(o, fixed=False) for o in question.outputs if o.fixed)
-        begin = _rounds(question, growing, begin, scaling, INSIDE, tolerance)
+        growing = tuple(replace(o, fixed=False) for o in outputs if o.fixed)
+        laws = tuple(replace(norm, fixed=False) for norm in norms if norm.fixed)
+        begin = _rounds(question, (growing, laws), begin, scaling, INSIDE, tolerance)
         if begin.r >= 1:
             raise SolverError("the limits contradict one another, or the region")
-    if not all(o.fixed for o in question.outputs):
-        begin = _rounds(question, question.outputs, begin, scaling, 0.0, tolerance)
+    if not all(fixed_ones):
+        begin = _rounds(question, (outputs, norms), begin, scaling, 0.0, tolerance)
     units = {f"t {source.name}": unit_of(source, scaling.rate) for source in question.sources}
     return replace(begin, t={name: value / units[name] for name, value in begin.t.items()})
 
 
 def _rounds(
     question: Question,
-    outputs: tuple[Output, ...],
+    bounds: tuple[tuple[Output, ...], tuple[Norm, ...]],
     begin: Reached,
     scaling: Scaling,
     enough: float,
@@ -134,14 +158,20 @@ def _rounds(
 ) -> Reached:
     found: Reached | None = None
     iterations = 0
-    for _ in range(ROUNDS):
+    rounds, worth = (NORM_ROUNDS, WORTH) if bounds[1] else (ROUNDS, 1e-7)
+    for _ in range(rounds):
         own = scaling.refined(lyapunov_mean(begin.values))
-        again = _run(question.pencil(own, outputs), begin, own, enough, tolerance)
-        if again is None or (found is not None and again.r >= found.r * (1 - 1e-7)):
+        again: Reached | None = None
+        for tangent in range(TANGENTS if bounds[1] else 1):
+            pencil = question.pencil(own, *bounds, begin.values, tangent)
+            again = _run(pencil, begin, own, enough, tolerance)
+            if again is not None:
+                break
+        if again is None or (found is not None and again.r >= found.r * (1 - worth)):
             break
         iterations += again.iterations
         found = begin = again
-        if found.converged or found.r <= enough:
+        if (found.converged and not bounds[1]) or found.r <= enough:
             break
     if found is None:
         raise SolverError("no point to start from: the numbers are too far apart for doubles")
@@ -165,7 +195,9 @@ def _run(
         return None
     back = pencil.unpack(outcome.x)
     t = {name: back.pop(name).item() for name in scalars}
-    size = max(t.values())
+    # those of bounds on the law are one again, beside the W that was found
+    t = {name: value for name, value in t.items() if name.startswith("t ")}
+    size = max(t.values(), default=float(np.abs(back["W1"]).max()))
     values = scaling.restore({k: v / size for k, v in back.items()}, matrices)
     t = {name: value / size for name, value in t.items()}
     return Reached(outcome.r, values, t, outcome.converged, outcome.iterations)

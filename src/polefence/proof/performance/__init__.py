@@ -38,9 +38,9 @@ from polefence.proof.exact import (
 )
 from polefence.proof.performance.checks import is_semidefinite, require_consistent, simplices
 from polefence.proof.performance.claims import (
+    LAW,
     Baseline,
     EnergyPeak,
-    LAW,
     Gain,
     GainNorm,
     InitialPeak,

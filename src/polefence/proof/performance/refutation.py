@@ -23,14 +23,12 @@ from fractions import Fraction
 from polefence.proof.exact import (
     MAX_SIZE,
     FormatError,
-    Integers,
     Rationals,
     Verdict,
     _denominator,
-    _integers,
     _is_symmetric,
 )
-from polefence.proof.performance.checks import _shapes
+from polefence.proof.performance.checks import _shapes, is_semidefinite
 from polefence.proof.performance.claims import Output
 
 
@@ -85,7 +83,7 @@ def prove_refutation(claim: RmsRefutation) -> Verdict:
     if min(claim.weights) < 0:
         return Verdict(False, "a weight is negative")
     block = _block(claim)
-    if not is_positive_semidefinite(_integers(block, _denominator([block]))):
+    if not is_semidefinite(block):
         return Verdict(False, "the block is not positive semidefinite")
     E = claim.E[claim.vertex]
     least = sum(_form(claim.P, column) for column in zip(*E, strict=True))
@@ -100,31 +98,6 @@ def prove_refutation(claim: RmsRefutation) -> Verdict:
         f"at vertex {claim.vertex + 1} no law keeps {len(claim.limits)} limits at once: a block of "
         f"{len(block)} rows positive semidefinite in exact arithmetic",
     )
-
-
-def is_positive_semidefinite(matrix: Integers) -> bool:
-    """Decide it by fraction-free elimination: a pivot of zero has a row of zeros, and is left out.
-
-    Without the rows left out the pivots are minors of what stays, so that divisions are exact.
-    """
-    rows = [row[i:] for i, row in enumerate(matrix)]  # the upper triangle
-    previous = 1
-    while rows:
-        first, *rows = rows
-        pivot = first[0]
-        if pivot < 0 or (pivot == 0 and any(first)):
-            return False
-        if pivot == 0:
-            continue
-        rows = [
-            [
-                (pivot * entry - first[i + 1] * first[i + 1 + j]) // previous
-                for j, entry in enumerate(row)
-            ]
-            for i, row in enumerate(rows)
-        ]
-        previous = pivot
-    return True
 
 
 def _block(claim: RmsRefutation) -> Rationals:
@@ -172,4 +145,6 @@ def _require_consistent(claim: RmsRefutation) -> None:
     if claim.factor < 1:
         raise FormatError("factor must be 1 or more")
     numbers = [[[*claim.weights, claim.factor]], claim.P, *claim.A, *claim.B, *claim.E]
-    _denominator([*numbers, *(M for limit in claim.limits for M in limit.output.C)])
+    _denominator(
+        [*numbers, *(M for limit in claim.limits for M in (*limit.output.C, *limit.output.D))]
+    )

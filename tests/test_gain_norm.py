@@ -426,6 +426,17 @@ def test_the_command_keeps_it(tmp_path, capsys):
     assert 5.9 < bound["worst sampled"] < 6
     assert main(["check", str(folder), "--spec", str(spec)]) == 0
     assert "gain norm of the law <= 6, states in units of 1, 2" in capsys.readouterr().out
+    # a line is in the units of the table
+    line = "gain norm of the law <= 5"
+    assert main(["optimise", str(spec), "--limit", line, "-o", str(folder)]) == 0
+    assert main(["check", str(folder)]) == 0
+    assert "gain norm of the law <= 5, states in units of 1, 2" in capsys.readouterr().out
+    sweep = ["--over", "gain norm of the law", "--value", "6", "--method", "scheduled"]
+    assert main(["tradeoff", str(spec), *sweep, "--json", str(tmp_path / "t")]) == 0
+    (row,) = json.loads((tmp_path / "t").read_text())["rows"]
+    swept = [own for own in row["bounds"] if own["specification"].startswith("gain norm")]
+    assert 5.9 < swept[0]["sampled"] < swept[0]["proved"] <= 6
+    capsys.readouterr()
     spec.write_text(TWO + table.replace("[1, 2]", "[1]") + least)
     assert main(["optimise", str(spec)]) == 2
     assert "columns of the gain norm holds 1 numbers; two states needs 2" in capsys.readouterr().err

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -160,7 +161,7 @@ def wanted(
     for own in (*limits, *([least] if least else [])):
         _known(plant, own, options.spec)
     if options.minimise is not None:
-        least = _parsed(plant, options.minimise, "--minimise", road)
+        least = in_units(_parsed(plant, options.minimise, "--minimise", road), limits)
         if least.at_most is not None:
             raise InputError(f"--minimise {options.minimise!r} has a limit; give it by --limit")
     found = {(own.kind, own.name): own for own in limits}
@@ -168,7 +169,7 @@ def wanted(
         raise SpecError(f"{options.spec}: two limits on one kind and signal; keep the lower one")
     given = set[tuple[str, str]]()
     for text in options.limit:
-        own = _parsed(plant, text, "--limit", road)
+        own = in_units(_parsed(plant, text, "--limit", road), limits)
         if own.at_most is None:
             raise InputError(f"--limit {text!r} has no limit; write for example {text!r} <= 1")
         if (own.kind, own.name) in given:
@@ -181,6 +182,15 @@ def wanted(
             "SIGNAL <= LIMIT', or write [[specification]] tables"
         )
     return least, tuple(found.values())
+
+
+def in_units(own: Specification, limits: Sequence[Specification]) -> Specification:
+    """Return a gain norm in the units of the spec's own, if it has one: a line has none."""
+    if isinstance(own, GainNorm):
+        for other in limits:
+            if isinstance(other, GainNorm):
+                return replace(own, rows=other.rows, columns=other.columns)
+    return own
 
 
 def _parsed(plant: UncertainPlant, text: str, option: str, road: Road | None) -> Specification:

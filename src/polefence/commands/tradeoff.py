@@ -11,6 +11,7 @@ from typing import Any
 from polefence.commands.optimise import (
     METHODS,
     asked,
+    in_units,
     method_of_options,
     region_of_options,
     road_of,
@@ -176,7 +177,7 @@ def _specifications(
     least, limits = asked(plant, options, road)
     if least is None:
         raise InputError(f"{options.spec}: nothing is minimised; give --minimise 'rms of SIGNAL'")
-    over = parse_specification(options.over, own_road)
+    over = in_units(parse_specification(options.over, own_road), limits)
     if over.at_most is not None:
         raise InputError(f"--over {options.over!r} has a limit; give limits by --value or --values")
     for text in options.limit:

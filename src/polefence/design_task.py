@@ -1,0 +1,94 @@
+"""What `optimise` asks of the search: limits, a signal to minimise, a region; and the law found."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from polefence.conditions.methods import Method, options
+from polefence.conditions.target import Around
+from polefence.errors import SolverError
+from polefence.gain_norm import as_norms, is_signal
+from polefence.law import FixedGain, Law, ScheduledGain, right_divide
+from polefence.plant.family import UncertainPlant
+from polefence.plant.system import Array
+from polefence.polynomial import Domain
+from polefence.region import HalfPlane, Region
+from polefence.solve.performance import Question, Reached, least
+from polefence.solve.radius import smallest, typical_rate
+from polefence.solve.scaling import balanced
+from polefence.specification import Specification, output_of
+from polefence.speed import bounded
+
+INSIDE = 0.95  # how far inside the region the search begins
+SPEED = 100.0  # times the plant's own rates, where nothing else bounds the first law's
+
+
+@dataclass(frozen=True, eq=False)
+class Task:
+    """What is asked for, with one Lyapunov matrix for everything."""
+
+    plant: UncertainPlant
+    minimise: Specification | None
+    limits: tuple[Specification, ...]
+    region: Region
+    method: Method
+    # the plant without filters, and the limits as they were asked for
+    asked: tuple[UncertainPlant, tuple[Specification, ...]] | None = None
+
+    @property
+    def domain(self) -> Domain:
+        """Where alpha lives."""
+        return Domain.of(options(self.method).on, len(self.plant.vertices))
+
+    def question(self, region: Region | None) -> Question:
+        """Return the condition with one Lyapunov matrix for everything."""
+        o, plant = options(self.method), self.plant
+        pairs = [output_of(plant, self.domain, s) for s in self.limits if is_signal(s)]
+        if self.minimise is not None and is_signal(self.minimise):
+            pairs.append(output_of(plant, self.domain, self.minimise, 1.0))
+        sources = {source.name: source for source, _ in pairs}
+        outputs = tuple(output for _, output in pairs)
+        degree, elevation = int(o.degree), o.elevation
+        values = tuple(sources.values())
+        norms = as_norms(plant, self.limits, self.minimise)
+        form = self.domain, degree, elevation, norms
+        return Question(plant.A, plant.B, values, outputs, region, *form)
+
+    def reached(self, region: Region | None) -> Reached:
+        """Search for the law.
+
+        Raises
+        ------
+        SolverError
+            If there is none, or nowhere to start.
+        """
+        plant, rate = self.plant, typical_rate(self.plant.A)
+        scaling, question = balanced(plant.A, plant.B, rate), self.question(region)
+        kept, failure = region or HalfPlane(0), SolverError("nowhere to start from")
+        for inside in dict.fromkeys((kept, bounded(kept, SPEED * rate))):
+            try:
+                return least(question, self._start(inside), scaling)
+            except SolverError as error:
+                failure = error
+        raise failure
+
+    def _start(self, inside: Region) -> dict[str, Array]:
+        """Return W and Z of a law that keeps a region."""
+        start = smallest(self.plant.A, self.plant.B, Around(inside), self.method, enough=INSIDE)
+        if start.radius >= 1:
+            raise SolverError(f"no law of this method keeps {inside}")
+        values = start.values
+        if not int(options(self.method).degree):
+            values = {"W1": values["W"], "Z1": values["Z"]}
+        return {k: v for k, v in values.items() if k[0] in "WZ"}
+
+    def law(self, found: Reached) -> Law:
+        """Return the law of a point."""
+        degree = int(options(self.method).degree)
+        count = self.domain.count(degree)
+        W, Z = (np.stack([found.values[f"{x}{k + 1}"] for k in range(count)]) for x in "WZ")
+        if not degree:
+            return FixedGain(right_divide(Z, W)[0])
+        return ScheduledGain(W, Z, self.plant.parameters, degree, self.domain.sizes)

@@ -137,3 +137,16 @@ SHAPES = [
     Shape("three parameters on the box, double", 3, 1, (2, 2, 2), 1, (M1, BETA, LEFT), 64),
 ]
 BY_LABEL = {shape.label: shape for shape in SHAPES}
+
+
+def weights(values: np.ndarray, parameters) -> np.ndarray:
+    """Return alpha of the parameters, by the definition: first parameter slowest."""
+    alpha = np.ones((len(values), 1))
+    for p, value in zip(parameters, values.T, strict=True):
+        low, high = float(p.low), float(p.high)
+        if p.inverted:
+            low, high, value = 1 / low, 1 / high, 1 / value
+        share = np.clip((value - low) / (high - low), 0, 1)
+        pair = np.stack([1 - share, share], axis=1)
+        alpha = (alpha[:, :, None] * pair[:, None, :]).reshape(len(values), -1)
+    return alpha

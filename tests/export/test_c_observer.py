@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 from scipy.linalg import expm
 from scipy.optimize import linear_sum_assignment
-from shapes_of_laws import FUZZ, SANITIZED, STRICT, need, run
+from shapes_of_laws import FUZZ, SANITIZED, STRICT, need, run, weights
 
 from polefence import (
     Disk,
@@ -236,19 +236,6 @@ def faulty(tmp_path_factory):
 @pytest.mark.parametrize("fault", FAULTS)
 def test_the_fuzz_run_finds_a_fault(faulty, fault):
     assert faulty[fault] == 1
-
-
-def weights(values: np.ndarray, parameters) -> np.ndarray:
-    """Return alpha of the parameters, by the definition: first parameter slowest."""
-    alpha = np.ones((len(values), 1))
-    for p, value in zip(parameters, values.T, strict=True):
-        low, high = float(p.low), float(p.high)
-        if p.inverted:
-            low, high, value = 1 / low, 1 / high, 1 / value
-        share = np.clip((value - low) / (high - low), 0, 1)
-        pair = np.stack([1 - share, share], axis=1)
-        alpha = (alpha[:, :, None] * pair[:, None, :]).reshape(len(values), -1)
-    return alpha
 
 
 def matrices(observer: Observer, alpha: np.ndarray):

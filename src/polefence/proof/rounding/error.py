@@ -26,7 +26,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from fractions import Fraction
-from math import isqrt, prod
+from math import prod
 
 from polefence.proof.exact import (
     MAX_BITS,
@@ -44,10 +44,9 @@ from polefence.proof.exact import (
     simplices,
 )
 from polefence.proof.exact import _product as _multiplied
+from polefence.proof.matrices import norm, product, scaled
 from polefence.proof.rounding.claims import UNITS, Code, Rounded, Share
 from polefence.proof.service.claims import Range
-
-ROOT_BITS = 64  # of a square root
 
 
 def rounding_error(claim: Rounded) -> Fraction:
@@ -76,7 +75,7 @@ def _fixed(claim: Rounded) -> Fraction:
     K, own = _gain(claim), code.K or []
     gamma = in_a_row(code, len(K[0]))
     columns = [c for c in gain.columns if isinstance(c, Fraction)]
-    return _norm(
+    return norm(
         [
             [(abs(a - b) + gamma * abs(b)) / s / t for a, b, t in zip(k, o, columns, strict=True)]
             for k, o, s in zip(K, own, gain.rows, strict=True)
@@ -97,7 +96,7 @@ def _scheduled(claim: Rounded) -> Fraction:
     code, rows, T = claim.code, claim.gain.rows, claim.code.T or []
     n, u = len(T), UNITS[code.bits]
     W, Z = transformed(claim)
-    own_Z = [_scaled(z, rows) for z in code.Z]
+    own_Z = [scaled(z, rows) for z in code.Z]
     terms = in_a_row(code, len(W))
     formed = (1 + terms) * (1 + weight_error(claim)) - 1  # of sizes of the coefficients
     of_W = formed * _largest(code.W) + _largest(map(_difference, code.W, W))
@@ -109,7 +108,7 @@ def _scheduled(claim: Rounded) -> Fraction:
         raise FormatError(f"rounding with u = {float(u):.0e} may make W singular")
     size = claim.size
     error = (of_Z + size * of_W) / (claim.smallest - of_W)
-    of_T = in_a_row(code, n) * _norm(_product(_absolute(T), _absolute(_inverse(T))))
+    of_T = in_a_row(code, n) * norm(product(_absolute(T), _absolute(_inverse(T))))
     return error * (1 + of_T) + size * of_T
 
 
@@ -156,8 +155,8 @@ def transformed(claim: Rounded) -> tuple[list[Rationals], list[Rationals]]:
     """Return T W T' and S^-1 Z T' of the design's law."""
     law, T = claim.gain.subject.design.law, claim.code.T or []
     right = [list(column) for column in zip(*T, strict=True)]
-    W = [_product(_product(T, w), right) for w in law.W or []]
-    return W, [_product(_scaled(z, claim.gain.rows), right) for z in law.Z or []]
+    W = [product(product(T, w), right) for w in law.W or []]
+    return W, [product(scaled(z, claim.gain.rows), right) for z in law.Z or []]
 
 
 def weight_error(claim: Rounded) -> Fraction:
@@ -194,18 +193,6 @@ def share_error(code: Code, share: Share, given: Range) -> Fraction:
 # --- matrices ------------------------------------------------------------------------------------
 
 
-def _scaled(matrix: Rationals, rows: tuple[Fraction, ...]) -> Rationals:
-    return [[value / s for value in row] for row, s in zip(matrix, rows, strict=True)]
-
-
-def _product(left: Rationals, right: Rationals) -> Rationals:
-    columns = list(zip(*right, strict=True))
-    return [
-        [sum((a * b for a, b in zip(row, c, strict=True) if a and b), Fraction(0)) for c in columns]
-        for row in left
-    ]
-
-
 def _difference(left: Rationals, right: Rationals) -> Rationals:
     return [[a - b for a, b in zip(p, q, strict=True)] for p, q in zip(left, right, strict=True)]
 
@@ -230,21 +217,5 @@ def _inverse(lower: Rationals) -> Rationals:
     return found
 
 
-def _norm(matrix: Rationals) -> Fraction:
-    """Return a little more than the Frobenius norm."""
-    return _root(sum((value * value for row in matrix for value in row), Fraction(0)))
-
-
 def _largest(matrices: Iterable[Rationals]) -> Fraction:
-    return max(map(_norm, matrices))
-
-
-def _root(value: Fraction) -> Fraction:
-    """Return a short rational a little above the square root."""
-    if value <= 0:
-        return Fraction(0)
-    shift = max(
-        0, ROOT_BITS - value.numerator.bit_length() // 2 + value.denominator.bit_length() // 2
-    )
-    whole = -(-(value.numerator << 2 * shift) // value.denominator)
-    return Fraction(isqrt(whole) + 1, 1 << shift)
+    return max(map(norm, matrices))

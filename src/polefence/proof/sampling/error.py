@@ -35,12 +35,11 @@ from polefence.proof.exact import (
     is_positive_definite,
     monomials,
 )
-from polefence.proof.rounding.error import _norm, _root
+from polefence.proof.matrices import norm, product, root
 from polefence.proof.sampling.claims import Sampled
 from polefence.proof.sampling.loop import (
     identity,
     inverse,
-    product,
     rows,
     transformed,
     transformed_gain,
@@ -66,8 +65,8 @@ def step_error(claim: Sampled, sizes: tuple[int, ...]) -> Fraction:
     exact = [[[x * claim.sample_time for x in row] for row in M] for M in vertices(claim)]
     whole = [[[round(x * 2**BITS) for x in row] for row in M] for M in exact]
     n, width = len(whole[0]), len(whole[0][0])
-    size = max(_norm([[Fraction(x, 2**BITS) for x in row] for row in M]) for M in whole)
-    off = _root(Fraction(n * width)) / (1 << (BITS + 1))
+    size = max(norm([[Fraction(x, 2**BITS) for x in row] for row in M]) for M in whole)
+    off = root(Fraction(n * width)) / (1 << (BITS + 1))
     p = claim.terms
     if 2 * size >= p + 2:
         raise FormatError("sampling.terms are too few for this sample time")
@@ -115,7 +114,7 @@ def _largest(claim: Sampled, sizes: tuple[int, ...], M: list[Integers]) -> Fract
             for a, b in zip(*pair, strict=True)
         )
         largest = max(largest, Fraction(square, (common * unit * over) ** 2))
-    return _root(largest)
+    return root(largest)
 
 
 def _series(M: Polynomial, sizes: tuple[int, ...], p: int) -> tuple[Polynomial, int]:
@@ -148,7 +147,7 @@ def gain_error(claim: Sampled) -> Fraction:
     if off is None or not off.error:
         return Fraction(0)
     same = off.columns == claim.T
-    return off.error * (1 if same else _norm(product(off.columns, inverse(claim.T)))) / claim.weight
+    return off.error * (1 if same else norm(product(off.columns, inverse(claim.T)))) / claim.weight
 
 
 def held_size(claim: Sampled) -> Fraction:
@@ -160,12 +159,12 @@ def held_size(claim: Sampled) -> Fraction:
         If the bounds on the law that the claim gives do not hold.
     """
     if claim.design.law.K is not None:
-        gain = _norm(transformed_gain(claim))
+        gain = norm(transformed_gain(claim))
     else:
         _require_bounds(claim)
-        gain = _root(claim.energy / claim.smallest)
+        gain = root(claim.energy / claim.smallest)
     gain += gain_error(claim) * max(rows(claim))
-    return _root(1 + gain * gain)
+    return root(1 + gain * gain)
 
 
 def _require_bounds(claim: Sampled) -> None:

@@ -14,6 +14,7 @@ from __future__ import annotations
 from fractions import Fraction
 
 from polefence.proof.exact import Claim, FormatError, Law, Part, Rationals, _right_divide
+from polefence.proof.matrices import product, scaled
 from polefence.proof.sampling.claims import Sampled
 from polefence.proof.service.claims import Gain, Subject
 
@@ -96,13 +97,13 @@ def transformed(claim: Sampled) -> tuple[list[Rationals], list[Rationals]]:
     law, T = claim.design.law, claim.T
     right = [list(column) for column in zip(*T, strict=True)]
     W = [product(product(T, w), right) for w in law.W or []]
-    return W, [_scaled(product(z, right), claim.scale) for z in law.Z or []]
+    return W, [scaled(product(z, right), claim.scale) for z in law.Z or []]
 
 
 def transformed_gain(claim: Sampled) -> Rationals:
     """Return K' of a fixed gain."""
     (K,) = claim.design.law.K or [[]]
-    return _scaled(product(K, inverse(claim.T)), claim.scale)
+    return scaled(product(K, inverse(claim.T)), claim.scale)
 
 
 def vertices(claim: Sampled) -> list[Rationals]:
@@ -130,16 +131,3 @@ def inverse(T: Rationals) -> Rationals:
 def identity(n: int) -> Rationals:
     """Return I."""
     return [[ONE if i == j else ZERO for j in range(n)] for i in range(n)]
-
-
-def product(left: Rationals, right: Rationals) -> Rationals:
-    """Return the product of two matrices."""
-    columns = list(zip(*right, strict=True))
-    return [
-        [sum((a * b for a, b in zip(row, c, strict=True) if a and b), ZERO) for c in columns]
-        for row in left
-    ]
-
-
-def _scaled(matrix: Rationals, scale: tuple[Fraction, ...]) -> Rationals:
-    return [[value / s for value in row] for row, s in zip(matrix, scale, strict=True)]

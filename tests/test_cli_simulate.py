@@ -192,10 +192,22 @@ def test_a_sampling_period_beyond_the_fastest_pole_is_noted(car, capsys):
     assert "asks for a period" not in ran(capsys, *words, "--sampling", "0.0125")
 
 
+@pytest.mark.parametrize(("hardware", "since"), [(["--force-limit", "1e12"], 0.94), ([], 0.18)])
+def test_a_loop_that_runs_away_is_no_success(car, hardware, since, capsys):
+    """Stepped or exact: the drive is not done, and one line says so."""
+    words = ["simulate", "car.toml", "--law", "[[0, 0, 90000, 0, 0]]", "--kerb", "0.05"]
+    assert main([*words, "--speed", "5", "--duration", "1.2", *hardware]) == 1
+    said = capsys.readouterr()
+    assert said.err.count("\n") == 1
+    assert f"runs away under 'gain' at {since}" in said.err
+    assert f"the state runs away; first at {since}" in said.out
+
+
 def test_a_loop_that_runs_away_is_written_as_it_is(car, capsys):
     words = ["simulate", "car.toml", "--law", "[[0, 0, 90000, 0, 0]]", "--kerb", "0.05"]
     words += ["--speed", "5", "--force-limit", "1e12"]
-    out = ran(capsys, *words, "-o", "d.csv", "--json", "d.json")
+    assert main([*words, "-o", "d.csv", "--json", "d.json"]) == 1
+    out = capsys.readouterr().out
     assert "the state runs away" in out
     assert "comfort: not evaluated" in out
     (law,) = json.loads(Path("d.json").read_text())["laws"]

@@ -19,6 +19,7 @@ from polefence.commands.shared import (
     write_figure,
     write_json,
 )
+from polefence.errors import NotProvedError
 from polefence.service import estimation_error, parameter_rate
 from polefence.sweep import plant_summary
 
@@ -74,7 +75,18 @@ def simulate_command(options: Any) -> int:
     written = [path for path in (options.output, options.plot, options.json) if path is not None]
     if written:
         print("\n".join(["", *(f"written: {path}" for path in written)]))
+    _require_end(runs)
     return PROVED
+
+
+def _require_end(runs: Mapping[str, Run]) -> None:
+    """Refuse to call driven what ran away: its numbers are none."""
+    lost = {name: run.lost.first for name, run in runs.items() if run.lost is not None}
+    if lost:
+        when = ", ".join(f"{name!r} at {first:.4g} s" for name, first in lost.items())
+        raise NotProvedError(
+            f"not driven to the end: the loop runs away under {when}; from there on no value holds"
+        )
 
 
 def _margins(setup: Setup, law: Named) -> Any:

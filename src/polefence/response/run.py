@@ -18,7 +18,8 @@ from polefence.response.closed import close
 from polefence.response.drive import drive
 from polefence.response.driving.courses import Courses, read_courses
 from polefence.response.driving.events import Event, spans, summary
-from polefence.response.driving.judge import GRAVITY
+from polefence.response.driving.judge import GRAVITY, RUNS_AWAY
+from polefence.response.driving.march import LOST
 from polefence.response.driving.parts import Actuator, BumpStops, Estimated, Sampling
 from polefence.response.grid import longest_step
 from polefence.response.result import Response
@@ -128,6 +129,11 @@ class Run:
     covered: Any = None
 
     @property
+    def lost(self) -> Event | None:
+        """Of a loop that runs away: since when."""
+        return next((event for event in self.events if event.kind == "lost"), None)
+
+    @property
     def columns(self) -> tuple[Column, ...]:
         """Name, unit and values (time,) of every signal."""
         own = zip(self.response.signals, self.response.values[0].T, strict=True)
@@ -163,7 +169,7 @@ def run(setup: Setup, law: Any, margins: Any = None) -> Run:
     if setup.exact:
         alpha = setup.courses.space.alpha(setup.courses.at(np.zeros(1))[0])
         found = linear.simulate(plant, law, alpha, setup.velocity, setup.step, asked, hold="held")
-        return Run(setup, found, events=tuple(_contact(found)))
+        return Run(setup, found, events=(*_contact(found), *_lost(found)))
     if setup.still:
         margins = ()
     done = drive(
@@ -217,7 +223,13 @@ def _contact(response: Response) -> list[Event]:
     with suppress(InputError):  # a plant of other signs: no masses, no weight
         car = masses(plant, known, response.alpha)
         weight = ((car.m1 + car.m2) * GRAVITY)[:, None]
-        force = weight + car.kt[:, None] * response.of(known.tyre.name)
+        force = weight + known.sense[1] * car.kt[:, None] * response.of(known.tyre.name)
         words = "the tyre leaves the road, which the equations do not know"
         return spans("road", force < 0, -force, response.time, lambda *_: words)
     return []
+
+
+def _lost(response: Response) -> list[Event]:
+    """Return when a state first leaves what a drive would go on with."""
+    size = np.abs(response.values[:, :, : response.plant.shape[0]]).max(axis=2)
+    return spans("lost", size >= LOST, size, response.time, lambda *_: RUNS_AWAY)

@@ -1,4 +1,9 @@
-"""A quarter car, known by the names of its states: what its ride is judged by, its physics."""
+"""A quarter car, known by its states: what its ride is judged by, its physics.
+
+Either sign of a deflection will do. Which one a plant has is read off its kinematic rows, exactly:
+the deflection of the suspension grows like x4 - x3 where compression is positive, like x3 - x4
+where extension is; that of the tyre like w - x4 or x4 - w, w being the road's velocity.
+"""
 
 from __future__ import annotations
 
@@ -24,8 +29,9 @@ FORCE = "actuator force"
 class Ride:
     """The signals by which a quarter car's ride is judged, and where its states stand.
 
-    Both deflections are positive in compression; velocities, accelerations and the force on the
-    sprung mass are positive upwards. All are about the static equilibrium of the current load.
+    Velocities, accelerations and the force on the sprung mass are positive upwards; a deflection in
+    compression, or in extension where ``sense`` says so. All are about the static equilibrium of
+    the current load.
 
     Attributes
     ----------
@@ -40,10 +46,12 @@ class Ride:
     force : Signal
         Of the actuator, up on the sprung mass and down on the unsprung [N].
     tyre_force : Signal, optional
-        Variation of the tyre's force on the road [N], kt times the tyre deflection; where the
-        plant's matrices say kt, the same at every vertex.
+        Variation of the tyre's force on the road [N], kt times its compression; where the plant's
+        matrices say kt, the same at every vertex.
     places : tuple of int
         Numbers of the four `STATES` in the plant's state.
+    sense : tuple of int
+        Of suspension and tyre: 1 where compression is positive, -1 where extension is.
     input : int
         Number of the actuator force among the inputs.
     """
@@ -55,6 +63,7 @@ class Ride:
     force: Signal
     tyre_force: Signal | None
     places: tuple[int, int, int, int]
+    sense: tuple[int, int] = (1, 1)
     input: int = 0
 
     @property
@@ -86,33 +95,14 @@ class Masses:
 
 
 def ride(plant: UncertainPlant) -> Ride | None:
-    """Return the ride signals of a plant whose states are named as a quarter car's, else None.
+    """Return the ride signals of a plant that is a quarter car, else None.
 
-    Upper and lower case, a hyphen or a blank, "tyre" and "tire" are the same; units in brackets
-    and further states do not matter. The force is the input named "actuator force", or the only
-    input there is.
+    It has states named as `STATES`, with the kinematics of these. Upper and lower case, a hyphen or
+    a blank, "tyre" and "tire" are the same; units in brackets and further states do not matter. The
+    force is the input named "actuator force", or the only input there is.
     """
-    names = [_plain(name) for name in plant.states]
-    if any(names.count(_plain(wanted)) != 1 for wanted in STATES):
-        return None
-    number = _force_input(plant)
-    if number is None:
-        return None
-    first, second, third, fourth = (names.index(_plain(wanted)) for wanted in STATES)
-    places = (first, second, third, fourth)
-    known = states(plant)
-    deflection = known[second]
-    kt = _tyre_stiffness(plant, places, number)
-    return Ride(
-        travel=known[first],
-        tyre=deflection,
-        acceleration=rate_of(known[third], "sprung-mass acceleration"),
-        unsprung=rate_of(known[fourth], "unsprung-mass acceleration"),
-        force=inputs(plant)[number],
-        tyre_force=None if kt is None else Signal("tyre force variation", "N", state={second: kt}),
-        places=places,
-        input=number,
-    )
+    found = _recognised(plant)
+    return None if isinstance(found, str) else found
 
 
 def require_ride(plant: UncertainPlant) -> Ride:
@@ -121,15 +111,73 @@ def require_ride(plant: UncertainPlant) -> Ride:
     Raises
     ------
     InputError
-        If the plant's states are not named as a quarter car's.
+        If the plant is no quarter car, with what is missing.
     """
-    found = ride(plant)
-    if found is None:
-        raise InputError(
-            f"{plant.name} is not known as a quarter car; name four of its states "
-            f"{', '.join(repr(name) for name in STATES)}, and its only input or {FORCE!r}"
-        )
+    found = _recognised(plant)
+    if isinstance(found, str):
+        raise InputError(f"{plant.name} is not known as a quarter car; {found}")
     return found
+
+
+def _recognised(plant: UncertainPlant) -> Ride | str:
+    """Return the ride signals, or what is to be mended for them."""
+    names = [_plain(name) for name in plant.states]
+    number = _force_input(plant)
+    if number is None or any(names.count(_plain(wanted)) != 1 for wanted in STATES):
+        states_named = ", ".join(repr(name) for name in STATES)
+        return f"name four of its states {states_named}, and its only input or {FORCE!r}"
+    if plant.sample_time is not None:
+        return "it is in discrete time, and a car's equations are in continuous time"
+    first, second, third, fourth = (names.index(_plain(wanted)) for wanted in STATES)
+    suspension = _sense(plant, first, {third: -1, fourth: 1})
+    if not suspension:
+        return (
+            f"the row of {plant.states[first]!r} in A must be the difference of both velocities: "
+            "1 at one of them, -1 at the other, 0 elsewhere and in B and E"
+        )
+    tyre = _sense(plant, second, {fourth: -1}, road=True)
+    if not tyre:
+        return (
+            f"the row of {plant.states[second]!r} must be the road's velocity less that of the "
+            "unsprung mass: -1 in A there and 1 in E, or both signs the other way, 0 elsewhere"
+        )
+    places, known = (first, second, third, fourth), states(plant)
+    kt, force = _tyre_stiffness(plant, places, tyre, number), None
+    if kt is not None:
+        force = Signal("tyre force variation", "N", state={second: tyre * kt})
+    return Ride(
+        travel=known[first],
+        tyre=known[second],
+        acceleration=rate_of(known[third], "sprung-mass acceleration"),
+        unsprung=rate_of(known[fourth], "unsprung-mass acceleration"),
+        force=inputs(plant)[number],
+        tyre_force=force,
+        places=places,
+        sense=(suspension, tyre),
+        input=number,
+    )
+
+
+def _sense(
+    plant: UncertainPlant, place: int, compression: dict[int, int], road: bool = False
+) -> int:
+    """Return 1 where a deflection's row is that of its compression, -1 of its extension, else 0.
+
+    Exactly, at every vertex. With ``road`` its velocity may enter too, in any unit.
+    """
+    found = set()
+    for vertex in plant.vertices:
+        row, pushed = vertex.exact_A[place], vertex.exact_B[place]
+        entering = () if vertex.exact_E is None else tuple(w for w in vertex.exact_E[place] if w)
+        for sense in (1, -1):
+            wanted = [sense * compression.get(j, 0) for j in range(len(row))]
+            up = all(w * sense > 0 for w in entering) if road else not entering
+            if list(row) == wanted and up and not any(pushed):
+                found.add(sense)
+                break
+        else:
+            return 0
+    return found.pop() if len(found) == 1 else 0
 
 
 def masses(plant: UncertainPlant, known: Ride, alpha: Array) -> Masses:
@@ -137,7 +185,9 @@ def masses(plant: UncertainPlant, known: Ride, alpha: Array) -> Masses:
 
     With the force u up on the sprung and down on the unsprung mass,
 
-        m1 dx3/dt = k x1 + c (x4 - x3) + u,     m2 dx4/dt = -k x1 - c (x4 - x3) + kt x2 - u.
+        m1 dx3/dt = k x1 + c (x4 - x3) + u,     m2 dx4/dt = -k x1 - c (x4 - x3) + kt x2 - u,
+
+    x1 and x2 being compression.
 
     Raises
     ------
@@ -153,8 +203,13 @@ def masses(plant: UncertainPlant, known: Ride, alpha: Array) -> Masses:
             "change its sign in B"
         )
     m1, m2 = 1 / up, -1 / down
+    suspension, tyre = known.sense
     return Masses(
-        m1, m2, m1 * A[..., third, first], m1 * A[..., third, fourth], m2 * A[..., fourth, second]
+        m1,
+        m2,
+        suspension * m1 * A[..., third, first],
+        m1 * A[..., third, fourth],
+        tyre * m2 * A[..., fourth, second],
     )
 
 
@@ -170,14 +225,14 @@ def _force_input(plant: UncertainPlant) -> int | None:
 
 
 def _tyre_stiffness(
-    plant: UncertainPlant, places: tuple[int, int, int, int], number: int
+    plant: UncertainPlant, places: tuple[int, int, int, int], sense: int, number: int
 ) -> float | None:
-    """Return kt = -A[4, 2] / B[4] where that is one positive number, in exact arithmetic."""
+    """Return kt = -A[4, 2] / B[4], of compression, where that is one positive number, exactly."""
     found = set()
     for vertex in plant.vertices:
         down = vertex.exact_B[places[3]][number]
         if not down:
             return None
-        found.add(-vertex.exact_A[places[3]][places[1]] / down)
+        found.add(-sense * vertex.exact_A[places[3]][places[1]] / down)
     kt = found.pop()
     return None if found or kt <= 0 else float(kt)

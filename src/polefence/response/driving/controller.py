@@ -33,11 +33,13 @@ class Learner:
         x, third, fourth = (known.places[i] for i in (0, 2, 3))
         acts = z[:, model.plant.shape[0] :] if model.actuator.rate else None
         force = (model.actuator.limited(demand) if acts is None else acts)[:, known.input]
-        clean = np.stack([force, z[:, fourth] - z[:, third], z[:, x], slope[:, third]], axis=1)
+        compression = known.sense[0] * z[:, x]
+        rate = z[:, fourth] - z[:, third]
+        clean = np.stack([force, rate, compression, slope[:, third]], axis=1)
         noise = self.random.normal(size=clean.shape) * self.how.sensors.deviations
         measured, free = clean + noise, None
         if model.stops is not None:
-            free = model.stops.force(z[:, x], slope[:, x]) == 0
+            free = model.stops.force(compression, rate) == 0
         belief = self.own.update(self.beliefs[-1], measured[:, :3], measured[:, 3], free)
         self.beliefs.append(self.own.projected(belief))
 

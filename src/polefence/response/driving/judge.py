@@ -15,6 +15,7 @@ from polefence.response.driving.parts import Sampling
 from polefence.response.driving.record import Record
 
 GRAVITY = 9.81  # [m/s2]
+RUNS_AWAY = "the state runs away"
 
 
 def judged(
@@ -106,4 +107,4 @@ def _contact(model: Model, own: Record) -> list[tuple[str, Any, Array, str]]:
 
 def _lost(own: Record) -> list[tuple[str, Any, Array, str]]:
     gone = ~np.all(np.isfinite(own.states), axis=-1)
-    return [("lost", gone, gone.astype(float), "the state runs away")]
+    return [("lost", gone, gone.astype(float), RUNS_AWAY)]

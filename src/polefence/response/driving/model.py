@@ -133,6 +133,6 @@ class Model:
             u = held if held is not None else (K @ z[:, :, None])[:, :, 0]  # type: ignore[operator]
             dz = dz + (B @ self.actuator.limited(u)[:, :, None])[:, :, 0]
         if self.stops is not None and self.known is not None:
-            x = self.known.places[0]
-            dz = dz + S * self.stops.force(z[:, x], dz[:, x])[:, None]
+            x, sense = self.known.places[0], self.known.sense[0]
+            dz = dz + S * self.stops.force(sense * z[:, x], sense * dz[:, x])[:, None]
         return np.asarray(dz)

@@ -66,8 +66,8 @@ def record(model: Model, marched: Marched, reading: Reading | None) -> Record:
         if model.known is not None:
             mass[part] = _mass(model, model.known, B)
         if model.stops is not None and model.known is not None:
-            i = model.known.places[0]
-            stops[part] = model.stops.force(x[part, :, i], rates[part, :, i])
+            i, sense = model.known.places[0], model.known.sense[0]
+            stops[part] = model.stops.force(sense * x[part, :, i], sense * rates[part, :, i])
             rates[part] += stops[part, :, None] * B[..., :, model.known.input]
     arrays = (x, rates, demanded, applied, stops, true, used, mass)
     return Record(*(np.swapaxes(v, 0, 1) for v in arrays))

@@ -169,9 +169,9 @@ def fastest_pole(model: Model, courses: Courses, settled: bool) -> float:
         F = (F + every.B @ K[:, None, None]).reshape(-1, *F.shape[-2:])
     found = _largest(F)
     if model.stops is not None and model.known is not None:
-        x, stops = model.known.places[0], model.stops
-        row = stops.damping * F[..., x, :]
-        row[..., x] += stops.stiffness
+        x, sense, stops = model.known.places[0], model.known.sense[0], model.stops
+        row = sense * stops.damping * F[..., x, :]
+        row[..., x] += sense * stops.stiffness
         found = max(found, _largest(F + every.S[..., :, None] * row[..., None, :]))
     return max(found, model.actuator.rate)
 

@@ -10,6 +10,7 @@ import pytest
 from scipy.linalg import expm
 
 from polefence import Disk, HalfPlane, Sector, UncertainPlant, place
+from polefence.design import Design
 from polefence.export.sampled.proof import prove_decay
 from polefence.plant.parameters import Parameter
 from polefence.proof.exact import FormatError, closed_loop, simplices
@@ -50,6 +51,21 @@ def test_nearly_the_sampled_decay_is_proved(kind, delay):
     assert found.proved
     assert found.check().proved
     assert 0.9 * found.sampled < found.decay < found.sampled
+
+
+def nudged(own, seed):
+    """The design with the last bits of its law changed, as another processor would."""
+    law, random = own.law, np.random.default_rng(seed)
+    noise = 1 + 1e-13 * random.standard_normal(law.W.shape)
+    W = law.W * (noise + noise.swapaxes(1, 2)) / 2
+    return Design(replace(own.certificate, law=replace(law, W=W)))
+
+
+@pytest.mark.parametrize("delay", [0, 1])
+def test_the_decay_does_not_hang_on_the_last_bits_of_the_law(delay):
+    own, expected = design("corners"), proof("corners", delay).decay
+    found = [prove_decay(nudged(own, seed), TIME, delay).decay for seed in range(6)]
+    assert found == pytest.approx([expected] * 6, rel=0.005)
 
 
 @pytest.mark.parametrize(("kind", "delay"), CASES)

@@ -37,6 +37,9 @@ CENTRAL = 0.5  # of the sampled decay: evidence that proves no more is further f
 # coordinates. A cross term of state and delayed input goes with K(alpha): of the law's degree.
 LADDER = {0: ((1, 0), (0, 0), (1, 0), (2, 0)), 1: ((1, 0), (1, 0), (2, 0), (2, 1))}
 ENOUGH = 0.9  # of the sampled decay: no more is looked for beyond
+# Shares of the sampled decay at which the search stops, well within the inequalities: the evidence
+# at its end is nearly singular, and what it tolerates a matter of rounding.
+AIMS = (0.98, 0.95, 0.9, 0.8, 0.6, 0.4)
 HALVINGS = 8
 RETREATS = (1.0, 0.98, 0.9, 0.7, 0.4)
 ROOM = 1.1  # of what evidence must tolerate in floats over what is needed
@@ -121,13 +124,20 @@ class Search:
         for form in self._forms()[1:]:
             if form not in allowed:
                 return
-            with suppress(SolverError):
-                found = least(loop_of(family.plant, family.law), Disks(0.0), *form)
-                evidence = _short_evidence(evidence_of(found, form))
+            for evidence in self._evidence(family, form):
                 share = self._share(family, blank, evidence, needed)
                 yield _Candidate(share, evidence, blank, needed)
                 if share >= ENOUGH:
                     return
+
+    def _evidence(self, family: Family, form: tuple[int, int]) -> Iterator[dict[str, Any]]:
+        """Yield Lyapunov polynomials of one degree, each for less decay than the one before."""
+        loop = loop_of(family.plant, family.law)
+        for aim in AIMS:
+            radius = math.exp(-aim * self.slowest * self.sample_time)
+            with suppress(SolverError):
+                found = least(loop, Disks(0.0), *form, enough=radius)
+                yield _short_evidence(evidence_of(found, form))
 
     def _blank(self, family: Family) -> Sampled:
         """Return a claim of no error, for what of it the bounds need."""

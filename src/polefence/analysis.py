@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from contextlib import suppress
 from dataclasses import dataclass
 from fractions import Fraction
@@ -31,6 +30,7 @@ from polefence.plant.system import Array
 from polefence.proof.certificate import Certificate
 from polefence.proof.refute import counterexample
 from polefence.region import Region
+from polefence.solve.deadline import Deadline
 from polefence.solve.given import least
 from polefence.table_analysis import TableAnalysis
 from polefence.table_search import analyse_table
@@ -101,18 +101,22 @@ class Analysis:
 
 @overload
 def analyse(
-    plant: UncertainPlant, law: GainTable, region: Region, budget: float = ..., depth: int = ...
+    plant: UncertainPlant,
+    law: GainTable,
+    region: Region,
+    budget: float | None = ...,
+    depth: int = ...,
 ) -> TableAnalysis: ...
 
 
 @overload
 def analyse(
-    plant: UncertainPlant, law: Any, region: Region, budget: float = ..., depth: int = ...
+    plant: UncertainPlant, law: Any, region: Region, budget: float | None = ..., depth: int = ...
 ) -> Analysis: ...
 
 
 def analyse(
-    plant: UncertainPlant, law: Any, region: Region, budget: float = 60.0, depth: int = 4
+    plant: UncertainPlant, law: Any, region: Region, budget: float | None = None, depth: int = 4
 ) -> Analysis | TableAnalysis:
     """Prove or refute that a given law keeps all poles of the whole family in a region.
 
@@ -127,8 +131,9 @@ def analyse(
         u = K x. Of python-control's ``lqr``, whose u is -K x, give -K. A ``StateSpace`` must be a
         static gain.
     region : Region
-    budget : float
-        Time after which no higher degree is begun, and no cell halved [s].
+    budget : float, optional
+        Time after which no higher degree is begun, and no cell halved [s]; the answer then says
+        so. Without one the counted size of the next step alone ends the search.
     depth : int
         How often a cell of a table may be halved.
 
@@ -152,7 +157,7 @@ def analyse(
     alpha = counterexample(claim.claim())
     if alpha is not None:
         return _refuted(plant, law, region, alpha)
-    deadline = time.perf_counter() + budget
+    deadline = Deadline(budget)
     parts = []
     for part in region.parts:
         evidence, last = _part(plant, law, part, ladder, deadline)
@@ -161,6 +166,8 @@ def analyse(
                 f"no proof for {part} with Lyapunov polynomials up to degree {last[0]}, elevation "
                 f"{last[1]}; no counterexample either"
             )
+            if deadline.passed and last != ladder[-1]:
+                reason += f"; {deadline}"
             return Analysis(plant, law, region, "undecided", reason)
         parts.append(evidence)
     certificate = certificate_of(plant, law, region, parts)
@@ -174,12 +181,12 @@ def _part(
     law: Law,
     part: Region,
     ladder: list[tuple[int, int]],
-    deadline: float,
+    deadline: Deadline,
 ) -> tuple[dict[str, Any] | None, tuple[int, int]]:
     """Return evidence that is proved for one part of a region, and the form tried last."""
     last = ladder[0]
     for form in ladder:
-        if form != ladder[0] and time.perf_counter() > deadline:
+        if form != ladder[0] and deadline.passed:
             break
         last = form
         for enough in INSIDE:

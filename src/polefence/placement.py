@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from contextlib import suppress
 from dataclasses import replace
 
@@ -24,6 +23,7 @@ from polefence.region import Disk, Region
 from polefence.region_text import digits_up
 from polefence.rounding import proved_at, rounded
 from polefence.smallest_region import radius_of, smallest_disk
+from polefence.solve.deadline import Deadline
 from polefence.solve.radius import smallest, smallest_radius, typical_rate
 from polefence.speed import bounded, bounds_speed
 
@@ -141,8 +141,9 @@ def _placed(plant: UncertainPlant, region: Region, method: Method, allow_unprove
 
 
 def _climb(plant: UncertainPlant, region: Region, method: Scheduled) -> Design:
-    """Raise degree and elevation until the region is proved, refuted, or the budget is spent."""
-    begin, tried, why = time.perf_counter(), list[str](), "the last that is tried"
+    """Raise degree and elevation until the region is proved, refuted, or too much work."""
+    tried, why = list[str](), "the last that is tried"
+    deadline = Deadline(method.budget)
     best: Design | None = None
     refuted = unplaceable(plant, region, method.on)
     if refuted is not None:
@@ -150,8 +151,8 @@ def _climb(plant: UncertainPlant, region: Region, method: Scheduled) -> Design:
     for degree, elevation in LADDER:
         step = Scheduled(degree, elevation, method.on)
         domain_count = _unknowns(plant, step)
-        if tried and time.perf_counter() - begin > method.budget:
-            why = f"the budget of {method.budget:g} s is spent"
+        if tried and deadline.passed:
+            why = str(deadline)
             break
         checkable = is_checkable(plant, step, len(region.parts))
         if not checkable or (tried and domain_count > MOST_UNKNOWNS):

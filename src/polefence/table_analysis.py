@@ -41,12 +41,15 @@ class TableAnalysis:
         They tile the box, and none reaches across a knot. Each has corners ``low`` and ``high``,
         and an ``answer``: "proved" for every point of it, "refuted" at its ``point`` (which says
         nothing about its other points), or "undecided".
+    cut : bool
+        Whether a budget in seconds kept cells that are not proved from being halved.
     """
 
     plant: UncertainPlant
     table: GainTable
     region: Region
     cells: tuple[Cell, ...]
+    cut: bool = False
 
     def __repr__(self) -> str:
         shares = ", ".join(f"{k} {100 * v:.1f} %" for k, v in self.shares.items())

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections import deque
 from collections.abc import Callable
 from contextlib import suppress
@@ -26,6 +25,7 @@ from polefence.proof import cells as proof
 from polefence.proof import exact
 from polefence.proof.cells import Cell
 from polefence.region import Region
+from polefence.solve.deadline import Deadline
 from polefence.solve.given import least
 from polefence.table_analysis import TableAnalysis
 
@@ -39,7 +39,7 @@ def analyse_table(
     table: GainTable,
     region: Region,
     depth: int = 4,
-    budget: float = 60.0,
+    budget: float | None = None,
     on_cell: Callable[[Cell], None] | None = None,
 ) -> TableAnalysis:
     """Prove or refute, cell by cell, that a table of gains keeps all poles in a region.
@@ -49,8 +49,8 @@ def analyse_table(
 
     Parameters
     ----------
-    budget : float
-        Time after which cells are no longer halved [s].
+    budget : float, optional
+        Time after which cells are no longer halved [s]; ``cut`` of the answer then says so.
     on_cell : callable, optional
         Called with each finished cell.
 
@@ -64,25 +64,27 @@ def analyse_table(
     require_type(region, Region, "region", "for example polefence.Disk(-40, 31)")
     require_region(plant, region)
     work = _Work(TableAnalysis(plant, table, region, ()), _exact_table(plant, table))
-    deadline = time.perf_counter() + budget
+    deadline = Deadline(budget)
     queue = deque((low, high, 0) for low, high in _cells(work.exactly.axes))
     most = work.most_cells
     if len(queue) > most:
         raise InputError(
             f"the grid has {len(queue)} cells; at most {most} of this size are checked"
         )
-    done: list[Cell] = []
+    done, cut = list[Cell](), False
     while queue:
         low, high, level = queue.popleft()
-        room = time.perf_counter() < deadline and len(done) + len(queue) + 2 <= most
-        cell = work.decided(low, high, last=level >= depth or not room)
+        halved = level < depth and len(done) + len(queue) + 2 <= most
+        late = halved and deadline.passed
+        cell = work.decided(low, high, last=late or not halved)
         if cell is None:
             queue += [(*half, level + 1) for half in _halves(low, high, work.exactly.axes)]
             continue
+        cut = cut or (late and cell.answer != "proved")
         done.append(cell)
         if on_cell is not None:
             on_cell(cell)
-    return TableAnalysis(plant, table, region, tuple(done))
+    return TableAnalysis(plant, table, region, tuple(done), cut)
 
 
 def _require_fit(plant: UncertainPlant, table: GainTable) -> None:

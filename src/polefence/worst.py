@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass
@@ -29,6 +28,7 @@ from polefence.plant.system import Array
 from polefence.proof.certificate import Certificate
 from polefence.proof.refute import worst_points
 from polefence.region import Disk, HalfPlane, Region, Sector, damping_of
+from polefence.solve.deadline import Deadline
 from polefence.solve.given import least
 from polefence.solve.radius import typical_rate
 
@@ -58,6 +58,8 @@ class WorstCase:
         That alpha.
     values : dict or None
         The parameters' values there.
+    cut : bool
+        Whether the budget in seconds ended the search.
     """
 
     region: Region | None
@@ -65,6 +67,7 @@ class WorstCase:
     bound: float
     alpha: tuple[float, ...]
     values: dict[str, float] | None = None
+    cut: bool = False
 
     def __repr__(self) -> str:
         return f"<WorstCase: {self.region} proved, {self.bound:.6g} sampled>"
@@ -75,7 +78,7 @@ def worst_case(
     law: Any,
     of: str = "half_plane",
     centre: float | None = None,
-    budget: float = 60.0,
+    budget: float | None = None,
 ) -> WorstCase:
     """Return the smallest region of a kind that a given law is proved to keep.
 
@@ -88,8 +91,8 @@ def worst_case(
         "half_plane" (the largest decay rate), "sector" (the largest damping ratio) or "disk".
     centre : float
         Of the disks [1/s].
-    budget : float
-        Time after which no higher degree is begun [s].
+    budget : float, optional
+        Time after which no higher degree is begun [s]; ``cut`` then says so.
 
     Raises
     ------
@@ -103,23 +106,25 @@ def worst_case(
     widest = HalfPlane(0) if centre is None else Disk(centre, 1e-6)
     require_region(plant, widest)
     ladder = forms(plant, law)
-    deadline = time.perf_counter() + budget
+    deadline = Deadline(budget)
     claim = certificate_of(plant, law, widest, [placeholder(plant, law)]).claim()
     point, worst = max(worst_points(claim, measure), key=lambda pair: pair[1])
     alpha = tuple(float(a) for a in domain_of(plant, law).alpha(point))
     question = _question(of, centre, worst, typical_rate(plant.A), plant.sample_time is not None)
     best: tuple[float, Region, Certificate] | None = None
+    cut = False
     for form in ladder if np.isfinite(question.bound) else ():
         found = _tried(plant, law, question, form)
         if found is not None and (best is None or found[0] < best[0]):
             best = found
         near = best is not None and best[0] <= question.bound * (1 + NEAR)
-        if near or time.perf_counter() > deadline:
+        cut = not near and deadline.passed
+        if near or cut:
             break
     bound, values = worst if of == "disk" else 0.0 - worst, values_at(plant, alpha)
     if best is None:
-        return WorstCase(None, None, bound, alpha, values)
-    return WorstCase(best[1], best[2], bound, alpha, values)
+        return WorstCase(None, None, bound, alpha, values, cut)
+    return WorstCase(best[1], best[2], bound, alpha, values, cut)
 
 
 def _measure(of: str, centre: float | None) -> Callable[[Any], Array]:

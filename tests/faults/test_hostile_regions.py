@@ -207,7 +207,7 @@ def test_options_of_the_wrong_type():
 
 
 def test_budgets_of_the_wrong_type():
-    for value in ("long", None):
+    for value in ("long", [], -1.0):
         with pytest.raises(InputError):
             place(oscillator(), Disk(-3, 0.1), Scheduled(degree="auto", budget=value))
 

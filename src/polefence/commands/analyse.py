@@ -41,6 +41,7 @@ from polefence.worst import WorstCase, worst_case
 
 MOST_TEXT = 100_000  # characters of a matrix on the command line
 SHOWN = 3  # counterexamples printed
+CUT = "note: cut by --budget; a faster machine, or more time, may prove more"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -69,9 +70,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--budget",
         type=float,
-        default=60.0,
         metavar="SECONDS",
-        help="begin no harder step after this time; default: 60",
+        help="begin no harder step after this time; the answer then depends on the machine. "
+        "Default: no limit in seconds, only in counted work",
     )
     parser.add_argument(
         "--depth",
@@ -92,7 +93,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def analyse_command(options: Any) -> int:
     """Prove or refute that a given gain, or table of gains, keeps a region."""
     plant = load(options.spec)
-    if options.budget < 0 or options.depth < 0:
+    if (options.budget or 0) < 0 or options.depth < 0:
         raise InputError("--budget and --depth must be zero or more")
     if (options.of == "disk") != (options.centre is not None):
         raise InputError("--of disk needs --centre CENTRE (--centre -40, say); no other has one")
@@ -199,6 +200,8 @@ def _worst(plant: UncertainPlant, worst: WorstCase, options: Any) -> int:
     where = f"alpha = ({', '.join(f'{a:.4g}' for a in worst.alpha)})"
     if worst.values is not None:
         where = values_text(plant, worst.values)
+    if worst.cut:
+        print(CUT)
     print(f"sampled: {name} {beyond(worst.bound)}{unit} at {where}; no proof can pass it")
     design = None if worst.certificate is None else Design(worst.certificate)
     _finish(
@@ -242,6 +245,8 @@ def _table(plant: UncertainPlant, table: GainTable, region: Region, options: Any
     with _Cells(table) as progress:
         found = analyse_table(plant, table, region, options.depth, options.budget, progress.step)
     print(f"{found.answer}: {found.summary}")
+    if found.cut:
+        print(CUT)
     for values in found.counterexamples[:SHOWN]:
         print(f"  a pole is not in {region} at {values_text(plant, values)}")
     if len(found.counterexamples) > SHOWN:

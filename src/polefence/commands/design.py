@@ -39,7 +39,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--budget",
         type=float,
         metavar="SECONDS",
-        help="--degree auto: begin no higher degree after this time; default: 60",
+        help="--degree auto: begin no higher degree after this time; default: no limit in seconds",
     )
     parser.add_argument(
         "--right-hand-sides",

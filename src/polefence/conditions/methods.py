@@ -26,7 +26,7 @@ class Scheduled:
     ----------
     degree : int or "auto"
         Degree of W(alpha), Z(alpha); 0 is the method "quadratic", one gain. "auto" (for `place`)
-        raises degree and elevation until the region is proved, refuted, or a budget is spent.
+        raises degree and elevation until the region is proved, refuted, or the next is too large.
     elevation : int
         Degree of the multiplier (sum of alpha)^elevation: more blocks, less conservative.
     on : "simplex" or "box"
@@ -34,8 +34,8 @@ class Scheduled:
         gain that is a polynomial in each parameter's coordinate.
     right_hand_sides : bool
         Keep the right-hand sides of the paper's (15)-(17); degree and elevation 1, simplex, disk.
-    budget : float
-        For "auto": time after which no higher degree is begun [s].
+    budget : float, optional
+        For "auto": time after which no higher degree is begun [s]; none by default.
 
     Raises
     ------
@@ -47,14 +47,15 @@ class Scheduled:
     elevation: int = 1
     on: str = "simplex"
     right_hand_sides: bool = False
-    budget: float = 60.0
+    budget: float | None = None
 
     def __post_init__(self) -> None:
         _check(self)
         theorem_1 = (self.degree, self.elevation, self.on) == (1, 1, "simplex")
         if self.right_hand_sides and not theorem_1:
             raise InputError("right_hand_sides belong to degree=1, elevation=1, on='simplex'")
-        if not _is_number(self.budget) or not self.budget >= 0:
+        budget = 0.0 if self.budget is None else self.budget
+        if not _is_number(budget) or not budget >= 0:
             raise InputError(f"budget = {self.budget!r} must be a number of seconds, at least 0")
 
 

@@ -197,12 +197,9 @@ def _message(
 
 def _stable(plant: UncertainPlant, part: list[list[Fraction]]) -> bool:
     """Decide exactly whether all eigenvalues lie in the open half-plane, or the unit disk."""
-    region = (
-        {"kind": "half_plane", "decay": 0}
-        if plant.sample_time is None
-        else {"kind": "disk", "centre": 0, "radius": 1}
-    )
-    return exact.all_inside(part, exact.read_region(region))
+    zero, one = Fraction(0), Fraction(1)
+    left, circle = exact.Part("half_plane", (zero,)), exact.Part("disk", (zero, one))
+    return exact.all_inside(part, (left if plant.sample_time is None else circle,))
 
 
 def _eigenvalues(part: list[list[Fraction]]) -> str:

@@ -16,8 +16,16 @@ import pytest
 
 from polefence import Certificate, Disk, Parameter, UncertainPlant, check, place
 from polefence.conditions.methods import Scheduled, Slack
+from polefence.errors import RegionError
 from polefence.proof import exact
-from polefence.region import Ellipse, HalfPlane, HorizontalStrip, Sector, VerticalStrip
+from polefence.region import (
+    Ellipse,
+    HalfPlane,
+    HorizontalStrip,
+    Sector,
+    VerticalStrip,
+    region_of,
+)
 
 CHANGES = 20
 ENTRIES = 6  # of a file, in turn spoiled for good
@@ -118,25 +126,25 @@ def is_proved(found):
         return False
 
 
-def empty(part):
-    v = [float(x) for x in part.numbers]
-    return {
-        "disk": lambda: v[1] <= 0 or v[0] >= 0,
-        "half_plane": lambda: False,
-        "sector": lambda: min(v) <= 0 or v[0] ** 2 * (1 + v[1] ** 2) > 1 + 1e-15,
-        "vertical_strip": lambda: v[0] >= v[1],
-        "horizontal_strip": lambda: v[0] <= 0,
-        "ellipse": lambda: min(v[1:]) <= 0,
-    }[part.kind]()
+def is_region(found):
+    """Whether the numbers make one; what is none is bad input."""
+    parts = found["region"].get("parts", [found["region"]])
+    try:
+        region_of([(p["kind"], [p[key] for key in exact.KINDS[p["kind"]]]) for p in parts])
+    except RegionError:
+        return False
+    return True
 
 
 def truth(found):
     """Least eigenvalue of all blocks, each scaled to unit diagonal; -1 where one is malformed."""
     if found["certificate"].get("tau"):  # of Theorem 1 alone is there one, and not here
         return -1.0
-    claim, _ = exact.read(json.dumps(found))
-    if any(empty(part) for part in claim.region):
+    if not is_region(found):
+        with pytest.raises(exact.FormatError, match="region"):
+            exact.read(json.dumps(found))
         return -1.0
+    claim, _ = exact.read(json.dumps(found))
     symmetric = [X for e in claim.evidence for X in e.X] + list(claim.law.W or [])
     if any([list(row) for row in zip(*X, strict=True)] != X for X in symmetric):
         return -1.0

@@ -121,6 +121,24 @@ REFUSED = {
     "decay is null": ("quadratic", region("half_plane", decay=None)),
     "decay too large": ("quadratic", region("half_plane", decay=1e300)),
     "decay is infinite": ("quadratic", region("half_plane", decay=float("inf"))),
+    "empty strip": ("quadratic", region("vertical_strip", low=-1, high=-6)),
+    "flat strip": ("quadratic", region("horizontal_strip", height=0)),
+    "flat ellipse": ("quadratic", region("ellipse", centre=-3, real=2, imaginary=0)),
+    "disk without radius": ("quadratic", region("disk", centre=-3, radius=-1)),
+    "disk to the right": ("quadratic", region("disk", centre=3, radius=60)),
+    "slope too steep": ("quadratic", region("sector", damping=0.5, slope=1.8)),
+    "slope a little too steep": (
+        "quadratic",
+        region("sector", damping=0.5, slope=float(np.nextafter(np.sqrt(3), 2))),
+    ),
+    "slope without damping": ("quadratic", region("sector", damping=0, slope=1)),
+    "negative damping": ("quadratic", region("sector", damping=-0.5, slope=-1.7)),
+    "slope too flat": ("quadratic", region("sector", damping=0.5, slope=1.7)),
+    "damping of one": ("quadratic", region("sector", damping=1, slope=0)),
+    "ellipse to the right": ("quadratic", region("ellipse", centre=3, real=60, imaginary=60)),
+    "tiny decay": ("quadratic", region("half_plane", decay=1e-200)),
+    "no double": ("quadratic", region("half_plane", decay="1/3")),
+    "a part twice": ("quadratic", parts(2, **HALF)),
     "on a ball": ("scheduled", put("law", "on", value="ball")),
     "on a list": ("scheduled", put("law", "on", value=["box"])),
     "on null": ("slack", put("certificate", "on", value=None)),
@@ -154,18 +172,6 @@ REFUSED = {
 }
 
 NOT_PROVED = {
-    "empty strip": ("quadratic", region("vertical_strip", low=-1, high=-6)),
-    "flat strip": ("quadratic", region("horizontal_strip", height=0)),
-    "flat ellipse": ("quadratic", region("ellipse", centre=-3, real=2, imaginary=0)),
-    "disk without radius": ("quadratic", region("disk", centre=-3, radius=-1)),
-    "disk to the right": ("quadratic", region("disk", centre=3, radius=60)),
-    "slope too steep": ("quadratic", region("sector", damping=0.5, slope=1.8)),
-    "slope a little too steep": (
-        "quadratic",
-        region("sector", damping=0.5, slope=float(np.nextafter(np.sqrt(3), 2))),
-    ),
-    "slope without damping": ("quadratic", region("sector", damping=0, slope=1)),
-    "negative damping": ("quadratic", region("sector", damping=-0.5, slope=-1.7)),
     "epsilon zero": ("slack", put("certificate", "epsilon", value=0)),
     "epsilon negative": ("slack", put("certificate", "epsilon", value=-0.03)),
     "epsilon gone": ("slack", drop("certificate", "epsilon")),
@@ -366,7 +372,9 @@ def test_claims_whose_numbers_are_wrong_are_not_proved(claim):
     assert not exact.prove(WRONG[claim]).proved
 
 
-PARTS = [
+NO_REGIONS = [
+    exact.Part("disk", (Fraction(5), Fraction(3))),
+    exact.Part("disk", (Fraction(-3), Fraction(-3))),
     exact.Part("ellipse", (Fraction(1, 2), Fraction(3), Fraction(1))),
     exact.Part("sector", (Fraction(1, 2), Fraction(1))),
     exact.Part("sector", (Fraction(1, 10**9), Fraction(1))),
@@ -374,13 +382,13 @@ PARTS = [
 ]
 
 
-def test_refuted_is_true_of_regions_that_only_the_checker_takes():
-    """x' = -x: its pole lies in the region, and a spoiled certificate makes nothing of it."""
-    for part in PARTS:
-        good, spoiled = certified(part, 1), certified(part, -1)
-        assert exact.poles_inside(spoiled, [Fraction(1)])
-        assert check_claim(good).proved
-        assert check_claim(spoiled).answer == "undecided", part
+@pytest.mark.parametrize("part", NO_REGIONS)
+def test_numbers_that_make_no_region_are_neither_proved_nor_refuted(part):
+    for W in (1, -1):
+        claim = certified(part, W)
+        for decide in (exact.prove, check_claim, lambda c: exact.poles_inside(c, [Fraction(1)])):
+            with pytest.raises(exact.FormatError, match=r"region\.(centre|radius|slope|d)"):
+                decide(claim)
 
 
 def certified(part, W):

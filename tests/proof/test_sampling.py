@@ -180,7 +180,6 @@ FAULTS = {
     "decay too fast": lambda c: replace(c, decay=c.decay + Fraction(1, 10)),
     "radius too large": lambda c: replace(c, radius=c.radius + Fraction(1, 100)),
     "radius too small": lambda c: replace(c, radius=c.radius - Fraction(1, 50)),
-    "radius of one": lambda c: replace(c, radius=Fraction(1), decay=Fraction(0)),
     "another sample time": lambda c: replace(c, sample_time=c.sample_time * Fraction(9, 10)),
     "a step off": lambda c: replace(c, steps=(matrix(c.steps[0], 0, 0, 3 * c.error), *c.steps[1:])),
     "the input's step off": lambda c: replace(
@@ -232,6 +231,7 @@ REFUSED = {
     "terms": lambda c: replace(c, terms=0),
     "many terms": lambda c: replace(c, terms=10**9),
     "decay": lambda c: replace(c, decay=Fraction(-1)),
+    "radius of one": lambda c: replace(c, radius=Fraction(1), decay=Fraction(0)),
     "long samples": lambda c: replace(c, sample_time=Fraction(1000)),
     "no samples": lambda c: replace(c, sample_time=Fraction(0)),
     "shape": lambda c: replace(c, T=[[Fraction(1)]]),

@@ -362,7 +362,8 @@ def test_faults_of_single_claims(proved):
     assert not answer(changed(rate, "service", "decay", value=3))
     assert not answer(changed(gain, "design", "region", "radius", value=2.0))
     assert not answer(changed(estimate, "design", "region", "radius", value=2.0))
-    assert not answer(changed(estimate, "design", "region", "radius", value=-1))
+    with pytest.raises(FormatError, match="radius"):
+        answer(changed(estimate, "design", "region", "radius", value=-1))
     assert answer(changed(rate, "design", "region", "radius", value=2.0))  # rates are of motion
     wide, narrow = ({"kind": "disk", "centre": -3, "radius": r} for r in (2.5, 2.0))
     for document in (gain, estimate):
@@ -370,11 +371,13 @@ def test_faults_of_single_claims(proved):
         assert not answer(changed(document, "service", value=lambda t: t | {"region": narrow}))
 
 
-@pytest.mark.parametrize(("damping", "true"), [(0.05, True), (0.99, False)])
-def test_a_sector_is_what_its_damping_says(proved, damping, true):
-    sector = {"kind": "sector", "damping": damping, "slope": 10}
+def test_a_sector_is_what_its_damping_says(proved):
+    sector = Sector(0.05).document()
     claimed = changed(proved["estimate"], "service", value=lambda t: t | {"region": sector})
-    assert answer(claimed) is true
+    assert answer(claimed)
+    for damping in (0.01, 0.99):
+        with pytest.raises(FormatError, match="slope"):
+            answer(changed(claimed, "service", "region", "damping", value=damping))
 
 
 def test_finer_proofs_prove_more():

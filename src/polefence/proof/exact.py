@@ -58,6 +58,9 @@ KINDS = {
     "ellipse": ("centre", "real", "imaginary"),
 }
 
+POSITIVE = ("radius", "height", "real", "imaginary")
+LEAST_RATE, MOST_RATE, LEAST_DAMPING = map(Fraction, (1e-100, 1e100, 1e-8))
+
 Rationals = list[list[Fraction]]
 Integers = list[list[int]]
 Exponent = tuple[int, ...]
@@ -143,10 +146,6 @@ def prove(claim: Claim) -> Verdict:
         If the claim is incomplete or inconsistent, or asks for work out of all proportion.
     """
     _require_consistent(claim)
-    for part in claim.region:
-        fault = _fault(part)
-        if fault:
-            return Verdict(False, fault)
     for evidence in claim.evidence:
         if evidence.tau < 0:
             return Verdict(False, "tau is negative")
@@ -176,6 +175,7 @@ def _require_consistent(claim: Claim) -> None:
         raise FormatError(f"method {claim.method!r} is not one of {', '.join(METHODS)}")
     if not claim.A or len(claim.B) != N or not claim.region:
         raise FormatError("vertices or the region are missing")
+    require_region(claim.region)
     if claim.on not in ("simplex", "box") or (claim.on == "box" and N & (N - 1)):
         raise FormatError(f"{N} vertices do not make a {claim.on}")
     scheduled = law.W is not None and law.Z is not None and law.K is None
@@ -369,23 +369,57 @@ def _transposed(matrix: Integers) -> Integers:
 # --- the inequalities ----------------------------------------------------------------------------
 
 
+def require_region(parts: tuple[Part, ...]) -> None:
+    """Refuse numbers that make no region: no pole lies in one, nor outside.
+
+    Raises
+    ------
+    FormatError
+        Naming the first such part.
+    """
+    for k, part in enumerate(parts):
+        fault = _fault(part)
+        if fault:
+            where = "region" if len(parts) == 1 else f"region.parts[{k + 1}]"
+            raise FormatError(f"{where}.{fault}")
+
+
 def _fault(part: Part) -> str:
-    """Say what is wrong with a part's numbers."""
-    v = part.numbers
-    if part.kind == "disk":
-        if v[1] <= 0:
-            return "the radius is not positive"
-        if v[0] >= 0 and abs(v[0]) + v[1] >= 1:
-            return "the centre is not in the left half-plane, nor the disk in the unit disk"
-    if part.kind == "sector" and not (min(v) > 0 and v[0] ** 2 * (1 + v[1] ** 2) <= 1):
-        return "the sector's slope is not that of its damping ratio"
-    if part.kind == "vertical_strip" and v[0] >= v[1]:
-        return "the strip is empty"
-    if part.kind == "horizontal_strip" and v[0] <= 0:
-        return "the strip is empty"
-    if part.kind == "ellipse" and min(v[1:]) <= 0:
-        return "the ellipse is empty"
+    """Say which number of a part makes it no region, and what it must be."""
+    v = dict(zip(KINDS[part.kind], part.numbers, strict=True))
+    for key, value in v.items():
+        if value and not LEAST_RATE <= abs(value) <= MOST_RATE:
+            return f"{key} = {_short(value)} is out of range; use magnitudes 1e-100 to 1e100"
+        if key in POSITIVE and value <= 0:
+            return f"{key} = {_short(value)} must be positive"
+    if part.kind == "disk" and v["centre"] >= 0 and v["centre"] + v["radius"] >= 1:
+        return (
+            f"centre = {_short(v['centre'])} must be negative, or the disk inside the unit circle"
+        )
+    if part.kind == "ellipse" and v["centre"] >= 0:
+        return f"centre = {_short(v['centre'])} must be negative"
+    if part.kind == "vertical_strip" and v["low"] >= v["high"]:
+        return f"low = {_short(v['low'])} must be below high = {_short(v['high'])}"
+    if part.kind == "sector":
+        if not LEAST_DAMPING <= v["damping"] < 1:
+            return f"damping = {_short(v['damping'])} must be a damping ratio between 0 and 1"
+        if v["slope"] != _slope(v["damping"]):
+            right = float(_slope(v["damping"]))
+            return f"slope = {_short(v['slope'])} is not that of its damping, {right!r}"
     return ""
+
+
+def _slope(damping: Fraction) -> Fraction:
+    """Return the slope sqrt(1 - damping^2) / damping, rounded down: no pole is damped less."""
+    ratio = float(damping)
+    slope = math.sqrt((1 - ratio) * (1 + ratio)) / ratio
+    while damping**2 * (1 + Fraction(slope) ** 2) > 1:
+        slope = math.nextafter(slope, 0)
+    return Fraction(slope)
+
+
+def _short(value: Fraction) -> str:
+    return repr(float(value)).removesuffix(".0")
 
 
 def _characteristic_pairs(part: Part) -> list[tuple[Rationals, Rationals]]:
@@ -682,12 +716,12 @@ def poles_inside(claim: Claim, alpha: list[Fraction]) -> bool:
     Raises
     ------
     ValueError
-        If alpha is not a point of the simplex, or for a box no product.
+        If alpha is not a point of the simplex, or for a box no product; or the numbers of the
+        region make none.
     """
     if len(alpha) != len(claim.A) or min(alpha) < 0 or sum(alpha) != 1:
         raise ValueError("alpha is not a point of the simplex")
-    if any(_fault(part) for part in claim.region):
-        return False
+    require_region(claim.region)
     closed = closed_loop(claim, alpha)
     return closed is not None and all_inside(closed, claim.region)
 
@@ -1012,8 +1046,14 @@ def read_region(table: Any) -> tuple[Part, ...]:
     if kind == "intersection":
         _only({"region": table}, "region", {"kind", "parts"})
         parts = _list(_at({"region": table}, "region", "parts"), "region.parts", MAX_PARTS)
-        return tuple(_part(part, f"region.parts[{k + 1}]") for k, part in enumerate(parts))
-    return (_part(table, "region"),)
+        found = tuple(_part(part, f"region.parts[{k + 1}]") for k, part in enumerate(parts))
+        for k, part in enumerate(found):
+            if part in found[:k]:
+                raise FormatError(f"region.parts[{k + 1}] stands there twice; leave one out")
+    else:
+        found = (_part(table, "region"),)
+    require_region(found)
+    return found
 
 
 def _part(table: Any, where: str) -> Part:
@@ -1021,8 +1061,15 @@ def _part(table: Any, where: str) -> Part:
     if not isinstance(kind, str) or kind not in KINDS:
         raise FormatError(f"{where}.kind must be one of {', '.join(KINDS)}")
     _only({where: table}, where, {"kind", *KINDS[kind]})
-    numbers = (read_number(_at({where: table}, where, k), f"{where}.{k}") for k in KINDS[kind])
-    return Part(kind, tuple(numbers))
+    return Part(kind, tuple(_double(table, where, key) for key in KINDS[kind]))
+
+
+def _double(table: Any, where: str, key: str) -> Fraction:
+    """Return a number of a region: a double, so that what is printed of it is what is proved."""
+    value = read_number(_at({where: table}, where, key), f"{where}.{key}")
+    if Fraction(float(value)) != value:
+        raise FormatError(f"{where}.{key} = {str(table[key])[:40]!r} is no double; give a decimal")
+    return value
 
 
 def _law(document: dict[str, Any], n: int, m: int) -> tuple[Law, str]:

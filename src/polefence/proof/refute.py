@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 
-from polefence.errors import RegionError
 from polefence.law import right_divide
 from polefence.plant.family import UncertainPlant
 from polefence.plant.system import Array, uncontrollable_part
@@ -51,11 +50,7 @@ def counterexample(claim: exact.Claim) -> list[Fraction] | None:
     A float search over corners, edges and a seeded sample, refined around the worst points; the
     alpha returned was confirmed in exact arithmetic.
     """
-    try:
-        region = region_of([(part.kind, part.numbers) for part in claim.region])
-    except RegionError:  # numbers that make no region keep no pole
-        alpha = [Fraction(int(j == 0)) for j in range(len(claim.A))]
-        return None if exact.poles_inside(claim, alpha) else alpha
+    region = region_of([(part.kind, part.numbers) for part in claim.region])
     for point, worst in worst_points(claim, lambda poles: region.distance(poles).max(axis=-1)):
         if worst < -1e-6 * region.size:
             continue

@@ -105,6 +105,8 @@ def _require_consistent(claim: Sampled) -> None:
     for key in ("sample_time", "radius", "error", "mu", "weight"):
         if getattr(claim, key) <= 0:
             raise FormatError(f"sampling.{key} must be positive")
+    if claim.radius >= 1:
+        raise FormatError("sampling.radius must be below one: a loop that decays")
     if not 1 <= claim.terms <= MAX_TERMS:
         raise FormatError(f"sampling.terms must be 1 to {MAX_TERMS}")
     if claim.decay < 0:

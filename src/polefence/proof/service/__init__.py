@@ -37,10 +37,10 @@ from polefence.proof.exact import (
     Rationals,
     Verdict,
     _characteristic_pairs,
-    _fault,
     _is_symmetric,
     _number,
     is_positive_definite,
+    require_region,
     simplices,
 )
 from polefence.proof.service.claims import (
@@ -82,10 +82,6 @@ def prove_service(claim: ServiceClaim) -> Verdict:
         If the claim is incomplete or inconsistent, or asks for work out of all proportion.
     """
     _require_consistent(claim)
-    for part in claim.subject.design.region:
-        fault = _fault(part)
-        if fault:
-            return Verdict(False, fault)
     fault = _asymmetric(claim.subject.design)
     if fault:
         return Verdict(False, f"{fault} is not symmetric")
@@ -110,6 +106,7 @@ def _require_consistent(claim: ServiceClaim) -> None:
     design, count = subject.design, max(len(subject.ranges), 1)
     n, m = len(design.A[0]), len(design.B[0][0])
     W: list[Rationals] = []
+    require_region(design.region)
     if isinstance(claim, Gain) and design.method == "lyapunov":
         require_given(claim)
     else:

@@ -257,7 +257,7 @@ def _proved(task: Task, found: Reached, share: float) -> Optimised | None:
     """Prove everything of a law that was found; None where something is not."""
     law = task.law(found)
     certificate = _region(task, found, law, share)
-    return None if certificate is None else _bounded(task, law, certificate, share)
+    return None if certificate is None else _bounded(task, certificate, share)
 
 
 def _kept(task: Task, law: Law, share: float) -> Optimised | None:
@@ -265,11 +265,12 @@ def _kept(task: Task, law: Law, share: float) -> Optimised | None:
     answer = analyse(task.plant, law, task.region, budget=ENOUGH)
     if not answer.proved or answer.certificate is None:
         return None
-    return _bounded(task, law, answer.certificate, share)
+    return _bounded(task, answer.certificate, share)
 
 
-def _bounded(task: Task, law: Law, certificate: Certificate, share: float) -> Optimised | None:
-    """Prove the bounds; None where one is not."""
+def _bounded(task: Task, certificate: Certificate, share: float) -> Optimised | None:
+    """Prove the bounds of the certificate's law, where alpha lives there; None where one is not."""
+    law = certificate.law
     limits = [kept_bound(task.plant, law, s) for s in task.limits]
     if any(bound is None for bound in limits):
         return None

@@ -28,6 +28,7 @@ from polefence.commands import (
     tightest,
     tradeoff,
 )
+from polefence.commands.shared import say
 from polefence.errors import InputError, MissingExtraError, NotProvedError, PolefenceError
 
 PROVED, NOT_PROVED, BAD_INPUT, INTERRUPTED = 0, 1, 2, 130
@@ -62,13 +63,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
         sys.stdout.flush()
         return status
     except NotProvedError as answer:
-        print(answer, file=sys.stderr)
+        say(_one_line(answer), file=sys.stderr)
         return NOT_PROVED
     except (InputError, MissingExtraError) as error:
-        print(f"polefence: {' '.join(str(error).split())}", file=sys.stderr)
+        say(f"polefence: {_one_line(error)}", file=sys.stderr)
         return BAD_INPUT
     except PolefenceError as error:
-        print(f"polefence: {error}", file=sys.stderr)
+        say(f"polefence: {_one_line(error)}", file=sys.stderr)
         return NOT_PROVED
     except KeyboardInterrupt:
         # a second Ctrl-C while Python ends would turn the status into that of a killed process
@@ -76,14 +77,18 @@ def main(arguments: Sequence[str] | None = None) -> int:
         keeps = getattr(options, "json", None) or getattr(options, "output", None)
         keeps = keeps and hasattr(options, "resume")
         kept = "; finished rows are kept, --resume goes on" if keeps else ""
-        print(f"polefence: interrupted{kept}", file=sys.stderr)
+        say(f"polefence: interrupted{kept}", file=sys.stderr)
         return INTERRUPTED
     except BrokenPipeError:  # the reader has seen enough
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return PROVED
     except OSError as error:
-        print(f"polefence: cannot write the output: {error.strerror}", file=sys.stderr)
+        say(f"polefence: cannot write the output: {error.strerror}", file=sys.stderr)
         return BAD_INPUT
+
+
+def _one_line(error: BaseException) -> str:
+    return " ".join(str(error).split())
 
 
 def _negative_numbers(arguments: Sequence[str]) -> list[str]:
@@ -103,7 +108,8 @@ class _Parser(argparse.ArgumentParser):
     """Errors of usage in one line."""
 
     def error(self, message: str) -> NoReturn:
-        self.exit(BAD_INPUT, f"{self.prog}: {message}; see: {self.prog} --help\n")
+        say(f"{self.prog}: {message}; see: {self.prog} --help", file=sys.stderr)
+        self.exit(BAD_INPUT)
 
 
 def _parser() -> argparse.ArgumentParser:

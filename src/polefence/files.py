@@ -95,7 +95,8 @@ def write_bytes(path: Path, content: bytes) -> None:
 
 def write_text(path: Path, content: str) -> None:
     """Write a UTF-8 text file whole; see `write_bytes`."""
-    write_bytes(path, content.encode())
+    # half a surrogate pair in a stranger's name is no letter: it is written as its number
+    write_bytes(path, content.encode("utf-8", "backslashreplace"))
 
 
 def _try_writing(folder: Path) -> None:

@@ -10,6 +10,7 @@ import numpy as np
 
 from polefence.boundary import View, curves, view_of
 from polefence.design import Design
+from polefence.plant.names import visible
 from polefence.plant.system import Array
 from polefence.polynomial import Domain
 from polefence.proof import exact
@@ -109,10 +110,10 @@ def limits_figure(
             ax.plot(sigma, ratio, **few | known[method] | every)
         ax.axhline(0, color="0.4", lw=0.8)
         ax.set_title(title)
-        ax.set_xlabel(r"distance of the centre from the imaginary axis, $\sigma$ [1/s]")
+        ax.set_xlabel("distance of the centre from the imaginary axis, σ [1/s]")
         if floor is not None:
             ax.set_ylim(bottom=max(ax.get_ylim()[0], floor))
-    axes[0].set_ylabel(r"$d/\sigma = 1 - r/\sigma$ [%]")
+    axes[0].set_ylabel("d/σ = 1 - r/σ [%]")
     axes[-1].legend(loc="lower right", fontsize=8.5)
     return figure
 
@@ -240,8 +241,21 @@ def render(figure: Figure, kind: str) -> bytes:
     """Return the figure as the bytes of a PNG, SVG or PDF, the same for the same data."""
     from matplotlib import rc_context
 
+    _as_written(figure)
     dates: dict[str, dict[str, Any]] = {"svg": {"Date": None}, "pdf": {"CreationDate": None}}
     with rc_context(_STYLE):
         buffer = io.BytesIO()
         figure.savefig(buffer, format=kind, dpi=160, metadata=dates.get(kind))
     return buffer.getvalue()
+
+
+def _as_written(figure: Figure) -> None:
+    """Show texts as they are: names are no formulas, and have no control characters."""
+    from matplotlib.axis import Tick
+    from matplotlib.text import Text
+
+    ticks = {id(text) for tick in figure.findobj(Tick) for text in (tick.label1, tick.label2)}
+    for text in figure.findobj(Text):
+        if id(text) not in ticks:  # powers of ten are formulas
+            text.set_parse_math(False)
+            text.set_text("\n".join(map(visible, text.get_text().split("\n"))))

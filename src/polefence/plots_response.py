@@ -124,7 +124,7 @@ def bands_figure(
             ax.minorticks_off()
             ax.set_xlabel("centre of the one-third octave [Hz]")
             if ax is axes[k, 0]:
-                ax.set_ylabel("weighted rms in the band [m/s$^2$]")
+                ax.set_ylabel("weighted rms in the band [m/s²]")
         column[0].set_title(title)
     handles, labels = axes[-1, 0].get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside lower center", ncols=3, fontsize=8.5)
@@ -180,8 +180,8 @@ def _line(style: str, label: str) -> Any:
 
 def _folded(signal: Signal, per: str = "") -> str:
     """Name over unit, so that narrow panels have room."""
-    unit = signal.unit.replace("m/s2", "m/s$^2$")
+    unit = signal.unit.replace("m/s2", "m/s²")
     if per:
-        unit = f"{unit} per {per.replace('m/s2', 'm/s$^2$')}"
+        unit = f"{unit} per {per.replace('m/s2', 'm/s²')}"
     name = "\n".join(wrap(signal.name, 16, break_on_hyphens=False))
     return f"{name}\n[{unit}]" if unit else name

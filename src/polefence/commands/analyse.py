@@ -15,6 +15,8 @@ from polefence.commands.shared import (
     PROVED,
     check_figure,
     check_targets,
+    say,
+    say_over,
     spec_argument,
     write_figure,
     write_json,
@@ -158,12 +160,12 @@ def _region(options: Any) -> Region:
 
 def _one(analysis: Analysis, options: Any) -> int:
     if analysis.proved:
-        print(
+        say(
             f"proved: the given law keeps all poles of {analysis.plant.name!r} in "
             f"{analysis.region} for every alpha; {analysis.reason}"
         )
     else:
-        print(f"{analysis.answer}: {analysis.reason}")
+        say(f"{analysis.answer}: {analysis.reason}")
     pole, alpha = analysis.pole, analysis.alpha
     _finish(
         options,
@@ -192,17 +194,17 @@ def _worst(plant: UncertainPlant, worst: WorstCase, options: Any) -> int:
     about = f" about {options.centre:g}" if options.of == "disk" else ""
     value = None if worst.region is None else _value(worst.region, options.of)
     if value is None:
-        print(f"undecided: no {name}{about} was proved")
+        say(f"undecided: no {name}{about} was proved")
     else:
-        print(f"proved: {name} {safe(value)}{unit}{about} for every alpha of {plant.name!r}")
+        say(f"proved: {name} {safe(value)}{unit}{about} for every alpha of {plant.name!r}")
     if options.of != "disk" and worst.bound < 0:
-        print("note: below zero: the given law does not stabilise every plant of the family")
+        say("note: below zero: the given law does not stabilise every plant of the family")
     where = f"alpha = ({', '.join(f'{a:.4g}' for a in worst.alpha)})"
     if worst.values is not None:
         where = values_text(plant, worst.values)
     if worst.cut:
-        print(CUT)
-    print(f"sampled: {name} {beyond(worst.bound)}{unit} at {where}; no proof can pass it")
+        say(CUT)
+    say(f"sampled: {name} {beyond(worst.bound)}{unit} at {where}; no proof can pass it")
     design = None if worst.certificate is None else Design(worst.certificate)
     _finish(
         options,
@@ -218,7 +220,7 @@ def _worst(plant: UncertainPlant, worst: WorstCase, options: Any) -> int:
         },
     )
     if options.plot is not None and design is None:
-        print("not drawn: nothing was proved")
+        say("not drawn: nothing was proved")
     elif options.plot is not None and design is not None:
         from polefence.plots import poles_figure, sampled
 
@@ -234,7 +236,7 @@ def _finish(options: Any, design: Design | None, summary: dict[str, Any]) -> Non
     """Save what was proved, and the summary."""
     if options.output is not None:
         path = None if design is None else design.save(options.output)
-        print("not saved: nothing was proved" if path is None else f"saved: {path}")
+        say("not saved: nothing was proved" if path is None else f"saved: {path}")
     if options.json is not None:
         write_json(options.json, summary)
 
@@ -244,15 +246,15 @@ def _table(plant: UncertainPlant, table: GainTable, region: Region, options: Any
         raise InputError(f"--plot draws one or two parameters; {plant.name} has more")
     with _Cells(table) as progress:
         found = analyse_table(plant, table, region, options.depth, options.budget, progress.step)
-    print(f"{found.answer}: {found.summary}")
+    say(f"{found.answer}: {found.summary}")
     if found.cut:
-        print(CUT)
+        say(CUT)
     for values in found.counterexamples[:SHOWN]:
-        print(f"  a pole is not in {region} at {values_text(plant, values)}")
+        say(f"  a pole is not in {region} at {values_text(plant, values)}")
     if len(found.counterexamples) > SHOWN:
-        print(f"  and in {len(found.counterexamples) - SHOWN} more cells")
+        say(f"  and in {len(found.counterexamples) - SHOWN} more cells")
     if options.output is not None:
-        print(f"saved: {found.save(options.output)}")
+        say(f"saved: {found.save(options.output)}")
     if options.json is not None:
         write_json(options.json, _table_summary(found))
     if options.plot is not None:
@@ -286,7 +288,7 @@ class _Cells:
 
     def __exit__(self, *_: object) -> None:
         if self.visible and self.count:
-            print(file=sys.stderr)
+            say("", file=sys.stderr)
 
     def step(self, cell: Cell) -> None:
         """Show that a cell is finished."""
@@ -294,4 +296,4 @@ class _Cells:
         self.done += float(cell.volume) / self.whole
         if self.visible:
             line = f"{self.count} cells, {100 * self.done:.0f} % of the box"
-            print(f"\r{line:<40}", end="", file=sys.stderr, flush=True)
+            say_over(line)

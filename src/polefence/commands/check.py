@@ -8,7 +8,12 @@ from pathlib import Path
 from typing import Any
 
 from polefence.augmented import with_weights
-from polefence.commands.shared import NOT_PROVED, PROVED, write_json
+from polefence.commands.shared import (
+    NOT_PROVED,
+    PROVED,
+    say,
+    write_json,
+)
 from polefence.design import Design, check
 from polefence.export import check_guarantee, guarantee_plant, is_guarantee_file
 from polefence.performance_file import check_performance, is_performance_file, performance_plant
@@ -49,11 +54,11 @@ def check_command(options: Any) -> int:
     """Prove a saved design or analysis afresh, in exact arithmetic."""
     proves, plant_of = next(do for is_mine, *do in KINDS if is_mine(options.file))
     answer = proves(options.file)
-    print(f"{options.file}: {answer}")
+    say(f"{options.file}: {answer}")
     difference = None
     if options.spec is None:
-        print("note: about the vertices in the file; --spec SPEC compares them, and the parameter")
-        print("ranges that alpha is computed from, with a spec")
+        say("note: about the vertices in the file; --spec SPEC compares them, and the parameter")
+        say("ranges that alpha is computed from, with a spec")
     else:
         plant, letters = load(options.spec), "AB"
         if proves is check_performance:
@@ -70,7 +75,7 @@ def check_command(options: Any) -> int:
         }
         write_json(options.json, document)
     if difference is not None:
-        print(f"{options.file}: but NOT about {options.spec}: {difference}")
+        say(f"{options.file}: but NOT about {options.spec}: {difference}")
         return NOT_PROVED
     return PROVED if answer.proved else NOT_PROVED
 

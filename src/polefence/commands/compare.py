@@ -7,7 +7,12 @@ from pathlib import Path
 from typing import Any
 
 from polefence.commands.laws import Named, distinct, read_law, read_subject
-from polefence.commands.shared import PROVED, check_targets, write_json
+from polefence.commands.shared import (
+    PROVED,
+    check_targets,
+    say,
+    write_json,
+)
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -58,5 +63,5 @@ def compare_command(options: Any) -> int:
     )
     if options.json is not None:
         write_json(options.json, found.document())
-    print(found)
+    say(*found.lines)
     return PROVED

@@ -3,9 +3,13 @@
 from __future__ import annotations
 
 import argparse
+import sys
 from typing import Any
 
-from polefence.commands.shared import PROVED
+from polefence.commands.shared import (
+    PROVED,
+    say,
+)
 from polefence.suspension.quarter_car import SPECS, spec_text
 
 
@@ -18,8 +22,8 @@ def example_command(options: Any) -> int:
     """Print a spec that ships with polefence, to copy and edit."""
     if options.name is None:
         for name, text in SPECS.items():
-            print(f"{name:<24} {text}")
-        print("copy one: polefence example quarter-car-physical > car.toml")
+            say(f"{name:<24} {text}")
+        say("copy one: polefence example quarter-car-physical > car.toml")
     else:
-        print(spec_text(options.name), end="")
+        sys.stdout.write(spec_text(options.name))
     return PROVED

@@ -7,7 +7,11 @@ import os
 from pathlib import Path
 from typing import Any
 
-from polefence.commands.shared import NOT_PROVED, PROVED
+from polefence.commands.shared import (
+    NOT_PROVED,
+    PROVED,
+    say,
+)
 from polefence.design import Design
 from polefence.errors import InputError
 from polefence.export import export_c99, with_fmus
@@ -107,7 +111,7 @@ def export_command(options: Any) -> int:
     paths = found.save(options.output)
     _print(found)
     for path in paths:
-        print(f"saved: {path}")
+        say(f"saved: {path}")
     return PROVED if found.proved else NOT_PROVED
 
 
@@ -132,14 +136,14 @@ def _matlab(options: Any) -> int:
     design = Design.load(options.design, allow_unproved=options.allow_unproved)
     content = dict.fromkeys(own, mat_bytes(design))
     for path in write_folder(options.output, content, own):
-        print(f"saved: {path}")
+        say(f"saved: {path}")
     return PROVED if design.proved else NOT_PROVED
 
 
 def _print(found: Exported) -> None:
     made = found.guarantee
-    print(f"{found.texts.title}: {found.program.number.c_type} code")
+    say(f"{found.texts.title}: {found.program.number.c_type} code")
     for line in found.texts.statement:
-        print(f"  {line}")
+        say(f"  {line}")
     if made.tolerated > 0:
-        print(f"  rounding {made.rounding:.2e}, tolerated {made.tolerated:.2e}")
+        say(f"  rounding {made.rounding:.2e}, tolerated {made.tolerated:.2e}")

@@ -17,6 +17,7 @@ from polefence.commands.shared import (
     check_targets,
     jobs_of,
     read_plant,
+    say,
     size_of,
     spec_argument,
     sweep_arguments,
@@ -85,14 +86,14 @@ def limits_command(options: Any) -> int:
         from polefence.plots import limits_figure
 
         write_figure(options.plot, limits_figure({plant.name: rows}))
-    print(f"{plant.name}: {size_of(plant)}")
+    say(f"{plant.name}: {size_of(plant)}")
     width = max(10, *(len(row["method"]) for row in rows))
-    print(
+    say(
         f"{'centre':>10}  {'method':<{width}} {'radius':>10}  {'at least':>10}  {'d/sigma':>8}  "
         f"{'status':<9}  seconds"
     )
     for row in rows:
-        print(_row_line(row, width, plant.sample_time is None))
+        say(_row_line(row, width, plant.sample_time is None))
     return PROVED if all(row["status"] == "proved" for row in rows) else NOT_PROVED
 
 

@@ -9,7 +9,14 @@ from typing import Any
 import numpy as np
 
 from polefence.commands.methods import label_of, method_arguments, method_of
-from polefence.commands.shared import PROVED, check_targets, matrix_text, spec_argument, write_json
+from polefence.commands.shared import (
+    PROVED,
+    check_targets,
+    matrix_text,
+    say,
+    spec_argument,
+    write_json,
+)
 from polefence.design import FILE_NAME
 from polefence.law import FixedGain
 from polefence.observer import Observer, observe
@@ -47,19 +54,19 @@ def observe_command(options: Any) -> int:
     check_targets(options.output and options.output / FILE_NAME, options.json)
     observer = observe(plant, options.measured, region, method)
     label = label_of(observer.design)
-    print(
+    say(
         f"proved: {label} keeps all poles of the observer of {plant.name!r} in {region} for every "
         "alpha"
     )
     if plant.sample_time is None and not region.stable:
-        print("note: this region reaches into the right half-plane; the error need not die out")
+        say("note: this region reaches into the right half-plane; the error need not die out")
     names = observer.design.plant.inputs
-    print(f"  measured: {', '.join(names)}")
+    say(f"  measured: {', '.join(names)}")
     gains = _gains(observer)
     for name, gain in gains.items():
-        print(f"  {name} = {matrix_text(gain)}")
+        say(f"  {name} = {matrix_text(gain)}")
     if options.output is not None:
-        print(f"saved: {observer.save(options.output)}")
+        say(f"saved: {observer.save(options.output)}")
     if options.json is not None:
         summary = {
             "plant": plant_summary(plant),

@@ -15,6 +15,7 @@ from polefence.commands.shared import (
     check_results,
     check_targets,
     read_plant,
+    say,
     spec_argument,
     write_figure,
     write_json,
@@ -111,9 +112,9 @@ def _finish(done: Optimised, rows: Sequence[Row], method: Method, options: Any) 
         write_json(options.json, document_of(done, rows, label))
     if options.plot is not None:
         write_figure(options.plot, figure_of(done, rows))
-    print("\n".join(lines_of(done, rows, label)))
+    say(*lines_of(done, rows, label))
     if saved is not None:
-        print(f"saved: {saved}")
+        say(f"saved: {saved}")
 
 
 def road_of(options: Any) -> Road | None:

@@ -6,7 +6,14 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-from polefence.commands.shared import NOT_PROVED, PROVED, Progress, jobs_of, sweep_arguments
+from polefence.commands.shared import (
+    NOT_PROVED,
+    PROVED,
+    Progress,
+    jobs_of,
+    say,
+    sweep_arguments,
+)
 from polefence.files import make_folder
 from polefence.region_text import digits_up
 from polefence.sweep import processes
@@ -35,11 +42,11 @@ def paper_command(options: Any) -> int:
         results = paper.reproduce(folder, options.resume, executor, progress.step)
     paths = paper_report.write(results, folder)
     for row in results["radii"]:
-        print(
+        say(
             f"{row['family']:<11} {row['method']:<10} published {row['published']:<5g} "
             f"{row['status']} {digits_up(row['radius']) if row['radius'] else '-'}"
         )
-    print(f"written: {folder / 'report.md'}, with {len(paths) - 1} files beside it")
+    say(f"written: {folder / 'report.md'}, with {len(paths) - 1} files beside it")
     rows = [row for sweep_rows in results["limits"].values() for row in sweep_rows]
     rows += [*results["radii"], *results["slow centres"]]
     return PROVED if all(row["status"] == "proved" for row in rows) else NOT_PROVED

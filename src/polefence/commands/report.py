@@ -6,7 +6,10 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-from polefence.commands.shared import PROVED
+from polefence.commands.shared import (
+    PROVED,
+    say,
+)
 from polefence.design import Design
 from polefence.errors import InputError
 from polefence.files import make_folder, write_text
@@ -65,5 +68,5 @@ def report_command(options: Any) -> int:
     text = html_report(design, options.road, options.speed, bounds, front)
     make_folder(target.parent)
     write_text(target, text)
-    print(f"written: {target}")
+    say(f"written: {target}")
     return PROVED

@@ -7,7 +7,13 @@ import math
 from pathlib import Path
 from typing import Any
 
-from polefence.commands.shared import NOT_PROVED, PROVED, check_targets, write_json
+from polefence.commands.shared import (
+    NOT_PROVED,
+    PROVED,
+    check_targets,
+    say,
+    write_json,
+)
 from polefence.design import Design
 from polefence.region_text import digits_up, parse_region
 from polefence.service import Margin, in_service
@@ -40,16 +46,16 @@ def service_command(options: Any) -> int:
     check_targets(options.output and options.output / "gain.json", options.json)
     design = Design.load(options.design)
     service = in_service(design, options.decay, region=region)
-    print(f"{design.plant.name}: all poles in {service.region}")
-    print(f"{'':<34} {'proved':>10}  {'breaks at':>10}")
+    say(f"{design.plant.name}: all poles in {service.region}")
+    say(f"{'':<34} {'proved':>10}  {'breaks at':>10}")
     for margin in service:
         upper = "-" if margin.upper is None else digits_up(margin.upper, 4)
         line = f"{margin.subject:<34} {margin.text:>10}  {upper:>10}  {margin.unit}"
-        print(line.rstrip())
-    print(f"rates leave exponential stability, decay rate {options.decay:g} 1/s")
+        say(line.rstrip())
+    say(f"rates leave exponential stability, decay rate {options.decay:g} 1/s")
     if options.output is not None:
         for path in service.save(options.output):
-            print(f"saved: {path}")
+            say(f"saved: {path}")
     if options.json is not None:
         rows = [_row(margin) for margin in service]
         document = {"region": service.region.document(), "decay": service.decay, "margins": rows}

@@ -7,7 +7,7 @@ import json
 import sys
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, TextIO
 
 import numpy as np
 
@@ -17,6 +17,7 @@ from polefence.files import check_target, make_folder, write_bytes, write_text
 from polefence.law import FixedGain
 from polefence.limits import Limit
 from polefence.plant.family import UncertainPlant
+from polefence.plant.names import visible
 from polefence.plant.spec import load
 
 PROVED, NOT_PROVED = 0, 1
@@ -27,6 +28,24 @@ TOO_LARGE = (
     "note: computed in doubles, this gain does NOT keep the poles there: it is too large; "
     "ask for a region that bounds the poles' speed, such as a disk"
 )
+
+
+def say(*lines: object, file: TextIO | None = None) -> None:
+    """Print each of these as one line, whatever names and paths are in it.
+
+    All that commands print goes this way: a newline or an escape in a name is shown, not obeyed,
+    and what the terminal has no letter for does not stop the answer.
+    """
+    stream = sys.stdout if file is None else file
+    code = getattr(stream, "encoding", None) or "utf-8"
+    for line in lines:
+        shown = visible(str(line)).encode(code, "backslashreplace").decode(code)
+        print(shown, file=stream)
+
+
+def say_over(line: str) -> None:
+    """Print a line of progress on stderr over the one before."""
+    print(f"\r{visible(line):<60}", end="", file=sys.stderr, flush=True)
 
 
 def spec_argument(parser: argparse.ArgumentParser) -> None:
@@ -122,9 +141,9 @@ def report(design: Design, lines: list[str], summary: Mapping[str, Any], options
         write_figure(options.plot, figure)
     if not np.all(design.region.distance(cloud) < ROUNDING * design.region.size):
         lines = [*lines, TOO_LARGE]
-    print("\n".join([*lines, *(f"  {label} = {matrix_text(K)}" for label, K in gains.items())]))
+    say(*lines, *(f"  {label} = {matrix_text(K)}" for label, K in gains.items()))
     if saved is not None:
-        print(f"saved: {saved}")
+        say(f"saved: {saved}")
 
 
 def write_figure(path: Path, figure: Any) -> None:
@@ -158,11 +177,11 @@ class Progress:
 
     def __exit__(self, *_: object) -> None:
         if self.visible and self.done:
-            print(file=sys.stderr)
+            say("", file=sys.stderr)
 
     def step(self, row: Limit) -> None:
         """Show that a row is finished."""
         self.done += 1
         if self.visible:
             line = f"{self.done}/{self.total} centre {row.centre:g} {row.method}: {row.status}"
-            print(f"\r{line:<60}", end="", file=sys.stderr, flush=True)
+            say_over(line)

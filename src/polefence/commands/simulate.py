@@ -16,6 +16,7 @@ from polefence.commands.shared import (
     PROVED,
     check_figure,
     check_targets,
+    say,
     write_figure,
     write_json,
 )
@@ -69,12 +70,12 @@ def simulate_command(options: Any) -> int:
     runs = {law.name: run(setup, law.law, _margins(setup, law)) for law in laws}
     summaries = [summary_of(law, runs[law.name]) for law in laws]
     _write(setup, runs, summaries, options)
-    print(_head(setup))
+    say(_head(setup))
     for summary in summaries:
-        print("\n".join(["", *text_of(summary)]))
+        say("", *text_of(summary))
     written = [path for path in (options.output, options.plot, options.json) if path is not None]
     if written:
-        print("\n".join(["", *(f"written: {path}" for path in written)]))
+        say("", *(f"written: {path}" for path in written))
     _require_end(runs)
     return PROVED
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import math
-import sys
 from pathlib import Path
 from typing import Any
 
@@ -24,6 +23,8 @@ from polefence.commands.shared import (
     check_targets,
     jobs_of,
     read_plant,
+    say,
+    say_over,
     size_of,
     spec_argument,
     sweep_arguments,
@@ -131,7 +132,7 @@ def tradeoff_command(options: Any) -> int:
         from polefence.plots_tradeoff import front_figure
 
         write_figure(options.plot, front_figure(front))
-    print("\n".join(_lines(front)))
+    say(*_lines(front))
     return PROVED if front.proved else NOT_PROVED
 
 
@@ -247,4 +248,4 @@ class _Progress(Progress):
         if self.visible:
             line = f"{self.done}/{self.total} limit {row['value']:g} {row['method']}"
             line += f": {row['status']}"
-            print(f"\r{line:<60}", end="", file=sys.stderr, flush=True)
+            say_over(line)

@@ -12,6 +12,7 @@ from polefence.design import Design
 from polefence.files import write_bytes
 from polefence.law import FixedGain
 from polefence.plant.family import UncertainPlant
+from polefence.plant.names import visible
 from polefence.plant.system import Array
 from polefence.polynomial import binomial
 
@@ -61,7 +62,7 @@ def variables(design: Design) -> dict[str, Any]:
     found: dict[str, Any] = {
         "A": _stacked(plant.A),
         "B": _stacked(plant.B),
-        "name": plant.name,
+        "name": visible(plant.name),
         "states": _cells(plant.states),
         "inputs": _cells(plant.inputs),
         "disturbances": _cells(plant.disturbances),
@@ -110,7 +111,7 @@ def _stacked(matrices: Array) -> Array:
 
 def _cells(names: tuple[str, ...]) -> Any:
     cells = np.empty((1, len(names)), dtype=object)
-    cells[0, :] = names
+    cells[0, :] = list(map(visible, names))
     return cells
 
 
@@ -118,5 +119,5 @@ def _parameters(plant: UncertainPlant) -> Any:
     kinds = [(key, object) for key in ("name", "low", "high", "unit", "inverted")]
     table = np.empty((1, len(plant.parameters)), dtype=kinds)
     for k, p in enumerate(plant.parameters):
-        table[0, k] = (p.name, float(p.low), float(p.high), p.unit, p.inverted)
+        table[0, k] = (p.name, float(p.low), float(p.high), visible(p.unit), p.inverted)
     return table

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 from polefence.design import Design, check
 from polefence.errors import NotProvedError
+from polefence.plant.names import visible
 from polefence.plots import render
 from polefence.region_text import short_text
 from polefence.report.content import sections
@@ -52,7 +53,10 @@ def html_report(
     if not answer.proved:
         raise NotProvedError(f"no report: {answer}")
     environment = Environment(
-        loader=PackageLoader("polefence.report"), autoescape=True, undefined=StrictUndefined
+        loader=PackageLoader("polefence.report"),
+        autoescape=True,
+        undefined=StrictUndefined,
+        finalize=_visible,
     )
     environment.filters["picture"] = _picture
     return environment.get_template("report.html").render(
@@ -60,6 +64,11 @@ def html_report(
         answer=answer.answer,
         sections=sections(design, answer, road, speed, bounds, front),
     )
+
+
+def _visible(value: object) -> object:
+    """Return what can be seen of a text; newlines stay, which are spaces but in our own code."""
+    return "\n".join(map(visible, value.split("\n"))) if isinstance(value, str) else value
 
 
 def _picture(figure: Figure) -> str:

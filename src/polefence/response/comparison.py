@@ -11,6 +11,7 @@ import numpy as np
 from polefence.errors import InputError, suggest
 from polefence.loops import values_at
 from polefence.plant.family import UncertainPlant
+from polefence.plant.names import visible
 from polefence.plant.system import Array
 from polefence.response.closed import point_text
 
@@ -130,7 +131,11 @@ class Comparison:
         }
 
     def __str__(self) -> str:
-        """Return a table in plain text, a block a quantity."""
+        return "\n".join(map(visible, self.lines))
+
+    @property
+    def lines(self) -> list[str]:
+        """A table in plain text, a block a quantity."""
         wide = max(34, 2 + max(len(law) for law in self.laws))
         lines = [
             f"{self.plant.name}: road of class {self.road} (ISO 8608) at {self.speed:g} m/s, "
@@ -143,7 +148,7 @@ class Comparison:
             lines += [self._line(self._row(i, k), wide) for i in range(len(self.laws))]
         if self.left_out:
             lines += ["", *(f"{law}: {reason}" for law, reason in self.left_out.items())]
-        return "\n".join(lines)
+        return lines
 
     def _line(self, row: Row, wide: int) -> str:
         numbers = (row.worst, row.best, row.median, row.spread)

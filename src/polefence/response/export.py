@@ -11,6 +11,7 @@ import numpy as np
 
 from polefence.errors import InputError, MissingExtraError
 from polefence.files import make_folder, write_bytes
+from polefence.plant.names import visible
 from polefence.plant.system import Array
 
 FORMATS = (".csv", ".parquet")
@@ -78,7 +79,7 @@ def write_table(path: Path, table: Table) -> None:
 
 
 def _csv(table: Table) -> bytes:
-    parts = [",".join(_cell(label) for label in table.labels)]
+    parts = [",".join(_cell(visible(label)) for label in table.labels)]
     for first in range(0, len(table.values), ROWS):
         rows = table.values[first : first + ROWS].tolist()
         parts.append("\n".join(",".join(map(repr, row)) for row in rows))
@@ -87,14 +88,14 @@ def _csv(table: Table) -> bytes:
 
 def _cell(label: str) -> str:
     """A cell of text, in quotes where it would be misread."""
-    if any(mark in label for mark in ',"\r\n'):
+    if any(mark in label for mark in ',"'):
         return '"' + label.replace('"', '""') + '"'
     return label
 
 
 def _parquet(table: Table) -> bytes:
     pyarrow, parquet = _pyarrow()
-    columns = {label: np.ascontiguousarray(table.of(label)) for label in table.labels}
+    columns = {visible(label): np.ascontiguousarray(table.of(label)) for label in table.labels}
     buffer = io.BytesIO()
     parquet.write_table(pyarrow.table(columns), buffer)
     return buffer.getvalue()

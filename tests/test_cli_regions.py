@@ -223,11 +223,16 @@ def test_discrete_time_goes_all_the_way(cart, tmp_path, capsys):
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        (["design", "--disk", "-40", "31"], "discrete-time plant; give a disk inside the unit"),
-        (["design", "--region", "sector(0.5)"], "discrete-time plant; give a disk inside the unit"),
+        (["design", "--disk", "-40", "31"], "discrete-time plant; give a disk in the unit"),
+        (["design", "--region", "sector(0.5)"], "discrete-time plant; give a disk in the unit"),
         (["tightest", "--of", "sector"], "a discrete-time plant; ask --of disk"),
         (["tightest", "--of", "disk", "--centre", "-2"], "not inside the unit circle"),
         (["limits", "--centre", "-40"], "not inside the unit circle"),
+        (["limits"], "use --centre 0.5, or --centres 0 0.8 9"),
+        (["tightest", "--of", "disk"], "for example --centre 0.5"),
+        (["tightest", "--of", "half_plane"], "for example --centre 0.5"),
+        (["analyse", "--gain", "[[-1, -1]]", "--of", "disk"], "(--centre 0.5, say)"),
+        (["design", "--disk", "0", "1.0000001"], "for example disk(0.5, 0.4)"),
     ],
 )
 def test_discrete_time_refuses_what_is_of_continuous_time(cart, capsys, words, message):
@@ -235,6 +240,41 @@ def test_discrete_time_refuses_what_is_of_continuous_time(cart, capsys, words, m
     error = capsys.readouterr().err
     assert message in error
     assert error.count("\n") == 1
+
+
+@pytest.mark.parametrize("disk", [("0", "1"), ("0.5", "0.5"), ("-0.25", "0.75")])
+def test_a_disk_that_touches_the_unit_circle_goes_all_the_way(cart, tmp_path, capsys, disk):
+    folder, text = str(tmp_path / "d"), f"disk({', '.join(disk)})"
+    assert main(["design", cart, "--disk", *disk, "-o", folder]) == 0
+    assert main(["check", folder, "--spec", cart]) == 0
+    assert main(["design", cart, "--region", text, "--method", "quadratic"]) == 0
+    assert main(["analyse", cart, "--gain", f"{folder}/design.json", "--region", text]) == 0
+    assert main(["observe", cart, "--measured", "x1", "--disk", *disk]) == 0
+    capsys.readouterr()
+    main(["service", folder, "--region", "disk(0, 1)"])
+    said = capsys.readouterr()
+    assert said.err == ""
+    assert "rates leave" not in said.out
+    assert main(["report", folder]) == 0
+    page = (tmp_path / "d" / "report.html").read_text()
+    assert "does not imply stability" not in page
+
+
+def test_service_in_discrete_time_refuses_what_is_of_continuous_time(cart, tmp_path, capsys):
+    assert main(["design", cart, "--disk", "0", "1", "-o", str(tmp_path / "d")]) == 0
+    for words, message in (
+        (["--region", "half_plane(0)"], "disk(0, 1) for stability alone"),
+        (["--decay", "0.1"], "is in discrete time, where no rates of change are proved"),
+    ):
+        assert main(["service", str(tmp_path / "d"), *words]) == 2
+        assert message in capsys.readouterr().err
+
+
+def test_a_spec_without_region_is_told_one_of_its_kind_of_time(cart, tmp_path, capsys):
+    spec = tmp_path / "bare.toml"
+    spec.write_text("\n".join(x for x in CART.splitlines() if not x.startswith("region")))
+    assert main(["design", str(spec)]) == 2
+    assert "write region = 'disk(0.5, 0.4)'" in capsys.readouterr().err
 
 
 def test_check_compares_the_sample_time(cart, tmp_path, capsys):

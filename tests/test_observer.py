@@ -171,7 +171,7 @@ def test_what_is_not_seen_is_said_to_be_detectable_or_not(A, sample_time, words)
     plant = UncertainPlant.from_vertices([A], [[[1]] * n], sample_time=sample_time)
     with pytest.raises(UnobservableError) as no:
         observe(plant, [[1] + [0] * (n - 1)], Disk(-0.2, 0.1))
-    for part in (*words, f"sees 1 of {n}", "also state 2"):
+    for part in (*words, f"sees 1 of {n}", "also 'x2'"):
         assert part in str(no.value)
 
 
@@ -399,7 +399,7 @@ def test_other_misuse_is_named(car, car_observer):
         (lambda: observe(car, SENSORS, Disk(-80, 60), centre=-80), "region, or a centre"),
         (lambda: observe(car, SENSORS, (-80, 60)), "must be of type Region"),
         (lambda: observe(car, SENSORS, Disk(-80, 60), "kalman"), "kalman"),
-        (lambda: observe(nameless, "x", Disk(-3, 1)), "no state names"),
+        (lambda: observe(nameless, "x", Disk(-3, 1)), "did you mean 'x1'"),
         (lambda: observe(twins, "x", Disk(-3, 1)), "names 2 states"),
         (lambda: observe(nameless, [[1]], Disk(-3, 1), Scheduled(1, 1, "box")), "parameters"),
         (lambda: car_observer.gain(), "alpha must be 4"),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from fractions import Fraction
 
 import numpy as np
@@ -18,6 +19,7 @@ from polefence import (
     Sector,
     UncertainPlant,
     VerticalStrip,
+    analyse,
     check,
     place,
     tightest,
@@ -160,7 +162,7 @@ def test_a_disk_is_stable_if_it_stays_in_the_open_left_half_plane(radius, stable
 
 @pytest.mark.parametrize(
     ("centre", "radius"),
-    [(0, 1), (4, 1), (float("nan"), 1), (float("-inf"), 1), ("x", 1), (None, 1)]
+    [(0, 1.5), (4, 1), (float("nan"), 1), (float("-inf"), 1), ("x", 1), (None, 1)]
     + [(-4, 0), (-4, -1), (-4, float("nan")), (-4, float("inf")), (-4, "x")],
 )
 def test_what_is_no_disk_is_refused(centre, radius):
@@ -222,7 +224,7 @@ def test_two_disks_inside_the_unit_circle():
     "region", [Disk(-40, 31), HalfPlane(0), Sector(0.5), Disk(0.5, 0.4) & HorizontalStrip(0.3)]
 )
 def test_a_discrete_time_plant_refuses_regions_of_continuous_time(region):
-    with pytest.raises(RegionError, match="discrete-time plant; give a disk inside the unit"):
+    with pytest.raises(RegionError, match="discrete-time plant; give a disk in the unit"):
         place(SAMPLED, region)
 
 
@@ -231,7 +233,26 @@ def test_a_continuous_time_plant_refuses_a_disk_about_the_origin(as_printed):
         place(as_printed, Disk(0.5, 0.4))
 
 
-@pytest.mark.parametrize(("centre", "radius"), [(0.5, 0.5), (0.5, 0.6), (1.0, 0.1)])
+@pytest.mark.parametrize("pole", [1, -1])
+def test_the_unit_disk_is_stability_and_nothing_more(pole):
+    """Open: a pole on the circle is refuted, one within 1e-9 of it proved."""
+    inside, beyond = (Fraction(pole) * (1 + sign * Fraction(1, 10**9)) for sign in (-1, 1))
+    for a, answer in ((inside, "proved"), (Fraction(pole), "refuted"), (beyond, "refuted")):
+        plant = UncertainPlant.from_vertices([[[a]]], [[[1]]], sample_time=1)
+        assert analyse(plant, [[0]], Disk(0, 1)).answer == answer
+
+
+@pytest.mark.parametrize("method", ["quadratic", "slack", "scheduled"])
+def test_a_disk_may_touch_the_unit_circle(method):
+    for region in (Disk(0, 1), Disk(0.5, 0.5), Disk(0.25, 0.75) & Disk(0.5, 0.5)):
+        design = place(SAMPLED, region, method)
+        assert check(design).proved
+        assert region.contains(design.poles(np.eye(2)))
+
+
+@pytest.mark.parametrize(
+    ("centre", "radius"), [(0.5, math.nextafter(0.5, 1)), (0.0, 1.5), (0.5, 0.6), (1.0, 0.1)]
+)
 def test_a_disk_across_the_unit_circle_is_no_region_of_discrete_time(centre, radius):
     with pytest.raises(RegionError):
         Disk(centre, radius)

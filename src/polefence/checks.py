@@ -71,9 +71,24 @@ def require_region(plant: UncertainPlant, region: Region, method: Method | None 
             check_centre(disk.centre)
     elif len(disks) < len(region.parts) or not all(disk.discrete for disk in disks):
         raise RegionError(
-            f"{region}: {plant.name} is a discrete-time plant; give a disk inside the unit circle, "
-            "for example disk(0.5, 0.4)"
+            f"{region}: {plant.name} is a discrete-time plant; give a disk in the unit disk, for "
+            "example disk(0.5, 0.4), or disk(0, 1) for stability alone"
         )
+
+
+def implies_stability(plant: UncertainPlant, region: Region) -> bool:
+    """Whether poles in a region that fits the plant's kind of time are stable ones."""
+    return plant.sample_time is not None or region.stable
+
+
+def example_centre(plant: UncertainPlant) -> str:
+    """Return a centre that suits the plant's kind of time, for a message."""
+    return "-40" if plant.sample_time is None else "0.5"
+
+
+def example_region(plant: UncertainPlant) -> str:
+    """Return a region that suits the plant's kind of time, for a message."""
+    return "disk(-40, 31)" if plant.sample_time is None else "disk(0.5, 0.4)"
 
 
 def usable_centre(plant: UncertainPlant, centre: float) -> float:

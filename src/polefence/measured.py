@@ -51,7 +51,7 @@ def read_measured(
             raise InputError("measured: a state is named twice; name each once")
         n = plant.shape[0]
         C = tuple(tuple(Fraction(int(i == j)) for j in range(n)) for i in chosen)
-        return (C,) * len(plant.vertices), tuple(plant.states[i] for i in chosen)
+        return (C,) * len(plant.vertices), tuple(_names(plant)[i] for i in chosen)
     return _matrices(plant, items), ()
 
 
@@ -66,16 +66,20 @@ def _state(plant: UncertainPlant, word: Any) -> int:
     """Return the number of a state given by its name, or by its name without the unit."""
     if not isinstance(word, str):
         raise InputError(f"measured: {word!r} among state names; {HOW}")
-    if not plant.states:
-        raise InputError(f"measured = {word!r}: {plant.name} has no state names; give a matrix C")
-    plain = [_bare(state) for state in plant.states]
-    for known in (plant.states, plain):
+    names = _names(plant)
+    plain = [_bare(name) for name in names]
+    for known in (names, plain):
         found = [i for i, name in enumerate(known) if name == word.strip()]
         if len(found) == 1:
             return found[0]
         if found:
             raise InputError(f"measured: {word!r} names {len(found)} states; write the unit too")
     raise InputError(f"measured: unknown state {word!r}; {suggest(word, plain)}")
+
+
+def _names(plant: UncertainPlant) -> tuple[str, ...]:
+    """Return the states' names, x1, x2 and so on where the plant has none."""
+    return plant.states or tuple(f"x{i + 1}" for i in range(plant.shape[0]))
 
 
 def _bare(name: str) -> str:
@@ -229,5 +233,5 @@ def _remedy(plant: UncertainPlant, C: tuple[Exact, ...]) -> str | None:
             controllable_dimension(transposed(v.exact_A), transposed((*c, row))) == n
             for v, c in pairs
         ):
-            return repr(plant.states[i]) if plant.states else f"state {i + 1}"
+            return repr(_names(plant)[i])
     return None

@@ -127,7 +127,7 @@ class Disk(Region):
     ----------
     centre : float
         Real coordinate of the centre [1/s], negative (the paper's -sigma). For a discrete-time
-        plant any, with the disk inside the unit disk.
+        plant any, with the disk inside the open unit disk, or all of it: Disk(0, 1) is stability.
     radius : float
         Radius r [1/s], positive. A radius of at least |centre| reaches into the right half-plane:
         poles in such a disk need not be stable, see `stable`.
@@ -135,7 +135,7 @@ class Disk(Region):
     Raises
     ------
     RegionError
-        If the centre is not negative (nor the disk inside the unit disk), the radius not positive,
+        If the centre is not negative (nor the disk in the unit disk), the radius not positive,
         or either not finite.
     """
 
@@ -146,18 +146,17 @@ class Disk(Region):
     def __post_init__(self) -> None:
         object.__setattr__(self, "centre", _number(self.centre, "centre"))
         object.__setattr__(self, "radius", _positive(self.radius, "radius"))
-        if not self.discrete and 0 <= self.centre < 1:
+        if self.centre >= 0 and not self.discrete:
             raise RegionError(
-                f"{self} reaches beyond the unit circle, which discrete-time plants need, and in "
-                "continuous time the centre is negative (-40)"
+                f"{self}: centre = {self.centre:g} is not in the left half-plane, as continuous "
+                "time has it (-40), nor the disk in the unit disk, as discrete time has it, for "
+                "example disk(0.5, 0.4)"
             )
-        if not self.discrete:
-            check_centre(self.centre)
 
     @property
     def discrete(self) -> bool:
-        """Whether the disk lies inside the unit circle, as discrete-time plants need it."""
-        return Fraction(abs(self.centre)) + Fraction(self.radius) < 1
+        """Whether the open disk lies in the open unit disk, as discrete-time plants need it."""
+        return Fraction(abs(self.centre)) + Fraction(self.radius) <= 1
 
     @property
     def sigma(self) -> float:

@@ -122,7 +122,7 @@ def test_an_intersection_of_nothing_is_refused():
         lambda: Ellipse(-3, 0, 1),
         lambda: Ellipse(-3, 1, -1),
         lambda: Ellipse(3, 1, 1),
-        lambda: Disk(0.5, 0.5),
+        lambda: Disk(0.5, 0.51),
         lambda: Disk(2, 0.1),
         lambda: Disk(None, 1),
     ],

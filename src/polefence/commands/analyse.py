@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from polefence.analysis import Analysis, analyse
+from polefence.checks import example_centre
 from polefence.commands.shared import (
     NOT_PROVED,
     PROVED,
@@ -98,7 +99,10 @@ def analyse_command(options: Any) -> int:
     if (options.budget or 0) < 0 or options.depth < 0:
         raise InputError("--budget and --depth must be zero or more")
     if (options.of == "disk") != (options.centre is not None):
-        raise InputError("--of disk needs --centre CENTRE (--centre -40, say); no other has one")
+        centre = example_centre(plant)
+        raise InputError(
+            f"--of disk needs --centre CENTRE (--centre {centre}, say); no other has one"
+        )
     law = read_gain(plant, options.gain)
     check_figure(options.plot)
     name = TABLE_NAME if isinstance(law, GainTable) else FILE_NAME

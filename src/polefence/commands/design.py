@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 from typing import Any
 
+from polefence.checks import example_region, implies_stability
 from polefence.commands.methods import label_of, method_arguments, method_of
 from polefence.commands.shared import (
     PROVED,
@@ -17,6 +18,7 @@ from polefence.commands.shared import (
 from polefence.conditions.methods import Method, Scheduled
 from polefence.errors import InputError
 from polefence.placement import place
+from polefence.plant.family import UncertainPlant
 from polefence.region import Disk, Region
 from polefence.region_text import load_region, parse_region
 from polefence.sweep import plant_summary
@@ -52,7 +54,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def design_command(options: Any) -> int:
     """Design a law for a region, prove it, and save it."""
     plant = read_plant(options.spec)
-    region = _region(options)
+    region = _region(plant, options)
     method = _method(options)
     if options.right_hand_sides and not isinstance(region, Disk):
         raise InputError(f"--right-hand-sides is for a single disk, not {region}")
@@ -60,7 +62,7 @@ def design_command(options: Any) -> int:
     design = place(plant, region, method)
     label = label_of(design)
     lines = [f"proved: {label} keeps all poles of {plant.name!r} in {region} for every alpha"]
-    if plant.sample_time is None and not region.stable:
+    if not implies_stability(plant, region):
         shape = "disk" if isinstance(region, Disk) else "region"
         lines.append(
             f"note: this {shape} reaches into the right half-plane; it does not imply stability"
@@ -75,14 +77,14 @@ def design_command(options: Any) -> int:
     return PROVED
 
 
-def _region(options: Any) -> Region:
+def _region(plant: UncertainPlant, options: Any) -> Region:
     if options.disk is not None:
         return Disk(*options.disk)
     region = load_region(options.spec) if options.region is None else parse_region(options.region)
     if region is None:
         raise InputError(
             f"{options.spec}: names no region; give --disk CENTRE RADIUS or --region TEXT, or "
-            "write region = 'disk(-40, 31)' in the spec"
+            f"write region = '{example_region(plant)}' in the spec"
         )
     return region
 

@@ -7,7 +7,7 @@ import math
 from pathlib import Path
 from typing import Any
 
-from polefence.checks import usable_centre
+from polefence.checks import example_centre, usable_centre
 from polefence.commands.methods import method_arguments, methods_of
 from polefence.commands.shared import (
     NOT_PROVED,
@@ -108,7 +108,10 @@ def _centres(plant: UncertainPlant, options: Any) -> list[float]:
         step = (last - first) / (count - 1)
         centres += [first + i * step for i in range(int(count))]
     if not centres:
-        raise InputError("no centre given; use --centre -40, or --centres -5 -100 60")
+        several = "-5 -100 60" if plant.sample_time is None else "0 0.8 9"
+        raise InputError(
+            f"no centre given; use --centre {example_centre(plant)}, or --centres {several}"
+        )
     return list(dict.fromkeys(usable_centre(plant, c) for c in centres))
 
 

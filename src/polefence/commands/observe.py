@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from polefence.checks import implies_stability
 from polefence.commands.methods import label_of, method_arguments, method_of
 from polefence.commands.shared import (
     PROVED,
@@ -58,7 +59,7 @@ def observe_command(options: Any) -> int:
         f"proved: {label} keeps all poles of the observer of {plant.name!r} in {region} for every "
         "alpha"
     )
-    if plant.sample_time is None and not region.stable:
+    if not implies_stability(plant, region):
         say("note: this region reaches into the right half-plane; the error need not die out")
     names = observer.design.plant.inputs
     say(f"  measured: {', '.join(names)}")

@@ -52,7 +52,8 @@ def service_command(options: Any) -> int:
         upper = "-" if margin.upper is None else digits_up(margin.upper, 4)
         line = f"{margin.subject:<34} {margin.text:>10}  {upper:>10}  {margin.unit}"
         say(line.rstrip())
-    say(f"rates leave exponential stability, decay rate {options.decay:g} 1/s")
+    if any(margin.kind == "rate" for margin in service):
+        say(f"rates leave exponential stability, decay rate {options.decay:g} 1/s")
     if options.output is not None:
         for path in service.save(options.output):
             say(f"saved: {path}")

@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 from typing import Any
 
+from polefence.checks import example_centre
 from polefence.commands.methods import label_of, method_arguments, method_of
 from polefence.commands.shared import (
     PROVED,
@@ -52,18 +53,16 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def tightest_command(options: Any) -> int:
     """Find the largest decay rate or damping ratio, or the smallest disk, and prove it."""
-    if options.of == "disk" and options.centre is None:
-        raise InputError("--of disk needs --centre CENTRE, for example --centre -40")
     if options.of != "disk" and options.centre is not None:
         raise InputError(f"--centre belongs to --of disk; a {options.of} has none")
     if options.of == "disk" and options.within is not None:
         raise InputError("--within belongs to --of half_plane and --of sector")
     plant = read_plant(options.spec)
+    centre = f"--centre CENTRE, for example --centre {example_centre(plant)}"
     if options.of != "disk" and plant.sample_time is not None:
-        raise InputError(
-            f"{options.spec}: a discrete-time plant; ask --of disk --centre CENTRE, inside the "
-            "unit circle"
-        )
+        raise InputError(f"{options.spec}: a discrete-time plant; ask --of disk {centre}")
+    if options.of == "disk" and options.centre is None:
+        raise InputError(f"--of disk needs {centre}")
     within = None if options.within is None else parse_region(options.within)
     method = method_of(options.method, options)
     check_results(options)

@@ -392,10 +392,8 @@ def _fault(part: Part) -> str:
             return f"{key} = {_short(value)} is out of range; use magnitudes 1e-100 to 1e100"
         if key in POSITIVE and value <= 0:
             return f"{key} = {_short(value)} must be positive"
-    if part.kind == "disk" and v["centre"] >= 0 and v["centre"] + v["radius"] >= 1:
-        return (
-            f"centre = {_short(v['centre'])} must be negative, or the disk inside the unit circle"
-        )
+    if part.kind == "disk" and v["centre"] >= 0 and v["centre"] + v["radius"] > 1:
+        return f"centre = {_short(v['centre'])} must be negative, or the disk in the unit disk"
     if part.kind == "ellipse" and v["centre"] >= 0:
         return f"centre = {_short(v['centre'])} must be negative"
     if part.kind == "vertical_strip" and v["low"] >= v["high"]:

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from polefence.checks import implies_stability
 from polefence.conditions.methods import METHODS
 from polefence.design import Design
 from polefence.law import FixedGain
@@ -63,13 +64,14 @@ def _claim(design: Design, answer: Check) -> Section:
         ("law", f"{law}; method {design.method}"),
         ("answer", f"{answer.answer}: {answer.reason}"),
     ]
-    stable = "" if design.region.stable else " The region does not imply stability."
+    stable = implies_stability(design.plant, design.region)
+    note = "" if stable else " The region does not imply stability."
     return Section(
         "What is claimed, and proved",
         (
             "For every value of the parameters below, each taken as constant, all closed-loop "
             "poles lie in the region. The proof was done afresh for this report, in integers."
-            f"{stable}",
+            f"{note}",
             "Not in the claim: actuator limits, sampling, and changes and errors of the "
             "parameters; polefence service proves how large the last two may be.",
         ),
@@ -96,11 +98,12 @@ def _plant(plant: UncertainPlant) -> Section:
 def _poles(design: Design) -> Section:
     cloud, corners = sampled(design)
     margin = -float(design.region.distance(cloud).max())
+    unit = " 1/s" if design.plant.sample_time is None else ""
     return Section(
         "Closed-loop poles",
         (
             f"At {len(cloud)} points of the family; the pole nearest to the boundary is "
-            f"{margin:.3g} 1/s inside.",
+            f"{margin:.3g}{unit} inside.",
         ),
         figure=poles_figure({design.plant.name: (cloud, corners)}, design.region),
         caption="The region is white, its outside shaded. The sample is for the eye; the guarantee "

@@ -84,7 +84,7 @@ def pick(known: Sequence[Signal], name: str) -> Signal:
     for signal in known:
         if signal.name == name:
             return signal
-    raise InputError(f"no signal {name!r}; {suggest(name, [s.name for s in known])}")
+    raise InputError(f"no signal {name!r}; {suggest(name, dict.fromkeys(s.name for s in known))}")
 
 
 def choose(

@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from fractions import Fraction
 
+from polefence.checks import require_region
 from polefence.design import Design
 from polefence.errors import InputError
 from polefence.plant.parameters import Parameter
@@ -74,6 +75,7 @@ def _task(design: Design, region: Region | None) -> _Task:
     kept = design.region if region is None else region
     if not isinstance(kept, Region):
         raise InputError(f"region = {region!r} is no region; for example polefence.Disk(-40, 31)")
+    require_region(design.plant, kept)
     parts = exact.read_region(kept.document())
     return _Task(
         design, kept, balanced(design, kept), replace(design.certificate.claim(), region=parts)
@@ -192,6 +194,11 @@ def parameter_rate(design: Design, decay: float = 0.0) -> tuple[Margin, ...]:
     if not (isinstance(decay, int | float) and 0 <= decay < 1e100):
         raise InputError(f"decay = {decay!r} must be a rate of zero or more [1/s]")
     if design.plant.sample_time is not None:
+        if decay:
+            raise InputError(
+                f"decay = {decay:g}: {design.plant.name} is in discrete time, where no rates of "
+                "change are proved; leave it out"
+            )
         return ()
     spans = task.spans() if task.balanced.degree else iter([("", "", (Fraction(1),))])
     return tuple(_rate(task, decay, *each) for each in spans)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import dataclass
@@ -10,6 +9,8 @@ from fractions import Fraction
 
 import numpy as np
 
+from polefence.conditions.lyapunov import Loop
+from polefence.conditions.performance import Output, Source
 from polefence.errors import PlantError, SolverError
 from polefence.gain_norm import GainNorm, levels
 from polefence.law import FixedGain, Law
@@ -20,14 +21,17 @@ from polefence.proof import exact
 from polefence.proof.performance import PerformanceClaim, prove_performance
 from polefence.region_text import digits_up
 from polefence.solve.given import Proof
-from polefence.solve.performance_given import least_given
+from polefence.solve.performance_given import least_given, work
+from polefence.solve.smallest import TOLERANCE
 from polefence.specification import Specification, claim_of, output_of
 
 # Degree and elevation of the Lyapunov polynomial, one after the other.
 LADDER = ((0, 0), (1, 0), (2, 0))
 # How far above what was found in floats the exact proof is attempted.
 STEPS = (1e-7, 1e-6, 1e-5, 1e-4, 1e-3)
-LONG = 8.0  # a search that took so long [s] ends the climb: the next takes several times as long
+# How near its end the search comes: evidence on the very edge may not survive its rounding.
+NEAR = (TOLERANCE, 1e-6, 1e-4, 1e-2)
+MOST_WORK = 3e8  # of one search beyond the first [multiplications an iteration]
 WORTH = 1e-3  # a smaller bound by less than this share ends the climb
 
 
@@ -62,13 +66,17 @@ class Bound:
 def best_bound(plant: UncertainPlant, law: Law, specification: Specification) -> Bound | None:
     """Return the least bound that is proved with Lyapunov polynomials of growing degree."""
     best: Bound | None = None
-    for evidence, r in _found(plant, law, specification, None):
-        level = _level(specification, r, 1.0)
+    for points in _climb(plant, law, specification, 1.0):
         own = next(
             (
                 bound
+                for evidence, r in points
                 for step in STEPS
-                if (bound := _proved(plant, law, specification, evidence, level * (1 + step)))
+                if (
+                    bound := _proved(
+                        plant, law, specification, evidence, _level(specification, r) * (1 + step)
+                    )
+                )
             ),
             None,
         )
@@ -85,36 +93,56 @@ def best_bound(plant: UncertainPlant, law: Law, specification: Specification) ->
 def kept_bound(plant: UncertainPlant, law: Law, specification: Specification) -> Bound | None:
     """Return the proof that a specification's own limit is kept, None where there is none."""
     limit = specification.at_most or 0.0
-    for evidence, r in _found(plant, law, specification, limit):
-        if r < 1:
-            own = _proved(plant, law, specification, evidence, limit)
-            if own is not None:
-                return own
+    for points in _climb(plant, law, specification, limit):
+        for number, (evidence, r) in enumerate(points):
+            if r < 1:
+                own = _proved(plant, law, specification, evidence, limit)
+                if own is not None:
+                    return own
+            elif not number:  # of those nearest to the edge
+                break
     return None
 
 
-def _found(
-    plant: UncertainPlant, law: Law, specification: Specification, unit: float | None
-) -> Iterator[tuple[exact.Evidence, float]]:
-    """Yield evidence, and the r that it proves in floats."""
+Points = Iterator[tuple[exact.Evidence, float]]
+
+
+def _climb(
+    plant: UncertainPlant, law: Law, specification: Specification, unit: float
+) -> Iterator[Points]:
+    """Yield points of each form in turn: evidence, and the r that it proves in floats."""
     if isinstance(specification, GainNorm):
-        for level, elevation in levels(plant, law, specification):
-            if np.isfinite(level):
-                yield exact.Evidence([], elevation=elevation), (level / (unit or 1.0)) ** 2
+        yield from (iter([point]) for point in _norms(plant, law, specification, unit))
         return
-    source, output = output_of(plant, domain_of(plant, law), specification, unit or 1.0)
+    source, output = output_of(plant, domain_of(plant, law), specification, unit)
     loop = loop_with(plant, law, output.C, output.D)
     for form in LADDER:
-        begin = time.perf_counter()
-        with suppress(SolverError):
-            found = least_given(loop, source, output, *form)
-            yield _evidence(found, form), found.r
-        if time.perf_counter() - begin > LONG:
-            return
+        first = form == LADDER[0]
+        if first or (len(plant.vertices) > 1 and work(loop, source, *form) <= MOST_WORK):
+            yield _points(loop, source, output, form)
 
 
-def _level(specification: Specification, r: float, unit: float) -> float:
-    return float(unit * (r if specification.kind == "gain" else np.sqrt(r)))
+def _norms(plant: UncertainPlant, law: Law, specification: GainNorm, unit: float) -> Points:
+    with suppress(SolverError):
+        for level, elevation in levels(plant, law, specification):
+            if np.isfinite(level):
+                yield exact.Evidence([], elevation=elevation), (level / unit) ** 2
+
+
+def _points(loop: Loop, source: Source, output: Output, form: tuple[int, int]) -> Points:
+    """Yield points farther and farther from the edge of what a form proves."""
+    found: Proof | None = None
+    for tolerance in NEAR:
+        for near in dict.fromkeys((found, None)):
+            with suppress(SolverError):
+                again = least_given(loop, source, output, *form, tolerance, near)
+                if again.r > 0:
+                    found = found or again
+                    yield _evidence(again, form), again.r
+
+
+def _level(specification: Specification, r: float) -> float:
+    return float(r if specification.kind == "gain" else np.sqrt(r))
 
 
 def _proved(

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Iterator
 from contextlib import suppress
 
 import numpy as np
 
 from polefence.conditions.lyapunov import Loop
-from polefence.conditions.performance import Output, Source, given, unit_of
+from polefence.conditions.performance import Output, Source, Through, given, unit_of
 from polefence.conditions.target import Around
 from polefence.errors import SolverError
 from polefence.plant.system import Array
@@ -17,10 +18,22 @@ from polefence.solve.engine import run
 from polefence.solve.given import Proof, factor, least, start_matrix, sum_of
 from polefence.solve.performance import ROUNDS, WIDE, interior
 from polefence.solve.scaling import power_of_two
+from polefence.solve.singular import singular_is_failure
 from polefence.solve.smallest import TOLERANCE
 from polefence.solve.stacked import stack
 
 
+def work(loop: Loop, source: Source, degree: int, elevation: int) -> float:
+    """Return about how many multiplications an iteration of the search takes."""
+    n, domain = len(next(iter(loop.E.values()))), loop.domain
+    size = n + 1 + (source.E.shape[2] if isinstance(source, Through) else 0)
+    # each exponent has one inequality for what moves the loop, and one for its output
+    blocks = 2 * domain.count(loop.degree + degree + elevation)
+    unknowns = domain.count(degree) * (n * (n + 1) // 2 + (loop.R is not None))
+    return float(blocks * (size * unknowns) ** 2)
+
+
+@singular_is_failure()
 def least_given(
     loop: Loop,
     source: Source,
@@ -28,6 +41,7 @@ def least_given(
     degree: int,
     elevation: int,
     tolerance: float = TOLERANCE,
+    near: Proof | None = None,
 ) -> Proof:
     """Minimise the bound that a Lyapunov polynomial of a given loop proves for one output.
 
@@ -35,6 +49,8 @@ def least_given(
     ----------
     loop : Loop
         Its C has the output's row below those of the dynamics.
+    near : Proof, optional
+        A point of this degree, to take the coordinates from.
 
     Returns
     -------
@@ -45,14 +61,62 @@ def least_given(
     ------
     SolverError
         If there is no point to start from: the loop is not stable, or has no Lyapunov polynomial of
-        this degree.
+        this degree; or if floats cannot carry it.
     """
     n = len(next(iter(loop.E.values())))
     E, C = sum_of(loop.E), sum_of(loop.C)[:n]
     middle = np.asarray(np.linalg.solve(E.T, C.T).T, dtype=float)
     rate = float(power_of_two(np.abs(np.linalg.eigvals(middle)).max()))
-    X = start_matrix(middle / rate) if loop.R is None else sum_of(loop.R)
-    form, found = (degree, elevation), None
+    form, best = (degree, elevation), None
+    for X in _coordinates(middle / rate, loop, near):
+        with suppress(np.linalg.LinAlgError):
+            found, converged = _rounds(loop, source, output, form, X, rate, tolerance)
+            if found is not None and (best is None or found.r < best.r):
+                best = found
+            if converged:
+                break
+    if best is None:
+        raise SolverError("no Lyapunov matrix to start from")
+    return best
+
+
+def _coordinates(middle: Array, loop: Loop, near: Proof | None) -> Iterator[Array]:
+    """Yield Lyapunov matrices, each to be tried as the identity where the last is not enough."""
+    if loop.R is not None:
+        yield sum_of(loop.R)
+        return
+    if near is not None:
+        yield near.Q.mean(axis=0)
+        return
+    yield start_matrix(middle)
+    own = _stationary(middle)
+    if own is not None:
+        yield own
+
+
+def _stationary(F: Array) -> Array | None:
+    """Return the covariance that noise in all balanced states leaves, None if there is none."""
+    from scipy.linalg import matrix_balance, solve_continuous_lyapunov  # deferred: slow to import
+
+    balanced, (scale, _) = matrix_balance(F, permute=False, separate=True)
+    with warnings.catch_warnings(), np.errstate(all="ignore"):
+        warnings.simplefilter("ignore")  # of matrices that are nearly singular: judged below
+        X = solve_continuous_lyapunov(balanced, -np.eye(len(F)))
+    X = (X + X.T) / 2 * np.outer(scale, scale)
+    return np.asarray(X) if np.all(np.isfinite(X)) and np.all(np.diag(X) > 0) else None
+
+
+def _rounds(
+    loop: Loop,
+    source: Source,
+    output: Output,
+    form: tuple[int, int],
+    X: Array,
+    rate: float,
+    tolerance: float,
+) -> tuple[Proof | None, bool]:
+    """Return what is found from coordinates in which X is the identity; whether it converged."""
+    found, converged = None, False
     for _ in range(ROUNDS):
         again = _run(loop, source, output, form, factor(X), rate, found, tolerance)
         if again is None or (found is not None and again[0].r >= found.r * (1 - 1e-7)):
@@ -61,9 +125,7 @@ def least_given(
         if converged or loop.R is not None:
             break
         X = found.Q.mean(axis=0)
-    if found is None:
-        raise SolverError("no Lyapunov matrix to start from")
-    return found
+    return found, converged
 
 
 def _run(

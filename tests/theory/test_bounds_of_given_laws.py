@@ -1,0 +1,80 @@
+"""Bounds on signals are proved of any law that does its work, whatever the coordinates."""
+
+import itertools
+import time
+
+import numpy as np
+import pytest
+from scipy.linalg import solve_continuous_are, solve_continuous_lyapunov
+
+from polefence import FixedGain, ScheduledGain, UncertainPlant
+from polefence.errors import SolverError
+from polefence.loops import domain_of, loop_with
+from polefence.performance import best_bound, kept_bound
+from polefence.response.signals import Signal
+from polefence.solve.performance_given import least_given
+from polefence.specification import Gain, Rms, output_of
+
+FIRST = Signal("first", "", state={0: 1.0})
+
+
+def lags(count, coupling=1.0):
+    """One lag of 1 s after another; the last is disturbed."""
+    A = -np.eye(count) + coupling * np.eye(count, k=1)
+    end = np.eye(count)[:, -1:]
+    return A, UncertainPlant.from_vertices([A], [end], [end])
+
+
+@pytest.mark.parametrize("count", [2, 6])
+@pytest.mark.parametrize("kind", [Rms, Gain])
+def test_lags_in_series_are_bounded(count, kind):
+    A, plant = lags(count)
+    law = FixedGain(np.zeros((1, count)))
+    end = np.eye(count)[:, -1:]
+    X = solve_continuous_lyapunov(A, -end @ end.T)
+    least = np.sqrt(X[0, 0] / 2) if kind is Rms else 1.0  # (s + 1)^-count at zero frequency
+    found = best_bound(plant, law, kind(FIRST))
+    assert found is not None
+    assert least * (1 - 1e-9) <= found.level <= least * 1.001
+    assert kept_bound(plant, law, kind(FIRST, at_most=1.01 * least)) is not None
+    assert kept_bound(plant, law, kind(FIRST, at_most=0.99 * least)) is None
+
+
+def test_a_piezoelectric_actuator_is_bounded():
+    # PAS of COMPleib (Leibfritz, 2004): a mode at 524 1/s beside integrators
+    A = np.zeros((5, 5))
+    A[0, 1] = A[3, 0] = A[4, 3] = 1.0
+    A[1, :3], A[2, 2] = [-274921.63, -73.2915, -274921.63], -0.9597
+    B = np.array([[0], [0.12841], [-3.39561e-07], [0], [0]])
+    E = np.array([[0, 0], [-274921.63, 0], [0, 0], [0, -1], [0, 0]])
+    P = solve_continuous_are(A, B / 0.12841, np.eye(5), np.eye(1))
+    K = -B.T / 0.12841**2 @ P
+    plant = UncertainPlant.from_vertices([A], [B], [E])
+    last = Signal("last", "", state={4: 1.0})
+    found = best_bound(plant, FixedGain(K), Gain(last))
+    static = np.linalg.norm(np.linalg.solve(A + B @ K, E)[4])
+    frequencies = np.geomspace(1e-4, 1, 2000)
+    worst = max(
+        np.linalg.norm(np.linalg.solve(1j * w * np.eye(5) - A - B @ K, E)[4]) for w in frequencies
+    )
+    assert found is not None
+    assert max(worst, static) * (1 - 1e-6) <= found.level <= 1.01 * max(worst, static)
+
+
+def test_a_singular_law_is_a_failed_search():
+    _, plant = lags(2)
+    law = ScheduledGain(np.ones((1, 2, 2)), np.zeros((1, 1, 2)))
+    source, output = output_of(plant, domain_of(plant, law), Gain(FIRST))
+    with pytest.raises(SolverError):
+        least_given(loop_with(plant, law, output.C, output.D), source, output, 0, 0)
+    assert best_bound(plant, law, Gain(FIRST)) is None
+
+
+def test_a_slow_clock_changes_no_bound(monkeypatch):
+    hours = itertools.count()
+    monkeypatch.setattr(time, "perf_counter", lambda: 3600.0 * next(hours))
+    As = [[[0, 1], [-k, -0.5]] for k in (1, 9)]
+    plant = UncertainPlant.from_vertices(As, [[[0], [1]]] * 2, [[[0], [1]]] * 2)
+    found = best_bound(plant, FixedGain(np.zeros((1, 2))), Rms(FIRST))
+    assert found is not None
+    assert found.degree > 0  # no Lyapunov matrix is common to both

@@ -10,7 +10,6 @@ import pytest
 
 from polefence import Design, Disk, HalfPlane, Sector, check, load
 from polefence.cli import main
-from polefence.commands.methods import label_of
 from polefence.plant.spec import dumps, loads
 from polefence.suspension.quarter_car import spec_text
 
@@ -73,9 +72,9 @@ def test_design_takes_the_specs_region(stage, tmp_path, capsys, options):
     assert worst(design, lambda z: np.abs(z + 10)) < 9.5
     summary = json.loads((tmp_path / "s.json").read_text())
     assert summary["region"]["kind"] == "intersection"
-    assert summary["method"] == label_of(design)
+    assert summary["method"] == design.label
     out = capsys.readouterr().out
-    assert f"proved: {label_of(design)} keeps all poles of 'stage' in half_plane(3) &" in out
+    assert f"proved: {design.label} keeps all poles of 'stage' in half_plane(3) &" in out
     assert "note:" not in out
     assert (tmp_path / "p.svg").exists() == (not options)
 
@@ -95,7 +94,7 @@ def test_an_option_stands_above_the_specs_region(stage, tmp_path):
 def test_degree_auto_climbs_and_says_where_it_came_to(stage, tmp_path, capsys):
     words = ["design", stage, "--degree", "auto", "--budget", "20", "-o", str(tmp_path / "d")]
     assert main(words) == 0
-    label = label_of(Design.load(tmp_path / "d"))
+    label = Design.load(tmp_path / "d").label
     assert label == "quadratic" or label.startswith("scheduled")
     assert f"proved: {label} keeps" in capsys.readouterr().out
 

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from polefence import InputError, UncertainPlant, limits
+from polefence.cli import main
 from polefence.errors import RegionError
 from polefence.sweep import processes, sweep
 
@@ -78,7 +79,10 @@ def test_an_interrupted_sweep_keeps_its_rows_and_resumes(plant, rows, tmp_path):
     fresh = []
     done = sweep(plant, CENTRES, METHODS, path, resume=True, on_row=fresh.append)
     assert len(fresh) == 2
-    assert all(row in done for row in kept)
+    for row in kept:  # as it was, but for a bound whose proof the file does not have
+        marked = {} if row["lower"] is None else {"lower_from_file": True}
+        assert row | marked in done
+    assert sum("lower_from_file" in row for row in done) == sum(bool(row["lower"]) for row in kept)
     # a row started from another neighbour ends at the same radius, to the solver's tolerance
     assert np.allclose([row["radius"] for row in done], [row.radius for row in rows], rtol=1e-6)
     assert json.loads(path.read_text())["rows"] == done
@@ -118,6 +122,94 @@ def test_a_damaged_row_is_refused(plant, tmp_path, damage):
     path.write_text(json.dumps(document))
     with pytest.raises(InputError, match="damaged|no sweep"):
         sweep(plant, [-2.0], ["slack"], path, resume=True)
+
+
+def resumed(plant, path, change, **options):
+    """Change the one row of a file and resume; return the row and how many were computed."""
+    document = json.loads(path.read_text())
+    change(document["rows"][0])
+    path.write_text(json.dumps(document))
+    fresh = []
+    (row,) = sweep(plant, [-2.0], ["scheduled"], path, resume=True, on_row=fresh.append, **options)
+    return row, len(fresh)
+
+
+@pytest.fixture
+def swept(plant, tmp_path):
+    path = tmp_path / "rows.json"
+    sweep(plant, [-2.0], ["scheduled"], path, gain=True)
+    return path
+
+
+EDITED = {
+    "a smaller radius": lambda row: row.update(radius=0.9 * row["radius"], lower=None),
+    "another method": lambda row: row.update(method="slack"),
+    "another degree": lambda row: row.update(method="scheduled(2, 1)"),
+    "another centre": lambda row: row.update(centre=-2.5, lower=None),
+    "another law": lambda row: row["proof"]["law"]["Z"][0][0].__setitem__(0, 9.0),
+    "another certificate": lambda row: row["proof"].update(certificate={"tau": 0, "elevation": 9}),
+    "no certificate": lambda row: row["proof"].pop("certificate"),
+    "no table": lambda row: row.update(proof=[1]),
+    "numbers without end": lambda row: row["proof"].update(certificate={"tau": "1" * 400}),
+}
+
+
+@pytest.mark.parametrize("edit", EDITED)
+def test_an_edited_row_is_never_taken_as_proved(plant, swept, edit):
+    with pytest.raises(InputError, match=r"rows\.json: the row of centre .*; remove the file"):
+        resumed(plant, swept, EDITED[edit])
+
+
+def test_a_row_that_is_proved_again_says_no_more_than_that(plant, swept):
+    """A wider disk is proved by the same law; laws printed are those that were proved."""
+    original = json.loads(swept.read_text())["rows"][0]
+
+    def edit(row):
+        row.update(radius=1.01 * row["radius"], law={"kind": "fixed", "K": [[0, 0]]}, note="best")
+
+    row, computed = resumed(plant, swept, edit, gain=True)
+    assert computed == 0
+    assert row["radius"] == 1.01 * original["radius"]
+    assert row["law"] == original["law"] == row["proof"]["law"]
+    assert "note" not in row
+    assert row["lower_from_file"] is True
+    assert json.loads(swept.read_text())["rows"] == [row]
+
+
+def test_a_row_without_a_proof_is_computed_anew(plant, swept):
+    original = json.loads(swept.read_text())["rows"][0]
+
+    def edit(row):
+        del row["proof"]
+        row.update(radius=1e-3, lower=None)
+
+    row, computed = resumed(plant, swept, edit)
+    assert computed == 1
+    assert row["radius"] == original["radius"]
+    assert "lower_from_file" not in row
+
+
+def test_the_command_marks_what_it_takes_from_the_file(tmp_path, capsys):
+    spec, rows = tmp_path / "spring.toml", tmp_path / "rows.json"
+    spec.write_text(
+        '[parameter.k]\nrange = [1, 2]\n[matrices]\nA = [[0, 1], ["-k", "-0.1"]]\nB = [[0], [1]]\n'
+    )
+    words = ["limits", str(spec), "--centre", "-2", "--method", "slack", "--json", str(rows)]
+    assert main(words) == 0
+    first = capsys.readouterr().out
+    assert "*" not in first
+    assert main([*words, "--resume"]) == 0
+    again = capsys.readouterr().out.splitlines()
+    assert again[-1] == f"* from {rows}, not proved again; every radius is"
+    assert [line.replace("* ", "  ") for line in again[:-1]] == first.splitlines()
+    document = json.loads(rows.read_text())
+    document["rows"][0]["radius"] *= 0.99
+    document["rows"][0]["lower"] = None
+    rows.write_text(json.dumps(document))
+    assert main([*words, "--resume"]) == 2
+    said = capsys.readouterr()
+    assert said.out == ""
+    assert "the row of centre -2 and slack is not proved by what it holds" in said.err
 
 
 def test_a_killed_worker_costs_no_row(plant, rows):

@@ -13,7 +13,6 @@ import pytest
 
 from polefence import check, load, place
 from polefence.cli import main
-from polefence.commands.methods import label_of
 from polefence.plots import sampled
 from polefence.region_text import load_region
 
@@ -81,7 +80,7 @@ def test_the_example_states_what_is_measured(example):
     for method in example.METHODS:
         design = example.fastest(plant, method)
         assert check(design).proved
-        label = label_of(design)
+        label = design.label
         decay, gain = row(f"one gain, `{label}`" if label == "quadratic" else f"`{label}`")
         assert decay == example.decay(design)
         largest = np.abs(design.law.gain(np.eye(4))[..., 0, 0]).max()

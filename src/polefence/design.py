@@ -9,9 +9,10 @@ from typing import Any
 
 import numpy as np
 
+from polefence.conditions.methods import Scheduled, Slack, method_label
 from polefence.errors import DesignFileError, InputError, NotProvedError
 from polefence.files import make_folder, read_text, write_text
-from polefence.law import Law
+from polefence.law import Law, ScheduledGain
 from polefence.plant.family import UncertainPlant
 from polefence.plant.system import Array
 from polefence.proof import exact
@@ -62,6 +63,17 @@ class Design:
     def method(self) -> str:
         """The condition that was used."""
         return self.certificate.method
+
+    @property
+    def label(self) -> str:
+        """The method with degree, elevation and domain: "scheduled(2, 1, box)"."""
+        law, evidence = self.law, self.certificate.evidence
+        if self.method == "slack" and "degree" in evidence:
+            return method_label(Slack(evidence["degree"], evidence["elevation"], evidence["on"]))
+        if self.method == "scheduled" and isinstance(law, ScheduledGain):
+            on = "box" if len(law.sizes) > 1 else "simplex"
+            return method_label(Scheduled(law.degree, evidence.get("elevation", 1), on))
+        return self.method
 
     def poles(self, alpha: Array) -> Array:
         """Closed-loop poles at points alpha (..., N) of the simplex, as (..., n) complex."""

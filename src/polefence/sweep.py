@@ -7,22 +7,31 @@ import math
 import os
 import re
 import signal
+import textwrap
 import threading
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Executor, ProcessPoolExecutor
 from contextlib import AbstractContextManager, contextmanager, nullcontext
+from dataclasses import replace
 from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
 from polefence import __version__
 from polefence.conditions.methods import METHODS, Method, method_label
+from polefence.design import Design
 from polefence.errors import InputError
 from polefence.files import make_folder, read_text, write_text
 from polefence.limits import Limit, as_finished
 from polefence.plant.family import UncertainPlant
+from polefence.proof import exact
+from polefence.proof.certificate import Certificate, plant_document
+from polefence.region import Disk
 
 MAX_BYTES = 64_000_000
+
+# What a row keeps of its design: with the plant, its centre and its radius all that proves it.
+PROOF = ("method", "law", "certificate")
 
 # As `method_label` writes them: "slack", "scheduled(2, 1, box)".
 LABEL = re.compile(rf"({'|'.join(METHODS)})(\(\d, \d(, box)?\))?")
@@ -54,20 +63,23 @@ def sweep(
 ) -> list[Row]:
     """Return rows as `limits` has them, as plain data, keeping ``path`` up to date after every row.
 
-    Methods of one label are one method. With ``resume``, proved rows already in the file are kept
-    and not computed again.
+    Each row has its ``proof`` besides: method, law and certificate as a design file has them.
+    Methods of one label are one method. With ``resume``, rows already in the file are kept and not
+    computed again: those whose proof holds, proved afresh. A ``lower`` of theirs is the file's,
+    which ``lower_from_file`` says: it is not proved again.
 
     Raises
     ------
     InputError
-        If the file to resume from is unreadable, of another plant, or by another version.
+        If the file to resume from is unreadable, of another plant, by another version, or a row
+        of it is not proved by what it holds.
     """
     done = _finished(path, plant, gain) if resume and path is not None else {}
     named = {method_label(method): method for method in methods}
     labels = list(named)
     tasks = [(c, m) for c in centres for label, m in named.items() if (c, label) not in done]
     for _, row in as_finished(plant, tasks, executor):
-        done[row.centre, row.method] = row.as_row(gain)
+        done[row.centre, row.method] = row.as_row(gain) | {"proof": _proof(row.design)}
         if path is not None:
             make_folder(path.parent)
             write_text(path, _dumps(plant, _ordered(done, centres, labels)))
@@ -87,20 +99,36 @@ def _ordered(
 
 
 def _dumps(plant: UncertainPlant, rows: list[Row]) -> str:
-    document = {"polefence": __version__, "plant": plant_summary(plant), "rows": rows}
-    return json.dumps(document, indent=1, allow_nan=False) + "\n"
+    """Return the file's text, each proof on a line of its own."""
+    head = json.dumps({"polefence": __version__, "plant": plant_summary(plant)}, indent=1)
+    texts = ",\n".join(textwrap.indent(_row_text(row), "  ") for row in rows)
+    return head[:-2] + ',\n "rows": [\n' + texts + "\n ]\n}\n"
+
+
+def _row_text(row: Row) -> str:
+    others = {key: value for key, value in row.items() if key != "proof"}
+    text = json.dumps(others, indent=1, allow_nan=False)
+    return text[:-2] + ',\n "proof": ' + json.dumps(row["proof"], allow_nan=False) + "\n}"
+
+
+def _proof(design: Design | None) -> dict[str, Any] | None:
+    """Return what proves a row again, beside the plant and its own centre and radius."""
+    if design is None:
+        return None
+    document = design.certificate.document()
+    return {key: document[key] for key in PROOF}
 
 
 def _finished(path: Path, plant: UncertainPlant, gain: bool) -> dict[tuple[float, str], Row]:
-    """Return the usable rows of an earlier run by centre and method."""
+    """Return the rows of an earlier run by centre and method, all proved afresh."""
     if not path.exists():
         return {}
     try:
         document = json.loads(read_text(path, MAX_BYTES, InputError))
         version, digest = document["polefence"], document["plant"]["digest"]
         rows = {(row["centre"], row["method"]): row for row in document["rows"]}
-        proved = {key: row for key, row in rows.items() if row["status"] == "proved"}
-        sound = all(_sound(row, plant) for row in proved.values())
+        proved = [row for row in rows.values() if row["status"] == "proved"]
+        sound = all(_sound(row, plant) for row in proved)
     except (ValueError, KeyError, TypeError, RecursionError) as error:
         raise InputError(f"{path}: no sweep to resume; remove it to start anew") from error
     if not sound:
@@ -109,7 +137,29 @@ def _finished(path: Path, plant: UncertainPlant, gain: bool) -> dict[tuple[float
         raise InputError(f"{path}: a sweep of another plant; remove it, or name another file")
     if version != __version__:
         raise InputError(f"{path}: a sweep by polefence {version}; remove it to start anew")
-    return {key: row for key, row in proved.items() if not gain or "law" in row}
+    again = [_again(path, row, plant, gain) for row in proved if row.get("proof") is not None]
+    return {(row["centre"], row["method"]): row for row in again}
+
+
+def _again(path: Path, row: Row, plant: UncertainPlant, gain: bool) -> Row:
+    """Prove a row of a file afresh, and return what of it is proved."""
+    where = f"{path}: the row of centre {row['centre']:g} and {row['method']}"
+    try:
+        region = Disk(row["centre"], row["radius"])
+        head = {"format": exact.FORMAT, "version": exact.VERSION, "plant": plant_document(plant)}
+        own = {key: row["proof"][key] for key in PROOF}
+        text = json.dumps(head | {"region": region.document()} | own, allow_nan=False)
+        certificate = Certificate.loads(text)
+        design = Design(certificate)
+        holds = certificate.prove().proved and design.label == row["method"]
+    except (ValueError, KeyError, TypeError) as error:
+        raise InputError(f"{where} holds no proof: {error}; remove the file") from error
+    if not holds:
+        raise InputError(f"{where} is not proved by what it holds; remove the file to start anew")
+    found = Limit(region.centre, row["method"], region.radius, "proved", row["seconds"])
+    kept = replace(found, lower=row.get("lower"), design=design).as_row(gain)
+    mark = {} if kept["lower"] is None else {"lower_from_file": True}
+    return kept | mark | {"proof": _proof(design)}
 
 
 def _sound(row: Row, plant: UncertainPlant) -> bool:

@@ -6,7 +6,7 @@ import argparse
 from typing import Any
 
 from polefence.checks import example_region, implies_stability
-from polefence.commands.methods import label_of, method_arguments, method_of
+from polefence.commands.methods import method_arguments, method_of
 from polefence.commands.shared import (
     PROVED,
     check_results,
@@ -60,7 +60,7 @@ def design_command(options: Any) -> int:
         raise InputError(f"--right-hand-sides is for a single disk, not {region}")
     check_results(options)
     design = place(plant, region, method)
-    label = label_of(design)
+    label = design.label
     lines = [f"proved: {label} keeps all poles of {plant.name!r} in {region} for every alpha"]
     if not implies_stability(plant, region):
         shape = "disk" if isinstance(region, Disk) else "region"

@@ -94,6 +94,8 @@ def limits_command(options: Any) -> int:
     )
     for row in rows:
         say(_row_line(row, width, plant.sample_time is None))
+    if any(row.get("lower_from_file") for row in rows):
+        say(f"* from {options.json}, not proved again; every radius is")
     return PROVED if all(row["status"] == "proved" for row in rows) else NOT_PROVED
 
 
@@ -117,6 +119,7 @@ def _centres(plant: UncertainPlant, options: Any) -> list[float]:
 
 def _row_line(row: dict[str, Any], width: int, continuous: bool) -> str:
     radius = lower = ratio = "-"
+    mark = "*" if row.get("lower_from_file") else " "
     if row.get("lower") is not None:
         lower = digits_down(row["lower"])
     if row["radius"] is not None:
@@ -124,6 +127,6 @@ def _row_line(row: dict[str, Any], width: int, continuous: bool) -> str:
     if row["radius"] is not None and continuous:
         ratio = f"{100 * (1 + row['radius'] / row['centre']):.2f} %"
     return (
-        f"{row['centre']:>10.6g}  {row['method']:<{width}} {radius:>10}  {lower:>10}  {ratio:>8}  "
-        f"{row['status']:<9}  {row['seconds']:.2f}"
+        f"{row['centre']:>10.6g}  {row['method']:<{width}} {radius:>10}  {lower:>10}{mark} "
+        f"{ratio:>8}  {row['status']:<9}  {row['seconds']:.2f}"
     )

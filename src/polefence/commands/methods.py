@@ -5,10 +5,8 @@ from __future__ import annotations
 import argparse
 from typing import Any
 
-from polefence.conditions.methods import METHODS, Method, Scheduled, Slack, method_label
-from polefence.design import Design
+from polefence.conditions.methods import METHODS, Method, Scheduled, Slack
 from polefence.errors import InputError
-from polefence.law import ScheduledGain
 
 OPTIONS = ("degree", "elevation", "on")
 
@@ -94,14 +92,3 @@ def _climbing(name: str, options: Any, given: dict[str, Any]) -> Scheduled:
             raise InputError(f"--budget = {options.budget:g} must be positive, in seconds")
         given["budget"] = options.budget
     return Scheduled(**given)
-
-
-def label_of(design: Design) -> str:
-    """Return the label of the method that a design was made by; "auto" has become a number."""
-    law, evidence = design.law, design.certificate.evidence
-    if design.method == "slack" and "degree" in evidence:
-        return method_label(Slack(evidence["degree"], evidence["elevation"], evidence["on"]))
-    if design.method == "scheduled" and isinstance(law, ScheduledGain):
-        on = "box" if len(law.sizes) > 1 else "simplex"
-        return method_label(Scheduled(law.degree, evidence.get("elevation", 1), on))
-    return design.method

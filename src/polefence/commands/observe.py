@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from polefence.checks import implies_stability
-from polefence.commands.methods import label_of, method_arguments, method_of
+from polefence.commands.methods import method_arguments, method_of
 from polefence.commands.shared import (
     PROVED,
     check_targets,
@@ -54,7 +54,7 @@ def observe_command(options: Any) -> int:
     method = method_of(options.method, options)
     check_targets(options.output and options.output / FILE_NAME, options.json)
     observer = observe(plant, options.measured, region, method)
-    label = label_of(observer.design)
+    label = observer.design.label
     say(
         f"proved: {label} keeps all poles of the observer of {plant.name!r} in {region} for every "
         "alpha"

@@ -6,7 +6,7 @@ import argparse
 from typing import Any
 
 from polefence.checks import example_centre
-from polefence.commands.methods import label_of, method_arguments, method_of
+from polefence.commands.methods import method_arguments, method_of
 from polefence.commands.shared import (
     PROVED,
     check_results,
@@ -70,7 +70,7 @@ def tightest_command(options: Any) -> int:
     value, text = _answer(options.of, design)
     rest = " & ".join(short_text(part) for part in design.region.parts[1:])
     beside = f", within {rest}" if rest else ""
-    lines = [f"proved: {text}{beside}, for every alpha of {plant.name!r} by {label_of(design)}"]
+    lines = [f"proved: {text}{beside}, for every alpha of {plant.name!r} by {design.label}"]
     if options.of != "disk" and (within is None or within.parts != design.region.parts[1:]):
         lines.append(
             "note: a disk bounds the poles' speed, or gains would be without bound; choose"
@@ -82,7 +82,7 @@ def tightest_command(options: Any) -> int:
         "value": value,
         "lower": design.lower,
         "region": design.region.document(),
-        "method": label_of(design),
+        "method": design.label,
         "status": "proved",
     }
     report(design, lines, summary, options)

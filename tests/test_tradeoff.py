@@ -327,7 +327,7 @@ FAULTS = {
     "a lower bound": _first(lambda row: row.update(proved=0.99 * row["sampled"])),
     "another bound": _first(lambda row: row.update(proved=1.01 * row["proved"], own=9.0)),
     "a limit not kept": _first(lambda row: row.update(value=0.1)),
-    "no number": _first(lambda row: row.update(sampled="0")),
+    "no number": _first(lambda row: row.update(seconds="0")),
     "no method": _first(lambda row: row.update(method="magic")),
     "no bounds": _first(lambda row: row.update(bounds=[])),
     "no proof": _first(lambda row: row.update(performance=None)),
@@ -354,6 +354,45 @@ def test_a_file_with_one_fault_is_refused(fault, document, spring, tmp_path):
     path.write_text(json.dumps(changed))
     with pytest.raises(InputError, match=r"front\.json: .*; remove the file"):
         tradeoff(spring, PLACE, PUSH, **SOME, path=path, resume=True)
+
+
+EDITS = {
+    "sampled": _first(lambda row: row.update(sampled=1e-9)),
+    "a bound sampled": _first(lambda row: row["bounds"][0].update(sampled=1e-9)),
+    "a bound's name": _first(lambda row: row["bounds"][0].update(specification="rms of grip")),
+    "a bound's limit": _first(lambda row: row["bounds"][0].update(at_most=1e-9)),
+    "a reason": _first(lambda row: row.update(reason="best of all")),
+    "more": _first(lambda row: row.update(note="best of all")),
+    "another plant's name": _first(
+        lambda row: row["performance"]["design"]["plant"].update(name="ship")
+    ),
+    "other names of states": _first(
+        lambda row: row["performance"]["design"]["plant"]["states"].reverse()
+    ),
+}
+
+
+@pytest.mark.parametrize("edit", EDITS)
+def test_a_row_says_what_is_proved_of_it_again(edit, document, spring, tmp_path):
+    path, changed = tmp_path / "front.json", json.loads(json.dumps(document))
+    EDITS[edit](changed)
+    assert changed != document
+    path.write_text(json.dumps(changed))
+    fresh = []
+    found = tradeoff(spring, PLACE, PUSH, **SOME, path=path, resume=True, on_row=fresh.append)
+    assert fresh == []
+    assert found.document() == document == json.loads(path.read_text())
+
+
+def test_one_gain_is_what_quadratic_means(spring, tmp_path):
+    path = tmp_path / "front.json"
+    some = {"values": [1.0], "methods": [Scheduled(1, 0, "box")], "path": path}
+    tradeoff(spring, PLACE, PUSH, **some)
+    changed = json.loads(path.read_text())
+    changed["rows"][0]["method"] = "quadratic"
+    path.write_text(json.dumps(changed))
+    with pytest.raises(InputError, match="a row is damaged"):
+        tradeoff(spring, PLACE, PUSH, **some, resume=True)
 
 
 @pytest.mark.parametrize(

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import time
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import BrokenExecutor, Executor, as_completed
@@ -16,12 +15,9 @@ from polefence.checks import require_domain, require_region, require_type
 from polefence.conditions.methods import Method, Scheduled, method_label, options
 from polefence.errors import InputError
 from polefence.gain_norm import GainNorm
-from polefence.law import Law
 from polefence.optimise import Optimised, optimise
 from polefence.performance import best_bound
-from polefence.performance_file import performance_text
 from polefence.plant.family import UncertainPlant
-from polefence.plant.system import Array
 from polefence.polynomial import Domain
 from polefence.region import HalfPlane, Region
 from polefence.response.reference_laws import lqr, passive, skyhook
@@ -29,11 +25,10 @@ from polefence.response.vehicle import ride
 from polefence.sampled_bounds import sampled, seeded
 from polefence.specification import Specification, output_of
 from polefence.sweep import Row
-from polefence.tradeoff_file import finished, write_rows
+from polefence.tradeoff_file import SAMPLES, finished, proved_row, write_rows
 from polefence.tradeoff_front import Asked, Front, monotone
 
 MAX_VALUES = 1000
-SAMPLES = 2000  # points of the family that each law is looked at
 REFERENCES = {"passive": passive, "skyhook": skyhook, "LQR": lqr}
 
 
@@ -207,7 +202,8 @@ def row_of(asked: Asked, value: float, method: Method) -> Row:
     found: Row
     try:
         limits = (replace(asked.over, at_most=value), *asked.subject_to)
-        found = _proved(optimise(asked.plant, asked.minimise, limits, asked.region, method), value)
+        done = optimise(asked.plant, asked.minimise, limits, asked.region, method)
+        found = _proved(asked, done, value)
     except Exception as error:  # one row's failure is not the sweep's; interrupts pass
         reason = " ".join(str(error).split()).removeprefix("not proved: ") or repr(error)
         nothing = dict.fromkeys(("proved", "sampled", "law_of", "own", "performance"))
@@ -216,38 +212,11 @@ def row_of(asked: Asked, value: float, method: Method) -> Row:
     return {"value": value, "method": method_label(method)} | found | {"seconds": seconds}
 
 
-def _proved(done: Optimised, value: float) -> Row:
-    plant, law, alpha = done.plant, done.law, seeded(done.plant, SAMPLES)
+def _proved(asked: Asked, done: Optimised, value: float) -> Row:
     first, over, *others = done.bounds
     # the law may keep less than its limit: then it will do for others
-    least = best_bound(plant, law, over.specification)
+    least = best_bound(done.plant, done.law, over.specification)
     if least is not None and least.level < over.level:
         over = least
-    bounds = [first, over, *others]
-    worst = [_worst(plant, law, bound.specification, alpha) for bound in bounds]
-    claims = [bound.claim for bound in bounds]
-    return {
-        "status": "proved",
-        "proved": first.level,
-        "sampled": worst[0],
-        "bounds": [
-            {
-                "specification": f"{b.specification.kind} of {b.specification.name}",
-                "at_most": b.specification.at_most,
-                "proved": b.level,
-                "sampled": own,
-            }
-            for b, own in zip(bounds[1:], worst[1:], strict=True)
-        ],
-        "law_of": value,
-        "own": first.level,
-        "reason": None,
-        "performance": json.loads(performance_text(done.design.certificate, claims)),
-    }
-
-
-def _worst(plant: UncertainPlant, law: Law, own: Specification, alpha: Array) -> float | None:
-    """Return the worst sampled value; what is proved does not depend on there being one."""
-    with suppress(InputError):
-        return sampled(plant, law, own, alpha).worst
-    return None
+    claims = [bound.claim for bound in (first, over, *others)]
+    return proved_row(asked, done.design.certificate, claims, value)

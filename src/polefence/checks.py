@@ -42,7 +42,7 @@ def blocks(plant: UncertainPlant, method: Method) -> int:
 def is_checkable(plant: UncertainPlant, method: Method, parts: int = 1) -> bool:
     """Whether the exact checker takes on as many inequalities as the method has."""
     size = 2 * plant.shape[0] * (2 if method_name(method) == "slack" else 1)
-    return blocks(plant, method) * (size**3 + exact.LEAST_WORK) * parts <= exact.MAX_WORK
+    return exact.least_work(blocks(plant, method) * parts, size) <= exact.MAX_WORK
 
 
 def require_checkable(plant: UncertainPlant, method: Method, parts: int = 1) -> None:

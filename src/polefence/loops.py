@@ -130,7 +130,7 @@ def forms(plant: UncertainPlant, law: Law, parts: int = 1) -> Iterator[tuple[int
     for degree, elevation in LADDER:
         blocks = domain.count(degree + 1 + own + elevation)
         unknowns = domain.count(degree) * n * (n + 1) // 2
-        checked = blocks * (2 * n) ** 3 * parts**2 <= exact.MAX_WORK
+        checked = exact.least_work(blocks * parts**2, 2 * n) <= exact.MAX_WORK
         if (degree, elevation) == LADDER[0]:
             if not checked:
                 raise InputError(f"{plant.name}: {blocks} inequalities are more than is checked")

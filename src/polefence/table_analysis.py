@@ -234,13 +234,22 @@ def _cell_document(cell: Cell) -> dict[str, Any]:
     }
     if cell.point is not None:
         entry["at"] = [_plain(v) for v in cell.point]
+    if cell.outside is not None:
+        by = cell.outside
+        entry["outside"] = {"line": [_plain(v) for v in (by.p, by.q, by.c)], "S": _floats(by.S)}
+        if any(map(any, by.T)):
+            entry["outside"]["T"] = _floats(by.T)
     if cell.evidence:
         entry["parts"] = [
             {
-                "X": [[[float(e) for e in row] for row in X] for X in each.X],
+                "X": [_floats(X) for X in each.X],
                 "degree": each.degree,
                 "elevation": each.elevation,
             }
             for each in cell.evidence
         ]
     return entry
+
+
+def _floats(matrix: exact.Rationals) -> list[list[float]]:
+    return [[float(e) for e in row] for row in matrix]

@@ -24,12 +24,15 @@ from polefence.polynomial import Domain, bernstein, elevated, times
 from polefence.proof import cells as proof
 from polefence.proof import exact
 from polefence.proof.cells import Cell
+from polefence.proof.outside import shown
 from polefence.region import Region
 from polefence.solve.deadline import Deadline
 from polefence.solve.given import least
 from polefence.table_analysis import TableAnalysis
 
 FORMS = ((0, 0), (1, 0))  # degree and elevation of a cell's Lyapunov polynomial
+SHARE = 0.9  # of the work that is checked in a file, after which no more cells are decided
+MOST_OF_A_CELL = exact.MAX_WORK // 100  # by its characteristic polynomial
 SAMPLES, MOST_SAMPLES = 7, 1000  # along each side of a cell; in a cell
 INSIDE = (0.98, 0.0)
 
@@ -72,14 +75,18 @@ def analyse_table(
             f"the grid has {len(queue)} cells; at most {most} of this size are checked"
         )
     done, cut = list[Cell](), False
+    spent = 0  # of the work that checking all cells takes
     while queue:
         low, high, level = queue.popleft()
         halved = level < depth and len(done) + len(queue) + 2 <= most
         late = halved and deadline.passed
-        cell = work.decided(low, high, last=late or not halved)
+        cell: Cell | None = Cell(low, high, "undecided")
+        if spent < SHARE * exact.MAX_WORK:
+            cell = work.decided(low, high, last=late or not halved)
         if cell is None:
             queue += [(*half, level + 1) for half in _halves(low, high, work.exactly.axes)]
             continue
+        spent += work.checked(cell)
         cut = cut or (late and cell.answer != "proved")
         done.append(cell)
         if on_cell is not None:
@@ -110,8 +117,8 @@ class _Work:
 
     @property
     def most_cells(self) -> int:
-        each = max(proof.work(self.exactly, len(self.parts), *form) for form in FORMS)
-        return min(proof.MAX_CELLS, proof.MAX_WORK // each)
+        each = max(proof.work(self.exactly, *form) for form in FORMS) * len(self.parts)
+        return min(proof.MAX_CELLS, exact.MAX_WORK // each)
 
     def decided(self, low: proof.Point, high: proof.Point, last: bool) -> Cell | None:
         """Return a cell with its answer, or None where it is to be halved: never the last time."""
@@ -120,9 +127,9 @@ class _Work:
         if distance.max() >= 0 and some and not last:
             return None
         if distance.max() >= 0:
-            point = self._counterexample(points[int(np.argmax(distance))], low, high)
-            if point is not None:
-                return Cell(low, high, "refuted", point=point)
+            found = self._counterexample(points[int(np.argmax(distance))], low, high)
+            if found is not None:
+                return found
         evidence = self._proof(low, high)
         if evidence is None:
             return Cell(low, high, "undecided") if last else None
@@ -136,13 +143,24 @@ class _Work:
         points = a + steps * (b - a)
         return points, self.question.region.distance(self.question.poles(points)).max(axis=1)
 
-    def _counterexample(
-        self, point: Array, low: proof.Point, high: proof.Point
-    ) -> proof.Point | None:
-        """Return a point of a cell if a pole is not in the region there, exactly."""
+    def checked(self, cell: Cell) -> int:
+        """Return what it takes to check a cell."""
+        with exact.counted() as count:
+            proof.prove_cell(self.exactly, self.parts, cell)
+        return count.spent
+
+    def _counterexample(self, point: Array, low: proof.Point, high: proof.Point) -> Cell | None:
+        """Return a refuted cell if a pole is not in the region at a point of it, exactly."""
         sides = zip(point, low, high, strict=True)
         exactly = tuple(min(max(Fraction(float(v)), lo), hi) for v, lo, hi in sides)
-        return None if exact.all_inside(self.exactly.loop(exactly), self.parts) else exactly
+        loop = self.exactly.loop(exactly)
+        by = shown(exact.quotient(loop), self.parts)
+        cell = Cell(low, high, "refuted", point=exactly, outside=by)
+        if by is not None:
+            return cell
+        with exact.counted(MOST_OF_A_CELL), suppress(exact.FormatError):
+            return None if exact.all_inside(loop, self.parts) else cell
+        return None
 
     def _proof(self, low: proof.Point, high: proof.Point) -> tuple[exact.Evidence, ...] | None:
         """Return evidence for every part of the region, None where one has none."""

@@ -40,6 +40,7 @@ def document():
     refuted = next(c for c in text["cells"] if c["answer"] == "refuted")
     refuted["answer"] = "undecided"
     del refuted["at"]
+    refuted.pop("outside", None)
     assert {c["answer"] for c in text["cells"]} == {"proved", "refuted", "undecided"}
     return text
 
@@ -221,8 +222,29 @@ def moved_inside(document):
         for corner in product(*zip(cell.low, cell.high, strict=True)):
             if cell.answer == "refuted" and exact.all_inside(table.loop(corner), region):
                 plain["at"] = [str(v) for v in corner]
-                return
+                return plain
     raise LookupError
+
+
+def moved_inside_alone(document):
+    """The same without evidence: the characteristic polynomial is to say it."""
+    del moved_inside(document)["outside"]
+
+
+def changed(**entries):
+    """Other evidence that a pole is outside."""
+
+    def change(document):
+        own = pick(document, "refuted")["outside"]
+        for key, value in entries.items():
+            own[key] = value(own[key])
+
+    return change
+
+
+def positive(S):
+    """A P that is positive definite shows nothing."""
+    return [[9e9 * (i == j) for j in range(len(S))] for i in range(len(S))]
 
 
 def moved_outside(document):
@@ -230,7 +252,17 @@ def moved_outside(document):
     cell["at"][0] = 1 if cell["low"][0] > 1 else 4
 
 
-SUBSTANCE["counterexample moved inside"] = moved_inside, "poles are all in the region"
+SUBSTANCE["counterexample moved inside"] = moved_inside, "does not show that a pole is outside"
+SUBSTANCE["and has no evidence"] = moved_inside_alone, "poles are all in the region"
+SHOWS = "does not show that a pole is outside"
+SUBSTANCE["evidence of the wrong sign"] = changed(S=lambda S: [[-x for x in r] for r in S]), SHOWS
+SUBSTANCE["evidence positive"] = changed(S=positive), SHOWS
+SUBSTANCE["evidence not symmetric"] = changed(S=lambda S: [[1, 2], [3, *S[1][1:]]]), SHOWS
+SUBSTANCE["a line that cuts the region"] = changed(line=lambda v: [v[0], v[1], -50]), SHOWS
+SUBSTANCE["a line upside down"] = changed(line=lambda v: [-v[0], -v[1], v[2]]), SHOWS
+FORM["evidence of another shape"] = changed(S=lambda S: S[:1]), "outside.S is 1 x 2"
+FORM["a line of two numbers"] = changed(line=lambda v: v[:2]), "line must have 3 numbers"
+FORM["a key of the evidence"] = changed(line=lambda v: {"a": v}), "line must be a list"
 SUBSTANCE["counterexample moved away"] = moved_outside, "outside its cell"
 
 
@@ -263,6 +295,7 @@ def test_what_only_weakens_a_claim_is_let_through_and_reported(document):
     cell = pick(weaker, "refuted")
     cell["answer"] = "undecided"
     del cell["at"]
+    cell.pop("outside", None)
     before, after = summary(document), summary(weaker)
     assert not after.fault
     assert after.refuted < before.refuted
@@ -270,8 +303,8 @@ def test_what_only_weakens_a_claim_is_let_through_and_reported(document):
 
 
 def test_work_is_bounded(document, monkeypatch):
-    monkeypatch.setattr(cells, "MAX_WORK", 1000)
-    with pytest.raises(exact.FormatError, match="more inequalities than are checked"):
+    monkeypatch.setattr(exact, "MAX_WORK", 1000)
+    with pytest.raises(exact.FormatError, match="more inequalities, or larger, than are checked"):
         summary(document)
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import shutil
 import subprocess
 import sys
@@ -73,7 +74,9 @@ def test_schur_cohn_decides_where_the_roots_are(roots):
             a - root * b
             for a, b in zip([*polynomial, Fraction(0)], [Fraction(0), *polynomial], strict=True)
         ]
-    inside = exact.is_positive_definite(exact._schur_cohn(polynomial))
+    whole = math.lcm(*(a.denominator for a in polynomial))
+    integers = [int(a * whole) for a in polynomial]
+    inside = exact.is_positive_definite(exact._schur_cohn(integers))
     assert inside == all(abs(root) < 1 for root in roots)
 
 

@@ -28,7 +28,7 @@ from polefence.cli import main
 from polefence.law import FixedGain, ScheduledGain
 from polefence.loops import certificate_of
 from polefence.polynomial import Domain
-from polefence.proof.exact import FormatError
+from polefence.proof.exact import FormatError, least_work
 from polefence.proof.service import Gain, Range, Subject, prove_service, read_service
 from polefence.proof.service.inequalities import blocks
 from polefence.service import gain_error
@@ -490,7 +490,7 @@ def test_work_is_bounded(claims, monkeypatch):
     design, scales, _, claim = claims["parts"]
     degree = 1 + 2 + claim.subject.elevation  # with those of the evidence, both zero
     assert all(e.degree + e.elevation == 0 for e in claim.subject.design.evidence)
-    work = 4 * (degree + 1) ** 2 * (2 * (2 * 2 + 1)) ** 3
+    work = least_work(4 * (degree + 1) ** 2, 2 * (2 * 2 + 1))
     monkeypatch.setattr("polefence.proof.service.MAX_WORK", work)
     assert prove_service(claim).proved
     monkeypatch.setattr("polefence.proof.service.MAX_WORK", work - 1)

@@ -16,11 +16,10 @@ from math import prod
 from typing import Any
 
 from polefence.proof import exact
-from polefence.proof.exact import Evidence, FormatError, Part, Rationals
+from polefence.proof.exact import Evidence, FormatError, Outside, Part, Rationals
 
 FORMAT = "polefence-table"
 MAX_CELLS, MAX_PARAMETERS, MAX_KNOTS = 2000, 6, 200
-MAX_WORK = 10**9  # in all cells together, as the exact checker counts it
 
 Point = tuple[Fraction, ...]
 
@@ -87,7 +86,8 @@ class Cell:
     """A box of physical parameters with its answer.
 
     ``evidence`` (one a part of the region) of "proved"; ``point``, where a pole is not in the
-    region, of "refuted".
+    region, of "refuted", with ``outside`` that proves it, none where the characteristic polynomial
+    is to.
     """
 
     low: Point
@@ -95,6 +95,7 @@ class Cell:
     answer: str
     evidence: tuple[Evidence, ...] = ()
     point: Point | None = None
+    outside: Outside | None = None
 
     @property
     def volume(self) -> Fraction:
@@ -145,7 +146,11 @@ def prove_cell(table: Table, region: tuple[Part, ...], cell: Cell) -> exact.Verd
         sides = zip(cell.low, cell.point, cell.high, strict=True)
         if not all(a <= p <= b for a, p, b in sides):
             return exact.Verdict(False, "the counterexample lies outside its cell")
-        inside = exact.all_inside(table.loop(cell.point), region)
+        loop = table.loop(cell.point)
+        if cell.outside is not None:
+            shown = exact.is_outside(exact.quotient(loop), region, cell.outside)
+            return exact.Verdict(shown, "its P does not show that a pole is outside")
+        inside = exact.all_inside(loop, region)
         return exact.Verdict(not inside, "the counterexample's poles are all in the region")
     return exact.Verdict(cell.answer == "undecided", "an answer without its evidence")
 
@@ -170,26 +175,35 @@ def summarise(table: Table, region: tuple[Part, ...], cells: list[Cell]) -> Summ
     """
     whole = prod((axis.high - axis.low for axis in table.axes), start=Fraction(1))
     shares = dict.fromkeys(("proved", "refuted", "undecided"), Fraction(0))
-    forms = [(e.degree, e.elevation) for cell in cells for e in cell.evidence]
-    if sum(work(table, 1, *form) for form in forms) > MAX_WORK:
-        raise FormatError("the cells are more inequalities than are checked here")
     fault = ""
-    for k, cell in enumerate(cells):
-        try:
-            verdict = prove_cell(table, region, cell)
-        except FormatError as error:
-            raise FormatError(f"cells[{k + 1}]: {error}") from error
-        if not verdict.proved:
-            fault = fault or f"cell {k + 1}: {verdict.reason}"
-        shares[cell.answer] += cell.volume / whole
+    with exact.counted():
+        _require_moderate(table, cells)
+        for k, cell in enumerate(cells):
+            try:
+                verdict = prove_cell(table, region, cell)
+            except FormatError as error:
+                raise FormatError(f"cells[{k + 1}]: {error}") from error
+            if not verdict.proved:
+                fault = fault or f"cell {k + 1}: {verdict.reason}"
+            shares[cell.answer] += cell.volume / whole
     fault = fault or _untiled(cells, sum(shares.values()))
     return Summary(shares["proved"], shares["refuted"], shares["undecided"], fault)
 
 
-def work(table: Table, parts: int, degree: int, elevation: int) -> int:
-    """Return what a cell costs to check, as `polefence.proof.exact` counts it."""
+def _require_moderate(table: Table, cells: list[Cell]) -> None:
+    """Refuse, before any is proved, more cells than can be checked."""
+    total = sum(work(table, e.degree, e.elevation) for cell in cells for e in cell.evidence)
+    for cell in cells:
+        if cell.point is not None and cell.outside is None:
+            total += exact.inside_work(table.loop(cell.point))
+        if total > exact.MAX_WORK:
+            raise FormatError("the cells are more inequalities, or larger, than are checked here")
+
+
+def work(table: Table, degree: int, elevation: int) -> int:
+    """Return the least that one part of a cell costs to check."""
     blocks = (degree + 2 + elevation + 1) ** len(table.axes)
-    return int(blocks * (2 * len(table.A[0])) ** 3 * parts)
+    return exact.least_work(blocks, 2 * len(table.A[0]))
 
 
 def _untiled(cells: list[Cell], total: Fraction | int) -> str:
@@ -275,7 +289,7 @@ def _cell(entry: Any, where: str, count: int, n: int) -> Cell:
     if not isinstance(answer, str) or answer not in _CARRIES:
         raise FormatError(f"{where}.answer must be proved, refuted or undecided")
     wanted = {"low", "high", "answer", *_CARRIES[answer]}
-    if set(entry) != wanted:
+    if set(entry) - ({"outside"} if answer == "refuted" else set()) != wanted:
         raise FormatError(f"{where}: a cell {answer} must have {', '.join(sorted(wanted))}")
     low, high = (_point(entry[key], f"{where}.{key}", count) for key in ("low", "high"))
     evidence: tuple[Evidence, ...] = ()
@@ -285,7 +299,20 @@ def _cell(entry: Any, where: str, count: int, n: int) -> Cell:
             raise FormatError(f"{where}.parts must have X, degree and elevation")
         evidence = tuple(exact.read_evidence(t, where, "X", n, (2,) * count) for t in tables)
     point = _point(entry["at"], f"{where}.at", count) if "at" in entry else None
-    return Cell(low, high, answer, evidence, point)
+    outside = _outside(entry["outside"], f"{where}.outside", n) if "outside" in entry else None
+    return Cell(low, high, answer, evidence, point, outside)
+
+
+def _outside(table: Any, where: str, n: int) -> Outside:
+    if not isinstance(table, dict) or set(table) not in ({"line", "S"}, {"line", "S", "T"}):
+        raise FormatError(f"{where} must have line, S and perhaps T")
+    line = _list(table["line"], f"{where}.line", 3)
+    if len(line) != 3:
+        raise FormatError(f"{where}.line must have 3 numbers")
+    p, q, c = (exact.read_number(v, f"{where}.line") for v in line)
+    none = [[0] * n for _ in range(n)]
+    S, T = (exact.read_matrix(table.get(k, none), f"{where}.{k}", n, n) for k in "ST")
+    return Outside(p, q, c, S, T)
 
 
 def _point(value: Any, where: str, count: int) -> Point:

@@ -2,8 +2,8 @@
 
 This file uses integers and the standard library only, imports nothing of its project and may be
 copied out of it. It reads the plant's vertices, the region, the law and the certificate; rebuilds
-every linear matrix inequality of the theorem named; and tests each for positive definiteness by
-fraction-free elimination. Numbers in the file are doubles, hence rationals; "p/q" is exact.
+every linear matrix inequality of the theorem named; and tests each for positive definiteness (see
+`is_positive_definite`). Numbers in the file are doubles, hence rationals; "p/q" is exact.
 
 What is proved: all eigenvalues of A(alpha) + B(alpha) K(alpha) lie in the region, for every alpha
 of the simplex; or, where the file says "box", for every product alpha of points of the
@@ -34,9 +34,12 @@ import math
 import re
 import sys
 from collections.abc import Iterator
+from contextlib import contextmanager
+from contextvars import ContextVar
 from dataclasses import dataclass
 from fractions import Fraction
 from itertools import combinations_with_replacement, product
+from operator import mul
 from typing import Any
 
 FORMAT, VERSION = "polefence-design", 1
@@ -44,9 +47,15 @@ METHODS = ("quadratic", "slack", "scheduled", "lyapunov")
 MAX_BYTES, MAX_SIZE, MAX_VERTICES, MAX_PARTS = 32_000_000, 60, 256, 16
 MAX_COEFFICIENTS = 20_000
 MAX_DEGREE = 16  # of any polynomial, in each simplex
-# Bounds on the work that a file can ask for: digits of the common denominators, and operations, of
-# which every inequality takes some whatever its size.
-LARGEST, MAX_BITS, MAX_WORK, LEAST_WORK = 10**300, 20_000, 5 * 10**8, 3000
+LARGEST, MAX_BITS = 10**300, 20_000  # of numbers; of their common denominator
+# Bounds on what a file can ask for: work, in products of two words of 30 bits, of which every
+# operation takes `CALL` besides; and what polynomials hold at once [bytes].
+MAX_WORK, CALL, MAX_HELD = 5 * 10**9, 120, 4 * 10**8
+LEAST_WORK = 300 * CALL  # of an inequality of whatever size
+TOO_MUCH = (
+    "its inequalities are more, or larger, or their numbers longer, than is checked here; round "
+    "the numbers, or use a lower degree or elevation"
+)
 
 # Parts of regions: their kinds and the numbers that each has.
 KINDS = {
@@ -146,6 +155,11 @@ def prove(claim: Claim) -> Verdict:
         If the claim is incomplete or inconsistent, or asks for work out of all proportion.
     """
     _require_consistent(claim)
+    with counted():
+        return _proved(claim)
+
+
+def _proved(claim: Claim) -> Verdict:
     for evidence in claim.evidence:
         if evidence.tau < 0:
             return Verdict(False, "tau is negative")
@@ -207,13 +221,9 @@ def _require_consistent(claim: Claim) -> None:
         raise FormatError("multiples belong to scheduled laws given")
     if any(e.tau for e in evidence) and not _is_theorem_1(claim):
         raise FormatError("tau belongs to the right-hand sides of Theorem 1")
-    work = sum(
-        _number(sizes, _degree(claim, e))
-        * ((2 * n * (2 if e.G is not None else 1)) ** 3 + LEAST_WORK)
-        for e in evidence
-    )
-    if work * len(claim.region) > MAX_WORK:
-        count = sum(_number(sizes, _degree(claim, e)) for e in evidence)
+    sides = 2 * n * (2 if claim.method == "slack" else 1)
+    count = sum(_number(sizes, _degree(claim, e)) for e in evidence)
+    if least_work(count * len(claim.region), sides) > MAX_WORK:
         raise FormatError(f"{count} inequalities of this size are more than is checked here")
 
 
@@ -239,8 +249,173 @@ def _degree(claim: Claim, evidence: Evidence) -> int:
     return natural + evidence.elevation
 
 
+# --- work ----------------------------------------------------------------------------------------
+
+
+@dataclass
+class Count:
+    """Work that has begun, of the most that is allowed."""
+
+    most: int
+    spent: int = 0
+
+
+_COUNT: ContextVar[Count | None] = ContextVar("count", default=None)
+
+
+@contextmanager
+def counted(most: int = MAX_WORK) -> Iterator[Count]:
+    """Allow this much work in all that follows; inside another count, what that one allows."""
+    outer = _COUNT.get()
+    if outer is not None:
+        yield outer
+        return
+    count = Count(most)
+    token = _COUNT.set(count)
+    try:
+        yield count
+    finally:
+        _COUNT.reset(token)
+
+
+def spend(operations: int, left: int, right: int = 0) -> None:
+    """Count operations on numbers of so many bits, before they begin.
+
+    Raises
+    ------
+    FormatError
+        If they are more than the count allows.
+    """
+    count = _COUNT.get()
+    if count is None:
+        return
+    amount = operations * cost(left, right)
+    if count.spent + amount > count.most:
+        raise FormatError(TOO_MUCH)
+    count.spent += amount
+
+
+def cost(left: int, right: int = 0) -> int:
+    """Return what one operation on numbers of so many bits costs."""
+    return CALL + (left // 30 + 1) * (right // 30 + 1)
+
+
+def least_work(count: int, rows: int) -> int:
+    """Return the least that so many inequalities of so many rows take, whatever their numbers."""
+    return count * (rows * (rows + 1) * (rows + 2) // 6 * cost(RUNG, RUNG) + LEAST_WORK)
+
+
+def bits(matrix: Integers) -> int:
+    """Return the length of the longest entry."""
+    return max((max(map(int.bit_length, row), default=0) for row in matrix), default=0)
+
+
+def _longest(P: Polynomial) -> int:
+    return max(map(bits, P.values()), default=0)
+
+
+def _hold(matrices: int, entries: int, length: int) -> None:
+    if matrices * entries * (36 + length // 7) > MAX_HELD:
+        raise FormatError("its polynomials are larger than is checked here; use a lower degree")
+
+
+# --- positive definite ---------------------------------------------------------------------------
+
+RUNG = 64  # bits of the first attempt
+
+
 def is_positive_definite(matrix: Integers) -> bool:
-    """Sylvester's criterion by fraction-free (Bareiss) elimination: all pivots are minors > 0."""
+    """Decide exactly whether a symmetric matrix is positive definite.
+
+    By `_attempt` with numbers cut to 64, 256, 1024, ... bits, one after the other, until one is
+    enough; where all digits would not be, the matrix is too near to a singular one for that: then
+    by Sylvester's criterion.
+
+    Raises
+    ------
+    FormatError
+        If a count of the work says that it is too much.
+    """
+    n, length = len(matrix), bits(matrix)
+    spend(n * n, length)
+    exponents = [(matrix[i][i].bit_length() + 1) // 2 for i in range(n)]
+    if any(matrix[i][i] <= 0 for i in range(n)):
+        return False
+    p = RUNG
+    while p <= max(RUNG, n * length):
+        spend(n * (n + 1) * (n + 2) // 3, p, p)
+        answer = _attempt(matrix, exponents, p)
+        if answer is not None:
+            return answer
+        p *= 4
+    return _sylvester(matrix)
+
+
+def _attempt(matrix: Integers, exponents: list[int], p: int) -> bool | None:
+    """Decide with p bits, None where they are too few.
+
+    S, the matrix scaled by powers of two to diagonal entries from 1/4 to 1, is S 2^p = s + E1 with
+    whole s and entries of E1 from 0 to 1, so |E1| <= n. If Cholesky's recursion in whole numbers
+    finds R for s - c I, then (s - c I) 2^p = R'R + E2, where E2 has the remainders of its divisions
+    and roots: 0 <= E2 <= 2 (2^p + c) entry by entry, |E2| <= 2 n (2^p + c). So s - c I >=
+    -2 n (1 + c / 2^p) I, and c > 3 n (1 + c / 2^p) makes S positive definite. If it meets a pivot
+    that is not positive for s + c I, there is x with x'R'R x = 0, and x'S x < 0 by the same bounds.
+    """
+    n = len(matrix)
+    s: Integers = []
+    for i, row in enumerate(matrix):
+        scaled = []
+        for j in range(i, n):
+            total = exponents[i] + exponents[j]
+            if row[j].bit_length() > total:  # above the root of the two diagonal entries
+                return False
+            shift = p - total
+            scaled.append(row[j] << shift if shift >= 0 else row[j] >> -shift)
+        s.append(scaled)
+    c = 4 * n + 4
+    if _has_root(s, -c, p):
+        return True
+    return None if _has_root(s, c, p) else False
+
+
+def _has_root(s: Integers, c: int, p: int) -> bool:
+    """Whether all pivots of Cholesky's recursion for s + c I are positive; s is its upper half."""
+    columns: Integers = [[] for _ in s]
+    for i, row in enumerate(s):
+        own = columns[i]
+        square = ((row[0] + c) << p) - sum(map(mul, own, own))
+        pivot = math.isqrt(square) if square > 0 else 0
+        if not pivot:
+            return False
+        for entry, column in zip(row[1:], columns[i + 1 :], strict=True):
+            column.append(((entry << p) - sum(map(mul, own, column))) // pivot)
+    return True
+
+
+def is_semidefinite(matrix: Integers) -> bool:
+    """Decide exactly whether a symmetric matrix has no negative eigenvalue.
+
+    Raises
+    ------
+    FormatError
+        If a count of the work says that it is too much.
+    """
+    n = len(matrix)
+    if any(matrix[i][i] < 0 for i in range(n)):
+        return False
+    spend(n * (n + 1) * (n + 2) // 3, RUNG, RUNG)
+    exponents = [(matrix[i][i].bit_length() + 1) // 2 for i in range(n)]
+    answer = _attempt(matrix, exponents, RUNG)
+    return _sylvester(matrix, singular=True) if answer is None else answer
+
+
+def _sylvester(matrix: Integers, singular: bool = False) -> bool:
+    """Sylvester's criterion by fraction-free (Bareiss) elimination: all pivots are minors > 0.
+
+    A pivot may be zero, with its row, where the matrix may be singular.
+    """
+    n, length = len(matrix), bits(matrix)
+    spend(n * (n + 1) * (n + 2) // 3, n * length, n * length // 2)
     common = math.gcd(*(entry for row in matrix for entry in row)) or 1
     # Upper triangle only: the Schur complements stay symmetric.
     rows = [[entry // common for entry in row[i:]] for i, row in enumerate(matrix)]
@@ -248,6 +423,9 @@ def is_positive_definite(matrix: Integers) -> bool:
     while rows:
         first, *rest = rows
         pivot = first[0]
+        if singular and not any(first):
+            rows = rest
+            continue
         if pivot <= 0:
             return False
         rows = [
@@ -319,10 +497,14 @@ def _product(P: Polynomial, Q: Polynomial) -> Polynomial:
     """Multiply matrix polynomials."""
     result: Polynomial = {}
     columns = {e: _transposed(q) for e, q in Q.items()}
+    left, right = _longest(P), _longest(Q)
+    one, other = next(iter(P.values()), [[]]), next(iter(columns.values()), [[]])
+    spend(len(P) * len(Q) * len(one) * len(other) * len(one[0]), left, right)
     for d, p in P.items():
         for e, c in columns.items():
             both = [[sum(map(int.__mul__, row, column)) for column in c] for row in p]
             _add(result, tuple(map(int.__add__, d, e)), both)
+        _hold(len(result), len(one) * len(other), left + right)
     return result
 
 
@@ -338,14 +520,20 @@ def _plus(P: Polynomial, Q: Polynomial) -> Polynomial:
 
 
 def _multiple(factor: int, P: Polynomial) -> Polynomial:
+    spend(
+        sum(len(matrix) * len(matrix[0]) for matrix in P.values()), factor.bit_length(), _longest(P)
+    )
     return P if factor == 1 else {e: _times(factor, matrix) for e, matrix in P.items()}
 
 
 def _elevated(P: Polynomial, sizes: tuple[int, ...], times: int) -> Polynomial:
     """Multiply by (sum of a simplex's coordinates)^times, for every simplex."""
     for _ in range(times):
-        start = 0
+        start, length = 0, _longest(P)
         for size in sizes:
+            one = next(iter(P.values()))
+            spend(len(P) * size * len(one) * len(one[0]), length)
+            _hold(len(P) * size, len(one) * len(one[0]), length)
             result: Polynomial = {}
             for e, matrix in P.items():
                 for j in range(start, start + size):
@@ -537,6 +725,8 @@ def _fraction(law: Law, sizes: tuple[int, ...], D: int) -> tuple[Polynomial, Pol
 
 def _weighted(weights: Polynomial, X: Polynomial) -> Polynomial:
     result: Polynomial = {}
+    entries = sum(len(matrix) * len(matrix[0]) for matrix in X.values())
+    spend(len(weights) * entries, _longest(weights), _longest(X))
     for d, q in weights.items():
         for e, matrix in X.items():
             _add(result, tuple(map(int.__add__, d, e)), _times(q[0][0], matrix))
@@ -553,6 +743,7 @@ def _block(L: Integers, M: Integers, X: Integers, N: Integers) -> Integers:
     """Return -(L (x) X + M (x) N + M' (x) N')."""
     T = _transposed(N)
     rows: Integers = []
+    spend(3 * (len(L) * len(X)) ** 2, max(bits(L), bits(M)), max(bits(X), bits(N)))
     for a in range(len(L)):
         for i in range(len(X)):
             row: list[int] = []
@@ -573,6 +764,7 @@ def _floored(F: Integers, e: Exponent, tau: Fraction, claim: Claim, plant: _Plan
     share = {3: Fraction(1), 2: Fraction(-1, square), 1: Fraction(-6, square)}[max(e)]
     L, M = _characteristic_pairs(claim.region[0])[0]
     floor = tau * share * plant.denominator * plant.law * _denominator([L, M])
+    spend(len(F) ** 2, floor.denominator.bit_length(), bits(F))
     scaled = [[floor.denominator * entry for entry in row] for row in F]
     for i in range(len(F) // 2):
         scaled[i][i] -= floor.numerator
@@ -598,7 +790,9 @@ def _slack(
         for L, M in _characteristic_pairs(part):
             L_, M_, common = _integral(L, M, plant.denominator)
             units = plant.denominator, common, evidence.epsilon
+            entries, long = 8 * (len(M) * len(g)) ** 2, max(_longest(P), _longest(N))
             for e in monomials(sizes, degree):
+                spend(entries, max(bits(L_), bits(M_)), long)
                 name = _name(e, sizes, claim, part)
                 if len(M) == 2 and not (M[0][0] or M[1][0] or M[1][1]):
                     yield name, _disk_slack(L_, M_, P[e], N[e], slack[e])
@@ -689,20 +883,109 @@ def _starts(sizes: tuple[int, ...]) -> list[int]:
 
 def _denominator(matrices: list[Rationals], limit: int = MAX_BITS) -> int:
     common = 1
-    for entry in (entry for M in matrices for row in M for entry in row):
-        common = math.lcm(common, entry.denominator)
+    for denominator in {entry.denominator for M in matrices for row in M for entry in row}:
+        length = common.bit_length()
+        spend(1, length, min(length, denominator.bit_length()) + 30)
+        common = math.lcm(common, denominator)
         if common.bit_length() > limit:
             raise FormatError("the numbers' common denominator is out of all proportion")
     return common
 
 
 def _integers(matrix: Rationals, denominator: int) -> Integers:
+    length = denominator.bit_length()
+    spend(2 * len(matrix) * len(matrix[0] if matrix else []), length, min(length, 1000))
     return [[e.numerator * (denominator // e.denominator) for e in row] for row in matrix]
 
 
 # --- counterexamples -----------------------------------------------------------------------------
 
 TANGENTS = 32  # of an ellipse, in the upper half-plane
+LONGEST = 10**6  # bits of a common denominator there
+
+
+@dataclass(frozen=True)
+class Outside:
+    """Evidence that a pole does not lie in the half-plane p x + q y < c, which holds the region.
+
+    P = S + i T, S symmetric, T skew. If all poles did, R = (p - i q) A - c I would be stable, and
+    every P with R* P + P R < 0 positive definite (Lyapunov). For a law K = Z W^-1 both sides come
+    times W: W* P (A W + B Z), with which W is seen to be regular, too.
+    """
+
+    p: Fraction
+    q: Fraction
+    c: Fraction
+    S: Rationals
+    T: Rationals
+
+
+def quotient(matrix: Rationals) -> tuple[Rationals, Rationals]:
+    """Return a matrix as N W^-1: N and W = I."""
+    n = len(matrix)
+    return matrix, [[Fraction(int(i == j)) for j in range(n)] for i in range(n)]
+
+
+def is_outside(loop: tuple[Rationals, Rationals], region: tuple[Part, ...], by: Outside) -> bool:
+    """Whether this proves that a pole of N W^-1 is outside, ``loop`` holding N and W.
+
+    False says nothing.
+    """
+    n = len(loop[0])
+    shapes = all(len(M) == n and all(len(row) == n for row in M) for M in (by.S, by.T))
+    if not shapes or not any(_holds(part, by.p, by.q, by.c) for part in region):
+        return False
+    if not _is_symmetric(by.S) or any(
+        by.T[i][j] != -by.T[j][i] for i in range(n) for j in range(i + 1)
+    ):
+        return False
+    p, q, c = _integers([[by.p, by.q, by.c]], _denominator([[[by.p, by.q, by.c]]], LONGEST))[0]
+    N, W = (_integers(M, _denominator(list(loop), LONGEST)) for M in loop)
+    S, T = (_integers(M, _denominator([by.S, by.T], LONGEST)) for M in (by.S, by.T))
+    left = _transposed(W)
+    SN, TN, SW, TW = (
+        _matrix_product(left, _matrix_product(*pair)) for pair in ((S, N), (T, N), (S, W), (T, W))
+    )
+    ahead = [
+        [p * a + q * b for a, b in zip(*rows, strict=True)] for rows in zip(SN, TN, strict=True)
+    ]
+    aside = [
+        [p * b - q * a for a, b in zip(*rows, strict=True)] for rows in zip(SN, TN, strict=True)
+    ]
+    real = [[2 * c * SW[i][j] - ahead[i][j] - ahead[j][i] for j in range(n)] for i in range(n)]
+    skew = [[2 * c * TW[i][j] - aside[i][j] + aside[j][i] for j in range(n)] for i in range(n)]
+    decreases = is_positive_definite(_embedded(real, skew))
+    return decreases and not is_positive_definite(_embedded(S, T))
+
+
+def _embedded(real: Integers, skew: Integers) -> Integers:
+    """Return the symmetric matrix of a Hermitian one; the real part alone where that is all."""
+    if not any(map(any, skew)):
+        return real
+    upper = [a + [-x for x in b] for a, b in zip(real, skew, strict=True)]
+    return upper + [b + a for a, b in zip(real, skew, strict=True)]
+
+
+def _matrix_product(P: Integers, Q: Integers) -> Integers:
+    spend(len(P) * len(Q) * len(Q[0]), bits(P), bits(Q))
+    columns = _transposed(Q)
+    return [[sum(map(mul, row, column)) for column in columns] for row in P]
+
+
+def _holds(part: Part, p: Fraction, q: Fraction, c: Fraction) -> bool:
+    """Whether the part lies in the half-plane p x + q y <= c."""
+    v, flat = part.numbers, not q
+    if part.kind in ("disk", "ellipse"):
+        a, b = v[1], v[-1]
+        rest = c - p * v[0]
+        return rest >= 0 and rest**2 >= (a * p) ** 2 + (b * q) ** 2
+    if part.kind == "half_plane":
+        return flat and p >= 0 and -v[0] * p <= c
+    if part.kind == "sector":
+        return c >= 0 and p >= v[1] * abs(q)
+    if part.kind == "vertical_strip":
+        return flat and max(p * v[0], p * v[1]) <= c
+    return not p and abs(q) * v[0] <= c
 
 
 def poles_inside(claim: Claim, alpha: list[Fraction]) -> bool:
@@ -716,46 +999,76 @@ def poles_inside(claim: Claim, alpha: list[Fraction]) -> bool:
     ValueError
         If alpha is not a point of the simplex, or for a box no product; or the numbers of the
         region make none.
+    FormatError
+        If a count of the work says that it is too much.
     """
-    if len(alpha) != len(claim.A) or min(alpha) < 0 or sum(alpha) != 1:
-        raise ValueError("alpha is not a point of the simplex")
     require_region(claim.region)
     closed = closed_loop(claim, alpha)
     return closed is not None and all_inside(closed, claim.region)
 
 
-def closed_loop(claim: Claim, alpha: list[Fraction]) -> Rationals | None:
-    """Return A + B K at one alpha, None where the law is undefined."""
+def fraction_at(claim: Claim, alpha: list[Fraction]) -> tuple[Rationals, Rationals]:
+    """Return N and W of the closed loop N W^-1 at one alpha; W = I for a fixed law.
+
+    Raises
+    ------
+    ValueError
+        If alpha is not a point of the simplex, or for a box no product.
+    """
+    if len(alpha) != len(claim.A) or min(alpha) < 0 or sum(alpha) != 1:
+        raise ValueError("alpha is not a point of the simplex")
     A, B = mix(alpha, claim.A), mix(alpha, claim.B)
-    coordinates, law = _coordinates(alpha, simplices(claim)), claim.law
+    sizes, law, n = simplices(claim), claim.law, len(A)
+    coordinates = _coordinates(alpha, sizes)
     if law.K is not None:
-        K: Rationals | None = law.K[0] if len(law.K) == 1 else mix(alpha, law.K)
+        W = [[Fraction(int(i == j)) for j in range(n)] for i in range(n)]
+        Z = law.K[0] if len(law.K) == 1 else mix(alpha, law.K)
     else:
-        basis = _basis(coordinates, simplices(claim), law.degree)
-        K = _right_divide(mix(basis, law.Z or []), mix(basis, law.W or []))
-    if K is None:
-        return None
+        basis = _basis(coordinates, sizes, law.degree)
+        W, Z = mix(basis, law.W or []), mix(basis, law.Z or [])
     weights = claim.weights or (Fraction(1),) * len(alpha)
     q = sum((a * w for a, w in zip(alpha, weights, strict=True)), Fraction(0))
-    n = len(A)
-    return [
-        [
-            (A[i][j] + sum((B[i][p] * K[p][j] for p in range(len(K))), Fraction(0))) / q
-            for j in range(n)
-        ]
-        for i in range(n)
-    ]
+    whole = _denominator([A, B], LONGEST)
+    own = _denominator([W, Z], LONGEST)
+    AB = [a + b for a, b in zip(_integers(A, whole), _integers(B, whole), strict=True)]
+    N = _matrix_product(AB, _integers(W, own) + _integers(Z, own))
+    return [[Fraction(e, whole * own) for e in row] for row in N], [[q * e for e in r] for r in W]
+
+
+def closed_loop(claim: Claim, alpha: list[Fraction]) -> Rationals | None:
+    """Return A + B K at one alpha, None where the law is undefined."""
+    N, W = fraction_at(claim, alpha)
+    if claim.law.K is None:
+        return right_divide(N, W)
+    return [[e / W[0][0] for e in row] for row in N]
 
 
 def all_inside(matrix: Rationals, region: tuple[Part, ...]) -> bool:
     """Decide whether all eigenvalues lie in the region, as `poles_inside` does."""
-    polynomial = _characteristic(matrix)
+    whole = _denominator([matrix], LONGEST)
+    polynomial = characteristic(_integers(matrix, whole))
+    return roots_inside(polynomial, region, whole)
+
+
+def inside_work(matrix: Rationals) -> int:
+    """Return about what `all_inside` costs."""
+    n, length = len(matrix), bits(_integers(matrix, _denominator([matrix], LONGEST)))
+    return n**4 * cost(n * length // 2, length)
+
+
+def roots_inside(polynomial: list[int], region: tuple[Part, ...], whole: int = 1) -> bool:
+    """Decide whether all roots, over ``whole``, lie in the region; the highest power comes first.
+
+    An ellipse is replaced by the polygon of its `TANGENTS`, which contains it.
+    """
     for part in region:
-        v = part.numbers
         if part.kind == "disk":
-            if not _in_unit_disk(_rescaled(_shifted(polynomial, v[0]), v[1])):
+            own = _denominator([[list(part.numbers)]], LONGEST)
+            centre, radius = (int(v * own) * whole for v in part.numbers)
+            moved = _shifted(_scaled(polynomial, own), centre)
+            if not _in_unit_disk([a * radius**k for k, a in enumerate(reversed(moved))][::-1]):
                 return False
-        elif not all(_in_half_plane(polynomial, *side) for side in _sides(part)):
+        elif not all(_in_half_plane(polynomial, whole, *side) for side in _sides(part)):
             return False
     return True
 
@@ -816,109 +1129,121 @@ def mix(weights: list[Fraction], matrices: list[Rationals]) -> Rationals:
     ]
 
 
-def _right_divide(Z: Rationals, W: Rationals) -> Rationals | None:
-    """Return Z W^-1 by Gauss-Jordan elimination on columns, None where W is singular."""
+def right_divide(Z: Rationals, W: Rationals) -> Rationals | None:
+    """Return Z W^-1 by fraction-free Gauss-Jordan elimination on columns, None for a singular W."""
     n = len(W)
-    table = [[W[i][j] for i in range(n)] + [row[j] for row in Z] for j in range(n)]
+    common = _denominator([Z, W], LONGEST)
+    table = _transposed(_integers(W, common) + _integers(Z, common))
+    length = n * bits(table)
+    spend(n * n * len(table[0]), length, length)
+    previous = 1
     for p in range(n):
         pivot = next((i for i in range(p, n) if table[i][p]), None)
         if pivot is None:
             return None
         table[p], table[pivot] = table[pivot], table[p]
-        table[p] = [e / table[p][p] for e in table[p]]
+        own = table[p]
         for i in range(n):
             factor = table[i][p]
-            if i != p and factor:
-                table[i] = [a - factor * b for a, b in zip(table[i], table[p], strict=True)]
-    return [[table[i][n + q] for i in range(n)] for q in range(len(Z))]
+            if i != p:
+                table[i] = [
+                    (own[p] * a - factor * b) // previous
+                    for a, b in zip(table[i], own, strict=True)
+                ]
+        previous = own[p]
+    return [[Fraction(table[i][n + q], table[i][i]) for i in range(n)] for q in range(len(Z))]
 
 
-def _characteristic(matrix: Rationals) -> list[Fraction]:
+def characteristic(matrix: Integers) -> list[int]:
     """Coefficients of det(z I - matrix), highest power first (Faddeev-LeVerrier)."""
-    n = len(matrix)
-    coefficients = [Fraction(1)]
-    power = [[Fraction(int(i == j)) for j in range(n)] for i in range(n)]
+    n, length = len(matrix), bits(matrix)
+    spend(n**4, n * length // 2, length)
+    coefficients = [1]
+    power = [[int(i == j) for j in range(n)] for i in range(n)]
     for k in range(1, n + 1):
-        columns = list(zip(*power, strict=True))
-        power = [
-            [
-                sum((a * b for a, b in zip(row, column, strict=True)), Fraction(0))
-                for column in columns
-            ]
-            for row in matrix
-        ]
-        coefficients.append(-sum((power[i][i] for i in range(n)), Fraction(0)) / k)
+        columns = _transposed(power)
+        power = [[sum(map(mul, row, column)) for column in columns] for row in matrix]
+        coefficients.append(-sum(power[i][i] for i in range(n)) // k)  # divides exactly
         for i in range(n):
             power[i][i] += coefficients[-1]
     return coefficients
 
 
-def _shifted(polynomial: list[Fraction], c: Fraction) -> list[Fraction]:
+def rational_product(left: Rationals, right: Rationals) -> Rationals:
+    """Return the product of two matrices."""
+    one, other = (_denominator([M], LONGEST) for M in (left, right))
+    both = _matrix_product(_integers(left, one), _integers(right, other))
+    return [[Fraction(e, one * other) for e in row] for row in both]
+
+
+def _shifted(polynomial: list[int], c: int) -> list[int]:
     """Return the polynomial in z of p(z + c), by Horner's scheme."""
     shifted = polynomial[:]
+    longest = max(map(int.bit_length, polynomial)) + len(polynomial) * c.bit_length()
+    spend(len(polynomial) ** 2, longest, c.bit_length())
     for end in range(len(shifted), 1, -1):
         for i in range(1, end):
             shifted[i] += c * shifted[i - 1]
     return shifted
 
 
-def _rescaled(polynomial: list[Fraction], r: Fraction) -> list[Fraction]:
-    """Return the monic polynomial whose roots are those of p over r."""
-    return [c / r**k for k, c in enumerate(polynomial)]
+def _scaled(polynomial: list[int], r: int) -> list[int]:
+    """Return the polynomial whose roots are r times those of p."""
+    return [c * r**k for k, c in enumerate(polynomial)]
 
 
-def _in_unit_disk(polynomial: list[Fraction]) -> bool:
+def _in_unit_disk(polynomial: list[int]) -> bool:
     return is_positive_definite(_schur_cohn(polynomial))
 
 
-def _in_half_plane(polynomial: list[Fraction], p: Fraction, q: Fraction, c: Fraction) -> bool:
-    """Decide whether all roots z = x + i y of a real polynomial have p x + q |y| < c.
+def _in_half_plane(
+    polynomial: list[int], whole: int, p: Fraction, q: Fraction, c: Fraction
+) -> bool:
+    """Decide whether all roots z, over ``whole``, of a real polynomial have p x + q |y| < c.
 
     The numbers z (p - i q) and their conjugates have real parts p x + q y and p x - q y; the left
     half-plane is the unit disk by s = (w + 1) / (w - 1).
     """
-    rotated = polynomial
-    if q:
+    own = _denominator([[[p, q, c]]], LONGEST)
+    P, Q, C = int(p * own), int(q * own), int(c * own) * whole
+    rotated = _scaled(polynomial, P)
+    if Q:
         # of roots z (p - i q): coefficient k times (p - i q)^k; times the conjugate polynomial
-        real, imaginary = [Fraction(1)], [Fraction(0)]
+        real, imaginary = [1], [0]
         for _ in polynomial[1:]:
             x, y = real[-1], imaginary[-1]
-            real.append(p * x + q * y)
-            imaginary.append(p * y - q * x)
+            real.append(P * x + Q * y)
+            imaginary.append(P * y - Q * x)
         parts = [
             [a * b for a, b in zip(polynomial, powers, strict=True)] for powers in (real, imaginary)
         ]
         squares = [_convolved(part, part) for part in parts]
         rotated = [a + b for a, b in zip(*squares, strict=True)]
-    else:
-        rotated = [a * p**k for k, a in enumerate(polynomial)]
-    s = _shifted(rotated, c)
+    s = _shifted(rotated, C)
     n = len(s) - 1
-    mapped = [Fraction(0)] * (n + 1)
-    for k, a in enumerate(s):  # a (w + 1)^(n - k) (w - 1)^k
-        term = [a]
-        for sign in [1] * (n - k) + [-1] * k:
-            term = [
-                x + sign * y
-                for x, y in zip([*term, Fraction(0)], [Fraction(0), *term], strict=True)
-            ]
-        mapped = [x + y for x, y in zip(mapped, term, strict=True)]
+    # in a unit of about the size of the roots, 2^e; then s = 1 + 2 / v with v = w - 1
+    e = (s[-1].bit_length() - s[0].bit_length()) // max(n, 1)
+    s = [a << (-e * k if e < 0 else e * (n - k)) for k, a in enumerate(s)]
+    around = [a << k for k, a in enumerate(reversed(_shifted(s, 1)))]
+    mapped = _shifted(around, -1)
     return mapped[0] != 0 and _in_unit_disk(mapped)
 
 
-def _convolved(a: list[Fraction], b: list[Fraction]) -> list[Fraction]:
-    result = [Fraction(0)] * (len(a) + len(b) - 1)
+def _convolved(a: list[int], b: list[int]) -> list[int]:
+    longest = (max(map(int.bit_length, each)) for each in (a, b))
+    spend(len(a) * len(b), *longest)
+    result = [0] * (len(a) + len(b) - 1)
     for i, x in enumerate(a):
         for j, y in enumerate(b):
             result[i + j] += x * y
     return result
 
 
-def _schur_cohn(polynomial: list[Fraction]) -> Integers:
-    """T1 T1' - T2 T2' of the polynomial's triangular Toeplitz matrices, as integers."""
-    n = len(polynomial) - 1
-    denominator = math.lcm(*(c.denominator for c in polynomial))
-    a = [int(c * denominator) for c in polynomial]
+def _schur_cohn(a: list[int]) -> Integers:
+    """T1 T1' - T2 T2' of the polynomial's triangular Toeplitz matrices."""
+    n = len(a) - 1
+    longest = max(map(int.bit_length, a))
+    spend(n * n * (n + 1) * 2 // 3, longest, longest)
     return [
         [
             sum(a[i - k] * a[j - k] - a[n - i + k] * a[n - j + k] for k in range(min(i, j) + 1))

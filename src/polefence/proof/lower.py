@@ -34,7 +34,11 @@ from polefence.proof.exact import (
     Verdict,
     _denominator,
     _integers,
+    bits,
+    counted,
     is_positive_definite,
+    least_work,
+    spend,
 )
 
 METHODS = ("quadratic", "slack", "scheduled")
@@ -83,6 +87,14 @@ def block_pairs(method: str, N: int) -> list[Pairs]:
 
 def prove_infeasible(claim: Infeasible) -> Verdict:
     """Decide whether Y proves that the method cannot reach the radius."""
+    with counted():
+        try:
+            return _proved(claim)
+        except FormatError as error:  # more work than is done here
+            return Verdict(False, str(error))
+
+
+def _proved(claim: Infeasible) -> Verdict:
     fault = _malformed(claim)
     if fault:
         return Verdict(False, fault)
@@ -121,7 +133,7 @@ def _malformed(claim: Infeasible) -> str:
     if not N or not claim.A[0] or len(claim.B) != N:
         return "vertices are missing"
     count, n = _count(claim.method, N), len(claim.A[0])
-    if count * (2 * n) ** 3 > MAX_WORK:
+    if least_work(count, 2 * n) > MAX_WORK:
         return f"{count} dual matrices of this size are more than is checked here"
     if len(claim.Y) != count:
         return f"{len(claim.Y)} dual matrices, not one for each of {count} blocks"
@@ -201,6 +213,8 @@ def _products(
             at.setdefault(pair, []).append(x)
     none = [[0] * n] * n
     products = []
+    long = max(map(bits, (*plant.A, *plant.B))), max(map(bits, X))
+    spend(n * len(plant.columns) * n * sum(map(len, pairs)), *long)
     for k in range(1 + max(k for _, k in at)):
         rows = [row for j in range(len(plant.A)) for row in _plus(*at.get((j, k), [none]))]
         right = _transposed(rows)

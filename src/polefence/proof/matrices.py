@@ -5,18 +5,21 @@ from __future__ import annotations
 from fractions import Fraction
 from math import isqrt
 
-from polefence.proof.exact import Rationals
+from polefence.proof.exact import (
+    LONGEST,
+    Rationals,
+    _denominator,
+    _integers,
+    rational_product,
+    spend,
+)
 
 BITS = 64  # of a square root
 
 
 def product(left: Rationals, right: Rationals) -> Rationals:
     """Return the product of two matrices."""
-    columns = list(zip(*right, strict=True))
-    return [
-        [sum((a * b for a, b in zip(row, c, strict=True) if a and b), Fraction(0)) for c in columns]
-        for row in left
-    ]
+    return rational_product(left, right)
 
 
 def scaled(matrix: Rationals, rows: tuple[Fraction, ...]) -> Rationals:
@@ -26,7 +29,10 @@ def scaled(matrix: Rationals, rows: tuple[Fraction, ...]) -> Rationals:
 
 def norm(matrix: Rationals) -> Fraction:
     """Return a little more than the Frobenius norm."""
-    return root(sum((value * value for row in matrix for value in row), Fraction(0)))
+    common = _denominator([matrix], LONGEST)
+    spend(sum(map(len, matrix)), common.bit_length(), common.bit_length())
+    whole = sum(value * value for row in _integers(matrix, common) for value in row)
+    return root(Fraction(whole, common**2))
 
 
 def root(value: Fraction) -> Fraction:

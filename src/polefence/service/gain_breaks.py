@@ -11,6 +11,8 @@ from polefence.design import Design
 from polefence.plant.system import Array
 from polefence.polynomial import Domain
 from polefence.proof import exact
+from polefence.proof.matrices import product
+from polefence.proof.outside import leaves
 from polefence.proof.refute import sample_simplex
 from polefence.region import Region
 from polefence.service.breaks import RETRIES, Break, least_break
@@ -125,20 +127,15 @@ def _leaves(
     ]
     if not exact.is_positive_definite(rest):
         return False
-    closed = exact.closed_loop(claim, alpha)
-    if closed is None:
-        return True
     columns = [Fraction(float(c)) * Fraction(error) for c in scales.columns]
     off = [
         [Fraction(float(r)) * d * c for d, c in zip(row, columns, strict=True)]
         for r, row in zip(scales.rows, D, strict=True)
     ]
-    B = exact.mix(alpha, claim.B)
-    moved = [
-        [
-            c + sum((b * row[j] for b, row in zip(bs, off, strict=True)), Fraction(0))
-            for j, c in enumerate(cs)
-        ]
-        for cs, bs in zip(closed, B, strict=True)
-    ]
-    return not exact.all_inside(moved, claim.region)
+    try:
+        N, W = exact.fraction_at(claim, alpha)
+        more = product(product(exact.mix(alpha, claim.B), off), W)
+        N = [[x + y for x, y in zip(*rows, strict=True)] for rows in zip(N, more, strict=True)]
+        return leaves((N, W), claim.region)
+    except exact.FormatError:  # more work than is done here
+        return False

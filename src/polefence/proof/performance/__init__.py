@@ -34,6 +34,7 @@ from polefence.proof.exact import (
     Rationals,
     Verdict,
     _is_symmetric,
+    counted,
     is_positive_definite,
 )
 from polefence.proof.performance.checks import is_semidefinite, require_consistent, simplices
@@ -83,7 +84,12 @@ def prove_performance(claim: PerformanceClaim) -> Verdict:
     FormatError
         If the claim is incomplete or inconsistent, or asks for work out of all proportion.
     """
-    require_consistent(claim)
+    with counted():
+        require_consistent(claim)
+        return _proved(claim)
+
+
+def _proved(claim: PerformanceClaim) -> Verdict:
     for name, matrix in _symmetric(claim):
         if not _is_symmetric(matrix):
             return Verdict(False, f"{name} is not symmetric")

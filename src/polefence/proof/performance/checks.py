@@ -7,7 +7,6 @@ from fractions import Fraction
 
 from polefence.proof import exact
 from polefence.proof.exact import (
-    LEAST_WORK,
     MAX_DEGREE,
     MAX_WORK,
     Claim,
@@ -16,6 +15,7 @@ from polefence.proof.exact import (
     Part,
     Rationals,
     _number,
+    least_work,
 )
 from polefence.proof.performance.claims import (
     MAX_POINTS,
@@ -124,22 +124,14 @@ def _gain_norm(claim: GainNorm, n: int, m: int) -> None:
     law = subject.law
     degree = 2 * (law.degree if law.K is None else int(len(law.K) > 1))
     count = _number(simplices(subject), degree + subject.evidence.elevation)
-    if count * ((n + m) ** 3 + LEAST_WORK) > MAX_WORK:
+    if least_work(count, n + m) > MAX_WORK:
         raise FormatError("these are more inequalities, or larger ones, than are checked here")
 
 
 def is_semidefinite(matrix: Rationals) -> bool:
     """Whether a symmetric matrix has no negative eigenvalue."""
-    rows = [list(row) for row in matrix]
-    while rows:
-        (pivot, *first), *rest = rows
-        if pivot < 0 or (not pivot and any(first)):
-            return False
-        rows = [
-            [a - row[0] * b / pivot if pivot else a for a, b in zip(row[1:], first, strict=True)]
-            for row in rest
-        ]
-    return True
+    common = exact._denominator([matrix], exact.LONGEST)
+    return exact.is_semidefinite(exact._integers(matrix, common))
 
 
 def _initial(claim: InitialPeak, n: int, q: int) -> None:
@@ -190,10 +182,10 @@ def _work(claim: PerformanceClaim, size: int) -> int:
         needed = max(needed, covariance.degree + 2 * _varies(claim.baseline.C))
         degrees = [stability.degree + 1 + stability.elevation] * 2
         degrees.append(max(covariance.degree + 1, 2) + covariance.elevation)
-        each = (len(claim.baseline.A[0]) + len(subject.E[0][0])) ** 3 + LEAST_WORK
-        more = sum(_number(sizes, degree) for degree in degrees) * each
+        rows = len(claim.baseline.A[0]) + len(subject.E[0][0])
+        more = least_work(sum(_number(sizes, degree) for degree in degrees), rows)
     count = _number(sizes, needed + evidence.elevation)
-    return count * blocks * (size**3 + LEAST_WORK) + more
+    return least_work(count * blocks, size) + more
 
 
 def _varies(matrices: list[Rationals]) -> bool:

@@ -27,6 +27,8 @@ from polefence.proof.exact import (
     Verdict,
     _denominator,
     _is_symmetric,
+    counted,
+    rational_product,
 )
 from polefence.proof.performance.checks import _shapes, is_semidefinite
 from polefence.proof.performance.claims import Output
@@ -78,6 +80,11 @@ def prove_refutation(claim: RmsRefutation) -> Verdict:
         If the claim is incomplete or inconsistent.
     """
     _require_consistent(claim)
+    with counted():
+        return _proved(claim)
+
+
+def _proved(claim: RmsRefutation) -> Verdict:
     if not _is_symmetric(claim.P):
         return Verdict(False, "P is not symmetric")
     if min(claim.weights) < 0:
@@ -105,7 +112,7 @@ def _block(claim: RmsRefutation) -> Rationals:
     A, B, P = claim.A[claim.vertex], claim.B[claim.vertex], claim.P
     n, m = len(A), len(B[0])
     F = [[*a, *b] for a, b in zip(A, B, strict=True)]
-    PF = [[_dot(row, column) for column in zip(*F, strict=True)] for row in P]
+    PF = rational_product(P, F)
     PF += [[Fraction(0)] * (n + m) for _ in range(m)]
     block = [[PF[i][j] + PF[j][i] for j in range(n + m)] for i in range(n + m)]
     for a, limit in zip(claim.weights, claim.limits, strict=True):

@@ -16,6 +16,8 @@ from polefence.proof.exact import (
     Verdict,
     _number,
     _shape,
+    counted,
+    least_work,
     simplices,
 )
 from polefence.proof.rounding.claims import Code, Rounded, Share
@@ -47,7 +49,12 @@ def prove_rounding(claim: Rounded) -> Verdict:
     FormatError
         If the claim is incomplete or inconsistent, or asks for work out of all proportion.
     """
-    _require_consistent(claim)
+    with counted():
+        _require_consistent(claim)
+        return _proved(claim)
+
+
+def _proved(claim: Rounded) -> Verdict:
     verdict = prove_service(claim.gain)
     if not verdict.proved:
         return verdict
@@ -103,7 +110,7 @@ def _require_consistent(claim: Rounded) -> None:
     if gain.columns != tuple(map(tuple, code.T)):
         raise FormatError("the columns of the gain's error must be those of T")
     number = _number(sizes, 2 * law.degree + claim.elevation)
-    if number > MAX_BLOCKS or number * (n + m) ** 3 > MAX_WORK:
+    if number > MAX_BLOCKS or least_work(number, n + m) > MAX_WORK:
         raise FormatError("these are more inequalities, or larger ones, than are checked here")
 
 

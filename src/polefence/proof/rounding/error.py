@@ -38,9 +38,9 @@ from polefence.proof.exact import (
     _denominator,
     _elevated,
     _integers,
-    _right_divide,
     _times,
     is_positive_definite,
+    right_divide,
     simplices,
 )
 from polefence.proof.exact import _product as _multiplied
@@ -86,7 +86,7 @@ def _fixed(claim: Rounded) -> Fraction:
 def _gain(claim: Rounded) -> Rationals:
     """Return the one gain of the design; of one vertex Z W^-1."""
     law = claim.gain.subject.design.law
-    K = law.K[0] if law.K else _right_divide((law.Z or [])[0], (law.W or [])[0])
+    K = law.K[0] if law.K else right_divide((law.Z or [])[0], (law.W or [])[0])
     if K is None:
         raise FormatError("W is singular")
     return K
@@ -208,13 +208,7 @@ def _inverse(lower: Rationals) -> Rationals:
         raise FormatError("code.T must be lower triangular")
     if not all(lower[i][i] for i in range(n)):
         raise FormatError("code.T is singular")
-    found: Rationals = []
-    for i in range(n):
-        row = [Fraction(int(i == j)) for j in range(n)]
-        for k in range(i):
-            row = [value - lower[i][k] * other for value, other in zip(row, found[k], strict=True)]
-        found.append([value / lower[i][i] for value in row])
-    return found
+    return right_divide([[Fraction(int(i == j)) for j in range(n)] for i in range(n)], lower) or []
 
 
 def _largest(matrices: Iterable[Rationals]) -> Fraction:

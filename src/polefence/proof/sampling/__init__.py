@@ -20,6 +20,7 @@ from polefence.proof.exact import (
     Verdict,
     _denominator,
     _shape,
+    counted,
     simplices,
 )
 from polefence.proof.rounding import Rounded, rounding_error
@@ -56,7 +57,12 @@ def prove_sampling(claim: Sampled) -> Verdict:
     FormatError
         If the claim is incomplete or inconsistent, or asks for work out of all proportion.
     """
-    _require_consistent(claim)
+    with counted():
+        _require_consistent(claim)
+        return _proved(claim)
+
+
+def _proved(claim: Sampled) -> Verdict:
     if claim.radius * exponential(claim.decay * claim.sample_time) > 1:
         return Verdict(False, "the radius is not below exp(-decay sample_time)")
     whole = loop_claim(claim)

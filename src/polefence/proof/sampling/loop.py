@@ -13,7 +13,7 @@ from __future__ import annotations
 
 from fractions import Fraction
 
-from polefence.proof.exact import Claim, FormatError, Law, Part, Rationals, _right_divide
+from polefence.proof.exact import Claim, FormatError, Law, Part, Rationals, right_divide
 from polefence.proof.matrices import product, scaled
 from polefence.proof.sampling.claims import Sampled
 from polefence.proof.service.claims import Gain, Subject
@@ -122,7 +122,7 @@ def vertices(claim: Sampled) -> list[Rationals]:
 
 def inverse(T: Rationals) -> Rationals:
     """Return T^-1."""
-    found = _right_divide(identity(len(T)), T)
+    found = right_divide(identity(len(T)), T)
     if found is None:
         raise FormatError("sampling.T is singular")
     return found

@@ -39,7 +39,9 @@ from polefence.proof.exact import (
     _characteristic_pairs,
     _is_symmetric,
     _number,
+    counted,
     is_positive_definite,
+    least_work,
     require_region,
     simplices,
 )
@@ -81,7 +83,12 @@ def prove_service(claim: ServiceClaim) -> Verdict:
     FormatError
         If the claim is incomplete or inconsistent, or asks for work out of all proportion.
     """
-    _require_consistent(claim)
+    with counted():
+        _require_consistent(claim)
+        return _proved(claim)
+
+
+def _proved(claim: ServiceClaim) -> Verdict:
     fault = _asymmetric(claim.subject.design)
     if fault:
         return Verdict(False, f"{fault} is not symmetric")
@@ -143,7 +150,7 @@ def _require_consistent(claim: ServiceClaim) -> None:
         elif len(W) > 1:
             raise FormatError("rates: only one W for all parameters holds at any rate")
     count, size = _work(claim, len(W) > 1)
-    if count > MAX_BLOCKS or count * (2 * size) ** 3 > MAX_WORK:
+    if count > MAX_BLOCKS or least_work(count, 2 * size) > MAX_WORK:
         raise FormatError("these are more inequalities, or larger ones, than are checked here")
 
 

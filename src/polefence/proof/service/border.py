@@ -13,6 +13,8 @@ from polefence.proof.exact import (
     _integers,
     _times,
     _transposed,
+    bits,
+    spend,
 )
 from polefence.proof.service.claims import Gain
 
@@ -34,6 +36,10 @@ class Border:
     def around(self, F: Integers, X: Integers, B: Integers, one: int) -> Integers:
         """Return the block of one coefficient; ``one`` is that of the number 1."""
         upper = []
+        spend(len(X) ** 3, bits(X), bits(self.across))
+        length = max(bits(self.right), *map(bits, self.left), self.whole.bit_length())
+        width = len(self.left[0]) * len(B[0]) + len(self.right[0]) * len(X) + len(F)
+        spend(len(F) * width, length, max(bits(F), bits(X), bits(B)))
         XT = [[sum(map(int.__mul__, x, t)) for t in self.across] for x in X]
         for i, row in enumerate(F):
             a, k = divmod(i, len(X))

@@ -22,8 +22,11 @@ from polefence.proof.exact import (
     _product,
     _times,
     _weighted,
+    bits,
     monomials,
+    rational_product,
     simplices,
+    spend,
 )
 from polefence.proof.service.claims import Estimate, Range, Subject
 
@@ -63,9 +66,7 @@ def law_of(design: Claim) -> tuple[list[Rationals], list[Rationals]]:
     if design.method != "quadratic":
         raise FormatError(f"the method {design.method} has no proofs for service")
     (W,), (K,) = design.evidence[0].X, design.law.K or []
-    columns = list(zip(*W, strict=True))
-    Z = [[sum((a * b for a, b in zip(k, c, strict=True)), Fraction(0)) for c in columns] for k in K]
-    return [W], [Z]
+    return [W], [rational_product(K, W)]
 
 
 def family_of(subject: Subject) -> Family:
@@ -244,7 +245,9 @@ def composed(P: Polynomial, forms: list[Polynomial], length: int) -> Polynomial:
 
     result: Polynomial = {}
     for e, matrix in P.items():
-        for d, ((value,),) in monomial(e).items():
+        values, entries = monomial(e), len(matrix) * len(matrix[0])
+        spend(len(values) * entries, max(map(bits, values.values()), default=0), bits(matrix))
+        for d, ((value,),) in values.items():
             _add(result, d, _times(value, matrix))
     return result
 

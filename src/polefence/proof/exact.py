@@ -321,15 +321,14 @@ def _hold(matrices: int, entries: int, length: int) -> None:
 
 # --- positive definite ---------------------------------------------------------------------------
 
-RUNG = 64  # bits of the first attempt
+RUNG, LAST_RUNG = 64, 4096  # bits of the first attempt and of the last
 
 
 def is_positive_definite(matrix: Integers) -> bool:
     """Decide exactly whether a symmetric matrix is positive definite.
 
-    By `_attempt` with numbers cut to 64, 256, 1024, ... bits, one after the other, until one is
-    enough; where all digits would not be, the matrix is too near to a singular one for that: then
-    by Sylvester's criterion.
+    By `_attempt` with numbers cut to 64, 256, 1024, 4096 bits, one after the other, until they are
+    enough; where the matrix is too near to a singular one for that, by Sylvester's criterion.
 
     Raises
     ------
@@ -342,7 +341,7 @@ def is_positive_definite(matrix: Integers) -> bool:
     if any(matrix[i][i] <= 0 for i in range(n)):
         return False
     p = RUNG
-    while p <= max(RUNG, n * length):
+    while p <= min(max(RUNG, n * length), LAST_RUNG):
         spend(n * (n + 1) * (n + 2) // 3, p, p)
         answer = _attempt(matrix, exponents, p)
         if answer is not None:

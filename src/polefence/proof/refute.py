@@ -22,6 +22,10 @@ Measure = Callable[[Any], Array]
 
 SAMPLES = 2000
 EDGE_POINTS = 9
+MOST_POINTS = 20_000
+# What looking at points may cost, all told and in one climb, in cubes of the number of states.
+MOST_CUBES, MOST_CUBES_UP = 2e8, 2e7
+CHUNK = 2000
 STARTS = 4
 ROUNDS = 40
 SEED = 20050801
@@ -38,11 +42,13 @@ def sample_simplex(N: int, count: int, seed: int = SEED) -> Array:
 
 def edges(N: int, points: int = EDGE_POINTS) -> Array:
     """The vertices and ``points`` interior points of every edge, (count, N)."""
+    return _edges(N, list(combinations(range(N), 2)), points)
+
+
+def _edges(N: int, pairs: list[tuple[int, int]], points: int) -> Array:
     rows = [np.eye(N)]
     inner = np.linspace(0, 1, points + 2)[1:-1, None]
-    rows += [
-        inner * np.eye(N)[j] + (1 - inner) * np.eye(N)[k] for j, k in combinations(range(N), 2)
-    ]
+    rows += [inner * np.eye(N)[j] + (1 - inner) * np.eye(N)[k] for j, k in pairs]
     return np.vstack(rows)
 
 
@@ -73,8 +79,10 @@ def worst_points(claim: exact.Claim, measure: Measure) -> Iterator[tuple[Array, 
     """
     domain = Domain(exact.simplices(claim))
     family = _Family(claim, domain, measure)
-    points = sample(domain)
-    values = family.values(points)
+    points = sample(domain, len(claim.A[0]))
+    values = np.concatenate(
+        [family.values(points[k : k + CHUNK]) for k in range(0, len(points), CHUNK)]
+    )
     for index in np.argsort(-values)[:STARTS]:
         yield _climb(family, points[index], float(values[index]))
 
@@ -87,7 +95,7 @@ def unplaceable(plant: UncertainPlant, region: Region, on: str) -> str | None:
     the points where a float search finds the plant nearest to uncontrollable.
     """
     domain = Domain.of(on, len(plant.vertices))
-    points = sample(domain)
+    points = sample(domain, plant.shape[0])
     alphas = domain.alpha(points)
     A, B = plant.at(alphas)
     nearest = np.argsort(_controllability(A, B))[:STARTS]
@@ -130,18 +138,30 @@ def _simple(coordinates: Array, sizes: tuple[int, ...], limit: int = 2) -> list[
     return alpha
 
 
-def sample(domain: Domain) -> Array:
-    """Return points of a domain, (count, coordinates): corners, edges and a seeded sample."""
+def sample(domain: Domain, states: int = 1) -> Array:
+    """Return points of a domain, (count, coordinates): corners, edges and a seeded sample.
+
+    All corners, and of the rest fewer where there are many corners or many states.
+    """
+    most = int(min(MOST_POINTS, MOST_CUBES / states**3))
+    count = min(SAMPLES, max(2, most // 3))
+    random = np.random.default_rng(SEED)
+    if domain.sizes == (1,):
+        return np.ones((1, 1))
     if len(domain.sizes) == 1:
         (N,) = domain.sizes
-        return np.vstack([edges(N), sample_simplex(N, SAMPLES)])
+        pairs = list(combinations(range(N), 2))
+        points = max(1, min(EDGE_POINTS, (most - N - count) // len(pairs)))
+        room = max(0, most - N - count) // points
+        if room < len(pairs):
+            pairs = [pairs[i] for i in np.sort(random.permutation(len(pairs))[:room])]
+        return np.vstack([_edges(N, pairs, points), sample_simplex(N, count)])
     # on a box: a point of each interval's own sample, and the corners
-    random = np.random.default_rng(SEED)
-    columns = [sample_simplex(size, SAMPLES, SEED + f) for f, size in enumerate(domain.sizes)]
+    columns = [sample_simplex(size, count, SEED + f) for f, size in enumerate(domain.sizes)]
     columns = [random.permutation(column) for column in columns]
     corners = np.array(domain.monomials(1), dtype=float)
     centres = (corners[:, None] + corners[None, :]).reshape(-1, corners.shape[1]) / 2
-    return np.vstack([corners, np.unique(centres, axis=0)[:SAMPLES], np.hstack(columns)])
+    return np.vstack([corners, np.unique(centres, axis=0)[:count], np.hstack(columns)])
 
 
 class _Family:
@@ -176,7 +196,8 @@ def _climb(family: _Family, point: Array, worst: float) -> tuple[Array, float]:
     random = np.random.default_rng(SEED)
     cuts = np.cumsum(family.domain.sizes)[:-1]
     step = 0.2
-    for _ in range(ROUNDS):
+    rounds = min(ROUNDS, int(MOST_CUBES_UP / (16 * family.A.shape[-1] ** 3)))
+    for _ in range(rounds if family.A.shape[0] > 1 else 0):
         moved = []
         for own in np.split(point, cuts):
             mates = random.dirichlet(np.full(own.size, 0.5), 16)

@@ -497,7 +497,8 @@ def _product(P: Polynomial, Q: Polynomial) -> Polynomial:
     result: Polynomial = {}
     columns = {e: _transposed(q) for e, q in Q.items()}
     left, right = _longest(P), _longest(Q)
-    one, other = next(iter(P.values()), [[]]), next(iter(columns.values()), [[]])
+    none: Integers = [[]]
+    one, other = next(iter(P.values()), none), next(iter(columns.values()), none)
     spend(len(P) * len(Q) * len(one) * len(other) * len(one[0]), left, right)
     for d, p in P.items():
         for e, c in columns.items():

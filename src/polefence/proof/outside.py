@@ -5,12 +5,13 @@ from __future__ import annotations
 import warnings
 from collections.abc import Iterator
 from fractions import Fraction
+from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 from scipy.linalg import matrix_balance, solve_continuous_lyapunov
 
 from polefence.law import right_divide
-from polefence.plant.system import Array
 from polefence.proof import exact
 from polefence.proof.exact import Outside, Part, Rationals
 
@@ -60,7 +61,7 @@ def evidence(loop: tuple[Rationals, Rationals], region: tuple[Part, ...]) -> Ite
         return
     p, q, c = side
     turned = (float(p) - 1j * float(q)) * A if q else float(p) * A
-    for beyond in _between(np.linalg.eigvals(turned).real - float(c)):
+    for beyond in _between(np.asarray(np.linalg.eigvals(turned).real - float(c))):
         line = c + Fraction(beyond)
         R = turned - float(line) * np.eye(len(A))
         try:
@@ -69,9 +70,9 @@ def evidence(loop: tuple[Rationals, Rationals], region: tuple[Part, ...]) -> Ite
                 P = solve_continuous_lyapunov(R.conj().T, -np.eye(len(A)))
         except (np.linalg.LinAlgError, ValueError):
             continue
-        P = (P + P.conj().T) / 2 / scale[:, None] / scale
+        P = np.asarray((P + P.conj().T) / 2 / scale[:, None] / scale)
         if np.all(np.isfinite(P)):
-            yield Outside(p, q, line, _rational(P.real), _rational(P.imag))
+            yield Outside(p, q, line, _rational(np.real(P)), _rational(np.imag(P)))
 
 
 def _over(side: Side, z: complex) -> float:
@@ -107,7 +108,7 @@ def _direction(z: complex) -> tuple[Fraction, Fraction]:
     return (cosine if z.real >= 0 else -cosine), sine
 
 
-def _between(values: Array) -> list[float]:
+def _between(values: npt.NDArray[Any]) -> list[float]:
     """Return numbers from zero up, below the largest of the values, far from them all."""
     levels = np.unique(values)
     lower = np.concatenate([[-np.inf], levels[:-1]])
@@ -119,5 +120,5 @@ def _between(values: Array) -> list[float]:
     return [middle for _, middle in sorted(found, reverse=True)[:TRIES]]
 
 
-def _rational(matrix: Array) -> Rationals:
+def _rational(matrix: npt.NDArray[Any]) -> Rationals:
     return [[Fraction(x) for x in row] for row in matrix.tolist()]

@@ -97,6 +97,22 @@ def test_the_report_sets_published_beside_computed(reproduction):
         assert words in text
 
 
+def test_published_numbers_stand_beside_their_own_family_only(reproduction):
+    """The paper's radii and gains are of the printed vertices."""
+    folder, results, _ = reproduction
+    for row in (*results["radii"], *results["gains"]):
+        assert (row["published"] is None) == (row["family"] == "physical")
+    lines = (folder / "report.md").read_text().splitlines()
+    cells = [[cell.strip() for cell in line.strip("|").split("|")] for line in lines]
+    radii = {(c[0], c[1]): c[2] for c in cells if len(c) == 5 and c[4] == "proved"}
+    assert radii["as-printed", "quadratic"] == "33.7"
+    assert [radii["physical", m] for m in ("quadratic", "slack", "scheduled")] == ["", "", ""]
+    gains = [c for c in cells if len(c) == 10 and c[4] in ("published", "computed")]
+    assert [c[4] for c in gains if c[0] == "as-printed"] == ["published"] * 6
+    assert [c[4] for c in gains if c[0] == "physical"] == ["computed"] * 6
+    assert len(gains) == 18
+
+
 def test_the_claim_about_slow_centres(reproduction):
     """On the printed vertices Lemma 1 turns between 13 and 14, on the physical ones past 20."""
     _, results, _ = reproduction

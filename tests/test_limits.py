@@ -3,7 +3,12 @@
 from __future__ import annotations
 
 import json
+import os
+import subprocess
+import sys
+import time
 from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -218,3 +223,42 @@ def test_a_killed_worker_costs_no_row(plant, rows):
             worker.kill()
         again = limits(plant, CENTRES, METHODS, executor)
     assert [r.radius for r in again] == [r.radius for r in rows]
+
+
+WORKERS = """
+import os, time
+from polefence.sweep import processes
+
+if __name__ == "__main__":
+    with processes(2) as executor:
+        print(*{f.result() for f in [executor.submit(os.getpid) for _ in range(8)]}, flush=True)
+        executor.submit(time.sleep, 600)
+        time.sleep(600)
+"""
+
+
+def gone(pid):
+    try:
+        os.kill(pid, 0)
+    except ProcessLookupError:
+        return True
+    return "\nState:\tZ" in Path(f"/proc/{pid}/status").read_text()
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="processes are looked up in /proc")
+def test_workers_end_with_a_parent_that_is_killed(tmp_path):
+    script = tmp_path / "parent.py"
+    script.write_text(WORKERS)
+    parent = subprocess.Popen([sys.executable, script], stdout=subprocess.PIPE, text=True)
+    try:
+        workers = [int(pid) for pid in parent.stdout.readline().split()]
+        assert workers
+        assert not any(gone(pid) for pid in workers)
+    finally:
+        parent.kill()
+        parent.communicate()
+    for _ in range(600):
+        if all(gone(pid) for pid in workers):
+            return
+        time.sleep(0.1)
+    pytest.fail(f"processes {workers} live on")

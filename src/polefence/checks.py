@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from polefence.conditions.methods import Method, Slack, method_name, options
+from polefence.conditions.methods import Method, method_label, method_name, normal, options
+from polefence.conditions.sizes import blocks, is_searchable
 from polefence.errors import InputError, RegionError
 from polefence.plant.family import UncertainPlant
-from polefence.polynomial import Domain
 from polefence.proof import exact
 from polefence.region import Disk, Region, check_centre
 
@@ -32,15 +32,10 @@ def require_domain(plant: UncertainPlant, method: Method) -> None:
         )
 
 
-def blocks(plant: UncertainPlant, method: Method) -> int:
-    """Return the number of inequalities that a method has for one part of a region."""
-    o, domain = options(method), Domain.of(options(method).on, len(plant.vertices))
-    natural = max(int(o.degree), 1) if isinstance(o, Slack) else int(o.degree) + 1
-    return domain.count(natural + o.elevation)
-
-
 def is_checkable(plant: UncertainPlant, method: Method, parts: int = 1) -> bool:
-    """Whether the exact checker takes on as many inequalities as the method has."""
+    """Whether search and exact checker take on as many inequalities as the method has."""
+    if not is_searchable(plant, method):
+        return False
     size = 2 * plant.shape[0] * (2 if method_name(method) == "slack" else 1)
     return exact.least_work(blocks(plant, method) * parts, size) <= exact.MAX_WORK
 
@@ -54,11 +49,26 @@ def require_checkable(plant: UncertainPlant, method: Method, parts: int = 1) -> 
         Naming the number of inequalities.
     """
     if not is_checkable(plant, method, parts):
-        box = ", on='box'" if plant.parameters and options(method).on != "box" else ""
         raise InputError(
-            f"{blocks(plant, method)} inequalities are more than is checked; use a lower degree or "
-            f"elevation{box}"
+            f"{plant.name}, {method_label(method)}: {blocks(plant, method)} inequalities in "
+            f"{plant.shape[0]} states are more than is searched and proved; "
+            f"{_remedy(plant, method)}"
         )
+
+
+def _remedy(plant: UncertainPlant, method: Method) -> str:
+    """Say what a method of fewer inequalities would be."""
+    o = options(method)
+    remedies = []
+    if plant.parameters and o.on != "box":
+        remedies.append("ask for it on the box")
+    if o.elevation:
+        remedies.append("for elevation 0")
+    if int(o.degree) > 1:
+        remedies.append("for degree 1")
+    if normal(method) != "quadratic":
+        remedies.append("for the method quadratic")
+    return f"{', '.join(remedies) or 'ask for'}{' or' if remedies else ''} fewer parameters"
 
 
 def require_region(plant: UncertainPlant, region: Region, method: Method | None = None) -> None:

@@ -8,8 +8,9 @@ from concurrent.futures import BrokenExecutor, Executor, as_completed
 from dataclasses import dataclass, replace
 from typing import Any
 
-from polefence.checks import require_domain, usable_centre
+from polefence.checks import require_checkable, require_domain, usable_centre
 from polefence.conditions.methods import METHODS, Method, Scheduled, Slack, method_label
+from polefence.conditions.sizes import fitting
 from polefence.design import Design
 from polefence.errors import NotProvedError
 from polefence.plant.family import UncertainPlant
@@ -99,6 +100,7 @@ def limits(
         methods = (methods,)
     if not isinstance(centres, Iterable):
         centres = (centres,)
+    methods = [fitting(plant, method) for method in methods]
     tasks = [(usable_centre(plant, c), m) for c in centres for m in methods]
     rows: dict[int, Limit] = {}
     for index, row in as_finished(plant, tasks, executor, bounds):
@@ -118,6 +120,7 @@ def as_finished(
     for centre, method in tasks:
         usable_centre(plant, centre)
         require_domain(plant, method)
+        require_checkable(plant, method)
     plant.require_controllable()
     parts = chains(tasks)
     if executor is None:
@@ -153,7 +156,8 @@ def chains(tasks: Sequence[tuple[float, Method]]) -> list[list[Task]]:
             runs[-1].append((i, centre, method))
         else:
             runs.append([(i, centre, method)])
-    return runs
+    # in the order of the tasks, so that the first rows are done first
+    return sorted(runs, key=min)
 
 
 def chain(plant: UncertainPlant, part: list[Task], bounds: bool) -> list[tuple[int, Limit]]:

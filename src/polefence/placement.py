@@ -13,6 +13,7 @@ from polefence.checks import (
     require_type,
 )
 from polefence.conditions.methods import Method, Scheduled, method_label
+from polefence.conditions.sizes import fitting
 from polefence.conditions.target import Around
 from polefence.design import Design
 from polefence.errors import NotProvedError, SolverError
@@ -76,6 +77,7 @@ def place(
     plant.require_controllable()
     if isinstance(method, Scheduled) and method.degree == "auto":
         return _climb(plant, region, method)
+    method = fitting(plant, method)
     require_checkable(plant, method, len(region.parts))
     if not isinstance(region, Disk):
         return _placed(plant, region, method, allow_unproved)

@@ -10,6 +10,7 @@ from fractions import Fraction
 from polefence.checks import require_checkable, require_domain, require_type, usable_centre
 from polefence.conditions.methods import Method, Scheduled, method_label, method_name, normal
 from polefence.conditions.methods import options as options_of
+from polefence.conditions.sizes import fitting
 from polefence.design import Design
 from polefence.errors import InputError, NotProvedError, SolverError
 from polefence.largest import STEPS, largest
@@ -73,6 +74,7 @@ def tightest(
         raise InputError(f"of = {of!r} is unknown; use 'disk', 'half_plane' or 'sector'")
     if options_of(method).degree == "auto":
         raise InputError("degree = 'auto' is for place; give tightest a number")
+    method = fitting(plant, method)
     require_checkable(plant, method)
     if of != "disk":
         if centre is not None:

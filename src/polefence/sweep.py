@@ -13,7 +13,8 @@ from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Executor, ProcessPoolExecutor
 from contextlib import AbstractContextManager, contextmanager, nullcontext
 from dataclasses import replace
-from multiprocessing import get_context
+from multiprocessing import get_context, parent_process
+from multiprocessing.connection import wait
 from pathlib import Path
 from typing import Any
 
@@ -60,13 +61,15 @@ def sweep(
     gain: bool = False,
     executor: Executor | None = None,
     on_row: Callable[[Limit], None] | None = None,
+    on_kept: Callable[[Row], None] | None = None,
 ) -> list[Row]:
     """Return rows as `limits` has them, as plain data, keeping ``path`` up to date after every row.
 
     Each row has its ``proof`` besides: method, law and certificate as a design file has them.
     Methods of one label are one method. With ``resume``, rows already in the file are kept and not
     computed again: those whose proof holds, proved afresh. A ``lower`` of theirs is the file's,
-    which ``lower_from_file`` says: it is not proved again.
+    which ``lower_from_file`` says: it is not proved again. ``on_kept`` is called with each of them,
+    ``on_row`` with each row that is computed, as soon as it is.
 
     Raises
     ------
@@ -77,14 +80,17 @@ def sweep(
     done = _finished(path, plant, gain) if resume and path is not None else {}
     named = {method_label(method): method for method in methods}
     labels = list(named)
+    if on_kept is not None:
+        for row in done.values():
+            on_kept(row)
     tasks = [(c, m) for c in centres for label, m in named.items() if (c, label) not in done]
-    for _, row in as_finished(plant, tasks, executor):
-        done[row.centre, row.method] = row.as_row(gain) | {"proof": _proof(row.design)}
+    for _, limit in as_finished(plant, tasks, executor):
+        done[limit.centre, limit.method] = limit.as_row(gain) | {"proof": _proof(limit.design)}
         if path is not None:
             make_folder(path.parent)
             write_text(path, _dumps(plant, _ordered(done, centres, labels)))
         if on_row is not None:
-            on_row(row)
+            on_row(limit)
     if path is not None:
         write_text(path, _dumps(plant, _ordered(done, centres, labels)))
     return [done[c, label] for c in centres for label in labels]
@@ -232,3 +238,12 @@ def _start_worker() -> None:
 
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     threadpool_limits(1)
+    threading.Thread(target=_end_with_parent, daemon=True).start()
+
+
+def _end_with_parent() -> None:
+    """End this worker when its parent does, however that came: nobody is left to take its rows."""
+    parent = parent_process()
+    if parent is not None:
+        wait([parent.sentinel])
+        os._exit(1)

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import argparse
 import math
+from collections import deque
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from polefence.checks import example_centre, usable_centre
+from polefence.checks import example_centre, is_checkable, usable_centre
 from polefence.commands.methods import method_arguments, methods_of
 from polefence.commands.shared import (
     NOT_PROVED,
@@ -15,6 +17,7 @@ from polefence.commands.shared import (
     Progress,
     check_figure,
     check_targets,
+    clear_over,
     jobs_of,
     read_plant,
     say,
@@ -23,8 +26,10 @@ from polefence.commands.shared import (
     sweep_arguments,
     write_figure,
 )
-from polefence.conditions.methods import METHODS, method_label
+from polefence.conditions.methods import METHODS, Method, method_label
+from polefence.conditions.sizes import blocks, fitting
 from polefence.errors import InputError
+from polefence.limits import Limit
 from polefence.plant.family import UncertainPlant
 from polefence.region_text import digits_down, digits_up
 from polefence.sweep import processes, sweep
@@ -62,16 +67,17 @@ def limits_command(options: Any) -> int:
     plant = read_plant(options.spec)
     centres = _centres(plant, options)
     methods = methods_of(options.method or list(METHODS), options)
-    methods = list({method_label(method): method for method in methods}.values())
+    methods = _fitted(plant, methods, chosen=bool(options.method))
     if options.plot is not None and plant.sample_time is not None:
         raise InputError(f"{options.plot}: d/sigma has no meaning for a discrete-time plant")
     check_figure(options.plot)
     if options.resume and options.json is None:
         raise InputError("--resume needs --json FILE, where the finished rows are")
     check_targets(options.json, options.plot)
-    progress = Progress(len(centres) * len(methods))
+    order = [(centre, method_label(method)) for centre in centres for method in methods]
+    table = _Table(plant, order)
     jobs = jobs_of(options, len(centres) * len(methods))
-    with processes(jobs) as executor, progress:
+    with processes(jobs) as executor, table:
         rows = sweep(
             plant,
             centres,
@@ -80,20 +86,13 @@ def limits_command(options: Any) -> int:
             options.resume,
             options.gain,
             executor,
-            progress.step,
+            table.step,
+            table.add,
         )
     if options.plot is not None:
         from polefence.plots import limits_figure
 
         write_figure(options.plot, limits_figure({plant.name: rows}))
-    say(f"{plant.name}: {size_of(plant)}")
-    width = max(10, *(len(row["method"]) for row in rows))
-    say(
-        f"{'centre':>10}  {'method':<{width}} {'radius':>10}  {'at least':>10}  {'d/sigma':>8}  "
-        f"{'status':<9}  seconds"
-    )
-    for row in rows:
-        say(_row_line(row, width, plant.sample_time is None))
     if any(row.get("lower_from_file") for row in rows):
         say(f"* from {options.json}, not proved again; every radius is")
     return PROVED if all(row["status"] == "proved" for row in rows) else NOT_PROVED
@@ -115,6 +114,62 @@ def _centres(plant: UncertainPlant, options: Any) -> list[float]:
             f"no centre given; use --centre {example_centre(plant)}, or --centres {several}"
         )
     return list(dict.fromkeys(usable_centre(plant, c) for c in centres))
+
+
+def _fitted(plant: UncertainPlant, methods: list[Method], chosen: bool) -> list[Method]:
+    """Return the methods that are not too large; only those that were chosen are refused."""
+    found = {}
+    for method in methods:
+        own = fitting(plant, method)
+        if not (chosen or is_checkable(plant, own)):
+            say(
+                f"note: without {method_label(own)}: {blocks(plant, own)} inequalities in "
+                f"{plant.shape[0]} states are too large"
+            )
+            continue
+        if own != method:
+            say(
+                f"note: {method_label(method)} has {blocks(plant, method)} inequalities on the "
+                f"simplex; {method_label(own)} has {blocks(plant, own)}"
+            )
+        found[method_label(own)] = own
+    return list(found.values())
+
+
+class _Table(Progress):
+    """Rows printed in their order, each as soon as it and all before it are there."""
+
+    def __init__(self, plant: UncertainPlant, order: Sequence[tuple[float, str]]) -> None:
+        super().__init__(len(order))
+        self.plant = plant
+        self.left = deque(order)
+        self.rows: dict[tuple[float, str], dict[str, Any]] = {}
+        self.width = max(10, *(len(label) for _, label in order))
+        self.begun = False
+
+    def step(self, row: Limit) -> None:
+        """Print what is there, and how far the sweep is."""
+        self.add(row.as_row())
+        super().step(row)
+
+    def add(self, row: dict[str, Any]) -> None:
+        """Print what is there."""
+        self.rows[row["centre"], row["method"]] = row
+        if self.visible and self.left and self.left[0] in self.rows:
+            clear_over()
+        if not self.begun:
+            self._head()
+        while self.left and self.left[0] in self.rows:
+            own = self.rows[self.left.popleft()]
+            say(_row_line(own, self.width, self.plant.sample_time is None))
+
+    def _head(self) -> None:
+        self.begun = True
+        say(f"{self.plant.name}: {size_of(self.plant)}")
+        say(
+            f"{'centre':>10}  {'method':<{self.width}} {'radius':>10}  {'at least':>10}  "
+            f"{'d/sigma':>8}  {'status':<9}  seconds"
+        )
 
 
 def _row_line(row: dict[str, Any], width: int, continuous: bool) -> str:

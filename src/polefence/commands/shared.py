@@ -40,12 +40,17 @@ def say(*lines: object, file: TextIO | None = None) -> None:
     code = getattr(stream, "encoding", None) or "utf-8"
     for line in lines:
         shown = visible(str(line)).encode(code, "backslashreplace").decode(code)
-        print(shown, file=stream)
+        print(shown, file=stream, flush=True)
 
 
 def say_over(line: str) -> None:
     """Print a line of progress on stderr over the one before."""
     print(f"\r{visible(line):<60}", end="", file=sys.stderr, flush=True)
+
+
+def clear_over() -> None:
+    """Take the line of progress away, for a line of output in its place."""
+    print(f"\r{'':<60}\r", end="", file=sys.stderr, flush=True)
 
 
 def spec_argument(parser: argparse.ArgumentParser) -> None:

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import json
-from dataclasses import dataclass
+import math
+from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +13,7 @@ import numpy as np
 
 from polefence.conditions.methods import Scheduled, Slack, method_label
 from polefence.errors import DesignFileError, InputError, NotProvedError
+from polefence.evaluation import rounding_share
 from polefence.files import make_folder, read_text, write_text
 from polefence.law import Law, ScheduledGain
 from polefence.plant.family import UncertainPlant
@@ -34,11 +37,15 @@ class Design:
     lower : float, optional
         A radius [1/s] at which the method's inequalities are proved infeasible, for any law; where
         `tightest` found one. It is no bound for other methods.
+    unrunnable : float, optional
+        What `tightest` proved too, but only of a law that doubles cannot evaluate, see ``runs``: a
+        smaller radius or larger decay rate [1/s], or a larger damping ratio.
     """
 
     certificate: Certificate
     proved: bool = True
     lower: float | None = None
+    unrunnable: float | None = None
 
     def __repr__(self) -> str:
         status = "proved" if self.proved else "not proved"
@@ -74,6 +81,36 @@ class Design:
             on = "box" if len(law.sizes) > 1 else "simplex"
             return method_label(Scheduled(law.degree, evidence.get("elevation", 1), on))
         return self.method
+
+    @cached_property
+    def rounding(self) -> float:
+        """What rounding in doubles takes of the room in the region, see `rounding_share`.
+
+        The proof is about K(alpha) as a real number. This is judged in floats, at corners and some
+        points between; `polefence export` proves it of the code.
+        """
+        return rounding_share(self.certificate)
+
+    @property
+    def runs(self) -> bool:
+        """Whether the law still keeps the poles in the region when doubles evaluate it."""
+        return self.rounding <= 1
+
+    @property
+    def note(self) -> str:
+        """What is to be said of a law that doubles cannot evaluate, in a line; else empty."""
+        if self.runs:
+            return ""
+        return (
+            f"note: evaluated in doubles this law does NOT keep the poles there: {self._taken}; "
+            "ask for a slightly larger region, or one that bounds the poles' speed, such as a disk"
+        )
+
+    @property
+    def _taken(self) -> str:
+        if not math.isfinite(self.rounding):
+            return "rounding takes all the room there is"
+        return f"rounding takes {self.rounding:.2g} times the room there is"
 
     def poles(self, alpha: Array) -> Array:
         """Closed-loop poles at points alpha (..., N) of the simplex, as (..., n) complex."""
@@ -160,17 +197,26 @@ def check(source: str | Path | Certificate | Design) -> Check:
     DesignFileError
         If the file cannot be read as a design.
     """
-    if isinstance(source, Design):
-        source = source.certificate
     if isinstance(source, Certificate):
-        return check_claim(source.claim())
+        source = Design(source)
+    if isinstance(source, Design):
+        return _noted(check_claim(source.certificate.claim()), source)
     path = _design_path(source)
     text = read_text(path, exact.MAX_BYTES, DesignFileError)
     try:
         claim, _ = exact.read(text)
-        return check_claim(claim)
-    except exact.FormatError as error:
+        answer = check_claim(claim)
+        return _noted(answer, Design(Certificate.loads(text))) if answer.proved else answer
+    except (exact.FormatError, InputError) as error:
         raise DesignFileError(f"{path}: {error}") from error
+
+
+def _noted(answer: Check, design: Design) -> Check:
+    """Say of a proved law that doubles cannot evaluate it, where they cannot."""
+    if not answer.proved or design.runs:
+        return answer
+    note = design.note.removeprefix("note: ")
+    return replace(answer, reason=f"{answer.reason}; but {note}")
 
 
 def says_format(path: Path, name: str) -> bool:

@@ -63,7 +63,12 @@ def largest(plant: UncertainPlant, of: str, method: Method, within: Region | Non
     plant.require_controllable()
     within = bounded(within, SPEED * typical_rate(plant.A))
     question = (_decay if of == "half_plane" else _damping)(within)
-    design = _direct(plant, method, question) or _grown(plant, method, question)
+    design = _direct(plant, method, question)
+    if design is None:
+        design = _grown(plant, method, question)
+    elif not design.runs:
+        grown = _grown(plant, method, question, running=True)
+        design = design if grown is None else replace(grown, unrunnable=_value(design))
     if design is None:
         wanted = "decay rate" if of == "half_plane" else "damping ratio"
         raise NotProvedError(
@@ -134,32 +139,45 @@ def _damping(within: Region) -> _Question:
     )
 
 
+def _value(design: Design) -> float:
+    """Return the decay rate or damping ratio of a design."""
+    first = design.region.parts[0]
+    return float(first.decay if isinstance(first, HalfPlane) else first.numbers["damping"])
+
+
 def _direct(plant: UncertainPlant, method: Method, question: _Question) -> Design | None:
     """Search for the least r; None unless the search comes to its end and is proved there."""
     with suppress(SolverError):
         start = smallest(plant.A, plant.B, Around(question.base), method, enough=INSIDE)
         if start.radius >= 1:
             return None
-        near = replace(start, radius=0.0)
+        near, first = replace(start, radius=0.0), None
         for tolerance in TOLERANCES:
             found = smallest(plant.A, plant.B, question.goal, method, near, tolerance=tolerance)
             if not found.converged:
-                return None
+                return first
             for step in (*STEPS, 1e-3):
                 region = question.region(question.value(found.radius, step))
                 design = proved_at(plant, region, method, found)
-                if design is not None:
-                    return design
+                if design is not None and design.runs:
+                    return design if first is None else replace(design, unrunnable=_value(first))
+                first = first or design
+        return first
     return None
 
 
-def _grown(plant: UncertainPlant, method: Method, question: _Question) -> Design | None:
-    """Double the value while its region is proved, then halve the bracket."""
+def _grown(
+    plant: UncertainPlant, method: Method, question: _Question, running: bool = False
+) -> Design | None:
+    """Double the value while its region is proved, then halve the bracket.
+
+    ``running`` asks for laws that doubles can evaluate besides.
+    """
     low, high, value, best = question.low, question.high, question.first, None
     bracketed = False
     for _ in range(ATTEMPTS):
         design = _attempt(plant, method, question.region(value))
-        if design is None:
+        if design is None or (running and not design.runs):
             high, bracketed = value, True
         else:
             low, best = value, design

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 
+from polefence.coordinates import Coordinates
 from polefence.errors import InputError, ParameterValueError
 from polefence.plant.parameters import Parameter, simplex_weights
 from polefence.plant.system import Array
@@ -83,7 +85,9 @@ class FixedGain:
 class ScheduledGain:
     """u = K(alpha) x with K(alpha) = Z(alpha) W(alpha)^-1, Z and W polynomials in alpha.
 
-    Leite & Peres (2005), equations (18), (19), of degree 1 on the simplex.
+    Leite & Peres (2005), equations (18), (19), of degree 1 on the simplex. It is evaluated as
+    Z' W'^-1 T with W' = T W T' and Z' = Z T', near to the identity in the middle of the family:
+    W itself spans more decades than doubles have digits.
 
     Parameters
     ----------
@@ -126,6 +130,27 @@ class ScheduledGain:
         """Where alpha lives."""
         return Domain(self.sizes)
 
+    @cached_property
+    def coordinates(self) -> Coordinates:
+        """Those in which W is the identity in the middle of the family.
+
+        Where W is not positive definite there, as in a law that was given, the units that even
+        out its diagonal.
+        """
+        centre = np.full(self.domain.corners, 1 / self.domain.corners)
+        middle = np.tensordot(self.domain.basis(centre, self.degree), self.W, 1)
+        found = Coordinates.whitening(middle)
+        if found is None:
+            size = np.sqrt(np.abs(np.diagonal(middle)))
+            found = Coordinates(np.diag(1 / np.where(size > 0, size, 1.0)))
+        return found
+
+    @cached_property
+    def even(self) -> tuple[Array, Array]:
+        """W' = T W T' and Z' = Z T' of these coordinates, (count, n, n) and (count, m, n)."""
+        T = self.coordinates
+        return T.forms(self.W), T.gains(self.Z)
+
     def __repr__(self) -> str:
         _, m, n = self.Z.shape
         kind = f", degree {self.degree}" if self.degree != 1 else ""
@@ -141,7 +166,9 @@ class ScheduledGain:
         """
         a = check_alpha(alpha, self.domain.corners, clamp)
         weights = self.domain.basis(a, self.degree)
-        return right_divide(np.tensordot(weights, self.Z, 1), np.tensordot(weights, self.W, 1))
+        W, Z = self.even
+        even = right_divide(np.tensordot(weights, Z, 1), np.tensordot(weights, W, 1))
+        return even @ self.coordinates.T
 
     def gain_at(self, clamp: bool = False, **values: Any) -> Array:
         """Return K at physical parameter values, for example ``gain_at(m1=300, beta=0)``.

@@ -39,6 +39,8 @@ class Limit:
         "proved" or "undecided".
     lower : float or None
         A radius [1/s] proved to be out of the method's reach; None where none was proved.
+    unrunnable : float or None
+        A smaller radius, proved of a law that doubles cannot evaluate; None where there is none.
     seconds : float
     design : Design or None
     """
@@ -50,6 +52,12 @@ class Limit:
     seconds: float
     lower: float | None = None
     design: Design | None = None
+    unrunnable: float | None = None
+
+    @property
+    def runs(self) -> bool:
+        """Whether doubles can evaluate the law of ``radius``."""
+        return self.design is not None and self.design.runs
 
     @property
     def ratio(self) -> float | None:
@@ -62,6 +70,7 @@ class Limit:
             key: getattr(self, key)
             for key in ("centre", "method", "radius", "lower", "status", "seconds")
         }
+        row |= {"runs": self.runs, "unrunnable": self.unrunnable}
         if gain:
             row["law"] = None if self.design is None else self.design.certificate.document()["law"]
         return row
@@ -185,4 +194,5 @@ def _row(centre: float, method: Method, design: Design | None, seconds: float) -
     name = method_label(method)
     if design is None:
         return Limit(centre, name, None, "undecided", seconds)
-    return Limit(centre, name, radius_of(design), "proved", seconds, design.lower, design)
+    radius, sharper = radius_of(design), design.unrunnable
+    return Limit(centre, name, radius, "proved", seconds, design.lower, design, sharper)

@@ -82,12 +82,15 @@ def place(
     if not isinstance(region, Disk):
         return _placed(plant, region, method, allow_unproved)
     inside = _inside(plant, region, method)
-    if inside is not None:
+    if inside is not None and inside.runs:
         return inside
     best = smallest_disk(plant, region.centre, method)[0]
     wider = replace(best.certificate, region=region)
     if radius_of(best) <= region.radius and wider.prove().proved:
-        return Design(wider)
+        proved = Design(wider)
+        return proved if inside is None or proved.runs else inside
+    if inside is not None:
+        return inside
     if allow_unproved:
         return Design(wider, proved=False)
     raise NotProvedError(_refusal(method, region, best), best if best.proved else None)
@@ -117,7 +120,7 @@ def _refusal(method: Method, region: Disk, best: Design) -> str:
 
 def _placed(plant: UncertainPlant, region: Region, method: Method, allow_unproved: bool) -> Design:
     """Place the poles in a region that is no single disk."""
-    found, error = None, None
+    found, error, first = None, None, None
     rate = max(region.scale, typical_rate(plant.A))
     speeds = () if bounds_speed(region) else [s * rate for s in SPEEDS if s * rate < FASTEST]
     for searched in (*(bounded(region, speed) for speed in speeds), region):
@@ -128,10 +131,13 @@ def _placed(plant: UncertainPlant, region: Region, method: Method, allow_unprove
                 error = failure
                 break
             design = proved_at(plant, region, method, found) if found.radius < 1 else None
-            if design is not None:
+            if design is not None and design.runs:
                 return design
+            first = first or design
             if found.radius >= 1 and found.converged:
                 break
+    if first is not None:  # a law that doubles cannot evaluate, but a law
+        return first
     if found is None:
         raise NotProvedError(f"undecided: {method_label(method)}: {error}") from error
     if allow_unproved:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import replace
 from fractions import Fraction
@@ -28,8 +29,9 @@ STALLED = 1e-3
 # A lower bound farther off than this share of the radius is sought again, with this tolerance.
 GAP, CLOSER = 3e-6, 1e-10
 
-# Where nothing near the infimum is proved: points for radii this much larger.
-RETREATS = (1e-4, 1e-3, 1e-2, 0.1, 1.0, 10.0, 100.0)
+# Where nothing near the infimum is proved, or no law that doubles can run: points for radii this
+# much larger.
+RETREATS = (1e-5, 3e-5, 1e-4, 3e-4, 1e-3, 3e-3, 0.01, 0.03, 0.1, 0.3, 1.0, 10.0, 100.0)
 
 
 def tightest(
@@ -58,8 +60,9 @@ def tightest(
     -------
     Design
         For a disk ``design.region.radius`` is proved; where ``design.lower`` is not None, that
-        radius is proved to be out of the method's reach. Otherwise ``design.region`` is the
-        `HalfPlane` or `Sector`, with ``within``.
+        radius is proved to be out of the method's reach, and where ``design.unrunnable`` is not, a
+        smaller one is proved, but only of laws that doubles cannot evaluate. Otherwise
+        ``design.region`` is the `HalfPlane` or `Sector`, with ``within``.
 
     Raises
     ------
@@ -129,16 +132,7 @@ def smallest_disk(
         with suppress(NotProvedError):
             second = _second_opinion(plant, centre, method)
             found = second if second.radius < found.radius else found
-    design = _proved_near(plant, centre, method, found)
-    for step in RETREATS if design is None else ():
-        # The point lies too near the boundary for its rounding: look farther inside.
-        disk = Disk(centre, found.radius * (1 + step))
-        with suppress(SolverError):
-            inner = smallest_radius(plant.A, plant.B, sigma, method, enough=disk.radius)
-            design = _proved_near(plant, centre, method, inner)
-        design = design or proved_at(plant, disk, method, found)
-        if design is not None:
-            break
+    design, sharp = _chosen(_proved(plant, centre, method, found))
     if design is None:
         try:
             unproved = rounded(plant, Disk(centre, found.radius), method, found)
@@ -146,7 +140,22 @@ def smallest_disk(
             where = f"{method_label(method)} at centre {centre:g}"
             raise NotProvedError(f"undecided: {where}: {error}") from error
         return Design(unproved, proved=False), found
-    return replace(design, lower=_bound(plant, sigma, method, found) if bounds else None), found
+    lower = _bound(plant, sigma, method, found) if bounds else None
+    return replace(design, lower=lower, unrunnable=sharp), found
+
+
+def _chosen(designs: Iterator[Design]) -> tuple[Design | None, float | None]:
+    """Return the first design whose law doubles can run, else the first; and what it gives up.
+
+    That is the radius of the first one, None where it is no smaller.
+    """
+    first = None
+    for design in designs:
+        first = first or design
+        if design.runs:
+            sharper = radius_of(first) < radius_of(design)
+            return design, radius_of(first) if sharper else None
+    return first, None
 
 
 def _bound(plant: UncertainPlant, sigma: float, method: Method, found: Found) -> float | None:
@@ -179,6 +188,25 @@ def _lower(plant: UncertainPlant, sigma: float, method: Method, found: Found) ->
     Y = found.dual.matrices()
     bound = lower_bound(method_name(method), A, B, Fraction(sigma), found.radius, Y, rhs)
     return None if bound is None else float(bound.r)
+
+
+def _proved(plant: UncertainPlant, centre: float, method: Method, found: Found) -> Iterator[Design]:
+    """Yield proved designs, from the point found outwards, roughly in the order of their radii."""
+    near = _proved_near(plant, centre, method, found)
+    if near is not None:
+        yield near
+    for step in RETREATS:
+        # The point lies too near the boundary for rounding: look farther inside.
+        disk, points = Disk(centre, found.radius * (1 + step)), [found]
+        with suppress(SolverError):
+            inner = smallest_radius(plant.A, plant.B, -centre, method, enough=disk.radius)
+            near, points = _proved_near(plant, centre, method, inner), [inner, found]
+            if near is not None:
+                yield near
+        for point in points:
+            design = proved_at(plant, disk, method, point)
+            if design is not None:
+                yield design
 
 
 def _proved_near(

@@ -100,7 +100,9 @@ def lines_of(done: Optimised, rows: Sequence[Row], label: str) -> list[str]:
         text = " ".join([f"  {row.label:<{width}}", *(f"{cell:>13}" for cell in cells), f" {note}"])
         lines.append(text)
     lines += _design_lines(done)
-    if not _kept(done, rows[0].own.alpha):
+    if done.design.note:
+        lines.append(done.design.note)
+    elif not _kept(done, rows[0].own.alpha):
         lines.append(TOO_LARGE)
     gains = gains_of(done.law, len(done.plant.vertices))
     return lines + [f"  {name} = {matrix_text(K)}" for name, K in gains.items()]

@@ -96,6 +96,7 @@ def _of_design(plant: UncertainPlant, design: Design, path: Path) -> Named:
     if _identity(design.plant) != _identity(plant):
         return Named(name, design, proved="nothing: its proof is about another plant")
     proved = f"all poles in {design.region}, for every constant value of the parameters"
+    proved += f"; but {design.note.removeprefix('note: ')}" if design.note else ""
     return Named(name, design, design, proved)
 
 

@@ -95,6 +95,14 @@ def limits_command(options: Any) -> int:
         write_figure(options.plot, limits_figure({plant.name: rows}))
     if any(row.get("lower_from_file") for row in rows):
         say(f"* from {options.json}, not proved again; every radius is")
+    for row in rows:
+        where = f"note: centre {row['centre']:.6g}, {row['method']}:"
+        if row.get("unrunnable") is not None:
+            least = digits_up(row["unrunnable"])
+            say(f"{where} {least} is proved too, but only of a law that doubles cannot evaluate")
+        if row["radius"] is not None and row.get("runs") is False:
+            say(f"{where} no law was found that doubles can evaluate; this radius is of one that")
+            say("they cannot")
     return PROVED if all(row["status"] == "proved" for row in rows) else NOT_PROVED
 
 

@@ -9,8 +9,6 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, TextIO
 
-import numpy as np
-
 from polefence.design import FILE_NAME, Design
 from polefence.errors import InputError
 from polefence.files import check_target, make_folder, write_bytes, write_text
@@ -144,8 +142,8 @@ def report(design: Design, lines: list[str], summary: Mapping[str, Any], options
     if options.plot is not None:
         figure = poles_figure({design.plant.name: (cloud, corners)}, design.region)
         write_figure(options.plot, figure)
-    if not np.all(design.region.distance(cloud) < ROUNDING * design.region.size):
-        lines = [*lines, TOO_LARGE]
+    if design.note:
+        lines = [*lines, design.note]
     say(*lines, *(f"  {label} = {matrix_text(K)}" for label, K in gains.items()))
     if saved is not None:
         say(f"saved: {saved}")

@@ -76,11 +76,17 @@ def tightest_command(options: Any) -> int:
             "note: a disk bounds the poles' speed, or gains would be without bound; choose"
         )
         lines.append("your own: --within 'disk(-40, 39)'")
+    if design.unrunnable is not None:
+        lines.append(
+            f"note: {digits_down(design.unrunnable)} is proved too, but only of a law that doubles "
+            "cannot evaluate"
+        )
     summary = {
         "plant": plant_summary(plant),
         "of": options.of,
         "value": value,
         "lower": design.lower,
+        "unrunnable": design.unrunnable,
         "region": design.region.document(),
         "method": design.label,
         "status": "proved",

@@ -8,10 +8,11 @@ from math import inf
 
 import numpy as np
 
+from polefence.coordinates import Coordinates
 from polefence.design import Design
 from polefence.errors import InputError
 from polefence.export.c99.number import Number
-from polefence.export.c99.program import Fixed, Program, Scheduled, exactly, transformed
+from polefence.export.c99.program import Fixed, Program, Scheduled, exactly
 from polefence.law import FixedGain
 from polefence.plant.system import Array
 from polefence.polynomial import Domain, Polynomial, bernstein, binomial, elevated, times
@@ -165,11 +166,11 @@ def _with_bounds(design: Design, program: Program, claim: Rounded) -> Rounded:
     """Find bounds on W' and on Z' W'^-1, at the elevation that makes them sharpest."""
     if isinstance(program, Fixed) or isinstance(design.law, FixedGain):
         return claim
-    exact_W, exact_Z = transformed(design.law.W, design.law.Z, program.T)
+    own = Coordinates(program.T)
     rows = scales(program)[0][:, None]
     domain, degree = program.domain, program.degree
-    W = bernstein(domain, np.array(exact_W, dtype=float), degree)
-    Z = bernstein(domain, np.array(exact_Z, dtype=float) / rows, degree)
+    W = bernstein(domain, own.forms(design.law.W), degree)
+    Z = bernstein(domain, own.gains(design.law.Z) / rows, degree)
     square, best = times(W, W), (inf, 0.0, 0.0, 0)
     for elevation in range(ELEVATIONS + 1):
         if domain.count(2 * degree + elevation) > MOST_COEFFICIENTS:

@@ -12,9 +12,10 @@ from fractions import Fraction
 
 import numpy as np
 
+from polefence.coordinates import Coordinates
 from polefence.errors import InputError
 from polefence.export.c99.number import Number
-from polefence.law import FixedGain, Law
+from polefence.law import FixedGain, Law, ScheduledGain
 from polefence.plant.parameters import Parameter
 from polefence.plant.system import Array
 from polefence.polynomial import Domain, Exponent, binomial
@@ -127,25 +128,18 @@ def program(law: Law, parameters: tuple[Parameter, ...], number: Number) -> Prog
         raise InputError(f"a law of {count} coefficients is not exported; at most {MAX_TERMS}")
     if parameters and 2 ** len(parameters) != law.domain.corners:
         raise InputError("the plant's vertices are not those of its parameters; export with alpha")
-    T = _held(number.nearest(_whitening(law.W, law.domain, law.degree)), "T")
-    W, Z = transformed(law.W, law.Z, T)
+    T = _held(number.nearest(_whitening(law)), "T")
+    coordinates = Coordinates(T)
+    W, Z = coordinates.forms(law.W), coordinates.gains(law.Z)
     return Scheduled(
         number,
         tuple(_share(p, number) for p in parameters),
         law.domain,
         law.degree,
         T,
-        _held(number.nearest(_floats(W)), "W"),
-        _held(number.nearest(_floats(Z)), "Z"),
+        _held(number.nearest(W), "W"),
+        _held(number.nearest(Z), "Z"),
     )
-
-
-def transformed(W: Array, Z: Array, T: Array) -> tuple[list[Exact], list[Exact]]:
-    """Return T W T' and Z T' in rationals, of doubles."""
-    t = exactly(T)
-    columns = [[each[j] for each in t] for j in range(len(t))]
-    new_W = [multiply(multiply(t, exactly(w)), columns) for w in W]
-    return new_W, [multiply(exactly(z), columns) for z in Z]
 
 
 def exactly(matrix: Array) -> Exact:
@@ -153,27 +147,11 @@ def exactly(matrix: Array) -> Exact:
     return [[Fraction(float(value)) for value in row] for row in matrix]
 
 
-def multiply(left: Exact, right: Exact) -> Exact:
-    """Return a product of rational matrices."""
-    columns = list(zip(*right, strict=True))
-    return [
-        [sum((a * b for a, b in zip(row, c, strict=True) if a and b), Fraction(0)) for c in columns]
-        for row in left
-    ]
-
-
-def _whitening(W: Array, domain: Domain, degree: int) -> Array:
+def _whitening(law: ScheduledGain) -> Array:
     """Return T with T W T' = I at the centre of the family."""
-    centre = np.full(domain.corners, 1 / domain.corners)
-    middle = np.tensordot(domain.basis(centre, degree), W, 1)
-    scale = np.sqrt(np.diagonal(middle))
-    if not np.all(scale > 0):
-        raise InputError("W is not positive definite at the centre of the family")
-    try:
-        factor = np.linalg.cholesky(middle / np.outer(scale, scale))
-    except np.linalg.LinAlgError as error:
-        raise InputError("W is not positive definite at the centre of the family") from error
-    return np.asarray(np.tril(np.linalg.inv(factor)) / scale)
+    if law.coordinates.whitens:
+        return law.coordinates.T
+    raise InputError("W is not positive definite at the centre of the family")
 
 
 def _share(p: Parameter, number: Number) -> Share:
@@ -187,10 +165,6 @@ def _share(p: Parameter, number: Number) -> Share:
             "unit in which it is nearer to one"
         )
     return Share(p, low, high, float(number.nearest(np.array(float(scale)))))
-
-
-def _floats(matrices: list[Exact]) -> Array:
-    return np.array([[[float(value) for value in row] for row in m] for m in matrices])
 
 
 def _held(values: Array, what: str) -> Array:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Iterator
+from contextlib import suppress
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -17,11 +19,14 @@ from polefence.polynomial import Domain
 from polefence.region import HalfPlane, Region
 from polefence.solve.performance import Question, Reached, least
 from polefence.solve.radius import smallest, typical_rate
-from polefence.solve.scaling import balanced
+from polefence.solve.regulated import regulators
+from polefence.solve.scaling import Scaling, balanced
+from polefence.solve.smallest import TOLERANCE
 from polefence.specification import Specification, output_of
 from polefence.speed import bounded
 
 INSIDE = 0.95  # how far inside the region the search begins
+ROUGH = 1e-4  # gap at which one gain is a start: a point that is not at the edge of everything
 SPEED = 100.0  # times the plant's own rates, where nothing else bounds the first law's
 
 
@@ -56,23 +61,56 @@ class Task:
         form = self.domain, degree, elevation, norms
         return Question(plant.A, plant.B, values, outputs, region, *form)
 
-    def reached(self, region: Region | None) -> Reached:
+    def reached(self, region: Region | None, tolerance: float = TOLERANCE) -> Reached:
         """Search for the law.
+
+        Without bounds on the law itself the question is convex: the first start that leads to its
+        end will do. With them the end depends on the start: the best of all is returned.
 
         Raises
         ------
         SolverError
             If there is none, or nowhere to start.
         """
-        plant, rate = self.plant, typical_rate(self.plant.A)
-        scaling, question = balanced(plant.A, plant.B, rate), self.question(region)
-        kept, failure = region or HalfPlane(0), SolverError("nowhere to start from")
-        for inside in dict.fromkeys((kept, bounded(kept, SPEED * rate))):
+        scaling = balanced(self.plant.A, self.plant.B, typical_rate(self.plant.A))
+        question = self.question(region)
+        best: Reached | None = None
+        failure = SolverError("nowhere to start from")
+        for start, t in self._starts(question, region, scaling):
             try:
-                return least(question, self._start(inside), scaling)
+                found = least(question, start, scaling, tolerance, t)
             except SolverError as error:
                 failure = error
-        raise failure
+                continue
+            if best is None or found.r < best.r:
+                best = found
+            if self.minimise is None or (found.converged and not question.norms):
+                break
+        if best is None:
+            raise failure
+        return best
+
+    def _starts(
+        self, question: Question, region: Region | None, scaling: Scaling
+    ) -> Iterator[tuple[dict[str, Array], dict[str, float]]]:
+        """Yield W and Z to start from, and what of W is a Lyapunov matrix, where that is known."""
+        if int(options(self.method).degree):
+            # what one gain reaches a scheduled law reaches too
+            with suppress(SolverError):
+                one = replace(self, method="quadratic").reached(region, ROUGH)
+                yield self._as_scheduled(one.values), one.t
+        else:
+            for values in regulators(question, scaling):
+                yield values, {}
+        kept = region or HalfPlane(0)
+        for inside in dict.fromkeys((kept, bounded(kept, SPEED * typical_rate(self.plant.A)))):
+            with suppress(SolverError):
+                yield self._start(inside), {}
+
+    def _as_scheduled(self, values: dict[str, Array]) -> dict[str, Array]:
+        """Return one W and Z as those of a degree: all coefficients are equal."""
+        count = self.domain.count(int(options(self.method).degree))
+        return {f"{x}{k + 1}": values[f"{x}1"] for x in "WZ" for k in range(count)}
 
     def _start(self, inside: Region) -> dict[str, Array]:
         """Return W and Z of a law that keeps a region."""

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from polefence.conditions.gain_norm import Norm, tangents
 from polefence.conditions.pencil import Pencil
-from polefence.conditions.performance import Output, Source, design, unit_of
+from polefence.conditions.performance import Output, Source, Through, design, unit_of
 from polefence.conditions.target import Around, Target
 from polefence.errors import SolverError
 from polefence.plant.system import Array
@@ -21,11 +23,17 @@ from polefence.solve.smallest import TOLERANCE
 from polefence.solve.stacked import Stacked, stack
 
 ROUNDS = 4
-NORM_ROUNDS, TANGENTS, WORTH = 30, 3, 1e-5  # of bounds on the law, tight near the last point only
+TANGENTS = 3
+# Bounds on the law are tight near the last point only, and a point at the edge of all others hardly
+# moves: each round stops at a share of the gap, less when a round is worth no more than this.
+NORM_ROUNDS, SHARES, WORTH = 30, (0.3, 0.03, 1e-3, 1e-5), (0.03, 3e-3, 1e-4, 1e-5)
 MARGIN = 1e-5  # of the first inequality, in units of the search's own rate
 INSIDE = 0.97  # how far within the limits a point is looked for, as a share of their squares
 WIDE = 1.3
 HALVINGS = 80
+ROOM = (1e3, 1e8)  # that what is minimised has while limits are not kept yet
+
+Bounds = tuple[tuple[Output, ...], tuple[Norm, ...]]
 
 
 @dataclass(frozen=True, eq=False)
@@ -117,7 +125,11 @@ def fixed(region: Region, rate: float) -> Target:
 
 
 def least(
-    question: Question, start: dict[str, Array], scaling: Scaling, tolerance: float = TOLERANCE
+    question: Question,
+    start: dict[str, Array],
+    scaling: Scaling,
+    tolerance: float = TOLERANCE,
+    t: dict[str, float] | None = None,
 ) -> Reached:
     """Minimise the one output's bound that is not fixed, from a point within the region.
 
@@ -126,56 +138,154 @@ def least(
     start : dict
         W and Z of the condition's degree, for which all poles lie in the region, in the original
         coordinates.
+    t : dict, optional
+        Of a start that keeps the fixed bounds: W / t is the Lyapunov matrix of a source.
 
     Raises
     ------
     SolverError
         If there is no point to start from, or none that keeps the fixed bounds.
     """
-    begin = Reached(np.inf, dict(start), {}, False, 0)
+    units = {f"t {source.name}": unit_of(source, scaling.rate) for source in question.sources}
+    t = {name: value * units[name] for name, value in (t or {}).items() if name in units}
+    begin = Reached(np.inf, dict(start), t, False, 0)
     outputs, norms = question.outputs, question.norms
     fixed_ones = [bound.fixed for bound in outputs] + [norm.fixed for norm in norms]
-    if any(fixed_ones):
-        # all bounds grow with r, until they are those that were asked for
-        growing = tuple(replace(o, fixed=False) for o in outputs if o.fixed)
-        laws = tuple(replace(norm, fixed=False) for norm in norms if norm.fixed)
-        begin = _rounds(question, (growing, laws), begin, scaling, INSIDE, tolerance)
-        if begin.r >= 1:
-            raise SolverError("the limits contradict one another, or the region")
-    if not all(fixed_ones):
-        begin = _rounds(question, (outputs, norms), begin, scaling, 0.0, tolerance)
-    units = {f"t {source.name}": unit_of(source, scaling.rate) for source in question.sources}
-    return replace(begin, t={name: value / units[name] for name, value in begin.t.items()})
+    found: Reached | None = None
+    if not all(fixed_ones) and (t or not any(fixed_ones)):
+        with suppress(SolverError):
+            found = _rounds(question, (outputs, norms), begin, scaling, 0.0, tolerance)
+    if found is None:
+        found = _within(question, begin, scaling, tolerance)
+        if not all(fixed_ones):
+            found = _rounds(question, (outputs, norms), found, scaling, 0.0, tolerance)
+    return replace(found, t={name: value / units[name] for name, value in found.t.items()})
+
+
+def _within(question: Question, begin: Reached, scaling: Scaling, tolerance: float) -> Reached:
+    """Return a point that keeps the fixed bounds: they grow with r, until they are as asked.
+
+    What is to be minimised must not run away meanwhile: at first it grows with them.
+    """
+    outputs = tuple(replace(o, fixed=False) for o in question.outputs if o.fixed)
+    norms = tuple(replace(norm, fixed=False) for norm in question.norms if norm.fixed)
+    failure = SolverError("no law was found that keeps the limits and the region")
+    for own in (*_watched(question, begin, scaling, outputs, norms), (outputs, norms)):
+        try:
+            found = _rounds(question, own, begin, scaling, INSIDE, tolerance)
+        except SolverError as error:
+            failure = error
+            continue
+        if found.r < 1:
+            return found
+    raise failure
+
+
+def _watched(
+    question: Question,
+    begin: Reached,
+    scaling: Scaling,
+    outputs: tuple[Output, ...],
+    norms: tuple[Norm, ...],
+) -> Iterator[Bounds]:
+    """Yield the bounds with one on what is minimised, some way above where the search begins."""
+    more = tuple(o for o in question.outputs if not o.fixed)
+    if not more:
+        return
+    try:
+        own = scaling.refined(lyapunov_mean(begin.values))
+    except SolverError:
+        return
+    first = []
+    for bounds in ((outputs, norms), (more, ())):
+        pencil = question.pencil(own, *bounds, begin.values)
+        matrices = tuple(v for v in pencil.variables if v.rows)
+        values = own.scaled(begin.values, matrices)
+        first.append(interior(pencil, stack(pencil), values, begin.t)[1])
+    if not all(first):
+        return
+    power = 0.5 if not isinstance(_source(question, more[0]), Through) else 1.0
+    for room in ROOM:
+        level = more[0].level * (room * first[1] / first[0]) ** power
+        yield (*outputs, replace(more[0], level=level)), norms
+
+
+def _source(question: Question, output: Output) -> Source:
+    return next(source for source in question.sources if source.name == output.source)
 
 
 def _rounds(
     question: Question,
-    bounds: tuple[tuple[Output, ...], tuple[Norm, ...]],
+    bounds: Bounds,
     begin: Reached,
     scaling: Scaling,
     enough: float,
     tolerance: float,
 ) -> Reached:
+    if bounds[1]:
+        found = _near_norms(question, bounds, begin, scaling, enough, tolerance)
+    else:
+        found = _near_edge(question, bounds, begin, scaling, enough, tolerance)
+    if found is None:
+        raise SolverError("no point to start from: the numbers are too far apart for doubles")
+    return found
+
+
+def _near_edge(
+    question: Question, bounds: Bounds, begin: Reached, scaling: Scaling, enough: float,
+    tolerance: float,
+) -> Reached | None:
+    """Go on in the coordinates that were reached until the gap closes."""
     found: Reached | None = None
     iterations = 0
-    rounds, worth = (NORM_ROUNDS, WORTH) if bounds[1] else (ROUNDS, 1e-7)
-    for _ in range(rounds):
-        own = scaling.refined(lyapunov_mean(begin.values))
-        again: Reached | None = None
-        for tangent in range(TANGENTS if bounds[1] else 1):
-            pencil = question.pencil(own, *bounds, begin.values, tangent)
-            again = _run(pencil, begin, own, enough, tolerance)
-            if again is not None:
-                break
-        if again is None or (found is not None and again.r >= found.r * (1 - worth)):
+    for _ in range(ROUNDS):
+        again = _once(question, bounds, begin, scaling, enough, tolerance)
+        if again is None or (found is not None and again.r >= found.r * (1 - 1e-7)):
             break
         iterations += again.iterations
         found = begin = again
-        if (found.converged and not bounds[1]) or found.r <= enough:
+        if found.converged or found.r <= enough:
             break
-    if found is None:
-        raise SolverError("no point to start from: the numbers are too far apart for doubles")
-    return replace(found, iterations=iterations)
+    return None if found is None else replace(found, iterations=iterations)
+
+
+def _near_norms(
+    question: Question, bounds: Bounds, begin: Reached, scaling: Scaling, enough: float,
+    tolerance: float,
+) -> Reached | None:
+    """Go from tangent to tangent, centred at first."""
+    found: Reached | None = None
+    iterations, stage = 0, 0
+    for _ in range(NORM_ROUNDS):
+        again = _once(question, bounds, begin, scaling, enough, max(SHARES[stage], tolerance))
+        worth = again is not None and (found is None or again.r < found.r * (1 - WORTH[stage]))
+        if again is not None and (found is None or again.r < found.r):
+            iterations += again.iterations
+            found = begin = again
+            if found.r <= enough:
+                break
+        if not worth:
+            stage += 1
+            if stage == len(SHARES):
+                break
+    return None if found is None else replace(found, iterations=iterations)
+
+
+def _once(
+    question: Question, bounds: Bounds, begin: Reached, scaling: Scaling, enough: float,
+    tolerance: float,
+) -> Reached | None:
+    """Run from a point in the coordinates of its Lyapunov matrix; None if that is no start."""
+    try:
+        own = scaling.refined(lyapunov_mean(begin.values))
+    except SolverError:
+        return None
+    for tangent in range(TANGENTS if bounds[1] else 1):
+        pencil = question.pencil(own, *bounds, begin.values, tangent)
+        again = _run(pencil, begin, own, enough, tolerance)
+        if again is not None:
+            return again
+    return None
 
 
 def _run(

@@ -232,7 +232,11 @@ def _rounds(
 
 
 def _near_edge(
-    question: Question, bounds: Bounds, begin: Reached, scaling: Scaling, enough: float,
+    question: Question,
+    bounds: Bounds,
+    begin: Reached,
+    scaling: Scaling,
+    enough: float,
     tolerance: float,
 ) -> Reached | None:
     """Go on in the coordinates that were reached until the gap closes."""
@@ -250,7 +254,11 @@ def _near_edge(
 
 
 def _near_norms(
-    question: Question, bounds: Bounds, begin: Reached, scaling: Scaling, enough: float,
+    question: Question,
+    bounds: Bounds,
+    begin: Reached,
+    scaling: Scaling,
+    enough: float,
     tolerance: float,
 ) -> Reached | None:
     """Go from tangent to tangent, centred at first."""
@@ -272,7 +280,11 @@ def _near_norms(
 
 
 def _once(
-    question: Question, bounds: Bounds, begin: Reached, scaling: Scaling, enough: float,
+    question: Question,
+    bounds: Bounds,
+    begin: Reached,
+    scaling: Scaling,
+    enough: float,
     tolerance: float,
 ) -> Reached | None:
     """Run from a point in the coordinates of its Lyapunov matrix; None if that is no start."""

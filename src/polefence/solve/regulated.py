@@ -57,7 +57,8 @@ def decay_of(region: Region | None) -> float:
 def _moved(source: Source, domain: Domain) -> Array:
     """Return the intensity of what moves the states, in the middle."""
     if isinstance(source, Noise):
-        return np.mean([P / binomial(domain.sizes, e) for e, P in source.EE.items()], axis=0)
+        middle = [P / binomial(domain.sizes, e) for e, P in source.EE.items()]
+        return np.asarray(np.mean(middle, axis=0))
     if isinstance(source, Points):
         own = [p.mean(axis=0) for p in source.points]
         found = [] if source.ellipsoid is None else [source.ellipsoid]
@@ -76,19 +77,25 @@ def _balanced(
     ]
     fixed = np.array([o.fixed for o in outputs])
     if fixed.all() or not fixed.any():
-        return _regulator(A, B, sum(row.T @ row / np.sum(row**2) for row in rows))
+        sizes = [np.sum(row**2) or 1.0 for row in rows]
+        return _regulator(A, B, _weighted(rows, 1 / np.array(sizes)))
     least, most = POWERS
     best: Array | None = None
     for _ in range(HALVINGS):
         power = (least + most) / 2
         weights = np.where(fixed, 1.0, 2.0**power)
-        K = _regulator(A, B, sum(w * row.T @ row for w, row in zip(weights, rows, strict=True)))
+        K = _regulator(A, B, _weighted(rows, weights))
         if K is not None and _kept(outputs, rows, A + B @ K, K, moved):
             least, best = power, K
         else:
             best = K if best is None else best
             most = power
     return best
+
+
+def _weighted(rows: list[Array], weights: Array) -> Array:
+    Y = np.vstack(rows)
+    return np.asarray((Y.T * weights) @ Y)
 
 
 def _kept(

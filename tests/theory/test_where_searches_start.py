@@ -1,0 +1,106 @@
+"""Laws that there are must be found, wherever the search begins: optima known by other means."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from scipy.linalg import solve_continuous_are, solve_continuous_lyapunov
+from scipy.optimize import minimize
+
+from polefence import HalfPlane, UncertainPlant
+from polefence.gain_norm import GainNorm
+from polefence.optimise import optimise
+from polefence.plant.spec import loads
+from polefence.response.signals import Signal
+from polefence.specification import Gain, Rms
+
+DENSITY = 2.0  # two-sided intensity 1
+DOUBLE_INTEGRATOR = """
+name = "double integrator"
+states = ["x [m]", "v [m/s]"]
+inputs = ["force [N]"]
+[matrices]
+A = [[0, 1], [0, 0]]
+B = [[0], [1]]
+"""
+# Two bodies, joined by a spring and a damper, a demonstration of the LMI Control Toolbox (Gahinet,
+# Nemirovski, Laub & Chilali 1995): J1 = 1, J2 = 0.1.
+SATELLITE = """
+name = "satellite"
+states = ["theta1 [rad]", "theta2 [rad]", "rate1 [rad/s]", "rate2 [rad/s]"]
+inputs = ["torque [N m]"]
+disturbances = ["w [N m]"]
+[parameter.k]
+range = [0.09, 0.4]
+[parameter.f]
+range = [0.0038, 0.04]
+[matrices]
+A = [[0, 0, 1, 0], [0, 0, 0, 1], ["-k", "k", "-f", "f"], ["10*k", "-10*k", "10*f", "-10*f"]]
+B = [[0], [0], [1], [0]]
+E = [[0], [0], [1], [0]]
+"""
+
+
+def underwater_vehicle():
+    """Return A, B, E and y of UWV of COMPleib (Leibfritz 2004): modes from 1 to 1700 rad/s."""
+    A, B, E, C = np.zeros((8, 8)), np.zeros((8, 2)), np.zeros((8, 2)), np.zeros((1, 8))
+    entries = {
+        (0, 1): 850, (1, 0): -850, (1, 1): -120, (1, 2): -4100, (2, 0): 33, (2, 2): -33,
+        (2, 4): -700, (3, 4): 1400, (4, 2): 1600, (4, 3): -450, (4, 4): -110, (5, 3): 81,
+        (5, 5): -1, (5, 7): -900, (6, 7): 110, (7, 5): 12, (7, 6): -1.1, (7, 7): -22,
+    }  # fmt: skip
+    for place, value in entries.items():
+        A[place] = value
+    B[1], E[1, 0], E[7, 1], C[0, 6] = (4.6, 99000), 9900, 99, 1
+    return A, B, E, C
+
+
+def test_limits_near_those_of_a_regulator_are_reached():
+    """No law has less than the dual of the weights says, and the design is as good."""
+    A, B, E, C = underwater_vehicle()
+    P = solve_continuous_are(A, B, C.T @ C, np.eye(2))
+    K = -B.T @ P
+    X = solve_continuous_lyapunov(A + B @ K, -E @ E.T)
+    limits = 1.05 * np.sqrt(np.diag(K @ X @ K.T))
+
+    def dual(weights):
+        P = solve_continuous_are(A, B, C.T @ C, np.diag(np.exp(weights)))
+        return -(np.trace(E.T @ P @ E) - np.exp(weights) @ limits**2)
+
+    least = math.sqrt(-minimize(dual, [0.0, 0.0], method="Nelder-Mead").fun)
+    plant = UncertainPlant.from_vertices([A], [B], [E])
+    bounds = [
+        Rms(Signal(f"u{i}", "", input={i: 1.0}), float(limit), DENSITY)
+        for i, limit in enumerate(limits)
+    ]
+    y = Signal("y", "", state={6: 1.0})
+    for method in ("quadratic", None):
+        found = optimise(plant, Rms(y, None, DENSITY), bounds, method=method).bounds[0].level
+        assert least * (1 - 1e-9) < found < least * (1 + 1e-3)
+
+
+@pytest.fixture(scope="module")
+def integrator():
+    return loads(DOUBLE_INTEGRATOR)
+
+
+@pytest.mark.parametrize("method", ["quadratic", None])
+def test_the_least_gain_of_a_double_integrator(integrator, method):
+    """K = -[1, 2] has both poles at the edge of the region: that is the infimum."""
+    least = math.sqrt(5)
+    found = optimise(integrator, GainNorm(), (), HalfPlane(1), method)
+    assert least < found.bounds[0].level < 1.05 * least
+    assert found.bounds[0].level <= found.shared * (1 + 1e-4)
+    for limit in (1.1 * least, 60.0):
+        kept = optimise(integrator, None, [GainNorm(limit)], HalfPlane(1), method)
+        assert np.linalg.norm(kept.law.gain(np.ones(1)), 2) <= limit
+
+
+@pytest.mark.parametrize("angle", ["theta1", "theta2"])
+def test_a_scheduled_law_is_no_worse_than_one_gain(angle):
+    satellite = loads(SATELLITE)
+    torque, limits = Rms("torque", None, DENSITY), [Gain(angle, 0.5)]
+    one = optimise(satellite, torque, limits, method="quadratic").bounds[0].level
+    assert optimise(satellite, torque, limits).bounds[0].level < 0.9 * one

@@ -104,7 +104,9 @@ def test_files_say_what_was_proved(here, capsys):
         assert bound["passive"] is None  # no quarter car
     assert first["conservatism"] < 1.01
     assert Path("s.png").read_bytes().startswith(b"\x89PNG")
-    assert "poles in half_plane(0.2), rms of x <= " in ran(capsys, "check", "stage")
+    said = ran(capsys, "check", "stage")
+    assert "  poles in half_plane(0.2), of A + B K with K(alpha) = Z W^-1 of degree 1, on " in said
+    assert "  rms of 'x' = x1 <= " in said
 
 
 def test_the_same_is_asked_by_options(here, capsys):
@@ -158,12 +160,11 @@ def test_limits_alone_and_relative_to_no_control(here, capsys):
     ratio, gain = json.loads(Path("any.json").read_text())["bounds"]
     assert (ratio["limit"], ratio["proved"], ratio["unit"], gain["limit"]) == (0.5, 0.5, "", 4)
     assert ratio["worst sampled"] < 0.5
-    assert "relative rms of x <= 0.5 at density 2, gain" in ran(capsys, "check", "any")
+    said = "relative rms of 'x' = x1 <= 0.5 of that of {}, at density 2"
+    assert said.format("no control") in ran(capsys, "check", "any")
     # of another loop than the plant under no control it is proved too, and said
     change("any/performance.json", ["specifications", 0, "baseline", "K"], [[1e-9, 0]])
-    assert "rms of x (relative to a loop that the file defines) <= 0.5" in ran(
-        capsys, "check", "any"
-    )
+    assert said.format("a loop that the file defines") in ran(capsys, "check", "any")
     error = refused(capsys, "optimise", "bare.toml")
     assert "bare.toml: nothing is asked; give --minimise" in error
 
@@ -183,8 +184,8 @@ def change(path, keys, value):
 
 
 CHANGES = {
-    "lower level": (["specifications", 0, "level"], 0.05, "rms of x <= 0.05 at density 2"),
-    "more noise": (["specifications", 1, "intensity"], 40, "rms of force <= 1.5 at density 80"),
+    "lower level": (["specifications", 0, "level"], 0.05, "rms of 'x' = x1 <= 0.05 at density 2"),
+    "more noise": (["specifications", 1, "intensity"], 40, "= u1 <= 1.5 at density 80"),
     "evidence": (["specifications", 2, "evidence", "X", 0, 0, 0], -1, "not positive definite"),
     "asymmetry": (["specifications", 2, "evidence", "X", 0, 0, 1], 1e-3, "is not symmetric"),
     "another output": (["specifications", 0, "output", "C", 0, 0], "1/2", "output called 'x' is"),

@@ -194,8 +194,8 @@ def test_a_file_holds_the_ellipsoid(designed, tmp_path):
     save(designed, tmp_path)
     answer = check_performance(tmp_path)
     assert answer.proved
-    said = "initial peak of force <= 0.6 from an ellipsoid of initial states"
-    assert said in answer.reason
+    (said,) = (claim for claim in answer.claims if claim.startswith("initial peak of 'force' = "))
+    assert " <= 0.6 from x(0)' X0^-1 x(0) <= 1, X0 = " in said
 
 
 @pytest.mark.parametrize(

@@ -357,8 +357,7 @@ def test_a_file_holds_what_was_proved(designed, tmp_path):
     assert answer.proved
     units = "states in units of 0.5, 1 and inputs in units of 2"
     said = f"gain norm of the law <= 2.5, {units}"
-    assert said in answer.reason
-    assert statement(claims[2]) == said
+    assert answer.claims[3] == statement(claims[2], designed.design.plant) == said
     document = json.loads(text)
     own = document["specifications"][2]
     assert set(own) == {"kind", "name", "level", "rows", "columns", "evidence"}
@@ -378,7 +377,7 @@ def test_a_file_holds_what_was_proved(designed, tmp_path):
         (tmp_path / "performance.json").write_text(json.dumps(document))
         answer = check_performance(tmp_path / "performance.json")
         assert answer.answer == "undecided"
-        assert "gain norm of the law" in answer.reason
+        assert "gain norm of the law" in answer.claims[0]
 
 
 def test_one_gain_is_written_with_its_domain(one, tmp_path):
@@ -387,7 +386,10 @@ def test_one_gain_is_written_with_its_domain(one, tmp_path):
     text = performance_text(done.design.certificate, claims)
     assert read_performance(text)[0] == claims
     save(done, tmp_path)
-    assert check_performance(tmp_path).reason.startswith("poles in half_plane(0), rms of x <= 0.40")
+    poles, rms_of_x, norm = check_performance(tmp_path).claims
+    assert poles.startswith("poles in half_plane(0), of A + B K with one gain K, on the ")
+    assert rms_of_x.startswith("rms of 'x' = x1 <= 0.40")
+    assert norm == "gain norm of the law <= 5"
 
 
 def test_tables_and_lines(tmp_path):

@@ -243,8 +243,14 @@ def test_a_file_holds_the_numbers_that_were_proved(one, method, tmp_path):
     save(done, tmp_path / "new")
     answer = check_performance(tmp_path / "new")
     assert answer.proved
-    assert "poles in half_plane(0), rms of force <= 2.0" in answer.reason
-    assert "initial peak of x <= 2 from 1 initial states and impulse 1, gain" in answer.reason
+    poles, force, initial, gain, peak = answer.claims
+    assert poles.startswith("poles in half_plane(0), of A + B K with ")
+    assert force.startswith("rms of 'force' = u1 <= 2.0")
+    start = "x(0) = (0.1), or from an impulse 1 in w1"
+    assert initial.startswith(f"initial peak of 'x' = x1 <= 2 from {start}, on the ")
+    assert gain.startswith("gain of 'x' = x1 <= 3, on the ")
+    third_text = "'a third' (as the file defines it) = ~0.333333 x1 + 0.1 u1"
+    assert peak.startswith(f"energy peak of {third_text} <= 3 at norm 2, on the ")
 
 
 # --- what is refused ------------------------------------------------------------------------------

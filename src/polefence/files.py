@@ -10,13 +10,13 @@ from pathlib import Path
 from polefence.errors import InputError, OutputError
 
 
-def read_text(path: Path, limit: int, error: type[InputError]) -> str:
-    """Read a small UTF-8 text file.
+def read_bytes(path: Path, limit: int, error: type[InputError]) -> bytes:
+    """Read a small file.
 
     Raises
     ------
     InputError
-        Of the given class, if the file cannot be read, is longer than ``limit`` bytes, or no text.
+        Of the given class, if the file cannot be read, or is longer than ``limit`` bytes.
     """
     try:
         with path.open("rb") as file:
@@ -25,6 +25,18 @@ def read_text(path: Path, limit: int, error: type[InputError]) -> str:
         raise error(f"{path}: cannot be read: {problem.strerror}") from problem
     if len(raw) > limit:
         raise error(f"{path}: longer than {limit} bytes; this is no file of ours")
+    return raw
+
+
+def read_text(path: Path, limit: int, error: type[InputError]) -> str:
+    """Read a small UTF-8 text file.
+
+    Raises
+    ------
+    InputError
+        Of the given class, if the file cannot be read, is longer than ``limit`` bytes, or no text.
+    """
+    raw = read_bytes(path, limit, error)
     try:
         return raw.decode("utf-8-sig")  # some editors begin with a mark
     except UnicodeDecodeError as problem:

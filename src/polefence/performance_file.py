@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import json
 from collections.abc import Sequence
+from dataclasses import replace
 from fractions import Fraction
-from math import inf, nextafter
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +15,7 @@ from polefence.errors import DesignFileError, InputError, NotProvedError
 from polefence.files import make_folder, read_text, write_text
 from polefence.optimise import Optimised
 from polefence.plant.family import UncertainPlant
+from polefence.plant.names import quoted
 from polefence.proof import exact
 from polefence.proof.certificate import Certificate, Check, check_claim, plant_from
 from polefence.proof.exact import Evidence, Rationals
@@ -32,7 +33,12 @@ from polefence.proof.performance import (
     prove_performance,
     read_performance,
 )
-from polefence.region import region_of
+from polefence.proof.statement import (
+    ellipsoid_text,
+    impulses_text,
+    output_text,
+    points_text,
+)
 from polefence.region_text import digits_down, digits_up
 from polefence.response.signals import Signal, inputs, states
 from polefence.response.vehicle import ride
@@ -173,7 +179,7 @@ def check_performance(path: str | Path) -> Check:
     -------
     Check
         "proved" if everything is, "refuted" with an alpha whose poles leave the region, else
-        "undecided". The reason says what is claimed.
+        "undecided".
 
     Raises
     ------
@@ -189,22 +195,23 @@ def check_performance(path: str | Path) -> Check:
         for claim in claims:
             if not _is_named_so(plant, claim):
                 name = claim.output.name
-                return Check("undecided", f"the output called {name!r} is another of the plant's")
+                reason = f"the output called {quoted(name)} is another of the plant's"
+                return Check("undecided", reason, claims=(statement(claim, plant),))
         design, _ = exact.read(json.dumps(document["design"]))
         answer = check_claim(design)
         if not answer.proved:
-            return Check(answer.answer, f"the design: {answer.reason}", answer.alpha)
-        count = int(answer.reason.split()[0])
+            return replace(answer, reason=f"the design: {answer.reason}")
+        said, count = list(answer.claims), int(answer.reason.split()[0])
         for claim in claims:
-            verdict = prove_performance(claim)
+            verdict, own = prove_performance(claim), statement(claim, plant)
             if not verdict.proved:
-                return Check("undecided", f"{statement(claim)}: {verdict.reason}")
+                return Check("undecided", verdict.reason, claims=(own,))
+            said.append(own)
             count += int(verdict.reason.split()[0])
     except (exact.FormatError, InputError) as error:
         raise DesignFileError(f"{where}: {error}") from error
-    region = region_of([(part.kind, part.numbers) for part in design.region])
-    said = ", ".join([f"poles in {region}", *(statement(claim, plant) for claim in claims)])
-    return Check("proved", f"{said}: {count} inequalities positive definite in exact arithmetic")
+    reason = f"{count} inequalities positive definite in exact arithmetic"
+    return Check("proved", reason, claims=tuple(said))
 
 
 def statements(path: str | Path) -> tuple[str, ...]:
@@ -220,9 +227,7 @@ def statements(path: str | Path) -> tuple[str, ...]:
     answer = check_performance(path)
     if not answer.proved:
         raise NotProvedError(f"{path}: {answer}")
-    _, claims, document = _read(path)
-    plant = plant_from(document["design"]["plant"])
-    return tuple(statement(claim, plant) for claim in claims)
+    return answer.claims[1:]  # the first is of the poles
 
 
 def signals_of(plant: UncertainPlant) -> tuple[Signal, ...]:
@@ -231,10 +236,21 @@ def signals_of(plant: UncertainPlant) -> tuple[Signal, ...]:
     return (*states(plant), *inputs(plant), *(known.signals if known else ()))
 
 
+def _known(plant: UncertainPlant) -> dict[str, Signal]:
+    """Return the plant's signals whose names are no others' too."""
+    every = signals_of(plant)
+    known = {signal.name: signal for signal in every}
+    twice = {s.name for s in every if _weights(s) != _weights(known[s.name])}
+    return {name: signal for name, signal in known.items() if name not in twice}
+
+
+def _weights(signal: Signal) -> tuple[dict[int, float], ...]:
+    return signal.state, signal.rate, signal.input
+
+
 def _is_named_so(plant: UncertainPlant, claim: PerformanceClaim) -> bool:
     """Whether an output is the signal of its name, where the plant has one."""
-    known = {signal.name: signal for signal in signals_of(plant)}
-    signal = known.get(claim.output.name)
+    signal = _known(plant).get(claim.output.name)
     if signal is None or isinstance(claim, GainNorm):
         return True
     return rows(plant, signal) == (claim.output.C, claim.output.D) and not getattr(claim, "F", ())
@@ -246,40 +262,44 @@ def _without_control(claim: RelativeRms) -> bool:
     return baseline_loop(claim.subject, claim.output, None, states_) == (base.A, base.E, base.C)
 
 
-def statement(claim: PerformanceClaim, plant: UncertainPlant | None = None) -> str:
+def statement(claim: PerformanceClaim, plant: UncertainPlant) -> str:
     """Say in a line what is claimed, rounded so that it is true as printed.
 
-    With the plant, a name that is none of its signals is said to be the file's own.
+    The output is written out, for its name is the file's own; one that is none of the plant's
+    signals is said to be defined by the file.
     """
-    name = claim.output.name or "an output"
-    known = {LAW} if isinstance(claim, GainNorm) else set[str]()
-    if plant is not None and name not in known | {signal.name for signal in signals_of(plant)}:
+    level = digits_up(claim.level)
+    if isinstance(claim, GainNorm):
+        return f"{kind_of(claim)} of {LAW} <= {level}{_units_of(claim)}"
+    own, subject = claim.output, claim.subject
+    name = quoted(own.name) if own.name else "an output"
+    if own.name not in _known(plant):
         name = f"{name} (as the file defines it)"
-    if isinstance(claim, RelativeRms) and not _without_control(claim):
-        name = f"{name} (relative to a loop that the file defines)"
-    level = float(claim.level)
-    level = level if Fraction(level) >= claim.level else nextafter(level, inf)
-    under = ""
-    if isinstance(claim, Rms | RelativeRms):
-        under = f" at density {digits_down(2 * float(claim.intensity), 4)}"
-    elif isinstance(claim, EnergyPeak):
-        under = f" at norm {digits_down(float(claim.norm), 4)}"
-    elif isinstance(claim, InitialPeak):
-        sizes = [f"impulse {digits_down(float(s), 4)}" for s in claim.impulses[:1]]
-        if claim.points:
-            sizes.insert(0, f"{len(claim.points)} initial states")
-        if claim.ellipsoid:
-            sizes.insert(0, "an ellipsoid of initial states")
-        under = f" from {' and '.join(sizes)}"
-    elif isinstance(claim, GainNorm):
-        under = _units_of(claim)
-    return f"{kind_of(claim)} of {name} <= {digits_up(level)}{under}"
+    what = output_text(own.C, own.D, getattr(claim, "F", ()))
+    return f"{kind_of(claim)} of {name} = {what} <= {level}{_under(claim)}, on the {subject.on}"
+
+
+def _under(claim: PerformanceClaim) -> str:
+    """Say what moves the signal."""
+    if isinstance(claim, RelativeRms):
+        other = "no control" if _without_control(claim) else "a loop that the file defines"
+        return f" of that of {other}, at density {digits_down(2 * claim.intensity, 4)}"
+    if isinstance(claim, Rms):
+        return f" at density {digits_down(2 * claim.intensity, 4)}"
+    if isinstance(claim, EnergyPeak):
+        return f" at norm {digits_down(claim.norm, 4)}"
+    if isinstance(claim, InitialPeak):
+        starts = [points_text(claim.points)] * bool(claim.points)
+        starts += [impulses_text(claim.impulses)] * any(claim.impulses)
+        starts += [ellipsoid_text(claim.ellipsoid)] * bool(claim.ellipsoid)
+        return f" from {', or from '.join(starts)}"
+    return ""
 
 
 def _units_of(claim: GainNorm) -> str:
     """Say what one unit of each state and input is, where it is not one of the plant's."""
     said = [
-        f"{name} in units of {', '.join(digits(float(u), 4) for u in units)}"
+        f"{name} in units of {', '.join(digits(unit, 4) for unit in units)}"
         for name, units, digits in (
             ("states", claim.columns, digits_down),
             ("inputs", claim.rows, digits_up),

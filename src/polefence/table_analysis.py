@@ -17,11 +17,13 @@ from polefence.errors import DesignFileError, InputError, NotProvedError
 from polefence.files import make_folder, read_text, write_text
 from polefence.gain_table import GainTable
 from polefence.plant.family import UncertainPlant
+from polefence.plant.names import unit_text
 from polefence.plant.system import Array
 from polefence.proof import cells as proof
 from polefence.proof import exact
 from polefence.proof.cells import Cell
 from polefence.proof.certificate import Check, plant_document, plant_from
+from polefence.proof.statement import range_text
 from polefence.region import Region, region_of
 from polefence.region_text import digits_down, digits_up
 
@@ -176,7 +178,11 @@ def check_table(path: Path) -> Check:
     analysis, fault = _read(path)
     if fault:
         return Check("undecided", fault)
-    return Check(analysis.answer, f"{analysis.summary} in exact arithmetic")
+    over = ", ".join(
+        range_text(p.name, unit_text(p.unit), p.low, p.high) for p in analysis.plant.parameters
+    )
+    said = (f"poles in {analysis.region} with the table's gains, {over}",)
+    return Check(analysis.answer, f"{analysis.summary} in exact arithmetic", claims=said)
 
 
 def table_plant(path: Path) -> UncertainPlant:

@@ -3,38 +3,63 @@
 from __future__ import annotations
 
 import argparse
+import hashlib
+from collections.abc import Callable
+from dataclasses import dataclass
 from fractions import Fraction
 from pathlib import Path
 from typing import Any
 
 from polefence.augmented import with_weights
-from polefence.commands.shared import (
-    NOT_PROVED,
-    PROVED,
-    say,
-    write_json,
-)
-from polefence.design import Design, check
+from polefence.commands.shared import NOT_PROVED, PROVED, say, write_json
+from polefence.design import FILE_NAME, Design, check
+from polefence.errors import DesignFileError
 from polefence.export import check_guarantee, guarantee_plant, is_guarantee_file
+from polefence.export.documents import FILE_NAME as GUARANTEE
+from polefence.files import read_bytes
+from polefence.performance_file import FILE_NAME as PERFORMANCE
 from polefence.performance_file import check_performance, is_performance_file, performance_plant
 from polefence.plant.family import UncertainPlant
+from polefence.plant.names import quoted
 from polefence.plant.spec import load
+from polefence.proof.certificate import Check
+from polefence.proof.exact import MAX_BYTES
 from polefence.service import check_service, is_service_file, service_plant
 from polefence.specification_text import Road, load_specifications
+from polefence.table_analysis import FILE_NAME as TABLE
 from polefence.table_analysis import check_table, is_table_file, table_plant
+
+NAMES_ARE_ITS_OWN = (
+    "note: about the plant in the file. Its vertices, names, units and ranges are compared with",
+    "your plant's by --spec SPEC; x1, u1, w1 are its first state, input and disturbance",
+)
 
 
 def _plant(path: Path) -> UncertainPlant:
     return Design.load(path, allow_unproved=True).plant
 
 
-# Of each kind of file: what knows it, what proves it, what reads its plant; the last is the rest.
-KINDS: tuple[Any, ...] = (
-    (is_service_file, check_service, service_plant),
-    (is_table_file, check_table, table_plant),
-    (is_guarantee_file, check_guarantee, guarantee_plant),
-    (is_performance_file, check_performance, performance_plant),
-    (lambda _: True, check, _plant),
+@dataclass(frozen=True)
+class Kind:
+    """A kind of file: what knows it, what proves it, what reads its plant.
+
+    ``name`` is that of the file in a folder; ``letters`` the matrices that its claims are about.
+    """
+
+    is_mine: Callable[[Path], bool]
+    proves: Callable[[Path], Check]
+    plant: Callable[[Path], UncertainPlant]
+    name: str
+    letters: str = "AB"
+
+
+# The last is the rest.
+KINDS = (
+    Kind(is_service_file, check_service, service_plant, ""),
+    Kind(is_table_file, check_table, table_plant, TABLE),
+    Kind(is_guarantee_file, check_guarantee, guarantee_plant, GUARANTEE),
+    Kind(is_performance_file, check_performance, performance_plant, PERFORMANCE, "ABE"),
+    Kind(lambda _: True, check, _plant, FILE_NAME),
 )
 
 
@@ -52,32 +77,39 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def check_command(options: Any) -> int:
     """Prove a saved design or analysis afresh, in exact arithmetic."""
-    proves, plant_of = next(do for is_mine, *do in KINDS if is_mine(options.file))
-    answer = proves(options.file)
-    say(f"{options.file}: {answer}")
+    kind = next(kind for kind in KINDS if kind.is_mine(options.file))
+    answer = kind.proves(options.file)
+    path = options.file / kind.name if options.file.is_dir() else options.file
+    digest = hashlib.sha256(read_bytes(path, MAX_BYTES, DesignFileError)).hexdigest()
     difference = None
-    if options.spec is None:
-        say("note: about the vertices in the file; --spec SPEC compares them, and the parameter")
-        say("ranges that alpha is computed from, with a spec")
-    else:
-        plant, letters = load(options.spec), "AB"
-        if proves is check_performance:
-            plant, letters = _weighted(plant, options.spec), "ABE"
-        difference = _difference(plant_of(options.file), plant, letters)
+    if options.spec is not None:
+        plant = load(options.spec)
+        if "E" in kind.letters:
+            plant = _weighted(plant, options.spec)
+        difference = _difference(kind.plant(options.file), plant, kind.letters)
     if options.json is not None:
-        alpha = None if answer.alpha is None else [str(a) for a in answer.alpha]
-        document = {
-            "file": str(options.file),
-            "answer": answer.answer,
-            "reason": answer.reason,
-            "alpha": alpha,
-            "differs from the spec": difference,
-        }
-        write_json(options.json, document)
+        write_json(options.json, _document(options.file, answer, difference, digest))
+    say(f"{options.file}: {answer.answer}: {answer.reason}")
+    label = "" if answer.proved else "claimed, not proved: "
+    say(*(f"  {label}{claim}" for claim in answer.claims))
+    if options.spec is None:
+        say(*NAMES_ARE_ITS_OWN, f"SHA-256 of the file: {digest}")
     if difference is not None:
         say(f"{options.file}: but NOT about {options.spec}: {difference}")
         return NOT_PROVED
     return PROVED if answer.proved else NOT_PROVED
+
+
+def _document(path: Path, answer: Check, difference: str | None, digest: str) -> dict[str, Any]:
+    return {
+        "file": str(path),
+        "sha256": digest,
+        "answer": answer.answer,
+        "reason": answer.reason,
+        "claims": list(answer.claims),
+        "alpha": None if answer.alpha is None else [str(a) for a in answer.alpha],
+        "differs from the spec": difference,
+    }
 
 
 def _weighted(plant: UncertainPlant, spec: str) -> UncertainPlant:
@@ -89,7 +121,8 @@ def _weighted(plant: UncertainPlant, spec: str) -> UncertainPlant:
 def _difference(found: UncertainPlant, plant: UncertainPlant, letters: str = "AB") -> str | None:
     """Say how a design's plant differs from a spec's, None where it does not.
 
-    Bounds on signals are about E too, which the digest leaves out.
+    Bounds on signals are about E too, which the digest leaves out. Names and units count: bounds
+    are claimed of signals by their names.
     """
     other = _first_difference(found, plant, letters)
     if other is not None:
@@ -102,7 +135,24 @@ def _difference(found: UncertainPlant, plant: UncertainPlant, letters: str = "AB
     ours, theirs = (
         [(p.name, p.low, p.high, p.through) for p in each.parameters] for each in (found, plant)
     )
-    return None if ours == theirs else "other parameter ranges"
+    if ours != theirs:
+        return "other parameter ranges"
+    return _other_name(found, plant)
+
+
+def _other_name(found: UncertainPlant, plant: UncertainPlant) -> str | None:
+    """Say which name or unit differs."""
+    for key in ("states", "inputs", "disturbances"):
+        ours, theirs = getattr(found, key), getattr(plant, key)
+        if len(ours) != len(theirs):
+            return f"other names: {len(ours)} names of {key}, spec {len(theirs)}"
+        for k, (mine, other) in enumerate(zip(ours, theirs, strict=True)):
+            if mine != other:
+                return f"other names: {key}[{k + 1}] = {quoted(mine)}, spec {quoted(other)}"
+    for p, q in zip(found.parameters, plant.parameters, strict=True):
+        if p.unit != q.unit:
+            return f"other units: {p.name} in {quoted(p.unit)}, spec {quoted(q.unit)}"
+    return None
 
 
 def _time(sample_time: Fraction | None) -> str:
@@ -121,5 +171,11 @@ def _first_difference(found: UncertainPlant, plant: UncertainPlant, letters: str
                 for j, (a, b) in enumerate(zip(row, expected, strict=True)):
                     if a != b:
                         place = f"{theirs.name}: {letter}[{i + 1}][{j + 1}]"
-                        return f"other vertices: {place} = {float(a):.9g}, spec {float(b):.9g}"
+                        return f"other vertices: {place} = {', spec '.join(_apart(a, b))}"
     return None
+
+
+def _apart(a: Fraction, b: Fraction) -> tuple[str, str]:
+    """Print two numbers so that they are seen to differ."""
+    short = f"{float(a):.9g}", f"{float(b):.9g}"
+    return short if short[0] != short[1] else (str(a), str(b))

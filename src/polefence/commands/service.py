@@ -15,6 +15,7 @@ from polefence.commands.shared import (
     write_json,
 )
 from polefence.design import Design
+from polefence.region import exactly
 from polefence.region_text import digits_up, parse_region
 from polefence.service import Margin, in_service
 
@@ -53,7 +54,7 @@ def service_command(options: Any) -> int:
         line = f"{margin.subject:<34} {margin.text:>10}  {upper:>10}  {margin.unit}"
         say(line.rstrip())
     if any(margin.kind == "rate" for margin in service):
-        say(f"rates leave exponential stability, decay rate {options.decay:g} 1/s")
+        say(f"rates leave exponential stability, decay rate {exactly(options.decay)} 1/s")
     if options.output is not None:
         for path in service.save(options.output):
             say(f"saved: {path}")

@@ -21,8 +21,9 @@ from polefence.proof.certificate import Certificate, Check
 from polefence.proof.exact import Rationals, Verdict
 from polefence.proof.rounding import FORMAT, Code, Rounded, prove_rounding, read_rounded
 from polefence.proof.sampling import Sampled, covers_rounding, prove_sampling, read_sampling
+from polefence.proof.statement import milliseconds_text, region_text
 from polefence.region_text import digits_down
-from polefence.service.files import claim_document, plain, region_text
+from polefence.service.files import claim_document, plain
 
 FILE_NAME = "guarantee.json"
 LONGEST = 100  # characters of a file's name
@@ -107,21 +108,22 @@ def check_guarantee(path: str | Path) -> Check:
     claim, document = _read(where)
     try:
         verdict = prove_rounding(claim)
-        what = _claimed(claim)
+        said = [_claimed(claim)]
         if verdict.proved and "sampling" in document:
             sampled, verdict = _sampled(claim, document["sampling"], verdict)
-            what += sampled
+            said.append(sampled)
         changed = _other(where, claim, document) if verdict.proved else ""
     except (exact.FormatError, InputError) as error:
         raise DesignFileError(f"{where}: {error}") from error
     if changed:
-        return Check("undecided", changed)
-    return Check("proved" if verdict.proved else "undecided", f"{what}: {verdict.reason}")
+        return Check("undecided", changed, claims=tuple(said))
+    answer = "proved" if verdict.proved else "undecided"
+    return Check(answer, verdict.reason, claims=tuple(said))
 
 
 def _claimed(claim: Rounded) -> str:
-    region = region_text(claim.gain.subject.design)
-    return f"all poles in {region} with the gain as the float{claim.code.bits} code computes it"
+    region = region_text(claim.gain.subject.design.region)
+    return f"poles in {region} with the gain as the float{claim.code.bits} code computes it"
 
 
 def _sampled(claim: Rounded, table: Any, verdict: Verdict) -> tuple[str, Verdict]:
@@ -129,8 +131,8 @@ def _sampled(claim: Rounded, table: Any, verdict: Verdict) -> tuple[str, Verdict
     subject = claim.gain.subject
     found = read_sampling(table, subject.design, subject.ranges)
     late = ", u one step late" if found.delay else ""
-    rate = digits_down(float(found.decay), 3)
-    text = f", and, run every {1e3 * float(found.sample_time):g} ms{late}, decay {rate} 1/s"
+    time = milliseconds_text(found.sample_time)
+    text = f"run every {time} ms{late}, decay {digits_down(found.decay, 3)} 1/s"
     own = prove_sampling(found)
     if own.proved and not covers_rounding(found, claim):
         own = Verdict(False, "the sampled loop is not proved with the code's rounding")

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import textwrap
 from collections.abc import Iterator
+from fractions import Fraction
 
 from polefence.design import Design
 from polefence.export.guarantee import Guarantee
 from polefence.export.timing import Timing, milliseconds
 from polefence.observer import Observer
+from polefence.proof.statement import milliseconds_text
 from polefence.region_text import digits_down, digits_up, short_text
 
 WIDTH, NO_BREAK = 88, "\u00a0"
@@ -21,7 +23,9 @@ def statement(
     sentences = [_rounding(design, found), *_timing(design, timed)]
     own = design.plant.sample_time
     if own is not None:
-        sentences.append(f"Run every {1e3 * float(own):g} ms, the plant's own, u without delay.")
+        sentences.append(
+            f"Run every {milliseconds_text(own)} ms, the plant's own, u without delay."
+        )
     if observer is not None:
         sentences += _observer(observer, timed)
     sentences.append(_outside(limited, sampled=timed is not None or own is not None))
@@ -51,7 +55,7 @@ def _timing(design: Design, timed: Timing | None) -> Iterator[str]:
     if timed is None:
         return
     seen = timed.sampling
-    time = f"Run every {1e3 * seen.sample_time:g} ms{timed.late}"
+    time = f"Run every {milliseconds_text(Fraction(seen.sample_time))} ms{timed.late}"
     if timed.proof.proved:
         rate = digits_down(timed.proof.decay, 3)
         yield f"{time}: with x measured the loop is proved to decay, at {rate} 1/s or faster."

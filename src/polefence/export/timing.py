@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from fractions import Fraction
 
 from polefence.design import Design
 from polefence.errors import InputError
@@ -16,6 +17,7 @@ from polefence.export.sampled.poles import (
 )
 from polefence.export.sampled.proof import SampledProof, off_by_rounding, prove_decay
 from polefence.observer import Observer
+from polefence.proof.statement import milliseconds_text
 from polefence.region_text import digits_down
 
 
@@ -48,7 +50,7 @@ class Timing:
     @property
     def reason(self) -> str:
         """Why it is not proved."""
-        time = f"run every {1e3 * self.sampling.sample_time:g} ms{self.late}"
+        time = f"run every {milliseconds_text(Fraction(self.sampling.sample_time))} ms{self.late}"
         if not self.proof.proved:
             longest = milliseconds(self.largest.stable)
             return f"{time}: {self.proof.reason}; it was found stable up to {longest}"

@@ -18,6 +18,7 @@ from polefence.plant.parameters import Parameter
 from polefence.plant.system import Array, Exact
 from polefence.proof import exact
 from polefence.proof.refute import counterexample
+from polefence.proof.statement import poles_text
 from polefence.region import Region, region_of
 
 
@@ -32,11 +33,14 @@ class Check:
     reason : str
     alpha : tuple of Fraction, optional
         A point of the simplex at which a pole does not lie in the region.
+    claims : tuple of str
+        What the answer is about, a line each, rounded so that it says no more.
     """
 
     answer: str
     reason: str
     alpha: tuple[Fraction, ...] | None = None
+    claims: tuple[str, ...] = ()
 
     @property
     def proved(self) -> bool:
@@ -44,7 +48,8 @@ class Check:
         return self.answer == "proved"
 
     def __str__(self) -> str:
-        return f"{self.answer}: {self.reason}"
+        said = [self.answer, "; ".join(self.claims), self.reason]
+        return ": ".join(text for text in said if text)
 
 
 @dataclass(frozen=True, eq=False)
@@ -190,14 +195,16 @@ def _plain_data(value: Any) -> Any:
 
 def check_claim(claim: exact.Claim) -> Check:
     """Prove a claim, refute it by an exact counterexample, or leave it undecided."""
-    verdict = exact.prove(claim)
+    verdict, said = exact.prove(claim), (poles_text(claim),)
     if verdict.proved:
-        return Check("proved", verdict.reason)
+        return Check("proved", verdict.reason, claims=said)
     alpha = counterexample(claim)
     if alpha is not None:
         weights = ", ".join(f"{float(a):.4g}" for a in alpha)
-        return Check("refuted", f"at alpha = ({weights}) a pole is not in the region", tuple(alpha))
-    return Check("undecided", f"{verdict.reason}, but no counterexample was found either")
+        reason = f"at alpha = ({weights}) a pole is not in the region"
+        return Check("refuted", reason, tuple(alpha), said)
+    reason = f"{verdict.reason}, but no counterexample was found either"
+    return Check("undecided", reason, claims=said)
 
 
 def _floats(matrices: list[exact.Rationals]) -> Array:

@@ -11,6 +11,7 @@ from polefence.design import says_format
 from polefence.errors import DesignFileError
 from polefence.files import read_text
 from polefence.plant.family import UncertainPlant
+from polefence.plant.names import unit_text
 from polefence.proof import exact
 from polefence.proof.certificate import Certificate, Check
 from polefence.proof.service import (
@@ -22,7 +23,7 @@ from polefence.proof.service import (
     prove_service,
     read_service,
 )
-from polefence.region import exactly
+from polefence.proof.statement import errors_text, name_text, range_text, region_text
 from polefence.region_text import digits_down
 
 
@@ -58,8 +59,6 @@ def is_service_file(path: Path) -> bool:
 def check_service(path: str | Path) -> Check:
     """Prove a service file afresh, in exact arithmetic: "proved" or "undecided".
 
-    The reason begins with what is claimed.
-
     Raises
     ------
     DesignFileError
@@ -70,8 +69,8 @@ def check_service(path: str | Path) -> Check:
         verdict = prove_service(claim)
     except exact.FormatError as error:
         raise DesignFileError(f"{path}: {error}") from error
-    reason = f"{statement(claim, document)}: {verdict.reason}"
-    return Check("proved" if verdict.proved else "undecided", reason)
+    said = (statement(claim, document),)
+    return Check("proved" if verdict.proved else "undecided", verdict.reason, claims=said)
 
 
 def service_plant(path: str | Path) -> UncertainPlant:
@@ -95,31 +94,25 @@ def _read(path: str | Path) -> tuple[ServiceClaim, dict[str, Any]]:
 
 
 def statement(claim: ServiceClaim, document: dict[str, Any]) -> str:
-    """Say in a line what is claimed."""
+    """Say in a line what is claimed, rounded so that it says no more than is proved."""
     tables = document["design"]["plant"].get("parameters", [])
-    names = [(t["name"], t.get("unit") or "") for t in tables]
-    region = region_text(claim.subject.design)
+    names = [(name_text(t["name"]), unit_text(str(t.get("unit") or ""))) for t in tables]
+    region = region_text(claim.subject.design.region)
     if isinstance(claim, Gain):
-        measure = "of each column" if isinstance(claim.columns[0], Fraction) else "times T"
-        return f"errors of the gain up to {_text(claim.error)} {measure}, poles in {region}"
+        return f"{errors_text(claim.error, claim.rows, claim.columns)}, poles in {region}"
+    pairs = zip(names, claim.subject.ranges, strict=True)
+    over = ", ".join(range_text(name, unit, r.low, r.high) for (name, unit), r in pairs)
+    within = f", {over}" if over else ""
     if isinstance(claim, Estimate):
         share = f"a share {_text(claim.errors[0])} of the weight mislaid"
         errors = _listed("{} wrong by up to {} {}", names, claim.errors) if names else share
-        return f"{errors}, poles in {region}"
-    stable = f"exponential stability, decay rate {float(claim.decay):g}"
+        return f"{errors}, poles in {region}{within}"
+    stable = f"exponential stability, decay rate {_text(claim.decay)} 1/s{within}"
     if claim.rates is None:
         return f"parameters moving at any rate, {stable}"
     weight = f"alpha moving by up to {_text(claim.rates[0])} 1/s"
     rates = _listed("{} moving by up to {} {}/s", names, claim.rates) if names else weight
     return f"{rates}, {stable}"
-
-
-def region_text(design: exact.Claim) -> str:
-    """Return the region of a claim as people write it."""
-    return " & ".join(
-        f"{part.kind}({', '.join(exactly(float(v)) for v in part.numbers)})"
-        for part in design.region
-    )
 
 
 def _listed(text: str, names: list[tuple[str, str]], values: tuple[Fraction, ...]) -> str:
@@ -131,4 +124,4 @@ def _listed(text: str, names: list[tuple[str, str]], values: tuple[Fraction, ...
 
 
 def _text(value: Fraction) -> str:
-    return digits_down(float(value), 4) if value else "0"
+    return digits_down(value, 4)

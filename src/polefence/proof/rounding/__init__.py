@@ -7,6 +7,7 @@ standard library only.
 
 from __future__ import annotations
 
+import math
 from fractions import Fraction
 
 from polefence.proof.exact import (
@@ -65,9 +66,8 @@ def _proved(claim: Rounded) -> Verdict:
     if error > claim.gain.error:
         return Verdict(False, "rounding may be more than what is allowed")
     share = float(error / claim.gain.error) if error else 0.0
-    return Verdict(
-        True, f"{verdict.reason}; rounding at most {100 * share:.2g} % of what these allow"
-    )
+    percent = math.ceil(1000 * share) / 10
+    return Verdict(True, f"{verdict.reason}; rounding at most {percent:g} % of what these allow")
 
 
 def _require_consistent(claim: Rounded) -> None:

@@ -13,6 +13,8 @@ Integers, rationals and the standard library only.
 
 from __future__ import annotations
 
+import math
+
 from polefence.proof.exact import (
     MAX_BITS,
     FormatError,
@@ -79,7 +81,8 @@ def _proved(claim: Sampled) -> Verdict:
     if needed > claim.error**2:
         return Verdict(False, "the steps may be off by more than the error given")
     share = float(needed / claim.error**2) ** 0.5 if needed else 0.0
-    return Verdict(True, f"{verdict.reason}; steps off by {100 * share:.2g} % of what these allow")
+    percent = math.ceil(1000 * share) / 10
+    return Verdict(True, f"{verdict.reason}; steps off by {percent:g} % of what these allow")
 
 
 def covers_rounding(claim: Sampled, rounded: Rounded) -> bool:

@@ -1,0 +1,380 @@
+"""Files that are genuine but for what no proof is about: `check` says no more than is proved."""
+
+from __future__ import annotations
+
+import json
+import re
+import shutil
+from fractions import Fraction
+from pathlib import Path
+
+import pytest
+
+from polefence import Disk, load, place
+from polefence.cli import main
+from polefence.plant.names import quoted
+from polefence.proof.statement import (
+    errors_text,
+    impulses_text,
+    milliseconds_text,
+    number_text,
+    output_text,
+    points_text,
+    range_text,
+    sum_text,
+)
+from polefence.region_text import digits_down, digits_up
+
+PLANT = """
+name = "stage"
+states = ["x [m]", "v [m/s]"]
+inputs = ["force [N]"]
+disturbances = ["shock [m/s2]", "push [m/s2]"]
+region = "half_plane(0.2)"
+[parameter.k]
+range = [1, 3]
+unit = "N/m"
+[matrices]
+A = [[0, 1], ["-k", -0.1]]
+B = [[0], [1]]
+E = [[0, 0.1], [1, 0.3]]
+"""
+ASKED = """
+[[specification]]
+kind = "rms"
+signal = "x"
+density = 2
+minimise = true
+[[specification]]
+kind = "initial peak"
+signal = "v"
+impulse = 5
+at_most = 40
+[[specification]]
+kind = "gain norm"
+at_most = 40
+"""
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory):
+    """A folder with a file of each kind."""
+    folder = tmp_path_factory.mktemp("made")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(folder)
+        Path("stage.toml").write_text(PLANT + ASKED)
+        Path("gains.json").write_text('{"grid": {"k": [1, 3]}, "gains": [[[-9, -6]], [[-8, -6]]]}')
+        for words in (
+            ["optimise", "stage.toml", "-o", "stage"],
+            ["design", "stage.toml", "--disk", "-3", "2.5", "-o", "law"],
+            ["service", "law", "--decay", "0.25", "-o", "margins"],
+            ["analyse", "stage.toml", "--gain", "gains.json", "--region", "half_plane(0.5)",
+             "-o", "table"],
+            ["export", "law", "--sample-time", "0.001", "-o", "code"],
+        ):  # fmt: skip
+            assert main(words) == 0, words
+    return folder
+
+
+@pytest.fixture
+def here(made, tmp_path, monkeypatch):
+    shutil.copytree(made, tmp_path / "made")
+    monkeypatch.chdir(tmp_path / "made")
+    return tmp_path / "made"
+
+
+FILES = ["stage", "law", "margins/gain.json", "margins/rate-k.json", "margins/estimate-k.json",
+         "table", "code"]  # fmt: skip
+
+
+def said_by(capsys, *words):
+    capsys.readouterr()
+    status = main([str(word) for word in words])
+    said = capsys.readouterr()
+    return status, said.out + said.err
+
+
+def edited(path, change):
+    document = json.loads(Path(path).read_text())
+    change(document)
+    Path(path).write_text(json.dumps(document))
+
+
+@pytest.mark.parametrize("file", FILES)
+def test_each_kind_of_file_says_where_the_poles_are(here, capsys, file):
+    status, out = said_by(capsys, "check", file)
+    assert status == 0
+    region = {"stage": "half_plane(0.2)", "table": "half_plane(0.5)"}.get(file, "disk(-3, 2.5)")
+    said = "exponential stability, decay rate 0.25 1/s" if "rate" in file else f"poles in {region}"
+    assert out.startswith(f"{file}: proved: ")
+    assert re.search(rf"{re.escape(said)}(,| with|$)", out, re.M)
+    assert "--spec SPEC" in out
+    assert re.search(r"^SHA-256 of the file: [0-9a-f]{64}$", out, re.M)
+    status, out = said_by(capsys, "check", file, "--spec", "stage.toml")
+    assert status == 0
+    assert "note:" not in out
+
+
+def test_a_design_says_region_method_law_and_domain(here, capsys):
+    plant = load("stage.toml")
+    for method, law, word in (
+        ("quadratic", "one gain K", "quadratic"),
+        ("scheduled", "K(alpha) = Z W^-1 of degree 1", "scheduled"),
+    ):
+        place(plant, Disk(-3, 2.75), method).save("d")
+        _, out = said_by(capsys, "check", "d")
+        domain = "on the simplex of 2 vertices"
+        assert f"  poles in disk(-3, 2.75), of A + B K with {law}, {domain}, method {word}\n" in out
+
+
+def test_names_swapped_in_a_genuine_file_are_seen(here, capsys):
+    """The bound on x, told as one on v: the output is written out, and a spec is compared."""
+    _, before = said_by(capsys, "check", "stage")
+    level = re.search(r"rms of 'x' = x1 <= (\S+) at", before)[1]
+
+    def swap(document):
+        plant = document["design"]["plant"]
+        plant["states"] = plant["states"][::-1]
+        document["specifications"][0]["name"] = "v"
+        document["specifications"][1]["name"] = "x"
+
+    edited("stage/performance.json", swap)
+    shutil.copy("stage/performance.json", "swapped.json")
+    status, out = said_by(capsys, "check", "swapped.json")
+    assert status == 0
+    assert f"rms of 'v' = x1 <= {level} at" in out
+    status, out = said_by(capsys, "check", "swapped.json", "--spec", "stage.toml")
+    assert status == 1
+    assert "but NOT about stage.toml: other names: states[1] = 'v [m/s]', spec 'x [m]'" in out
+
+
+OTHERS = {
+    "state": (["states", 0], "x [mm]", "other names: states[1] = 'x [mm]', spec 'x [m]'"),
+    "input": (["inputs", 0], "force [kN]", "other names: inputs[1] = 'force [kN]'"),
+    "disturbance": (["disturbances", 1], "pull [m/s2]", "other names: disturbances[2] = 'pull"),
+    "no names": (["states"], [], "other names: 0 names of states, spec 2"),
+    "unit": (["parameters", 0, "unit"], "kN/m", "other units: k in 'kN/m', spec 'N/m'"),
+    "range": (["parameters", 0, "range"], [1, 2.5], "other parameter ranges"),
+}
+
+
+@pytest.mark.parametrize("case", OTHERS)
+@pytest.mark.parametrize("file", ["stage/performance.json", "law/design.json", "table/table.json"])
+def test_names_and_units_are_the_specs(here, capsys, case, file):
+    keys, value, message = OTHERS[case]
+    shutil.copy(file, "copy.json")
+    before = said_by(capsys, "check", "copy.json", "--spec", "stage.toml")
+    assert before[0] == 0, before
+
+    def change(document):
+        table = document.get("design", document)["plant"]
+        for key in keys[:-1]:
+            table = table[key]
+        table[keys[-1]] = value
+
+    edited("copy.json", change)
+    if case == "range" and "table" in file:
+        return  # its cells are of the range
+    status, out = said_by(capsys, "check", "copy.json", "--spec", "stage.toml")
+    assert status == 1
+    assert f"copy.json: but NOT about stage.toml: {message}" in out
+
+
+def test_the_gain_is_told_in_its_own_numbers(here, capsys):
+    """The same claim, measured by other scales: what is printed does not move."""
+    _, genuine = said_by(capsys, "check", "margins/gain.json")
+    line = next(x for x in genuine.splitlines() if "K off by" in x)
+
+    def rescale(document):
+        table = document["service"]
+        table["error"] = str(Fraction(table["error"]) * 10**9)
+        table["rows"] = ["1/1000000000"]
+        table["mu"] = [str(Fraction(mu) * 10**18) for mu in table["mu"]]
+
+    edited("margins/gain.json", rescale)
+    status, out = said_by(capsys, "check", "margins/gain.json")
+    assert status == 0
+    assert line in out.splitlines()
+
+    def shift(document):
+        table = document["service"]
+        table["columns"] = [str(Fraction(c) * 1024) for c in table["columns"]]
+        table["error"] = str(Fraction(table["error"]) / 1024)
+
+    edited("margins/gain.json", shift)
+    status, out = said_by(capsys, "check", "margins/gain.json")
+    assert status == 0
+    assert line in out.splitlines()
+    # and it is what the design's own gain bears: T over K is what `service` printed
+    law = json.loads(Path("margins/gain.json").read_text())["design"]["law"]
+    assert law["kind"] == "scheduled"
+    T = [float(x) for x in re.search(r"T = diag\((.*)\), poles", line)[1].split(", ")]
+    _, table = said_by(capsys, "service", "law")
+    share = float(re.search(r"error of the gain +(\S+)", table)[1])
+    K = place(load("stage.toml"), Disk(-3, 2.5), "scheduled").law.gain([[1, 0], [0, 1]])
+    largest = abs(K).max(axis=(0, 1))
+    for own, column in zip(T, largest, strict=True):
+        assert own == pytest.approx(share * column, rel=2e-3)
+
+
+def test_each_impulse_is_told(here, capsys):
+    _, out = said_by(capsys, "check", "stage")
+    assert "from an impulse 5 in w1 or an impulse 5 in w2, on the" in out
+    edited("stage/performance.json", lambda d: d["specifications"][1].update(impulses=[5, 0]))
+    _, out = said_by(capsys, "check", "stage")
+    assert "from an impulse 5 in w1, on the" in out
+    edited("stage/performance.json", lambda d: d["specifications"][1].update(impulses=[0, -0.5]))
+    _, out = said_by(capsys, "check", "stage")
+    assert "from an impulse 0.5 in w2, on the" in out
+
+
+def test_initial_states_are_told(here, capsys):
+    points = [[1e-3, 0], ["1/3", 2]]
+    edited("stage/performance.json", lambda d: d["specifications"][1].update(points=points))
+    _, out = said_by(capsys, "check", "stage")
+    assert "from x(0) = (0.001, 0) or (1/3, 2), or from an impulse 5 in w1" in out
+    X0 = [[1e-6, 0], [0, "1/16"]]
+    own = {"points": [[0, 0.1]] * 30, "ellipsoid": X0}
+    edited("stage/performance.json", lambda d: d["specifications"][1].update(own))
+    _, out = said_by(capsys, "check", "stage")
+    assert " or 22 more of the file, or from" in out
+    assert "x(0)' X0^-1 x(0) <= 1, X0 = diag(1e-06, 0.0625)" in out
+
+
+def test_two_states_of_one_name_name_neither(here, capsys):
+    edited(
+        "stage/performance.json", lambda d: d["design"]["plant"].update(states=["x [m]", "x [m]"])
+    )
+    shutil.copy("stage/performance.json", "twice.json")
+    _, out = said_by(capsys, "check", "twice.json")
+    assert "rms of 'x' (as the file defines it) = x1 <= " in out
+
+
+FORGED = "x' = x2 <= 1e-9 at density 2, on the box"
+
+
+def test_a_name_does_not_leave_its_quotes(here, capsys):
+    edited("stage/performance.json", lambda d: d["specifications"][0].update(name=FORGED))
+    _, out = said_by(capsys, "check", "stage")
+    assert f"rms of {quoted(FORGED)} (as the file defines it) = x1 <= " in out
+    assert quoted(FORGED)[0] == '"'
+
+
+def test_a_unit_says_nothing_more(here, capsys):
+    forged = "N/m, poles in disk(-9, 1), N/m"
+    for file in ("margins/estimate-k.json", "margins/rate-k.json", "table/table.json"):
+
+        def change(document):
+            table = document.get("design", document)["plant"]
+            table["parameters"][0]["unit"] = forged
+
+        edited(file, change)
+        _, out = said_by(capsys, "check", file)
+        assert f"'{forged}'" in out, file
+        assert f" {forged}" not in out
+
+
+def test_a_decay_is_rounded_down(here, capsys):
+    edited("margins/rate-k.json", lambda d: d["service"].update(decay=0.249999999))
+    status, out = said_by(capsys, "check", "margins/rate-k.json")
+    assert status == 0
+    assert "decay rate 0.2499 1/s" in out
+    _, out = said_by(capsys, "service", "law", "--decay", "0.249999999")
+    assert "decay rate 0.249999999 1/s" in out
+
+
+def test_ranges_are_told_inwards(here, capsys):
+    def widen(document):
+        document["design"]["plant"]["parameters"][0]["range"] = [
+            "1000000049/1000000000",
+            2.99999999,
+        ]
+
+    edited("margins/estimate-k.json", widen)
+    _, out = said_by(capsys, "check", "margins/estimate-k.json")
+    assert "k in [1.00001, 2.99999] N/m" in out
+
+
+def test_an_answer_that_is_not_proved_proves_nothing(here, capsys):
+    edited("law/design.json", lambda d: d["region"].update(radius=1.0))
+    edited("stage/performance.json", lambda d: d["specifications"][0].update(level=1e-3))
+    for file in ("law", "stage"):
+        status, out = said_by(capsys, "check", file)
+        assert status == 1
+        claims = [line for line in out.splitlines() if line.startswith("  ")]
+        assert claims
+        assert all(line.startswith("  claimed, not proved: ") for line in claims)
+
+
+def test_the_json_has_all_of_it(here, capsys):
+    status, out = said_by(capsys, "check", "stage", "--json", "a.json")
+    document = json.loads(Path("a.json").read_text())
+    assert status == 0
+    assert document["sha256"] in out
+    assert [f"  {claim}" for claim in document["claims"]] == out.splitlines()[1:5]
+
+
+# --- numbers and sums -----------------------------------------------------------------------------
+
+F = Fraction
+
+
+@pytest.mark.parametrize(
+    "value", [F(1, 3), F(-1, 3), F(49999999, 10**8), F(2, 7) * 10**9, F(10**400, 7), 0.49999999]
+)
+@pytest.mark.parametrize("digits", [2, 4, 6])
+def test_rounding_goes_one_way(value, digits):
+    below, above = digits_down(value, digits), digits_up(value, digits)
+    assert F(below) < F(value) < F(above)
+    gap = F(above) - F(below)
+    assert gap <= abs(F(value)) * F(10) ** (1 - digits)
+
+
+def test_doubles_that_read_back_are_themselves():
+    for value in (0.1, 2.5, 1e-7, 31.0):
+        assert float(digits_down(value)) == float(digits_up(value)) == value
+        assert digits_down(F(value)) == digits_up(F(value)) == digits_down(value)
+
+
+def test_sums_read_as_they_are():
+    assert sum_text([("x", [F(1), F(0), F(-2)]), ("u", [F(1, 3)])]) == "x1 - 2 x3 + 1/3 u1"
+    assert sum_text([("x", [F(-1)]), ("u", [F(0)])]) == "-x1"
+    assert sum_text([("x", [F(0)])]) == "0"
+    assert sum_text([("x", [F(10**7, 3 * 10**6 + 1)])]) == "~3.33333 x1"
+    C = [[[F(1), F(j)]] for j in range(10)]
+    text = output_text(C, [[[F(0)]]] * 10)
+    assert text.startswith("x1 at vertex 1; x1 + x2 at vertex 2; x1 + 2 x2 at vertex 3; ")
+    assert text.endswith("; and what the file has at 2 more")
+    assert output_text([[[F(1)]]] * 2, [[[F(0)]]] * 2, ([[F(2)]], [[F(2)]])) == "x1 + 2 w1"
+
+
+def test_numbers_that_define_are_exact_or_say_that_they_are_not():
+    assert number_text(F(0.1)) == "0.1"
+    assert number_text(F(1, 3)) == "1/3"
+    assert number_text(F(123456789, 10**9 + 7)) == "~0.123457"
+    assert number_text(F(10**320)).startswith("~")
+    assert milliseconds_text(F(0.01)) == "10"
+    assert milliseconds_text(F(0.001)) == "1"
+    assert milliseconds_text(F(1, 3)) == "~333.333"
+    assert milliseconds_text(F(0.010000000001)) != "10"
+
+
+def test_errors_of_a_gain_are_normal():
+    one = errors_text(F(1, 10), (F(2), F(1)), (F(3), F(30)))
+    assert one == "K off by S D T for all |D| <= 1, S = diag(1, 0.5), T = diag(0.6, 6)"
+    assert errors_text(F(1, 50), (F(10), F(5)), (F(3), F(30))) == one
+    matrix = errors_text(F(1, 10), (F(1),), ((F(1), F(2)), (F(0), F(1))))
+    assert matrix == "K off by D T for all |D| <= 1, T = 0.1 times [1 2; 0 1]"
+
+
+def test_what_starts_a_peak():
+    assert impulses_text((F(0), F(-2), F(1, 3))) == "an impulse 2 in w2 or an impulse 0.3333 in w3"
+    assert points_text([(F(1), F(0))]) == "x(0) = (1, 0)"
+    assert range_text("m", "kg", F(231.12), F(346.68)) == "m in [231.12, 346.68] kg"
+
+
+def test_nothing_is_changed_by_being_looked_at(here, capsys):
+    before = {path: path.read_bytes() for path in Path().rglob("*") if path.is_file()}
+    for file in FILES:
+        said_by(capsys, "check", file)
+    assert {path: path.read_bytes() for path in Path().rglob("*") if path.is_file()} == before

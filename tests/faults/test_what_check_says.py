@@ -355,6 +355,7 @@ def test_numbers_that_define_are_exact_or_say_that_they_are_not():
     assert number_text(F(10**320)).startswith("~")
     assert milliseconds_text(F(0.01)) == "10"
     assert milliseconds_text(F(0.001)) == "1"
+    assert milliseconds_text(F(1, 200)) == "5"
     assert milliseconds_text(F(1, 3)) == "~333.333"
     assert milliseconds_text(F(0.010000000001)) != "10"
 

@@ -144,10 +144,10 @@ def errors_text(
 
 def milliseconds_text(time: Fraction) -> str:
     """Return a time [s] in milliseconds: of a double the shortest decimal that reads back as it."""
-    plain = number_text(time)
-    if plain.startswith("~") or "/" in plain:
-        return f"~{float(1000 * time):.6g}"
-    return f"{(1000 * Decimal(plain)).normalize():f}"
+    if Fraction(float(time)) == time and len(repr(float(time))) <= SHORT:
+        return f"{(1000 * Decimal(repr(float(time)))).normalize():f}"
+    plain = number_text(1000 * time)
+    return plain if "/" not in plain else f"~{float(1000 * time):.6g}"
 
 
 def range_text(name: str, unit: str, low: Fraction, high: Fraction) -> str:

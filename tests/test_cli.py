@@ -13,8 +13,8 @@ import pytest
 
 from polefence import check
 from polefence.cli import main
+from polefence.examples import SPECS, spec_text
 from polefence.plant.spec import dumps
-from polefence.suspension.quarter_car import SPECS, spec_text
 
 
 @pytest.fixture

@@ -28,6 +28,7 @@ from polefence.cli import main
 from polefence.conditions.gain_norm import Norm, add_norm, tangents
 from polefence.conditions.pencil import Builder
 from polefence.errors import SpecError
+from polefence.examples import spec_path
 from polefence.gain_norm import GainNorm, levels
 from polefence.optimise import optimise
 from polefence.performance import best_bound, kept_bound
@@ -330,8 +331,8 @@ def test_a_lower_limit_is_kept_and_costs(two, method):
 
 
 def test_the_study_is_as_the_page_says():
-    plant = load(DOCS / "examples" / "ride.toml")
-    least, limits = load_specifications(DOCS / "examples" / "ride.toml")
+    plant = load(spec_path("quarter-car-ride"))
+    least, limits = load_specifications(spec_path("quarter-car-ride"))
     page = " ".join((DOCS / "ride.md").read_text().split())
     units = (1000.0,), (0.03, 0.01, 0.5, 1.0)
     free = optimise(plant, least, limits, method="quadratic")

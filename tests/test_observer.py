@@ -32,6 +32,7 @@ from polefence import (
 )
 from polefence.cli import main
 from polefence.errors import ParameterValueError, UnobservableError
+from polefence.examples import spec_path
 from polefence.observer import Observer
 from polefence.region import HalfPlane, Sector
 from polefence.suspension.quarter_car import family
@@ -429,7 +430,7 @@ def servo_designs(example):
 
 def test_the_servo_is_the_published_one():
     """The published poles of the position servomechanism: 0, -9.79, -0.705 +- 7.31j."""
-    servo = load(DOCS / "examples" / "servo.toml")
+    servo = load(spec_path("servo"))
     z = np.sort_complex(np.linalg.eigvals(servo.at(servo.alpha(JL=25))[0]))
     assert np.allclose(z, [-9.79, -0.705 - 7.31j, -0.705 + 7.31j, 0], atol=6e-3)
 
@@ -488,7 +489,7 @@ def test_the_pages_table_of_radii(car):
 
 def test_the_command_of_the_page(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
-    spec = str(DOCS / "examples" / "servo.toml")
+    spec = str(spec_path("servo"))
     words = ["observe", spec, "--measured", "motor angle", "--disk", "-20", "14"]
     assert main([*words, "-o", "servo-observer", "--json", "summary.json"]) == 0
     out = capsys.readouterr().out.splitlines()
@@ -508,7 +509,7 @@ def test_the_command_of_the_page(tmp_path, monkeypatch, capsys):
 
 
 def test_the_command_with_a_region_and_a_fixed_gain(tmp_path, capsys):
-    spec = str(DOCS / "examples" / "servo.toml")
+    spec = str(spec_path("servo"))
     words = ["observe", spec, "--measured", "motor angle", "--measured", "motor speed [rad/s]"]
     region = ["--region", "disk(-20, 19) & half_plane(2)", "--json", str(tmp_path / "s.json")]
     assert main([*words, *region, "--method", "quadratic"]) == 0
@@ -531,7 +532,7 @@ def test_the_command_with_a_region_and_a_fixed_gain(tmp_path, capsys):
     ],
 )
 def test_the_command_refuses_in_one_line(words, message, capsys):
-    spec = str(DOCS / "examples" / "servo.toml")
+    spec = str(spec_path("servo"))
     assert main(["observe", spec, "--disk", "-20", "14", *words]) == 2
     err = capsys.readouterr().err
     assert message in err

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 from fractions import Fraction
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -14,6 +13,7 @@ from hypothesis import strategies as st
 from scipy.linalg import solve_continuous_are, solve_continuous_lyapunov
 
 from polefence import InputError, NotProvedError, Scheduled, UncertainPlant, load
+from polefence.examples import spec_path
 from polefence.optimise import optimise
 from polefence.plant.spec import loads
 from polefence.proof.exact import FormatError
@@ -24,7 +24,7 @@ from polefence.response import velocity_density
 from polefence.response.signals import Signal
 from polefence.specification import Gain, RelativeRms, Rms, rows, signal_of
 
-RIDE = Path(__file__).resolve().parents[1] / "docs" / "examples" / "ride.toml"
+RIDE = spec_path("quarter-car-ride")
 NAMES = ("sprung-mass acceleration", "tyre deflection", "suspension deflection", "actuator force")
 DENSITY = velocity_density("C", 20)
 ONE = """

@@ -13,6 +13,7 @@ import pytest
 
 from polefence import check, load, place
 from polefence.cli import main
+from polefence.examples import spec_path
 from polefence.plots import sampled
 from polefence.region_text import load_region
 
@@ -31,7 +32,7 @@ def example():
 
 @pytest.mark.parametrize("block", CONSOLE)
 def test_the_commands_print_what_the_page_shows(block, tmp_path, monkeypatch, capsys):
-    shutil.copy(DOCS / "examples" / "f16.toml", tmp_path)
+    shutil.copy(spec_path("f16"), tmp_path)  # that of the page's first command
     (cart,) = re.findall(r"```toml\n(.*?)```", PAGE, re.DOTALL)
     (tmp_path / "cart.toml").write_text(cart)
     follows(block, tmp_path, monkeypatch, capsys)
@@ -44,8 +45,12 @@ def follows(block, folder, monkeypatch, capsys):
     assert sessions
     for session in sessions:
         command, _, shown = session.partition("\n")
+        command, _, target = command.partition(" > ")
         main(shlex.split(command)[1:])
         said = capsys.readouterr()
+        if target:
+            Path(target).write_text(said.out)
+            continue
         pattern = re.escape(shown).replace(re.escape("..."), ".*?")
         assert re.fullmatch(pattern, said.out + said.err), said
 
@@ -95,7 +100,7 @@ def test_the_example_states_what_is_measured(example):
 
 def test_the_published_numbers_are_in_the_family():
     """At the condition of the textbook the family gives the textbook's matrices."""
-    plant = load(DOCS / "examples" / "f16.toml")
+    plant = load(spec_path("f16"))
     A, B = plant.at(plant.alpha(Q="14.364", V=153))
     published = [[-1.01887, 0.90506, -0.00215], [0.82225, -1.07741, -0.17555], [0, 0, -20.2]]
     assert np.abs(A - published).max() < 1e-12

@@ -27,6 +27,7 @@ from polefence import (
 )
 from polefence.cli import main
 from polefence.errors import ParameterValueError
+from polefence.examples import spec_path
 from polefence.gain_table import table_from
 from polefence.loops import values_text
 from polefence.plots import render
@@ -377,7 +378,7 @@ def test_the_pages_python_and_commands_do_what_they_show(example, tmp_path, caps
     assert result.attempted >= 5
     assert result.failed == 0
     monkeypatch.chdir(tmp_path)
-    (tmp_path / "f4e.toml").write_text((DOCS / "examples" / "f4e.toml").read_text())
+    (tmp_path / "f4e.toml").write_text((spec_path("f4e")).read_text())
     car = example.family("quarter-car-physical")
     gains = analyse(car, example.table(car), HalfPlane(0), depth=0)
     (tmp_path / "car-gains.json").write_text(example.plain(gains))

@@ -113,7 +113,8 @@ def test_the_snippet_runs_and_what_it_saves_is_proved(page, monkeypatch, capsys)
 @pytest.fixture(scope="module")
 def front(page):
     """The page's front, from its file; nothing is computed."""
-    limits = [replace(FORCE, at_most=300.0)]
+    travel = replace(FORCE, signal="suspension deflection", at_most=0.0266)  # of the spec
+    limits = [travel, replace(FORCE, at_most=300.0)]
     fresh = []
     found = tradeoff(
         load(page[0] / "car.toml"),
@@ -136,14 +137,15 @@ def test_proved_bounds_fall_with_the_limit_and_are_near_the_truth(front):
         assert rows[0]["proved"] > 1.01 * rows[1]["proved"]
         for row in rows:
             law, kept = front.design(row["value"], method).law, row["bounds"][0]["proved"]
-            worst = np.zeros(3)
+            worst = np.zeros(4)
             points = [*np.eye(4), *_points(plant, random, 40)]
             for alpha in points:
                 worst = np.maximum(worst, _rms(plant, law, alpha))
             assert worst[0] < row["proved"] < 1.001 * worst[0]
             assert worst[1] < kept <= row["value"]
             assert kept < 1.001 * worst[1]
-            assert worst[2] < row["bounds"][1]["proved"] == 300
+            assert worst[2] < row["bounds"][1]["proved"] == 0.0266
+            assert worst[3] < row["bounds"][2]["proved"] == 300
             assert row["sampled"] == pytest.approx(worst[0], rel=1e-3)
             assert row["sampled"] < row["proved"]
     fixed, scheduled = (front.row(0.0048, method)["proved"] for method in front.methods)
@@ -156,12 +158,12 @@ def _points(plant, random, count):
 
 
 def _rms(plant, law, alpha):
-    """Rms of acceleration, tyre deflection and force, by scipy's Lyapunov equation."""
+    """Rms of acceleration, tyre, suspension and force, by scipy's Lyapunov equation."""
     A, B = plant.at(alpha)
     K = law.gain(alpha)
     N, E = A + B @ K, plant.vertices[0].E
     X = solve_continuous_lyapunov(N, -DENSITY / 2 * E @ E.T)
-    rows = np.stack([N[2], np.eye(4)[1], K[0]])
+    rows = np.stack([N[2], np.eye(4)[1], np.eye(4)[0], K[0]])
     return np.sqrt(np.einsum("pn,nk,pk->p", rows, X, rows))
 
 

@@ -10,6 +10,7 @@ import numpy as np
 from scipy.linalg import expm
 
 import polefence as pf
+from polefence.examples import family
 from polefence.files import write_bytes
 from polefence.plots import new_figure, render
 
@@ -21,7 +22,7 @@ SECONDS = np.linspace(0, 0.8, 401)
 
 def designs():
     """Return the state feedback and the observer, both proved."""
-    servo = pf.load(Path(__file__).with_name("servo.toml"))
+    servo = family("servo")
     feedback = pf.place(servo, FEEDBACK, "scheduled")
     return feedback, pf.observe(servo, ["motor angle"], OBSERVER, "scheduled")
 

@@ -11,6 +11,7 @@ import numpy as np
 
 import polefence as pf
 from polefence.commands.bounds import figure_of, rows_of
+from polefence.examples import spec_path
 from polefence.files import write_bytes
 from polefence.optimise import optimise
 from polefence.plots import render
@@ -19,7 +20,7 @@ from polefence.response.closed import close
 from polefence.specification import RelativeRms
 from polefence.specification_text import load_specifications
 
-SPEC = Path(__file__).with_name("ride.toml")
+SPEC = spec_path("quarter-car-ride")
 CAR = pf.HalfPlane(1) & pf.Sector(0.15)  # about what the passive car has
 ROWS = (
     ("quadratic", None),

@@ -28,6 +28,7 @@ from polefence import (
     observe,
     place,
 )
+from polefence.examples import spec_path
 from polefence.export.c99.number import number
 from polefence.export.c99.program import program
 from polefence.export.c99.sources import Texts, sources
@@ -43,7 +44,7 @@ from polefence.law import FixedGain
 from polefence.observer import Observer
 from polefence.suspension.quarter_car import family
 
-SERVO = Path(__file__).parents[2] / "docs" / "examples" / "servo.toml"
+SERVO = spec_path("servo")
 SENSORS = ("suspension deflection", "sprung-mass velocity", "integral of suspension deflection")
 CALLS = 3000
 NO_MEASUREMENT, NO_INPUT, RESTARTED = 4, 8, 16

@@ -7,8 +7,8 @@ from fractions import Fraction
 import pytest
 
 from polefence import load
+from polefence.examples import SPECS, family, spec_text
 from polefence.plant.spec import dumps, loads
-from polefence.suspension.quarter_car import SPECS, family, spec_text
 
 VERTICES = """
 name = "two masses"

@@ -10,7 +10,7 @@ from polefence.commands.shared import (
     PROVED,
     say,
 )
-from polefence.suspension.quarter_car import SPECS, spec_text
+from polefence.examples import SPECS, spec_text
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

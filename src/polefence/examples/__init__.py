@@ -1,0 +1,43 @@
+"""Specs that ship with the package, to copy and edit: `polefence example NAME` prints one."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from polefence.errors import InputError, suggest
+from polefence.plant.family import UncertainPlant
+from polefence.plant.spec import loads
+
+SPECS = {
+    "quarter-car-as-printed": "the paper's printed vertices, equations (23)-(26)",
+    "quarter-car-physical": "Table 1, load and age uncertain by 20 %",
+    "quarter-car-m1": "Table 1, load alone uncertain by 20 % (figure 3)",
+    "quarter-car-ride": "Table 1, four states; a smooth ride within limits",
+    "quarter-car-level": "the same, with the integral of the deflection; level on a grade",
+    "f16": "short period of an F-16 over dynamic pressure and airspeed",
+    "f4e": "short period of an F4-E with canards at four flight conditions",
+    "servo": "position servo with a flexible shaft and an uncertain load",
+}
+
+
+def spec_path(name: str) -> Path:
+    """Return where a spec that ships with the package lies.
+
+    Raises
+    ------
+    InputError
+        If there is none of that name.
+    """
+    if name not in SPECS:
+        raise InputError(f"no example named {name!r}; {suggest(name, SPECS)}")
+    return Path(__file__).with_name(f"{name}.toml")
+
+
+def spec_text(name: str) -> str:
+    """Return the text of a spec that ships with the package; names as in `SPECS`."""
+    return spec_path(name).read_text(encoding="utf-8")
+
+
+def family(name: str) -> UncertainPlant:
+    """Return a family that ships with the package; names as in `SPECS`."""
+    return loads(spec_text(name), name)

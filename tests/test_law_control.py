@@ -17,7 +17,7 @@ from polefence import (
     place,
 )
 from polefence.errors import MissingExtraError, ParameterValueError
-from polefence.law_control import valid_names
+from polefence.plant.control import valid_names
 from polefence.response.linear import step
 
 HERE = {"m1": 300.0, "beta": 2.0}
@@ -130,11 +130,14 @@ def test_one_gain_and_plants_without_names():
         [np.diag([0.9, 1.1])] * 2, [np.eye(2)] * 2, sample_time=Fraction(1, 8)
     )
     design = place(plant, Disk(0, 0.5), "quadratic")
-    law = design.to_control()
+    assert design.to_control().input_labels == ["x1", "x2"]
+    assert np.array_equal(design.to_control().D, design.law.K)
+    law = design.to_control("alpha")
+    assert isinstance(law, control.StateSpace)
     assert law.input_labels == ["x1", "x2", "alpha1", "alpha2"]
     assert law.output_labels == ["u1", "u2"]
     assert law.dt == 0.125
-    assert np.allclose(law.output(0, [], [3, 4, 0.5, 0.5]), design.law.K @ [3, 4])
+    assert np.allclose(law.D @ [3, 4, 0.5, 0.5], design.law.K @ [3, 4])
     car = control.ss(
         plant.A[0], np.eye(2), np.eye(2), 0 * np.eye(2), 0.125,
         inputs=law.output_labels, outputs=law.input_labels[:2],

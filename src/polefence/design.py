@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -14,7 +13,7 @@ import numpy as np
 from polefence.conditions.methods import Scheduled, Slack, method_label
 from polefence.errors import DesignFileError, InputError, NotProvedError
 from polefence.evaluation import rounding_share
-from polefence.files import make_folder, read_text, write_text
+from polefence.files import read_text, write_documents
 from polefence.law import Law, ScheduledGain
 from polefence.plant.family import UncertainPlant
 from polefence.plant.system import Array
@@ -124,7 +123,7 @@ class Design:
         ----------
         given : str
             "parameters", in their units, or "alpha", one weight a vertex; by default the parameters
-            where the plant has some.
+            where the plant has some, and nothing for one gain.
         name : str
             Of the system.
         clamp : bool
@@ -133,10 +132,11 @@ class Design:
 
         Returns
         -------
-        control.NonlinearIOSystem
-            Inputs: the states, under their names without units in letters, digits and _ (``x1`` and
-            so on where the plant has none), then the parameters, or ``alpha1`` and so on. Outputs:
-            the plant's inputs u = K x, likewise (``u1``).
+        control.StateSpace or control.NonlinearIOSystem
+            The first, without states, for one gain. Inputs: the states, under their names without
+            units in letters, digits and _ (``x1`` and so on where the plant has none), then what
+            schedules the law: the parameters, or ``alpha1`` and so on. Outputs: the plant's inputs
+            u = K x, likewise (``u1``).
 
         Raises
         ------
@@ -155,11 +155,11 @@ class Design:
         Raises
         ------
         OutputError
-            If the folder cannot be written; nothing is left half-written.
+            If the folder cannot be written, or has another's file of this name; nothing is left
+            half-written.
         """
-        path = make_folder(Path(directory)) / FILE_NAME
-        write_text(path, self.certificate.dumps())
-        return path
+        documents = {FILE_NAME: self.certificate.dumps()}
+        return write_documents(Path(directory), documents)[0]
 
     @classmethod
     def load(cls, path: str | Path, allow_unproved: bool = False) -> Design:
@@ -224,8 +224,9 @@ def says_format(path: Path, name: str) -> bool:
     if not path.is_file():
         return False
     try:
-        document = json.loads(read_text(path, exact.MAX_BYTES, DesignFileError))
-    except (ValueError, RecursionError):
+        text = read_text(path, exact.MAX_BYTES, DesignFileError)
+        document = exact.parse(text) if f'"{name}"' in text else None
+    except ValueError:
         return False
     return isinstance(document, dict) and document.get("format") == name
 

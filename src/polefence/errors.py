@@ -8,7 +8,10 @@ from __future__ import annotations
 
 import difflib
 from collections.abc import Iterable
+from fractions import Fraction
 from typing import Any
+
+LONGEST = 60  # characters of a value in a message
 
 
 class PolefenceError(Exception):
@@ -79,9 +82,27 @@ class NotProvedError(PolefenceError):
         self.best, self.refutation = best, refutation
 
 
+def shown(value: Any) -> str:
+    """Quote a value in a message: cut to a part of a line, a table or a list by its kind alone."""
+    if isinstance(value, dict | list | tuple):
+        return "a table" if isinstance(value, dict) else "a list"
+    if isinstance(value, str):
+        return repr(value if len(value) <= LONGEST else f"{value[: LONGEST - 3]}...")
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, int | Fraction):
+        try:
+            return f"{float(value):.9g}"
+        except OverflowError:
+            return "a number beyond 1e308"
+    text = str(value)
+    return text if len(text) <= LONGEST else f"{text[: LONGEST - 3]}..."
+
+
 def suggest(word: str, known: Iterable[str]) -> str:
     """Say which known word was probably meant, or list them all."""
     words = sorted(known)
+    word = word[:LONGEST]
     lower = {w.lower(): w for w in words}
     near = difflib.get_close_matches(word.lower(), lower, n=1)
     return f"did you mean {lower[near[0]]!r}?" if near else f"known: {', '.join(words) or 'none'}"

@@ -3,11 +3,18 @@
 from __future__ import annotations
 
 import os
+import re
 import tempfile
+from collections.abc import Mapping
 from contextlib import suppress
 from pathlib import Path
 
 from polefence.errors import InputError, OutputError
+
+HEAD = 400  # bytes in which a file says what it is
+DOCUMENT = b'"polefence'  # in the head of every JSON document of ours
+SHORT = 100  # characters of a file's name in the name of its temporary one
+TEMPORARY = re.compile(r"\.(.+)\.polefence-[a-z0-9_]{8}")
 
 
 def read_bytes(path: Path, limit: int, error: type[InputError]) -> bytes:
@@ -91,24 +98,107 @@ def write_bytes(path: Path, content: bytes) -> None:
         if path.exists() and not path.is_file():
             path.write_bytes(content)
             return
-        handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
-        try:
-            with os.fdopen(handle, "wb") as file:
-                file.write(content)
-            os.chmod(temporary, 0o666 & ~_umask())
-            os.replace(temporary, path)
-        except BaseException:
-            with suppress(FileNotFoundError):  # renamed already when an interrupt came
-                os.unlink(temporary)
-            raise
+        _replace({path: content})
     except OSError as problem:
         raise _refusal(path, problem) from problem
 
 
 def write_text(path: Path, content: str) -> None:
     """Write a UTF-8 text file whole; see `write_bytes`."""
+    write_bytes(path, _encoded(content))
+
+
+def _encoded(text: str) -> bytes:
     # half a surrogate pair in a stranger's name is no letter: it is written as its number
-    write_bytes(path, content.encode("utf-8", "backslashreplace"))
+    return text.encode("utf-8", "backslashreplace")
+
+
+def write_all(directory: Path, files: Mapping[str, bytes]) -> list[Path]:
+    """Write files into a folder, made if need be, and return their paths: all of them or none.
+
+    Raises
+    ------
+    OutputError
+        If one cannot be written; nothing is left behind.
+    """
+    before = directory.exists()
+    folder = make_folder(directory)
+    try:
+        _replace({folder / name: content for name, content in files.items()})
+    except BaseException as problem:
+        if not before:
+            with suppress(OSError):
+                folder.rmdir()
+        if isinstance(problem, OSError):
+            raise _refusal(directory, problem) from problem
+        raise
+    return [folder / name for name in files]
+
+
+def write_documents(directory: Path, documents: Mapping[str, str]) -> list[Path]:
+    """Write JSON documents of ours as `write_all` does, over none but such.
+
+    Raises
+    ------
+    OutputError
+        As `write_all` and `check_document` raise.
+    """
+    for name in documents:
+        check_document(directory / name)
+    return write_all(directory, {name: _encoded(text) for name, text in documents.items()})
+
+
+def check_document(path: Path) -> None:
+    """Find out whether a JSON document of ours may be put there.
+
+    Raises
+    ------
+    OutputError
+        If it is a link, or there is a file of another kind.
+    """
+    if path.is_symlink():
+        raise OutputError(f"{path}: is a link, which is not written through; name another folder")
+    if path.is_file() and not begins_with(path, DOCUMENT):
+        raise OutputError(f"{path}: not a file of ours; name another folder, or move it away")
+
+
+def begins_with(path: Path, mark: bytes) -> bool:
+    """Whether the first `HEAD` bytes of a file have this mark; what cannot be read has none."""
+    try:
+        with path.open("rb") as file:
+            return mark in file.read(HEAD)
+    except OSError:
+        return False
+
+
+def leftover(name: str) -> str | None:
+    """Return the first `SHORT` characters of the name that a temporary file was to have.
+
+    Such files stay behind where a process is killed; None for any other file.
+    """
+    found = TEMPORARY.fullmatch(name)
+    return None if found is None else found[1]
+
+
+def _replace(files: Mapping[Path, bytes]) -> None:
+    """Write all to temporary files beside them, then rename those."""
+    written: list[tuple[str, Path]] = []
+    try:
+        for path, content in files.items():
+            handle, temporary = tempfile.mkstemp(
+                dir=path.parent, prefix=f".{path.name[:SHORT]}.polefence-"
+            )
+            written.append((temporary, path))
+            with os.fdopen(handle, "wb") as file:
+                file.write(content)
+            os.chmod(temporary, 0o666 & ~_umask())
+        for temporary, path in written:
+            os.replace(temporary, path)
+    except BaseException:
+        for temporary, _ in written:
+            with suppress(OSError):  # some are renamed already
+                os.unlink(temporary)
+        raise
 
 
 def _try_writing(folder: Path) -> None:

@@ -12,7 +12,7 @@ from typing import Any
 from polefence.design import FILE_NAME as DESIGN_NAME
 from polefence.design import says_format
 from polefence.errors import DesignFileError, InputError, NotProvedError
-from polefence.files import make_folder, read_text, write_text
+from polefence.files import read_text, write_documents
 from polefence.optimise import Optimised
 from polefence.plant.family import UncertainPlant
 from polefence.plant.names import quoted
@@ -58,12 +58,12 @@ def save(optimised: Optimised, directory: str | Path) -> Path:
     OutputError
         If the folder cannot be written.
     """
-    path = make_folder(Path(directory)) / FILE_NAME
-    claims = [bound.claim for bound in optimised.bounds]
-    text = performance_text(optimised.design.certificate, claims)
-    optimised.design.save(directory)
-    write_text(path, text)
-    return path
+    certificate, claims = optimised.design.certificate, [each.claim for each in optimised.bounds]
+    documents = {
+        FILE_NAME: performance_text(certificate, claims),
+        DESIGN_NAME: certificate.dumps(),
+    }
+    return write_documents(Path(directory), documents)[0]
 
 
 def performance_text(certificate: Certificate, claims: Sequence[PerformanceClaim]) -> str:
@@ -336,8 +336,8 @@ def _read(path: str | Path) -> tuple[Path, list[PerformanceClaim], dict[str, Any
 def _same(path: Path, design: Any) -> bool:
     """Whether a design file holds this design, number for number."""
     try:
-        return bool(json.loads(read_text(path, exact.MAX_BYTES, DesignFileError)) == design)
-    except (ValueError, RecursionError) as error:
+        return bool(exact.parse(read_text(path, exact.MAX_BYTES, DesignFileError)) == design)
+    except exact.FormatError as error:
         raise DesignFileError(f"{path}: no design file: {error}") from error
 
 

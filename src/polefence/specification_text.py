@@ -9,7 +9,7 @@ from fractions import Fraction
 from pathlib import Path
 from typing import Any
 
-from polefence.errors import InputError, SpecError, suggest
+from polefence.errors import InputError, SpecError, shown, suggest
 from polefence.gain_norm import GainNorm
 from polefence.plant.spec import specification_tables
 from polefence.proof.performance import LAW
@@ -157,7 +157,7 @@ def _road(table: Mapping[str, Any]) -> Road:
         if key not in table:
             raise SpecError(f'road: {key} is missing; write class = "C" and speed = 20  # m/s')
     if not isinstance(table["class"], str):
-        raise SpecError(f'road: class = {_shown(table["class"])} must be text, for example "C"')
+        raise SpecError(f'road: class = {shown(table["class"])} must be text, for example "C"')
     road = Road(table["class"], _number(table["speed"], "road: speed"))
     try:
         _ = road.density
@@ -170,7 +170,7 @@ def _read(table: Mapping[str, Any], where: str, road: Road | None) -> tuple[Spec
     """Return a table's specification, and whether it is to be minimised."""
     minimised = table.get("minimise", False)
     if not isinstance(minimised, bool):
-        raise SpecError(f"{where}: minimise = {_shown(minimised)} must be true or false")
+        raise SpecError(f"{where}: minimise = {shown(minimised)} must be true or false")
     found = _specification(table, where, road)
     if minimised == ("at_most" in table):
         raise SpecError(
@@ -186,12 +186,12 @@ def _specification(table: Mapping[str, Any], where: str, road: Road | None) -> S
         if key not in table:
             raise SpecError(f"{where}: {key} is missing; {_remedy(key)}")
         if not isinstance(table[key], str):
-            raise SpecError(f"{where}: {key} = {_shown(table[key])} must be text; {_remedy(key)}")
+            raise SpecError(f"{where}: {key} = {shown(table[key])} must be text; {_remedy(key)}")
     kind, signal = table["kind"], table["signal"]
     if kind not in KINDS:
-        raise SpecError(f"{where}: kind = {kind!r} is unknown; {suggest(kind, KINDS)}")
+        raise SpecError(f"{where}: kind = {shown(kind)} is unknown; {suggest(kind, KINDS)}")
     if kind == GainNorm.kind and signal != LAW:
-        raise SpecError(f"{where}: signal = {signal!r}; a gain norm is of {LAW}; leave it out")
+        raise SpecError(f"{where}: signal = {shown(signal)}; a gain norm is of {LAW}; leave it out")
     _known(table, (*COMMON, *KINDS[kind]), f"{where}, {kind} of {signal}")
     where = f"{where}, {kind} of {signal}"
     numbers = {
@@ -208,7 +208,7 @@ def _specification(table: Mapping[str, Any], where: str, road: Road | None) -> S
         numbers["density"] = road.density
     weight = table.get("weight")
     if weight is not None and not isinstance(weight, str):
-        raise SpecError(f'{where}: weight = {_shown(weight)} must be text, for example "Wk"')
+        raise SpecError(f'{where}: weight = {shown(weight)} must be text, for example "Wk"')
     try:
         if kind == "rms":
             return Rms(signal, **numbers, weight=weight)
@@ -238,13 +238,13 @@ def _points(
 
 def _units(value: Any, where: str) -> tuple[float, ...]:
     if not isinstance(value, list):
-        raise SpecError(f"{where} = {_shown(value)} must be a list of numbers, [...]")
+        raise SpecError(f"{where} = {shown(value)} must be a list of numbers, [...]")
     return tuple(_number(x, where) for x in value)
 
 
 def _number(value: Any, where: str) -> float:
     if isinstance(value, bool) or not isinstance(value, int | Fraction):
-        raise SpecError(f"{where} = {_shown(value)} must be a finite number, without quotes")
+        raise SpecError(f"{where} = {shown(value)} must be a finite number, without quotes")
     try:
         return float(value)
     except OverflowError as error:
@@ -259,14 +259,7 @@ def _exact(value: Any, where: str) -> Fraction:
 def _known(table: Mapping[str, Any], known: tuple[str, ...], where: str) -> None:
     for key, value in table.items():
         if key not in known:
-            raise SpecError(f"{where}: unknown key {key} = {_shown(value)}; {suggest(key, known)}")
-
-
-def _shown(value: Any) -> str:
-    text = repr(value) if isinstance(value, str) else str(value).lower()
-    if isinstance(value, Fraction):
-        text = f"{float(value):g}"
-    return text if len(text) <= 40 else f"{text[:37]}..."
+            raise SpecError(f"{where}: unknown key {key} = {shown(value)}; {suggest(key, known)}")
 
 
 def _remedy(key: str) -> str:

@@ -29,8 +29,6 @@ from polefence.proof import exact
 from polefence.proof.certificate import Certificate, plant_document
 from polefence.region import Disk
 
-MAX_BYTES = 64_000_000
-
 # What a row keeps of its design: with the plant, its centre and its radius all that proves it.
 PROOF = ("method", "law", "certificate")
 
@@ -130,12 +128,12 @@ def _finished(path: Path, plant: UncertainPlant, gain: bool) -> dict[tuple[float
     if not path.exists():
         return {}
     try:
-        document = json.loads(read_text(path, MAX_BYTES, InputError))
+        document = exact.parse(read_text(path, exact.MAX_BYTES, InputError))
         version, digest = document["polefence"], document["plant"]["digest"]
         rows = {(row["centre"], row["method"]): row for row in document["rows"]}
         proved = [row for row in rows.values() if row["status"] == "proved"]
         sound = all(_sound(row, plant) for row in proved)
-    except (ValueError, KeyError, TypeError, RecursionError) as error:
+    except (ValueError, KeyError, TypeError, OverflowError) as error:
         raise InputError(f"{path}: no sweep to resume; remove it to start anew") from error
     if not sound:
         raise InputError(f"{path}: a row is damaged; remove the file to start anew")

@@ -14,7 +14,7 @@ import numpy as np
 from polefence.design import FILE_NAME as DESIGN_NAME
 from polefence.design import says_format
 from polefence.errors import DesignFileError, InputError, NotProvedError
-from polefence.files import make_folder, read_text, write_text
+from polefence.files import read_text, write_documents
 from polefence.gain_table import GainTable
 from polefence.plant.family import UncertainPlant
 from polefence.plant.names import unit_text
@@ -133,9 +133,8 @@ class TableAnalysis:
         OutputError
             If the folder cannot be written.
         """
-        path = make_folder(Path(directory)) / FILE_NAME
-        write_text(path, json.dumps(self.document(), allow_nan=False) + "\n")
-        return path
+        text = json.dumps(self.document(), allow_nan=False) + "\n"
+        return write_documents(Path(directory), {FILE_NAME: text})[0]
 
     @classmethod
     def load(cls, path: str | Path) -> TableAnalysis:

@@ -18,12 +18,12 @@ from polefence.performance import exact_law
 from polefence.performance_file import performance_text
 from polefence.plant.family import UncertainPlant
 from polefence.plant.system import Array
+from polefence.proof import exact
 from polefence.proof.certificate import Certificate
-from polefence.proof.exact import FormatError
 from polefence.proof.performance import PerformanceClaim, prove_performance, read_performance
 from polefence.sampled_bounds import sampled, seeded
 from polefence.specification import Specification, claim_of
-from polefence.sweep import LABEL, MAX_BYTES, Row
+from polefence.sweep import LABEL, Row
 from polefence.tradeoff_front import Asked, head
 
 SAMPLES = 2000  # points of the family that each law is looked at
@@ -52,7 +52,7 @@ def finished(path: Path, asked: Asked) -> dict[tuple[float, str], Row]:
         return {}
     again = "remove the file to start anew, or name another one"
     try:
-        document = json.loads(read_text(path, MAX_BYTES, InputError))
+        document = exact.parse(read_text(path, exact.MAX_BYTES, InputError))
         found = {key: document[key] for key in ("polefence", "plant", "question")}
         rows = {(row["value"], row["method"]): row for row in document["rows"]}
         same = found == head(asked)
@@ -61,7 +61,7 @@ def finished(path: Path, asked: Asked) -> dict[tuple[float, str], Row]:
             for key, row in rows.items()
             if row["status"] == "proved"
         }
-    except (ValueError, KeyError, TypeError, RecursionError, FormatError) as error:
+    except (ValueError, KeyError, TypeError, OverflowError) as error:
         raise InputError(f"{path}: no trade-off to resume; {again}") from error
     if found["polefence"] != __version__:
         raise InputError(f"{path}: a trade-off by polefence {found['polefence']}; {again}")

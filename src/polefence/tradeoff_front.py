@@ -10,9 +10,10 @@ from typing import Any
 
 from polefence import __version__
 from polefence.conditions.methods import Method, method_label
+from polefence.design import FILE_NAME as DESIGN_NAME
 from polefence.design import Design
 from polefence.errors import InputError
-from polefence.files import make_folder, write_text
+from polefence.files import write_documents
 from polefence.performance_file import FILE_NAME
 from polefence.plant.family import UncertainPlant
 from polefence.proof.certificate import Certificate
@@ -144,10 +145,11 @@ class Front:
             If the folder cannot be written.
         """
         document = self._document(value, method)
-        path = make_folder(Path(directory)) / FILE_NAME
-        self.design(value, method).save(directory)
-        write_text(path, json.dumps(document, indent=1, allow_nan=False) + "\n")
-        return path
+        documents = {
+            FILE_NAME: json.dumps(document, indent=1, allow_nan=False) + "\n",
+            DESIGN_NAME: self.design(value, method).certificate.dumps(),
+        }
+        return write_documents(Path(directory), documents)[0]
 
     def _document(self, value: float, method: Method | str) -> dict[str, Any]:
         row = self.row(value, method)

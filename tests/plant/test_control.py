@@ -6,27 +6,106 @@ import control
 import numpy as np
 import pytest
 
-from polefence import PlantError
+from polefence import Disk, Parameter, PlantError, UncertainPlant, place
+from polefence.errors import ParameterValueError
 from polefence.plant.control import from_control, to_control
+from polefence.response.signals import outputs_of
+from polefence.specification import Rms, rows
 
 
 def test_round_trip_keeps_matrices_and_names(physical):
-    systems = [to_control(vertex) for vertex in physical.vertices]
+    corners = np.eye(len(physical.vertices))
+    systems = [to_control(physical, alpha) for alpha in corners]
     back = from_control(systems, disturbances=1)
     assert np.array_equal(back.A, physical.A)
     assert np.array_equal(back.B, physical.B)
     assert np.array_equal(back.vertices[0].E, physical.vertices[0].E)
+    assert back.name == "quarter_car_physical"
+    assert back.states[0] == "suspension_deflection"
     assert len(back.inputs) == len(back.disturbances) == 1
+    bare = from_control([to_control(vertex) for vertex in physical.vertices], disturbances=1)
+    assert np.array_equal(bare.A, physical.A)
 
 
-def test_discrete_time_and_transfer_functions_are_refused():
-    discrete = control.ss([[0.5]], [[1.0]], [[1.0]], [[0.0]], 0.1)
-    for system in (discrete, control.tf([1], [1, 1])):
-        with pytest.raises(PlantError, match="continuous-time StateSpace"):
-            from_control([system])
+def named(A=-1.0, dt=0, **names):
+    return control.ss([[A]], [[1.0, 2.0]], [[3.0]], [[0.5, 0.0]], dt, **names)
+
+
+def test_one_system_is_a_plant():
+    names = {"states": ["h [m]"], "inputs": ["u [N]", "w"], "outputs": ["y [V]"], "name": "tank"}
+    plant = from_control(named(**names), disturbances=1)
+    assert (plant.name, plant.states, plant.inputs) == ("tank", ("h [m]",), ("u [N]",))
+    assert plant.disturbances == ("w",)
+    assert len(plant.vertices) == 1
+    assert place(plant, Disk(-4, 2), "quadratic").proved
+    plain = from_control(named())
+    # numbered by python-control, not named: "[0]" would be read as a unit
+    assert (plain.name, plain.states, plain.inputs) == ("plant", (), ())
+    assert from_control(named(), name="mine").name == "mine"
+
+
+def test_outputs_are_signals_that_specifications_take():
+    names = {"states": ["h"], "inputs": ["u", "w"], "outputs": ["y [V]"]}
+    system = named(**names)
+    (signal,) = outputs_of(system)
+    assert (signal.name, signal.unit) == ("y", "V")
+    plant = from_control(system, disturbances=1)
+    own = Rms(signal, density=1.0)
+    C, D = rows(plant, own.signal)
+    assert (C, D) == ([[[3]]], [[[0.5]]])
+    assert outputs_of(named())[0].name == "output 0"
+
+
+def test_discrete_time_comes_and_goes():
+    plant = from_control([named(0.5, 0.125), named(0.6, 0.125)])
+    assert float(plant.sample_time) == 0.125
+    assert to_control(plant, [0.25, 0.75]).dt == 0.125
+    assert np.allclose(to_control(plant, [0.25, 0.75]).A, 0.575)
+    assert place(plant, Disk(0, 0.5), "quadratic").proved
+
+
+@pytest.mark.parametrize(
+    ("systems", "message"),
+    [
+        ([], "at least one vertex"),
+        ([named(), control.tf([1], [1, 1])], "system 2 is a TransferFunction, no StateSpace"),
+        ([named(0.5, True)], "without a sample time"),
+        ([named(), named(0.5, 0.1)], "they must agree"),
+        ([control.ss([], [], [], [[2.0]])], "no states"),
+        ([named(states=["a"]), named(states=["b"])], "names other signals"),
+    ],
+)
+def test_what_is_no_plant_is_refused(systems, message):
+    with pytest.raises(PlantError, match=message):
+        from_control(systems)
 
 
 def test_no_input_left_is_refused():
     system = control.ss([[0.5]], [[1.0]], [[1.0]], [[0.0]])
     with pytest.raises(PlantError, match="no control input"):
         from_control([system], disturbances=1)
+
+
+def test_a_family_needs_a_point():
+    plant = UncertainPlant.from_expressions([Parameter("k", 1, 2)], [["-k"]], [[1]])
+    with pytest.raises(ParameterValueError, match="give alpha"):
+        to_control(plant)
+    for alpha in ([1], [0.5, 0.6], [-1, 2], [[1, 0]]):
+        with pytest.raises(ParameterValueError, match="sum to one"):
+            to_control(plant, alpha)
+
+
+@pytest.mark.parametrize("given", ["", "parameters"])
+def test_plant_and_law_connect_by_name(given):
+    plant = UncertainPlant.from_expressions(
+        [Parameter("k", 1, 2)], [[0, 1], ["-k", "-1"]], [[0], [1]], [[0], [1]]
+    )
+    law = place(plant, Disk(-3, 2.9), "quadratic").to_control(given)
+    assert isinstance(law, control.StateSpace)
+    assert law.nstates == 0
+    assert law.input_labels == ["x1", "x2", *(["k"] if given else [])]
+    own = to_control(plant, plant.alpha(k=1.5))
+    loop = control.interconnect([own, law], inputs=["w1", *law.input_labels[2:]], outputs=["x1"])
+    A, B = plant.at(plant.alpha(k=1.5))
+    expected = np.sort_complex(np.linalg.eigvals(A + B @ law.D[:, :2]))
+    assert np.allclose(np.sort_complex(loop.poles()), expected)

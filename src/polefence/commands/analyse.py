@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import json
 import sys
 from math import prod
 from pathlib import Path
@@ -106,7 +105,7 @@ def analyse_command(options: Any) -> int:
     law = read_gain(plant, options.gain)
     check_figure(options.plot)
     name = TABLE_NAME if isinstance(law, GainTable) else FILE_NAME
-    check_targets(options.output and options.output / name, options.json, options.plot)
+    check_targets(options.json, options.plot, folder=options.output, names=(name,))
     if options.of is None:
         region = _region(options)
         if isinstance(law, GainTable):
@@ -136,9 +135,9 @@ def read_gain(plant: UncertainPlant, what: str) -> Law | GainTable:
         path = path / FILE_NAME if path.is_dir() else path
         name, text = str(path), read_text(path, exact.MAX_BYTES, InputError)
     try:
-        data = json.loads(text, parse_constant=_refuse)
-    except (ValueError, RecursionError) as error:
-        raise InputError(f"{name}: no JSON: {error}") from error
+        data = exact.parse(text)
+    except exact.FormatError as error:
+        raise InputError(f"{name}: {error}") from error
     try:
         if isinstance(data, dict) and data.get("format") == exact.FORMAT:
             return given_law(plant, Certificate.loads(text).law)
@@ -147,10 +146,6 @@ def read_gain(plant: UncertainPlant, what: str) -> Law | GainTable:
         return given_law(plant, data)
     except InputError as error:
         raise type(error)(f"{name}: {error}") from error
-
-
-def _refuse(word: str) -> Any:
-    raise ValueError(f"{word} is not a finite number")
 
 
 def _region(options: Any) -> Region:

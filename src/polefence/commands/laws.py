@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from polefence.commands.analyse import read_gain
-from polefence.design import FILE_NAME, Design
+from polefence.design import FILE_NAME, Design, says_format
 from polefence.errors import InputError, suggest
-from polefence.files import read_text
 from polefence.loops import given_law
 from polefence.plant.family import UncertainPlant
 from polefence.plant.spec import load
@@ -72,7 +70,7 @@ def read_law(plant: UncertainPlant, what: str) -> Named:
     path = Path(what)
     if not path.exists():
         raise InputError(f"no law and no file {what!r}; {suggest(what, WORDS)}")
-    if path.is_dir() or _is_design(path):
+    if path.is_dir() or says_format(path, exact.FORMAT):
         design = Design.load(path, allow_unproved=True)
         given_law(plant, design)
         return _of_design(plant, design, path)
@@ -103,14 +101,6 @@ def _of_design(plant: UncertainPlant, design: Design, path: Path) -> Named:
 def _identity(plant: UncertainPlant) -> tuple[Any, ...]:
     ranges = [(p.name, p.low, p.high, p.through) for p in plant.parameters]
     return plant.digest, plant.sample_time, ranges
-
-
-def _is_design(path: Path) -> bool:
-    try:
-        data = json.loads(read_text(path, exact.MAX_BYTES, InputError))
-    except (ValueError, RecursionError):
-        return False
-    return isinstance(data, dict) and data.get("format") == exact.FORMAT
 
 
 def _stem(path: Path) -> str:

@@ -52,7 +52,7 @@ def observe_command(options: Any) -> int:
     plant = load(options.spec)
     region = Disk(*options.disk) if options.region is None else parse_region(options.region)
     method = method_of(options.method, options)
-    check_targets(options.output and options.output / FILE_NAME, options.json)
+    check_targets(options.json, folder=options.output, names=(FILE_NAME,))
     observer = observe(plant, options.measured, region, method)
     label = observer.design.label
     say(

@@ -97,7 +97,7 @@ def optimise_command(options: Any) -> int:
     least, limits = wanted(plant, options, road)
     region, method = region_of_options(options), method_of_options(plant, options)
     check_results(options)
-    check_targets(options.output and options.output / FILE_NAME)
+    check_targets(folder=options.output, names=(FILE_NAME,))
     done = optimise(plant, least, limits, region, method)
     rows = rows_of(done)
     _finish(done, rows, method, options)

@@ -44,7 +44,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def service_command(options: Any) -> int:
     """Find how wrong estimates and gain may be, and how fast parameters may move; prove it."""
     region = None if options.region is None else parse_region(options.region)
-    check_targets(options.output and options.output / "gain.json", options.json)
+    check_targets(options.json, folder=options.output, names=("gain.json",))
     design = Design.load(options.design)
     service = in_service(design, options.decay, region=region)
     say(f"{design.plant.name}: all poles in {service.region}")

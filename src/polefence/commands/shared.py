@@ -5,13 +5,13 @@ from __future__ import annotations
 import argparse
 import json
 import sys
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, TextIO
 
 from polefence.design import FILE_NAME, Design
 from polefence.errors import InputError
-from polefence.files import check_target, make_folder, write_bytes, write_text
+from polefence.files import check_document, check_target, make_folder, write_bytes, write_text
 from polefence.law import FixedGain
 from polefence.limits import Limit
 from polefence.plant.family import UncertainPlant
@@ -74,9 +74,22 @@ def result_arguments(parser: argparse.ArgumentParser) -> None:
     )
 
 
-def check_targets(*paths: Path | None) -> None:
-    """Refuse results that cannot be written, or that overwrite one another, before any work."""
-    targets = [path for path in paths if path is not None]
+def check_targets(
+    *paths: Path | None, folder: Path | None = None, names: Sequence[str] = ()
+) -> None:
+    """Refuse results that cannot be written, or that overwrite one another, before any work.
+
+    Parameters
+    ----------
+    *paths
+        Files that the user names.
+    folder, names
+        Where documents of ours go, and under which names.
+    """
+    documents = [] if folder is None else [folder / name for name in names]
+    for path in documents:
+        check_document(path)
+    targets = [*documents, *(path for path in paths if path is not None)]
     for path in targets:
         check_target(path)
     if len({path.absolute() for path in targets}) < len(targets):
@@ -86,7 +99,7 @@ def check_targets(*paths: Path | None) -> None:
 def check_results(options: Any) -> None:
     """Refuse places for a design, its summary or its figure, before any work."""
     check_figure(options.plot)
-    check_targets(options.output and options.output / FILE_NAME, options.json, options.plot)
+    check_targets(options.json, options.plot, folder=options.output, names=(FILE_NAME,))
 
 
 def check_figure(path: Path | None) -> None:

@@ -6,10 +6,9 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from polefence.errors import OutputError
-from polefence.files import make_folder, write_bytes
+from polefence.files import SHORT, begins_with, leftover, write_all
 
 BUILD = "build"  # what the Makefile makes
-HEAD = 400  # bytes in which a file of ours says so
 
 
 def check_folder(directory: Path, marks: Mapping[str, bytes]) -> None:
@@ -32,25 +31,28 @@ def check_folder(directory: Path, marks: Mapping[str, bytes]) -> None:
     for entry in sorted(directory.iterdir()):
         if entry.name == BUILD and entry.is_dir():
             continue
-        if entry.name not in marks or not _is_ours(entry, marks[entry.name]):
+        if not (_is_leftover(entry, marks) or _is_ours(entry, marks)):
             raise OutputError(
                 f"{entry}: not a file of this export; nothing was written: name a folder that is "
                 "empty, new, or an earlier export's of the same name"
             )
 
 
-def _is_ours(path: Path, mark: bytes) -> bool:
-    try:
-        with path.open("rb") as file:
-            return mark in file.read(HEAD)
-    except OSError:
-        return False
+def _is_ours(entry: Path, marks: Mapping[str, bytes]) -> bool:
+    known = entry.name in marks and not entry.is_symlink()
+    return known and begins_with(entry, marks[entry.name])
+
+
+def _is_leftover(entry: Path, marks: Mapping[str, bytes]) -> bool:
+    """Whether an export that was killed left this behind."""
+    name = leftover(entry.name)
+    return name is not None and not entry.is_dir() and any(own[:SHORT] == name for own in marks)
 
 
 def write_folder(
     directory: Path, files: Mapping[str, bytes], marks: Mapping[str, bytes]
 ) -> list[Path]:
-    """Write files, each whole, and return their paths; an earlier export's others go first.
+    """Write files, all or none, and return their paths; an earlier export's others are removed.
 
     Raises
     ------
@@ -58,9 +60,10 @@ def write_folder(
         If the folder holds files of others, or one cannot be written.
     """
     check_folder(directory, marks)
-    folder = make_folder(directory)
+    if directory.exists():
+        for entry in [each for each in directory.iterdir() if _is_leftover(each, marks)]:
+            entry.unlink(missing_ok=True)
+    paths = write_all(directory, files)
     for name in marks.keys() - files.keys():
-        (folder / name).unlink(missing_ok=True)
-    for name, content in files.items():
-        write_bytes(folder / name, content)
-    return [folder / name for name in files]
+        (directory / name).unlink(missing_ok=True)
+    return paths

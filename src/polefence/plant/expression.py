@@ -8,7 +8,7 @@ from collections.abc import Callable, Mapping
 from fractions import Fraction
 from typing import Any
 
-from polefence.errors import InputError, SpecError, suggest
+from polefence.errors import InputError, SpecError, shown, suggest
 from polefence.plant.rational import MAX_BITS, MAX_POWER
 
 MAX_LENGTH = 1000
@@ -32,14 +32,17 @@ def decimal(text: str) -> Fraction:
     SpecError
         If it is no finite decimal, or its exponent is absurd (a denial of service, not a number).
     """
+    if len(text) > MAX_LENGTH:
+        raise SpecError(f"the number {shown(text)} is out of range")
     _, _, exponent = text.lower().partition("e")
-    digits = exponent.lstrip("+-").replace("_", "")
-    if len(text) > MAX_LENGTH or (digits.isdigit() and int(digits[:9]) > MAX_EXPONENT):
-        raise SpecError(f"the number {shortened(text)} is out of range")
     try:
+        if abs(int(exponent or "0")) > MAX_EXPONENT:
+            raise SpecError(f"the number {shown(text)} is out of range")
         return Fraction(text)
     except (ValueError, ZeroDivisionError) as error:
-        raise SpecError(f"{text!r} is not a finite decimal number") from error
+        if isinstance(error, SpecError):
+            raise
+        raise SpecError(f"{shown(text)} is not a finite decimal number") from error
 
 
 def evaluate(text: str, names: Mapping[str, Any], one: Any = None) -> Any:
@@ -67,16 +70,11 @@ def evaluate(text: str, names: Mapping[str, Any], one: Any = None) -> Any:
             tree = ast.parse(text.strip(), mode="eval")
         return _Evaluator(text.strip(), names, one).visit(tree.body)
     except RecursionError as error:
-        raise SpecError(f"{shortened(text)} is nested too deeply; define its parts") from error
+        raise SpecError(f"{shown(text)} is nested too deeply; define its parts") from error
     except (SyntaxError, ValueError, MemoryError) as error:
         if isinstance(error, InputError):
             raise
-        raise SpecError(f"cannot read the expression {shortened(text)}; {_ALLOWED}") from error
-
-
-def shortened(text: str) -> str:
-    """Quote a text for a message, cut to a line's length."""
-    return repr(text if len(text) <= 60 else f"{text[:57]}...")
+        raise SpecError(f"cannot read the expression {shown(text)}; {_ALLOWED}") from error
 
 
 class _Evaluator:
@@ -88,7 +86,7 @@ class _Evaluator:
             return self.number(node)
         if isinstance(node, ast.Name):
             if node.id not in self.names:
-                raise SpecError(f"unknown name {node.id!r}; {suggest(node.id, self.names)}")
+                raise SpecError(f"unknown name {shown(node.id)}; {suggest(node.id, self.names)}")
             return self.names[node.id]
         if isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.UAdd | ast.USub):
             value = self.visit(node.operand)
@@ -98,7 +96,7 @@ class _Evaluator:
         what = "a call" if isinstance(node, ast.Call) else f"{type(node).__name__!r}"
         if isinstance(node, ast.BinOp) and isinstance(node.op, ast.BitXor):
             what = "^ (write ** for powers)"
-        raise SpecError(f"{what} is not allowed in {shortened(self.text)}; {_ALLOWED}")
+        raise SpecError(f"{what} is not allowed in {shown(self.text)}; {_ALLOWED}")
 
     def binary(self, node: ast.BinOp) -> Any:
         left = self.visit(node.left)
@@ -107,9 +105,9 @@ class _Evaluator:
         try:
             value = _OPERATORS[type(node.op)](left, right)
         except ZeroDivisionError as error:
-            raise SpecError(f"{shortened(self.text)} divides by zero") from error
+            raise SpecError(f"{shown(self.text)} divides by zero") from error
         if isinstance(value, Fraction) and value.numerator.bit_length() > MAX_BITS:
-            raise SpecError(f"{shortened(self.text)} is out of range")
+            raise SpecError(f"{shown(self.text)} is out of range")
         return value
 
     def power(self, node: ast.expr) -> int:
@@ -119,12 +117,12 @@ class _Evaluator:
             sign, node = -1, node.operand
         value = node.value if isinstance(node, ast.Constant) else None
         if type(value) is not int or value > MAX_POWER:
-            raise SpecError(f"a power in {shortened(self.text)} is not a small integer; {_ALLOWED}")
+            raise SpecError(f"a power in {shown(self.text)} is not a small integer; {_ALLOWED}")
         return sign * value
 
     def number(self, node: ast.Constant) -> Any:
         if type(node.value) not in (int, float):
-            raise SpecError(f"{node.value!r} is not a number; {_ALLOWED}")
+            raise SpecError(f"{shown(node.value)} is not a number; {_ALLOWED}")
         # The literal's own text: a decimal stays the rational it is written as.
         value = decimal(ast.get_source_segment(self.text, node) or "")
         return value if self.one is None else self.one.lift(value)

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from polefence.errors import InputError, PlantError
-from polefence.plant.parameters import Parameter, exact, simplex_weights
+from polefence.plant.parameters import Parameter, check_label, exact, simplex_weights
 from polefence.plant.rational import RationalFunction
 from polefence.plant.symbolic import Scope, corners
 from polefence.plant.system import Array, Exact, System
@@ -56,6 +56,10 @@ class UncertainPlant:
     sample_time: Fraction | None = None
 
     def __post_init__(self) -> None:
+        check_label(self.name, "name")
+        for key in ("states", "inputs", "disturbances"):
+            for label in getattr(self, key):
+                check_label(label, f"a name of {key}")
         if not self.vertices:
             raise PlantError("a plant needs at least one vertex")
         if len(self.vertices) > MAX_VERTICES:

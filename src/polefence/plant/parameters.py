@@ -9,12 +9,14 @@ from fractions import Fraction
 from numbers import Rational, Real
 from typing import Any
 
-from polefence.errors import ParameterValueError, PlantError, suggest
+from polefence.errors import ParameterValueError, PlantError, SpecError, shown, suggest
+from polefence.plant.expression import decimal
 
 # Larger or smaller magnitudes, or longer fractions, are no physical data: doubles must hold them,
 # and a certificate must be able to say them.
 LARGEST = 10**100
 MAX_DIGITS = 300
+MAX_NAME = 200  # characters of a name or a unit
 
 
 def exact(value: Any, what: str) -> Fraction:
@@ -37,16 +39,30 @@ def _rational(value: Any, what: str) -> Fraction:
         return Fraction(int(value.numerator), int(value.denominator))
     if isinstance(value, str):
         try:
-            return Fraction(value)
-        except (ValueError, ZeroDivisionError) as error:
-            raise PlantError(f"{what} = {value!r} is not a number") from error
+            return decimal(value)
+        except SpecError as error:
+            raise PlantError(f"{what} = {shown(value)} is not a number, or out of range") from error
     try:
         real = isinstance(value, Real) and math.isfinite(float(value))
     except (TypeError, ValueError, OverflowError):
         real = False
     if not real:
-        raise PlantError(f"{what} = {value!r} must be a finite number")
+        raise PlantError(f"{what} = {shown(value)} must be a finite number")
     return Fraction(float(value))
+
+
+def check_label(value: Any, what: str) -> None:
+    """Refuse what cannot be a name or a unit for people.
+
+    Raises
+    ------
+    PlantError
+        If it is no text, or too long for a line.
+    """
+    if not isinstance(value, str):
+        raise PlantError(f"{what} = {shown(value)} must be text")
+    if len(value) > MAX_NAME:
+        raise PlantError(f"{what} has {len(value)} characters; at most {MAX_NAME} are supported")
 
 
 def check_name(name: Any) -> None:
@@ -58,8 +74,10 @@ def check_name(name: Any) -> None:
         If it is no ASCII identifier, or a word that Python or `gain_at` keeps for itself.
     """
     plain = isinstance(name, str) and name.isidentifier() and name.isascii()
-    if not plain or keyword.iskeyword(name) or name in ("self", "clamp"):
-        raise PlantError(f"{name!r} is not a usable name; use letters, digits and _ (m1, beta)")
+    if not plain or len(name) > MAX_NAME or keyword.iskeyword(name) or name in ("self", "clamp"):
+        raise PlantError(
+            f"{shown(name)} is not a usable name; use letters, digits and _ (m1, beta)"
+        )
 
 
 @dataclass(frozen=True)
@@ -91,6 +109,8 @@ class Parameter:
 
     def __post_init__(self) -> None:
         check_name(self.name)
+        for key in ("unit", "through"):
+            check_label(getattr(self, key), f"parameter {self.name}: {key}")
         what = f"parameter {self.name}: range"
         low, high = exact(self.low, what), exact(self.high, what)
         through = self.through.replace(" ", "") or self.name
@@ -102,7 +122,7 @@ class Parameter:
             )
         if through not in (self.name, f"1/{self.name}"):
             raise PlantError(
-                f"parameter {self.name}: through = {self.through!r} is unknown; "
+                f"parameter {self.name}: through = {shown(self.through)} is unknown; "
                 f"use {self.name!r} or '1/{self.name}'"
             )
         if through != self.name and low <= 0 <= high:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 import tomllib
 from collections.abc import Mapping
 from decimal import Decimal
@@ -10,13 +11,17 @@ from fractions import Fraction
 from pathlib import Path
 from typing import Any
 
-from polefence.errors import InputError, SpecError, suggest
+from polefence.errors import InputError, SpecError, shown, suggest
 from polefence.files import read_text
 from polefence.plant.expression import decimal, evaluate
 from polefence.plant.family import UncertainPlant
 from polefence.plant.parameters import Parameter, exact
 
 MAX_BYTES = 1_000_000
+# The parser's work grows with the square of a key's parts (a.b.c), of which ours have two.
+DEEPEST, MOST_QUOTED = 16, 200
+DEEP_KEY = re.compile(rf"(?<![\w\"'-])(?:[\w\"'-]+[ \t]*\.[ \t]*){{{DEEPEST}}}")
+QUOTED_KEY = re.compile(r"[\"'][ \t]*\.")
 _NAMES = ("states", "inputs", "disturbances")
 _TOP = {"name", "region", "sample_time", "specification", "road", *_NAMES}
 _TOP |= {"constants", "parameter", "definitions", "matrices", "vertex"}
@@ -83,6 +88,8 @@ def _asked(data: Mapping[str, Any]) -> tuple[list[dict[str, Any]], dict[str, Any
 
 
 def _toml(text: str, source: str) -> dict[str, Any]:
+    if DEEP_KEY.search(text) or len(QUOTED_KEY.findall(text)) > MOST_QUOTED:
+        raise SpecError(f"{source}: a key of more than {DEEPEST} parts; a spec has at most 2")
     try:
         return tomllib.loads(text, parse_float=_number)
     except (tomllib.TOMLDecodeError, RecursionError, ValueError) as error:
@@ -161,7 +168,7 @@ def _from_expressions(data: Mapping[str, Any], names: dict[str, Any]) -> Uncerta
     _need(tables["matrices"], ("A", "B"), "matrices")
     for key, value in tables["definitions"].items():
         if not isinstance(value, str):
-            raise SpecError(f"definitions.{key} = {value!r} must be an expression in quotes")
+            raise SpecError(f"definitions.{key} = {shown(value)} must be an expression in quotes")
     return UncertainPlant.from_expressions(
         [_parameter(key, table) for key, table in tables["parameter"].items()],
         _rows(tables["matrices"]["A"], "matrices.A"),
@@ -224,8 +231,7 @@ def _constant(entry: Any, where: str) -> Any:
 
 def _finite(value: Any, where: str) -> Fraction:
     if isinstance(value, bool) or not isinstance(value, int | Fraction):
-        shown = repr(value) if isinstance(value, str | bool) else str(value)
-        raise SpecError(f"{where} = {shown} must be a finite number, without quotes or unit")
+        raise SpecError(f"{where} = {shown(value)} must be a finite number, without quotes or unit")
     return exact(Fraction(value), where)
 
 
@@ -244,7 +250,7 @@ def _tables(values: list[Any], key: str) -> list[dict[str, Any]]:
 def _known(table: Mapping[str, Any], known: set[str], where: str) -> None:
     for key in table:
         if key not in known:
-            raise SpecError(f"{where}unknown key {key!r}; {suggest(key, known)}")
+            raise SpecError(f"{where}unknown key {shown(key)}; {suggest(key, known)}")
 
 
 def _need(table: Mapping[str, Any], keys: tuple[str, ...], where: str) -> None:

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from fractions import Fraction
 from typing import Any
 
-from polefence.errors import MultiAffinityError, PlantError, SpecError, suggest
+from polefence.errors import MultiAffinityError, PlantError, SpecError, shown, suggest
 from polefence.plant.expression import evaluate
 from polefence.plant.parameters import Parameter, check_name, exact
 from polefence.plant.rational import RationalFunction
@@ -100,7 +100,7 @@ class Scope(Mapping[str, Any]):
     def __getitem__(self, name: str) -> Any:
         if name not in self.bound:
             if name not in self.definitions:
-                raise SpecError(f"unknown name {name!r}; {suggest(name, self.names)}")
+                raise SpecError(f"unknown name {shown(name)}; {suggest(name, self.names)}")
             if name in self.pending:
                 raise SpecError(f"definitions go in a circle: {' -> '.join([*self.pending, name])}")
             self.pending.append(name)

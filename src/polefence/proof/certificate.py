@@ -268,13 +268,19 @@ def plant_from(data: dict[str, Any]) -> UncertainPlant:
         parameters = tuple(_parameter(p) for p in data["parameters"])
         As, Bs = ([v[key] for v in data["vertices"]] for key in "AB")
         Es = [v["E"] for v in data["vertices"]] if "E" in data["vertices"][0] else None
-        names: dict[str, Any] = {k: tuple(data[k]) for k in ("states", "inputs", "disturbances")}
+        names: dict[str, Any] = {k: _labels(data, k) for k in ("states", "inputs", "disturbances")}
         if "sample_time" in data:
             names["sample_time"] = exact.read_number(data["sample_time"], "plant.sample_time")
-        plant = UncertainPlant.from_vertices(As, Bs, Es, name=str(data["name"]), **names)
+        plant = UncertainPlant.from_vertices(As, Bs, Es, name=data["name"], **names)
     except (KeyError, TypeError, AttributeError, ValueError) as error:
         raise DesignFileError(f"plant is malformed: {error}") from error
     return replace(plant, parameters=parameters)
+
+
+def _labels(data: dict[str, Any], key: str) -> tuple[Any, ...]:
+    if not isinstance(data[key], list):
+        raise TypeError(f"{key} must be a list of names")
+    return tuple(data[key])
 
 
 def _parameter(data: dict[str, Any]) -> Parameter:

@@ -46,6 +46,8 @@ FORMAT, VERSION = "polefence-design", 1
 METHODS = ("quadratic", "slack", "scheduled", "lyapunov")
 MAX_BYTES, MAX_SIZE, MAX_VERTICES, MAX_PARTS = 32_000_000, 60, 256, 16
 MAX_COEFFICIENTS = 20_000
+# Lists, tables and keys of a file, which take up to 300 bytes each in memory, and how deep they go.
+MAX_PIECES, MAX_DEPTH = 1_000_000, 50
 MAX_DEGREE = 16  # of any polynomial, in each simplex
 LARGEST, MAX_BITS = 10**300, 20_000  # of numbers; of their common denominator
 # Bounds on what a file can ask for: work, in products of two words of 30 bits, of which every
@@ -1291,22 +1293,43 @@ def require_box(claim: Claim, parameters: Any) -> None:
 
 def read_document(text: str, kind: str) -> dict[str, Any]:
     """Parse a JSON document of a format, of this version."""
-    if len(text) > MAX_BYTES:
-        raise FormatError("the file is too long to be a design file")
+    document = parse(text)
+    if not isinstance(document, dict) or document.get("format") != kind:
+        raise FormatError(f'not a design file: "format" must be "{kind}"')
+    if type(document.get("version")) is not int or document["version"] != VERSION:
+        raise FormatError(
+            f"format version {_shown(document.get('version'))} is not {VERSION}, the one read "
+            "here; use a later release of polefence"
+        )
+    return document
+
+
+def parse(text: str) -> Any:
+    """Parse JSON within bounds of length, pieces and depth; no key twice, no number that is none.
+
+    Raises
+    ------
+    FormatError
+        If it is no such text.
+    """
+    if len(text) > MAX_BYTES or sum(map(text.count, "[{:")) > MAX_PIECES:
+        raise FormatError(
+            f"longer than {MAX_BYTES} characters, or more than {MAX_PIECES} lists, tables and "
+            "keys; this is no file of ours"
+        )
     try:
         document = json.loads(text, parse_constant=_refuse, object_pairs_hook=_unique)
     except FormatError:
         raise
     except (ValueError, RecursionError) as error:
-        raise FormatError(f"no design.json: not valid JSON, or cut short: {error}") from error
-    if not isinstance(document, dict) or document.get("format") != kind:
-        raise FormatError(f'not a design file: "format" must be "{kind}"')
-    if type(document.get("version")) is not int or document["version"] != VERSION:
-        raise FormatError(
-            f"format version {document.get('version')!r} is not {VERSION}, the one read here; "
-            "use a later release of polefence"
-        )
-    return document
+        raise FormatError(f"not valid JSON, or cut short: {error}") from error
+    level: list[Any] = [[document]]
+    for _ in range(MAX_DEPTH):
+        inner = (each.values() if isinstance(each, dict) else each for each in level)
+        level = [value for values in inner for value in values if isinstance(value, list | dict)]
+        if not level:
+            return document
+    raise FormatError(f"nested more than {MAX_DEPTH} deep; this is no file of ours")
 
 
 def claim_of(document: dict[str, Any], A: list[Rationals], B: list[Rationals]) -> Claim:
@@ -1315,10 +1338,10 @@ def claim_of(document: dict[str, Any], A: list[Rationals], B: list[Rationals]) -
     region = read_region(_at(document, "region"))
     method, kind = _at(document, "method"), _at(document, "law", "kind")
     if method not in METHODS:
-        raise FormatError(f"method {method!r} is not one of {', '.join(METHODS)}")
+        raise FormatError(f"method {_shown(method)} is not one of {', '.join(METHODS)}")
     kinds = {"scheduled": ["scheduled"], "lyapunov": ["fixed", "scheduled"]}.get(method, ["fixed"])
     if kind not in kinds:
-        raise FormatError(f"law.kind {kind!r} does not belong to method {method!r}")
+        raise FormatError(f"law.kind {_shown(kind)} does not belong to method {method!r}")
     _only(document, "certificate", _EVIDENCE[method])
     law, on = _law(document, n, m)
     claim = Claim(method, A, B, region, law, (), on)
@@ -1391,7 +1414,7 @@ def _double(table: Any, where: str, key: str) -> Fraction:
     """Return a number of a region: a double, so that what is printed of it is what is proved."""
     value = read_number(_at({where: table}, where, key), f"{where}.{key}")
     if Fraction(float(value)) != value:
-        raise FormatError(f"{where}.{key} = {str(table[key])[:40]!r} is no double; give a decimal")
+        raise FormatError(f"{where}.{key} = {_shown(table[key])} is no double; give a decimal")
     return value
 
 
@@ -1471,6 +1494,13 @@ def _unique(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     return table
 
 
+def _shown(value: Any) -> str:
+    """Quote a value in a message: cut to a part of a line, a table or a list by its kind alone."""
+    if isinstance(value, dict | list):
+        return "a table" if isinstance(value, dict) else "a list"
+    return repr(value[:40]) if isinstance(value, str) else repr(value)[:40]
+
+
 def _at(value: Any, *keys: str) -> Any:
     for i, key in enumerate(keys):
         if not isinstance(value, dict) or key not in value:
@@ -1518,7 +1548,7 @@ def read_number(value: Any, where: str) -> Fraction:
         number = Fraction(value)  # nan fails the comparison; integers are compared exactly
     if number is not None and abs(number) < LARGEST:
         return number
-    raise FormatError(f'{where} = {str(value)[:40]!r} is not a finite number or "p/q"')
+    raise FormatError(f'{where} = {_shown(value)} is not a finite number or "p/q"')
 
 
 def main(arguments: list[str]) -> int:

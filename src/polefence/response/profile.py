@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import csv
 import io
+from array import array
 from pathlib import Path
 
 import numpy as np
 
-from polefence.errors import InputError
+from polefence.errors import InputError, shown
 from polefence.files import read_text
+from polefence.plant.system import Array
 from polefence.response.road import Road, first_fault
 from polefence.response.signals import split
 
@@ -34,31 +36,35 @@ def measured_road(path: str | Path, spacing: float | None = None) -> Road:
         increase, there are fewer than two points, or the file is too large or no text.
     """
     path = Path(path)
-    rows, lines = _rows(path)
-    if len(rows) < 2:
-        raise InputError(f"{path}: {len(rows)} points; a road needs two or more")
-    table = np.array(rows)
-    fault = first_fault(table[:, 0], table[:, 1])
+    distance, height, lines = _columns(path)
+    if len(lines) < 2:
+        raise InputError(f"{path}: {len(lines)} points; a road needs two or more")
+    fault = first_fault(distance, height)
     if fault:
         raise InputError(f"{path}: row {lines[fault[0]]}: {fault[1]}")
-    road = Road(table[:, 0], table[:, 1], path.stem)
+    road = Road(distance, height, path.stem)
     return road if spacing is None else road.resample(spacing)
 
 
-def _rows(path: Path) -> tuple[list[tuple[float, float]], list[int]]:
-    """Return the points, and the line of the file each stands in."""
+def _columns(path: Path) -> tuple[Array, Array, array[int]]:
+    """Return distances and heights, and the line of the file each point stands in."""
     text = _text(path).rstrip()
-    rows, lines = [], []
+    distance, height, lines = array("d"), array("d"), array("q")
     reader = csv.reader(io.StringIO(text))
     try:
         for cells in reader:
             if reader.line_num == 1 and _is_header(path, cells):
                 continue
-            rows.append(_point(f"{path}: row {reader.line_num}", cells))
+            try:
+                x, h = map(float, cells)
+            except ValueError as problem:
+                raise _refusal(f"{path}: row {reader.line_num}", cells) from problem
+            distance.append(x)
+            height.append(h)
             lines.append(reader.line_num)
     except csv.Error as problem:
         raise InputError(f"{path}: row {reader.line_num}: {problem}") from problem
-    return rows, lines
+    return np.frombuffer(distance), np.frombuffer(height), lines
 
 
 def _text(path: Path) -> str:
@@ -83,19 +89,18 @@ def _is_header(path: Path, cells: list[str]) -> bool:
     return True
 
 
-def _point(where: str, cells: list[str]) -> tuple[float, float]:
+def _refusal(where: str, cells: list[str]) -> InputError:
+    """Say why a row is no point."""
     if len(cells) != 2:
         found = f"{len(cells)} cells" if len(cells) != 1 else "one cell"
-        raise InputError(
+        return InputError(
             f"{where}: {found if cells else 'empty'}; give distance and height, a comma between"
         )
-    values = [_number(cell) for cell in cells]
-    for name, cell, value in zip(("distance", "height"), cells, values, strict=True):
-        if not cell.strip():
-            raise InputError(f"{where}: no {name}; fill the gap or leave the row out")
-        if value is None:
-            raise InputError(f"{where}: {name} {cell.strip()[:40]!r} is no number")
-    return values[0], values[1]  # type: ignore[return-value]
+    k = 0 if _number(cells[0]) is None else 1
+    name, cell = ("distance", "height")[k], cells[k].strip()
+    if not cell:
+        return InputError(f"{where}: no {name}; fill the gap or leave the row out")
+    return InputError(f"{where}: {name} {shown(cell)} is no number")
 
 
 def _number(cell: str) -> float | None:

@@ -16,6 +16,8 @@ from polefence.response.weighting import positive
 
 # Points of a profile, and steps of a drive: bounds the memory.
 MOST = 20_000_000
+# Steps over the whole of a road where nobody asked for a duration: two points can lie far apart.
+MOST_UNASKED = 300_000
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,7 +74,8 @@ class Road:
         step : float
             Sampling step [s].
         duration : float, optional
-            Of the drive [s], from the first point; as long as the road reaches by default.
+            Of the drive [s], from the first point; by default as long as the road reaches, up to
+            `MOST_UNASKED` steps.
 
         Returns
         -------
@@ -103,7 +106,12 @@ class Road:
                     f"{self.name} is passed in {whole:g} s, less than a step of {step:g} s; use a "
                     "shorter step"
                 )
-            steps = math.floor(steps * (1 + 1e-12)) if steps < MOST + 1 else steps
+            if steps > MOST_UNASKED:
+                raise InputError(
+                    f"{self.name} is passed in {whole:g} s, {steps:.3g} steps of {step:g} s; give "
+                    f"a duration, without which there are at most {MOST_UNASKED}"
+                )
+            steps = math.floor(steps * (1 + 1e-12))
         else:
             duration = positive(duration, "duration [s]")
             if duration > whole * (1 + 1e-9):

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
@@ -55,6 +56,27 @@ def inputs(plant: UncertainPlant) -> tuple[Signal, ...]:
     """Return a signal for every input, named as the plant names it, else u1, u2, ..."""
     names = plant.inputs or tuple(f"u{i + 1}" for i in range(plant.shape[1]))
     return tuple(Signal(*split(name), input={i: 1.0}) for i, name in enumerate(names))
+
+
+def outputs_of(system: Any) -> tuple[Signal, ...]:
+    """Return the outputs y = C x + D u of a python-control ``StateSpace``, under their names.
+
+    Where vertices have one C and D, as they must have here, those of any. Signals go where a
+    specification or a response asks for one.
+
+    Parameters
+    ----------
+    system : control.StateSpace
+        The columns of D that belong to disturbances must be zero, or the signals do not fit.
+    """
+    return tuple(
+        Signal(
+            *split(re.sub(r"^y\[(\d+)\]$", r"output \1", label)),
+            state={i: float(v) for i, v in enumerate(c) if v},
+            input={j: float(v) for j, v in enumerate(d) if v},
+        )
+        for label, c, d in zip(system.output_labels, system.C, system.D, strict=True)
+    )
 
 
 def rate_of(signal: Signal, name: str | None = None) -> Signal:

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from polefence.design import Design
-from polefence.files import make_folder, write_text
+from polefence.files import write_documents
 from polefence.proof import exact
 from polefence.proof.service import FORMAT, ServiceClaim
 from polefence.region import Region
@@ -147,10 +147,10 @@ class Service:
         OutputError
             If the folder cannot be written; nothing is left half-written.
         """
-        folder, paths = make_folder(Path(directory)), []
-        for margin in self.margins:
-            if margin.proved:
-                paths.append(folder / f"{margin.name}.json")
-                text = json.dumps(self.document(margin), indent=1, allow_nan=False)
-                write_text(paths[-1], text + "\n")
-        return paths
+        documents = {
+            f"{margin.name}.json": json.dumps(self.document(margin), indent=1, allow_nan=False)
+            for margin in self.margins
+            if margin.proved
+        }
+        ended = {name: text + "\n" for name, text in documents.items()}
+        return write_documents(Path(directory), ended)

@@ -12,7 +12,7 @@ import numpy as np
 from polefence.errors import InputError
 from polefence.export.c99.number import Number
 from polefence.export.c99.program import LEAST, MOST, Fixed, Program, Scheduled, Share
-from polefence.export.c99.text import block, cell, check_c_name, comment, wrap
+from polefence.export.c99.text import block, cell, check_c_name, comment, prose, wrap
 from polefence.polynomial import Exponent
 
 if TYPE_CHECKING:
@@ -68,6 +68,7 @@ def environment() -> Environment:
     found.filters["block"] = block
     found.filters["wrap"] = wrap
     found.filters["cell"] = cell
+    found.filters["prose"] = prose
     return found
 
 

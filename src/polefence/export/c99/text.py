@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import html
 import re
 import textwrap
 import unicodedata
@@ -69,9 +70,14 @@ def block(text: str, label: str = "") -> str:
     return "\n".join((rest if k else first) + line for k, line in enumerate(lines)).rstrip()
 
 
+def prose(text: str) -> str:
+    """Return text for Markdown, in which it is no tag, no link and no picture."""
+    return html.escape(comment(text), quote=False).replace("](", "] (").replace("][", "] [")
+
+
 def cell(text: str) -> str:
     """Return text for a table of Markdown."""
-    return comment(text).replace("|", "/").replace("<", "(").replace(">", ")")
+    return prose(text).replace("|", "/")
 
 
 def wrap(text: str) -> str:

@@ -181,14 +181,14 @@ def test_one_vertex_is_enough_to_be_refused_and_the_worst_is_named():
     for As, name in (([seen, stable], "vertex 2"), ([stable, seen, unstable], "vertex 3")):
         plant = UncertainPlant.from_vertices(As, [[[1], [1]]] * len(As))
         with pytest.raises(UnobservableError, match=name):
-            observe(plant, [[1, 0]], Disk(-4, 3))
+            observe(plant, [[1, 0]], Disk(-6, 3))
     assert issubclass(UnobservableError, InputError)
 
 
 def test_no_single_state_helps_where_two_are_missing():
     plant = UncertainPlant.from_vertices([np.diag([-1, -2, -3])], [[[1]] * 3])
     with pytest.raises(UnobservableError, match=r"measure more$"):
-        observe(plant, [[1, 0, 0]], Disk(-4, 3))
+        observe(plant, [[1, 0, 0]], Disk(-6, 2))
 
 
 def test_in_discrete_time_the_observer_is_discrete():

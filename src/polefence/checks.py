@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from polefence.conditions.methods import Method, method_label, method_name, normal, options
 from polefence.conditions.sizes import blocks, is_searchable
-from polefence.errors import InputError, RegionError
+from polefence.errors import InputError, RegionError, UncontrollableError
+from polefence.plant.controllability import FixedModes, modes_text
 from polefence.plant.family import UncertainPlant
 from polefence.proof import exact
-from polefence.region import Disk, Region, check_centre
+from polefence.region import Disk, HalfPlane, Region, check_centre
 
 
 def require_type(value: object, kind: type, name: str, remedy: str) -> None:
@@ -99,6 +100,54 @@ def example_centre(plant: UncertainPlant) -> str:
 def example_region(plant: UncertainPlant) -> str:
     """Return a region that suits the plant's kind of time, for a message."""
     return "disk(-40, 31)" if plant.sample_time is None else "disk(0.5, 0.4)"
+
+
+def require_movable(plant: UncertainPlant, region: Region | None = None) -> None:
+    """Refuse plants with a mode that no input moves and that is not in the region.
+
+    Parameters
+    ----------
+    region : Region, optional
+        Where it is not given, what is stable for the plant's kind of time.
+
+    Raises
+    ------
+    UncontrollableError
+        Naming the first vertex, and the mode.
+    """
+    asked = stable_region(plant) if region is None else region
+    for vertex in plant.vertices:
+        outside = modes_outside(vertex.fixed, asked)
+        if outside is not None:
+            n, rank = vertex.shape[0], vertex.shape[0] - vertex.fixed.count
+            where = f"not in {asked}" if region is not None else "not stable"
+            many = "s" if vertex.fixed.count > 1 else ""
+            raise UncontrollableError(
+                f"{plant.name}, {vertex.name} is uncontrollable: its inputs reach {rank} of {n} "
+                f"state dimensions, and no gain moves the pole{many} {outside}, {where}; widen the "
+                "region, remove those states or add an input"
+            )
+
+
+def stable_region(plant: UncertainPlant) -> Region:
+    """Return where the poles of stable loops lie."""
+    return HalfPlane(0) if plant.sample_time is None else Disk(0, 1)
+
+
+def modes_outside(fixed: FixedModes, region: Region) -> str | None:
+    """Name fixed modes that are not in a region, None where all are, or too much work to tell."""
+    if not fixed.count:
+        return None
+    parts = exact.read_region(region.document())
+    try:
+        with exact.counted():
+            if exact.roots_inside(list(fixed.polynomial), parts, fixed.whole):
+                return None
+    except exact.FormatError:
+        return None
+    values = fixed.values
+    outside = values[region.distance(values) >= -1e-9 * region.size]
+    return modes_text(outside if len(outside) else values) or "of long digits"
 
 
 def usable_centre(plant: UncertainPlant, centre: float) -> float:

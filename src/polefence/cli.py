@@ -29,7 +29,13 @@ from polefence.commands import (
     tradeoff,
 )
 from polefence.commands.shared import say
-from polefence.errors import InputError, MissingExtraError, NotProvedError, PolefenceError
+from polefence.errors import (
+    InputError,
+    MissingExtraError,
+    NotProvedError,
+    PolefenceError,
+    UncontrollableError,
+)
 
 PROVED, NOT_PROVED, BAD_INPUT, INTERRUPTED = 0, 1, 2, 130
 
@@ -65,6 +71,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except NotProvedError as answer:
         say(_one_line(answer), file=sys.stderr)
         return NOT_PROVED
+    except UncontrollableError as error:
+        say(f"polefence: {options.spec}: {_one_line(error)}", file=sys.stderr)
+        return BAD_INPUT
     except (InputError, MissingExtraError) as error:
         say(f"polefence: {_one_line(error)}", file=sys.stderr)
         return BAD_INPUT

@@ -35,7 +35,7 @@ class MultiAffinityError(PlantError):
 
 
 class UncontrollableError(PlantError):
-    """A vertex is uncontrollable: no gain moves all of its poles."""
+    """A pole of a vertex that no gain moves is not in the region."""
 
 
 class UnobservableError(PlantError):

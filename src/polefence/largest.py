@@ -6,7 +6,7 @@ from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass, replace
 
-from polefence.checks import require_region, require_type
+from polefence.checks import require_movable, require_region, require_type
 from polefence.conditions.methods import Method, Slack, method_label, options
 from polefence.conditions.target import FASTEST, Around, Decays, Goal, Sectors
 from polefence.design import Design
@@ -60,7 +60,7 @@ def largest(plant: UncertainPlant, of: str, method: Method, within: Region | Non
     if within is not None:
         require_type(within, Region, "within", "for example polefence.Disk(-40, 39)")
     require_region(plant, HalfPlane(0) if within is None else HalfPlane(0) & within, method)
-    plant.require_controllable()
+    require_movable(plant, within)
     within = bounded(within, SPEED * typical_rate(plant.A))
     question = (_decay if of == "half_plane" else _damping)(within)
     design = _direct(plant, method, question)

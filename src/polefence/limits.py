@@ -8,7 +8,7 @@ from concurrent.futures import BrokenExecutor, Executor, as_completed
 from dataclasses import dataclass, replace
 from typing import Any
 
-from polefence.checks import require_checkable, require_domain, usable_centre
+from polefence.checks import require_checkable, require_domain, require_movable, usable_centre
 from polefence.conditions.methods import METHODS, Method, Scheduled, Slack, method_label
 from polefence.conditions.sizes import fitting
 from polefence.design import Design
@@ -102,8 +102,8 @@ def limits(
     Raises
     ------
     InputError
-        If a centre or method is unusable, or a vertex uncontrollable. A row that fails otherwise
-        is "undecided" and never stops the sweep.
+        If a centre or method is unusable, or a vertex has an unstable pole that no gain moves. A
+        row that fails otherwise is "undecided" and never stops the sweep.
     """
     if isinstance(methods, str | Scheduled | Slack):
         methods = (methods,)
@@ -130,7 +130,7 @@ def as_finished(
         usable_centre(plant, centre)
         require_domain(plant, method)
         require_checkable(plant, method)
-    plant.require_controllable()
+    require_movable(plant)
     parts = chains(tasks)
     if executor is None:
         for part in parts:

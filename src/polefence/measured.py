@@ -6,18 +6,16 @@ from collections.abc import Iterable
 from fractions import Fraction
 from typing import Any
 
-import numpy as np
-
+from polefence.checks import modes_outside, stable_region
 from polefence.errors import InputError, UnobservableError, suggest
+from polefence.plant.controllability import fixed_modes
 from polefence.plant.family import UncertainPlant
 from polefence.plant.system import (
     Exact,
     System,
-    controllable_dimension,
     read_matrix,
-    uncontrollable_part,
 )
-from polefence.proof import exact
+from polefence.region import Region
 
 # Beyond so many states no remedy is sought: every try is an exact rank at every vertex.
 MOST_TRIED = 20
@@ -153,8 +151,18 @@ def dual_plant(
     )
 
 
-def require_observable(plant: UncertainPlant, C: tuple[Exact, ...], names: tuple[str, ...]) -> None:
-    """Check the rank of [C; CA; ...] at every vertex, exactly.
+def require_observable(
+    plant: UncertainPlant,
+    C: tuple[Exact, ...],
+    names: tuple[str, ...],
+    region: Region | None = None,
+) -> None:
+    """Refuse what is measured where the pole of an unseen mode is not in the region.
+
+    Parameters
+    ----------
+    region : Region, optional
+        Where it is not given, what is stable for the plant's kind of time.
 
     Raises
     ------
@@ -162,13 +170,15 @@ def require_observable(plant: UncertainPlant, C: tuple[Exact, ...], names: tuple
         Saying how much of the state is seen, which eigenvalues are not, whether the pair is at
         least detectable, and what to measure besides.
     """
+    asked, stable = region or stable_region(plant), stable_region(plant)
     worst = None
-    for vertex, own in zip(plant.vertices, C, strict=True):
-        part = uncontrollable_part(transposed(vertex.exact_A), transposed(own))
-        stable = not part or _stable(plant, part)
-        if part and (worst is None or not stable):
-            worst = vertex, part, stable
-            if not stable:
+    for vertex in dual_plant(plant, C, names).vertices:
+        if modes_outside(vertex.fixed, asked) is None:
+            continue
+        detectable = modes_outside(vertex.fixed, stable) is None
+        if worst is None or not detectable:
+            worst = vertex, detectable
+            if not detectable:
                 break
     if worst is not None:
         raise UnobservableError(_message(plant, C, names, *worst))
@@ -179,10 +189,9 @@ def _message(
     C: tuple[Exact, ...],
     names: tuple[str, ...],
     vertex: System,
-    part: list[list[Fraction]],
     stable: bool,
 ) -> str:
-    n, unseen = plant.shape[0], len(part)
+    n, unseen = plant.shape[0], vertex.fixed.count
     seen = " and ".join(map(repr, names)) or "C"
     fate = (
         "detectable only: an estimation error there dies out at its own pace, which no observer "
@@ -193,32 +202,10 @@ def _message(
     helps = _remedy(plant, C)
     return (
         f"{plant.name}, {vertex.name}: not observable: what is measured ({seen}) sees "
-        f"{n - unseen} of {n} state dimensions; the unseen part has "
-        f"{_eigenvalues(part)}, and the pair is {fate}; measure more"
-        + (f", for example also {helps}" if helps else "")
+        f"{n - unseen} of {n} state dimensions; the unseen part has the "
+        f"eigenvalue{'s' if unseen > 1 else ''} {vertex.fixed}, and the pair is {fate}; "
+        "measure more" + (f", for example also {helps}" if helps else "")
     )
-
-
-def _stable(plant: UncertainPlant, part: list[list[Fraction]]) -> bool:
-    """Decide exactly whether all eigenvalues lie in the open half-plane, or the unit disk."""
-    zero, one = Fraction(0), Fraction(1)
-    left, circle = exact.Part("half_plane", (zero,)), exact.Part("disk", (zero, one))
-    return exact.all_inside(part, (left if plant.sample_time is None else circle,))
-
-
-def _eigenvalues(part: list[list[Fraction]]) -> str:
-    """Print the eigenvalues, a conjugate pair once."""
-    matrix = np.array(part, dtype=float)
-    values = np.linalg.eigvals(matrix)
-    rounding = 1e-7 * np.abs(matrix).max(initial=0.0)
-    words = []
-    for z in sorted(values, key=lambda z: (z.real, abs(z.imag))):
-        real = f"{0.0 if abs(z.real) <= rounding else z.real:.4g}"
-        if abs(z.imag) <= rounding:
-            words.append(real)
-        elif z.imag > 0:
-            words.append(f"{real} +- {z.imag:.4g}j")
-    return f"the eigenvalue{'s' if len(values) > 1 else ''} {', '.join(words)}"
 
 
 def _remedy(plant: UncertainPlant, C: tuple[Exact, ...]) -> str | None:
@@ -230,8 +217,7 @@ def _remedy(plant: UncertainPlant, C: tuple[Exact, ...]) -> str | None:
         row = tuple(Fraction(int(i == j)) for j in range(n))
         pairs = zip(plant.vertices, C, strict=True)
         if all(
-            controllable_dimension(transposed(v.exact_A), transposed((*c, row))) == n
-            for v, c in pairs
+            not fixed_modes(transposed(v.exact_A), transposed((*c, row))).count for v, c in pairs
         ):
             return repr(_names(plant)[i])
     return None

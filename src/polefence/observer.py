@@ -53,7 +53,8 @@ def observe(
     Raises
     ------
     UnobservableError
-        If a vertex is not observable; the message says what is not seen and what to measure.
+        If a vertex has a pole that is not seen and not in the region (without one, not stable);
+        the message says what is not seen and what to measure.
     NotProvedError
         If the region is not proved; for a disk, its ``best`` is the `Observer` of the smallest
         disk of this centre that is.
@@ -66,7 +67,7 @@ def observe(
     if (region is None) == (centre is None):
         raise InputError("give a region, or a centre for the smallest disk, and not both")
     C, names = read_measured(plant, measured)
-    require_observable(plant, C, names)
+    require_observable(plant, C, names, region)
     dual = dual_plant(plant, C, names)
     try:
         if region is None:

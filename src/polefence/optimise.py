@@ -16,7 +16,7 @@ import numpy as np
 
 from polefence.analysis import analyse
 from polefence.augmented import with_weights, without_feedback
-from polefence.checks import require_domain, require_region, require_type
+from polefence.checks import require_domain, require_movable, require_region, require_type
 from polefence.conditions.methods import Method, Scheduled, options
 from polefence.conflict import refusal
 from polefence.design import Design
@@ -140,7 +140,7 @@ def optimise(
         require_type(own, Specification, "subject_to", "for example Rms('force', at_most=700)")
         if own.at_most is None:
             raise InputError(f"the limit of {own.name!r} is missing; give at_most")
-    plant.require_controllable()
+    require_movable(plant, asked)
     asked_for = subject_to if minimise is None else (*subject_to, minimise)
     deadline = time.perf_counter() + budget
     larger, found = with_weights(plant, tuple(asked_for))

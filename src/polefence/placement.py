@@ -9,6 +9,7 @@ from polefence.checks import (
     is_checkable,
     require_checkable,
     require_domain,
+    require_movable,
     require_region,
     require_type,
 )
@@ -68,13 +69,13 @@ def place(
     RegionError
         If the region does not fit the plant's time (continuous or discrete).
     UncontrollableError
-        If a vertex is uncontrollable.
+        If a vertex has a pole that no gain moves and that is not in the region.
     """
     require_type(plant, UncertainPlant, "plant", "polefence.load(path) reads one")
     require_domain(plant, method)
     require_type(region, Region, "region", "for example polefence.Disk(-40, 31)")
     require_region(plant, region, method)
-    plant.require_controllable()
+    require_movable(plant, region)
     if isinstance(method, Scheduled) and method.degree == "auto":
         return _climb(plant, region, method)
     method = fitting(plant, method)

@@ -8,7 +8,13 @@ from contextlib import suppress
 from dataclasses import replace
 from fractions import Fraction
 
-from polefence.checks import require_checkable, require_domain, require_type, usable_centre
+from polefence.checks import (
+    require_checkable,
+    require_domain,
+    require_movable,
+    require_type,
+    usable_centre,
+)
 from polefence.conditions.methods import Method, Scheduled, method_label, method_name, normal
 from polefence.conditions.methods import options as options_of
 from polefence.conditions.sizes import fitting
@@ -69,7 +75,7 @@ def tightest(
     NotProvedError
         If none could be proved (the solver failed on this problem, or ``within`` is out of reach).
     UncontrollableError
-        If a vertex is uncontrollable.
+        If a vertex has a pole that no gain moves and that is not stable, or not in ``within``.
     """
     require_type(plant, UncertainPlant, "plant", "polefence.load(path) reads one")
     require_domain(plant, method)
@@ -86,7 +92,7 @@ def tightest(
     if centre is None or within is not None:
         raise InputError("the smallest disk needs a centre, and takes no region within")
     centre = usable_centre(plant, centre)
-    plant.require_controllable()
+    require_movable(plant)
     best, _ = smallest_disk(plant, centre, method)
     if not best.proved and not allow_unproved:
         raise NotProvedError(

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from polefence.augmented import with_weights
-from polefence.checks import require_domain, require_region, require_type
+from polefence.checks import require_domain, require_movable, require_region, require_type
 from polefence.conditions.methods import Method, Scheduled, method_label, options
 from polefence.errors import InputError
 from polefence.gain_norm import GainNorm
@@ -161,7 +161,7 @@ def _require(asked: Asked, values: list[float], methods: list[Method]) -> None:
             f"{asked.over.kind} of {asked.over.name!r} is what the limit is swept of; minimise or "
             "limit something else"
         )
-    plant.require_controllable()
+    require_movable(plant, asked.region)
 
 
 def _same(one: Specification, other: Specification) -> bool:

@@ -9,7 +9,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from polefence import MultiAffinityError, Parameter, PlantError, UncertainPlant
+from polefence import HalfPlane, MultiAffinityError, Parameter, PlantError, UncertainPlant
+from polefence.checks import require_movable
 from polefence.errors import ParameterValueError, UncontrollableError
 from polefence.suspension.quarter_car import family, quarter_car
 
@@ -138,16 +139,16 @@ def test_an_uncontrollable_vertex_is_named():
     plant = UncertainPlant.from_vertices(
         [[[0, 1], [0, 0]], [[1, 0], [0, 2]]], [[[0], [1]], [[0], [1]]]
     )
-    with pytest.raises(UncontrollableError, match=r"vertex 2 is uncontrollable.*1 of 2"):
-        plant.require_controllable()
+    with pytest.raises(UncontrollableError, match=r"vertex 2 is uncontrollable.*1 of 2.*pole 1,"):
+        require_movable(plant, HalfPlane(0))
 
 
 def test_controllability_is_decided_exactly():
     tiny = Fraction(1, 10**40)
     pair = ([[[1, 0], [0, 1 + tiny]]], [[[1], [1]]])
-    UncertainPlant.from_vertices(*pair).require_controllable()
+    require_movable(UncertainPlant.from_vertices(*pair))
     with pytest.raises(UncontrollableError):
-        UncertainPlant.from_vertices([[[1, 0], [0, 1]]], pair[1]).require_controllable()
+        require_movable(UncertainPlant.from_vertices([[[1, 0], [0, 1]]], pair[1]))
 
 
 @pytest.mark.parametrize(

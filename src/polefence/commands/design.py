@@ -10,7 +10,6 @@ from polefence.commands.methods import method_arguments, method_of
 from polefence.commands.shared import (
     PROVED,
     check_results,
-    read_plant,
     report,
     result_arguments,
     spec_argument,
@@ -19,6 +18,7 @@ from polefence.conditions.methods import Method, Scheduled
 from polefence.errors import InputError
 from polefence.placement import place
 from polefence.plant.family import UncertainPlant
+from polefence.plant.spec import load
 from polefence.region import Disk, Region
 from polefence.region_text import load_region, parse_region
 from polefence.sweep import plant_summary
@@ -53,7 +53,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def design_command(options: Any) -> int:
     """Design a law for a region, prove it, and save it."""
-    plant = read_plant(options.spec)
+    plant = load(options.spec)
     region = _region(plant, options)
     method = _method(options)
     if options.right_hand_sides and not isinstance(region, Disk):

@@ -19,7 +19,6 @@ from polefence.commands.shared import (
     check_targets,
     clear_over,
     jobs_of,
-    read_plant,
     say,
     size_of,
     spec_argument,
@@ -31,6 +30,7 @@ from polefence.conditions.sizes import blocks, fitting
 from polefence.errors import InputError
 from polefence.limits import Limit
 from polefence.plant.family import UncertainPlant
+from polefence.plant.spec import load
 from polefence.region_text import digits_down, digits_up
 from polefence.sweep import processes, sweep
 
@@ -64,7 +64,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def limits_command(options: Any) -> int:
     """Find the smallest proved disk for each centre and method."""
-    plant = read_plant(options.spec)
+    plant = load(options.spec)
     centres = _centres(plant, options)
     methods = methods_of(options.method or list(METHODS), options)
     methods = _fitted(plant, methods, chosen=bool(options.method))

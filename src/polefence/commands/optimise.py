@@ -14,7 +14,6 @@ from polefence.commands.shared import (
     PROVED,
     check_results,
     check_targets,
-    read_plant,
     say,
     spec_argument,
     write_figure,
@@ -26,6 +25,7 @@ from polefence.gain_norm import GainNorm
 from polefence.optimise import Optimised, optimise
 from polefence.performance_file import FILE_NAME, save
 from polefence.plant.family import UncertainPlant
+from polefence.plant.spec import load
 from polefence.region import Region
 from polefence.region_text import load_region, parse_region
 from polefence.specification import InitialPeak, Specification, disturbance, signal_of
@@ -92,7 +92,7 @@ def specification_arguments(parser: argparse.ArgumentParser) -> None:
 
 def optimise_command(options: Any) -> int:
     """Minimise the worst case of one signal within limits on others, and prove all of it."""
-    plant = read_plant(options.spec)
+    plant = load(options.spec)
     road = road_of(options)
     least, limits = wanted(plant, options, road)
     region, method = region_of_options(options), method_of_options(plant, options)

@@ -16,7 +16,6 @@ from polefence.law import FixedGain
 from polefence.limits import Limit
 from polefence.plant.family import UncertainPlant
 from polefence.plant.names import visible
-from polefence.plant.spec import load
 
 PROVED, NOT_PROVED = 0, 1
 
@@ -106,16 +105,6 @@ def check_figure(path: Path | None) -> None:
     """Refuse a figure of no known format."""
     if path is not None and path.suffix not in (".png", ".svg", ".pdf"):
         raise InputError(f"{path}: a figure ends in .png, .svg or .pdf")
-
-
-def read_plant(spec: str) -> UncertainPlant:
-    """Read a spec for a design: the plant must be controllable."""
-    plant = load(spec)
-    try:
-        plant.require_controllable()
-    except InputError as error:
-        raise type(error)(f"{spec}: {error}") from error
-    return plant
 
 
 def jobs_of(options: Any, rows: int) -> int | None:

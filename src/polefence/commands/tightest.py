@@ -10,13 +10,13 @@ from polefence.commands.methods import method_arguments, method_of
 from polefence.commands.shared import (
     PROVED,
     check_results,
-    read_plant,
     report,
     result_arguments,
     spec_argument,
 )
 from polefence.design import Design
 from polefence.errors import InputError
+from polefence.plant.spec import load
 from polefence.region_text import digits_down, digits_up, parse_region, short_text
 from polefence.smallest_region import tightest
 from polefence.sweep import plant_summary
@@ -57,7 +57,7 @@ def tightest_command(options: Any) -> int:
         raise InputError(f"--centre belongs to --of disk; a {options.of} has none")
     if options.of == "disk" and options.within is not None:
         raise InputError("--within belongs to --of half_plane and --of sector")
-    plant = read_plant(options.spec)
+    plant = load(options.spec)
     centre = f"--centre CENTRE, for example --centre {example_centre(plant)}"
     if options.of != "disk" and plant.sample_time is not None:
         raise InputError(f"{options.spec}: a discrete-time plant; ask --of disk {centre}")

@@ -22,7 +22,6 @@ from polefence.commands.shared import (
     check_figure,
     check_targets,
     jobs_of,
-    read_plant,
     say,
     say_over,
     size_of,
@@ -33,6 +32,7 @@ from polefence.commands.shared import (
 from polefence.conditions.methods import Method
 from polefence.errors import InputError
 from polefence.plant.family import UncertainPlant
+from polefence.plant.spec import load
 from polefence.region_text import digits_up
 from polefence.response.vehicle import ride
 from polefence.specification import Specification
@@ -104,7 +104,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def tradeoff_command(options: Any) -> int:
     """Find the least proved bound on one signal for each limit on another."""
-    plant = read_plant(options.spec)
+    plant = load(options.spec)
     values, methods = _values(options), _methods(plant, options)
     minimise, over, limits = _specifications(plant, options)
     region = region_of_options(options)

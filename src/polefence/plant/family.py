@@ -259,11 +259,6 @@ class UncertainPlant:
         weights = np.asarray(alpha, dtype=float)
         return np.tensordot(weights, self.A, 1), np.tensordot(weights, self.B, 1)
 
-    def require_controllable(self) -> None:
-        """Raise ``UncontrollableError`` naming the first vertex that is not controllable."""
-        for vertex in self.vertices:
-            vertex.require_controllable()
-
 
 def _common_bits(vertices: tuple[System, ...]) -> int:
     """Bits of the common denominator of A and B, as far as it is worth counting."""

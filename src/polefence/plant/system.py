@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import cached_property
@@ -11,7 +10,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from polefence.errors import PlantError, UncontrollableError
+from polefence.errors import PlantError
+from polefence.plant.controllability import FixedModes, fixed_modes
 from polefence.plant.parameters import exact
 
 Array = npt.NDArray[np.float64]
@@ -116,65 +116,16 @@ class System:
         """Numbers of states and inputs (n, m)."""
         return len(self.exact_A), len(self.exact_B[0])
 
-    def require_controllable(self) -> None:
-        """Check the rank of [B, AB, ..., A^(n-1) B] exactly.
+    @cached_property
+    def fixed(self) -> FixedModes:
+        """Modes that no input moves; none if (A, B) is controllable.
 
         Raises
         ------
-        UncontrollableError
-            If it is less than n.
+        PlantError
+            If there are some, and the entries are too long to say which.
         """
-        n, _ = self.shape
-        rank = controllable_dimension(self.exact_A, self.exact_B)
-        if rank < n:
-            raise UncontrollableError(
-                f"{self.name} is uncontrollable: its inputs reach {rank} of {n} state dimensions, "
-                "so some poles cannot be moved; remove those states or add an input"
-            )
-
-
-def controllable_dimension(A: Exact, B: Exact) -> int:
-    """Dimension of the controllable subspace, in exact arithmetic."""
-    return len(_controllable_basis(A, B))
-
-
-def uncontrollable_part(A: Exact, B: Exact) -> list[list[Fraction]]:
-    """Return the matrix whose eigenvalues no gain can move, 0 x 0 if there are none.
-
-    A as it acts on the states modulo the controllable subspace, in exact arithmetic.
-    """
-    basis = _controllable_basis(A, B)
-    pivots = [pivot for pivot, _ in basis]
-    free = [i for i in range(len(A)) if i not in pivots]
-    part = []
-    for j in free:
-        image = [A[i][j] for i in range(len(A))]
-        part.append([_reduce(image, basis)[i] for i in free])
-    return [list(row) for row in zip(*part, strict=True)]
-
-
-def _controllable_basis(A: Exact, B: Exact) -> list[tuple[int, list[Fraction]]]:
-    """Return an echelon basis of the controllable subspace: pivots and vectors."""
-    n = len(A)
-    basis: list[tuple[int, list[Fraction]]] = []
-    queue = [list(column) for column in zip(*B, strict=True)]
-    while queue and len(basis) < n:
-        vector = queue.pop(0)
-        reduced = _reduce(vector, basis)
-        pivot = next((i for i, entry in enumerate(reduced) if entry), None)
-        if pivot is None:
-            continue
-        normal = [entry / reduced[pivot] for entry in reduced]
-        basis.append((pivot, normal))
-        queue.append(
-            [sum((a * v for a, v in zip(row, normal, strict=True) if a), Fraction(0)) for row in A]
-        )
-    return basis
-
-
-def _reduce(vector: list[Fraction], basis: Sequence[tuple[int, list[Fraction]]]) -> list[Fraction]:
-    for pivot, row in basis:
-        factor = vector[pivot]
-        if factor:
-            vector = [v - factor * r for v, r in zip(vector, row, strict=True)]
-    return vector
+        try:
+            return fixed_modes(self.exact_A, self.exact_B)
+        except PlantError as error:
+            raise PlantError(f"{self.name}: {error}") from error

@@ -10,9 +10,11 @@ from typing import Any
 
 import numpy as np
 
+from polefence.errors import PlantError
 from polefence.law import right_divide
+from polefence.plant.controllability import fixed_modes
 from polefence.plant.family import UncertainPlant
-from polefence.plant.system import Array, uncontrollable_part
+from polefence.plant.system import Array
 from polefence.polynomial import Domain
 from polefence.proof import exact
 from polefence.proof.outside import leaves
@@ -26,6 +28,7 @@ MOST_POINTS = 20_000
 # What looking at points may cost, all told and in one climb, in cubes of the number of states.
 MOST_CUBES, MOST_CUBES_UP = 2e8, 2e7
 CHUNK = 2000
+MOST_ENTRIES = 4e6  # of vertices mixed exactly, where fixed modes are looked for
 STARTS = 4
 ROUNDS = 40
 SEED = 20050801
@@ -107,11 +110,14 @@ def unplaceable(plant: UncertainPlant, region: Region, on: str) -> str | None:
     ]
     tried += [_simple(points[i], domain.sizes, limit) for i in nearest for limit in (2, 4, 10, 100)]
     parts = exact.read_region(region.document())
-    for alpha in tried:
+    n, m = plant.shape
+    for alpha in tried[: int(MOST_ENTRIES / (n * (n + m) * len(plant.vertices)))]:
         matrices = ([getattr(v, f"exact_{x}") for v in plant.vertices] for x in "AB")
         A_, B_ = (tuple(map(tuple, exact.mix(alpha, list(M)))) for M in matrices)
-        part = uncontrollable_part(A_, B_)
-        if part and not exact.all_inside(part, parts):
+        with suppress(PlantError, exact.FormatError), exact.counted():
+            fixed = fixed_modes(A_, B_)
+            if not fixed.count or exact.roots_inside(list(fixed.polynomial), parts, fixed.whole):
+                continue
             weights = ", ".join(str(a) for a in alpha)
             return f"at alpha = ({weights}) a pole outside {region} cannot be moved by any gain"
     return None

@@ -423,18 +423,15 @@ def test_the_elevation_counts():
     assert not answer(changed(document, "service", "elevation", value=0))
 
 
-def test_other_kinds_and_weights_are_refused(claims):
-    document = document_of(claims, "disk")
-    for table in (
-        {"kind": "rate", "decay": 0, "rates": [0, 0]},
-        {"kind": "estimate", "errors": [0, 0]},
-    ):
-        with pytest.raises(FormatError, match="no proofs for service"):
-            answer(changed(document, "service", value=table))
+def test_weights_and_tables_are_refused(claims):
     _, _, _, claim = claims["one gain"]
     design = replace(claim.subject.design, weights=(Fraction(1),) * 3)
     with pytest.raises(FormatError, match="weights"):
         prove_service(replace(claim, subject=replace(claim.subject, design=design)))
+    design = claim.subject.design
+    several = replace(design, law=replace(design.law, K=[*(design.law.K or [])] * 3))
+    with pytest.raises(FormatError, match="tables of gains"):
+        prove_service(replace(claim, subject=replace(claim.subject, design=several)))
 
 
 def test_a_region_kept_may_be_another(claims):

@@ -112,6 +112,25 @@ def region_blocks(region, X, N):
     return values
 
 
+TAU = np.array([0.3, 0.6])
+ENDS_OF_TAU = np.stack([1 - TAU, TAU], axis=1).ravel()
+
+
+def estimate_pairs(plant, errors, pieces):
+    """At TAU of each piece the values of each parameter and of its estimate."""
+    pairs = []
+    for p, error, count, tau in zip(plant.parameters, errors, pieces, TAU, strict=True):
+        low, high, own = float(p.low), float(p.high), []
+        for sign in (-1, 1):
+            bend = low + error if sign < 0 else high - error
+            cuts = {*np.linspace(low, high, count + 1), *([bend] if low < bend < high else [])}
+            for u, v in pairwise(sorted(cuts)):
+                estimate = u + tau * (v - u)
+                own.append((np.clip(estimate + sign * error, low, high), estimate))
+        pairs.append(own)
+    return list(product(*pairs))
+
+
 @pytest.mark.parametrize(("degree", "on"), LAWS)
 @pytest.mark.parametrize("region", REGIONS)
 def test_estimates_are_the_matrices_at_p_and_its_estimate(degree, on, region):
@@ -119,21 +138,9 @@ def test_estimates_are_the_matrices_at_p_and_its_estimate(degree, on, region):
     certificate, law = random_claim(plant, degree, on, region)
     errors, pieces = (Fraction(1, 3), Fraction(2)), (2, 1)  # the second is more than its range
     claim = Estimate(subject_of(certificate, pieces, 1), errors)
-    tau = np.array([0.3, 0.6])
-    coordinates = np.stack([1 - tau, tau], axis=1).ravel()
-    pairs = []
-    for p, error, count in zip(plant.parameters, (1 / 3, 2.0), pieces, strict=True):
-        low, high, own = float(p.low), float(p.high), []
-        for sign in (-1, 1):
-            bend = low + error if sign < 0 else high - error
-            cuts = {*np.linspace(low, high, count + 1), *([bend] if low < bend < high else [])}
-            for (u, v), t in zip(pairwise(sorted(cuts)), [tau[len(pairs)]] * 9, strict=False):
-                estimate = u + t * (v - u)
-                own.append((np.clip(estimate + sign * error, low, high), estimate))
-        pairs.append(own)
-    assert [len(own) for own in pairs] == [6, 2]
-    places = list(product(*pairs))
-    for (first, second), mine in zip(places, evaluated(claim, coordinates), strict=True):
+    places = estimate_pairs(plant, (1 / 3, 2.0), pieces)
+    assert len(places) == 12
+    for (first, second), mine in zip(places, evaluated(claim, ENDS_OF_TAU), strict=True):
         A, B = plant.at(plant.alpha(p1=first[0], p2=second[0]))
         W, Z = law_at(certificate, law, plant.alpha(p1=first[1], p2=second[1]))
         expected = region_blocks(region, W, A @ W + B @ Z)

@@ -27,8 +27,6 @@ from polefence.sweep import plant_summary
 if TYPE_CHECKING:  # imported where used: with scipy behind it
     from polefence.response.run import Run, Setup
 
-IN_SERVICE = ("quadratic", "scheduled")  # methods whose designs have margins
-
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options of `simulate`."""
@@ -92,7 +90,7 @@ def _require_end(runs: Mapping[str, Run]) -> None:
 
 def _margins(setup: Setup, law: Named) -> Any:
     """Return what is proved of moving and wrongly known parameters, where that is asked."""
-    if setup.still or law.design is None or law.design.method not in IN_SERVICE:
+    if setup.still or law.design is None:
         return None
     return (*estimation_error(law.design), *parameter_rate(law.design))
 

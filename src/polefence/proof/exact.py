@@ -704,18 +704,30 @@ def _loop(
             # both times the plant's denominator, which the weights have too
             return _weighted(plant.weights, X), _multiple(plant.denominator, N)
         return _elevated(X, sizes, 1), N
-    # X = W (multiple + Q W), N = (A W + B Z) (multiple + Q W)
+    # X = W V, N = (A W + B Z) V
     W, WZ = _fraction(law, sizes, D)
-    V = _product(Q, W)
-    if evidence.multiple:
-        n = len(claim.A[0])
-        scalars = [
-            [[int(s * own) * D * (i == j) for j in range(n)] for i in range(n)]
-            for s in evidence.multiple
-        ]
-        multiple = _bernstein(scalars, sizes, evidence.degree)
-        V = _plus(V, _elevated(multiple, sizes, law.degree))
+    V = _multiplier(W, Q, evidence, sizes, (law.degree, D, own))
     return _elevated(_product(W, V), sizes, 1), _product(_product(plant.AB, WZ), V)
+
+
+def _multiplier(
+    W: Polynomial,
+    Q: Polynomial,
+    evidence: Evidence,
+    sizes: tuple[int, ...],
+    units: tuple[int, int, int],
+) -> Polynomial:
+    """Return V = multiple + Q W of a scheduled law given, times the denominators of both.
+
+    The units are W's degree, and the denominators of W and of the evidence.
+    """
+    V, (degree, D, own) = _product(Q, W), units
+    if not evidence.multiple:
+        return V
+    n = range(len(evidence.X[0]))
+    scalars = [[[int(s * own) * D * (i == j) for j in n] for i in n] for s in evidence.multiple]
+    multiple = _bernstein(scalars, sizes, evidence.degree)
+    return _plus(V, _elevated(multiple, sizes, degree))
 
 
 def _fraction(law: Law, sizes: tuple[int, ...], D: int) -> tuple[Polynomial, Polynomial]:

@@ -39,6 +39,7 @@ def claim_document(claim: ServiceClaim) -> dict[str, Any]:
     elif isinstance(claim, Rate):
         rates = "any" if claim.rates is None else plain(claim.rates)
         table = {"kind": "rate", "decay": plain(claim.decay), "rates": rates}
+        table |= {"part": claim.part + 1} if claim.part else {}
     if claim.subject.pieces:
         table["pieces"] = list(claim.subject.pieces)
     return table | {"elevation": claim.subject.elevation}

@@ -8,17 +8,20 @@ Bernstein coefficients follow by one matrix. This shares nothing with the exact 
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache
 from itertools import product
+from typing import Any
 
 import numpy as np
 
+from polefence.coordinates import Coordinates
 from polefence.design import Design
 from polefence.errors import InputError
-from polefence.law import ScheduledGain
+from polefence.law import FixedGain, ScheduledGain
 from polefence.plant.system import Array
-from polefence.polynomial import Domain
+from polefence.polynomial import Domain, bernstein, binomial, elevated, times
 from polefence.region import Pair, Region
 
 MOST_POINTS = 2500  # of a piece
@@ -81,34 +84,81 @@ class Balanced:
         return X, N, B
 
 
-def balanced(design: Design, region: Region) -> Balanced:
-    """Return a design of method "quadratic" or "scheduled", and a region, in balanced coordinates.
+def balanced(design: Design, region: Region) -> tuple[Balanced, ...]:
+    """Return a design and a region in balanced coordinates.
+
+    One value for all parts of the region; of a law that was given (method "lyapunov") one each,
+    with that part's Lyapunov polynomial.
 
     Raises
     ------
     InputError
-        For designs of other methods.
+        For designs of the method "slack", which have no Lyapunov matrix of that kind.
     """
-    law, plant = design.law, design.plant
+    law = design.law
     if design.method == "scheduled" and isinstance(law, ScheduledGain):
-        W, Z, degree, domain = law.W, law.Z, law.degree, law.domain
-    elif design.method == "quadratic":
+        return (_balanced(design, law.W, law.Z, (law.degree, law.domain), region),)
+    if design.method == "quadratic":
         W = np.asarray(design.certificate.evidence["W"])[None]
-        Z, degree, domain = law.gain(None) @ W, 0, Domain((len(plant.vertices),))
-    else:
-        raise InputError(
-            f"nothing is proved for service from a design of method {design.method!r}; design with "
-            "'scheduled' or 'quadratic'"
-        )
-    mean = W.mean(axis=0)
-    scale = np.sqrt(np.diag(mean))
-    T = scale[:, None] * np.linalg.cholesky(mean / np.outer(scale, scale))
-    inverse = np.linalg.inv(T)
-    W = inverse @ W @ inverse.T
-    A, B, Z = inverse @ plant.A @ T, inverse @ plant.B, Z @ inverse.T
-    pairs, q = region.pairs(), len(plant.parameters)
-    disks = all(part.kind == "disk" for part in region.parts)
-    return Balanced(A, B, (W + W.swapaxes(1, 2)) / 2, Z, T, degree, domain, q, pairs, disks)
+        domain = Domain((len(design.plant.vertices),))
+        return (_balanced(design, W, law.gain(None) @ W, (0, domain), region),)
+    if design.method != "lyapunov":
+        raise InputError(f"nothing is proved for service from a design of method {design.method!r}")
+    evidence = design.certificate.evidence["parts"]
+    return tuple(
+        _given(design, own, part) for own, part in zip(evidence, region.parts, strict=True)
+    )
+
+
+def _balanced(
+    design: Design, W: Array, Z: Array, form: tuple[int, Domain], region: Region
+) -> Balanced:
+    """Return the value for coefficients of W and Z, of a degree on a domain."""
+    found = Coordinates.whitening(W.mean(axis=0))
+    if found is None:
+        raise InputError("a Lyapunov matrix is not positive definite")
+    A, B = found.loops(design.plant.A), found.inputs(design.plant.B)
+    return _value(design, (A, B, found.forms(W), found.gains(Z), found.inverse), form, region)
+
+
+def _value(
+    design: Design,
+    matrices: tuple[Array, Array, Array, Array, Array],
+    form: tuple[int, Domain],
+    region: Region,
+) -> Balanced:
+    A, B, W, Z, T = matrices
+    q, disks = len(design.plant.parameters), all(part.kind == "disk" for part in region.parts)
+    W = (W + W.swapaxes(1, 2)) / 2
+    return Balanced(A, B, W, Z, T, *form, q, region.pairs(), disks)
+
+
+def _given(design: Design, evidence: Mapping[str, Any], part: Region) -> Balanced:
+    """Return the value for one part of the region, of a law that was given."""
+    law, degree, Q = design.law, int(evidence["degree"]), np.asarray(evidence["X"])
+    if isinstance(law, FixedGain):
+        on = str(design.certificate.evidence.get("on", "simplex"))
+        domain = Domain.of(on, len(design.plant.vertices))
+        return _balanced(design, Q, law.K @ Q, (degree, domain), part)
+    # X = W V, K X = Z V with V = multiple + Q W, in the law's own coordinates first
+    first, domain, n = law.coordinates, law.domain, design.plant.shape[0]
+    W, Z = law.even
+    w = bernstein(domain, W, law.degree)
+    V = times(bernstein(domain, first.duals(Q), degree), w)
+    multiple = np.asarray(evidence.get("multiple", np.zeros(len(Q))))
+    scalars = bernstein(domain, multiple[:, None, None] * np.eye(n), degree)
+    for e, matrix in elevated(scalars, domain, law.degree).items():
+        V[e] = V[e] + matrix
+    both = times(bernstein(domain, np.concatenate([W, Z], axis=1), law.degree), V)
+    total = degree + 2 * law.degree
+    WZ = np.array([both[e] / binomial(domain.sizes, e) for e in domain.monomials(total)])
+    X, KX = WZ[:, :n], WZ[:, n:]
+    second = Coordinates.whitening(X.mean(axis=0))
+    if second is None:
+        raise InputError("a Lyapunov matrix is not positive definite")
+    A, B = first.loops(design.plant.A), first.inputs(design.plant.B)
+    A, B, X, KX = second.loops(A), second.inputs(B), second.forms(X), second.gains(KX)
+    return _value(design, (A, B, X, KX, first.inverse @ second.inverse), (total, domain), part)
 
 
 def region_block(pair: Pair, X: Array, N: Array) -> Array:

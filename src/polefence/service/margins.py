@@ -44,6 +44,9 @@ class Margin:
         Where it does.
     claim : polefence.proof.service.Estimate, Gain or Rate, optional
         What was proved; None where nothing was.
+    design : Design, optional
+        The one that the claim is of: for a law whose own proof does not serve, the same law, proved
+        again.
     """
 
     kind: str
@@ -53,6 +56,7 @@ class Margin:
     upper: float | None = None
     example: str = ""
     claim: ServiceClaim | None = None
+    design: Design | None = None
 
     def __repr__(self) -> str:
         return f"<Margin {self}>"
@@ -133,11 +137,13 @@ class Service:
 
     def document(self, margin: Margin) -> dict[str, Any]:
         """Return a proved margin's service file as plain data for JSON."""
-        service = claim_document(margin.claim) if margin.claim else {}
-        if self.region != self.design.region:
-            service["region"] = self.region.document()
-        design = self.design.certificate.document()
-        return {"format": FORMAT, "version": exact.VERSION, "design": design, "service": service}
+        design, service = margin.design or self.design, dict[str, Any]()
+        if margin.claim is not None:
+            service = claim_document(margin.claim)
+            if margin.claim.subject.design.region != design.certificate.claim().region:
+                service["region"] = self.region.document()
+        own = design.certificate.document()
+        return {"format": FORMAT, "version": exact.VERSION, "design": own, "service": service}
 
     def save(self, directory: str | Path) -> list[Path]:
         """Write one file for each proved margin into a folder; return their paths.

@@ -6,10 +6,13 @@ import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from fractions import Fraction
+from functools import cached_property
+from typing import Any
 
 from polefence.checks import require_region
 from polefence.design import Design
 from polefence.errors import InputError
+from polefence.law import FixedGain
 from polefence.plant.parameters import Parameter
 from polefence.proof import exact
 from polefence.proof.service import (
@@ -26,7 +29,9 @@ from polefence.service import estimate, gain, rate
 from polefence.service.breaks import estimate_break
 from polefence.service.floats import Balanced, balanced, count_whole
 from polefence.service.gain_breaks import gain_break
+from polefence.service.given import count_given, largest_given
 from polefence.service.margins import Margin, Service
+from polefence.service.tolerated import GIVEN, claimed_design
 
 # Pieces of each parameter's interval and elevation that are tried, while they gain something.
 BOX, SIMPLEX = ((1, 0), (1, 1), (2, 0), (4, 0), (8, 0)), ((1, 0), (1, 1), (1, 2), (1, 3))
@@ -43,18 +48,35 @@ Evidence = tuple[float, ...]  # mu, of gains
 
 @dataclass(frozen=True, eq=False)
 class _Task:
-    """A design, the region to be kept, and what of both every claim needs."""
+    """A design, the region to be kept, and what of both every claim needs.
+
+    ``subject`` is the design that claims are made of, None where there is none; ``balanced`` has
+    one value for each of its Lyapunov polynomials.
+    """
 
     design: Design
     region: Region
-    balanced: Balanced
-    claim: exact.Claim
+    subject: Design | None
+
+    @cached_property
+    def balanced(self) -> tuple[Balanced, ...]:
+        return () if self.subject is None else balanced(self.subject, self.region)
+
+    @cached_property
+    def claim(self) -> exact.Claim:
+        own = (self.subject or self.design).certificate.claim()
+        return replace(own, region=exact.read_region(self.region.document()))
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:
         return self.design.plant.parameters
 
-    def subject(self, pieces: int, elevation: int) -> Subject:
+    @property
+    def fixed(self) -> bool:
+        law = self.design.law
+        return isinstance(law, FixedGain) or not law.degree
+
+    def subject_of(self, pieces: int, elevation: int) -> Subject:
         ranges = tuple(Range(p.low, p.high, p.inverted) for p in self.parameters)
         return Subject(self.claim, ranges, (pieces,) * len(ranges), elevation)
 
@@ -66,6 +88,9 @@ class _Task:
         if len(spans) != 1:
             yield "", "", tuple(spans) or (Fraction(1),)
 
+    def margin(self, kind: str, name: str, value: float, unit: str, **more: Any) -> Margin:
+        return Margin(kind, name, value, unit, design=self.subject, **more)
+
 
 def _task(design: Design, region: Region | None) -> _Task:
     if not isinstance(design, Design):
@@ -76,10 +101,7 @@ def _task(design: Design, region: Region | None) -> _Task:
     if not isinstance(kept, Region):
         raise InputError(f"region = {region!r} is no region; for example polefence.Disk(-40, 31)")
     require_region(design.plant, kept)
-    parts = exact.read_region(kept.document())
-    return _Task(
-        design, kept, balanced(design, kept), replace(design.certificate.claim(), region=parts)
-    )
+    return _Task(design, kept, claimed_design(design, kept))
 
 
 def in_service(design: Design, decay: float = 0.0, *, region: Region | None = None) -> Service:
@@ -88,7 +110,8 @@ def in_service(design: Design, decay: float = 0.0, *, region: Region | None = No
     Parameters
     ----------
     design : Design
-        Of method "scheduled", of any degree, or "quadratic".
+        Of any method. Of "slack", and of "lyapunov" where another region is kept, the law is first
+        proved again with Lyapunov polynomials.
     decay : float
         What rates of change must leave of exponential stability [1/s].
     region : Region, optional
@@ -104,14 +127,12 @@ def in_service(design: Design, decay: float = 0.0, *, region: Region | None = No
     Raises
     ------
     InputError
-        If the design is of another method.
+        If the design or the region is none.
     """
-    margins = (
-        *estimation_error(design, region=region),
-        gain_error(design, region=region),
-        *parameter_rate(design, decay),
-    )
-    return Service(design, design.region if region is None else region, decay, margins)
+    task = _task(design, region)
+    still = task if task.region == design.region else _task(design, None)
+    margins = (*_estimates(task), _gain(task), *_rates(still, decay))
+    return Service(design, task.region, decay, margins)
 
 
 def estimation_error(design: Design, *, region: Region | None = None) -> tuple[Margin, ...]:
@@ -127,12 +148,9 @@ def estimation_error(design: Design, *, region: Region | None = None) -> tuple[M
     Raises
     ------
     InputError
-        If the design is of another method than "scheduled" and "quadratic".
+        If the design or the region is none.
     """
-    task = _task(design, region)
-    if task.balanced.degree == 0:
-        return ()
-    return tuple(_estimate(task, *each) for each in task.spans())
+    return _estimates(_task(design, region))
 
 
 def gain_error(design: Design, *, region: Region | None = None) -> Margin:
@@ -146,23 +164,39 @@ def gain_error(design: Design, *, region: Region | None = None) -> Margin:
     Raises
     ------
     InputError
-        If the design is of another method than "scheduled" and "quadratic".
+        If the design or the region is none.
     """
-    task = _task(design, region)
-    scales = gain.scales_of(design)
+    return _gain(_task(design, region))
+
+
+def _gain(task: _Task) -> Margin:
+    scales = gain.scales_of(task.design)
     rows, columns = (tuple(Fraction(float(v)) for v in x) for x in (scales.rows, scales.columns))
+    given = task.subject is not None and task.subject.method == "lyapunov"
 
     def find(pieces: int, elevation: int) -> tuple[float, Evidence]:
-        return gain.largest(task.balanced, scales, pieces, elevation)
+        if given and task.subject is not None:
+            each = largest_given(task.subject, scales, elevation)
+        else:
+            each = gain.largest_each(task.balanced[0], scales, pieces, elevation)
+        if not each:
+            return -1.0, ()
+        return min(error for error, _ in each), tuple(mu for _, mu in each)
 
     def claim(subject: Subject, t: float, mu: Evidence) -> tuple[Gain, float]:
         error = _short(t)
         return Gain(subject, error, rows, columns, tuple(map(_short, mu))), float(error)
 
-    proved, value = _proved(task, find, claim, lambda *fine: count_whole(task.balanced, *fine))
-    found = gain_break(design, task.region, scales, value)
+    def count(pieces: int, elevation: int) -> float:
+        if given and task.subject is not None:
+            return count_given(task.subject, elevation)
+        return count_whole(task.balanced[0], pieces, elevation)
+
+    proved, value = _proved(task, find, claim, count, GIVEN if given else None)
+    found = gain_break(task.design, task.region, scales, value)
     upper, example = (found.value, found.example) if found else (None, "")
-    return Margin("gain", "", value, "of each column", upper, example, proved)
+    more = {"upper": upper, "example": example, "claim": proved}
+    return task.margin("gain", "", value, "of each column", **more)
 
 
 def parameter_rate(design: Design, decay: float = 0.0) -> tuple[Margin, ...]:
@@ -187,67 +221,96 @@ def parameter_rate(design: Design, decay: float = 0.0) -> tuple[Margin, ...]:
     Raises
     ------
     InputError
-        If the decay rate is negative, or the design of another method than "scheduled" and
-        "quadratic".
+        If the decay rate is negative, or the design none.
     """
-    task = _task(design, None)
+    return _rates(_task(design, None), decay)
+
+
+def _rates(task: _Task, decay: float) -> tuple[Margin, ...]:
     if not (isinstance(decay, int | float) and 0 <= decay < 1e100):
         raise InputError(f"decay = {decay!r} must be a rate of zero or more [1/s]")
-    if design.plant.sample_time is not None:
+    if task.design.plant.sample_time is not None:
         if decay:
             raise InputError(
-                f"decay = {decay:g}: {design.plant.name} is in discrete time, where no rates of "
-                "change are proved; leave it out"
+                f"decay = {decay:g}: {task.design.plant.name} is in discrete time, where no rates "
+                "of change are proved; leave it out"
             )
         return ()
-    spans = task.spans() if task.balanced.degree else iter([("", "", (Fraction(1),))])
+    whole = [("", "", tuple(p.high - p.low for p in task.parameters) or (Fraction(1),))]
+    if any(not own.degree for own in task.balanced):  # constant: no rate is too large
+        found = _rate(task, decay, *whole[0])
+        if math.isinf(found.value):
+            return (found,)
+    spans = whole if task.fixed and not task.balanced else task.spans()
     return tuple(_rate(task, decay, *each) for each in spans)
 
 
 def _rate(task: _Task, decay: float, name: str, unit: str, span: tuple[Fraction, ...]) -> Margin:
-    floats = [float(s) for s in span]
+    """Return the largest rate that the Lyapunov polynomial of any part of the region proves."""
+    proved: ServiceClaim | None = None
+    value = 0.0
+    for part in range(len(task.balanced)):
+        other, reached = _rate_of(task, part, decay, name, span)
+        if other is not None and (proved is None or reached > value):
+            proved, value = other, reached
+    joint = "" if math.isinf(value) else "ranges/s" if task.parameters else "1/s"
+    own = f"{unit or '1'}/s" if name else joint
+    return task.margin("rate", name, value, own, claim=proved)
+
+
+def _rate_of(
+    task: _Task, part: int, decay: float, name: str, span: tuple[Fraction, ...]
+) -> tuple[ServiceClaim | None, float]:
+    """Return what one Lyapunov polynomial proves."""
+    floats, balanced_ = [float(s) for s in span], task.balanced[part]
 
     def find(pieces: int, elevation: int) -> tuple[float, Evidence]:
-        found = rate.largest(task.balanced, task.parameters, floats, decay, pieces, elevation)
+        found = rate.largest(balanced_, task.parameters, floats, decay, pieces, elevation)
         # where all W are equal but for rounding, no rate is too large in floats
-        return min(found, FASTEST) if task.balanced.degree else found, ()
+        return min(found, FASTEST) if balanced_.degree else found, ()
 
     def claim(subject: Subject, t: float, _: Evidence) -> tuple[Rate, float]:
         if math.isinf(t):
-            return Rate(subject, Fraction(decay), None), math.inf
+            return Rate(subject, Fraction(decay), None, part), math.inf
         rates = tuple(_short(t * s) for s in floats)
-        return Rate(subject, Fraction(decay), rates), _value(rates, span, name)
+        return Rate(subject, Fraction(decay), rates, part), _value(rates, span, name)
 
     def count(pieces: int, elevation: int) -> float:
-        N = len(task.balanced.A)
+        N = len(balanced_.A)
         signs = 2 ** sum(s > 0 for s in span) if task.parameters else N * (N - 1)
-        return count_whole(task.balanced, pieces, elevation) * signs
+        return count_whole(balanced_, pieces, elevation) * signs
 
-    proved, value = _proved(task, find, claim, count)
-    joint = "" if math.isinf(value) else "ranges/s" if task.parameters else "1/s"
-    own = f"{unit or '1'}/s" if name else joint
-    return Margin("rate", name, value, own, claim=proved)
+    return _proved(task, find, claim, count)
+
+
+def _estimates(task: _Task) -> tuple[Margin, ...]:
+    return () if task.fixed else tuple(_estimate(task, *each) for each in task.spans())
 
 
 def _estimate(task: _Task, name: str, unit: str, span: tuple[Fraction, ...]) -> Margin:
     floats = [float(s) for s in span]
 
     def find(pieces: int, elevation: int) -> tuple[float, Evidence]:
-        return estimate.largest(task.balanced, task.parameters, floats, pieces, elevation), ()
+        each = (
+            estimate.largest(own, task.parameters, floats, pieces, elevation)
+            for own in task.balanced
+        )
+        return min(each), ()
 
     def claim(subject: Subject, t: float, _: Evidence) -> tuple[Estimate, float]:
         errors = tuple(min(_short(t * f), s) for f, s in zip(floats, span, strict=True))
         return Estimate(subject, errors), _value(errors, span, name)
 
     def count(pieces: int, elevation: int) -> float:
-        return estimate.count_blocks(task.balanced, floats, pieces, elevation)
+        return sum(estimate.count_blocks(own, floats, pieces, elevation) for own in task.balanced)
 
     proved, value = _proved(task, find, claim, count)
     whole = max(floats) if name else 1.0
     found = estimate_break(task.design, task.region, span, value / whole)
     upper, example = (found.value * whole, found.example) if found else (None, "")
     joint = "of each range" if task.parameters else "of the weight"
-    return Margin("estimate", name, value, unit if name else joint, upper, example, proved)
+    more = {"upper": upper, "example": example, "claim": proved}
+    return task.margin("estimate", name, value, unit if name else joint, **more)
 
 
 def _proved(
@@ -255,17 +318,20 @@ def _proved(
     find: Callable[[int, int], tuple[float, Evidence]],
     claim: Callable[[Subject, float, Evidence], tuple[ServiceClaim, float]],
     count: Callable[[int, int], float],
+    ladder: tuple[tuple[int, int], ...] | None = None,
 ) -> tuple[ServiceClaim | None, float]:
     """Search at one fineness after another; prove the best, or a little less."""
     best: tuple[float, Evidence, Subject] | None = None
-    for fineness in BOX if task.parameters else SIMPLEX:
+    if not task.balanced:
+        return None, 0.0
+    for fineness in ladder or (BOX if task.parameters else SIMPLEX):
         if count(*fineness) > (ENOUGH if best else MOST):
             break
         reached, evidence = find(*fineness)
         if best and reached <= best[0] * (1 + GAIN):
             break
         if reached >= 0:
-            best = reached, evidence, task.subject(*fineness)
+            best = reached, evidence, task.subject_of(*fineness)
         if math.isinf(reached):
             break
     if best is None:

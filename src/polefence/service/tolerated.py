@@ -21,6 +21,7 @@ from polefence.errors import InputError
 from polefence.plant.system import Array
 from polefence.proof import exact
 from polefence.proof.service import FORMAT, Gain, Range, Subject, prove_service
+from polefence.region import Region
 from polefence.service import gain, given
 from polefence.service.files import claim_document
 from polefence.service.floats import balanced, count_whole
@@ -48,16 +49,18 @@ class _Reached:
         return min(error for error, _ in self.each)
 
 
-def claimed_design(design: Design) -> Design | None:
-    """Return the design that claims about the gain of a design are made of.
+def claimed_design(design: Design, region: Region | None = None) -> Design | None:
+    """Return the design that claims about a design in service are made of.
 
     That is itself. For the method "slack", whose proof is about one gain but has no one Lyapunov
-    matrix, the same gain over the same region with Lyapunov polynomials; None where these do not
-    prove it.
+    matrix, the same gain over the same region with Lyapunov polynomials; likewise for the method
+    "lyapunov" and another region than its own. None where these do not prove it.
     """
-    if design.method != "slack":
+    kept = design.region if region is None else region
+    own = ("scheduled", "quadratic", *(("lyapunov",) if kept == design.region else ()))
+    if design.method in own:
         return design
-    found = analyse(design.plant, design.law, design.region)
+    found = analyse(design.plant, design.law, kept)
     return found.design if found.proved else None
 
 
@@ -164,7 +167,8 @@ def _ladder(design: Design) -> tuple[tuple[int, int], ...]:
 def _count(design: Design, pieces: int, elevation: int) -> float:
     if design.method == "lyapunov":
         return given.count_given(design, elevation)
-    return count_whole(balanced(design, design.region), pieces, elevation)
+    (own,) = balanced(design, design.region)
+    return count_whole(own, pieces, elevation)
 
 
 def _largest(
@@ -172,7 +176,8 @@ def _largest(
 ) -> list[tuple[float, float]]:
     if design.method == "lyapunov":
         return given.largest_given(design, scales, elevation)
-    return gain.largest_each(balanced(design, design.region), scales, pieces, elevation)
+    (own,) = balanced(design, design.region)
+    return gain.largest_each(own, scales, pieces, elevation)
 
 
 def _targets(needed: float, largest: float) -> Iterator[Fraction]:

@@ -1,23 +1,24 @@
-"""Prove how much may go wrong in service, in exact arithmetic, from a design's own W and Z.
+"""Prove how much may go wrong in service, in exact arithmetic, from a design's own matrices.
 
-With X = W (of the law K = Z W^-1; for one gain its Lyapunov matrix, Z = K W) three claims, each
-about every parameter value of the plant, or every alpha where the plant has no parameters:
+With X = W (of the law K = Z W^-1; for one gain its Lyapunov matrix), or of a law that was given
+(the method lyapunov) each part's own X, three claims, each about every parameter value of the
+plant, or every alpha where the plant has no parameters:
 
     estimate  all poles of A(p) + B(p) K(q) lie in the region for all p, q with |p_i - q_i| <= e_i:
-              F > 0 for X = W(q), N = A(p) W(q) + B(p) Z(q). At each q, F is multi-affine in the
-              scheduling variables of p: p_i = q_i + e_i and q_i - e_i, cut off at the bounds, are
-              enough. Between the points where a bound begins to act both are affine in q_i, and
-              times p_i, or q_i, so is what is affine in 1/p_i, or 1/q_i. Without parameters:
-              p = (1 - e) a + e u, q = (1 - e) a + e v, a, v in the simplex, u its corners.
+              F > 0 for X = X(q), N = A(p) X(q) + B(p) K(q) X(q), a polynomial. At each q, F is
+              multi-affine in the scheduling variables of p: p_i = q_i + e_i and q_i - e_i, cut off
+              at the bounds, are enough. Between the points where a bound begins to act both are
+              affine in q_i, and times p_i, or q_i, so is what is affine in 1/p_i, or 1/q_i.
+              Without parameters: p = (1 - e) a + e u, q = (1 - e) a + e v, a, v in the simplex, u
+              its corners.
     gain      all poles of A + B (K + e S D T) lie in the region for all |D| <= 1, S and T the
               diagonal matrices of ``rows`` and ``columns``, or T any matrix: for each L, M = M1 M2
               there is mu > 0 (Petersen 1987) with
               [ F, mu M1 (x) B S, e M2' (x) W T' ; *, mu I, 0 ; *, 0, mu I ] > 0.
-              Of a law that was given (the method lyapunov) with each part's own X for W, and
-              N = (A + B K) X, in the certificate's own domain and degrees; see `given`.
-    rate      x' W^-1 x decreases faster than exp(-2 a t) for all |dp_i/dt| <= r_i:
-              -(N + N' + 2 a W) + dW/dt > 0, all signs; d(1/p)/dt = -(1/p)^2 dp/dt. Without
-              parameters alpha' = r (u - v), u and v corners.
+              Of a law that was given in the certificate's own domain and degrees; see `given`.
+    rate      x' X^-1 x decreases faster than exp(-2 a t) for all |dp_i/dt| <= r_i:
+              -(N + N' + 2 a X) + dX/dt > 0, X of one part of the region, all signs; d(1/p)/dt =
+              -(1/p)^2 dp/dt. Without parameters alpha' = r (u - v), u and v corners.
 
 F = -(L (x) X + M (x) N + M' (x) N') for each part of the region. Every inequality is a polynomial,
 homogeneous in the coordinates of pieces of the intervals; it holds if all of its coefficients,
@@ -34,7 +35,6 @@ from polefence.proof.exact import (
     MAX_WORK,
     Claim,
     FormatError,
-    Rationals,
     Verdict,
     _characteristic_pairs,
     _is_symmetric,
@@ -57,7 +57,7 @@ from polefence.proof.service.claims import (
 )
 from polefence.proof.service.given import asymmetric, count_given, require_given
 from polefence.proof.service.inequalities import blocks
-from polefence.proof.service.pieces import degree_of, law_of
+from polefence.proof.service.pieces import degree_of, parts_of
 from polefence.proof.service.reading import FORMAT, read_service
 
 __all__ = [
@@ -104,20 +104,16 @@ def _asymmetric(design: Claim) -> str:
     """Name a matrix that ought to be symmetric and is not; "" where there is none."""
     if design.method == "lyapunov":
         return asymmetric(design)
-    W, _ = law_of(design)
-    return next((f"W {k + 1}" for k, w in enumerate(W) if not _is_symmetric(w)), "")
+    matrices = design.law.W if design.method == "scheduled" else design.evidence[0].X
+    return next((f"W {k + 1}" for k, w in enumerate(matrices or []) if not _is_symmetric(w)), "")
 
 
 def _require_consistent(claim: ServiceClaim) -> None:
     subject = claim.subject
     design, count = subject.design, max(len(subject.ranges), 1)
     n, m = len(design.A[0]), len(design.B[0][0])
-    W: list[Rationals] = []
     require_region(design.region)
-    if isinstance(claim, Gain) and design.method == "lyapunov":
-        require_given(claim)
-    else:
-        W, _ = law_of(design)
+    varying = _require_method(claim)
     if subject.ranges and len(design.A) != 2 ** len(subject.ranges):
         raise FormatError(
             f"{len(subject.ranges)} parameters need {2 ** len(subject.ranges)} corners"
@@ -147,11 +143,26 @@ def _require_consistent(claim: ServiceClaim) -> None:
         _numbers((claim.decay,), 1, "decay")
         if claim.rates is not None:
             _numbers(claim.rates, count, "rates")
-        elif len(W) > 1:
+        elif varying:
             raise FormatError("rates: only one W for all parameters holds at any rate")
-    count, size = _work(claim, len(W) > 1)
+    count, size = _work(claim, varying)
     if count > MAX_BLOCKS or least_work(count, 2 * size) > MAX_WORK:
         raise FormatError("these are more inequalities, or larger ones, than are checked here")
+
+
+def _require_method(claim: ServiceClaim) -> bool:
+    """Refuse designs that have no proofs for service; return whether X differs with alpha."""
+    design = claim.subject.design
+    if design.method == "lyapunov":
+        require_given(design)
+        if isinstance(claim, Gain) and any(pieces != 1 for pieces in claim.subject.pieces):
+            raise FormatError("pieces must be 1 for errors of a gain that was given")
+    elif design.method not in ("scheduled", "quadratic"):
+        raise FormatError(f"the method {design.method} has no proofs for service")
+    part = claim.part if isinstance(claim, Rate) else 0
+    if not 0 <= part < len(design.evidence):
+        raise FormatError(f"part must be 1 to {len(design.evidence)}")
+    return degree_of(design, part) > 0
 
 
 def _numbers(values: tuple[Fraction, ...], count: int, key: str, positive: bool = False) -> None:
@@ -174,7 +185,9 @@ def _work(claim: ServiceClaim, varying: bool) -> tuple[int, int]:
     subject, size = claim.subject, len(claim.subject.design.A[0])
     if isinstance(claim, Gain) and subject.design.method == "lyapunov":
         return count_given(claim), 2 * size + len(claim.rows)
-    degree, N, q = degree_of(subject.design), len(subject.design.A), len(subject.ranges)
+    N, q = len(subject.design.A), len(subject.ranges)
+    numbers = [claim.part] if isinstance(claim, Rate) else [k for k, _ in parts_of(subject.design)]
+    degree = max(degree_of(subject.design, k) for k in numbers)
     raised = degree + 1 + subject.elevation
     each = math.prod(subject.pieces) * len(subject.design.region)
     if isinstance(claim, Gain):

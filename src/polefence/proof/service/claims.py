@@ -77,12 +77,14 @@ class Rate:
     """The loop decays faster than exp(-decay t) while no parameter moves faster than its rate.
 
     ``rates`` in the parameters' own units per second; without parameters one number, of weight per
-    second; None: at any rate, which one W for all parameters proves.
+    second; None: at any rate, which one W for all parameters proves. ``part`` is the part of the
+    region, from 0 up, whose Lyapunov polynomial it is, of a law that was given.
     """
 
     subject: Subject
     decay: Fraction
     rates: tuple[Fraction, ...] | None
+    part: int = 0
 
 
 ServiceClaim = Estimate | Gain | Rate

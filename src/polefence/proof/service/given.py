@@ -32,19 +32,18 @@ from polefence.proof.service.border import border_of
 from polefence.proof.service.claims import Gain
 
 
-def require_given(claim: Gain) -> None:
-    """Refuse claims about laws given whose evidence does not fit, or that have weights or pieces.
+def require_given(design: Claim) -> None:
+    """Refuse laws given whose evidence does not fit, tables of gains, and plants with weights.
 
     Raises
     ------
     FormatError
     """
-    design = claim.subject.design
     exact._require_consistent(design)
     if design.weights:
         raise FormatError("plants with weights have no proofs for service")
-    if any(pieces != 1 for pieces in claim.subject.pieces):
-        raise FormatError("pieces must be 1 for the method lyapunov")
+    if len(design.law.K or [()]) > 1:
+        raise FormatError("tables of gains have no proofs for service")
 
 
 def asymmetric(design: Claim) -> str:

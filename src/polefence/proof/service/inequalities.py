@@ -10,6 +10,7 @@ from itertools import permutations, product
 from polefence.proof.exact import (
     Exponent,
     Integers,
+    Part,
     Polynomial,
     _add,
     _block,
@@ -33,6 +34,7 @@ from polefence.proof.service.pieces import (
     estimates,
     family_of,
     loop,
+    parts_of,
     total,
 )
 
@@ -44,11 +46,15 @@ def blocks(claim: ServiceClaim) -> Named:
     if isinstance(claim, Gain) and claim.subject.design.method == "lyapunov":
         yield from perturbed(claim)
         return
-    family = family_of(claim.subject)
-    for cell in estimates(claim) if isinstance(claim, Estimate) else cells(claim.subject):
-        if isinstance(claim, Estimate):
-            yield from _estimated(family, cell, claim)
-        elif isinstance(claim, Gain):
+    if isinstance(claim, Estimate):
+        for number, parts in parts_of(claim.subject.design):
+            family = family_of(claim.subject, number)
+            for cell in estimates(claim):
+                yield from _estimated(family, cell, claim, parts)
+        return
+    family = family_of(claim.subject, claim.part if isinstance(claim, Rate) else 0)
+    for cell in cells(claim.subject):
+        if isinstance(claim, Gain):
             yield from _perturbed(family, cell, claim)
         else:
             yield from _moving(family, cell, claim)
@@ -69,19 +75,19 @@ def _name(what: str, e: Exponent, cell: Cell) -> str:
     return f"{what} at ({', '.join(map(str, e))}){cell.name}"
 
 
-def _positive(X: Polynomial, order: list[Exponent], cell: Cell, subject: Subject) -> Named:
+def _positive(X: Polynomial, order: list[Exponent], cell: Cell, parts: tuple[Part, ...]) -> Named:
     """W > 0, which the inequality of a disk implies."""
-    if any(part.kind != "disk" for part in subject.design.region):
+    if any(part.kind != "disk" for part in parts):
         for e in order:
             yield _name("of W", e, cell), X[e]
 
 
-def _estimated(family: Family, cell: Cell, claim: Estimate) -> Named:
+def _estimated(family: Family, cell: Cell, claim: Estimate, parts: tuple[Part, ...]) -> Named:
     subject = claim.subject
     order = _order(family, cell, subject)
     X, N = (_raised(P, cell, subject) for P in loop(family, cell)[:2])
-    yield from _positive(X, order, cell, subject)
-    for part in subject.design.region:
+    yield from _positive(X, order, cell, parts)
+    for part in parts:
         for L, M in _characteristic_pairs(part):
             L_, M_, _ = _integral(L, M, family.plant)
             for e in order:
@@ -96,7 +102,7 @@ def _perturbed(family: Family, cell: Cell, claim: Gain) -> Named:
     for _ in range(family.degree):
         B, one = _weighted(unit, B), _weighted(unit, one)
     X, N, B, one = (_raised(P, cell, subject) for P in (X, N, B, one))
-    yield from _positive(X, order, cell, subject)
+    yield from _positive(X, order, cell, subject.design.region)
     numbers = iter(claim.mu)
     for part in subject.design.region:
         for L, M in _characteristic_pairs(part):

@@ -12,19 +12,20 @@ from polefence.proof.exact import (
     Claim,
     Exponent,
     FormatError,
+    Part,
     Polynomial,
-    Rationals,
     _add,
     _bernstein,
     _denominator,
+    _fraction,
     _integers,
+    _multiplier,
     _plus,
     _product,
     _times,
     _weighted,
     bits,
     monomials,
-    rational_product,
     simplices,
     spend,
 )
@@ -35,9 +36,9 @@ _Ends = tuple[Fraction, Fraction]
 
 @dataclass(frozen=True)
 class Family:
-    """[A, B] of degree 1 and [W; Z] of ``degree`` in each simplex, over whole numbers.
+    """[A, B] of degree 1 and [X; K X] of ``degree`` in each simplex, over whole numbers.
 
-    They come times ``plant`` and ``law``.
+    X is W, and K X = Z, unless the law was given. They come times ``plant`` and ``law``.
     """
 
     sizes: tuple[int, ...]
@@ -54,22 +55,48 @@ class Family:
         return {e: matrix[: self.states] for e, matrix in self.WZ.items()}
 
 
-def degree_of(design: Claim) -> int:
-    """Return the degree of W."""
-    return design.law.degree if design.method == "scheduled" else 0
-
-
-def law_of(design: Claim) -> tuple[list[Rationals], list[Rationals]]:
-    """Return the coefficients of W and Z."""
+def degree_of(design: Claim, part: int = 0) -> int:
+    """Return the degree of X."""
     if design.method == "scheduled":
-        return design.law.W or [], design.law.Z or []
-    if design.method != "quadratic":
+        return design.law.degree
+    if design.method == "lyapunov":
+        own = 2 * design.law.degree if design.law.K is None else 0
+        return design.evidence[part].degree + own
+    return 0
+
+
+def parts_of(design: Claim) -> Iterator[tuple[int, tuple[Part, ...]]]:
+    """Yield each X by its number, with the parts of the region that it is for."""
+    if design.method == "lyapunov":
+        yield from ((k, (part,)) for k, part in enumerate(design.region))
+    else:
+        yield 0, design.region
+
+
+def _law_of(design: Claim, part: int) -> tuple[Polynomial, int]:
+    """Return [X; K X] as a polynomial of the law's own domain, and what it comes times."""
+    sizes = simplices(design)
+    if design.method == "scheduled":
+        W, Z = design.law.W or [], design.law.Z or []
+        law = _denominator([*W, *Z], 4 * MAX_BITS)
+        return _fraction(design.law, sizes, law)[1], law
+    if design.method not in ("quadratic", "lyapunov"):
         raise FormatError(f"the method {design.method} has no proofs for service")
-    (W,), (K,) = design.evidence[0].X, design.law.K or []
-    return [W], [rational_product(K, W)]
+    evidence = design.evidence[part]
+    own = _denominator([*evidence.X, [list(evidence.multiple)]], 2 * MAX_BITS)
+    Q = _bernstein([_integers(x, own) for x in evidence.X], sizes, evidence.degree)
+    if design.law.K is None:
+        D = _denominator([*(design.law.W or []), *(design.law.Z or [])], 2 * MAX_BITS)
+        W_, WZ = _fraction(design.law, sizes, D)
+        V = _multiplier(W_, Q, evidence, sizes, (design.law.degree, D, own))
+        return _product(WZ, V), own * D**2
+    (K,) = design.law.K
+    D, n = _denominator([K], 2 * MAX_BITS), range(len(K[0]))
+    eye = [[D * (i == j) for j in n] for i in n]
+    return _product({(0,) * sum(sizes): eye + _integers(K, D)}, Q), own * D
 
 
-def family_of(subject: Subject) -> Family:
+def family_of(subject: Subject, part: int = 0) -> Family:
     """Return plant and law on the box of the parameters, or on the simplex without any."""
     design, N = subject.design, len(subject.design.A)
     sizes = (2,) * len(subject.ranges) or (N,)
@@ -79,15 +106,10 @@ def family_of(subject: Subject) -> Family:
         e: [a + b for a, b in zip(_integers(A, plant), _integers(B, plant), strict=True)]
         for e, A, B in zip(corners, design.A, design.B, strict=True)
     }
-    W, Z = law_of(design)
-    degree, law = degree_of(design), _denominator([*W, *Z], 4 * MAX_BITS)
-    both = [_integers(w, law) + _integers(z, law) for w, z in zip(W, Z, strict=True)]
-    if degree == 0:
-        WZ = {(0,) * sum(sizes): both[0]}
-    else:
-        WZ = _bernstein(both, simplices(design), degree)
-        if simplices(design) != sizes:
-            WZ = _on_products(WZ, corners)
+    WZ, law = _law_of(design, part)
+    degree = degree_of(design, part)
+    if simplices(design) != sizes:
+        WZ = _on_products(WZ, corners) if degree else {(0,) * sum(sizes): next(iter(WZ.values()))}
     return Family(sizes, AB, WZ, len(design.A[0]), degree, plant, law)
 
 

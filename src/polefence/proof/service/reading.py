@@ -32,7 +32,7 @@ _COMMON = {"kind", "region", "pieces", "elevation"}
 _KEYS = {
     "estimate": {"errors"},
     "gain": {"error", "rows", "columns", "mu"},
-    "rate": {"decay", "rates"},
+    "rate": {"decay", "rates", "part"},
 }
 
 
@@ -121,7 +121,10 @@ def _columns(
 def _rate(subject: Subject, document: dict[str, Any]) -> Rate:
     any_rate = _at(document, "service", "rates") == "any"
     rates = None if any_rate else _numbers(document, "rates")
-    return Rate(subject, _number(document, "decay"), rates)
+    part = document["service"].get("part", 1)
+    if type(part) is not int:
+        raise FormatError("service.part must be a whole number, from 1 up")
+    return Rate(subject, _number(document, "decay"), rates, part - 1)
 
 
 _READERS: dict[str, Callable[[Subject, dict[str, Any]], ServiceClaim]] = {

@@ -84,7 +84,7 @@ def exact_gain(law, alpha):
     """K(alpha), alpha a list of fractions."""
     basis = exact._basis(exact._coordinates(alpha, law.sizes), law.sizes, law.degree)
     W, Z = ([rationals(M) for M in each] for each in (law.W, law.Z))
-    return exact._right_divide(exact.mix(basis, Z), exact.mix(basis, W))
+    return exact.right_divide(exact.mix(basis, Z), exact.mix(basis, W))
 
 
 def places(N):
@@ -331,7 +331,7 @@ def test_coordinates_whiten_what_doubles_call_singular(decades):
     )
     assert np.array_equal(found.gains(K)[0], np.array(product(k, transposed(T)), dtype=float))
     assert np.array_equal(found.inputs(A)[0], np.array(product(T, a), dtype=float))
-    back = transposed(exact._right_divide(_eye(5), transposed(T)))
+    back = transposed(exact.right_divide(_eye(5), transposed(T)))
     assert np.allclose(found.inverse, np.array(back, dtype=float), rtol=1e-15, atol=0)
     pairs = (
         (found.loops(A)[0], product(T, a, back)),

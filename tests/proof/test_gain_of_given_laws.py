@@ -451,7 +451,7 @@ def test_files_are_checked_afresh(claims, name, tmp_path, capsys):
     claim, _ = read_service(path.read_text())
     assert claim == claims[name][3]
     assert main(["check", str(path)]) == 0
-    assert ": proved: errors of the gain" in capsys.readouterr().out
+    assert "K off by " in capsys.readouterr().out
     path.write_text(json.dumps(changed(document, "service", "error", value=lambda v: v * 1.1)))
     assert main(["check", str(path)]) == 1
     path.write_text(json.dumps(changed(document, "service", "mu", value=[])))

@@ -246,7 +246,8 @@ def test_a_saved_analysis_is_checked_and_loaded(tmp_path, capsys):
     assert main(["check", str(path), "--json", str(tmp_path / "a.json")]) == 1
     assert found.summary in capsys.readouterr().out
     assert json.loads((tmp_path / "a.json").read_text())["answer"] == "refuted"
-    spec = '[parameter.m]\nrange = [1, {}]\nthrough = "1/m"\n[parameter.k]\nrange = [-1, 3]\n'
+    spec = '[parameter.m]\nrange = [1, {}]\nunit = "kg"\nthrough = "1/m"\n'
+    spec += '[parameter.k]\nrange = [-1, 3]\nunit = "N/m"\n'
     spec += '[matrices]\nA = [[0, 1], ["-k/m", 0]]\nB = [[0], ["1/m"]]\n'
     proved = analyse(plant, table(plant), HalfPlane(0.5))
     assert proved.proved

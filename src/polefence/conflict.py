@@ -11,7 +11,7 @@ from polefence.design_task import Task
 from polefence.errors import NotProvedError, SolverError
 from polefence.refutation import Refutation, refute_limits
 from polefence.region import Region
-from polefence.specification import Specification
+from polefence.specification import Specification, limit_text
 
 
 def refusal(task: Task, reasons: Sequence[str]) -> NotProvedError:
@@ -22,7 +22,7 @@ def refusal(task: Task, reasons: Sequence[str]) -> NotProvedError:
         refutation = _refuted(task, conflict)
         if refutation is not None:
             return NotProvedError(str(refutation), refutation=refutation)
-        named = [str(p) if isinstance(p, Region) else _named(p) for p in conflict]
+        named = [str(p) if isinstance(p, Region) else limit_text(p) for p in conflict]
         return NotProvedError(
             f"not proved: {label} finds no law for these together, and one for any of them left "
             f"out: {'; '.join(named)}"
@@ -30,14 +30,10 @@ def refusal(task: Task, reasons: Sequence[str]) -> NotProvedError:
     why = (
         reasons[0] if reasons else "a bound or the region was not proved of the law that was found"
     )
-    named = [_named(s) for s in task.limits if s.at_most]
+    named = [limit_text(s) for s in task.limits if s.at_most]
     return NotProvedError(
         f"not proved: {label}, {task.region}, {'; '.join(named) or 'no limits'}: {why}"
     )
-
-
-def _named(own: Specification) -> str:
-    return f"{own.kind} of {own.name} <= {own.at_most:g}"
 
 
 def _refuted(task: Task, conflict: Sequence[Any]) -> Refutation | None:

@@ -16,6 +16,7 @@ from polefence.design import Design
 from polefence.errors import InputError
 from polefence.law import FixedGain, Law, ScheduledGain
 from polefence.plant.family import UncertainPlant
+from polefence.plant.names import unit_text
 from polefence.plant.parameters import Parameter
 from polefence.plant.system import Array
 from polefence.polynomial import Domain, bernstein, elevated, times
@@ -185,5 +186,5 @@ def values_at(plant: UncertainPlant, alpha: Sequence[Any]) -> dict[str, float] |
 
 def values_text(plant: UncertainPlant, values: dict[str, float]) -> str:
     """Print parameter values with their units."""
-    units = {p.name: p.unit for p in plant.parameters}
+    units = {p.name: unit_text(p.unit) for p in plant.parameters}
     return ", ".join(f"{name} = {v:.6g} {units[name]}".rstrip() for name, v in values.items())

@@ -12,6 +12,7 @@ from polefence.loops import domain_of, values_text
 from polefence.plant.parameters import Parameter
 from polefence.plots import new_figure, poles_figure
 from polefence.proof.refute import sample
+from polefence.region_text import digits_down, digits_up
 from polefence.table_analysis import KINDS, TableAnalysis
 
 if TYPE_CHECKING:
@@ -83,8 +84,9 @@ def _cells(ax: Axes, analysis: TableAnalysis, kind: str) -> Any:
             low, high = ([float(v) for v in side] for side in (cell.low, cell.high))
             x, y, x1, y1 = [*low, 0.0, *high, HEIGHT] if len(low) == 1 else [*low, *high]
             ax.add_patch(Rectangle((x, y), x1 - x, y1 - y, **style))
-    share = 100 * analysis.shares[kind]
-    return Rectangle((0, 0), 1, 1, label=f"{kind}, {share:.3g} %", **style)
+    digits = digits_down if kind == "proved" else digits_up
+    share = digits(100 * analysis.shares[kind], 3)
+    return Rectangle((0, 0), 1, 1, label=f"{kind}, {share} %", **style)
 
 
 def _sampled_boundary(ax: Axes, analysis: TableAnalysis) -> Any:

@@ -22,10 +22,18 @@ from polefence.plant.system import Array
 from polefence.proof.exact import FormatError, Rationals
 from polefence.proof.performance import Output
 from polefence.proof.performance.refutation import RmsLimit, RmsRefutation, prove_refutation
+from polefence.proof.statement import number_text
 from polefence.region_text import digits_down
 from polefence.solve.regular import Regular, regular
 from polefence.solve.regulator import Regulated, heaviest
-from polefence.specification import Rms, Specification, disturbance, rows, signal_of
+from polefence.specification import (
+    Rms,
+    Specification,
+    disturbance,
+    limit_text,
+    rows,
+    signal_of,
+)
 
 # Decay taken off the plant, of its own rates, so that P proves the inequality with a margin; and
 # as a share of that what is taken off the cost, for directions that no output sees.
@@ -69,7 +77,7 @@ class Refutation:
         """The vertex in words, with the parameters' values."""
         last = len(self.plant.parameters) - 1
         values = [
-            f"{p.name} = {float(p.high if self.vertex >> (last - k) & 1 else p.low):g} {p.unit}"
+            f"{p.name} = {number_text(p.high if self.vertex >> (last - k) & 1 else p.low)} {p.unit}"
             for k, p in enumerate(self.plant.parameters)
         ]
         named = ", ".join(value.strip() for value in values)
@@ -77,8 +85,7 @@ class Refutation:
 
     def __str__(self) -> str:
         named = "; ".join(
-            f"rms of {s.name} <= {s.at_most:g}{f' with weight {s.weight}' if s.weight else ''}"
-            for s in self.specifications
+            limit_text(s) + f" with weight {s.weight}" * bool(s.weight) for s in self.specifications
         )
         these, them = ("this", "it") if len(self.specifications) == 1 else ("these at once", "each")
         return (

@@ -17,6 +17,7 @@ from polefence.plant.system import Array
 from polefence.polynomial import Domain, Polynomial
 from polefence.proof import performance as proof
 from polefence.proof.exact import Evidence, Law, Rationals
+from polefence.region import exactly
 from polefence.response.signals import Signal, inputs, pick, states
 from polefence.response.vehicle import ride
 from polefence.response.weighting import WF, WK
@@ -269,6 +270,12 @@ class Gain(Specification):
     ) -> proof.PerformanceClaim:
         """Return the claim about the gain."""
         return proof.Gain(subject, output, level)
+
+
+def limit_text(own: Specification) -> str:
+    """Return a specification and its limit, which reads back as it is."""
+    text = f"{own.kind} of {own.name}"
+    return text if own.at_most is None else f"{text} <= {exactly(own.at_most)}"
 
 
 def _require_square(name: str, ellipsoid: Any) -> None:

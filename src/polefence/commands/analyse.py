@@ -15,6 +15,7 @@ from polefence.commands.shared import (
     PROVED,
     check_figure,
     check_targets,
+    every_alpha,
     say,
     say_over,
     spec_argument,
@@ -33,7 +34,7 @@ from polefence.plant.spec import load
 from polefence.proof import exact
 from polefence.proof.cells import Cell
 from polefence.proof.certificate import Certificate
-from polefence.region import Region
+from polefence.region import Region, exactly
 from polefence.region_text import digits_down, digits_up, load_region, parse_region
 from polefence.sweep import plant_summary
 from polefence.table_analysis import FILE_NAME as TABLE_NAME
@@ -161,7 +162,7 @@ def _one(analysis: Analysis, options: Any) -> int:
     if analysis.proved:
         say(
             f"proved: the given law keeps all poles of {analysis.plant.name!r} in "
-            f"{analysis.region} for every alpha; {analysis.reason}"
+            f"{analysis.region} for {every_alpha(analysis.design)}; {analysis.reason}"
         )
     else:
         say(f"{analysis.answer}: {analysis.reason}")
@@ -190,12 +191,15 @@ def _worst(plant: UncertainPlant, worst: WorstCase, options: Any) -> int:
     name = {"disk": "radius", "half_plane": "decay rate", "sector": "damping ratio"}[options.of]
     unit = "" if options.of == "sector" or plant.sample_time is not None else " 1/s"
     safe, beyond = (digits_up, digits_down) if options.of == "disk" else (digits_down, digits_up)
-    about = f" about {options.centre:g}" if options.of == "disk" else ""
+    about = f" about {exactly(options.centre)}" if options.of == "disk" else ""
     value = None if worst.region is None else _value(worst.region, options.of)
     if value is None:
         say(f"undecided: no {name}{about} was proved")
     else:
-        say(f"proved: {name} {safe(value)}{unit}{about} for every alpha of {plant.name!r}")
+        alpha = (
+            "every alpha" if worst.certificate is None else every_alpha(Design(worst.certificate))
+        )
+        say(f"proved: {name} {safe(value)}{unit}{about} for {alpha} of {plant.name!r}")
     if options.of != "disk" and worst.bound < 0:
         say("note: below zero: the given law does not stabilise every plant of the family")
     where = f"alpha = ({', '.join(f'{a:.4g}' for a in worst.alpha)})"

@@ -10,6 +10,7 @@ from polefence.commands.methods import method_arguments, method_of
 from polefence.commands.shared import (
     PROVED,
     check_results,
+    every_alpha,
     report,
     result_arguments,
     spec_argument,
@@ -61,7 +62,9 @@ def design_command(options: Any) -> int:
     check_results(options)
     design = place(plant, region, method)
     label = design.label
-    lines = [f"proved: {label} keeps all poles of {plant.name!r} in {region} for every alpha"]
+    lines = [
+        f"proved: {label} keeps all poles of {plant.name!r} in {region} for {every_alpha(design)}"
+    ]
     if not implies_stability(plant, region):
         shape = "disk" if isinstance(region, Disk) else "region"
         lines.append(

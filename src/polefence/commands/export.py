@@ -20,6 +20,7 @@ from polefence.export.exported import GIVEN, Exported, marks
 from polefence.export.folder import check_folder, write_folder
 from polefence.export.matlab import HEADER, mat_bytes
 from polefence.observer import Observer
+from polefence.region_text import digits_down, digits_up
 
 LANGUAGES = ("c99", "fmu", "mat")
 BITS = 64
@@ -146,4 +147,4 @@ def _print(found: Exported) -> None:
     for line in found.texts.statement:
         say(f"  {line}")
     if made.tolerated > 0:
-        say(f"  rounding {made.rounding:.2e}, tolerated {made.tolerated:.2e}")
+        say(f"  rounding {digits_up(made.rounding, 3)}, tolerated {digits_down(made.tolerated, 3)}")

@@ -6,6 +6,7 @@ import argparse
 import math
 from collections import deque
 from collections.abc import Sequence
+from fractions import Fraction
 from pathlib import Path
 from typing import Any
 
@@ -31,6 +32,7 @@ from polefence.errors import InputError
 from polefence.limits import Limit
 from polefence.plant.family import UncertainPlant
 from polefence.plant.spec import load
+from polefence.region import exactly
 from polefence.region_text import digits_down, digits_up
 from polefence.sweep import processes, sweep
 
@@ -153,6 +155,7 @@ class _Table(Progress):
         self.left = deque(order)
         self.rows: dict[tuple[float, str], dict[str, Any]] = {}
         self.width = max(10, *(len(label) for _, label in order))
+        self.wide = max(10, *(len(exactly(centre)) for centre, _ in order))
         self.begun = False
 
     def step(self, row: Limit) -> None:
@@ -169,18 +172,18 @@ class _Table(Progress):
             self._head()
         while self.left and self.left[0] in self.rows:
             own = self.rows[self.left.popleft()]
-            say(_row_line(own, self.width, self.plant.sample_time is None))
+            say(_row_line(own, self.wide, self.width, self.plant.sample_time is None))
 
     def _head(self) -> None:
         self.begun = True
         say(f"{self.plant.name}: {size_of(self.plant)}")
         say(
-            f"{'centre':>10}  {'method':<{self.width}} {'radius':>10}  {'at least':>10}  "
+            f"{'centre':>{self.wide}}  {'method':<{self.width}} {'radius':>10}  {'at least':>10}  "
             f"{'d/sigma':>8}  {'status':<9}  seconds"
         )
 
 
-def _row_line(row: dict[str, Any], width: int, continuous: bool) -> str:
+def _row_line(row: dict[str, Any], wide: int, width: int, continuous: bool) -> str:
     radius = lower = ratio = "-"
     mark = "*" if row.get("lower_from_file") else " "
     if row.get("lower") is not None:
@@ -188,8 +191,9 @@ def _row_line(row: dict[str, Any], width: int, continuous: bool) -> str:
     if row["radius"] is not None:
         radius = digits_up(row["radius"])
     if row["radius"] is not None and continuous:
-        ratio = f"{100 * (1 + row['radius'] / row['centre']):.2f} %"
+        percent = 100 * (1 + Fraction(row["radius"]) / Fraction(row["centre"]))
+        ratio = f"{math.floor(100 * percent) / 100:.2f} %"
     return (
-        f"{row['centre']:>10.6g}  {row['method']:<{width}} {radius:>10}  {lower:>10}{mark} "
-        f"{ratio:>8}  {row['status']:<9}  {row['seconds']:.2f}"
+        f"{exactly(row['centre']):>{wide}}  {row['method']:<{width}} {radius:>10}  "
+        f"{lower:>10}{mark} {ratio:>8}  {row['status']:<9}  {row['seconds']:.2f}"
     )

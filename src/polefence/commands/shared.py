@@ -121,6 +121,12 @@ def size_of(plant: UncertainPlant) -> str:
     return f"{len(plant.vertices)} vertices, {n} states, {m} input{'s' if m > 1 else ''}"
 
 
+def every_alpha(design: Design) -> str:
+    """Say for which alpha a design is proved: on a box not for every point of the simplex."""
+    on = design.certificate.claim().on
+    return "every alpha of the box" if on == "box" else "every alpha"
+
+
 def gains_of(law: Any, N: int) -> dict[str, Any]:
     """Return the gain, or that at each vertex, as plain data."""
     if isinstance(law, FixedGain):

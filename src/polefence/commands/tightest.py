@@ -10,6 +10,7 @@ from polefence.commands.methods import method_arguments, method_of
 from polefence.commands.shared import (
     PROVED,
     check_results,
+    every_alpha,
     report,
     result_arguments,
     spec_argument,
@@ -17,6 +18,7 @@ from polefence.commands.shared import (
 from polefence.design import Design
 from polefence.errors import InputError
 from polefence.plant.spec import load
+from polefence.region import exactly
 from polefence.region_text import digits_down, digits_up, parse_region, short_text
 from polefence.smallest_region import tightest
 from polefence.sweep import plant_summary
@@ -70,7 +72,9 @@ def tightest_command(options: Any) -> int:
     value, text = _answer(options.of, design)
     rest = " & ".join(short_text(part) for part in design.region.parts[1:])
     beside = f", within {rest}" if rest else ""
-    lines = [f"proved: {text}{beside}, for every alpha of {plant.name!r} by {design.label}"]
+    lines = [
+        f"proved: {text}{beside}, for {every_alpha(design)} of {plant.name!r} by {design.label}"
+    ]
     if options.of != "disk" and (within is None or within.parts != design.region.parts[1:]):
         lines.append(
             "note: a disk bounds the poles' speed, or gains would be without bound; choose"
@@ -107,4 +111,4 @@ def _answer(of: str, design: Design) -> tuple[float, str]:
     value, centre = first.numbers["radius"], first.numbers["centre"]
     unit = " 1/s" if design.plant.sample_time is None else ""
     bound = "" if design.lower is None else f" (out of reach: {digits_down(design.lower)})"
-    return value, f"radius {digits_up(value)}{unit} about {centre:g}{bound}"
+    return value, f"radius {digits_up(value)}{unit} about {exactly(centre)}{bound}"

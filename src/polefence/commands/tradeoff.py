@@ -33,9 +33,10 @@ from polefence.conditions.methods import Method
 from polefence.errors import InputError
 from polefence.plant.family import UncertainPlant
 from polefence.plant.spec import load
+from polefence.region import exactly
 from polefence.region_text import digits_up
 from polefence.response.vehicle import ride
-from polefence.specification import Specification
+from polefence.specification import Specification, limit_text
 from polefence.specification_text import load_specifications, parse_specification, spec_road
 from polefence.sweep import Row, processes
 from polefence.tradeoff import tradeoff
@@ -197,7 +198,7 @@ def _lines(front: Front) -> list[str]:
     lines = [
         f"{question.plant.name}: {size_of(question.plant)}",
         f"least {least} over limits on {over}",
-        *(f"with {s.kind} of {s.name} <= {s.at_most:g}" for s in question.subject_to),
+        *(f"with {limit_text(s)}" for s in question.subject_to),
         f"with poles in {question.region}",
     ]
     width = max(10, *(len(row["method"]) for row in front.rows))
@@ -210,7 +211,7 @@ def _lines(front: Front) -> list[str]:
         lines.append("without a proof:")
     lines += [_reference_line(row, width) for row in front.references]
     lines += [
-        f"at {row['value']:g}, {row['method']}: {row['reason']}"
+        f"at {exactly(row['value'])}, {row['method']}: {row['reason']}"
         for row in front.rows
         if row["status"] != "proved"
     ]
@@ -220,12 +221,12 @@ def _lines(front: Front) -> list[str]:
 def _row_line(row: Row, width: int) -> str:
     proved = sampled = keeps = law_of = "-"
     if row["proved"] is not None:
-        proved, law_of = digits_up(row["proved"]), f"{row['law_of']:g}"
+        proved, law_of = digits_up(row["proved"]), exactly(row["law_of"])
         keeps = digits_up(row["bounds"][0]["proved"])
     if row["sampled"] is not None:
         sampled = f"{row['sampled']:.6g}"
     return (
-        f"{row['value']:>10.6g}  {row['method']:<{width}} {proved:>10}  {sampled:>10}  "
+        f"{exactly(row['value']):>10}  {row['method']:<{width}} {proved:>10}  {sampled:>10}  "
         f"{keeps:>10}  {law_of:>10}  {row['status']:<10}  {row['seconds']:.2f}"
     )
 

@@ -20,6 +20,7 @@ from polefence.proof.certificate import Check
 from polefence.proof.exact import FormatError
 from polefence.proof.rounding import Code, Rounded, Share, prove_rounding, rounding_error
 from polefence.proof.service import Gain, Range, Subject
+from polefence.region_text import digits_down, digits_up
 from polefence.service.tolerated import claimed_design, gain_claim
 
 ELEVATIONS = 8
@@ -106,11 +107,11 @@ def guarantee(design: Design, program: Program) -> Guarantee:
 
 def _refusal(number: Number, needed: float, tolerated: float) -> str:
     wider = "export with --float 64, or " if number.bits == 32 else ""
-    allowed = f"{tolerated:.2g}" if tolerated > 0 else "none"
+    allowed = digits_down(tolerated, 2) if tolerated > 0 else "none"
     return (
-        f"rounding in float{number.bits} may change the gain by {needed:.2g}, and {allowed} is "
-        f"proved to leave the poles in the region; {wider}design for a slightly larger region, or "
-        "with --method quadratic"
+        f"rounding in float{number.bits} may change the gain by {digits_up(needed, 2)}, and "
+        f"{allowed} is proved to leave the poles in the region; {wider}design for a slightly "
+        "larger region, or with --method quadratic"
     )
 
 

@@ -18,7 +18,7 @@ from polefence.plant.parameters import Parameter
 from polefence.plant.system import Array, Exact
 from polefence.proof import exact
 from polefence.proof.refute import counterexample
-from polefence.proof.statement import poles_text
+from polefence.proof.statement import number_text, poles_text
 from polefence.region import Region, region_of
 
 
@@ -200,7 +200,7 @@ def check_claim(claim: exact.Claim) -> Check:
         return Check("proved", verdict.reason, claims=said)
     alpha = counterexample(claim)
     if alpha is not None:
-        weights = ", ".join(f"{float(a):.4g}" for a in alpha)
+        weights = ", ".join(map(number_text, alpha))
         reason = f"at alpha = ({weights}) a pole is not in the region"
         return Check("refuted", reason, tuple(alpha), said)
     reason = f"{verdict.reason}, but no counterexample was found either"

@@ -62,6 +62,7 @@ def _claim(design: Design, answer: Check) -> Section:
         ("plant", design.plant.name),
         ("region", short_text(design.region)),
         ("law", f"{law}; method {design.method}"),
+        ("claim", "; ".join(answer.claims)),
         ("answer", f"{answer.answer}: {answer.reason}"),
     ]
     stable = implies_stability(design.plant, design.region)
@@ -81,7 +82,7 @@ def _claim(design: Design, answer: Check) -> Section:
 
 def _plant(plant: UncertainPlant) -> Section:
     rows = [
-        (p.name, f"{float(p.low):g} to {float(p.high):g}", p.unit, p.through)
+        (p.name, f"{digits_up(p.low)} to {digits_down(p.high)}", p.unit, p.through)
         for p in plant.parameters
     ]
     n, m = plant.shape

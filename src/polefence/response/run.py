@@ -13,6 +13,7 @@ import numpy as np
 from polefence.errors import InputError
 from polefence.plant.family import UncertainPlant
 from polefence.plant.system import Array
+from polefence.region_text import digits_down
 from polefence.response import linear
 from polefence.response.closed import close
 from polefence.response.drive import drive
@@ -145,7 +146,7 @@ class Run:
         if self.covered is not None:
             end = self.response.time[-1]
             lasting = self.covered[:-1].mean() * end
-            lines = [f"the margins cover {lasting:.6g} s of {end:g} s", *lines]
+            lines = [f"the margins cover {digits_down(lasting)} s of {end:g} s", *lines]
         return lines + [f"note: {note}" for note in self.notes]
 
 

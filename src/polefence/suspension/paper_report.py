@@ -11,7 +11,7 @@ from polefence.design import Design
 from polefence.files import write_bytes, write_text
 from polefence.plots import FORMATS, limits_figure, poles_figure, render
 from polefence.plots_response import bands_figure, frequency_figure, responses_figure
-from polefence.region_text import digits_up
+from polefence.region_text import digits_down, digits_up
 from polefence.response.bands import MOTION, RIDE
 from polefence.suspension import ride
 from polefence.suspension.paper import DISK, FAMILIES, cloud, nominal_poles
@@ -149,7 +149,7 @@ def report(results: Mapping[str, Any]) -> str:
                     number(r["centre"]),
                     r["method"],
                     _radius(r["radius"]),
-                    number(r["d/sigma"]),
+                    digits_down(r["d/sigma"], 5),
                 )
                 for r in results["slow centres"]
             ],

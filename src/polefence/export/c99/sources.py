@@ -14,6 +14,7 @@ from polefence.export.c99.number import Number
 from polefence.export.c99.program import LEAST, MOST, Fixed, Program, Scheduled, Share
 from polefence.export.c99.text import block, cell, check_c_name, comment, prose, wrap
 from polefence.polynomial import Exponent
+from polefence.region_text import digits_down, digits_up
 
 if TYPE_CHECKING:
     from jinja2 import Environment
@@ -158,7 +159,7 @@ def rows(number: Number, table: Any) -> list[list[str]]:
 def _given(share: Share) -> str:
     p = share.parameter
     unit = f" [{p.unit}]" if p.unit else ""
-    return f"{p.name}{unit}, {float(p.low):g} to {float(p.high):g}"
+    return f"{p.name}{unit}, {digits_up(p.low)} to {digits_down(p.high)}"
 
 
 def _bounds(number: Number, share: Share) -> dict[str, str]:

@@ -10,6 +10,7 @@ import numpy as np
 
 from polefence.plant.family import UncertainPlant
 from polefence.plant.system import Array
+from polefence.region_text import digits_down
 from polefence.response.driving.courses import Space
 from polefence.response.driving.events import Event, summary
 from polefence.response.estimate import Estimate
@@ -76,7 +77,7 @@ class Drive:
         lines = [f"{self.plant.name}: {count} cars, {end:g} s"]
         if self.covered is not None:
             lasting = self.covered[:, :-1].mean(axis=1).min() * end
-            lines.append(f"the margins cover {lasting:.6g} s of {end:g} s (the worst car)")
+            lines.append(f"the margins cover {digits_down(lasting)} s of {end:g} s (the worst car)")
         lines += summary(self.events, count) or ["no limit was met"]
         return lines + [f"note: {note}" for note in self.notes]
 

@@ -9,9 +9,10 @@ import numpy as np
 import pytest
 from scipy.io import loadmat
 
-from polefence import Disk, OutputError, Parameter, Scheduled, UncertainPlant, place
+from polefence import Disk, OutputError, Parameter, Scheduled, UncertainPlant, place, tightest
 from polefence.design import Design
 from polefence.export.matlab import mat, statement
+from polefence.proof import exact
 
 METHODS = {
     "paper": Scheduled(1, 1, "simplex"),
@@ -42,8 +43,7 @@ def law_gain(law, alpha):
     w = law["multinomials"].ravel() * np.prod(c ** law["exponents"], axis=1)
     W = np.sum(law["W"] * w.reshape(1, 1, -1), axis=2)
     Z = np.sum(law["Z"] * w.reshape(1, 1, -1), axis=2)
-    d = np.sqrt(np.diag(W))[None, :]
-    return np.linalg.solve((W / (d.T * d)).T, (Z / d).T).T / d
+    return np.linalg.solve(W.T, Z.T).T @ law["T"]
 
 
 def law_alpha(law, p):
@@ -83,7 +83,11 @@ def test_what_the_file_holds(designs, physical, tmp_path):
         assert all(np.array_equal(law[key][:, :, j], matrices[j]) for j in range(4))
     assert law["E"].shape == (5, 1, 4)
     assert np.array_equal(law["E"][:, :, 3], physical.vertices[3].E)
-    assert all(np.array_equal(law["W"][:, :, k], W) for k, W in enumerate(design.law.W))
+    T = law["T"]
+    for k, W in enumerate(design.law.W):
+        assert np.allclose(law["W"][:, :, k], T @ W @ T.T, rtol=0, atol=1e-9)
+    middle = np.tensordot(law["multinomials"].ravel() / 16, law["W"], (0, 2))
+    assert np.allclose(middle, np.eye(5), rtol=0, atol=1e-9)
     assert law["Z"].shape == (1, 5, 9)
     assert law["degree"].item() == 2
     assert law["sizes"].tolist() == [[2, 2]]
@@ -122,6 +126,27 @@ def test_plants_without_names_and_in_discrete_time(tmp_path):
     assert law["sample_time"].item() == 0.125
     assert law["name"].item() == "é"
     assert "E" not in law
+
+
+def test_laws_whose_lyapunov_matrix_is_nearly_singular(tmp_path):
+    """Double integrators with 2 % uncertainty, poles within 0.4 % of -1: cond W above 1e7."""
+    random = np.random.default_rng(0)
+    A = np.kron(np.array([[0, 1.0], [0, 0]]), np.eye(2)) - 0.1 * np.eye(4, k=-2)
+    B = np.vstack([np.zeros((2, 3)), [[0.118, 0.144, 0.148], [0.144, 1.706, -0.756]]])
+    As = [A * (1 + 0.02 * random.uniform(-1, 1, A.shape)) for _ in range(2)]
+    Bs = [B * (1 + 0.02 * random.uniform(-1, 1, B.shape)) for _ in range(2)]
+    design = tightest(UncertainPlant.from_vertices(As, Bs), -1)
+    law = loadmat(mat(design, tmp_path / "law.mat"))
+    assert np.linalg.cond(design.law.W).max() > 1e7
+    assert "NOT" not in law["statement"].item()
+    for share in (0, 1, 12, 64):
+        alpha = [Fraction(64 - share, 64), Fraction(share, 64)]
+        W, Z = (
+            exact.mix(alpha, [[[Fraction(e) for e in row] for row in m] for m in each.tolist()])
+            for each in (design.law.W, design.law.Z)
+        )
+        K = np.array(exact.right_divide(Z, W), dtype=float)
+        assert np.allclose(law_gain(law, np.array(alpha, dtype=float)), K, rtol=1e-10, atol=0)
 
 
 def test_what_is_not_proved_says_so(designs):

@@ -25,8 +25,9 @@ def mat(design: Design, path: str | Path) -> Path:
     """Write a design as a MATLAB 5 file, which MATLAB, GNU Octave and SciPy load.
 
     Its variables: ``A`` (n, n, N), ``B`` (n, m, N), ``E`` (n, d, N) of the vertices, in SI units;
-    ``K`` (m, n) of one gain, else ``W`` (n, n, count) and ``Z`` (m, n, count), the Bernstein
-    coefficients, with ``degree``, ``exponents`` (count, coordinates) and ``multinomials``
+    ``K`` (m, n) of one gain, else ``T`` (n, n), ``W`` (n, n, count) and ``Z`` (m, n, count), the
+    Bernstein coefficients where W is the identity in the middle of the family, K = Z W^-1 T, see
+    `ScheduledGain`, with ``degree``, ``exponents`` (count, coordinates) and ``multinomials``
     (count, 1) of their terms, and ``sizes``, the corners of each simplex of the coordinates;
     ``parameters``, a structure array (``name``, ``low``, ``high``, ``unit``, ``inverted`` where the
     plant is affine in 1/p); cell arrays ``states``, ``inputs``, ``disturbances`` of names; texts
@@ -85,7 +86,8 @@ def statement(design: Design) -> str:
     return (
         f"Proved in exact arithmetic: all poles of A(alpha) + B(alpha) K(alpha) lie in "
         f"{design.region}, for every constant alpha of the family, of the numbers of design.json. "
-        "Rounding in MATLAB, sampling and delay are not in it."
+        "Rounding, here and in MATLAB, sampling and delay are not in it."
+        f"{' ' if design.note else ''}{design.note}"
     )
 
 
@@ -94,9 +96,11 @@ def _law(design: Design) -> dict[str, Any]:
     if isinstance(law, FixedGain):
         return {"K": np.array(law.K)}
     sizes, exponents = law.domain.sizes, law.domain.monomials(law.degree)
+    W, Z = law.even
     return {
-        "W": _stacked(law.W),
-        "Z": _stacked(law.Z),
+        "T": law.coordinates.T,
+        "W": _stacked(W),
+        "Z": _stacked(Z),
         "degree": float(law.degree),
         "sizes": np.array(sizes, dtype=float),
         "exponents": np.array(exponents, dtype=float),

@@ -103,7 +103,9 @@ class Observer:
     def __post_init__(self) -> None:
         dual, plant = self.design.plant, self.plant
         matrices = [transposed(v.exact_A) for v in dual.vertices]
-        if matrices != [v.exact_A for v in plant.vertices] or not _same_parameters(dual, plant):
+        own = [v.exact_A for v in plant.vertices]
+        same = matrices == own and dual.sample_time == plant.sample_time
+        if not same or not _same_parameters(dual, plant):
             raise InputError(
                 f"the design is not an observer's of {plant.name}: {dual.name} has other matrices "
                 "or parameters; design one with observe(plant, ...)"

@@ -248,6 +248,75 @@ def test_a_sample_time_is_proved_with_the_rounding(saved, tmp_path, capsys):
         answer(delay=0)
 
 
+WORDS = {
+    "sample time": ("law.h", "LAW_SAMPLE_TIME 0.002F", "LAW_SAMPLE_TIME 0.05F"),
+    "delay": ("law.h", "LAW_DELAY 1U", "LAW_DELAY 0U"),
+    "how often": ("law.h", "Run every 2 ms", "Run every 50 ms"),
+    "region": ("law.h", "disk(-40, 31)", "disk(-40, 21)"),
+    "rounding": ("law.h", "is at most", "is below"),
+    "what was looked at": ("law.h", "Sampled, not proved", "Proved"),
+    "page": ("README.md", "disk(-40, 31)", "disk(-40, 21)"),
+}
+
+
+@pytest.fixture(scope="module")
+def timed():
+    return export_c99(design(), 32, sample_time=0.002)
+
+
+@pytest.mark.parametrize("word", WORDS)
+def test_every_word_is_that_of_the_proof(timed, tmp_path, word):
+    name, old, new = WORDS[word]
+    timed.save(tmp_path)
+    assert check_guarantee(tmp_path).proved
+    text = (tmp_path / name).read_text()
+    assert old in text
+    (tmp_path / name).write_text(text.replace(old, new))
+    answer = check_guarantee(tmp_path)
+    assert not answer.proved
+    assert name in answer.reason
+
+
+def test_the_text_cannot_say_another_time_than_the_proof(timed, tmp_path):
+    """What the head says of time, region and rounding is written from the claims alone."""
+    timed.save(tmp_path)
+    path = tmp_path / "guarantee.json"
+    whole = json.loads(path.read_text())
+    assert whole["text"].keys() == {"name", "limits", "sampled"}
+    numbers = dict.fromkeys(("points", "decay", "region", "stable"), 0)
+    for table in (
+        whole["text"] | {"sample_time": 0.05},
+        whole["text"] | {"delay": 0},
+        whole["text"] | {"statement": []},
+        whole["text"] | {"sampled": None},
+        whole["text"] | {"sampled": whole["text"]["sampled"] | {"proved": True}},
+        whole["text"] | {"sampled": numbers | {"inside": 1, "observer": None}},
+        whole["text"] | {"sampled": numbers | {"inside": True, "observer": [1, 2.0]}},
+    ):
+        path.write_text(json.dumps(whole | {"text": table}))
+        with pytest.raises(DesignFileError, match="text"):
+            check_guarantee(tmp_path)
+    # what was sampled may be another's word, and its line says that it is no proof
+    more = whole["text"]["sampled"] | {"decay": 99.0}
+    path.write_text(json.dumps(whole | {"text": whole["text"] | {"sampled": more}}))
+    assert "law.h" in check_guarantee(tmp_path).reason
+    lines = timed.texts.statement
+    at = next(k for k, line in enumerate(lines) if "10040" in line)
+    assert lines[at].startswith("Sampled, not proved: ")
+
+
+def test_a_wider_region_kept_is_what_the_head_says(tmp_path):
+    """The claim about the code may be of another region than the design's own."""
+    export_c99(design(), 32).save(tmp_path)
+    path = tmp_path / "guarantee.json"
+    whole = json.loads(path.read_text())
+    whole["service"]["region"] = Disk(-40, 39).document()
+    path.write_text(json.dumps(whole))
+    answer = check_guarantee(tmp_path)
+    assert not answer.proved  # law.h says disk(-40, 31)
+    assert "law.h" in answer.reason
+
+
 def test_sampling_of_a_discrete_time_plant_is_not_read(tmp_path):
     """Its matrices would be taken for those of continuous time."""
     export_c99(design(), 32, sample_time=0.001).save(tmp_path)
@@ -287,7 +356,10 @@ def test_an_observer_is_put_beside_the_law(saved, tmp_path, capsys):
     assert run(*arguments, "--sample-time", 0.002) == 0
     assert {path.name for path in out.iterdir()} == FILES | {"law_observer.c", "law_observer.h"}
     assert "Observer: proved" in (out / "README.md").read_text()
+    capsys.readouterr()
     assert main(["check", str(out)]) == 0
+    assert "poles of its observer's error in disk(-80, 30)" in capsys.readouterr().out
+    observer_is_proved(out)
     (out / "law_observer.c").write_text("")
     assert main(["check", str(out)]) == 1
     assert run(tmp_path / "observer", "-o", tmp_path / "dual") == 2  # no law
@@ -299,6 +371,39 @@ def test_an_observer_is_put_beside_the_law(saved, tmp_path, capsys):
     assert run(saved, "-o", out) == 0
     assert {path.name for path in out.iterdir()} == FILES
     assert run(saved, "--observer", saved, "--sample-time", 0.002, "-o", out) == 2
+
+
+def observer_is_proved(out):
+    """The sentences about an observer are of one that is in the file, and proved afresh."""
+    path, head = out / "guarantee.json", out / "law_observer.h"
+    text, original = path.read_text(), head.read_text()
+    told = original.replace("disk(-80, 30)", "disk(-80, 20)")
+    assert told != original
+
+    def answer(change, head_text=original):
+        whole = json.loads(text)
+        change(whole)
+        path.write_text(json.dumps(whole))
+        head.write_text(head_text)
+        return check_guarantee(out)
+
+    def digest(whole):
+        whole["files"]["law_observer.h"] = hashlib.sha256(told.encode()).hexdigest()
+
+    assert answer(lambda whole: None).proved
+    assert "law_observer.h" in answer(digest, told).reason
+    narrower = answer(lambda whole: whole["observer"]["design"]["region"].update(radius=20.0))
+    assert "not positive definite" in narrower.reason
+    for change in (
+        lambda whole: whole.pop("observer"),
+        lambda whole: whole["observer"].update(design=whole["design"]),
+        lambda whole: whole["observer"].update(by_parameters=1),
+        lambda whole: whole["files"].pop("law_observer.c"),
+    ):
+        with pytest.raises(DesignFileError):
+            answer(change)
+    path.write_text(text)
+    head.write_text(original)
 
 
 def test_a_guarantee_of_other_code_is_no_guarantee(tmp_path):
@@ -314,13 +419,14 @@ def test_a_guarantee_of_other_code_is_no_guarantee(tmp_path):
     assert answer().proved
     source.write_text(text.replace("58.2491798F", "99.0F"))
     assert "58.2491798F" in text
-    for files in ({}, {"law.c": hashlib.sha256(source.read_bytes()).hexdigest()}):
-        assert "law.c" in answer(files=files).reason
+    assert "law.c" in answer(files={}).reason
+    with pytest.raises(DesignFileError, match="no file of this export"):
+        answer(files={"law.c": hashlib.sha256(source.read_bytes()).hexdigest()})
     source.write_text(text)
     assert not answer(code=whole["code"] | {"bits": 64}).proved
     assert not answer(text=whole["text"] | {"limits": [10.0]}).proved
-    assert "sample time" in answer(text=whole["text"] | {"sample_time": 0.001}).reason
-    for wrong in ({}, [], whole["text"] | {"name": 3}, whole["text"] | {"name": "../law"}):
+    told = ({"name": 3}, {"name": "../law"}, {"sample_time": 0.001}, {"statement": ["Proved."]})
+    for wrong in ({}, [], *(whole["text"] | each for each in told)):
         with pytest.raises(DesignFileError):
             answer(text=wrong)
     for name in ("../law.c", "x" * 5000):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import asdict, fields, replace
 from typing import Any
 
 import numpy as np
@@ -11,6 +12,7 @@ from polefence.errors import InputError
 from polefence.export.c99.number import number
 from polefence.export.c99.program import Fixed, Program, Scheduled, Share
 from polefence.export.c99.sources import Texts
+from polefence.export.statement import Facts, Seen, statement
 from polefence.law import FixedGain, Law, ScheduledGain
 from polefence.measured import DUAL
 from polefence.plant.family import UncertainPlant
@@ -53,43 +55,71 @@ def program_again(code: Code, certificate: Certificate) -> Program:
     return Scheduled(form, shares, law.domain, law.degree, _floats(code.T), W, Z)
 
 
-def texts_document(texts: Texts) -> dict[str, Any]:
-    """Return what the sources say of themselves as plain data; the plant has the rest."""
-    return {
-        "name": texts.name,
-        "statement": list(texts.statement),
-        "limits": list(texts.limits),
-        "sample_time": texts.sample_time,
-        "delay": texts.delay,
-    }
+def text_document(texts: Texts, seen: Seen | None) -> dict[str, Any]:
+    """Return what the sources say of themselves beside what is proved, as plain data."""
+    table: dict[str, Any] = {"name": texts.name, "limits": list(texts.limits)}
+    return table if seen is None else table | {"sampled": asdict(seen)}
 
 
-def texts_again(table: Any, certificate: Certificate) -> Texts:
-    """Return them again.
+def texts_again(table: Any, certificate: Certificate, facts: Facts) -> Texts:
+    """Return the texts of what is proved and sampled.
 
     Raises
     ------
     InputError
-        If the table is not one that `texts_document` wrote.
+        If the table is not one that `text_document` wrote.
     """
-    kinds = {"name": str, "statement": list, "limits": list, "delay": int}
-    if not isinstance(table, dict) or any(type(table.get(k)) is not t for k, t in kinds.items()):
-        raise InputError("text: name, statement, limits, sample_time or delay are missing")
-    lines, limits, time = table["statement"], table["limits"], table.get("sample_time")
-    if not all(isinstance(line, str) for line in lines):
-        raise InputError("text.statement must be a list of lines")
-    numbers = [*limits, 1.0 if time is None else time]
-    if not all(isinstance(v, int | float) and 0 < v < 1e30 for v in numbers):
-        raise InputError("text: limits and sample_time must be positive numbers")
+    known = {"name", "limits"} | ({"sampled"} if facts.loop else set())
+    if not isinstance(table, dict) or table.keys() != known:
+        raise InputError(f"text must hold {', '.join(sorted(known))}, and nothing else")
+    name, limits = table["name"], table["limits"]
+    if not isinstance(name, str) or not isinstance(limits, list):
+        raise InputError("text: name must be text, limits a list")
+    if not all(_is_number(v) and 0 < v < 1e30 for v in limits):
+        raise InputError("text: limits must be positive numbers")
+    facts = replace(facts, limited=bool(limits))
+    loop, own = facts.loop, certificate.plant.sample_time
+    time = loop.sample_time if loop else None if own is None else float(own)
     return Texts(
-        table["name"],
+        name,
         certificate.plant.name,
-        tuple(lines),
+        statement(facts),
         *names(certificate),
         tuple(map(float, limits)),
-        None if time is None else float(time),
-        table["delay"],
+        time,
+        loop.delay if loop else 0,
     )
+
+
+def seen_again(table: Any, observed: bool) -> Seen:
+    """Return what was sampled, as the file has it: lines about it say that it is not proved.
+
+    Raises
+    ------
+    InputError
+        If the table is not one that `text_document` wrote.
+    """
+    own = table.get("sampled") if isinstance(table, dict) else None
+    if not isinstance(own, dict) or own.keys() != {field.name for field in fields(Seen)}:
+        raise InputError("text.sampled: what was sampled of the loop is missing, or more is there")
+    pair = own["observer"]
+    beside = [0, 0.0] if pair is None else pair
+    if not isinstance(beside, list) or len(beside) != 2 or (pair is not None) is not observed:
+        raise InputError("text.sampled.observer must be two numbers, where there is an observer")
+    counts, numbers = (own["points"], beside[0]), (own["decay"], own["region"], own["stable"])
+    if not all(type(count) is int and 0 <= count < 10**9 for count in counts) or not all(
+        _is_number(v) and abs(v) < 1e30 for v in (*numbers, beside[1])
+    ):
+        raise InputError("text.sampled: points must be a whole number, others finite numbers")
+    if type(own["inside"]) is not bool:
+        raise InputError("text.sampled.inside must be true or false")
+    found = None if pair is None else (beside[0], float(beside[1]))
+    decay, region, stable = map(float, numbers)
+    return Seen(own["points"], own["inside"], decay, region, stable, found)
+
+
+def _is_number(value: Any) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool)
 
 
 def _floats(matrix: Any) -> np.ndarray[Any, np.dtype[np.float64]]:

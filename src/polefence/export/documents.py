@@ -5,16 +5,22 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Mapping
+from dataclasses import replace
 from fractions import Fraction
 from pathlib import Path
 from typing import Any
 
 from polefence.design import Design, says_format
 from polefence.errors import DesignFileError, InputError
-from polefence.export.again import program_again, texts_again, texts_document
+from polefence.export.again import program_again, seen_again, text_document, texts_again
+from polefence.export.c99.program import Program
 from polefence.export.c99.sources import Texts, sources
+from polefence.export.observer import observer_sources
+from polefence.export.readme import README, own_readme
 from polefence.export.sampled.document import sampling_document
+from polefence.export.statement import Facts, Loop, Seen
 from polefence.files import read_text
+from polefence.observer import Observer
 from polefence.plant.family import UncertainPlant
 from polefence.proof import exact
 from polefence.proof.certificate import Certificate, Check
@@ -22,7 +28,8 @@ from polefence.proof.exact import Rationals, Verdict
 from polefence.proof.rounding import FORMAT, Code, Rounded, prove_rounding, read_rounded
 from polefence.proof.sampling import Sampled, covers_rounding, prove_sampling, read_sampling
 from polefence.proof.statement import milliseconds_text, region_text
-from polefence.region_text import digits_down
+from polefence.region import region_of
+from polefence.region_text import digits_down, short_text
 from polefence.service.files import claim_document, plain
 
 FILE_NAME = "guarantee.json"
@@ -35,6 +42,8 @@ def guarantee_text(
     texts: Texts,
     files: Mapping[str, bytes],
     sampled: Sampled | None = None,
+    seen: Seen | None = None,
+    observer: tuple[Design, bool] | None = None,
 ) -> str:
     """Return the text of ``guarantee.json``.
 
@@ -48,6 +57,10 @@ def guarantee_text(
         What else runs; their digests are kept.
     sampled : Sampled, optional
         What is proved of the sampled loop.
+    seen : Seen, optional
+        What was found of it besides.
+    observer : (Design, bool), optional
+        The observer's design, and whether its code is given the plant's parameters.
     """
     document: dict[str, Any] = {
         "format": FORMAT,
@@ -55,11 +68,15 @@ def guarantee_text(
         "design": design.certificate.document(),
         "service": claim_document(claim.gain),
         "code": _code(claim),
-        "text": texts_document(texts),
+        "text": text_document(texts, seen),
         "files": {name: _digest(text) for name, text in files.items()},
     }
     if sampled is not None:
         document["sampling"] = sampling_document(sampled)
+    if observer is not None:
+        dual, by_parameters = observer
+        own = dual.certificate.document()
+        document["observer"] = {"design": own, "by_parameters": by_parameters}
     return json.dumps(document, indent=1, allow_nan=False) + "\n"
 
 
@@ -108,11 +125,17 @@ def check_guarantee(path: str | Path) -> Check:
     claim, document = _read(where)
     try:
         verdict = prove_rounding(claim)
-        said = [_claimed(claim)]
+        said, loop = [_claimed(claim)], None
         if verdict.proved and "sampling" in document:
-            sampled, verdict = _sampled(claim, document["sampling"], verdict)
-            said.append(sampled)
-        changed = _other(where, claim, document) if verdict.proved else ""
+            loop, verdict = _sampled(claim, document["sampling"], verdict)
+            said.append(_loop_text(loop))
+        observer = _observer(document)
+        if verdict.proved and observer is not None:
+            said.append(f"poles of its observer's error in {short_text(observer.region)}")
+            proof = observer.design.certificate.prove()
+            reason = f"{verdict.reason}; of the observer {proof.reason}"
+            verdict = Verdict(proof.proved, reason)
+        changed = _other(where, claim, document, loop, observer) if verdict.proved else ""
     except (exact.FormatError, InputError) as error:
         raise DesignFileError(f"{where}: {error}") from error
     if changed:
@@ -126,19 +149,34 @@ def _claimed(claim: Rounded) -> str:
     return f"poles in {region} with the gain as the float{claim.code.bits} code computes it"
 
 
-def _sampled(claim: Rounded, table: Any, verdict: Verdict) -> tuple[str, Verdict]:
-    """Prove what is claimed of the sampled loop too; return it in words."""
+def _sampled(claim: Rounded, table: Any, verdict: Verdict) -> tuple[Sampled, Verdict]:
+    """Prove what is claimed of the sampled loop too."""
     subject = claim.gain.subject
     found = read_sampling(table, subject.design, subject.ranges)
-    late = ", u one step late" if found.delay else ""
-    time = milliseconds_text(found.sample_time)
-    text = f"run every {time} ms{late}, decay {digits_down(found.decay, 3)} 1/s"
     own = prove_sampling(found)
     if own.proved and not covers_rounding(found, claim):
         own = Verdict(False, "the sampled loop is not proved with the code's rounding")
-    return text, Verdict(
+    return found, Verdict(
         own.proved, f"{verdict.reason}; {own.reason}" if own.proved else own.reason
     )
+
+
+def _loop_text(found: Sampled) -> str:
+    late, time = ", u one step late" if found.delay else "", milliseconds_text(found.sample_time)
+    return f"run every {time} ms{late}, decay {digits_down(found.decay, 3)} 1/s"
+
+
+def _observer(document: dict[str, Any]) -> Observer | None:
+    """Return the observer whose code is beside the law's; proves nothing."""
+    if "observer" not in document:
+        return None
+    table = document["observer"]
+    if not isinstance(table, dict) or table.keys() != {"design", "by_parameters"}:
+        raise InputError("observer must hold design and by_parameters, and nothing else")
+    if type(table["by_parameters"]) is not bool:
+        raise InputError("observer.by_parameters must be true or false")
+    plant = Certificate.loads(json.dumps(document["design"])).plant
+    return Observer(plant, Design(Certificate.loads(json.dumps(table["design"]))))
 
 
 def guarantee_plant(path: str | Path) -> UncertainPlant:
@@ -161,28 +199,55 @@ def _read(path: Path) -> tuple[Rounded, dict[str, Any]]:
         raise DesignFileError(f"{path}: {error}") from error
 
 
-def _other(path: Path, claim: Rounded, document: dict[str, Any]) -> str:
-    """Name a source beside the file that is not what it is about; "" where there is none."""
+def _other(
+    path: Path,
+    claim: Rounded,
+    document: dict[str, Any],
+    loop: Sampled | None,
+    observer: Observer | None,
+) -> str:
+    """Name a file beside this one that is not what it is about; "" where there is none."""
     certificate = Certificate.loads(json.dumps(document["design"]))
-    texts = texts_again(document.get("text"), certificate)
-    if (texts.sample_time is not None) != ("sampling" in document) and (
-        certificate.plant.sample_time is None
-    ):
-        return "the code states a sample time of which nothing is proved here, or the other way"
+    table, own_time = document.get("text"), certificate.plant.sample_time
+    # what is kept of the region in service may be another than the design's
+    parts = [(part.kind, part.numbers) for part in claim.gain.subject.design.region]
+    facts = Facts(region_of(parts), claim, own_time, limited=False, observer=observer)
+    if loop is not None:
+        seen = seen_again(table, observer is not None)
+        held = Loop(float(loop.sample_time), loop.delay, loop.decay, seen)
+        facts = replace(facts, loop=held)
+    texts, program = texts_again(table, certificate, facts), program_again(claim.code, certificate)
+    own = sources(program, texts)
+    if observer is not None:
+        own |= _observer_header(observer, program, texts, document["observer"]["by_parameters"])
     files = document.get("files", {})
-    if not isinstance(files, dict):
-        raise InputError("files must be a table of names and digests")
-    own = sources(program_again(claim.code, certificate), texts)
+    beside = {f"{texts.name}_observer.{end}" for end in "hc"} if observer else set()
+    if not isinstance(files, dict) or (beside and not beside <= files.keys()):
+        raise InputError("files must be a table of names and digests, the observer's among them")
+    units = {f"{texts.name}_fmi{version}.fmu" for version in "23"}
+    for name in files.keys() - beside - units:
+        raise InputError(f"files: {str(name)[:LONGEST]!r} is no file of this export")
+    readme = own_readme(program, texts, certificate, observer is not None)
+    if (path.parent / README).exists():
+        own |= {README: readme}
     for name, digest in {**files, **{name: _digest(t.encode()) for name, t in own.items()}}.items():
-        if Path(name).name != name or len(name) > LONGEST:
-            raise InputError(f"files: {name!r} is no name in this folder")
         try:
             there = _digest((path.parent / name).read_bytes())
         except OSError:
             return f"{name} is missing beside it; keep the folder of an export together"
         if there != digest:
-            return f"{name} is not what this version writes of these constants; export it again"
+            return f"{name} is not what this version writes of what is proved; export it again"
     return ""
+
+
+def _observer_header(
+    observer: Observer, program: Program, texts: Texts, by_parameters: bool
+) -> dict[str, str]:
+    """Return the header that says what is proved of the observer, by its name."""
+    given = observer.plant.parameters if by_parameters else ()
+    found = observer_sources(observer, program.number, texts, given, texts.sample_time)
+    name = f"{texts.name}_observer.h"
+    return {name: found[name]}
 
 
 def _digest(content: bytes) -> str:

@@ -11,15 +11,16 @@ from polefence.design import Design, check
 from polefence.errors import InputError, NotProvedError
 from polefence.export.again import code_law, names, require_law
 from polefence.export.c99.number import number
-from polefence.export.c99.program import Program, Scheduled, program
-from polefence.export.c99.sources import MARKER, Texts, check_c_name, context, environment, sources
+from polefence.export.c99.program import Program, program
+from polefence.export.c99.sources import MARKER, Texts, check_c_name, sources
 from polefence.export.c99.vectors import harness, makefile
 from polefence.export.documents import FILE_NAME, guarantee_text
 from polefence.export.fmi.fmu import fmu
 from polefence.export.folder import write_folder
 from polefence.export.guarantee import Guarantee, guarantee
 from polefence.export.observer import observer_sources
-from polefence.export.statement import statement
+from polefence.export.readme import README, own_readme
+from polefence.export.statement import Facts, loop_of, statement
 from polefence.export.timing import Timing, timing
 from polefence.law import FixedGain
 from polefence.observer import Observer
@@ -48,6 +49,8 @@ class Exported:
     observer : Observer, optional
     files : mapping of str to bytes
         The folder's contents.
+    by_parameters : bool
+        Whether the observer's code is given the parameters, not alpha.
     """
 
     design: Design
@@ -57,6 +60,7 @@ class Exported:
     timing: Timing | None = None
     observer: Observer | None = None
     files: dict[str, bytes] = field(repr=False, default_factory=dict)
+    by_parameters: bool = False
 
     @property
     def proved(self) -> bool:
@@ -65,6 +69,7 @@ class Exported:
             self.design.proved
             and self.guarantee.proved
             and (self.timing is None or self.timing.proved)
+            and (self.observer is None or self.observer.design.proved)
         )
 
     def save(self, directory: str | Path) -> list[Path]:
@@ -142,11 +147,11 @@ def export_c99(
     timed = None if sample_time is None else timing(design, sample_time, delay, found, observer)
     if timed is not None and not timed.proved and not allow_unproved:
         raise NotProvedError(f"not exported: {timed.reason}")
-    lines = statement(design, bool(cuts), found, timed, observer)
+    lines = statement(_facts(design, found, bool(cuts), timed, observer))
     texts = Texts(
         name,
         design.plant.name,
-        tuple(lines),
+        lines,
         *names(design),
         cuts,
         _time(design, sample_time),
@@ -158,7 +163,24 @@ def export_c99(
         own = () if given == "alpha" else design.plant.parameters
         code = observer_sources(observer, made.number, texts, own, sample_time)
         files |= {key: text.encode() for key, text in code.items()}
+        whole = replace(whole, by_parameters=given != "alpha")
     return replace(whole, files=_sealed(whole, files))
+
+
+def _facts(
+    design: Design,
+    found: Guarantee,
+    limited: bool,
+    timed: Timing | None,
+    observer: Observer | None,
+) -> Facts:
+    """Return what the code may say of itself."""
+    loop = None if timed is None else loop_of(timed)
+    own = design.region, found.claim, design.plant.sample_time, limited, loop, observer
+    if not design.proved:
+        facts = Facts(*own, reason="the design itself is not proved")
+        return replace(facts, rounded=None)
+    return Facts(*own, reason=found.reason)
 
 
 def _require_observer(
@@ -219,7 +241,11 @@ def _sealed(found: Exported, files: dict[str, bytes]) -> dict[str, bytes]:
     own = {f"{name}{ending}" for ending in (".c", ".h", "_test.c")}
     beside = {key: files[key] for key in sorted(files.keys() - own) if key.endswith(BESIDE)}
     proof = None if found.timing is None else found.timing.proof.claim
-    text = guarantee_text(found.guarantee.design, found.guarantee.claim, found.texts, beside, proof)
+    seen = None if found.timing is None else loop_of(found.timing).seen
+    observer = None if found.observer is None else (found.observer.design, found.by_parameters)
+    text = guarantee_text(
+        found.guarantee.design, found.guarantee.claim, found.texts, beside, proof, seen, observer
+    )
     return files | {FILE_NAME: text.encode()}
 
 
@@ -265,22 +291,6 @@ def _files(found: Exported) -> dict[str, bytes]:
     files = {key: text.encode() for key, text in sources(made, texts).items()}
     files[f"{texts.name}_test.c"] = harness(made, texts, code_law(found.design.law), bound).encode()
     files["Makefile"] = makefile(texts, found.observer is not None).encode()
-    facts = {
-        "proved": found.proved,
-        "discrete": found.design.plant.sample_time is not None,
-        "bytes": local_bytes(made),
-        "observer": found.observer is not None,
-    }
-    template = environment().get_template("README.md.j2")
-    files["README.md"] = template.render(context(made, texts) | facts).encode()
+    page = own_readme(made, texts, found.design, found.observer is not None, found.proved)
+    files[README] = page.encode()
     return files
-
-
-def local_bytes(made: Program) -> int:
-    """Return the bytes of the arrays that an update keeps on the stack."""
-    n, m = made.shape
-    if not isinstance(made, Scheduled):
-        return m * made.number.bits // 8
-    own = len(made.shares) * 2 if made.shares else made.domain.corners
-    count = own + sum(made.domain.sizes) + len(made.W) + (n + 1) * n + m
-    return count * made.number.bits // 8

@@ -36,6 +36,7 @@ _TABLES = {
     "service",
     "code",
     "files",
+    "observer",
     "sampling",
     "text",
 }

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from itertools import chain
 
 import numpy as np
 
@@ -21,6 +22,7 @@ from polefence.solve.performance import Question, Reached, least
 from polefence.solve.radius import smallest, typical_rate
 from polefence.solve.regulated import regulators
 from polefence.solve.scaling import Scaling, balanced
+from polefence.solve.singular import singular_is_failure
 from polefence.solve.smallest import TOLERANCE
 from polefence.specification import Specification, output_of
 from polefence.speed import bounded
@@ -61,11 +63,25 @@ class Task:
         form = self.domain, degree, elevation, norms
         return Question(plant.A, plant.B, values, outputs, region, *form)
 
-    def reached(self, region: Region | None, tolerance: float = TOLERANCE) -> Reached:
+    @singular_is_failure()
+    def reached(
+        self,
+        region: Region | None,
+        tolerance: float = TOLERANCE,
+        near: Reached | None = None,
+    ) -> Reached:
         """Search for the law.
 
         Without bounds on the law itself the question is convex: the first start that leads to its
         end will do. With them the end depends on the start: the best of all is returned.
+
+        Parameters
+        ----------
+        region : Region, optional
+        tolerance : float
+            Of the gap at which the search ends, relative to what is minimised.
+        near : Reached, optional
+            A point of this method and a narrower region, to start from.
 
         Raises
         ------
@@ -76,7 +92,10 @@ class Task:
         question = self.question(region)
         best: Reached | None = None
         failure = SolverError("nowhere to start from")
-        for start, t in self._starts(question, region, scaling):
+        starts = self._starts(question, region, scaling)
+        if near is not None:
+            starts = chain([(near.values, near.t)], starts)
+        for start, t in starts:
             try:
                 found = least(question, start, scaling, tolerance, t)
             except SolverError as error:
@@ -122,8 +141,15 @@ class Task:
             values = {"W1": values["W"], "Z1": values["Z"]}
         return {k: v for k, v in values.items() if k[0] in "WZ"}
 
+    @singular_is_failure()
     def law(self, found: Reached) -> Law:
-        """Return the law of a point."""
+        """Return the law of a point.
+
+        Raises
+        ------
+        SolverError
+            If W is singular in floats.
+        """
         degree = int(options(self.method).degree)
         count = self.domain.count(degree)
         W, Z = (np.stack([found.values[f"{x}{k + 1}"] for k in range(count)]) for x in "WZ")

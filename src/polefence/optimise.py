@@ -22,13 +22,27 @@ from polefence.conflict import refusal
 from polefence.design import Design
 from polefence.design_task import Task
 from polefence.errors import InputError, NotProvedError, SolverError
+from polefence.gain_norm import is_signal
 from polefence.law import FixedGain, Law
-from polefence.performance import Bound, best_bound, kept_bound
+from polefence.performance import Bound, Known, best_bound, kept_bound, own_evidence
 from polefence.plant.family import UncertainPlant
 from polefence.proof.certificate import Certificate
 from polefence.region import HalfPlane, Region, Sector
+from polefence.retreat import (
+    CLOSE,
+    FAR,
+    Retreat,
+    Step,
+    is_falling,
+    is_too_fast,
+    level_of,
+    steps,
+    unbounded,
+)
+from polefence.sampled_bounds import agreed_bound
 from polefence.solve.performance import Reached
-from polefence.specification import Rms, Specification
+from polefence.solve.singular import singular_is_failure
+from polefence.specification import Rms, Specification, output_of
 
 ENOUGH = 5.0  # for the proof of a region [s], after which no higher degree is begun
 HALVINGS = 5  # of the share of the region that the design keeps
@@ -49,12 +63,15 @@ class Optimised:
         where that proves nothing, zero where nothing was minimised.
     share : float
         Of the region, what the design kept; 1 is all of it.
+    retreat : Retreat, optional
+        How far the law stands from an infimum that none attains, or none that can be proved.
     """
 
     design: Design
     bounds: tuple[Bound, ...]
     shared: float
     share: float
+    retreat: Retreat | None = None
 
     def __repr__(self) -> str:
         return f"<Optimised {self.plant.name!r}: {'; '.join(map(str, self.bounds))}>"
@@ -121,7 +138,8 @@ def optimise(
     NotProvedError
         If the limits or the region are not proved. The message names the specifications that are in
         conflict for this method; where it says "refuted" no law keeps them, and the error's
-        ``refutation`` is the proof.
+        ``refutation`` is the proof; where it says "unbounded" what is minimised falls without end
+        as the law grows.
     InputError
         If a specification does not fit the plant.
     """
@@ -132,6 +150,8 @@ def optimise(
         require_type(minimise, Specification, "minimise", "for example Rms('force')")
     method = method or Scheduled(1, 0, "box" if plant.parameters else "simplex")
     _require_method(plant, method)
+    if len(plant.vertices) == 1:  # one gain is every law
+        method = "quadratic"
     if plant.sample_time is not None:
         raise InputError(f"{plant.name} is in discrete time; specifications are of continuous time")
     asked = HalfPlane(0) if region is None else region
@@ -148,7 +168,7 @@ def optimise(
         _task(larger, found, minimise is not None, asked, method), asked=(plant, tuple(subject_to))
     )
     if larger is plant:
-        return _best(task, deadline)
+        return _settled(task, deadline)
     bare = tuple(replace(s, weight=None) if isinstance(s, Rms) else s for s in asked_for)
     return _weighted(task, _task(plant, bare, minimise is not None, asked, method), deadline)
 
@@ -170,12 +190,12 @@ def _weighted(task: Task, bare: Task, deadline: float) -> Optimised:
     """Return the better of a law with the filters' states, and one without, for bare signals."""
     simple: Optimised | None = None
     with suppress(NotProvedError):
-        found = _best(bare, deadline)
+        found = _settled(bare, deadline)
         simple = _kept(task, without_feedback(found.law, task.plant), found.share)
     if simple is not None and time.perf_counter() > deadline:
         return simple
     try:
-        best = _best(task, deadline)
+        best = _settled(task, deadline)
     except NotProvedError:
         if simple is None:
             raise
@@ -190,6 +210,59 @@ def _require_method(plant: UncertainPlant, method: Method) -> None:
     o = options(method)
     if not isinstance(o, Scheduled) or o.degree == "auto" or o.right_hand_sides:
         raise InputError("optimise goes with 'quadratic' and Scheduled(degree, elevation, on)")
+
+
+def _settled(task: Task, deadline: float) -> Optimised:
+    """Return the best law; one of slower poles where that is not proved, or is none to be built."""
+    best, failure = None, None
+    try:
+        best = _best(task, deadline)
+    except NotProvedError as error:
+        failure = error
+        if error.refutation is not None:
+            raise
+    if best is not None and not is_too_fast(task.plant, best.law):
+        return best
+    least = _least(task) if best is None else best.shared
+    if failure is not None and task.limits and not np.isfinite(least):
+        raise failure  # no law keeps the limits, or none was found
+    taken, found = _stepped_back(task, least)
+    if found is not None:
+        return found
+    if is_falling(taken):
+        raise unbounded(task, taken) from failure
+    if best is None:
+        raise failure or NotProvedError("not proved")
+    return best
+
+
+def _least(task: Task) -> float:
+    """Return what is found in floats, proved or not; infinite where there is none."""
+    try:
+        return level_of(task, task.reached(task.region))
+    except SolverError:
+        return np.inf
+
+
+def _stepped_back(task: Task, least: float) -> tuple[list[Step], Optimised | None]:
+    """Return steps back, and the nearest to the least level that is proved, if it is near."""
+    taken = list[Step]()
+    for step in steps(task):
+        taken.append(step)
+        # without anything to minimise the first that is proved will do
+        if step.level <= least * (1 + CLOSE) and (
+            task.minimise is not None or _proved(task, step.found, 1.0) is not None
+        ):
+            break
+    least = min([least, *(step.level for step in taken)])
+    for step in sorted(taken, key=lambda step: step.level):
+        if step.level > least * (1 + FAR):
+            break
+        found = _proved(task, step.found, 1.0)
+        if found is not None:
+            retreat = Retreat(step.speed, step.level, least)
+            return taken, replace(found, shared=step.level, retreat=retreat)
+    return taken, None
 
 
 def _best(task: Task, deadline: float) -> Optimised:
@@ -226,14 +299,7 @@ def _attempt(task: Task, share: float, reasons: list[str]) -> tuple[float, Optim
     except SolverError as error:
         reasons.append(str(error))
         return np.inf, None
-    return _level(task, found), _proved(task, found, share)
-
-
-def _level(task: Task, found: Reached) -> float:
-    if task.minimise is None:
-        return 0.0
-    power = 1.0 if task.minimise.kind == "gain" else 0.5
-    return float(found.r**power)
+    return level_of(task, found), _proved(task, found, share)
 
 
 def relaxed(region: Region, share: float) -> Region | None:
@@ -255,9 +321,14 @@ def relaxed(region: Region, share: float) -> Region | None:
 
 def _proved(task: Task, found: Reached, share: float) -> Optimised | None:
     """Prove everything of a law that was found; None where something is not."""
-    law = task.law(found)
-    certificate = _region(task, found, law, share)
-    return None if certificate is None else _bounded(task, certificate, share)
+    try:
+        law = task.law(found)
+    except (SolverError, InputError):  # its numbers are none that doubles hold
+        return None
+    with suppress(SolverError), singular_is_failure():
+        certificate = _region(task, found, law, share)
+        return None if certificate is None else _bounded(task, certificate, share, found)
+    return None
 
 
 def _kept(task: Task, law: Law, share: float) -> Optimised | None:
@@ -268,19 +339,39 @@ def _kept(task: Task, law: Law, share: float) -> Optimised | None:
     return _bounded(task, answer.certificate, share)
 
 
-def _bounded(task: Task, certificate: Certificate, share: float) -> Optimised | None:
+def _bounded(
+    task: Task, certificate: Certificate, share: float, found: Reached | None = None
+) -> Optimised | None:
     """Prove the bounds of the certificate's law, where alpha lives there; None where one is not."""
     law = certificate.law
-    limits = [kept_bound(task.plant, law, s) for s in task.limits]
+    limits = [kept_bound(task.plant, law, s, _known(task, found, law, s)) for s in task.limits]
     if any(bound is None for bound in limits):
         return None
     bounds = tuple(b for b in limits if b is not None)
     if task.minimise is not None:
-        first = best_bound(task.plant, law, task.minimise)
+        known = _known(task, found, law, task.minimise)
+        first = best_bound(task.plant, law, task.minimise, known)
         if first is None:
             return None
         bounds = (first, *bounds)
-    return Optimised(Design(certificate), bounds, np.inf, share)
+    # of a law that doubles cannot evaluate a proof is of no use
+    agreed = [agreed_bound(task.plant, law, bound) for bound in bounds]
+    if any(bound is None for bound in agreed):
+        return None
+    own = tuple(b for b in agreed if b is not None)
+    return Optimised(Design(certificate), own, np.inf, share)
+
+
+def _known(task: Task, found: Reached | None, law: Law, own: Specification) -> Known | None:
+    """Return what the design itself says of a signal; None for the norm of a gain."""
+    if found is None or not is_signal(own):
+        return None
+    source = output_of(task.plant, task.domain, own, 1.0)[0]
+    t = found.t.get(f"t {source.name}", 0.0)
+    if not t > 0:
+        return None
+    W = np.stack([found.values[f"W{k + 1}"] for k in range(len(found.values) // 2)])
+    return own_evidence(law, W, t), own.at_most or level_of(task, found)
 
 
 def _region(task: Task, found: Reached, law: Law, share: float) -> Certificate | None:

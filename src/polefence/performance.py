@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import math
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from fractions import Fraction
 
 import numpy as np
@@ -20,8 +21,7 @@ from polefence.plant.system import Array
 from polefence.proof import exact
 from polefence.proof.performance import PerformanceClaim, prove_performance
 from polefence.region_text import digits_up
-from polefence.solve.given import Proof
-from polefence.solve.performance_given import least_given, work
+from polefence.solve.performance_given import Point, points_given, work
 from polefence.solve.smallest import TOLERANCE
 from polefence.specification import Specification, claim_of, output_of
 
@@ -31,8 +31,12 @@ LADDER = ((0, 0), (1, 0), (2, 0))
 STEPS = (1e-7, 1e-6, 1e-5, 1e-4, 1e-3)
 # How near its end the search comes: evidence on the very edge may not survive its rounding.
 NEAR = (TOLERANCE, 1e-6, 1e-4, 1e-2)
+POOR = 0.05  # a point whose r is farther from the least than this share proves little
 MOST_WORK = 3e8  # of one search beyond the first [multiplications an iteration]
 WORTH = 1e-3  # a smaller bound by less than this share ends the climb
+
+
+Known = tuple[exact.Evidence, float]
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,20 +67,25 @@ class Bound:
         return f"{own.kind} of {own.name} <= {digits_up(self.level)}"
 
 
-def best_bound(plant: UncertainPlant, law: Law, specification: Specification) -> Bound | None:
-    """Return the least bound that is proved with Lyapunov polynomials of growing degree."""
+def best_bound(
+    plant: UncertainPlant, law: Law, specification: Specification, known: Known | None = None
+) -> Bound | None:
+    """Return the least bound that is proved with Lyapunov polynomials of growing degree.
+
+    Parameters
+    ----------
+    known : pair of Evidence and float, optional
+        What proves the bound of that level as far as floats tell; tried where nothing else does.
+    """
     best: Bound | None = None
+    root = float if specification.kind == "gain" else math.sqrt
     for points in _climb(plant, law, specification, 1.0):
         own = next(
             (
                 bound
-                for evidence, r in points
-                for step in STEPS
-                if (
-                    bound := _proved(
-                        plant, law, specification, evidence, _level(specification, r) * (1 + step)
-                    )
-                )
+                for evidences, r in points
+                for evidence in evidences
+                if (bound := _stepped(plant, law, specification, evidence, root(r))) is not None
             ),
             None,
         )
@@ -87,24 +96,71 @@ def best_bound(plant: UncertainPlant, law: Law, specification: Specification) ->
             best = own
         if not worth:
             break
+    if best is None and known is not None:
+        return _stepped(plant, law, specification, *known)
     return best
 
 
-def kept_bound(plant: UncertainPlant, law: Law, specification: Specification) -> Bound | None:
-    """Return the proof that a specification's own limit is kept, None where there is none."""
+def _stepped(
+    plant: UncertainPlant,
+    law: Law,
+    specification: Specification,
+    evidence: exact.Evidence,
+    level: float,
+) -> Bound | None:
+    """Return the first step above a level at which evidence is a proof, None if it is at none."""
+    if (last := _proved(plant, law, specification, evidence, level * (1 + STEPS[-1]))) is None:
+        return None
+    nearer = (_proved(plant, law, specification, evidence, level * (1 + s)) for s in STEPS[:-1])
+    return next((bound for bound in nearer if bound is not None), last)
+
+
+def raised(bound: Bound, level: float) -> Bound | None:
+    """Return the bound with a higher level, proved with the same evidence."""
+    claim = replace(bound.claim, level=Fraction(level))
+    verdict = prove_performance(claim)
+    if not verdict.proved:
+        return None
+    return replace(bound, level=level, claim=claim, reason=verdict.reason)
+
+
+def kept_bound(
+    plant: UncertainPlant, law: Law, specification: Specification, known: Known | None = None
+) -> Bound | None:
+    """Return the proof that a specification's own limit is kept, None where there is none.
+
+    Parameters
+    ----------
+    known : pair of Evidence and float, optional
+        What proves it as far as floats tell; tried first.
+    """
     limit = specification.at_most or 0.0
+    if known is not None:
+        own = _proved(plant, law, specification, known[0], limit)
+        if own is not None:
+            return own
     for points in _climb(plant, law, specification, limit):
-        for number, (evidence, r) in enumerate(points):
+        for number, (evidences, r) in enumerate(points):
             if r < 1:
-                own = _proved(plant, law, specification, evidence, limit)
-                if own is not None:
-                    return own
+                for evidence in evidences:
+                    own = _proved(plant, law, specification, evidence, limit)
+                    if own is not None:
+                        return own
             elif not number:  # of those nearest to the edge
                 break
     return None
 
 
-Points = Iterator[tuple[exact.Evidence, float]]
+def own_evidence(law: Law, W: Array, t: float) -> exact.Evidence:
+    """Return the evidence that a design leaves of a signal: its own W over t, (count, n, n)."""
+    if isinstance(law, FixedGain):
+        return exact.Evidence([_rationals(W[0] / t)])
+    none = [[Fraction(0)] * W.shape[1] for _ in range(W.shape[1])]
+    return exact.Evidence([none], multiple=(Fraction(1 / t),))
+
+
+# Evidence, to rounding and then exactly as it was found, and the r that it proves in floats.
+Points = Iterator[tuple[Iterable[exact.Evidence], float]]
 
 
 def _climb(
@@ -126,23 +182,26 @@ def _norms(plant: UncertainPlant, law: Law, specification: GainNorm, unit: float
     with suppress(SolverError):
         for level, elevation in levels(plant, law, specification):
             if np.isfinite(level):
-                yield exact.Evidence([], elevation=elevation), (level / unit) ** 2
+                yield [exact.Evidence([], elevation=elevation)], (level / unit) ** 2
 
 
 def _points(loop: Loop, source: Source, output: Output, form: tuple[int, int]) -> Points:
-    """Yield points farther and farther from the edge of what a form proves."""
-    found: Proof | None = None
+    """Yield points farther and farther from the edge of what a form proves, poor ones last."""
+    found: Point | None = None
+    poor = list[Point]()
     for tolerance in NEAR:
         for near in dict.fromkeys((found, None)):
+            points = list[Point]()
             with suppress(SolverError):
-                again = least_given(loop, source, output, *form, tolerance, near)
-                if again.r > 0:
-                    found = found or again
-                    yield _evidence(again, form), again.r
-
-
-def _level(specification: Specification, r: float) -> float:
-    return float(r if specification.kind == "gain" else np.sqrt(r))
+                points = points_given(loop, source, output, *form, tolerance, near)
+            for own in points:
+                found = found or own
+                if own.r <= found.r * (1 + POOR):
+                    yield _evidences(own, form), own.r
+                else:
+                    poor.append(own)
+    for own in sorted(poor, key=lambda own: own.r):
+        yield _evidences(own, form), own.r
 
 
 def _proved(
@@ -166,10 +225,23 @@ def _proved(
     return Bound(specification, level, claim, degree, verdict.reason)
 
 
-def _evidence(found: Proof, form: tuple[int, int]) -> exact.Evidence:
-    X = [[[Fraction(x) for x in row] for row in Q] for Q in found.Q.tolist()]
+def _evidences(found: Point, form: tuple[int, int]) -> Iterator[exact.Evidence]:
+    """Yield Q as floats have it, and as the exact product that it is of what was found."""
     multiple = () if found.multiple is None else tuple(map(Fraction, found.multiple.tolist()))
-    return exact.Evidence(X, form[0], form[1], multiple)
+    yield exact.Evidence([_rationals(Q) for Q in found.Q], form[0], form[1], multiple)
+    left = _rationals(found.left)
+    products = [_congruent(left, _rationals((S + S.T) / 2)) for S in found.scaled]
+    yield exact.Evidence(products, form[0], form[1], multiple)
+
+
+def _congruent(left: exact.Rationals, middle: exact.Rationals) -> exact.Rationals:
+    """Return left @ middle @ left', exactly."""
+    half = [[_dot(row, column) for column in middle] for row in left]  # middle is symmetric
+    return [[_dot(row, column) for column in left] for row in half]
+
+
+def _dot(a: Sequence[Fraction], b: Sequence[Fraction]) -> Fraction:
+    return sum((x * y for x, y in zip(a, b, strict=True)), Fraction(0))
 
 
 def exact_law(law: Law) -> exact.Law:

@@ -6,12 +6,14 @@ that is proved; the ratio of the two says how far apart they can be.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
+from polefence.errors import InputError
 from polefence.gain_norm import GainNorm
+from polefence.performance import Bound, raised
 from polefence.plant.family import UncertainPlant
 from polefence.plant.system import Array
 from polefence.polynomial import Domain
@@ -33,6 +35,9 @@ COUNT = 10_000
 SEED = 20051
 # Of a peak: time followed, of the slowest pole's time constant; step, of the fastest's.
 FOLLOWED, STEP = 5.0, 0.25
+# A sample is computed with rounding: it agrees with a bound that it passes by this share.
+AGREED = 1e-6
+NEARLY, NIL = 1e-2, 1e-9  # by which it passes one that is raised; of a signal that is nil
 GROUP = 2_000_000  # of samples at once
 COARSE, FINE, FEW = 60, 2000, 20  # frequencies at all points, and at the worst few
 
@@ -119,6 +124,34 @@ def sampled(
     else:
         values = _gains(plant, law, signal, alpha)
     return Sampled(specification, alpha, np.asarray(values))
+
+
+def agreed_bound(plant: UncertainPlant, law: Any, bound: Bound) -> Bound | None:
+    """Return a proved bound that is no less than what doubles show of the law; None if they differ.
+
+    The law is proved as a real matrix. One that cancels numbers far larger than what it leaves, or
+    whose poles are too fast for doubles, does not keep the bound once doubles evaluate it. Where
+    what is left is rounding, of the signal's own parts, the bound is raised above it.
+    """
+    own, alpha = bound.specification, seeded(plant, len(plant.vertices) + FEW)
+    try:
+        worst = sampled(plant, law, own, alpha).worst
+        if worst <= bound.level * (1 + AGREED):
+            return bound
+        near = worst <= bound.level * (1 + NEARLY) or worst <= NIL * _parts(plant, law, own, alpha)
+    except (InputError, np.linalg.LinAlgError):
+        return None
+    return raised(bound, worst * (1 + AGREED)) if near and own.at_most is None else None
+
+
+def _parts(plant: UncertainPlant, law: Any, own: Specification, alpha: Array) -> float:
+    """Return the largest worst value of the signal's terms, each alone."""
+    signal, found = signal_of(plant, own), [0.0]
+    for key in ("state", "rate", "input"):
+        for number, weight in getattr(signal, key).items():
+            one = Signal(signal.name, signal.unit, **{key: {number: weight}})
+            found.append(sampled(plant, law, replace(own, signal=one), alpha).worst)
+    return max(found)
 
 
 def _rms(plant: UncertainPlant, law: Any, own: Rms, signal: Signal, alpha: Array) -> Array:

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Iterator
 from contextlib import suppress
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -14,6 +14,7 @@ from polefence.conditions.target import Around
 from polefence.errors import SolverError
 from polefence.plant.system import Array
 from polefence.region import HalfPlane
+from polefence.solve.covariance import covariance, intensity
 from polefence.solve.engine import run
 from polefence.solve.given import Proof, factor, least, start_matrix, sum_of
 from polefence.solve.performance import ROUNDS, WIDE, interior
@@ -21,6 +22,21 @@ from polefence.solve.scaling import power_of_two
 from polefence.solve.singular import singular_is_failure
 from polefence.solve.smallest import TOLERANCE
 from polefence.solve.stacked import stack
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Point(Proof):
+    """Where a search ended; Q is ``left`` times ``scaled`` times its transpose, to rounding.
+
+    Attributes
+    ----------
+    left : (n, n) array
+    scaled : (count, n, n) array
+        In the search's own coordinates, in which they are well conditioned.
+    """
+
+    left: Array
+    scaled: Array
 
 
 def work(loop: Loop, source: Source, degree: int, elevation: int) -> float:
@@ -33,7 +49,6 @@ def work(loop: Loop, source: Source, degree: int, elevation: int) -> float:
     return float(blocks * (size * unknowns) ** 2)
 
 
-@singular_is_failure()
 def least_given(
     loop: Loop,
     source: Source,
@@ -41,7 +56,6 @@ def least_given(
     degree: int,
     elevation: int,
     tolerance: float = TOLERANCE,
-    near: Proof | None = None,
 ) -> Proof:
     """Minimise the bound that a Lyapunov polynomial of a given loop proves for one output.
 
@@ -49,8 +63,6 @@ def least_given(
     ----------
     loop : Loop
         Its C has the output's row below those of the dynamics.
-    near : Proof, optional
-        A point of this degree, to take the coordinates from.
 
     Returns
     -------
@@ -63,47 +75,60 @@ def least_given(
         If there is no point to start from: the loop is not stable, or has no Lyapunov polynomial of
         this degree; or if floats cannot carry it.
     """
+    return points_given(loop, source, output, degree, elevation, tolerance)[0]
+
+
+@singular_is_failure()
+def points_given(
+    loop: Loop,
+    source: Source,
+    output: Output,
+    degree: int,
+    elevation: int,
+    tolerance: float = TOLERANCE,
+    near: Proof | None = None,
+) -> list[Point]:
+    """Return where searches in several coordinates ended, the least r first.
+
+    One that is not the least may still be the one whose exact proof survives rounding. The first to
+    converge is the last that is tried.
+
+    Parameters
+    ----------
+    near : Proof, optional
+        A point of this degree, to take the coordinates from.
+
+    Raises
+    ------
+    SolverError
+        As `least_given` does.
+    """
     n = len(next(iter(loop.E.values())))
     E, C = sum_of(loop.E), sum_of(loop.C)[:n]
     middle = np.asarray(np.linalg.solve(E.T, C.T).T, dtype=float)
     rate = float(power_of_two(np.abs(np.linalg.eigvals(middle)).max()))
-    form, best = (degree, elevation), None
-    for X in _coordinates(middle / rate, loop, near):
+    form, points = (degree, elevation), list[Point]()
+    for X in _coordinates(middle / rate, loop, source, near):
         with suppress(np.linalg.LinAlgError):
             found, converged = _rounds(loop, source, output, form, X, rate, tolerance)
-            if found is not None and (best is None or found.r < best.r):
-                best = found
+            points += [] if found is None or not found.r > 0 else [found]
             if converged:
                 break
-    if best is None:
+    if not points:
         raise SolverError("no Lyapunov matrix to start from")
-    return best
+    return sorted(points, key=lambda found: found.r)
 
 
-def _coordinates(middle: Array, loop: Loop, near: Proof | None) -> Iterator[Array]:
+def _coordinates(middle: Array, loop: Loop, source: Source, near: Proof | None) -> Iterator[Array]:
     """Yield Lyapunov matrices, each to be tried as the identity where the last is not enough."""
     if loop.R is not None:
         yield sum_of(loop.R)
-        return
-    if near is not None:
+    elif near is not None:
         yield near.Q.mean(axis=0)
-        return
-    yield start_matrix(middle)
-    own = _stationary(middle)
-    if own is not None:
-        yield own
-
-
-def _stationary(F: Array) -> Array | None:
-    """Return the covariance that noise in all balanced states leaves, None if there is none."""
-    from scipy.linalg import matrix_balance, solve_continuous_lyapunov  # deferred: slow to import
-
-    balanced, (scale, _) = matrix_balance(F, permute=False, separate=True)
-    with warnings.catch_warnings(), np.errstate(all="ignore"):
-        warnings.simplefilter("ignore")  # of matrices that are nearly singular: judged below
-        X = solve_continuous_lyapunov(balanced, -np.eye(len(F)))
-    X = (X + X.T) / 2 * np.outer(scale, scale)
-    return np.asarray(X) if np.all(np.isfinite(X)) and np.all(np.diag(X) > 0) else None
+    else:
+        own, plain = covariance(middle, intensity(source, loop.domain)), start_matrix(middle)
+        first = (plain, own) if isinstance(source, Through) else (own, plain)
+        yield from (X for X in (*first, covariance(middle)) if X is not None)
 
 
 def _rounds(
@@ -114,9 +139,10 @@ def _rounds(
     X: Array,
     rate: float,
     tolerance: float,
-) -> tuple[Proof | None, bool]:
+) -> tuple[Point | None, bool]:
     """Return what is found from coordinates in which X is the identity; whether it converged."""
-    found, converged = None, False
+    found: Point | None = None
+    converged = False
     for _ in range(ROUNDS):
         again = _run(loop, source, output, form, factor(X), rate, found, tolerance)
         if again is None or (found is not None and again[0].r >= found.r * (1 - 1e-7)):
@@ -137,7 +163,7 @@ def _run(
     rate: float,
     near: Proof | None,
     tolerance: float,
-) -> tuple[Proof, bool] | None:
+) -> tuple[Point, bool] | None:
     inverse = np.asarray(np.linalg.inv(T), dtype=float)
     pencil = given(_changed(loop, T, rate), source.changed(inverse, rate), output, *form)
     stacked, count = stack(pencil), loop.domain.count(form[0])
@@ -156,11 +182,14 @@ def _run(
             continue
         back = pencil.unpack(outcome.x)
         t = back[f"t {source.name}"].item() / unit_of(source, rate)
-        Qs = np.stack([loop.restored(back[f"Q{k + 1}"] / t, T) for k in range(count)])
+        scaled = np.stack([back[f"Q{k + 1}"] / t for k in range(count)])
+        Qs = np.stack([loop.restored(Q, T) for Q in scaled])
         multiple = None
         if loop.R is not None:
             multiple = np.array([back[f"s{k + 1}"].item() / t for k in range(count)])
-        return Proof(outcome.r, Qs, multiple), outcome.converged
+        left = T if loop.R is None else inverse.T
+        point = Point(outcome.r, Qs, multiple, left=left, scaled=scaled)
+        return point, outcome.converged
     return None
 
 

@@ -45,6 +45,7 @@ from polefence.solve.singular import singular_is_failure
 from polefence.specification import Rms, Specification, output_of
 
 ENOUGH = 5.0  # for the proof of a region [s], after which no higher degree is begun
+POOR = 0.05  # a bound that is proved so far above the design's own is of a law gone wrong
 HALVINGS = 5  # of the share of the region that the design keeps
 
 
@@ -221,15 +222,16 @@ def _settled(task: Task, deadline: float) -> Optimised:
         failure = error
         if error.refutation is not None:
             raise
-    if best is not None and not is_too_fast(task.plant, best.law):
+    fast = best is not None and is_too_fast(task.plant, best.law)
+    if best is not None and not fast and not _is_poor(best):
         return best
     least = _least(task) if best is None else best.shared
     if failure is not None and task.limits and not np.isfinite(least):
         raise failure  # no law keeps the limits, or none was found
     taken, found = _stepped_back(task, least)
-    if found is not None:
+    if found is not None and (best is None or fast or _level(found) < _level(best)):
         return found
-    if is_falling(taken):
+    if is_falling(taken) and (best is None or fast):
         raise unbounded(task, taken) from failure
     if best is None:
         raise failure or NotProvedError("not proved")
@@ -255,14 +257,28 @@ def _stepped_back(task: Task, least: float) -> tuple[list[Step], Optimised | Non
         ):
             break
     least = min([least, *(step.level for step in taken)])
+    best: Optimised | None = None
     for step in sorted(taken, key=lambda step: step.level):
-        if step.level > least * (1 + FAR):
-            break
-        found = _proved(task, step.found, 1.0)
-        if found is not None:
+        found = _proved(task, step.found, 1.0) if step.level <= least * (1 + FAR) else None
+        if found is not None and (best is None or _level(found) < _level(best)):
             retreat = Retreat(step.speed, step.level, least)
-            return taken, replace(found, shared=step.level, retreat=retreat)
-    return taken, None
+            best = replace(found, shared=step.level, retreat=retreat)
+        if best is not None and not _is_poor(best):
+            break
+    if best is not None and task.minimise is not None and _level(best) > least * (1 + FAR):
+        return taken, None
+    return taken, best
+
+
+def _level(own: Optimised) -> float:
+    """Return the first bound, that of what is minimised where something is."""
+    return own.bounds[0].level
+
+
+def _is_poor(own: Optimised) -> bool:
+    """Whether what is proved of the law is far above what its design says."""
+    minimised = own.bounds[0].specification.at_most is None
+    return minimised and own.bounds[0].level > own.shared * (1 + POOR)
 
 
 def _best(task: Task, deadline: float) -> Optimised:

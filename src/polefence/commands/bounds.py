@@ -10,14 +10,15 @@ from typing import Any
 import numpy as np
 
 from polefence.commands.shared import ROUNDING, TOO_LARGE, gains_of, matrix_text
-from polefence.errors import InputError
+from polefence.errors import InputError, NotProvedError
 from polefence.loops import values_at
 from polefence.optimise import Optimised
 from polefence.performance import Bound
 from polefence.region_text import digits_down, digits_up
 from polefence.response.signals import split
 from polefence.response.vehicle import ride
-from polefence.sampled_bounds import Sampled, sampled, seeded
+from polefence.retreat import Retreat
+from polefence.sampled_bounds import AGREED, Sampled, sampled, seeded
 from polefence.specification import signal_of
 from polefence.sweep import plant_summary
 
@@ -74,6 +75,23 @@ def rows_of(done: Optimised) -> list[Row]:
     return found
 
 
+def require_agreement(rows: Sequence[Row]) -> None:
+    """Refuse a law that doubles do not run as it was proved.
+
+    Raises
+    ------
+    NotProvedError
+        If a sample passes a bound by more than its own rounding.
+    """
+    for row in rows:
+        if row.own.worst > row.bound.level * (1 + AGREED):
+            raise NotProvedError(
+                f"{row.bound} is proved of the law as a real matrix, but evaluated in doubles it "
+                f"shows {row.own.worst:.6g}: doubles cannot run this law; limit the gain norm, or "
+                "ask for a region that bounds the poles, such as a disk"
+            )
+
+
 def _disturbance_unit(done: Optimised) -> str:
     units = {split(name)[1] for name in done.plant.disturbances}
     return units.pop() if len(units) == 1 else ""
@@ -120,7 +138,23 @@ def _design_lines(done: Optimised) -> list[str]:
         share = f"{100 * done.share:.4g} %"
         kept = f"for {share} of the region's decay and damping" if done.share else "for stability"
         lines.append(f"  designed {kept}; the whole region was proved of the law afterwards")
+    if done.retreat is not None:
+        lines.append(f"  {_retreat_line(done.retreat)}")
     return lines
+
+
+def _retreat_line(retreat: Retreat) -> str:
+    """Say how far the law stands from an infimum that none attains."""
+    where = "inside the region"
+    if np.isfinite(retreat.speed):
+        where = f"to poles of at most {digits_up(retreat.speed, 3)} 1/s"
+    if not retreat.least > 0:
+        return f"stepped back {where}: no faster law was proved"
+    return (
+        f"stepped back {where}: {digits_up(100 * retreat.share, 3)} % above "
+        f"{digits_down(retreat.least)}, the least found in floats, of no law that could be proved "
+        "or built"
+    )
 
 
 def _kept(done: Optimised, alpha: Any) -> bool:
@@ -153,8 +187,14 @@ def document_of(done: Optimised, rows: Sequence[Row], label: str) -> dict[str, A
         ],
         "shared": done.shared if np.isfinite(done.shared) else None,
         "share": done.share,
+        "stepped back": None if done.retreat is None else _retreat_document(done.retreat),
         "gains": gains_of(done.law, len(done.plant.vertices)),
     }
+
+
+def _retreat_document(retreat: Retreat) -> dict[str, Any]:
+    speed = retreat.speed if np.isfinite(retreat.speed) else None
+    return {"fastest pole allowed": speed, "shared": retreat.level, "least found": retreat.least}
 
 
 def figure_of(done: Optimised, rows: Sequence[Row]) -> Any:

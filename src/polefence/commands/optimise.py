@@ -8,7 +8,14 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from polefence.commands.bounds import Row, document_of, figure_of, lines_of, rows_of
+from polefence.commands.bounds import (
+    Row,
+    document_of,
+    figure_of,
+    lines_of,
+    require_agreement,
+    rows_of,
+)
 from polefence.commands.methods import method_of
 from polefence.commands.shared import (
     PROVED,
@@ -22,6 +29,7 @@ from polefence.commands.shared import (
 from polefence.conditions.methods import Method, Scheduled, method_label
 from polefence.errors import InputError, SpecError
 from polefence.gain_norm import GainNorm
+from polefence.law import FixedGain
 from polefence.optimise import Optimised, optimise
 from polefence.performance_file import FILE_NAME, save
 from polefence.plant.family import UncertainPlant
@@ -100,6 +108,7 @@ def optimise_command(options: Any) -> int:
     check_targets(folder=options.output, names=(FILE_NAME,))
     done = optimise(plant, least, limits, region, method)
     rows = rows_of(done)
+    require_agreement(rows)
     _finish(done, rows, method, options)
     return PROVED
 
@@ -107,7 +116,8 @@ def optimise_command(options: Any) -> int:
 def _finish(done: Optimised, rows: Sequence[Row], method: Method, options: Any) -> None:
     """Write files, then print: nobody need read the output to its end."""
     saved = None if options.output is None else save(done, options.output)
-    label = method_label(method)
+    # of one vertex one gain is every law
+    label = "quadratic" if isinstance(done.law, FixedGain) else method_label(method)
     if options.json is not None:
         write_json(options.json, document_of(done, rows, label))
     if options.plot is not None:

@@ -13,6 +13,7 @@ from polefence import Disk, HalfPlane, Scheduled, Sector, UncertainPlant, check,
 from polefence import tightest as tightest_of
 from polefence.analysis import analyse
 from polefence.cli import main
+from polefence.commands.laws import read_law
 from polefence.coordinates import Coordinates
 from polefence.design import Design
 from polefence.evaluation import SAFETY, TOLERANCE, UNIT, _Loops, _parts, _places, rounding_share
@@ -245,6 +246,41 @@ def test_all_methods_and_regions_are_judged(oscillator):
         again = analyse(oscillator, design.law, region)
         assert again.proved
         assert 0 < again.design.rounding < 1e-6, method
+
+
+@pytest.mark.parametrize(("of", "key"), [("half_plane", "decay"), ("sector", "damping")])
+def test_decay_and_damping_step_back_too(oscillator, monkeypatch, of, key):
+    """Suppose that doubles run laws of nine tenths of the best value, and no better."""
+    within = Disk(-5, 4.9) if of == "half_plane" else HalfPlane(0.5) & Disk(-5, 4.9)
+
+    def best():
+        return tightest_of(oscillator, of=of, within=within, method="quadratic")
+
+    sharpest = best()
+    value = sharpest.region.parts[0].numbers[key]
+    assert sharpest.unrunnable is None
+    runs = property(lambda design: design.region.parts[0].numbers[key] < 0.9 * value)
+    monkeypatch.setattr(Design, "runs", runs)
+    design = best()
+    assert design.unrunnable == value
+    assert 0.8 * value < design.region.parts[0].numbers[key] < 0.9 * value
+
+
+@pytest.mark.parametrize("region", [Disk(-5, 4.9), HalfPlane(0.5) & Sector(0.3)])
+def test_a_law_is_returned_where_none_runs(oscillator, monkeypatch, region):
+    monkeypatch.setattr(Design, "runs", property(lambda design: False))
+    design = place(oscillator, region, "quadratic")
+    assert design.proved
+    assert design.region == region
+    assert tightest_of(oscillator, -5, "quadratic").proved
+
+
+def test_simulations_and_comparisons_say_so(sharpest, tmp_path):
+    design = sharpest["platform at -1"]
+    path = design.save(tmp_path / "law")
+    assert "does NOT keep" in read_law(design.plant, str(path)).proved
+    runs = tightest_of(design.plant, -1.0)
+    assert "NOT" not in read_law(design.plant, str(runs.save(tmp_path / "runs"))).proved
 
 
 def test_rounding_counts_in_units_of_the_room(oscillator):

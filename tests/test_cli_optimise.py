@@ -109,6 +109,18 @@ def test_files_say_what_was_proved(here, capsys):
     assert "  rms of 'x' = x1 <= " in said
 
 
+def test_bounds_of_one_gain_are_of_the_parameters(here, capsys):
+    """Those are proved on the box, whatever the region is: the sentence is of the less."""
+    text = PLANT.replace("[matrices]", "[parameter.c]\nrange = [0.1, 0.2]\n[matrices]")
+    Path("two.toml").write_text(text.replace("-0.1", '"-c"'))
+    words = ["--minimise", "rms of x with density 2", "--limit", "gain of v <= 4"]
+    out = ran(capsys, "optimise", "two.toml", *words, "--method", "quadratic", "-o", "two")
+    assert out.splitlines()[0].endswith(" and, for every alpha of the box,")
+    said = ran(capsys, "check", "two")
+    assert ", on the simplex of 4 vertices, method " in said or ", on the box of 2 " in said
+    assert said.count(", on the box\n") == 2
+
+
 def test_the_same_is_asked_by_options(here, capsys):
     Path("bare.toml").write_text(PLANT)
     words = ["--minimise", "rms of x with density 2", "--limit", "gain of v <= 4"]

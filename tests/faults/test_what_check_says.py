@@ -351,6 +351,9 @@ def test_sums_read_as_they_are():
 def test_numbers_that_define_are_exact_or_say_that_they_are_not():
     assert number_text(F(0.1)) == "0.1"
     assert number_text(F(1, 3)) == "1/3"
+    assert number_text(F("231.12")) == "231.12"
+    assert number_text(F("0.49999999")) == "0.49999999"
+    assert number_text(F(1, 10**7)) == "1e-07"
     assert number_text(F(123456789, 10**9 + 7)) == "~0.123457"
     assert number_text(F(10**320)).startswith("~")
     assert milliseconds_text(F(0.01)) == "10"

@@ -9,7 +9,13 @@ from typing import Any
 
 import numpy as np
 
-from polefence.commands.shared import ROUNDING, TOO_LARGE, gains_of, matrix_text
+from polefence.commands.shared import (
+    ROUNDING,
+    TOO_LARGE,
+    every_alpha,
+    gains_of,
+    matrix_text,
+)
 from polefence.errors import InputError, NotProvedError
 from polefence.loops import values_at
 from polefence.optimise import Optimised
@@ -102,10 +108,11 @@ def lines_of(done: Optimised, rows: Sequence[Row], label: str) -> list[str]:
     count = len(rows[0].own.alpha)
     width = max(len(row.label) for row in rows)
     alone = any(row.passive is not None for row in rows)
+    domains = {bound.claim.subject.on for bound in done.bounds}
     heads = ["proved", f"sampled {count}", "ratio", *(["passive"] if alone else [])]
     lines = [
         f"proved: {label} keeps all poles of {done.plant.name!r} in {done.design.region} and, for "
-        "every alpha,",
+        f"{every_alpha(done.design, *domains)},",
         " ".join([" " * (width + 2), *(f"{head:>13}" for head in heads)]),
     ]
     for row in rows:

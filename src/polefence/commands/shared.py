@@ -121,10 +121,13 @@ def size_of(plant: UncertainPlant) -> str:
     return f"{len(plant.vertices)} vertices, {n} states, {m} input{'s' if m > 1 else ''}"
 
 
-def every_alpha(design: Design) -> str:
-    """Say for which alpha a design is proved: on a box not for every point of the simplex."""
-    on = design.certificate.claim().on
-    return "every alpha of the box" if on == "box" else "every alpha"
+def every_alpha(design: Design, *others: str) -> str:
+    """Say for which alpha a design is proved: on a box not for every point of the simplex.
+
+    ``others`` are the domains of what is proved besides.
+    """
+    box = "box" in (design.certificate.claim().on, *others)
+    return "every alpha of the box" if box else "every alpha"
 
 
 def gains_of(law: Any, N: int) -> dict[str, Any]:

@@ -14,7 +14,7 @@ from polefence.plant.names import quoted
 from polefence.proof import exact
 from polefence.proof.exact import Claim, Part, Rationals
 from polefence.region import exactly
-from polefence.region_text import digits_down, digits_up
+from polefence.region_text import LARGEST, digits_down, digits_up
 
 MOST_VERTICES = 8  # whose rows are written out
 MOST_POINTS = 8  # initial states that are
@@ -51,16 +51,16 @@ def name_text(name: str) -> str:
 
 def number_text(value: Fraction) -> str:
     """Return a number that defines something: as it is, else with six digits and a ~."""
-    try:
-        plain = exactly(float(value)) if Fraction(float(value)) == value else str(value)
-    except OverflowError:
-        plain = str(value)
-    if len(plain) <= (SHORT_FRACTION if "/" in plain else SHORT):
-        return plain
-    try:
-        return f"~{float(value):.6g}"
-    except OverflowError:
+    if abs(value) >= LARGEST:
         return f"~{digits_down(value)}"
+    short = f"{float(value):.{SHORT - 2}g}"
+    if Fraction(short) == value:
+        return f"{float(value):g}" if Fraction(f"{float(value):g}") == value else short
+    fraction = Fraction(float(value)) != value
+    plain = str(value) if fraction else exactly(float(value))
+    return (
+        plain if len(plain) <= (SHORT_FRACTION if fraction else SHORT) else f"~{float(value):.6g}"
+    )
 
 
 def sum_text(rows: Sequence[tuple[str, Sequence[Fraction]]]) -> str:

@@ -13,6 +13,7 @@ from polefence.checks import require_region
 from polefence.design import Design
 from polefence.errors import InputError
 from polefence.law import FixedGain
+from polefence.plant.names import unit_text
 from polefence.plant.parameters import Parameter
 from polefence.proof import exact
 from polefence.proof.service import (
@@ -84,7 +85,8 @@ class _Task:
         """Yield name, unit and span: of each parameter alone, and of all at once."""
         spans = [p.high - p.low for p in self.parameters]
         for f, p in enumerate(self.parameters):
-            yield p.name, p.unit, tuple(s if f == g else Fraction(0) for g, s in enumerate(spans))
+            own = tuple(s if f == g else Fraction(0) for g, s in enumerate(spans))
+            yield p.name, unit_text(p.unit), own
         if len(spans) != 1:
             yield "", "", tuple(spans) or (Fraction(1),)
 

@@ -113,8 +113,9 @@ def test_bounds_of_one_gain_are_of_the_parameters(here, capsys):
     """Those are proved on the box, whatever the region is: the sentence is of the less."""
     text = PLANT.replace("[matrices]", "[parameter.c]\nrange = [0.1, 0.2]\n[matrices]")
     Path("two.toml").write_text(text.replace("-0.1", '"-c"'))
-    words = ["--minimise", "rms of x with density 2", "--limit", "gain of v <= 4"]
-    out = ran(capsys, "optimise", "two.toml", *words, "--method", "quadratic", "-o", "two")
+    words = ["--minimise", "rms of x with density 2"]
+    words += ["--limit", "rms of force <= 1.5 with density 2", "--method", "quadratic"]
+    out = ran(capsys, "optimise", "two.toml", *words, "-o", "two")
     assert out.splitlines()[0].endswith(" and, for every alpha of the box,")
     said = ran(capsys, "check", "two")
     assert ", on the simplex of 4 vertices, method " in said or ", on the box of 2 " in said

@@ -28,7 +28,7 @@ from polefence.commands import (
     tightest,
     tradeoff,
 )
-from polefence.commands.shared import say
+from polefence.commands.shared import say, streams
 from polefence.errors import (
     InputError,
     MissingExtraError,
@@ -65,7 +65,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser = _parser()
     options = parser.parse_args(_negative_numbers(sys.argv[1:] if arguments is None else arguments))
     try:
-        status: int = options.run(options)
+        with streams(options):
+            status: int = options.run(options)
         sys.stdout.flush()
         return status
     except NotProvedError as answer:
@@ -140,6 +141,9 @@ def _parser() -> argparse.ArgumentParser:
         sub = listed.add_parser(name, help=text, description=text, allow_abbrev=False)
         sub.set_defaults(run=run)
         add_arguments(sub)
+        sub.add_argument(
+            "--quiet", action="store_true", help="print errors alone; the exit status is the answer"
+        )
     return parser
 
 

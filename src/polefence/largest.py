@@ -7,7 +7,7 @@ from contextlib import suppress
 from dataclasses import dataclass, replace
 
 from polefence.checks import require_movable, require_region, require_type
-from polefence.conditions.methods import Method, Slack, method_label, options
+from polefence.conditions.methods import Method, Slack, degree_hint, method_label, options
 from polefence.conditions.target import FASTEST, Around, Decays, Goal, Sectors
 from polefence.design import Design
 from polefence.errors import InputError, NotProvedError, SolverError
@@ -73,8 +73,7 @@ def largest(plant: UncertainPlant, of: str, method: Method, within: Region | Non
         wanted = "decay rate" if of == "half_plane" else "damping ratio"
         raise NotProvedError(
             f"not proved: {method_label(method)} gives no proof of a {wanted} from "
-            f"{question.low:g} up within {within}; try a wider region, a higher degree or another "
-            "method"
+            f"{question.low:g} up within {within}; try a wider region{degree_hint(method)}"
         )
     return design
 

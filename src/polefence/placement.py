@@ -13,7 +13,7 @@ from polefence.checks import (
     require_region,
     require_type,
 )
-from polefence.conditions.methods import Method, Scheduled, method_label
+from polefence.conditions.methods import Method, Scheduled, degree_hint, method_label
 from polefence.conditions.sizes import fitting
 from polefence.conditions.target import Around
 from polefence.design import Design
@@ -145,7 +145,7 @@ def _placed(plant: UncertainPlant, region: Region, method: Method, allow_unprove
         return Design(rounded(plant, region, method, found), proved=False)
     raise NotProvedError(
         f"not proved: {method_label(method)} gives no proof for {region}; try a wider region, "
-        "fewer parts, a higher degree or another method"
+        f"fewer parts{degree_hint(method)}"
     )
 
 

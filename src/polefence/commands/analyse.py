@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import re
 import sys
 from math import prod
 from pathlib import Path
@@ -44,6 +45,7 @@ from polefence.worst import WorstCase, worst_case
 
 MOST_TEXT = 100_000  # characters of a matrix on the command line
 SHOWN = 3  # counterexamples printed
+PRINTED = re.compile(r"\[([-+.0-9eE\s,;]+)\]")
 CUT = "note: cut by --budget; a faster machine, or more time, may prove more"
 
 
@@ -54,7 +56,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--gain",
         required=True,
         metavar="WHAT",
-        help="u = K x: '[[...]]', or a JSON file with a matrix, a design or a table of gains",
+        help="u = K x: '[[...]]', '[1 2; 3 4]', or a JSON file with a matrix, a design or a table",
     )
     where = parser.add_mutually_exclusive_group()
     where.add_argument(
@@ -87,7 +89,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "-o", "--output", type=Path, metavar="DIR", help="write DIR/design.json, or DIR/table.json"
     )
-    parser.add_argument("--json", type=Path, metavar="FILE", help="write a summary")
+    parser.add_argument("--json", type=Path, metavar="FILE", help="write a summary; -: stdout")
     parser.add_argument(
         "--plot", type=Path, metavar="FILE", help="draw the poles, or the table's cells (.png, ...)"
     )
@@ -136,7 +138,7 @@ def read_gain(plant: UncertainPlant, what: str) -> Law | GainTable:
         path = path / FILE_NAME if path.is_dir() else path
         name, text = str(path), read_text(path, exact.MAX_BYTES, InputError)
     try:
-        data = exact.parse(text)
+        data = exact.parse(_as_json(text))
     except exact.FormatError as error:
         raise InputError(f"{name}: {error}") from error
     try:
@@ -147,6 +149,15 @@ def read_gain(plant: UncertainPlant, what: str) -> Law | GainTable:
         return given_law(plant, data)
     except InputError as error:
         raise type(error)(f"{name}: {error}") from error
+
+
+def _as_json(text: str) -> str:
+    """Return a matrix as commands print it, ``[1 2; 3 4]``, as JSON; any other text as it is."""
+    found = PRINTED.fullmatch(text.strip())
+    if found is None:
+        return text
+    rows = (re.split(r"[\s,]+", row.strip(" ,\t\r\n")) for row in found[1].split(";"))
+    return "[" + ", ".join(f"[{', '.join(row)}]" for row in rows) + "]"
 
 
 def _region(options: Any) -> Region:

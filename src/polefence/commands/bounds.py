@@ -13,8 +13,8 @@ from polefence.commands.shared import (
     ROUNDING,
     TOO_LARGE,
     every_alpha,
+    gain_lines,
     gains_of,
-    matrix_text,
 )
 from polefence.errors import InputError, NotProvedError
 from polefence.loops import values_at
@@ -130,7 +130,7 @@ def lines_of(done: Optimised, rows: Sequence[Row], label: str) -> list[str]:
     elif not _kept(done, rows[0].own.alpha):
         lines.append(TOO_LARGE)
     gains = gains_of(done.law, len(done.plant.vertices))
-    return lines + [f"  {name} = {matrix_text(K)}" for name, K in gains.items()]
+    return lines + gain_lines(gains)
 
 
 def _design_lines(done: Optimised) -> list[str]:

@@ -72,7 +72,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="design.json, table.json or performance.json, or the folder with it",
     )
     parser.add_argument("--spec", metavar="SPEC", help="also require that it is about this plant")
-    parser.add_argument("--json", type=Path, metavar="FILE", help="write the answer")
+    parser.add_argument("--json", type=Path, metavar="FILE", help="write the answer; -: stdout")
 
 
 def check_command(options: Any) -> int:

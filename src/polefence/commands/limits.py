@@ -15,16 +15,19 @@ from polefence.commands.methods import method_arguments, methods_of
 from polefence.commands.shared import (
     NOT_PROVED,
     PROVED,
+    STANDARD,
     Progress,
     check_figure,
     check_targets,
     clear_over,
     jobs_of,
+    rows_file,
     say,
     size_of,
     spec_argument,
     sweep_arguments,
     write_figure,
+    write_json,
 )
 from polefence.conditions.methods import METHODS, Method, method_label
 from polefence.conditions.sizes import blocks, fitting
@@ -34,7 +37,7 @@ from polefence.plant.family import UncertainPlant
 from polefence.plant.spec import load
 from polefence.region import exactly
 from polefence.region_text import digits_down, digits_up
-from polefence.sweep import processes, sweep
+from polefence.sweep import plant_summary, processes, sweep
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -58,7 +61,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="evenly spaced centres, for example -5 -100 60",
     )
     method_arguments(parser, several=True)
-    parser.add_argument("--json", type=Path, metavar="FILE", help="write the rows, kept up to date")
+    parser.add_argument(
+        "--json", type=Path, metavar="FILE", help="write the rows, kept up to date; -: stdout"
+    )
     parser.add_argument("--plot", type=Path, metavar="FILE", help="draw d/sigma (.png, .svg, .pdf)")
     parser.add_argument("--gain", action="store_true", help="put each row's law into the JSON")
     sweep_arguments(parser)
@@ -73,8 +78,7 @@ def limits_command(options: Any) -> int:
     if options.plot is not None and plant.sample_time is not None:
         raise InputError(f"{options.plot}: d/sigma has no meaning for a discrete-time plant")
     check_figure(options.plot)
-    if options.resume and options.json is None:
-        raise InputError("--resume needs --json FILE, where the finished rows are")
+    path = rows_file(options)
     check_targets(options.json, options.plot)
     order = [(centre, method_label(method)) for centre in centres for method in methods]
     table = _Table(plant, order)
@@ -84,13 +88,15 @@ def limits_command(options: Any) -> int:
             plant,
             centres,
             methods,
-            options.json,
+            path,
             options.resume,
             options.gain,
             executor,
             table.step,
             table.add,
         )
+    if options.json == STANDARD:
+        write_json(STANDARD, {"plant": plant_summary(plant), "rows": rows})
     if options.plot is not None:
         from polefence.plots import limits_figure
 

@@ -13,7 +13,7 @@ from polefence.commands.methods import method_arguments, method_of
 from polefence.commands.shared import (
     PROVED,
     check_targets,
-    matrix_text,
+    gain_lines,
     say,
     spec_argument,
     write_json,
@@ -44,7 +44,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     where.add_argument("--region", metavar="TEXT", help="any region: 'disk(-80, 60) & sector(0.5)'")
     method_arguments(parser)
     parser.add_argument("-o", "--output", type=Path, metavar="DIR", help="write DIR/design.json")
-    parser.add_argument("--json", type=Path, metavar="FILE", help="write a summary")
+    parser.add_argument("--json", type=Path, metavar="FILE", help="write a summary; -: stdout")
 
 
 def observe_command(options: Any) -> int:
@@ -64,8 +64,7 @@ def observe_command(options: Any) -> int:
     names = observer.design.plant.inputs
     say(f"  measured: {', '.join(names)}")
     gains = _gains(observer)
-    for name, gain in gains.items():
-        say(f"  {name} = {matrix_text(gain)}")
+    say(*gain_lines(gains))
     if options.output is not None:
         say(f"saved: {observer.save(options.output)}")
     if options.json is not None:

@@ -54,7 +54,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "-o", "--output", type=Path, metavar="DIR", help="write DIR/performance.json, design.json"
     )
-    parser.add_argument("--json", type=Path, metavar="FILE", help="write a summary")
+    parser.add_argument("--json", type=Path, metavar="FILE", help="write a summary; -: stdout")
     parser.add_argument(
         "--plot",
         type=Path,

@@ -19,6 +19,8 @@ from polefence.region import exactly
 from polefence.region_text import digits_up, parse_region
 from polefence.service import Margin, in_service
 
+EDGE = 1e-9  # of an interval: a margin so near to its width is all of it
+
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options of `service`."""
@@ -38,7 +40,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="what is to be kept: 'half_plane(0)' asks for stability; default: the design's region",
     )
     parser.add_argument("-o", "--output", type=Path, metavar="DIR", help="write a file a margin")
-    parser.add_argument("--json", type=Path, metavar="FILE", help="write a summary")
+    parser.add_argument("--json", type=Path, metavar="FILE", help="write a summary; -: stdout")
 
 
 def service_command(options: Any) -> int:
@@ -52,7 +54,7 @@ def service_command(options: Any) -> int:
     for margin in service:
         upper = "-" if margin.upper is None else digits_up(margin.upper, 4)
         line = f"{margin.subject:<34} {margin.text:>10}  {upper:>10}  {margin.unit}"
-        say(line.rstrip())
+        say(line.rstrip() + _whole(margin, design))
     if any(margin.kind == "rate" for margin in service):
         say(f"rates leave exponential stability, decay rate {exactly(options.decay)} 1/s")
     if options.output is not None:
@@ -63,6 +65,17 @@ def service_command(options: Any) -> int:
         document = {"region": service.region.document(), "decay": service.decay, "margins": rows}
         write_json(options.json, document)
     return PROVED if service.proved else NOT_PROVED
+
+
+def _whole(margin: Margin, design: Design) -> str:
+    """Say where an estimate may be any value at all: the interval is no wider."""
+    if margin.kind != "estimate":
+        return ""
+    widths = {p.name: float(p.high - p.low) for p in design.plant.parameters}
+    width = widths.get(margin.parameter)
+    if width is None or margin.value < width * (1 - EDGE):
+        return ""
+    return ", the whole interval: it need not be known"
 
 
 def _row(margin: Margin) -> dict[str, Any]:

@@ -4,10 +4,15 @@ from __future__ import annotations
 
 import argparse
 import json
+import os
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import ExitStack, contextmanager, redirect_stdout
+from contextvars import ContextVar
 from pathlib import Path
 from typing import Any, TextIO
+
+import numpy as np
 
 from polefence.design import FILE_NAME, Design
 from polefence.errors import InputError
@@ -25,6 +30,35 @@ TOO_LARGE = (
     "note: computed in doubles, this gain does NOT keep the poles there: it is too large; "
     "ask for a region that bounds the poles' speed, such as a disk"
 )
+
+
+STANDARD = Path("-")  # as a file: standard output
+MOST_GAINS = 8  # vertices whose gains are printed one by one
+_standard: ContextVar[TextIO | None] = ContextVar("standard output", default=None)
+
+
+@contextmanager
+def streams(options: Any) -> Iterator[None]:
+    """Keep standard output for the JSON of ``--json -``, text going to stderr; drop it if quiet."""
+    token = _standard.set(sys.stdout)
+    with ExitStack() as stack:
+        if getattr(options, "quiet", False):
+            nowhere = stack.enter_context(Path(os.devnull).open("w", encoding="utf-8"))
+            stack.enter_context(redirect_stdout(nowhere))
+        elif getattr(options, "json", None) == STANDARD:
+            stack.enter_context(redirect_stdout(sys.stderr))
+        try:
+            yield
+        finally:
+            _standard.reset(token)
+
+
+def rows_file(options: Any) -> Path | None:
+    """Return the file that rows are kept in as they come, None where there is none."""
+    path: Path | None = options.json
+    if options.resume and path in (None, STANDARD):
+        raise InputError("--resume needs --json FILE, where the finished rows are")
+    return None if path == STANDARD else path
 
 
 def say(*lines: object, file: TextIO | None = None) -> None:
@@ -64,7 +98,7 @@ def sweep_arguments(parser: argparse.ArgumentParser) -> None:
 def result_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare where a design goes."""
     parser.add_argument("-o", "--output", type=Path, metavar="DIR", help="write DIR/design.json")
-    parser.add_argument("--json", type=Path, metavar="FILE", help="write a summary")
+    parser.add_argument("--json", type=Path, metavar="FILE", help="write a summary; -: stdout")
     parser.add_argument(
         "--plot",
         type=Path,
@@ -88,7 +122,7 @@ def check_targets(
     documents = [] if folder is None else [folder / name for name in names]
     for path in documents:
         check_document(path)
-    targets = [*documents, *(path for path in paths if path is not None)]
+    targets = [*documents, *(path for path in paths if path not in (None, STANDARD))]
     for path in targets:
         check_target(path)
     if len({path.absolute() for path in targets}) < len(targets):
@@ -155,7 +189,7 @@ def report(design: Design, lines: list[str], summary: Mapping[str, Any], options
         write_figure(options.plot, figure)
     if design.note:
         lines = [*lines, design.note]
-    say(*lines, *(f"  {label} = {matrix_text(K)}" for label, K in gains.items()))
+    say(*lines, *gain_lines(gains))
     if saved is not None:
         say(f"saved: {saved}")
 
@@ -168,15 +202,34 @@ def write_figure(path: Path, figure: Any) -> None:
     write_bytes(path, render(figure, path.suffix[1:]))
 
 
-def matrix_text(rows: list[list[float]]) -> str:
+def gain_lines(gains: Mapping[str, list[list[float]]]) -> list[str]:
+    """Return gains in lines; of many vertices the least and the greatest entries alone."""
+    if len(gains) <= MOST_GAINS:
+        return [f"  {label} = {matrix_text(K)}" for label, K in gains.items()]
+    letter, every = next(iter(gains)).split()[0], np.array(list(gains.values()))
+    where = f"  {letter} at {len(gains)} vertices"
+    return [
+        f"{where}, the least entries = {matrix_text(every.min(axis=0))}",
+        f"{where}, the greatest entries = {matrix_text(every.max(axis=0))}",
+        "  note: --json FILE has them all",
+    ]
+
+
+def matrix_text(rows: Any) -> str:
     """Print a matrix in a line, its rows separated by semicolons."""
     return "[" + "; ".join(" ".join(f"{e:.6g}" for e in row) for row in rows) + "]"
 
 
 def write_json(path: Path, document: Mapping[str, Any]) -> None:
-    """Write plain data."""
+    """Write plain data, to standard output where the path is -."""
+    text = json.dumps(dict(document), indent=1, allow_nan=False) + "\n"
+    if path == STANDARD:
+        stream = _standard.get() or sys.stdout
+        stream.write(text)
+        stream.flush()
+        return
     make_folder(path.parent)
-    write_text(path, json.dumps(dict(document), indent=1, allow_nan=False) + "\n")
+    write_text(path, text)
 
 
 class Progress:

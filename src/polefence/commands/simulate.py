@@ -49,7 +49,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--plot", type=Path, metavar="FILE", help="draw all signals (.png, .svg, .pdf)"
     )
-    parser.add_argument("--json", type=Path, metavar="FILE", help="write the summary")
+    parser.add_argument("--json", type=Path, metavar="FILE", help="write the summary; -: stdout")
 
 
 def simulate_command(options: Any) -> int:

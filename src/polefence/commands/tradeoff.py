@@ -18,16 +18,19 @@ from polefence.commands.optimise import (
 from polefence.commands.shared import (
     NOT_PROVED,
     PROVED,
+    STANDARD,
     Progress,
     check_figure,
     check_targets,
     jobs_of,
+    rows_file,
     say,
     say_over,
     size_of,
     spec_argument,
     sweep_arguments,
     write_figure,
+    write_json,
 )
 from polefence.conditions.methods import Method
 from polefence.errors import InputError
@@ -96,7 +99,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         choices=("simplex", "box"),
         help="scheduled; default: box, simplex for a plant without parameters",
     )
-    parser.add_argument("--json", type=Path, metavar="FILE", help="write the rows, kept up to date")
+    parser.add_argument(
+        "--json", type=Path, metavar="FILE", help="write the rows, kept up to date; -: stdout"
+    )
     parser.add_argument(
         "--plot", type=Path, metavar="FILE", help="draw the curves (.png, .svg, .pdf)"
     )
@@ -110,8 +115,7 @@ def tradeoff_command(options: Any) -> int:
     minimise, over, limits = _specifications(plant, options)
     region = region_of_options(options)
     check_figure(options.plot)
-    if options.resume and options.json is None:
-        raise InputError("--resume needs --json FILE, where the finished rows are")
+    path = rows_file(options)
     check_targets(options.json, options.plot)
     progress = _Progress(len(values) * len(methods))
     jobs = jobs_of(options, len(values) * len(methods))
@@ -126,9 +130,11 @@ def tradeoff_command(options: Any) -> int:
             methods,
             executor,
             progress.show,
-            options.json,
+            path,
             options.resume,
         )
+    if options.json == STANDARD:
+        write_json(STANDARD, front.document())
     if options.plot is not None:
         from polefence.plots_tradeoff import front_figure
 

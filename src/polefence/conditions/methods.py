@@ -142,6 +142,13 @@ def normal(method: Method) -> Method:
     return method
 
 
+def degree_hint(method: Method) -> str:
+    """End a remedy that has begun: what of a method may be changed, else which one to take."""
+    if method_name(method) == "quadratic":
+        return ", or the method scheduled"
+    return ", a higher degree or another method"
+
+
 def method_label(method: Method) -> str:
     """Return a short text that tells methods apart: "scheduled(2, 1, box)"."""
     method = normal(method)

@@ -206,6 +206,7 @@ class UncertainPlant:
         table = {
             letter: corners(letter, rows, parameters) for letter, rows in function(**values).items()
         }
+        _require_used(table, parameters)
         vertices = tuple(
             System(
                 table["A"][corner],
@@ -258,6 +259,24 @@ class UncertainPlant:
         """Return A(alpha), B(alpha), batched over leading axes of alpha, (..., N)."""
         weights = np.asarray(alpha, dtype=float)
         return np.tensordot(weights, self.A, 1), np.tensordot(weights, self.B, 1)
+
+
+def _require_used(
+    table: Mapping[str, Mapping[tuple[int, ...], Exact]], parameters: Sequence[Parameter]
+) -> None:
+    """Refuse a parameter that changes nothing: it would double the vertices, and the work."""
+    for index, parameter in enumerate(parameters):
+        pairs = (
+            (M, corners[(*side[:index], 1, *side[index + 1 :])])
+            for corners in table.values()
+            for side, M in corners.items()
+            if not side[index]
+        )
+        if all(low == high for low, high in pairs):
+            raise PlantError(
+                f"parameter {parameter.name} changes no entry of A, B or E, and doubles the "
+                "vertices; leave it out, or make it a constant"
+            )
 
 
 def _common_bits(vertices: tuple[System, ...]) -> int:

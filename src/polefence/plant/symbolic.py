@@ -56,7 +56,8 @@ def _not_multiaffine(place: str, parameters: tuple[Parameter, ...]) -> str:
     variables = ", ".join(p.through for p in parameters)
     return (
         f"{place} is not multi-affine in the scheduling variables ({variables}), so the corners do "
-        'not cover the family; change a parameter\'s "through" (p or 1/p), or give vertices of a '
+        'not cover the family; change a parameter\'s "through" (p or 1/p), make a product or a '
+        "power a parameter of its own (m2 = m**2, with its interval), or give vertices of a "
         "polytope that contains the family"
     )
 

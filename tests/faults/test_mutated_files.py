@@ -1,0 +1,238 @@
+"""Files of every kind with one value of another type: one clear line or an answer, no traceback."""
+
+from __future__ import annotations
+
+import contextlib
+import copy
+import io
+import json
+import tomllib
+
+import numpy as np
+import pytest
+
+from polefence.cli import main
+
+SPEC = """name = "mass"
+states = ["x [m]", "v [m/s]"]
+inputs = ["u [N]"]
+disturbances = ["w [N]"]
+region = "disk(-3, 2.5)"
+[constants]
+c = 1
+[parameter.k]
+range = [1, 2]
+unit = "N/m"
+through = "k"
+[definitions]
+s = "k + c"
+[matrices]
+A = [[0, 1], ["-s", "-c"]]
+B = [[0], [1]]
+E = [[0], [1]]
+"""
+ASKED = """[road]
+class = "C"
+speed = 20
+[[specification]]
+kind = "rms"
+signal = "x"
+density = 1
+minimise = true
+[[specification]]
+kind = "initial peak"
+signal = "u"
+at_most = 50
+points = [[1, 0]]
+[[specification]]
+kind = "gain norm"
+at_most = 50
+rows = [1]
+columns = [1, 1]
+"""
+VALUES = (
+    None, [], {}, "", True, -1, 0, float("inf"), 1e300, 10**400, "1e999999999", "1/0",
+    "x" * 20_000, [[[[[]]]]], {"a": []}, "\n\x1b[2J\ud800",
+)  # fmt: skip
+EVERY = 60  # of all mutations one in so many is tried, so that the test is quick; 1 for all
+
+
+def quiet(words):
+    out, err = io.StringIO(), io.StringIO()
+    with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
+        try:
+            status = main(words)
+        except SystemExit as stop:
+            status = stop.code
+    return status, out.getvalue(), err.getvalue()
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """One file of every kind, each proved."""
+    made = tmp_path_factory.mktemp("files")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(made)
+        (made / "plain.toml").write_text(SPEC)
+        (made / "spec.toml").write_text(SPEC + ASKED)
+        knots = {"grid": {"k": [1, 2]}, "gains": [[[-3, -3]], [[-3, -3]]]}
+        (made / "gains.json").write_text(json.dumps(knots))
+        half = ["--region", "half_plane(0.3)"]
+        design = ["design", "plain.toml", "--disk", "-3", "2.5", "--method"]
+        for words in (
+            [*design, "quadratic", "-o", "quadratic"],
+            [*design, "scheduled", "-o", "scheduled"],
+            [*design, "slack", "-o", "slack"],
+            ["analyse", "plain.toml", "--gain", "[[-3, -3]]", *half, "-o", "lyapunov"],
+            ["analyse", "plain.toml", "--gain", "gains.json", *half, "-o", "table"],
+            ["service", "scheduled", "-o", "service"],
+            ["optimise", "spec.toml", "--method", "quadratic", "-o", "performance"],
+            ["export", "quadratic", "-o", "code", "--sample-time", "0.001"],
+            LIMITS[:-1],
+            TRADEOFF[:-1],
+        ):
+            assert quiet(words)[0] == 0, words
+        yield made
+
+
+LIMITS = [
+    "limits", "plain.toml", "--centre", "-3", "--method", "quadratic", "--json", "limits.json",
+    "--resume",
+]  # fmt: skip
+TRADEOFF = [
+    "tradeoff", "spec.toml", "--over", "rms of u with density 1", "--value", "20", "--method",
+    "quadratic", "--json", "tradeoff.json", "--resume",
+]  # fmt: skip
+ANALYSE = ["analyse", "plain.toml", "--gain", "FILE", "--region", "half_plane(0.3)"]
+CHECK = ["check", "FILE", "--spec", "plain.toml"]
+# The file, and the commands that read it.
+KINDS = {
+    "quadratic": ("quadratic/design.json", [CHECK, ANALYSE]),
+    "scheduled": ("scheduled/design.json", [CHECK, ANALYSE]),
+    "slack": ("slack/design.json", [CHECK]),
+    "lyapunov": ("lyapunov/design.json", [CHECK]),
+    "table": ("table/table.json", [CHECK]),
+    "gains": ("gains.json", [[*ANALYSE, "--depth", "0"]]),
+    "estimate": ("service/estimate-k.json", [CHECK]),
+    "gain margin": ("service/gain.json", [CHECK]),
+    "rate": ("service/rate-k.json", [CHECK]),
+    "performance": ("performance/performance.json", [["check", "FILE", "--spec", "spec.toml"]]),
+    "guarantee": ("code/guarantee.json", [CHECK]),
+    "limits": ("limits.json", [LIMITS]),
+    "tradeoff": ("tradeoff.json", [TRADEOFF]),
+}
+
+
+def places(node, path=()):
+    """Every place; of a list its first entry and its last alone, which stand for the others."""
+    yield path
+    if isinstance(node, dict):
+        for key in node:
+            yield from places(node[key], (*path, key))
+    elif isinstance(node, list) and node:
+        for i in sorted({0, len(node) - 1}):
+            yield from places(node[i], (*path, i))
+
+
+def mutations(document, every=EVERY):
+    """Places and values, each value at some place and each place with some value."""
+    found = [(path, value) for path in places(document) for value in VALUES]
+    order = np.random.default_rng(3).permutation(len(found))
+    return [found[k] for k in order[::every]]
+
+
+def mutated(document, path, value):
+    if not path:
+        return value
+    whole = copy.deepcopy(document)
+    node = whole
+    for key in path[:-1]:
+        node = node[key]
+    node[path[-1]] = value
+    return whole
+
+
+def judge(words, what):
+    try:
+        status, out, err = quiet(words)
+    except Exception as error:
+        error.add_note(f"{what} under {words}")
+        raise
+    assert status in (0, 1, 2), what
+    assert len(out) < 20_000, what
+    if status == 2:
+        assert err.count("\n") == 1, (what, err)
+        assert len(err) < 3_000, (what, len(err))
+        assert err.isprintable() or err[:-1].isprintable(), (what, err)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_file_with_one_value_of_another_type(kind, folder, monkeypatch):
+    monkeypatch.chdir(folder)
+    name, commands = KINDS[kind]
+    path = folder / name
+    text = path.read_text()
+    document = json.loads(text)
+    try:
+        for place, value in mutations(document, EVERY):
+            for words in commands:
+                path.write_text(json.dumps(mutated(document, place, value)))
+                judge([name if word == "FILE" else word for word in words], (kind, place, value))
+    finally:
+        path.write_text(text)
+
+
+def toml(value):
+    """Write a value as TOML; what has no writing there as text."""
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, int | float):
+        return repr(value)
+    if isinstance(value, list):
+        return f"[{', '.join(map(toml, value))}]"
+    if isinstance(value, dict):
+        return "{" + ", ".join(f"{json.dumps(k)} = {toml(v)}" for k, v in value.items()) + "}"
+    return json.dumps(str(value).encode("utf-8", "replace").decode())
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ["limits", "FILE", "--centre", "-3", "--method", "quadratic"],
+        ["optimise", "FILE", "--method", "quadratic"],
+        ["check", "performance", "--spec", "FILE"],
+    ],
+)
+def test_a_spec_with_one_value_of_another_type(words, folder, monkeypatch):
+    monkeypatch.chdir(folder)
+    document = tomllib.loads(SPEC + ASKED)
+    path = folder / "mutated.toml"
+    for place, value in mutations(document, EVERY):
+        whole = mutated(document, place, value)
+        tables = whole if isinstance(whole, dict) else {"name": whole}
+        path.write_text("".join(f"{json.dumps(k)} = {toml(v)}\n" for k, v in tables.items()))
+        judge([path.name if word == "FILE" else word for word in words], (place, value))
+
+
+@pytest.mark.parametrize(
+    "rows",
+    ["", "0", "0,0", "0,0\n1", "0,0\n1,x\n", "0,0\n1,inf\n", "0,0\n1e999,1\n", "0,0\n-1,1\n",
+     "0,0\n1,[]\n", "a,b\n0,0\n", '"0\n0",1\n2,2', "0,0\n1e300,1\n", "0,0\n1e9,1\n", "\x00,\x00",
+     "0,0\n" + "9" * 9999 + ",1", "0;0\n1;1\n", "0,0\n1e-300,1"],
+)  # fmt: skip
+def test_a_profile_of_another_kind(rows, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    car = quiet(["example", "quarter-car-physical"])[1]
+    (tmp_path / "car.toml").write_text(car)
+    (tmp_path / "road.csv").write_text(rows)
+    words = ["simulate", "car.toml", "--profile", "road.csv", "--speed", "20"]
+    assert quiet(words)[0] == 2
+    judge(words, rows[:40])
+
+
+def test_the_files_are_good_as_they_are(folder, monkeypatch):
+    """Else every mutation would be refused for another reason."""
+    monkeypatch.chdir(folder)
+    for name, commands in KINDS.values():
+        for words in commands:
+            assert quiet([name if word == "FILE" else word for word in words])[0] == 0, name

@@ -335,9 +335,9 @@ def test_a_proved_file_of_other_matrices_is_refused(car, car_observer, tmp_path,
 
 
 def test_a_state_feedback_is_no_observer(car, car_feedback, car_observer, tmp_path):
-    with pytest.raises(InputError, match="not an observer's"):
+    with pytest.raises(InputError, match="a law, no observer"):
         Observer(car, car_feedback)
-    with pytest.raises(InputError, match="not an observer's"):
+    with pytest.raises(InputError, match="a law, no observer"):
         Observer.load(car_feedback.save(tmp_path), car, SENSORS)
     with pytest.raises(InputError, match="other measurements"):
         Observer.load(car_observer.save(tmp_path), car, ["integral of suspension deflection"])

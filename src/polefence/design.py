@@ -162,13 +162,15 @@ class Design:
         return write_documents(Path(directory), documents)[0]
 
     @classmethod
-    def load(cls, path: str | Path, allow_unproved: bool = False) -> Design:
-        """Read a design file and prove it afresh.
+    def load(
+        cls, path: str | Path, allow_unproved: bool = False, *, observer: bool = False
+    ) -> Design:
+        """Read a design file and prove it afresh; with ``observer`` one that `Observer` wrote.
 
         Raises
         ------
         DesignFileError
-            If it cannot be read.
+            If it cannot be read, or is an observer's where a law is wanted, or the other way.
         NotProvedError
             If its claim is not proved, unless ``allow_unproved``.
         """
@@ -176,6 +178,7 @@ class Design:
         text = read_text(where, exact.MAX_BYTES, DesignFileError)
         try:
             certificate = Certificate.loads(text)
+            require_kind(certificate, observer)
             verdict = certificate.prove()
         except InputError as error:
             raise DesignFileError(f"{where}: {error}") from error
@@ -217,6 +220,25 @@ def _noted(answer: Check, design: Design) -> Check:
         return answer
     note = design.note.removeprefix("note: ")
     return replace(answer, reason=f"{answer.reason}; but {note}")
+
+
+def require_kind(certificate: Certificate, observer: bool = False) -> None:
+    """Refuse an observer where a law is wanted, and a law where an observer is.
+
+    Raises
+    ------
+    DesignFileError
+        With what to do instead.
+    """
+    if certificate.observer and not observer:
+        raise DesignFileError(
+            f"{certificate.plant.name}: an observer, no law: its gain is -L' of the dual plant; "
+            "`polefence check` proves it, `polefence export` takes it as --observer"
+        )
+    if observer and not certificate.observer:
+        raise DesignFileError(
+            f"{certificate.plant.name}: a law, no observer; `polefence observe` designs one"
+        )
 
 
 def says_format(path: Path, name: str) -> bool:

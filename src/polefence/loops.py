@@ -12,7 +12,7 @@ import numpy as np
 
 from polefence.checks import require_type
 from polefence.conditions.lyapunov import Loop
-from polefence.design import Design
+from polefence.design import Design, require_kind
 from polefence.errors import InputError
 from polefence.law import FixedGain, Law, ScheduledGain
 from polefence.plant.family import UncertainPlant
@@ -44,6 +44,7 @@ def given_law(plant: UncertainPlant, law: Any) -> Law:
     """
     require_type(plant, UncertainPlant, "plant", "polefence.load(path) reads one")
     if isinstance(law, Design):
+        require_kind(law.certificate)
         law = law.law
     if not isinstance(law, FixedGain | ScheduledGain):
         law = FixedGain(_matrix(plant, law))

@@ -5,7 +5,7 @@ x^' = A x^ + B u + L (y - C x^),    error e = x - x^:  e' = (A - L C) e
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from fractions import Fraction
 from functools import cached_property
 from pathlib import Path
@@ -14,13 +14,15 @@ from typing import Any
 import numpy as np
 
 from polefence.conditions.methods import Method
-from polefence.design import Design
+from polefence.design import Design, check, require_kind
 from polefence.errors import InputError, NotProvedError
 from polefence.law import check_alpha
 from polefence.measured import dual_plant, read_measured, require_observable, transposed
 from polefence.placement import place
 from polefence.plant.family import UncertainPlant
+from polefence.plant.names import quoted
 from polefence.plant.system import Array, Exact
+from polefence.proof.certificate import Check
 from polefence.region import Region
 from polefence.smallest_region import tightest
 
@@ -71,11 +73,16 @@ def observe(
     dual = dual_plant(plant, C, names)
     try:
         if region is None:
-            return Observer(plant, tightest(dual, centre, method))
-        return Observer(plant, place(dual, region, method))
+            return Observer(plant, _marked(tightest(dual, centre, method)))
+        return Observer(plant, _marked(place(dual, region, method)))
     except NotProvedError as answer:
-        best = None if answer.best is None else Observer(plant, answer.best)
+        best = None if answer.best is None else Observer(plant, _marked(answer.best))
         raise NotProvedError(str(answer), best) from answer
+
+
+def _marked(design: Design) -> Design:
+    """Return the design of the dual plant as an observer's."""
+    return replace(design, certificate=replace(design.certificate, observer=True))
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -101,6 +108,7 @@ class Observer:
     design: Design
 
     def __post_init__(self) -> None:
+        require_kind(self.design.certificate, observer=True)
         dual, plant = self.design.plant, self.plant
         matrices = [transposed(v.exact_A) for v in dual.vertices]
         own = [v.exact_A for v in plant.vertices]
@@ -159,7 +167,8 @@ class Observer:
         """Write the dual design's ``design.json`` into a folder, made if need be; return its path.
 
         ``polefence check`` proves it afresh. It holds A', C' and -L': the plant's name ends in
-        "(dual, observer)", the states keep their names, the inputs are the measured signals.
+        "(dual, observer)", the states keep their names, the inputs are the measured signals, and
+        ``"observer": true`` says that it is no law.
 
         Raises
         ------
@@ -181,7 +190,7 @@ class Observer:
         InputError
             If it is about another plant, or other measurements.
         """
-        design = Design.load(path)
+        design = Design.load(path, observer=True)
         try:
             observer = cls(plant, design)
         except InputError as error:
@@ -304,6 +313,27 @@ def _closed_loop(A: Any, B: Any, C: Any, K: Any, L: Any) -> Any:
     """Assemble plant and compensator; of floats, batched, or of rationals."""
     Ac, Bc, Cc = _compensator(A, B, C, K, L)
     return np.block([[A, B @ Cc], [Bc @ C, Ac]])
+
+
+def check_observer(path: str | Path) -> Check:
+    """Prove an observer's file afresh, as `polefence.design.check` does a design's.
+
+    Raises
+    ------
+    DesignFileError
+        If the file cannot be read.
+    """
+    answer = check(path)
+    dual = Design.load(path, allow_unproved=True, observer=True)
+    measured = ", ".join(map(quoted, dual.plant.inputs)) or "C as in the file"
+    said = tuple(
+        claim.replace("A + B K with one gain K", "A - L C with one gain L").replace(
+            "A + B K with K(alpha)", "A - L C with -L(alpha)'"
+        )
+        + f"; an observer, measured {measured}"
+        for claim in answer.claims
+    )
+    return replace(answer, claims=said)
 
 
 def _same_parameters(one: UncertainPlant, other: UncertainPlant) -> bool:

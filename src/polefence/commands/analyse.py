@@ -24,7 +24,7 @@ from polefence.commands.shared import (
     write_json,
 )
 from polefence.commands.tightest import KINDS
-from polefence.design import FILE_NAME, Design
+from polefence.design import FILE_NAME, Design, require_kind
 from polefence.errors import InputError
 from polefence.files import read_text
 from polefence.gain_table import GainTable, table_from
@@ -143,7 +143,9 @@ def read_gain(plant: UncertainPlant, what: str) -> Law | GainTable:
         raise InputError(f"{name}: {error}") from error
     try:
         if isinstance(data, dict) and data.get("format") == exact.FORMAT:
-            return given_law(plant, Certificate.loads(text).law)
+            certificate = Certificate.loads(text)
+            require_kind(certificate)
+            return given_law(plant, certificate.law)
         if isinstance(data, dict):
             return table_from(plant.parameters, data)
         return given_law(plant, data)

@@ -5,25 +5,28 @@ from __future__ import annotations
 import argparse
 import hashlib
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from fractions import Fraction
 from pathlib import Path
 from typing import Any
 
 from polefence.augmented import with_weights
 from polefence.commands.shared import NOT_PROVED, PROVED, say, write_json
-from polefence.design import FILE_NAME, Design, check
-from polefence.errors import DesignFileError
+from polefence.design import FILE_NAME, Design, check, says_format
+from polefence.errors import DesignFileError, InputError
 from polefence.export import check_guarantee, guarantee_plant, is_guarantee_file
 from polefence.export.documents import FILE_NAME as GUARANTEE
-from polefence.files import read_bytes
+from polefence.files import read_bytes, read_text
+from polefence.measured import read_measured, transposed
+from polefence.observer import check_observer
 from polefence.performance_file import FILE_NAME as PERFORMANCE
 from polefence.performance_file import check_performance, is_performance_file, performance_plant
 from polefence.plant.family import UncertainPlant
 from polefence.plant.names import quoted
 from polefence.plant.spec import load
+from polefence.plant.system import System
 from polefence.proof.certificate import Check
-from polefence.proof.exact import MAX_BYTES
+from polefence.proof.exact import FORMAT, MAX_BYTES, parse
 from polefence.service import check_service, is_service_file, service_plant
 from polefence.specification_text import Road, load_specifications
 from polefence.table_analysis import FILE_NAME as TABLE
@@ -53,12 +56,24 @@ class Kind:
     letters: str = "AB"
 
 
+def _is_observer(path: Path) -> bool:
+    where = path / FILE_NAME if path.is_dir() else path
+    if not says_format(where, FORMAT):
+        return False
+    return parse(read_text(where, MAX_BYTES, DesignFileError)).get("observer") is True
+
+
+def _observed(path: Path) -> UncertainPlant:
+    return Design.load(path, allow_unproved=True, observer=True).plant
+
+
 # The last is the rest.
 KINDS = (
     Kind(is_service_file, check_service, service_plant, ""),
     Kind(is_table_file, check_table, table_plant, TABLE),
     Kind(is_guarantee_file, check_guarantee, guarantee_plant, GUARANTEE),
     Kind(is_performance_file, check_performance, performance_plant, PERFORMANCE, "ABE"),
+    Kind(_is_observer, check_observer, _observed, FILE_NAME, "AC"),
     Kind(lambda _: True, check, _plant, FILE_NAME),
 )
 
@@ -86,7 +101,8 @@ def check_command(options: Any) -> int:
         plant = load(options.spec)
         if "E" in kind.letters:
             plant = _weighted(plant, options.spec)
-        difference = _difference(kind.plant(options.file), plant, kind.letters)
+        compare = _observer_difference if "C" in kind.letters else _difference
+        difference = compare(kind.plant(options.file), plant, kind.letters)
     if options.json is not None:
         write_json(options.json, _document(options.file, answer, difference, digest))
     say(f"{options.file}: {answer.answer}: {answer.reason}")
@@ -138,6 +154,30 @@ def _difference(found: UncertainPlant, plant: UncertainPlant, letters: str = "AB
     if ours != theirs:
         return "other parameter ranges"
     return _other_name(found, plant)
+
+
+def _observer_difference(dual: UncertainPlant, plant: UncertainPlant, _: str) -> str | None:
+    """Say how the plant observed, or what is measured of it, differs from a spec's."""
+    if (len(dual.vertices), dual.shape[0]) != (len(plant.vertices), plant.shape[0]):
+        return "other vertices: their number or their shapes differ"
+    pairs = zip(dual.vertices, plant.vertices, strict=True)
+    vertices = tuple(
+        System(transposed(own.exact_A), v.exact_B, v.exact_E, v.name) for own, v in pairs
+    )
+    inputs, disturbances = plant.inputs, plant.disturbances
+    found = replace(dual, vertices=vertices, inputs=inputs, disturbances=disturbances)
+    difference = _difference(found, plant, "A")
+    if difference is not None or not dual.inputs:
+        return difference
+    try:
+        expected = read_measured(plant, dual.inputs)[0]
+    except InputError as error:
+        return f"other measurements: {error}"
+    for own, C in zip(dual.vertices, expected, strict=True):
+        for k, (row, state) in enumerate(zip(transposed(own.exact_B), C, strict=True)):
+            if row != state:
+                return f"other measurements: C[{k + 1}] is not {quoted(dual.inputs[k])} alone"
+    return None
 
 
 def _other_name(found: UncertainPlant, plant: UncertainPlant) -> str | None:

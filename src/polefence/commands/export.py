@@ -119,7 +119,7 @@ def export_command(options: Any) -> int:
 def _observer(design: Design, options: Any) -> Observer | None:
     if options.observer is None:
         return None
-    dual = Design.load(options.observer, allow_unproved=options.allow_unproved)
+    dual = Design.load(options.observer, options.allow_unproved, observer=True)
     try:
         return Observer(design.plant, dual)
     except InputError as error:

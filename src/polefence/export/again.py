@@ -22,7 +22,7 @@ from polefence.proof.rounding import Code
 
 def require_law(design: Design) -> None:
     """Refuse an observer's design: its gain is no law of the plant."""
-    if design.plant.name.endswith(DUAL):
+    if design.certificate.observer or design.plant.name.endswith(DUAL):
         raise InputError(
             f"{design.plant.name}: the design of an observer, no law; export the state feedback's "
             "design and name this one as its observer (--observer)"

@@ -69,6 +69,8 @@ class Certificate:
         those of Lemma 2 ``degree``, ``elevation``, ``on``, ``epsilon``; scheduled: ``tau`` and
         ``elevation``; lyapunov: ``on``, and ``parts``, for each part of the region ``X``,
         ``degree``, ``elevation``, and for a scheduled law ``multiple``.
+    observer : bool
+        Whether the plant is the dual of one that is observed, and the law -L': no law of a plant.
     """
 
     plant: UncertainPlant
@@ -76,13 +78,15 @@ class Certificate:
     method: str
     law: Law
     evidence: Mapping[str, Any]
+    observer: bool = False
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "evidence", MappingProxyType(dict(self.evidence)))
 
     def __reduce__(self) -> tuple[Any, ...]:
         # A mapping proxy does not travel between processes.
-        return Certificate, (self.plant, self.region, self.method, self.law, dict(self.evidence))
+        own = self.plant, self.region, self.method, self.law, dict(self.evidence), self.observer
+        return Certificate, own
 
     def claim(self) -> exact.Claim:
         """Return the claim in exact rationals: that of the design file, a float being a rational.
@@ -117,7 +121,8 @@ class Certificate:
     def document(self) -> dict[str, Any]:
         """Return the design file as plain data for JSON."""
         head = {"format": exact.FORMAT, "version": exact.VERSION}
-        return head | {"plant": plant_document(self.plant)} | self._claimed()
+        mark = {"observer": True} if self.observer else {}
+        return head | mark | {"plant": plant_document(self.plant)} | self._claimed()
 
     def _claimed(self) -> dict[str, Any]:
         if isinstance(self.law, ScheduledGain):
@@ -160,9 +165,12 @@ class Certificate:
                 sizes = exact.simplices(claim)
                 law = ScheduledGain(W, Z, plant.parameters, claim.law.degree, sizes)
             evidence = _evidence(claim, document["certificate"])
+            observer = document.get("observer", False)
+            if type(observer) is not bool:
+                raise DesignFileError("observer must be true or false")
         except (exact.FormatError, InputError) as error:
             raise DesignFileError(str(error)) from error
-        return cls(plant, region, claim.method, law, evidence)
+        return cls(plant, region, claim.method, law, evidence, observer)
 
 
 def _evidence(claim: exact.Claim, table: dict[str, Any]) -> dict[str, Any]:

@@ -109,6 +109,11 @@ class RationalFunction:
         except (TypeError, ValueError, OverflowError) as error:
             raise PlantError(f"{value!r} is not a finite number") from error
 
+    @property
+    def is_constant(self) -> bool:
+        """Whether it is written without any variable."""
+        return not any(any(e) for p in (self.numerator, self.denominator) for e in p)
+
     def __call__(self, point: Sequence[Fraction]) -> Fraction:
         """Evaluate at a point of the variables; raise ``ZeroDivisionError`` at a pole."""
         return _evaluate(self.numerator, point) / _evaluate(self.denominator, point)

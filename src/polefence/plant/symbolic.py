@@ -25,6 +25,7 @@ def corners(
     box = [(p.scheduling(p.low), p.scheduling(p.high)) for p in parameters]
     sides = list(itertools.product((0, 1), repeat=len(box)))
     one = RationalFunction.constant(Fraction(1), len(box))
+    box_corner = [low for low, _ in box]
     values: dict[tuple[int, ...], list[list[Fraction]]] = {side: [] for side in sides}
     for i, row in enumerate(table):
         for side in sides:
@@ -32,6 +33,11 @@ def corners(
         for j, given in enumerate(row):
             place = f"{letter}[{i + 1}][{j + 1}]"
             entry = _lift(one, given, place)
+            if entry.is_constant:  # most entries of a large plant
+                value = entry(box_corner)
+                for side in sides:
+                    values[side][-1].append(value)
+                continue
             corner = {}
             for side in sides:
                 point = [pair[s] for pair, s in zip(box, side, strict=True)]

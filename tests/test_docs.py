@@ -7,6 +7,7 @@ import re
 import shlex
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import polefence
@@ -31,6 +32,60 @@ def test_the_tutorial_does_what_it_shows(monkeypatch):
     )
     assert result.attempted > 10
     assert result.failed == 0
+
+
+ROWS = re.findall(r"^\|[^|]*\|([^|]*polefence[^|]*)\|", README, re.MULTILINE)
+
+
+def rows_commands():
+    """The commands of the README's table, row by row, with what a row says in brackets."""
+    return [re.findall(r"`(polefence [^`]*)`", row) for row in ROWS]
+
+
+@pytest.fixture(scope="module")
+def after_the_readme(tmp_path_factory):
+    """The folder in which the README's own lines were run."""
+    folder = tmp_path_factory.mktemp("readme")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(folder)
+        (folder / "car.toml").write_text(spec_text("quarter-car-physical"))
+        words = ["design", "car.toml", "--disk", "-40", "31", "--method", "scheduled"]
+        assert main([*words, "-o", "car"]) == 0
+    return folder
+
+
+def test_the_table_has_commands_for_every_command_but_these():
+    used = {command.split()[1] for row in rows_commands() for command in row}
+    assert len(ROWS) == 9
+    assert used >= {
+        "design", "limits", "analyse", "service", "optimise", "compare", "simulate", "report",
+        "observe", "export",
+    }  # fmt: skip
+
+
+@pytest.mark.parametrize("number", range(len(ROWS)))
+def test_every_row_of_the_readme_runs_as_it_is_written(
+    number, after_the_readme, monkeypatch, capsys
+):
+    monkeypatch.chdir(after_the_readme)
+    commands = rows_commands()[number]
+    assert commands
+    for line in commands:
+        command, _, target = line.partition(" > ")
+        assert main(shlex.split(command)[1:]) == 0, line
+        said = capsys.readouterr().out
+        if target:
+            Path(target).write_text(said)
+
+
+def test_the_readmes_region_has_a_gain_that_can_be_built(physical):
+    """Kilonewtons a metre, as springs and tyres have, not meganewtons."""
+    (row,) = [row for row in ROWS if "half_plane(4)" in row]
+    region = polefence.parse_region(re.search(r'--region "([^"]*)"', row)[1])
+    K = polefence.place(physical, region).law.gain(np.eye(4))
+    (said,) = re.findall(r"\((\d+) kN/m at most on the deflection\)", row)
+    assert np.abs(K[:, 0, 0]).max() == pytest.approx(1e3 * float(said), rel=0.05)
+    assert np.abs(K[:, 0, 1]).max() < 155900  # the tyre's own stiffness
 
 
 def test_readme_commands_run(tmp_path, monkeypatch, capsys):

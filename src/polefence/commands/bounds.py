@@ -21,6 +21,7 @@ from polefence.loops import values_at
 from polefence.optimise import Optimised
 from polefence.performance import Bound
 from polefence.region_text import digits_down, digits_up
+from polefence.response.rest import Rest, held_words, rests
 from polefence.response.signals import split
 from polefence.response.vehicle import ride
 from polefence.retreat import Retreat
@@ -129,6 +130,7 @@ def lines_of(done: Optimised, rows: Sequence[Row], label: str) -> list[str]:
         lines.append(done.design.note)
     elif not _kept(done, rows[0].own.alpha):
         lines.append(TOO_LARGE)
+    lines += _rest_lines(done, rows)
     gains = gains_of(done.law, len(done.plant.vertices))
     return lines + gain_lines(gains)
 
@@ -164,6 +166,41 @@ def _retreat_line(retreat: Retreat) -> str:
     )
 
 
+def _rests(done: Optimised, rows: Sequence[Row]) -> tuple[Rest, ...]:
+    """Return where constant disturbances leave the signals of the specifications."""
+    known = [row.bound.specification for row in rows if row.bound.specification.kind != "gain norm"]
+    asked = {s.name: signal_of(done.plant, s) for s in known}
+    if not asked or any(v.E is None for v in done.plant.vertices):
+        return ()
+    return rests(done.plant, done.law, rows[0].own.alpha, tuple(asked.values()))
+
+
+def _rest_lines(done: Optimised, rows: Sequence[Row]) -> list[str]:
+    """Say where a disturbance that stays leaves the signals, and what is beyond its limit there."""
+    lines, beyond = [], dict[str, float]()
+    limits = {
+        row.bound.specification.name: row.bound.specification.at_most
+        for row in rows
+        if row.bound.specification.kind == "rms"
+    }
+    found = _rests(done, rows)
+    for source in dict.fromkeys(rest.source.label for rest in found):
+        own = [rest for rest in found if rest.source.label == source]
+        left = ", ".join(rest.words for rest in own if rest.size) or "0 of all these signals"
+        held = held_words(done.plant, own[0].source)
+        lines.append(f"  held at {held}, sampled, this leaves {left}")
+        for rest in own:
+            most = limits.get(rest.signal.name)
+            if most is not None and rest.size > most:
+                beyond[rest.signal.name] = max(rest.size, beyond.get(rest.signal.name, 0.0))
+    if beyond:
+        lines.append(
+            f"  note: that is more than is allowed of the rms of {' and '.join(beyond)}, which is "
+            "about noise; with a signal's integral among the states nothing of it is left"
+        )
+    return lines
+
+
 def _kept(done: Optimised, alpha: Any) -> bool:
     region = done.design.region
     distance = region.distance(done.design.poles(alpha[:1000]))
@@ -191,6 +228,17 @@ def document_of(done: Optimised, rows: Sequence[Row], label: str) -> dict[str, A
                 "passive": None if row.passive is None else row.passive.worst,
             }
             for row in rows
+        ],
+        "held": [
+            {
+                "disturbance": rest.source.name,
+                "at": 1.0,
+                "signal": rest.signal.name,
+                "unit": rest.signal.unit,
+                "low": rest.low,
+                "high": rest.high,
+            }
+            for rest in _rests(done, rows)
         ],
         "shared": done.shared if np.isfinite(done.shared) else None,
         "share": done.share,

@@ -2,19 +2,22 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
 from polefence.design import Design
 from polefence.errors import InputError
+from polefence.plant.family import UncertainPlant
 from polefence.plots_response import responses_figure
 from polefence.report.section import Section, Table
 from polefence.response.compare import Comparison, compare, points
 from polefence.response.labels import comfort_reading
 from polefence.response.linear import step
 from polefence.response.reference_laws import lqr, skyhook
-from polefence.response.signals import inputs, states
+from polefence.response.rest import GRADE, is_grade, rests
+from polefence.response.signals import Signal, inputs, states
 from polefence.response.vehicle import ride
 
 SHARES = (0.05, 0.02)
@@ -37,21 +40,34 @@ def responses(design: Design) -> Section | None:
     name = (plant.disturbances or ("the disturbance",))[0] if source is None else source
     heads = tuple(f"within {100 * share:g} % [s]" for share in SHARES)
     times = [found.settling(share).max(axis=0) for share in SHARES]
+    left = _left(design, alpha, signals) if source is None else {}
+    size = "" if source is not None else _size(plant)
     peaks = np.abs(found.peaks()[0]).max(axis=0)
     rows = tuple(
-        (signal.label, f"{peak:.4g}", *(_seconds(t[i]) for t in times))
+        (signal.label, f"{peak:.4g}", left.get(signal.name, "-"), *(_seconds(t[i]) for t in times))
         for i, (signal, peak) in enumerate(zip(found.signals, peaks, strict=True))
     )
     return Section(
         "Responses",
         (
-            f"To a unit step of {name}, over {len(alpha)} points of the family: the largest peak, "
-            "and the longest time until a signal stays near its final value (near zero: within "
-            "that share of its peak).",
+            f"To a unit step of {name}{size}, over {len(alpha)} points of the family: the largest "
+            "peak, what is left while the step stays, and the longest time until a signal is near "
+            "that for good (near zero: within that share of its peak).",
         ),
-        Table(("signal", "largest peak", *heads), rows),
+        Table(("signal", "largest peak", "left", *heads), rows),
         responses_figure({plant.name: found}),
     )
+
+
+def _left(design: Design, alpha: Any, signals: Sequence[Signal]) -> dict[str, str]:
+    """Return what a unit of the first disturbance leaves of each signal, by name."""
+    found = rests(design.plant, design, alpha, signals)
+    return {rest.signal.name: rest.span for rest in found if rest.source == found[0].source}
+
+
+def _size(plant: UncertainPlant) -> str:
+    """Say what a unit of a car's road velocity is."""
+    return f" ({GRADE})" if is_grade(plant) else ""
 
 
 def _drawn(design: Design, alpha: Any) -> float:

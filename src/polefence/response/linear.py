@@ -81,7 +81,7 @@ def step(
     start = np.zeros((count, n + 1))
     start[:, n] = 1.0
     values = free(longer, np.concatenate([path.C, path.D], axis=2), start, len(time))
-    return Response(plant, loops.alpha, time, path.signals, values, _final(path))
+    return Response(plant, loops.alpha, time, path.signals, values, _final(path)[0][:, :, 0])
 
 
 def impulse(
@@ -103,7 +103,7 @@ def impulse(
     time = grid.times(loops, needed(path.C, loops.closed), duration, step, len(path.signals))
     Phi, _ = held(loops.closed, path.E, time[1])
     values = free(Phi, path.C, path.E[:, :, 0], len(time))
-    final = np.where(np.isnan(_final(path)), np.nan, 0.0)
+    final = np.where(np.isnan(_final(path)[0][:, :, 0]), np.nan, 0.0)
     return Response(plant, loops.alpha, time, path.signals, values, final)
 
 
@@ -208,6 +208,29 @@ def frequency(
     return Frequency(plant, path.loops.alpha, asked, path.signals, path.sources, gain)
 
 
+def final(
+    plant: UncertainPlant, law: Any, alpha: Any, signals: Wanted = None
+) -> tuple[tuple[Signal, ...], tuple[Signal, ...], Array, Array]:
+    """Return what a unit step of each disturbance leaves in each signal.
+
+    Returns
+    -------
+    sources, signals : tuple of Signal
+        q disturbances and p signals.
+    values : (count, p, q) array
+        NaN where the signal tends to nothing.
+    scale : (p, q) array
+        Of what the values are sums: they are no more exact than a rounding of it.
+
+    Raises
+    ------
+    InputError
+        If a name is unknown; and as `close` raises.
+    """
+    path = _path(plant, law, alpha, signals, None, every=True)
+    return path.sources, path.signals, *_final(path)
+
+
 def _path(
     plant: UncertainPlant,
     law: Any,
@@ -241,17 +264,22 @@ def _path(
     return _Path(loops, asked, winds[one], loops.E[:, :, one], C, D[:, :, one])
 
 
-def _final(path: _Path) -> Array:
-    """Return what the step responses tend to, (count, p), NaN where a signal tends to nothing."""
-    final = np.full(path.D.shape[:2], np.nan)
-    for i in range(len(path.signals)):
+def _final(path: _Path) -> tuple[Array, Array]:
+    """Return what the step responses tend to (count, p, q), NaN for nothing; and their scale."""
+    (count, p, q), closed = path.D.shape, path.loops.closed
+    values, scale = np.full((count, p, q), np.nan), np.zeros((p, q))
+    for i in range(p):
         C = path.C[:, i : i + 1]
-        keep = needed(C, path.loops.closed)
-        A = path.loops.closed[:, keep][:, :, keep]
+        keep = needed(C, closed)
+        A = closed[:, keep][:, :, keep]
         good = np.setdiff1d(np.arange(len(A)), unstable(A))
         reached = np.linalg.solve(A[good], -path.E[good][:, keep])
-        final[good, i] = (C[good][:, :, keep] @ reached + path.D[good, i : i + 1])[:, 0, 0]
-    return final
+        row = C[good][:, :, keep]
+        values[good, i] = (row @ reached + path.D[good, i : i + 1])[:, 0]
+        if len(good) and len(keep):
+            largest = np.abs(reached).max(axis=(0, 1))
+            scale[i] = np.abs(row).sum(axis=-1).max() * largest
+    return values, scale
 
 
 def _pole_text(path: _Path, A: Array, asked: Array) -> str:

@@ -164,7 +164,7 @@ def test_bounds_and_a_front_are_put_in(tmp_path, capsys):
     picture.write_text("<svg xmlns='http://www.w3.org/2000/svg'/>")
     assert main(["report", str(folder), "--front", str(picture)]) == 0
     page = Page((folder / "report.html").read_text())
-    assert "rms of actuator force <= 300" in page.parts["Bounds on signals, proved"]
+    assert "rms of 'actuator force' = u1 <= 300" in page.parts["Bounds on signals, proved"]
     assert sum(tag == "img" for tag, _ in page.tags) == 3
     assert main(["report", str(folder), "--front", str(spec)]) == 2
     document = json.loads((folder / "performance.json").read_text())

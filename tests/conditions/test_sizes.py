@@ -109,6 +109,17 @@ def test_limits_leaves_out_what_is_too_large_unless_it_was_chosen(tmp_path, caps
     assert "more than is searched and proved" in capsys.readouterr().err
 
 
+def test_a_plant_too_large_for_every_method_is_refused(tmp_path, capsys, monkeypatch):
+    from polefence.commands import limits as command
+
+    monkeypatch.setattr(command, "is_checkable", lambda plant, method: False)
+    path = spec(tmp_path / "p.toml", springs(1))
+    assert main(["limits", path, "--centre", "-5"]) == 2
+    said = capsys.readouterr()
+    assert said.out.count("note: without") == 3
+    assert "too large for every method" in said.err
+
+
 def test_rows_are_printed_in_order_and_each_as_soon_as_those_before_it_are_there(
     tmp_path, capsys, monkeypatch
 ):

@@ -149,6 +149,8 @@ def _fitted(plant: UncertainPlant, methods: list[Method], chosen: bool) -> list[
                 f"simplex; {method_label(own)} has {blocks(plant, own)}"
             )
         found[method_label(own)] = own
+    if not found:
+        raise InputError(f"{plant.name}: {size_of(plant)} are too large for every method")
     return list(found.values())
 
 

@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-from scipy.linalg import matrix_balance, solve_continuous_lyapunov
 
 from polefence.law import right_divide
 from polefence.proof import exact
@@ -46,6 +45,8 @@ def shown(loop: tuple[Rationals, Rationals], region: tuple[Part, ...]) -> Outsid
 
 def evidence(loop: tuple[Rationals, Rationals], region: tuple[Part, ...]) -> Iterator[Outside]:
     """Yield evidence worth deciding that a pole is outside, of the one farthest outside."""
+    from scipy.linalg import matrix_balance, solve_continuous_lyapunov  # deferred: slow to import
+
     try:
         N, W = (np.array(M, dtype=float) for M in loop)
         A, (scale, _) = matrix_balance(right_divide(N, W), permute=False, separate=True)

@@ -287,7 +287,7 @@ TABLES = {
     "no signal": ('signal = "v"', "", "specification 3: signal is missing"),
     "text": ('signal = "v"', "signal = 2", "specification 3: signal = 2 must be text"),
     "quoted": ("at_most = 4", 'at_most = "4"', "at_most = '4' must be a finite number, without q"),
-    "nan": ("at_most = 4", "at_most = nan", "at_most = nan must be a finite number"),
+    "nan": ("at_most = 4", "at_most = nan", "at_most = NaN must be a finite number"),
     "negative": ("at_most = 4", "at_most = -4", "at_most = -4.0 of 'v' must be a positive number"),
     "neither": ("at_most = 4", "", "gain of v: give at_most = LIMIT or minimise = true, one of th"),
     "both": ("at_most = 4", "at_most = 4\nminimise = true", "or minimise = true, one of them"),
@@ -303,7 +303,7 @@ TABLES = {
     "no road": ("name =", "road = 3\nname =", "road must be a table; write [road]"),
     "no E": ("E = [[0], [1]]", "", "says nowhere how a disturbance enters; give E"),
     "filter": ("density = 2\nat_most", "weight = 2\ndensity = 2\nat_most", "weight = 2 must be"),
-    "points": ("at_most = 1.5", "points = [1]\nat_most = 1", "unknown key points = [1]"),
+    "points": ("at_most = 1.5", "points = [1]\nat_most = 1", "unknown key points = a list"),
     "discrete": ("name =", "sample_time = 1\nname =", "stage is in discrete time"),
     "same twice": ('"rms"\nsignal = "force"\ndensity = 2', '"gain"\nsignal = "v"', "two limits on"),
 }  # fmt: skip

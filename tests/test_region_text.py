@@ -89,7 +89,7 @@ FAULTS = {
     "disk(-40, 1e999)": "disk: radius = inf is not finite",
     "disk(-40, 1e-200)": "disk: radius = 1e-200 is out of range",
     "disk(-40, 0x10)": "is not a number",
-    "disk(40, 31)": "disk: centre = 40 is not in the left half-plane",
+    "disk(40, 31)": "disk(40, 31): centre = 40 is not in the left half-plane",
     "sector(30)": "sector: damping = 30 must be a damping ratio between 0 and 1",
     "vertical_strip(-1, -2)": "vertical_strip: low = -1 is not below high = -2",
     "disk(-40, __import__('os'))": "is not of the form kind(numbers)",

@@ -25,6 +25,8 @@ from polefence.suspension.quarter_car import spec_text
 
 DOCS = Path(__file__).resolve().parents[1] / "docs"
 PAGE = (DOCS / "ride.md").read_text()
+# Options of every command, or written short on the page.
+COMMON = {"--help", "--output", "--quiet"}
 TEXT = re.sub(r"\s+", " ", PAGE)
 NUMBER = re.compile(r"(?<![\w.])-?\d+\.?\d*(?:e[-+]\d+)?(?![\w.]*\w)")
 COMMANDS = re.findall(r"^\$ (.*)\n((?:(?!\$ |```).*\n)*)", PAGE, re.MULTILINE)
@@ -141,6 +143,6 @@ def test_the_snippet_and_the_figure(said, monkeypatch, tmp_path):
 def test_options_are_those_of_the_command(capsys):
     with pytest.raises(SystemExit):
         main(["optimise", "--help"])
-    known = set(re.findall(r"--[a-z-]+", capsys.readouterr().out)) - {"--help", "--output"}
+    known = set(re.findall(r"--[a-z-]+", capsys.readouterr().out)) - COMMON
     section = PAGE.split("## Options of `optimise`")[1]
     assert known == set(re.findall(r"(?<![\w-])--[a-z][a-z-]*", section))

@@ -18,6 +18,8 @@ from polefence.suspension.quarter_car import spec_text
 
 DOCS = Path(__file__).resolve().parents[1] / "docs"
 PAGE = (DOCS / "simulate.md").read_text()
+# Options of every command, or written short on the page.
+COMMON = {"--help", "--output", "--quiet"}
 CONSOLE = re.findall(r"```console\n(.*?)```", PAGE, re.DOTALL)
 NUMBER = re.compile(r"(?<![\w.])-?\d+\.?\d*(?:e[-+]\d+)?(?![\w.]*\w)")
 
@@ -125,6 +127,6 @@ def test_options_are_those_of_the_commands(capsys):
     for command in ("simulate", "compare"):
         with pytest.raises(SystemExit):
             main([command, "--help"])
-        known = set(re.findall(r"--[a-z-]+", capsys.readouterr().out)) - {"--help", "--output"}
+        known = set(re.findall(r"--[a-z-]+", capsys.readouterr().out)) - COMMON
         section = PAGE.split(f"## Options of `{command}`")[1].split("\n## ")[0]
         assert known == set(re.findall(r"(?<![\w-])--[a-z][a-z-]*", section))

@@ -61,7 +61,7 @@ def _remedy(plant: UncertainPlant, method: Method) -> str:
     """Say what a method of fewer inequalities would be."""
     o = options(method)
     remedies = []
-    if plant.parameters and o.on != "box":
+    if plant.parameters and o.on != "box" and int(o.degree):
         remedies.append("ask for it on the box")
     if o.elevation:
         remedies.append("for elevation 0")

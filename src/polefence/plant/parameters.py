@@ -19,6 +19,18 @@ MAX_DIGITS = 300
 MAX_NAME = 200  # characters of a name or a unit
 
 
+PLAIN_BITS = 300  # of numerator and denominator: within both bounds, seen without arithmetic
+
+
+def is_plain(value: Any) -> bool:
+    """Whether a value is a rational that `exact` returns as it is."""
+    return (
+        type(value) is Fraction
+        and value.numerator.bit_length() <= PLAIN_BITS
+        and value.denominator.bit_length() <= PLAIN_BITS
+    )
+
+
 def exact(value: Any, what: str) -> Fraction:
     """Return a number as the rational it is; a float is taken at its exact binary value.
 

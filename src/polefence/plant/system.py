@@ -12,7 +12,7 @@ import numpy.typing as npt
 
 from polefence.errors import PlantError
 from polefence.plant.controllability import FixedModes, fixed_modes
-from polefence.plant.parameters import exact
+from polefence.plant.parameters import exact, is_plain
 
 Array = npt.NDArray[np.float64]
 Exact = tuple[tuple[Fraction, ...], ...]
@@ -40,7 +40,10 @@ def read_matrix(rows: Any, what: str) -> Exact:
                 f"{what} is ragged: row {i + 1} has {len(row)} entries, row 1 has {len(table[0])}"
             )
     return tuple(
-        tuple(exact(entry, f"{what}[{i + 1}][{j + 1}]") for j, entry in enumerate(row))
+        tuple(
+            entry if is_plain(entry) else exact(entry, f"{what}[{i + 1}][{j + 1}]")
+            for j, entry in enumerate(row)
+        )
         for i, row in enumerate(table)
     )
 

@@ -99,7 +99,7 @@ def test_the_prose_states_what_is_measured(said):
     own, bare = (sampled(plant, law, least, alpha).values for law in (design, None))
     share = f"{(own / bare).min():.3f} to {(own / bare).max():.3f}"
     assert rows()["scheduled(1, 0, box)", "half_plane(1) & sector(0.15)"][2] == share
-    assert "between 0.75 and 1.02 times" in TEXT
+    assert "between 0.75 and 1.00 times" in TEXT
     poles = close(plant, None, np.vstack([alpha, points(plant)])).poles()
     assert f"slowest pole is at −{-poles.real.max():.2f} 1/s" in TEXT
     assert f"least damping ratio is {(-poles.real / np.abs(poles)).min():.3f}" in TEXT
@@ -107,7 +107,7 @@ def test_the_prose_states_what_is_measured(said):
     felt, passive = (found.row(name, "weighted acceleration") for name in ("law", "passive"))
     assert f"has {felt.worst:.3f} against {passive.worst:.3f} m/s² by Wk" in TEXT
     assert f"worst case, {felt.best:.3f} against {passive.best:.3f} in the best" in TEXT
-    assert 45 < found.row("law", "mean power drawn").worst <= 51  # up to 50 W
+    assert 45 < found.row("law", "mean power drawn").worst <= 50  # up to 49 W
     tyre = compare(plant, {"law": design}).row("law", "tyre deflection").worst
     assert tyre <= 0.00472
     # the sample's rms by another computation, at the worst
@@ -115,7 +115,7 @@ def test_the_prose_states_what_is_measured(said):
     A = A + B @ design.law.gain(alpha[own.argmax()])
     X = lyapunov(A[None], least.density / 2 * np.diag([0.0, 1.0, 0.0, 0.0])[None])[0]
     assert np.sqrt(A[2] @ X @ A[2]) == pytest.approx(own.max(), rel=1e-9)
-    assert own.max() <= 1.02387
+    assert own.max() <= 1.02138
 
 
 def test_the_page_shows_the_tables_of_the_example():

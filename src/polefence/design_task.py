@@ -28,6 +28,9 @@ from polefence.specification import Specification, output_of
 from polefence.speed import bounded
 
 INSIDE = 0.95  # how far inside the region the search begins
+KEPT = 1 - 1e-5  # share of a limit that a design keeps, so that the proof has something to spare
+AGREED = 1e-5  # how close two ends of one question are, as a share
+ENDS = 2  # that are compared where they depend on the start
 ROUGH = 1e-4  # gap at which one gain is a start: a point that is not at the edge of everything
 SPEED = 100.0  # times the plant's own rates, where nothing else bounds the first law's
 
@@ -55,6 +58,7 @@ class Task:
         pairs = [output_of(plant, self.domain, s) for s in self.limits if is_signal(s)]
         if self.minimise is not None and is_signal(self.minimise):
             pairs.append(output_of(plant, self.domain, self.minimise, 1.0))
+        pairs = [(s, replace(o, level=o.level * KEPT if o.fixed else o.level)) for s, o in pairs]
         sources = {source.name: source for source, _ in pairs}
         outputs = tuple(output for _, output in pairs)
         degree, elevation = int(o.degree), o.elevation
@@ -72,8 +76,8 @@ class Task:
     ) -> Reached:
         """Search for the law.
 
-        Without bounds on the law itself the question is convex: the first start that leads to its
-        end will do. With them the end depends on the start: the best of all is returned.
+        Without bounds on the law itself the question is convex: an end that two searches come to
+        will do. With them the end depends on the start: the best of a few is returned.
 
         Parameters
         ----------
@@ -91,6 +95,7 @@ class Task:
         scaling = balanced(self.plant.A, self.plant.B, typical_rate(self.plant.A))
         question = self.question(region)
         best: Reached | None = None
+        ends = 0
         failure = SolverError("nowhere to start from")
         starts = self._starts(question, region, scaling)
         if near is not None:
@@ -101,9 +106,12 @@ class Task:
             except SolverError as error:
                 failure = error
                 continue
+            again = best is not None and best.converged and found.r >= best.r * (1 - AGREED)
             if best is None or found.r < best.r:
                 best = found
-            if self.minimise is None or (found.converged and not question.norms):
+            ends += 1
+            ended = found.converged and not question.norms and (again or tolerance > AGREED)
+            if self.minimise is None or ended or (question.norms and ends == ENDS):
                 break
         if best is None:
             raise failure

@@ -1,33 +1,31 @@
 """A law for specifications: one signal small, others within limits, all poles in a region; proved.
 
-One W(alpha) for everything is conservative. So the law is designed with one, for a region that may
-be relaxed; what it keeps is then proved for the law as it is, each bound with a Lyapunov polynomial
-of its own, and the region with one for each of its parts.
+One W(alpha) for everything is conservative. So laws are designed with one, for a region that may
+be relaxed; what they keep is then proved of each law as it is, each bound with a Lyapunov
+polynomial of its own, and the region with one for each of its parts.
 """
 
 from __future__ import annotations
 
-import time
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from polefence.analysis import analyse
 from polefence.augmented import with_weights, without_feedback
 from polefence.checks import require_domain, require_movable, require_region, require_type
 from polefence.conditions.methods import Method, Scheduled, options
 from polefence.conflict import refusal
 from polefence.design import Design
+from polefence.design_search import Candidate, Origin, Search, candidate, relaxed
 from polefence.design_task import Task
 from polefence.errors import InputError, NotProvedError, SolverError
-from polefence.gain_norm import is_signal
-from polefence.law import FixedGain, Law
-from polefence.performance import Bound, Known, best_bound, kept_bound, own_evidence
+from polefence.gain_norm import GainNorm
+from polefence.law import Law
+from polefence.performance import Bound, best_bound
 from polefence.plant.family import UncertainPlant
-from polefence.proof.certificate import Certificate
-from polefence.region import HalfPlane, Region, Sector
+from polefence.region import HalfPlane, Region
 from polefence.retreat import (
     CLOSE,
     FAR,
@@ -40,13 +38,14 @@ from polefence.retreat import (
     unbounded,
 )
 from polefence.sampled_bounds import agreed_bound
+from polefence.solve.deadline import Deadline
 from polefence.solve.performance import Reached
 from polefence.solve.singular import singular_is_failure
-from polefence.specification import Rms, Specification, output_of
+from polefence.specification import Rms, Specification
 
-ENOUGH = 5.0  # for the proof of a region [s], after which no higher degree is begun
+__all__ = ["Optimised", "optimise", "relaxed"]
+
 POOR = 0.05  # a bound that is proved so far above the design's own is of a law gone wrong
-HALVINGS = 5  # of the share of the region that the design keeps
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -66,6 +65,8 @@ class Optimised:
         Of the region, what the design kept; 1 is all of it.
     retreat : Retreat, optional
         How far the law stands from an infimum that none attains, or none that can be proved.
+    cut : str
+        Why the search was cut before its end; empty where it was not.
     """
 
     design: Design
@@ -73,6 +74,7 @@ class Optimised:
     shared: float
     share: float
     retreat: Retreat | None = None
+    cut: str = ""
 
     def __repr__(self) -> str:
         return f"<Optimised {self.plant.name!r}: {'; '.join(map(str, self.bounds))}>"
@@ -107,7 +109,7 @@ def optimise(
     subject_to: Sequence[Specification] = (),
     region: Region | None = None,
     method: Method | None = None,
-    budget: float = 60.0,
+    budget: float | None = None,
 ) -> Optimised:
     """Design the law with the smallest worst case of one signal, within limits on others.
 
@@ -125,8 +127,9 @@ def optimise(
     method : str or Scheduled, optional
         "quadratic" (one gain) or `Scheduled`; by default of degree 1 and elevation 0, on the box
         where the plant has parameters.
-    budget : float
-        Time after which no further share of the region is tried [s].
+    budget : float, optional
+        Time after which no further law is looked for [s]; the answer then says so in its ``cut``.
+        Without one the same question has the same answer on every machine, however slow.
 
     Returns
     -------
@@ -163,7 +166,7 @@ def optimise(
             raise InputError(f"the limit of {own.name!r} is missing; give at_most")
     require_movable(plant, asked)
     asked_for = subject_to if minimise is None else (*subject_to, minimise)
-    deadline = time.perf_counter() + budget
+    deadline = Deadline(budget)
     larger, found = with_weights(plant, tuple(asked_for))
     task = replace(
         _task(larger, found, minimise is not None, asked, method), asked=(plant, tuple(subject_to))
@@ -187,23 +190,23 @@ def _task(
     return Task(plant, asked_for[-1], asked_for[:-1], region, method)
 
 
-def _weighted(task: Task, bare: Task, deadline: float) -> Optimised:
+def _weighted(task: Task, bare: Task, deadline: Deadline) -> Optimised:
     """Return the better of a law with the filters' states, and one without, for bare signals."""
     simple: Optimised | None = None
     with suppress(NotProvedError):
         found = _settled(bare, deadline)
         simple = _kept(task, without_feedback(found.law, task.plant), found.share)
-    if simple is not None and time.perf_counter() > deadline:
-        return simple
+    if simple is not None and deadline.passed:
+        return replace(simple, cut=_cut(deadline))
     try:
         best = _settled(task, deadline)
     except NotProvedError:
         if simple is None:
             raise
-        return simple
+        return replace(simple, cut=_cut(deadline))
     if simple is None or (task.minimise and best.bounds[0].level < simple.bounds[0].level):
         return best
-    return replace(simple, shared=best.shared)
+    return replace(simple, shared=best.shared, cut=best.cut)
 
 
 def _require_method(plant: UncertainPlant, method: Method) -> None:
@@ -213,7 +216,7 @@ def _require_method(plant: UncertainPlant, method: Method) -> None:
         raise InputError("optimise goes with 'quadratic' and Scheduled(degree, elevation, on)")
 
 
-def _settled(task: Task, deadline: float) -> Optimised:
+def _settled(task: Task, deadline: Deadline) -> Optimised:
     """Return the best law; one of slower poles where that is not proved, or is none to be built."""
     best, failure = None, None
     try:
@@ -222,20 +225,34 @@ def _settled(task: Task, deadline: float) -> Optimised:
         failure = error
         if error.refutation is not None:
             raise
+    cut = _cut(deadline)
     fast = best is not None and is_too_fast(task.plant, best.law)
     if best is not None and not fast and not _is_poor(best):
-        return best
+        return _finished(best, cut)
     least = _least(task) if best is None else best.shared
     if failure is not None and task.limits and not np.isfinite(least):
         raise failure  # no law keeps the limits, or none was found
     taken, found = _stepped_back(task, least)
     if found is not None and (best is None or fast or _level(found) < _level(best)):
-        return found
+        return _finished(found, cut)
     if is_falling(taken) and (best is None or fast):
         raise unbounded(task, taken) from failure
     if best is None:
         raise failure or NotProvedError("not proved")
-    return best
+    return _finished(best, cut)
+
+
+def _cut(deadline: Deadline) -> str:
+    """Return why the search ended before its end, if it did."""
+    return str(deadline) if deadline.passed else ""
+
+
+def _finished(own: Optimised, cut: str) -> Optimised:
+    """Return the answer; of a scheduled law's norm the proof has less to go by than the design."""
+    shared = own.shared
+    if isinstance(own.bounds[0].specification, GainNorm):
+        shared = max(shared, _level(own) if own.bounds[0].specification.at_most is None else 0.0)
+    return replace(own, shared=shared, cut=cut)
 
 
 def _least(task: Task) -> float:
@@ -253,13 +270,13 @@ def _stepped_back(task: Task, least: float) -> tuple[list[Step], Optimised | Non
         taken.append(step)
         # without anything to minimise the first that is proved will do
         if step.level <= least * (1 + CLOSE) and (
-            task.minimise is not None or _proved(task, step.found, 1.0) is not None
+            task.minimise is not None or _proved(task, step.found) is not None
         ):
             break
     least = min([least, *(step.level for step in taken)])
     best: Optimised | None = None
     for step in sorted(taken, key=lambda step: step.level):
-        found = _proved(task, step.found, 1.0) if step.level <= least * (1 + FAR) else None
+        found = _proved(task, step.found) if step.level <= least * (1 + FAR) else None
         if found is not None and (best is None or _level(found) < _level(best)):
             retreat = Retreat(step.speed, step.level, least)
             best = replace(found, shared=step.level, retreat=retreat)
@@ -281,124 +298,58 @@ def _is_poor(own: Optimised) -> bool:
     return minimised and own.bounds[0].level > own.shared * (1 + POOR)
 
 
-def _best(task: Task, deadline: float) -> Optimised:
-    """Try the region as it is, none of it, and shares between that turn out to be kept."""
-    reasons: list[str] = []
-    shared, whole = _attempt(task, 1.0, reasons)
-    loose = relaxed(task.region, 0.0)
-    done = loose == task.region or (task.minimise is None and whole is not None)
-    best = whole if done else _attempt(task, 0.0, reasons)[1]
-    if best is None and loose != task.region:
-        best, low, high = whole, 0.0, 1.0
-        for _ in range(HALVINGS):
-            if time.perf_counter() > deadline:
-                break
-            share = (low + high) / 2
-            level, own = _attempt(task, share, reasons)
-            if own is None and np.isfinite(level):
-                low = share  # a law that does not keep the region: ask for more of it
-                continue
-            high = share
-            if own is not None and (best is None or own.bounds[0].level < best.bounds[0].level):
-                best = own
-            if own is not None and task.minimise is None:
-                break
-    if best is None:
-        raise refusal(task, reasons)
-    return replace(best, shared=shared)
+def _best(task: Task, deadline: Deadline) -> Optimised:
+    """Search, then prove the bound on what is minimised, from the law that samples least on."""
+    # where no law that samples well has a proof, each must have one to count
+    for proved in (False, True) if task.minimise else (False,):
+        search = Search(task, deadline, proved)
+        search.run()
+        best = _lowest(task, search)
+        if best is not None:
+            return replace(best, shared=search.shared)
+        if not search.candidates:
+            break
+    raise refusal(task, search.reasons)
 
 
-def _attempt(task: Task, share: float, reasons: list[str]) -> tuple[float, Optimised | None]:
-    """Design for a share of the region; return the shared bound, infinite if none, and proofs."""
-    try:
-        found = task.reached(relaxed(task.region, share))
-    except SolverError as error:
-        reasons.append(str(error))
-        return np.inf, None
-    return level_of(task, found), _proved(task, found, share)
+def _lowest(task: Task, search: Search) -> Optimised | None:
+    """Return the law of the lowest bound: a sample that is higher than one is of no better law."""
+    best: Optimised | None = None
+    for own in sorted(search.candidates, key=lambda own: own.estimate):
+        if best is not None and (task.minimise is None or _level(best) <= own.estimate):
+            break
+        found = _bounded(task, own)
+        if found is not None and (best is None or _level(found) < _level(best)):
+            best = found
+    return best
 
 
-def relaxed(region: Region, share: float) -> Region | None:
-    """Return a region with less decay and damping; None for none of it."""
-    if share >= 1:
-        return region
-    kept: Region | None = None
-    for part in region.parts:
-        own: Region = part
-        if isinstance(part, HalfPlane):
-            own = HalfPlane(part.decay * share if part.decay > 0 else part.decay)
-        elif isinstance(part, Sector):
-            if not share:
-                continue
-            own = Sector(part.damping * share)
-        kept = own if kept is None else kept & own
-    return kept
-
-
-def _proved(task: Task, found: Reached, share: float) -> Optimised | None:
-    """Prove everything of a law that was found; None where something is not."""
+def _proved(task: Task, found: Reached) -> Optimised | None:
+    """Prove everything of a law for the whole region; None where something is not."""
     try:
         law = task.law(found)
     except (SolverError, InputError):  # its numbers are none that doubles hold
         return None
-    with suppress(SolverError), singular_is_failure():
-        certificate = _region(task, found, law, share)
-        return None if certificate is None else _bounded(task, certificate, share, found)
-    return None
+    own = candidate(task, law, 1.0, Origin(task, found))
+    return None if own is None else _bounded(task, own)
 
 
 def _kept(task: Task, law: Law, share: float) -> Optimised | None:
     """Prove everything of a law that was designed otherwise; None where something is not."""
-    answer = analyse(task.plant, law, task.region, budget=ENOUGH)
-    if not answer.proved or answer.certificate is None:
+    own = candidate(task, law, share)
+    return None if own is None else _bounded(task, own)
+
+
+def _bounded(task: Task, own: Candidate) -> Optimised | None:
+    """Prove the bound on what is minimised, where alpha lives there; None where there is none."""
+    if task.minimise is None:
+        return Optimised(Design(own.certificate), own.limits, 0.0, own.share)
+    first: Bound | None = None
+    law = own.certificate.law
+    with suppress(SolverError), singular_is_failure():
+        first = best_bound(task.plant, law, task.minimise, own.known(task.minimise))
+        # of a law that doubles cannot evaluate a proof is of no use
+        first = None if first is None else agreed_bound(task.plant, law, first)
+    if first is None:
         return None
-    return _bounded(task, answer.certificate, share)
-
-
-def _bounded(
-    task: Task, certificate: Certificate, share: float, found: Reached | None = None
-) -> Optimised | None:
-    """Prove the bounds of the certificate's law, where alpha lives there; None where one is not."""
-    law = certificate.law
-    limits = [kept_bound(task.plant, law, s, _known(task, found, law, s)) for s in task.limits]
-    if any(bound is None for bound in limits):
-        return None
-    bounds = tuple(b for b in limits if b is not None)
-    if task.minimise is not None:
-        known = _known(task, found, law, task.minimise)
-        first = best_bound(task.plant, law, task.minimise, known)
-        if first is None:
-            return None
-        bounds = (first, *bounds)
-    # of a law that doubles cannot evaluate a proof is of no use
-    agreed = [agreed_bound(task.plant, law, bound) for bound in bounds]
-    if any(bound is None for bound in agreed):
-        return None
-    own = tuple(b for b in agreed if b is not None)
-    return Optimised(Design(certificate), own, np.inf, share)
-
-
-def _known(task: Task, found: Reached | None, law: Law, own: Specification) -> Known | None:
-    """Return what the design itself says of a signal; None for the norm of a gain."""
-    if found is None or not is_signal(own):
-        return None
-    source = output_of(task.plant, task.domain, own, 1.0)[0]
-    t = found.t.get(f"t {source.name}", 0.0)
-    if not t > 0:
-        return None
-    W = np.stack([found.values[f"W{k + 1}"] for k in range(len(found.values) // 2)])
-    return own_evidence(law, W, t), own.at_most or level_of(task, found)
-
-
-def _region(task: Task, found: Reached, law: Law, share: float) -> Certificate | None:
-    """Prove the region with the law's own W where it was asked of it, else as of a given law."""
-    if share == 1:
-        elevation = options(task.method).elevation
-        name, evidence = "scheduled", {"tau": np.array(0.0), "elevation": elevation}
-        if isinstance(law, FixedGain):
-            name, evidence = "quadratic", {"W": found.values["W1"]}
-        own = Certificate(task.plant, task.region, name, law, evidence)
-        if own.prove().proved:
-            return own
-    answer = analyse(task.plant, law, task.region, budget=ENOUGH)
-    return answer.certificate if answer.proved else None
+    return Optimised(Design(own.certificate), (first, *own.limits), np.inf, own.share)

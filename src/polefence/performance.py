@@ -75,7 +75,8 @@ def best_bound(
     Parameters
     ----------
     known : pair of Evidence and float, optional
-        What proves the bound of that level as far as floats tell; tried where nothing else does.
+        What proves the bound of that level as far as floats tell; tried where nothing lower is
+        proved otherwise.
     """
     best: Bound | None = None
     root = float if specification.kind == "gain" else math.sqrt
@@ -96,8 +97,10 @@ def best_bound(
             best = own
         if not worth:
             break
-    if best is None and known is not None:
-        return _stepped(plant, law, specification, *known)
+    if known is not None and (best is None or known[1] * (1 + STEPS[0]) < best.level):
+        own = _stepped(plant, law, specification, *known)
+        if own is not None and (best is None or own.level < best.level):
+            best = own
     return best
 
 

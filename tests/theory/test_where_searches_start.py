@@ -2,19 +2,24 @@
 
 from __future__ import annotations
 
+import itertools
 import math
+import time
 
 import numpy as np
 import pytest
 from scipy.linalg import solve_continuous_are, solve_continuous_lyapunov
 from scipy.optimize import minimize
 
-from polefence import HalfPlane, UncertainPlant
+from polefence import HalfPlane, NotProvedError, Sector, UncertainPlant, load
+from polefence.examples import spec_path
 from polefence.gain_norm import GainNorm
 from polefence.optimise import optimise
 from polefence.plant.spec import loads
+from polefence.proof.performance import prove_performance
 from polefence.response.signals import Signal
-from polefence.specification import Gain, Rms
+from polefence.specification import Gain, InitialPeak, Rms
+from polefence.specification_text import load_specifications
 
 DENSITY = 2.0  # two-sided intensity 1
 DOUBLE_INTEGRATOR = """
@@ -104,3 +109,53 @@ def test_a_scheduled_law_is_no_worse_than_one_gain(angle):
     torque, limits = Rms("torque", None, DENSITY), [Gain(angle, 0.5)]
     one = optimise(satellite, torque, limits, method="quadratic").bounds[0].level
     assert optimise(satellite, torque, limits).bounds[0].level < 0.9 * one
+
+
+@pytest.fixture(scope="module")
+def ride():
+    spec = spec_path("quarter-car-ride")
+    return load(spec), *load_specifications(spec)
+
+
+def test_fewer_limits_are_no_worse(ride):
+    plant, least, limits = ride
+    region = HalfPlane(1) & Sector(0.15)
+    every = optimise(plant, least, limits, region).bounds[0].level
+    one = optimise(plant, least, limits[:1], region).bounds[0].level
+    assert one <= every * (1 + 1e-4)
+
+
+def test_no_answer_hangs_on_the_clock(ride, monkeypatch):
+    plant, least, limits = ride
+    asked = plant, least, limits[:1], HalfPlane(1.5) & Sector(0.2), "quadratic"
+    found = optimise(*asked)
+    assert (found.cut, 0 < found.share < 1) == ("", True)
+    now = itertools.count(0.0, 1e6)
+    monkeypatch.setattr(time, "perf_counter", lambda: next(now))
+    slow = optimise(*asked)
+    assert (slow.bounds[0].level, slow.share) == (found.bounds[0].level, found.share)
+    # unless it is asked: then the answer says so, and is proved all the same
+    cut = optimise(*asked, budget=1.0)
+    assert "the budget of 1 s is spent" in cut.cut
+    assert cut.bounds[0].level > found.bounds[0].level
+    claims = [bound.claim for bound in cut.bounds]
+    assert all(prove_performance(claim).proved for claim in claims)
+
+
+def test_limits_alone_find_what_minimising_finds():
+    satellite = loads(SATELLITE)
+    start = ((1.0, 1.0, 0.0, 0.0),)
+    least = optimise(
+        satellite, InitialPeak("torque", points=start), [GainNorm(5.0)], method="quadratic"
+    )
+    level = 1.3 * least.bounds[0].level
+    limits = [GainNorm(5.0), InitialPeak("torque", level, points=start)]
+    kept = optimise(satellite, None, limits, method="quadratic")
+    assert kept.bound("torque").level == level
+
+
+def test_a_law_that_is_not_found_is_no_contradiction(integrator):
+    """Scheduled or not, two poles at the edge take a gain of sqrt(5): less has none."""
+    with pytest.raises(NotProvedError, match="no law was found|finds no law") as answer:
+        optimise(integrator, None, [GainNorm(2.0)], HalfPlane(1), "quadratic")
+    assert "contradict" not in str(answer.value)

@@ -126,6 +126,8 @@ def lines_of(done: Optimised, rows: Sequence[Row], label: str) -> list[str]:
         text = " ".join([f"  {row.label:<{width}}", *(f"{cell:>13}" for cell in cells), f" {note}"])
         lines.append(text)
     lines += _design_lines(done)
+    if done.cut:
+        lines.append(f"  the search was cut: {done.cut}")
     if done.design.note:
         lines.append(done.design.note)
     elif not _kept(done, rows[0].own.alpha):

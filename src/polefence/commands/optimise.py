@@ -116,13 +116,15 @@ def optimise_command(options: Any) -> int:
 def _finish(done: Optimised, rows: Sequence[Row], method: Method, options: Any) -> None:
     """Write files, then print: nobody need read the output to its end."""
     saved = None if options.output is None else save(done, options.output)
-    # of one vertex one gain is every law
     label = "quadratic" if isinstance(done.law, FixedGain) else method_label(method)
     if options.json is not None:
         write_json(options.json, document_of(done, rows, label))
     if options.plot is not None:
         write_figure(options.plot, figure_of(done, rows))
     say(*lines_of(done, rows, label))
+    # of one vertex one gain is every law
+    if label != method_label(method) and len(done.plant.vertices) > 1:
+        say(f"  one gain: no law of {method_label(method)} that was found is better")
     if saved is not None:
         say(f"saved: {saved}")
 

@@ -27,7 +27,7 @@ TANGENTS = 3
 # Bounds on the law are tight near the last point only, and a point at the edge of all others hardly
 # moves: each round stops at a share of the gap, less when a round is worth no more than this.
 NORM_ROUNDS, SHARES, WORTH = 30, (0.3, 0.03, 1e-3, 1e-5), (0.03, 3e-3, 1e-4, 1e-5)
-MARGIN = 1e-5  # of the first inequality, in units of the search's own rate
+MARGIN = 1e-7  # of the first inequality, in units of the search's own rate
 INSIDE = 0.97  # how far within the limits a point is looked for, as a share of their squares
 WIDE = 1.3
 HALVINGS = 80

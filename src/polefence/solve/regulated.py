@@ -12,10 +12,10 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from polefence.conditions.gain_norm import Norm
-from polefence.conditions.performance import Noise, Output, Points, Source
+from polefence.conditions.performance import Output
 from polefence.plant.system import Array
-from polefence.polynomial import Domain, binomial
 from polefence.region import HalfPlane, Region
+from polefence.solve.covariance import intensity
 from polefence.solve.performance import Question
 from polefence.solve.scaling import Scaling
 
@@ -33,7 +33,7 @@ def regulators(question: Question, scaling: Scaling) -> Iterator[dict[str, Array
     """
     A, B = (X.mean(axis=0) for X in scaling.apply(question.A, question.B))
     inverse = np.asarray(np.linalg.inv(scaling.T), dtype=float)
-    moved = {s.name: inverse @ _moved(s, question.domain) @ inverse.T for s in question.sources}
+    moved = {s.name: inverse @ intensity(s, question.domain) @ inverse.T for s in question.sources}
     decay = decay_of(question.region) / scaling.rate
     gains = [_balanced(question.outputs, scaling, A, B, moved)] if question.outputs else []
     if decay > 0 or question.norms:
@@ -52,19 +52,6 @@ def decay_of(region: Region | None) -> float:
     """Return the decay rate that a region asks for by itself."""
     parts = () if region is None else region.parts
     return max((part.decay for part in parts if isinstance(part, HalfPlane)), default=0.0)
-
-
-def _moved(source: Source, domain: Domain) -> Array:
-    """Return the intensity of what moves the states, in the middle."""
-    if isinstance(source, Noise):
-        middle = [P / binomial(domain.sizes, e) for e, P in source.EE.items()]
-        return np.asarray(np.mean(middle, axis=0))
-    if isinstance(source, Points):
-        own = [p.mean(axis=0) for p in source.points]
-        found = [] if source.ellipsoid is None else [source.ellipsoid]
-        return np.asarray(sum([x @ x.T for x in own] + found))
-    E = source.E.mean(axis=0)
-    return np.asarray(E @ E.T)
 
 
 def _balanced(

@@ -7,6 +7,7 @@ that is proved; the ratio of the two says how far apart they can be.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from fractions import Fraction
 from typing import Any
 
 import numpy as np
@@ -161,7 +162,9 @@ def _rms(plant: UncertainPlant, law: Any, own: Rms, signal: Signal, alpha: Array
 def _peaks(
     plant: UncertainPlant, law: Any, own: InitialPeak, signal: Signal, alpha: Array
 ) -> Array:
-    loops = close(plant, law, alpha, disturbed=bool(own.impulse))
+    if not own.impulse and any(vertex.E is None for vertex in plant.vertices):
+        plant = _moved_by_nothing(plant)
+    loops = close(plant, law, alpha)
     count = len(loops.closed)
     starts = [np.tile(np.array(point, dtype=float), (count, 1)) for point in own.points]
     if own.impulse:
@@ -187,6 +190,13 @@ def _peaks(
             each.append(np.sum([squares(axis, part) for axis in axes], axis=0))
         found[part] = np.max([y.max(axis=1) for y in each], axis=0)
     return np.sqrt(found)
+
+
+def _moved_by_nothing(plant: UncertainPlant) -> UncertainPlant:
+    """Return the plant with a disturbance that does not enter: responses from states need none."""
+    zero = tuple((Fraction(0),) for _ in range(plant.shape[0]))
+    vertices = tuple(replace(vertex, exact_E=zero) for vertex in plant.vertices)
+    return replace(plant, vertices=vertices, disturbances=())
 
 
 def _axes(own: InitialPeak) -> Array:

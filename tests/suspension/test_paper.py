@@ -11,6 +11,7 @@ import pytest
 from scipy.signal import step as lti_step
 
 from polefence import Design, check
+from polefence.cli import main
 from polefence.suspension import paper, paper_report
 from polefence.suspension.quarter_car import family, quarter_car
 
@@ -161,3 +162,12 @@ def test_the_car_rides_rougher_than_without_control(reproduction):
         assert ours[0] > passive[1]
         assert own["largest share of the severe discomfort boundary"] < 0.1
     assert "rides rougher than without control" in (folder / "report.md").read_text()
+
+
+def test_the_command_prints_every_radius(reproduction, capsys, monkeypatch):
+    monkeypatch.setattr(paper, "reproduce", lambda *_: reproduction[1])
+    assert main(["paper", "-o", str(reproduction[0])]) in (0, 1)
+    lines = capsys.readouterr().out.splitlines()
+    rows = [line for line in lines if " proved " in line]
+    assert len(rows) == len(reproduction[1]["radii"]) == 6
+    assert [("published" in line) for line in rows] == [line.startswith("as-") for line in rows]

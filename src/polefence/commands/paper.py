@@ -42,8 +42,9 @@ def paper_command(options: Any) -> int:
         results = paper.reproduce(folder, options.resume, executor, progress.step)
     paths = paper_report.write(results, folder)
     for row in results["radii"]:
+        printed = "" if row["published"] is None else f"published {row['published']:g}"
         say(
-            f"{row['family']:<11} {row['method']:<10} published {row['published']:<5g} "
+            f"{row['family']:<11} {row['method']:<10} {printed:<15} "
             f"{row['status']} {digits_up(row['radius']) if row['radius'] else '-'}"
         )
     say(f"written: {folder / 'report.md'}, with {len(paths) - 1} files beside it")

@@ -239,9 +239,10 @@ def _proofs(
     own = Candidate(certificate, (), share, estimate, origin)
     limits: list[Bound] = []
     for limit in task.limits:
-        bound = kept_bound(task.plant, law, limit, own.known(limit))
+        # of the certificate's law: its alpha may live on another domain than that of the search
+        bound = kept_bound(task.plant, certificate.law, limit, own.known(limit))
         # of a law that doubles cannot evaluate a proof is of no use
-        if bound is None or agreed_bound(task.plant, law, bound) is None:
+        if bound is None or agreed_bound(task.plant, certificate.law, bound) is None:
             return None
         limits.append(bound)
     return replace(own, limits=tuple(limits))

@@ -7,7 +7,7 @@ import os
 import subprocess
 import sys
 import time
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import BrokenExecutor, ThreadPoolExecutor
 from pathlib import Path
 
 import numpy as np
@@ -16,7 +16,8 @@ import pytest
 from polefence import InputError, UncertainPlant, limits
 from polefence.cli import main
 from polefence.errors import RegionError
-from polefence.sweep import processes, sweep
+from polefence.sweep import sweep
+from polefence.workers import as_finished, processes
 
 CENTRES, METHODS = [-2.0, -4.0, -3.0], ["slack", "quadratic"]
 
@@ -225,9 +226,24 @@ def test_a_killed_worker_costs_no_row(plant, rows):
     assert [r.radius for r in again] == [r.radius for r in rows]
 
 
+@pytest.mark.parametrize("until", range(4))
+def test_a_pool_may_break_before_all_is_submitted(until):
+    class Breaking(ThreadPoolExecutor):
+        left = until
+
+        def submit(self, fn, /, *args):
+            if not self.left:
+                raise BrokenExecutor
+            self.left -= 1
+            return super().submit(fn, *args)
+
+    with Breaking() as executor:
+        assert sorted(as_finished(executor, abs, [-1, -2, -3])) == [1, 2, 3]
+
+
 WORKERS = """
 import os, time
-from polefence.sweep import processes
+from polefence.workers import processes
 
 if __name__ == "__main__":
     with processes(2) as executor:

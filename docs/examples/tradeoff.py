@@ -13,8 +13,8 @@ from polefence.plots_tradeoff import front_figure
 from polefence.response import velocity_density
 from polefence.specification import Rms
 from polefence.suspension.quarter_car import family
-from polefence.sweep import processes
 from polefence.tradeoff import tradeoff
+from polefence.workers import processes
 
 DENSITY = velocity_density("C", 20)  # road of class C at 20 m/s
 COMFORT = Rms("sprung-mass acceleration", density=DENSITY)

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from concurrent.futures import BrokenExecutor, Executor, as_completed
+from concurrent.futures import Executor
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
+from polefence import workers
 from polefence.checks import require_checkable, require_domain, require_movable, usable_centre
 from polefence.conditions.methods import METHODS, Method, Scheduled, Slack, method_label
 from polefence.conditions.sizes import fitting
@@ -136,19 +138,8 @@ def as_finished(
         for part in parts:
             yield from _chain(plant, part, bounds)
         return
-    futures = {executor.submit(chain, plant, part, bounds): part for part in parts}
-    try:
-        for future in as_completed(futures):
-            try:
-                yield from future.result()
-            except BrokenExecutor:  # a worker was killed, and the pool with it: go on here
-                yield from _chain(plant, futures[future], bounds)
-    except KeyboardInterrupt:
-        raise  # whoever owns the executor ends it; cancelling here would race with that
-    except BaseException:
-        for future in futures:
-            future.cancel()
-        raise
+    for finished in workers.as_finished(executor, partial(chain, plant, bounds=bounds), parts):
+        yield from finished
 
 
 def chains(tasks: Sequence[tuple[float, Method]]) -> list[list[Task]]:

@@ -4,17 +4,11 @@ from __future__ import annotations
 
 import json
 import math
-import os
 import re
-import signal
 import textwrap
-import threading
-from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import Executor, ProcessPoolExecutor
-from contextlib import AbstractContextManager, contextmanager, nullcontext
+from collections.abc import Callable, Sequence
+from concurrent.futures import Executor
 from dataclasses import replace
-from multiprocessing import get_context, parent_process
-from multiprocessing.connection import wait
 from pathlib import Path
 from typing import Any
 
@@ -174,74 +168,3 @@ def _sound(row: Row, plant: UncertainPlant) -> bool:
     named = LABEL.fullmatch(row["method"]) is not None
     left = row["centre"] < 0 or plant.sample_time is not None
     return real and below and named and left and row["radius"] > 0
-
-
-@contextmanager
-def processes(jobs: int | None = None) -> Iterator[Executor | None]:
-    """Worker processes for a sweep, by default one a processor; None for a single job.
-
-    Ctrl-C is the parent's to handle; it ends the workers, whose rows under way are abandoned.
-    """
-    count = jobs or os.cpu_count() or 1
-    if count == 1:
-        yield None
-        return
-    with _interrupted_once() as ignore:
-        pool = ProcessPoolExecutor(count, get_context("spawn"), initializer=_start_worker)
-        try:
-            with ignore():  # workers inherit it while they start
-                for started in [pool.submit(os.getpid) for _ in range(count)]:
-                    started.result()
-            yield pool
-        except KeyboardInterrupt:
-            for worker in list((pool._processes or {}).values()):
-                worker.terminate()
-            raise
-        finally:
-            with ignore():
-                pool.shutdown(wait=True, cancel_futures=True)
-
-
-@contextmanager
-def _interrupted_once() -> Iterator[Callable[[], AbstractContextManager[None]]]:
-    """Let the first Ctrl-C raise and ignore all later ones, so that nothing cuts the cleaning up.
-
-    Yields a context manager that ignores even the first.
-    """
-    if threading.current_thread() is not threading.main_thread():
-        yield nullcontext
-        return
-
-    def once(*_: object) -> None:
-        signal.signal(signal.SIGINT, signal.SIG_IGN)
-        raise KeyboardInterrupt
-
-    @contextmanager
-    def ignore() -> Iterator[None]:
-        before = signal.signal(signal.SIGINT, signal.SIG_IGN)
-        try:
-            yield
-        finally:
-            signal.signal(signal.SIGINT, before)
-
-    outside = signal.signal(signal.SIGINT, once)
-    try:
-        yield ignore
-    finally:
-        signal.signal(signal.SIGINT, outside)
-
-
-def _start_worker() -> None:
-    from threadpoolctl import threadpool_limits
-
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    threadpool_limits(1)
-    threading.Thread(target=_end_with_parent, daemon=True).start()
-
-
-def _end_with_parent() -> None:
-    """End this worker when its parent does, however that came: nobody is left to take its rows."""
-    parent = parent_process()
-    if parent is not None:
-        wait([parent.sentinel])
-        os._exit(1)

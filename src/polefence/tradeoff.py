@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import BrokenExecutor, Executor, as_completed
+from concurrent.futures import Executor
 from contextlib import suppress
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
+from polefence import workers
 from polefence.augmented import with_weights
 from polefence.checks import require_domain, require_movable, require_region, require_type
 from polefence.conditions.methods import Method, Scheduled, method_label, options
@@ -96,7 +98,7 @@ def tradeoff(
     done = finished(path, asked) if resume and path is not None else {}
     tasks = [(x, m) for x in limits for label, m in named.items() if (x, label) not in done]
     order = [(x, label) for x in limits for label in named]
-    for row in _as_finished(asked, tasks, executor):
+    for row in workers.as_finished(executor, partial(_row_of, asked), tasks):
         done[row["value"], row["method"]] = row
         if path is not None:
             write_rows(path, asked, [done[key] for key in _ordered(done, order)])
@@ -174,30 +176,9 @@ def _ordered(done: dict[tuple[float, str], Row], order: list[tuple[float, str]])
     return [*first, *(key for key in done if key not in first)]
 
 
-def _as_finished(
-    asked: Asked, tasks: Sequence[tuple[float, Method]], executor: Executor | None
-) -> Iterator[Row]:
-    if executor is None:
-        for value, method in tasks:
-            yield row_of(asked, value, method)
-        return
-    futures = {executor.submit(row_of, asked, *task): task for task in tasks}
-    try:
-        for future in as_completed(futures):
-            try:
-                yield future.result()
-            except BrokenExecutor:  # a worker was killed, and the pool with it: go on here
-                yield row_of(asked, *futures[future])
-    except KeyboardInterrupt:
-        raise  # whoever owns the executor ends it
-    except BaseException:
-        for future in futures:
-            future.cancel()
-        raise
-
-
-def row_of(asked: Asked, value: float, method: Method) -> Row:
+def _row_of(asked: Asked, task: tuple[float, Method]) -> Row:
     """Return one row; whatever fails in it is its reason."""
+    value, method = task
     start = time.perf_counter()
     found: Row
     try:

@@ -37,7 +37,8 @@ from polefence.plant.family import UncertainPlant
 from polefence.plant.spec import load
 from polefence.region import exactly
 from polefence.region_text import digits_down, digits_up
-from polefence.sweep import plant_summary, processes, sweep
+from polefence.sweep import plant_summary, sweep
+from polefence.workers import processes
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

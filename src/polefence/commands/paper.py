@@ -16,7 +16,7 @@ from polefence.commands.shared import (
 )
 from polefence.files import make_folder
 from polefence.region_text import digits_up
-from polefence.sweep import processes
+from polefence.workers import processes
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

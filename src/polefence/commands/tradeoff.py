@@ -41,9 +41,10 @@ from polefence.region_text import digits_up
 from polefence.response.vehicle import ride
 from polefence.specification import Specification, limit_text
 from polefence.specification_text import load_specifications, parse_specification, spec_road
-from polefence.sweep import Row, processes
+from polefence.sweep import Row
 from polefence.tradeoff import tradeoff
 from polefence.tradeoff_front import Front
+from polefence.workers import processes
 
 ACCELERATION = "rms of sprung-mass acceleration"
 

@@ -139,3 +139,40 @@ def test_a_rational_dependence_is_told_its_way_out(tmp_path, capsys):
     assert "A[2][1] is not multi-affine" in error
     assert "m2 = m**2" in error
     assert "give vertices" in error
+
+
+def test_margins_of_whole_intervals_are_whole(tmp_path, capsys):
+    """0.2 is no short binary number: rounded to one, the margin would fall just short of it."""
+    path = tmp_path / "spec.toml"
+    friction = '[parameter.b]\nrange = [0.1, 0.3]\nunit = "N s/m"\n'
+    path.write_text(friction + SPEC.replace('["-k", -1]', '["-k", "-b"]'))
+    design = ["design", str(path), "--disk", "-3", "2.9", "-o", str(tmp_path / "d")]
+    assert main(design) == 0
+    assert main(["service", str(tmp_path / "d"), "-o", str(tmp_path / "s")]) == 0
+    lines = {line.split("  ")[0]: line for line in capsys.readouterr().out.splitlines()}
+    own = lines["error of the estimate, b"]
+    assert own.endswith("N s/m, the whole interval: it need not be known")
+    assert " 0.2 " in own
+    every = lines["error of the estimate, all at once"]
+    assert every.endswith("of each range, the whole intervals: none need be known")
+    assert lines["rate of change, b"].endswith("(N s/m)/s")
+    assert main(["check", str(tmp_path / "s" / "estimate-b.json")]) == 0
+    assert main(["check", str(tmp_path / "s" / "rate-b.json")]) == 0
+    out = capsys.readouterr().out
+    assert "b wrong by up to 0.2 N s/m, " in out
+    assert "(N s/m)/s, " in out
+
+
+def test_service_says_where_the_law_itself_is_outside(spec, tmp_path, capsys):
+    design = [DESIGN[0], spec, *DESIGN[2:6], "scheduled", "-o", str(tmp_path / "d")]
+    assert main(design) == 0
+    capsys.readouterr()
+    words = ["service", str(tmp_path / "d"), "--decay", "40"]
+    assert main([*words, "--region", "disk(-3, 0.01)"]) == 1
+    out = capsys.readouterr().out
+    assert "note: even without an error at k = " in out
+    assert "is not in disk(-3, 0.01)" in out
+    assert "no rate is proved that leaves exponential stability, decay rate 40 1/s" in out
+    assert "\nrates leave" not in out
+    assert main(["service", str(tmp_path / "d"), "--region", "half_plane(0)"]) == 0
+    assert "even without" not in capsys.readouterr().out

@@ -4,14 +4,19 @@ from __future__ import annotations
 
 import json
 
+import numpy as np
 import pytest
 
-from polefence import Disk, load, observe, place
+from polefence import Disk, analyse, in_service, load, observe, place
 from polefence.cli import main
 from polefence.design import Design
 from polefence.errors import DesignFileError
 from polefence.loops import given_law
 from polefence.observer import Observer
+from polefence.report import html_report
+from polefence.response.drive import drive
+from polefence.response.linear import simulate
+from polefence.service import estimation_error, gain_error, parameter_rate
 
 SPEC = """
 name = "stage"
@@ -22,6 +27,7 @@ range = [1, 3]
 [matrices]
 A = [[0, 1], ["-k", "-0.2"]]
 B = [[0], [1]]
+E = [[0], [1]]
 """
 
 
@@ -135,3 +141,23 @@ def test_a_mark_that_is_none_is_refused(folder, tmp_path, capsys):
         path.write_text(json.dumps(document | {"observer": value}))
         assert main(["check", str(path)]) == 2
         assert "observer must be true or false" in capsys.readouterr().err
+
+
+def test_no_function_takes_it_for_a_law(folder):
+    """What is said of a law would be false of -L' of the dual plant."""
+    plant = load(folder / "stage.toml")
+    dual = observe(plant, ["place"], Disk(-6, 5.5)).design
+    uses = (
+        in_service,
+        estimation_error,
+        gain_error,
+        parameter_rate,
+        html_report,
+        Design.to_control,
+        lambda design: drive(design.plant, design, duration=1.0, start=[1.0, 0.0]),
+        lambda design: simulate(plant, design, plant.alpha(k=2), np.zeros((9, 1)), 0.1),
+        lambda design: analyse(design.plant, design, Disk(-6, 5.5)),
+    )
+    for use in uses:
+        with pytest.raises(DesignFileError, match="an observer, no law"):
+            use(dual)

@@ -141,10 +141,11 @@ class Design:
         Raises
         ------
         InputError
-            If ``given`` is neither, or the plant has no parameters.
+            If ``given`` is neither, the plant has no parameters, or the design is an observer's.
         MissingExtraError
             If python-control is not installed.
         """
+        require_kind(self.certificate)
         from polefence.law_control import to_control  # deferred: an extra
 
         return to_control(self.plant, self.law, given, name, clamp)

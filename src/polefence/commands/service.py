@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import argparse
 import math
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+from polefence.analysis import analyse
 from polefence.commands.shared import (
     NOT_PROVED,
     PROVED,
@@ -17,7 +19,7 @@ from polefence.commands.shared import (
 from polefence.design import Design
 from polefence.region import exactly
 from polefence.region_text import digits_up, parse_region
-from polefence.service import Margin, in_service
+from polefence.service import Margin, Service, in_service
 
 EDGE = 1e-9  # of an interval: a margin so near to its width is all of it
 
@@ -55,8 +57,7 @@ def service_command(options: Any) -> int:
         upper = "-" if margin.upper is None else digits_up(margin.upper, 4)
         line = f"{margin.subject:<34} {margin.text:>10}  {upper:>10}  {margin.unit}"
         say(line.rstrip() + _whole(margin, design))
-    if any(margin.kind == "rate" for margin in service):
-        say(f"rates leave exponential stability, decay rate {exactly(options.decay)} 1/s")
+    say(*_explained(service))
     if options.output is not None:
         for path in service.save(options.output):
             say(f"saved: {path}")
@@ -67,10 +68,26 @@ def service_command(options: Any) -> int:
     return PROVED if service.proved else NOT_PROVED
 
 
+def _explained(service: Service) -> Iterator[str]:
+    """Say what rates are about, and where the law itself leaves the region that was asked for."""
+    rates = [margin for margin in service if margin.kind == "rate"]
+    leave = f"exponential stability, decay rate {exactly(service.decay)} 1/s"
+    if any(margin.proved for margin in rates):
+        yield f"rates leave {leave}"
+    elif rates:
+        yield f"no rate is proved that leaves {leave}; ask for a lower one by --decay"
+    if service.region != service.design.region and not service["gain"].proved:
+        answer = analyse(service.design.plant, service.design.law, service.region)
+        if answer.answer == "refuted":
+            yield f"note: even without an error {answer.reason}"
+
+
 def _whole(margin: Margin, design: Design) -> str:
     """Say where an estimate may be any value at all: the interval is no wider."""
     if margin.kind != "estimate":
         return ""
+    if not margin.parameter and design.plant.parameters and margin.value == 1:
+        return ", the whole intervals: none need be known"
     widths = {p.name: float(p.high - p.low) for p in design.plant.parameters}
     width = widths.get(margin.parameter)
     if width is None or margin.value < width * (1 - EDGE):

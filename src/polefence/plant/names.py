@@ -40,3 +40,8 @@ def quoted(name: str) -> str:
 def unit_text(unit: str) -> str:
     """Return a unit as it is, or in quotes where it might be read as more than one."""
     return unit if _UNIT.fullmatch(unit) else quoted(unit)
+
+
+def rate_text(unit: str) -> str:
+    """Return a printable unit per second: "1/s" of none, "(N s/m)/s" of a quotient."""
+    return f"({unit})/s" if "/" in unit else f"{unit or 1}/s"

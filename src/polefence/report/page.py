@@ -6,7 +6,7 @@ import base64
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from polefence.design import Design, check
+from polefence.design import Design, check, require_kind
 from polefence.errors import NotProvedError
 from polefence.plant.names import visible
 from polefence.plots import render
@@ -45,10 +45,11 @@ def html_report(
     NotProvedError
         If the claim is not proved.
     InputError
-        If the road or the speed cannot be used.
+        If the road or the speed cannot be used, or the design is an observer's.
     """
     from jinja2 import Environment, PackageLoader, StrictUndefined  # deferred: slow to import
 
+    require_kind(design.certificate)
     answer = check(design)
     if not answer.proved:
         raise NotProvedError(f"no report: {answer}")

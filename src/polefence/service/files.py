@@ -11,7 +11,7 @@ from polefence.design import says_format
 from polefence.errors import DesignFileError
 from polefence.files import read_text
 from polefence.plant.family import UncertainPlant
-from polefence.plant.names import unit_text
+from polefence.plant.names import rate_text, unit_text
 from polefence.proof import exact
 from polefence.proof.certificate import Certificate, Check
 from polefence.proof.service import (
@@ -112,15 +112,15 @@ def statement(claim: ServiceClaim, document: dict[str, Any]) -> str:
     if claim.rates is None:
         return f"parameters moving at any rate, {stable}"
     weight = f"alpha moving by up to {_text(claim.rates[0])} 1/s"
-    rates = _listed("{} moving by up to {} {}/s", names, claim.rates) if names else weight
+    speeds = [(name, rate_text(unit)) for name, unit in names]
+    rates = _listed("{} moving by up to {} {}", speeds, claim.rates) if names else weight
     return f"{rates}, {stable}"
 
 
 def _listed(text: str, names: list[tuple[str, str]], values: tuple[Fraction, ...]) -> str:
     pairs = zip(names, values, strict=True)
     return ", ".join(
-        " ".join(text.format(name, _text(value), unit).split()).replace(" /s", " 1/s")
-        for (name, unit), value in pairs
+        " ".join(text.format(name, _text(value), unit).split()) for (name, unit), value in pairs
     )
 
 

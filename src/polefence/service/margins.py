@@ -12,7 +12,7 @@ from typing import Any
 from polefence.design import Design
 from polefence.files import write_documents
 from polefence.proof import exact
-from polefence.proof.service import FORMAT, ServiceClaim
+from polefence.proof.service import FORMAT, Estimate, ServiceClaim
 from polefence.region import Region
 from polefence.region_text import digits_down, digits_up
 from polefence.service.files import claim_document
@@ -93,6 +93,8 @@ class Margin:
         """The value, rounded down so that it stays true as printed."""
         if math.isinf(self.value):
             return "any"
+        if isinstance(self.claim, Estimate) and self.parameter:
+            return digits_down(max(self.claim.errors), 4)  # exactly: an interval's width, 0.2
         return digits_down(self.value, 4) if self.value > 0 else ("0" if self.proved else "-")
 
 

@@ -10,10 +10,10 @@ from functools import cached_property
 from typing import Any
 
 from polefence.checks import require_region
-from polefence.design import Design
+from polefence.design import Design, require_kind
 from polefence.errors import InputError
 from polefence.law import FixedGain
-from polefence.plant.names import unit_text
+from polefence.plant.names import rate_text, unit_text
 from polefence.plant.parameters import Parameter
 from polefence.proof import exact
 from polefence.proof.service import (
@@ -99,6 +99,7 @@ def _task(design: Design, region: Region | None) -> _Task:
         raise InputError(
             f"design must be a Design, not {type(design).__name__}; polefence.place returns one"
         )
+    require_kind(design.certificate)
     kept = design.region if region is None else region
     if not isinstance(kept, Region):
         raise InputError(f"region = {region!r} is no region; for example polefence.Disk(-40, 31)")
@@ -129,7 +130,7 @@ def in_service(design: Design, decay: float = 0.0, *, region: Region | None = No
     Raises
     ------
     InputError
-        If the design or the region is none.
+        If the design or the region is none, or the design is an observer's.
     """
     task = _task(design, region)
     still = task if task.region == design.region else _task(design, None)
@@ -150,7 +151,7 @@ def estimation_error(design: Design, *, region: Region | None = None) -> tuple[M
     Raises
     ------
     InputError
-        If the design or the region is none.
+        If the design or the region is none, or the design is an observer's.
     """
     return _estimates(_task(design, region))
 
@@ -166,7 +167,7 @@ def gain_error(design: Design, *, region: Region | None = None) -> Margin:
     Raises
     ------
     InputError
-        If the design or the region is none.
+        If the design or the region is none, or the design is an observer's.
     """
     return _gain(_task(design, region))
 
@@ -256,7 +257,7 @@ def _rate(task: _Task, decay: float, name: str, unit: str, span: tuple[Fraction,
         if other is not None and (proved is None or reached > value):
             proved, value = other, reached
     joint = "" if math.isinf(value) else "ranges/s" if task.parameters else "1/s"
-    own = f"{unit or '1'}/s" if name else joint
+    own = rate_text(unit) if name else joint
     return task.margin("rate", name, value, own, claim=proved)
 
 
@@ -300,7 +301,8 @@ def _estimate(task: _Task, name: str, unit: str, span: tuple[Fraction, ...]) -> 
         return min(each), ()
 
     def claim(subject: Subject, t: float, _: Evidence) -> tuple[Estimate, float]:
-        errors = tuple(min(_short(t * f), s) for f, s in zip(floats, span, strict=True))
+        shares = zip(floats, span, strict=True)
+        errors = tuple(s if t == 1 else min(_short(t * f), s) for f, s in shares)
         return Estimate(subject, errors), _value(errors, span, name)
 
     def count(pieces: int, elevation: int) -> float:

@@ -26,7 +26,7 @@ from polefence.loops import (
 from polefence.plant.family import UncertainPlant
 from polefence.plant.system import Array
 from polefence.proof.certificate import Certificate
-from polefence.proof.refute import worst_points
+from polefence.proof.refute import first_worst, worst_points
 from polefence.region import Disk, HalfPlane, Region, Sector, damping_of
 from polefence.solve.deadline import Deadline
 from polefence.solve.given import least
@@ -108,7 +108,7 @@ def worst_case(
     ladder = forms(plant, law)
     deadline = Deadline(budget)
     claim = certificate_of(plant, law, widest, [placeholder(plant, law)]).claim()
-    point, worst = max(worst_points(claim, measure), key=lambda pair: pair[1])
+    point, worst = first_worst(worst_points(claim, measure))
     alpha = tuple(float(a) for a in domain_of(plant, law).alpha(point))
     question = _question(of, centre, worst, typical_rate(plant.A), plant.sample_time is not None)
     best: tuple[float, Region, Certificate] | None = None

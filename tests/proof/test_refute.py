@@ -11,7 +11,13 @@ import pytest
 from polefence import Disk, FixedGain, ScheduledGain, UncertainPlant, check
 from polefence.proof import exact
 from polefence.proof.certificate import Certificate
-from polefence.proof.refute import counterexample, edges, sample_simplex
+from polefence.proof.refute import (
+    counterexample,
+    edges,
+    first_worst,
+    sample_simplex,
+    worst_points,
+)
 from polefence.suspension import paper
 
 
@@ -79,3 +85,25 @@ def test_samples_are_on_the_simplex_and_seeded(N):
     assert np.all(points >= 0)
     assert np.allclose(points.sum(axis=1), 1)
     assert np.array_equal(sample_simplex(N, 100), sample_simplex(N, 100))
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_of_points_that_rounding_tells_apart_the_first_is_named(seed):
+    """A measure that is flat but for its last bits: the first corner, whichever these favour."""
+    A = [[[-1.0, k], [0.0, -2.0]] for k in range(3)]
+    plant = UncertainPlant.from_vertices(A, [[[0.0], [1.0]]] * 3)
+    claim = Certificate(
+        plant,
+        Disk(-2, 1.9),
+        "quadratic",
+        FixedGain([[0.0, 0.0]]),
+        {"W": np.eye(2)},
+    ).claim()
+    random = np.random.default_rng(seed)
+
+    def measure(poles):
+        return np.real(poles).max(axis=-1) * (1 + 1e-14 * random.normal(size=poles.shape[:-1]))
+
+    point, worst = first_worst(worst_points(claim, measure))
+    assert point.tolist() == [1, 0, 0]
+    assert worst == pytest.approx(-1)

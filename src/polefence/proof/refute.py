@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import suppress
 from fractions import Fraction
 from itertools import combinations
@@ -30,6 +30,7 @@ MOST_CUBES, MOST_CUBES_UP = 2e8, 2e7
 CHUNK = 2000
 MOST_ENTRIES = 4e6  # of vertices mixed exactly, where fixed modes are looked for
 STARTS = 4
+TIE = 1e-9  # share by which measures differ that rounding does not explain
 ROUNDS = 40
 SEED = 20050801
 
@@ -86,8 +87,19 @@ def worst_points(claim: exact.Claim, measure: Measure) -> Iterator[tuple[Array, 
     values = np.concatenate(
         [family.values(points[k : k + CHUNK]) for k in range(0, len(points), CHUNK)]
     )
-    for index in np.argsort(-values)[:STARTS]:
+    # of those that only rounding tells apart the first, not the one that it favours
+    top = float(values.max())
+    tied = values >= (top - TIE * abs(top) if np.isfinite(top) else top)
+    for index in np.argsort(-np.where(tied, top, values), kind="stable")[:STARTS]:
         yield _climb(family, points[index], float(values[index]))
+
+
+def first_worst(points: Iterable[tuple[Array, float]]) -> tuple[Array, float]:
+    """Return the first of points whose measure is the largest, but for rounding."""
+    found = list(points)
+    top = max(worst for _, worst in found)
+    least = top - TIE * abs(top) if np.isfinite(top) else top
+    return next((point, worst) for point, worst in found if worst >= least)
 
 
 def unplaceable(plant: UncertainPlant, region: Region, on: str) -> str | None:
@@ -213,7 +225,7 @@ def _climb(family: _Family, point: Array, worst: float) -> tuple[Array, float]:
         trials = np.hstack(moved)
         values = family.values(trials)
         best = int(np.argmax(values))
-        if values[best] > worst:
+        if values[best] > worst + TIE * abs(worst):
             point, worst = trials[best], float(values[best])
         else:
             step *= 0.7

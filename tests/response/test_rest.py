@@ -80,3 +80,21 @@ def test_optimise_and_report_warn_of_it(tmp_path, monkeypatch, capsys):
     page = (tmp_path / "ride" / "report.html").read_text()
     assert "(a grade of 5 % at 20 m/s)" in page
     assert "0.1748 to 0.3" in page
+
+
+def test_a_state_that_goes_far_hides_no_signal():
+    """A mass held by a spring of 1e-9 N/m: it ends 1e9 m off, and the spring's force is the push.
+
+    The other mass, held well, ends where its own spring has it.
+    """
+    plant = UncertainPlant.from_vertices(
+        [[[0, 1, 0, 0], [0, -1, 0, 0], [0, 0, 0, 1], [0, 0, 0, -1]]],
+        [[[0, 0], [1, 0], [0, 0], [0, 1]]], [[[0], [1], [0], [1]]],
+        states=("far", "speed", "near", "rate"), inputs=("soft", "hard"), disturbances=("push",),
+    )  # fmt: skip
+    law = FixedGain([[-1e-9, -1, 0, 0], [0, 0, -50, -1]])
+    found = {rest.signal.name: rest.low for rest in rests(plant, law, np.eye(1))}
+    assert found["far"] == pytest.approx(1e9)
+    assert (found["soft"], found["hard"]) == pytest.approx((-1, -1))
+    assert found["near"] == pytest.approx(0.02)
+    assert found["speed"] == found["rate"] == 0

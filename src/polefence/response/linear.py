@@ -25,6 +25,8 @@ from polefence.response.stationary import needed, unstable
 
 Wanted = Sequence[Signal | str] | None
 
+FAR = 1e-5  # of the state that goes farthest: what its rounding leaves in the others' scale
+
 
 @dataclass(frozen=True, eq=False)
 class _Path:
@@ -277,8 +279,10 @@ def _final(path: _Path) -> tuple[Array, Array]:
         row = C[good][:, :, keep]
         values[good, i] = (row @ reached + path.D[good, i : i + 1])[:, 0]
         if len(good) and len(keep):
-            largest = np.abs(reached).max(axis=(0, 1))
-            scale[i] = np.abs(row).sum(axis=-1).max() * largest
+            # by state: one that goes far says little of how exact the others are (Skeel)
+            moved = np.abs(np.linalg.inv(A[good])) @ (np.abs(A[good]) @ np.abs(reached))
+            moved += FAR * np.abs(reached).max(axis=1, keepdims=True)
+            scale[i] = (np.abs(row) @ moved)[:, 0].max(axis=0)
     return values, scale
 
 

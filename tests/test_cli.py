@@ -8,6 +8,7 @@ import signal
 import subprocess
 import sys
 import time
+from pathlib import Path
 
 import pytest
 
@@ -193,3 +194,34 @@ def test_importing_the_package_stays_light():
     code += "'matplotlib', 'control', 'threadpoolctl')])"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "[]"
+
+
+def test_the_wrong_kind_of_file_is_named(tmp_path, monkeypatch, capsys):
+    """A spec for a design, a folder for a spec, a proof for a gain."""
+    monkeypatch.chdir(tmp_path)
+    Path("plant.toml").write_text(
+        '[parameter.k]\nrange = [1, 2]\n[matrices]\nA = [[0, 1], ["-k", -1]]\nB = [[0], [1]]\n'
+    )
+    Path("gains.json").write_text('{"grid": {"k": [1, 2]}, "gains": [[[-1, -1]], [[-1, -2]]]}')
+    region = ["--region", "half_plane(0.1)"]
+    table = ["analyse", "plant.toml", "--gain", "gains.json", *region, "-o", "table"]
+    assert main(table) == 0
+    capsys.readouterr()
+    cases = {
+        ("check", "plant.toml"): "plant.toml: a spec, where a design is meant",
+        ("report", "plant.toml"): "plant.toml: a spec, where a design is meant",
+        ("service", "plant.toml"): "plant.toml: a spec, where a design is meant",
+        ("export", "plant.toml", "-o", "x"): "plant.toml: a spec, where a design is meant",
+        ("design", "table", "--disk", "-3", "2"): "table: cannot be read: is a folder; name a file",
+        ("service", "table"): "has no design.json; name the folder that `polefence design -o` "
+        "wrote; it has table.json",
+        ("service", "table/table.json"): '"format" must be "polefence-design", not '
+        "'polefence-table'",
+    }
+    for words, said in cases.items():
+        assert main(list(words)) == 2
+        out, err = capsys.readouterr()
+        assert (out, err.count("\n")) == ("", 1)
+        assert said in err
+    assert main(["analyse", "plant.toml", "--gain", "table/table.json", *region]) == 2
+    assert "format = 'polefence-table' is not read here; give a matrix" in capsys.readouterr().err

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from polefence import Design, load
+from polefence import Design, InputError, load
 from polefence.cli import main
 from polefence.region import HalfPlane
 from polefence.specification import EnergyPeak, Gain, InitialPeak, RelativeRms, Rms
@@ -242,6 +242,52 @@ def test_what_is_no_performance_file_is_refused(here, capsys):
     assert "unknown key specifications[1].levels" in refused(capsys, "check", path)
 
 
+def test_a_line_keeps_the_density_of_the_table_it_replaces():
+    """The noise is the plant's, whatever is asked of it; a ratio is the same with any."""
+    known = {"force": 2.0}
+    assert parse_specification("rms of force <= 1", known=known).density == 2
+    assert parse_specification("rms of force <= 1 with density 3", known=known).density == 3
+    road = Road("C", 20)
+    assert parse_specification("rms of force <= 1", road, known).density == road.density
+    assert parse_specification("relative rms of v <= 1").density == 1
+    with pytest.raises(InputError, match="with density D"):
+        parse_specification("rms of v <= 1", known=known)
+
+
+def test_the_command_knows_that_density(tmp_path, capsys):
+    spec = tmp_path / "stage.toml"
+    spec.write_text(PLANT + ASKED)
+    words = ["optimise", spec, "--method", "quadratic", "--json", "-"]
+    asked = ["--minimise", "rms of x", "--limit", "rms of force <= 1.4"]
+    plain = json.loads(ran_json(capsys, *words, *asked))
+    full = [f"{text} with density 2" for text in ("rms of x", "rms of force <= 1.4")]
+    given = json.loads(ran_json(capsys, *words, "--minimise", full[0], "--limit", full[1]))
+    assert plain["bounds"] == given["bounds"]
+    out = ran(
+        capsys, "tradeoff", spec, "--over", "rms of force", "--value", 1.4, "--method", "quadratic"
+    )
+    assert f"{plain['bounds'][0]['proved']:.3g}" in out
+
+
+def test_no_integral_is_advised_against_what_an_input_must_hold(tmp_path, capsys):
+    """A push of 1 that the force must balance: u = -1 at rest, whatever the law's integrals."""
+    spec = tmp_path / "cart.toml"
+    free = PLANT.replace('"-k", -0.1', '0, "-k"')  # k is a friction, and nothing pulls back
+    spec.write_text(free)
+    limit = "rms of force <= 0.2 with density 0.01"
+    asked = ["--minimise", "rms of x with density 0.01", "--limit", limit]
+    out = ran(capsys, "optimise", spec, "--method", "quadratic", *asked)
+    assert "note: that is more than is allowed of the rms of force" in out
+    assert "an input that has to hold the disturbance needs that beside its rms" in out
+    assert "integral" not in out
+
+
+def ran_json(capsys, *words):
+    """Run a command that writes JSON to standard output; return that."""
+    assert main([str(word) for word in words]) == 0
+    return capsys.readouterr().out
+
+
 # --- bad input ------------------------------------------------------------------------------------
 
 WORDS = {
@@ -254,7 +300,7 @@ WORDS = {
     "huge": (["--limit", "gain of v <= 1e999"], "at_most is too large a number"),
     "key": (["--limit", "rms of v <= 1 with densty 2"], "unknown key densty = 2; did you mean"),
     "twice": (["--limit", "gain of v <= 1", "--limit", "gain of v <= 2"], "is given twice"),
-    "density": (["--limit", "rms of v <= 1"], "neither density nor a road is given; write a table"),
+    "density": (["--limit", "rms of v <= 1"], "neither density nor a road is given; write density"),
     "filter": (["--limit", "rms of v <= 1 with weight Wx with density 1"], "weight = 'Wx' is unkn"),
     "start": (["--limit", "initial peak of v <= 1"], "'v': give points or an impulse"),
     "key twice": (["--limit", "energy peak of v <= 1 with norm 1 with norm 2"], "given twice"),

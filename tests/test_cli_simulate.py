@@ -281,6 +281,21 @@ def test_any_plant_with_a_road_is_simulated(tmp_path, monkeypatch, capsys):
     )
 
 
+def test_a_road_under_what_is_no_car_is_said_to_be_one(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    push = 'states = ["x [m]"]\ninputs = ["u [N]"]\ndisturbances = ["push [N]"]\n'
+    Path("p.toml").write_text(push + "[matrices]\nA = [[-1]]\nB = [[1]]\nE = [[1]]\n")
+    note = "note: a road's velocity in m/s stands for 'push' in N, number for number"
+    assert note in ran(capsys, "simulate", "p.toml", *ROAD)
+    Path("p.toml").write_text(
+        push.replace('N]"]', 'm/s]"]') + "[matrices]\nA = [[-1]]\nB = [[1]]\nE = [[1]]\n"
+    )
+    assert "number for number" not in ran(capsys, "simulate", "p.toml", *ROAD)
+    Path("p.toml").write_text("[matrices]\nA = [[-1]]\nB = [[1]]\nE = [[1, 2]]\n")
+    said = refused(capsys, "simulate", "p.toml", *ROAD)
+    assert "has 2 disturbances, and a road is one" in said
+
+
 PROFILES = {
     "gap.csv": ("distance [m],height [m]\n0,0\n1,\n2,0\n", "gap.csv: row 3: no height"),
     "nan.csv": ("0,0\n1,nan\n2,0\n", "nan.csv: row 2: height nan is no finite number"),

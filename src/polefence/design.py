@@ -257,10 +257,16 @@ def says_format(path: Path, name: str) -> bool:
 def _design_path(path: str | Path) -> Path:
     """A design file, or the folder that `Design.save` wrote it into."""
     where = Path(path)
+    if where.suffix == ".toml" and where.is_file():
+        raise DesignFileError(
+            f"{where}: a spec, where a design is meant: `polefence design -o DIR` writes one"
+        )
     if not where.is_dir():
         return where
     if not (where / FILE_NAME).is_file():
+        others = sorted(other.name for other in where.glob("*.json"))[:3]
+        has = f"; it has {', '.join(others)}" if others else ""
         raise DesignFileError(
-            f"{where}: has no {FILE_NAME}; name the folder that `polefence design -o` wrote"
+            f"{where}: has no {FILE_NAME}; name the folder that `polefence design -o` wrote{has}"
         )
     return where / FILE_NAME

@@ -28,6 +28,8 @@ def read_bytes(path: Path, limit: int, error: type[InputError]) -> bytes:
     try:
         with path.open("rb") as file:
             raw = file.read(limit + 1)
+    except IsADirectoryError as problem:
+        raise error(f"{path}: cannot be read: is a folder; name a file") from problem
     except OSError as problem:
         raise error(f"{path}: cannot be read: {problem.strerror}") from problem
     if len(raw) > limit:

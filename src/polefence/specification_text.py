@@ -7,6 +7,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from fractions import Fraction
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 from polefence.errors import InputError, SpecError, shown, suggest
@@ -34,7 +35,8 @@ KINDS: dict[str, tuple[str, ...]] = {
 }
 COMMON = ("kind", "signal", "at_most", "minimise")
 ONLY_TABLES = ("points", "ellipsoid", "rows", "columns")
-EXAMPLE = "rms of actuator force <= 700"
+EXAMPLE = "rms of NAME <= 700"
+NOTHING: Mapping[str, float] = MappingProxyType({})
 _NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
 _WITH = re.compile(r"(?P<rest>.*\S)\s+with\s+(?P<key>\w+)\s+(?P<value>\S+)\s*")
 
@@ -113,7 +115,9 @@ def spec_road(path: str | Path) -> Road | None:
         raise SpecError(f"{path}: {error}") from error
 
 
-def parse_specification(text: str, road: Road | None = None) -> Specification:
+def parse_specification(
+    text: str, road: Road | None = None, known: Mapping[str, float] = NOTHING
+) -> Specification:
     """Read a specification from a line, ``KIND of SIGNAL [<= LIMIT] [with KEY VALUE] ...``.
 
     For example ``rms of actuator force <= 700`` or ``initial peak of suspension deflection <= 0.08
@@ -123,6 +127,8 @@ def parse_specification(text: str, road: Road | None = None) -> Specification:
     ----------
     road : Road, optional
         For an rms that names no density.
+    known : mapping
+        Without a road: the density by signal, as the spec's own tables have it.
 
     Raises
     ------
@@ -144,7 +150,7 @@ def parse_specification(text: str, road: Road | None = None) -> Specification:
     table |= {"kind": " ".join(kind.split()).casefold(), "signal": signal.strip()}
     if less:
         table["at_most"] = _value(limit.strip())
-    return _specification(table, repr(text), road)
+    return _specification(table, repr(text), road, known)
 
 
 def _value(word: str) -> Any:
@@ -180,7 +186,12 @@ def _read(table: Mapping[str, Any], where: str, road: Road | None) -> tuple[Spec
     return found, minimised
 
 
-def _specification(table: Mapping[str, Any], where: str, road: Road | None) -> Specification:
+def _specification(
+    table: Mapping[str, Any],
+    where: str,
+    road: Road | None,
+    known: Mapping[str, float] = NOTHING,
+) -> Specification:
     table = {"signal": LAW} | dict(table) if table.get("kind") == GainNorm.kind else table
     for key in ("kind", "signal"):
         if key not in table:
@@ -200,12 +211,18 @@ def _specification(table: Mapping[str, Any], where: str, road: Road | None) -> S
         if key in table
     }
     if kind.endswith("rms") and "density" not in numbers:
-        if road is None:
+        if road is None and signal in known:
+            numbers["density"] = known[signal]
+        elif road is None and kind == RelativeRms.kind:
+            numbers["density"] = 1.0  # the ratio is the same with any
+        elif road is None:
             raise SpecError(
-                f"{where}: neither density nor a road is given; write a table [road] with class "
-                "and speed, or give --road CLASS --speed V"
+                f"{where}: neither density nor a road is given; write density = D (on a line: "
+                "with density D), one-sided, in the disturbance's unit squared per Hz, or for a "
+                "car a table [road] with class and speed (--road CLASS --speed V)"
             )
-        numbers["density"] = road.density
+        else:
+            numbers["density"] = road.density
     weight = table.get("weight")
     if weight is not None and not isinstance(weight, str):
         raise SpecError(f'{where}: weight = {shown(weight)} must be text, for example "Wk"')

@@ -25,7 +25,7 @@ from polefence.commands.shared import (
 )
 from polefence.commands.tightest import KINDS
 from polefence.design import FILE_NAME, Design, require_kind
-from polefence.errors import InputError
+from polefence.errors import InputError, shown
 from polefence.files import read_text
 from polefence.gain_table import GainTable, table_from
 from polefence.law import Law
@@ -43,6 +43,7 @@ from polefence.table_analysis import TableAnalysis
 from polefence.table_search import analyse_table
 from polefence.worst import WorstCase, worst_case
 
+WANTED = 'give a matrix, a design.json, or a table {"grid": {name: knots}, "gains": nested lists}'
 MOST_TEXT = 100_000  # characters of a matrix on the command line
 SHOWN = 3  # counterexamples printed
 PRINTED = re.compile(r"\[([-+.0-9eE\s,;]+)\]")
@@ -146,6 +147,8 @@ def read_gain(plant: UncertainPlant, what: str) -> Law | GainTable:
             certificate = Certificate.loads(text)
             require_kind(certificate)
             return given_law(plant, certificate.law)
+        if isinstance(data, dict) and "format" in data:
+            raise InputError(f"format = {shown(data['format'])} is not read here; {WANTED}")
         if isinstance(data, dict):
             return table_from(plant.parameters, data)
         return given_law(plant, data)

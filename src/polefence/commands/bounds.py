@@ -196,9 +196,14 @@ def _rest_lines(done: Optimised, rows: Sequence[Row]) -> list[str]:
             if most is not None and rest.size > most:
                 beyond[rest.signal.name] = max(rest.size, beyond.get(rest.signal.name, 0.0))
     if beyond:
+        # an integral brings a state back, but what an input must hold it holds
+        inputs = {split(name)[0] for name in done.plant.inputs}
+        advice = "with a signal's integral among the states nothing of it is left"
+        if set(beyond) <= inputs:
+            advice = "an input that has to hold the disturbance needs that beside its rms"
         lines.append(
             f"  note: that is more than is allowed of the rms of {' and '.join(beyond)}, which is "
-            "about noise; with a signal's integral among the states nothing of it is left"
+            f"about noise; {advice}"
         )
     return lines
 

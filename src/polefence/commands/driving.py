@@ -5,11 +5,13 @@ from __future__ import annotations
 import argparse
 import math
 import re
+from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from polefence.errors import InputError, ParameterValueError, suggest
 from polefence.plant.family import UncertainPlant
+from polefence.response.signals import split
 
 if TYPE_CHECKING:  # imported where used: with scipy behind them
     from polefence.response.road import Road
@@ -103,6 +105,7 @@ def setup_of(plant: UncertainPlant, options: Any) -> Setup:
     from polefence.response.driving.parts import Actuator, BumpStops, Sampling
     from polefence.response.run import Setup
 
+    _require_one_disturbance(plant)
     road, duration = _road(options)
     stops = None
     if options.travel_limit is not None:
@@ -125,6 +128,23 @@ def setup_of(plant: UncertainPlant, options: Any) -> Setup:
     except ParameterValueError as error:
         raise ParameterValueError(str(error).replace("outside=True", "--outside")) from error
     return setup
+
+
+def _require_one_disturbance(plant: UncertainPlant) -> None:
+    E = plant.vertices[0].E
+    if E is not None and E.shape[1] != 1:
+        raise InputError(
+            f"{plant.name} has {E.shape[1]} disturbances, and a road is one; in Python "
+            "polefence.response.linear.simulate takes a signal for each"
+        )
+
+
+def road_note(plant: UncertainPlant) -> Iterator[str]:
+    """Say what a road is to a plant whose disturbance is no velocity in m/s."""
+    for label in plant.disturbances:
+        name, unit = split(label)
+        if unit not in ("", "m/s"):
+            yield f"note: a road's velocity in m/s stands for {name!r} in {unit}, number for number"
 
 
 def _road(options: Any) -> tuple[Road, float | None]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -36,7 +36,7 @@ from polefence.plant.family import UncertainPlant
 from polefence.plant.spec import load
 from polefence.region import Region
 from polefence.region_text import load_region, parse_region
-from polefence.specification import InitialPeak, Specification, disturbance, signal_of
+from polefence.specification import InitialPeak, Rms, Specification, disturbance, signal_of
 from polefence.specification_text import (
     Road,
     load_specifications,
@@ -171,10 +171,12 @@ def wanted(
     road = road or spec_road(options.spec)
     if road is not None and (count := disturbance(plant).shape[-1]) != 1:
         raise InputError(f"{plant.name} has {count} disturbances; a road is one; give density")
-    for own in (*limits, *([least] if least else [])):
+    written = (*limits, *([least] if least else []))
+    for own in written:
         _known(plant, own, options.spec)
+    known = densities_of(written)
     if options.minimise is not None:
-        least = in_units(_parsed(plant, options.minimise, "--minimise", road), limits)
+        least = in_units(_parsed(plant, options.minimise, "--minimise", road, known), limits)
         if least.at_most is not None:
             raise InputError(f"--minimise {options.minimise!r} has a limit; give it by --limit")
     found = {(own.kind, own.name): own for own in limits}
@@ -182,7 +184,7 @@ def wanted(
         raise SpecError(f"{options.spec}: two limits on one kind and signal; keep the lower one")
     given = set[tuple[str, str]]()
     for text in options.limit:
-        own = in_units(_parsed(plant, text, "--limit", road), limits)
+        own = in_units(_parsed(plant, text, "--limit", road, known), limits)
         if own.at_most is None:
             raise InputError(f"--limit {text!r} has no limit; write for example {text!r} <= 1")
         if (own.kind, own.name) in given:
@@ -197,6 +199,11 @@ def wanted(
     return least, tuple(found.values())
 
 
+def densities_of(written: Sequence[Specification]) -> dict[str, float]:
+    """Return the density by signal, as the spec's tables have it."""
+    return {own.name: own.density for own in written if isinstance(own, Rms)}
+
+
 def in_units(own: Specification, limits: Sequence[Specification]) -> Specification:
     """Return a gain norm in the units of the spec's own, if it has one: a line has none."""
     if isinstance(own, GainNorm):
@@ -206,9 +213,11 @@ def in_units(own: Specification, limits: Sequence[Specification]) -> Specificati
     return own
 
 
-def _parsed(plant: UncertainPlant, text: str, option: str, road: Road | None) -> Specification:
+def _parsed(
+    plant: UncertainPlant, text: str, option: str, road: Road | None, known: Mapping[str, float]
+) -> Specification:
     try:
-        own = parse_specification(text, road)
+        own = parse_specification(text, road, known)
     except InputError as error:
         raise InputError(f"{option} {error}") from error
     _known(plant, own, f"{option} {text!r}")

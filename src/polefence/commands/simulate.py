@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from polefence.commands.driven import panels_of, summary_of, table_of, text_of
-from polefence.commands.driving import add_car_arguments, add_road_arguments, setup_of
+from polefence.commands.driving import add_car_arguments, add_road_arguments, road_note, setup_of
 from polefence.commands.laws import Named, distinct, read_law, read_subject
 from polefence.commands.shared import (
     PROVED,
@@ -68,7 +68,7 @@ def simulate_command(options: Any) -> int:
     runs = {law.name: run(setup, law.law, _margins(setup, law)) for law in laws}
     summaries = [summary_of(law, runs[law.name]) for law in laws]
     _write(setup, runs, summaries, options)
-    say(_head(setup))
+    say(_head(setup), *road_note(plant))
     for summary in summaries:
         say("", *text_of(summary))
     written = [path for path in (options.output, options.plot, options.json) if path is not None]

@@ -10,6 +10,7 @@ from typing import Any
 from polefence.commands.optimise import (
     METHODS,
     asked,
+    densities_of,
     in_units,
     method_of_options,
     region_of_options,
@@ -180,17 +181,19 @@ def _specifications(
     """Return what is minimised, what is swept over, and the limits, the spec's among them."""
     road = road_of(options)
     own_road = road or spec_road(options.spec)
-    told = options.minimise is not None or load_specifications(options.spec, road)[0] is not None
+    first, written = load_specifications(options.spec, road)
+    known = densities_of((*written, *([first] if first else [])))
+    told = options.minimise is not None or first is not None
     if not told and ride(plant) is not None:
         options = argparse.Namespace(**vars(options) | {"minimise": ACCELERATION})
     least, limits = asked(plant, options, road)
     if least is None:
         raise InputError(f"{options.spec}: nothing is minimised; give --minimise 'rms of SIGNAL'")
-    over = in_units(parse_specification(options.over, own_road), limits)
+    over = in_units(parse_specification(options.over, own_road, known), limits)
     if over.at_most is not None:
         raise InputError(f"--over {options.over!r} has a limit; give limits by --value or --values")
     for text in options.limit:
-        own = parse_specification(text, own_road)
+        own = parse_specification(text, own_road, known)
         if (own.kind, own.name) == (over.kind, over.name):
             raise InputError(f"--limit {text!r} limits what --over sweeps; leave one of them out")
     # the spec's own limit on what is swept gives way

@@ -1307,7 +1307,9 @@ def read_document(text: str, kind: str) -> dict[str, Any]:
     """Parse a JSON document of a format, of this version."""
     document = parse(text)
     if not isinstance(document, dict) or document.get("format") != kind:
-        raise FormatError(f'not a design file: "format" must be "{kind}"')
+        found = document.get("format") if isinstance(document, dict) else None
+        other = f", not {_shown(found)}" if isinstance(found, str) else ""
+        raise FormatError(f'not a design file: "format" must be "{kind}"{other}')
     if type(document.get("version")) is not int or document["version"] != VERSION:
         raise FormatError(
             f"format version {_shown(document.get('version'))} is not {VERSION}, the one read "

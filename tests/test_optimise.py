@@ -96,7 +96,7 @@ def test_the_least_force_is_that_of_the_closed_form(one, method, limit):
     assert least <= done.bounds[0].level * (1 + 1e-12)
     assert done.bounds[0].level == pytest.approx(least, rel=1e-5)
     assert done.shared == pytest.approx(least, rel=1e-5)
-    assert (done.share, done.bound("force")) == (1.0, done.bounds[0])
+    assert (done.designed, done.bound("force")) == (HalfPlane(0), done.bounds[0])
     assert [b.level for b in done.bounds[1:]] == [s.at_most for s in limits]
 
 
@@ -207,9 +207,10 @@ def test_the_region_is_proved_as_it_was_asked(designed):
 
 def test_a_relaxed_region_holds_the_region():
     region = HalfPlane(2) & Sector(0.4)
-    assert relaxed(region, 0.5) == HalfPlane(1) & Sector(0.2)
-    assert relaxed(region, 0) == HalfPlane(0)
-    assert relaxed(region, 1) is region
+    assert relaxed(region, (0.5, 0.25)) == HalfPlane(1) & Sector(0.1)
+    assert relaxed(region, (1.0, 0.0)) == HalfPlane(2)
+    assert relaxed(region, (0.0, 1.0)) == HalfPlane(0) & Sector(0.4)
+    assert relaxed(region, (1.0, 1.0)) == region
 
 
 def test_samples_are_of_the_family(two):

@@ -107,7 +107,7 @@ def test_the_prose_states_what_is_measured(said):
     felt, passive = (found.row(name, "weighted acceleration") for name in ("law", "passive"))
     assert f"has {felt.worst:.3f} against {passive.worst:.3f} m/s² by Wk" in TEXT
     assert f"worst case, {felt.best:.3f} against {passive.best:.3f} in the best" in TEXT
-    assert 45 < found.row("law", "mean power drawn").worst <= 50  # up to 49 W
+    assert 49 < found.row("law", "mean power drawn").worst <= 51  # up to 51 W
     tyre = compare(plant, {"law": design}).row("law", "tyre deflection").worst
     assert tyre <= 0.00472
     # the sample's rms by another computation, at the worst
@@ -115,7 +115,7 @@ def test_the_prose_states_what_is_measured(said):
     A = A + B @ design.law.gain(alpha[own.argmax()])
     X = lyapunov(A[None], least.density / 2 * np.diag([0.0, 1.0, 0.0, 0.0])[None])[0]
     assert np.sqrt(A[2] @ X @ A[2]) == pytest.approx(own.max(), rel=1e-9)
-    assert own.max() <= 1.02138
+    assert own.max() <= 1.02142
 
 
 def test_the_page_shows_the_tables_of_the_example():

@@ -45,7 +45,7 @@ def facts(done):
     return {
         "proved": digits_up(done.bounds[0].level, 5),
         "shared": digits_up(done.shared, 5),
-        "share": done.share,
+        "designed": str(done.designed),
         "sampled": first.own.worst,
         "of passive": (share.min(), share.max()),
         "decay": -poles.real.max(),

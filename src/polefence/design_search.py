@@ -22,6 +22,7 @@ from polefence.law import FixedGain, Law
 from polefence.performance import Bound, Known, best_bound, kept_bound, own_evidence
 from polefence.proof.certificate import Certificate
 from polefence.region import HalfPlane, Region, Sector
+from polefence.response.closed import close
 from polefence.response.signals import inputs
 from polefence.retreat import level_of
 from polefence.sampled_bounds import agreed_bound, sampled, seeded
@@ -30,12 +31,16 @@ from polefence.solve.performance import Reached
 from polefence.solve.singular import singular_is_failure
 from polefence.specification import RelativeRms, Rms, Specification, output_of
 
-HALVINGS = 5  # of the share of the region that the design keeps
+ROUNDS, FINEST = 5, 1 / 64  # of designs for shares of the region's parts; step of such a share
+FINE = 2e-4  # a law outside the region that is better by less shows that nothing is to be gained
+STEPS, BACK = 8, (1 / 32, 1 / 4)  # halvings between two laws; how far inside a proof is tried
 SAMPLES = 200  # at which a law is judged before anything is proved of it
 SLIGHT = 1e-6  # a law that is better by less is not looked at further
-WORTH = 1e-3  # the same of a round of implied limits
+WORTH = 2e-4  # the same of a round of implied limits
 # Implied limits over what the best law needs, and how often each is taken from the law it led to.
 ROOM, AGAIN = (2.0, 1.0), 3
+
+Shares = tuple[float, ...]
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,8 +71,8 @@ class Candidate:
     ----------
     certificate : Certificate
     limits : tuple of Bound
-    share : float
-        Of the region, what the design kept.
+    designed : Region, optional
+        What of the region was asked of the design; None where stability alone was.
     estimate : float
         The worst sampled value of what is minimised; zero where nothing is.
     origin : Origin, optional
@@ -76,13 +81,35 @@ class Candidate:
 
     certificate: Certificate
     limits: tuple[Bound, ...]
-    share: float
+    designed: Region | None
     estimate: float
     origin: Origin | None = None
 
     def known(self, own: Specification) -> Known | None:
         """Return what the law's own design says of a signal, if anything."""
         return None if self.origin is None else self.origin.known(self.certificate.law, own)
+
+
+@dataclass(frozen=True, eq=False)
+class Point:
+    """A law with what samples say of it.
+
+    Attributes
+    ----------
+    origin : Origin
+    law : Law
+    shares : tuple of float
+        Of the region's parts, that were asked of the design.
+    estimate : float
+    lost : tuple of int
+        Parts of the whole region that a sampled pole is outside of.
+    """
+
+    origin: Origin
+    law: Law
+    shares: Shares
+    estimate: float
+    lost: tuple[int, ...]
 
 
 class Search:
@@ -102,7 +129,8 @@ class Search:
         self.proved = proved  # whether the bound on what is minimised must have a proof at once
         self.candidates, self.reasons = list[Candidate](), list[str]()
         self.whole: Reached | None = None
-        self.floor = np.inf  # the least that one W(alpha) proves for any share
+        self.point: Point | None = None  # of the best law
+        self.floor = np.inf  # the least estimate of any law, within the region or not
         self.alpha = seeded(task.plant, SAMPLES)
 
     def run(self) -> None:
@@ -120,43 +148,121 @@ class Search:
         """The least estimate."""
         return min((own.estimate for own in self.candidates), default=np.inf)
 
-    def _shares(self, task: Task) -> None:
-        """Try the region as it is, none of it, and shares between that turn out to be kept."""
-        if self._attempt(task, 1.0) == "kept" and self.task.minimise is None:
-            return
-        loose = relaxed(task.region, 0.0)
-        if loose == task.region or self._attempt(task, 0.0) == "kept":
+    def _shares(self, task: Task, first: Shares | None = None) -> None:
+        """Try the region as it is, none of it, and shares between that turn out to be kept.
+
+        Each part has its own: what a law loses of one says nothing of the others. ``first`` are
+        shares to try after none of it.
+        """
+        parts = task.region.parts
+        low, high = [0.0] * len(parts), [1.0] * len(parts)
+        if task is self.task or self.task.minimise is None:
+            self._attempt(task, tuple(high))
+        shares = tuple(low)
+        outside: Point | None = None
+        for _ in range(ROUNDS):
+            if self._ended:
+                return
+            own = self._attempt(task, shares)
+            lost = own.lost if own is not None else ()
+            if own is not None and lost:
+                outside = own
+                if self._is_slight(own):
+                    break
+            for k, share in enumerate(shares):
+                if k in lost:
+                    low[k], high[k] = share, high[k] if high[k] > share else 1.0
+                else:
+                    high[k] = share
+            before, shares = shares, tuple((a + b) / 2 for a, b in zip(low, high, strict=True))
+            if first is not None and lost:
+                shares, first = first, None
+            if max(abs(a - b) for a, b in zip(shares, before, strict=True)) < FINEST:
+                break
+        self._between(outside)
+
+    @property
+    def _ended(self) -> bool:
+        """Whether nothing more is to be found: one law that is kept will do, or time is up."""
+        return self.deadline.passed or (self.task.minimise is None and bool(self.candidates))
+
+    def _between(self, outside: Point | None) -> None:
+        """Try laws between one that loses the region and the best: they keep the limits too."""
+        best = self.point
+        if outside is None or best is None or not outside.lost or self._is_slight(outside):
             return
         low, high = 0.0, 1.0
-        for _ in range(HALVINGS):
-            if self.deadline.passed:
+        for _ in range(STEPS):
+            middle = (low + high) / 2
+            own = self._mixed(outside, best, middle)
+            low, high = (middle, high) if own is None or own.lost else (low, middle)
+        for back in BACK:
+            own = self._mixed(outside, best, high + back * (1 - high))
+            if own is None or own.lost or self._judged(own):
                 return
-            share = (low + high) / 2
-            answer = self._attempt(task, share)
-            if answer == "kept" and self.task.minimise is None:
-                return
-            # a law that does not keep the region: ask for more of it
-            low, high = (share, high) if answer == "lost" else (low, share)
 
-    def _attempt(self, task: Task, share: float) -> str:
-        """Design for a share of the region; return "none", "worse", "lost" or "kept"."""
+    def _mixed(self, outside: Point, best: Point, share: float) -> Point | None:
+        """Return a point on the line from one to another; None where it is no law."""
+        task = replace(self.task, method=best.origin.task.method)
+        if outside.origin.task.method != task.method:
+            return None
+        found = mixed(task, outside.origin.found, best.origin.found, share)
+        shares = tuple(map(min, outside.shares, best.shares))
+        return None if found is None else self._point(task, shares, found)
+
+    def _attempt(self, task: Task, shares: Shares) -> Point | None:
+        """Design for shares of the region's parts; prove what is better. None where no law is."""
+        region = relaxed(task.region, shares)
         try:
-            found = task.reached(relaxed(task.region, share))
-            law = task.law(found)
-        except (SolverError, InputError) as error:  # or its numbers are none that doubles hold
+            found = task.reached(region)
+        except SolverError as error:
             self.reasons.append(str(error))
-            return "none"
-        if task is self.task:
-            self.whole = found if share == 1 else self.whole
-            self.floor = min(self.floor, level_of(task, found))
+            return None
+        if task is self.task and region == task.region:
+            self.whole = found
+        own = self._point(task, shares, found)
+        if own is None:
+            return None
+        if not own.lost and not self._judged(own) and own.estimate < self.best:
+            # not proved: more of everything is asked for
+            return replace(own, lost=tuple(range(len(shares))))
+        return own
+
+    def _point(self, task: Task, shares: Shares, found: Reached) -> Point | None:
+        """Return a point with what samples say of its law; None where doubles hold none."""
+        try:
+            law = task.law(found)
+        except (SolverError, InputError) as error:
+            self.reasons.append(str(error))
+            return None
         estimate = self._estimate(law)
-        if not estimate < self.best * (1 - SLIGHT):
-            return "worse" if self.candidates else "lost"
-        own = candidate(self.task, law, share, Origin(task, found), estimate)
-        if own is None or not self._has_bound(own):
-            return "lost"
-        self.candidates.append(own)
-        return "kept"
+        lost = tuple(range(len(task.region.parts)))
+        if np.isfinite(estimate):
+            self.floor = min(self.floor, estimate)
+            lost = self._lost(law)
+        return Point(Origin(task, found), law, shares, estimate, lost)
+
+    def _judged(self, own: Point) -> bool:
+        """Prove a law that samples better than the best, and take it; whether it was taken."""
+        if self.candidates and not own.estimate < self.best * (1 - SLIGHT):
+            return False
+        region = relaxed(self.task.region, own.shares)
+        found = candidate(self.task, own.law, region, own.origin, own.estimate)
+        if found is None or not self._has_bound(found):
+            return False
+        self.point = own
+        self.candidates.append(found)
+        return True
+
+    def _is_slight(self, own: Point) -> bool:
+        """Whether a law that loses the region is hardly better than the best that keeps it."""
+        return bool(self.candidates) and not own.estimate < self.best * (1 - FINE)
+
+    def _lost(self, law: Law) -> tuple[int, ...]:
+        """Return which parts of the region a pole is outside of, at samples."""
+        poles = close(self.task.plant, law, self.alpha, disturbed=False).poles()
+        parts = enumerate(self.task.region.parts)
+        return tuple(k for k, part in parts if not part.contains(poles))
 
     def _has_bound(self, own: Candidate) -> bool:
         least = self.task.minimise
@@ -191,7 +297,8 @@ class Search:
             others = tuple(s for s in self.task.limits if s is not own)
             least = replace(self.task, minimise=replace(own, at_most=None), limits=others)
             for share in (1.0, 0.0):
-                if self.deadline.passed or self._attempt(least, share) == "kept":
+                self._attempt(least, (share,) * len(self.task.region.parts))
+                if self.candidates or self.deadline.passed:
                     return
 
     def _implied(self) -> None:
@@ -205,7 +312,8 @@ class Search:
                 more = self._inputs(room)
                 if not more:
                     return
-                self._shares(replace(self.task, limits=(*self.task.limits, *more)))
+                first = None if self.point is None else self.point.shares
+                self._shares(replace(self.task, limits=(*self.task.limits, *more)), first)
                 if not self.best < before * (1 - WORTH):
                     break
 
@@ -230,13 +338,13 @@ class Search:
 
 @singular_is_failure()
 def _proofs(
-    task: Task, law: Law, share: float, origin: Origin | None, estimate: float
+    task: Task, law: Law, designed: Region | None, origin: Origin | None, estimate: float
 ) -> Candidate | None:
     """Return what `candidate` does."""
-    certificate = _region(task, law, share, origin)
+    certificate = _region(task, law, designed, origin)
     if certificate is None:
         return None
-    own = Candidate(certificate, (), share, estimate, origin)
+    own = Candidate(certificate, (), designed, estimate, origin)
     limits: list[Bound] = []
     for limit in task.limits:
         # of the certificate's law: its alpha may live on another domain than that of the search
@@ -249,25 +357,41 @@ def _proofs(
 
 
 def candidate(
-    task: Task, law: Law, share: float, origin: Origin | None = None, estimate: float = 0.0
+    task: Task,
+    law: Law,
+    designed: Region | None,
+    origin: Origin | None = None,
+    estimate: float = 0.0,
 ) -> Candidate | None:
     """Return proofs of the region and of the limits of a task; None where there is not each."""
     try:
-        return _proofs(task, law, share, origin, estimate)
+        return _proofs(task, law, designed, origin, estimate)
     except SolverError:
         return None
 
 
-def relaxed(region: Region, share: float) -> Region | None:
-    """Return a region with less decay and damping; None for none of it."""
-    if share >= 1:
-        return region
+def mixed(task: Task, one: Reached, other: Reached, share: float) -> Reached | None:
+    """Return a point between two of one question: all of them make a convex cone.
+
+    None where nothing says how large one is beside the other.
+    """
+    names = [f"t {source.name}" for source in task.question(None).sources]
+    if not names or not (one.t.get(names[-1], 0.0) > 0 and other.t.get(names[-1], 0.0) > 0):
+        return None
+    a, b = (1 - share) / one.t[names[-1]], share / other.t[names[-1]]
+    values = {key: a * X + b * other.values[key] for key, X in one.values.items()}
+    t = {key: a * one.t[key] + b * other.t[key] for key in names if key in one.t and key in other.t}
+    return Reached((1 - share) * one.r + share * other.r, values, t, True, 0)
+
+
+def relaxed(region: Region, shares: Shares) -> Region | None:
+    """Return a region with shares of its parts' decay and damping; None for none of it."""
     kept: Region | None = None
-    for part in region.parts:
+    for part, share in zip(region.parts, shares, strict=True):
         own: Region = part
-        if isinstance(part, HalfPlane):
+        if isinstance(part, HalfPlane) and share < 1:
             own = HalfPlane(part.decay * share if part.decay > 0 else part.decay)
-        elif isinstance(part, Sector):
+        elif isinstance(part, Sector) and share < 1:
             if not share:
                 continue
             own = Sector(part.damping * share)
@@ -275,9 +399,11 @@ def relaxed(region: Region, share: float) -> Region | None:
     return kept
 
 
-def _region(task: Task, law: Law, share: float, origin: Origin | None) -> Certificate | None:
+def _region(
+    task: Task, law: Law, designed: Region | None, origin: Origin | None
+) -> Certificate | None:
     """Prove the region with the law's own W where it was asked of it, else as of a given law."""
-    if share == 1 and origin is not None:
+    if designed == task.region and origin is not None:
         elevation = options(origin.task.method).elevation
         name, evidence = "scheduled", {"tau": np.array(0.0), "elevation": elevation}
         if isinstance(law, FixedGain):

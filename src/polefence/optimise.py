@@ -61,8 +61,8 @@ class Optimised:
     shared : float
         What one Lyapunov matrix for everything proves of it, for the region as it is; infinite
         where that proves nothing, zero where nothing was minimised.
-    share : float
-        Of the region, what the design kept; 1 is all of it.
+    designed : Region, optional
+        What of the region was asked of the design; None where stability alone was.
     retreat : Retreat, optional
         How far the law stands from an infimum that none attains, or none that can be proved.
     cut : str
@@ -72,7 +72,7 @@ class Optimised:
     design: Design
     bounds: tuple[Bound, ...]
     shared: float
-    share: float
+    designed: Region | None
     retreat: Retreat | None = None
     cut: str = ""
 
@@ -195,7 +195,7 @@ def _weighted(task: Task, bare: Task, deadline: Deadline) -> Optimised:
     simple: Optimised | None = None
     with suppress(NotProvedError):
         found = _settled(bare, deadline)
-        simple = _kept(task, without_feedback(found.law, task.plant), found.share)
+        simple = _kept(task, without_feedback(found.law, task.plant), found.designed)
     if simple is not None and deadline.passed:
         return replace(simple, cut=_cut(deadline))
     try:
@@ -330,20 +330,20 @@ def _proved(task: Task, found: Reached) -> Optimised | None:
         law = task.law(found)
     except (SolverError, InputError):  # its numbers are none that doubles hold
         return None
-    own = candidate(task, law, 1.0, Origin(task, found))
+    own = candidate(task, law, task.region, Origin(task, found))
     return None if own is None else _bounded(task, own)
 
 
-def _kept(task: Task, law: Law, share: float) -> Optimised | None:
+def _kept(task: Task, law: Law, designed: Region | None) -> Optimised | None:
     """Prove everything of a law that was designed otherwise; None where something is not."""
-    own = candidate(task, law, share)
+    own = candidate(task, law, designed)
     return None if own is None else _bounded(task, own)
 
 
 def _bounded(task: Task, own: Candidate) -> Optimised | None:
     """Prove the bound on what is minimised, where alpha lives there; None where there is none."""
     if task.minimise is None:
-        return Optimised(Design(own.certificate), own.limits, 0.0, own.share)
+        return Optimised(Design(own.certificate), own.limits, 0.0, own.designed)
     first: Bound | None = None
     law = own.certificate.law
     with suppress(SolverError), singular_is_failure():
@@ -352,4 +352,4 @@ def _bounded(task: Task, own: Candidate) -> Optimised | None:
         first = None if first is None else agreed_bound(task.plant, law, first)
     if first is None:
         return None
-    return Optimised(Design(own.certificate), (first, *own.limits), np.inf, own.share)
+    return Optimised(Design(own.certificate), (first, *own.limits), np.inf, own.designed)

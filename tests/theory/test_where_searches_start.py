@@ -12,6 +12,7 @@ from scipy.linalg import solve_continuous_are, solve_continuous_lyapunov
 from scipy.optimize import minimize
 
 from polefence import HalfPlane, NotProvedError, Sector, UncertainPlant, load
+from polefence.analysis import analyse
 from polefence.examples import spec_path
 from polefence.gain_norm import GainNorm
 from polefence.optimise import optimise
@@ -125,15 +126,35 @@ def test_fewer_limits_are_no_worse(ride):
     assert one <= every * (1 + 1e-4)
 
 
+def test_fewer_limits_are_no_worse_of_one_gain(ride):
+    plant, least, limits = ride
+    asked = HalfPlane(2) & Sector(0.3), "quadratic"
+    every = optimise(plant, least, limits, *asked).bounds[0].level
+    one = optimise(plant, least, limits[:1], *asked).bounds[0].level
+    assert one <= every * (1 + 1e-4)
+
+
+def test_a_part_of_the_region_that_a_law_keeps_anyway_costs_nothing():
+    """The law for the decay alone keeps the damping too: asked for both, it is the answer still."""
+    spec = spec_path("quarter-car-level")
+    plant, (least, limits) = load(spec), load_specifications(spec)
+    decay = optimise(plant, least, limits, HalfPlane(0.5))
+    damped = Sector(0.15)
+    assert analyse(plant, decay.law, damped).proved
+    both = optimise(plant, least, limits, HalfPlane(0.5) & damped)
+    assert both.design.region == HalfPlane(0.5) & damped
+    assert both.bounds[0].level <= decay.bounds[0].level * (1 + 1e-3)
+
+
 def test_no_answer_hangs_on_the_clock(ride, monkeypatch):
     plant, least, limits = ride
     asked = plant, least, limits[:1], HalfPlane(1.5) & Sector(0.2), "quadratic"
     found = optimise(*asked)
-    assert (found.cut, 0 < found.share < 1) == ("", True)
+    assert (found.cut, found.designed == found.design.region) == ("", False)
     now = itertools.count(0.0, 1e6)
     monkeypatch.setattr(time, "perf_counter", lambda: next(now))
     slow = optimise(*asked)
-    assert (slow.bounds[0].level, slow.share) == (found.bounds[0].level, found.share)
+    assert (slow.bounds[0].level, slow.designed) == (found.bounds[0].level, found.designed)
     # unless it is asked: then the answer says so, and is proved all the same
     cut = optimise(*asked, budget=1.0)
     assert "the budget of 1 s is spent" in cut.cut

@@ -20,6 +20,7 @@ from polefence.errors import InputError, NotProvedError
 from polefence.loops import values_at
 from polefence.optimise import Optimised
 from polefence.performance import Bound
+from polefence.region import HalfPlane
 from polefence.region_text import digits_down, digits_up
 from polefence.response.rest import Rest, held_words, rests
 from polefence.response.signals import split
@@ -145,10 +146,12 @@ def _design_lines(done: Optimised) -> list[str]:
     lines = [f"  one Lyapunov matrix for region and signals together proves {shared}"]
     if done.bounds[0].specification.at_most is not None:  # nothing was minimised
         lines = []
-    if done.share < 1:
-        share = f"{100 * done.share:.4g} %"
-        kept = f"for {share} of the region's decay and damping" if done.share else "for stability"
-        lines.append(f"  designed {kept}; the whole region was proved of the law afterwards")
+    if done.designed != done.design.region:
+        stable = done.designed in (None, HalfPlane(0))
+        designed = "stability" if stable else str(done.designed)
+        lines.append(
+            f"  designed for {designed}; the whole region was proved of the law afterwards"
+        )
     if done.retreat is not None:
         lines.append(f"  {_retreat_line(done.retreat)}")
     return lines
@@ -248,7 +251,7 @@ def document_of(done: Optimised, rows: Sequence[Row], label: str) -> dict[str, A
             for rest in _rests(done, rows)
         ],
         "shared": done.shared if np.isfinite(done.shared) else None,
-        "share": done.share,
+        "designed": None if done.designed is None else str(done.designed),
         "stepped back": None if done.retreat is None else _retreat_document(done.retreat),
         "gains": gains_of(done.law, len(done.plant.vertices)),
     }

@@ -16,7 +16,7 @@ import numpy as np
 from polefence.analysis import analyse
 from polefence.conditions.methods import options
 from polefence.design_task import Task
-from polefence.errors import InputError, SolverError
+from polefence.errors import InputError, RegionError, SolverError
 from polefence.gain_norm import GainNorm, is_signal
 from polefence.law import FixedGain, Law
 from polefence.performance import Bound, Known, best_bound, kept_bound, own_evidence
@@ -24,12 +24,13 @@ from polefence.proof.certificate import Certificate
 from polefence.region import HalfPlane, Region, Sector
 from polefence.response.closed import close
 from polefence.response.signals import inputs
-from polefence.retreat import level_of
+from polefence.retreat import level_of, own_speed
 from polefence.sampled_bounds import agreed_bound, sampled, seeded
 from polefence.solve.deadline import Deadline
 from polefence.solve.performance import Reached
 from polefence.solve.singular import singular_is_failure
 from polefence.specification import RelativeRms, Rms, Specification, output_of
+from polefence.speed import bounded, bounds_speed
 
 ROUNDS, FINEST = 5, 1 / 64  # of designs for shares of the region's parts; step of such a share
 FINE = 2e-4  # a law outside the region that is better by less shows that nothing is to be gained
@@ -37,6 +38,7 @@ STEPS, BACK = 8, (1 / 32, 1 / 4)  # halvings between two laws; how far inside a 
 SAMPLES = 200  # at which a law is judged before anything is proved of it
 SLIGHT = 1e-6  # a law that is better by less is not looked at further
 WORTH = 2e-4  # the same of a round of implied limits
+SLOW = (1.0, 2.0, 4.0)  # times the plant's own speed
 # Implied limits over what the best law needs, and how often each is taken from the law it led to.
 ROOM, AGAIN = (2.0, 1.0), 3
 
@@ -135,6 +137,7 @@ class Search:
 
     def run(self) -> None:
         """Search until nothing more is gained."""
+        self._slow()
         self._shares(self.task)
         if int(options(self.task.method).degree):
             self._shares(replace(self.task, method="quadratic"))
@@ -147,6 +150,24 @@ class Search:
     def best(self) -> float:
         """The least estimate."""
         return min((own.estimate for own in self.candidates), default=np.inf)
+
+    def _slow(self) -> None:
+        """Begin the search of a small gain where poles are slow: from fast ones it stays large."""
+        task = self.task
+        if not isinstance(task.minimise, GainNorm) or bounds_speed(task.region):
+            return
+        own = max(own_speed(task.plant), task.region.scale)
+        for times in SLOW:
+            if self.deadline.passed:
+                return
+            with suppress(SolverError, RegionError):  # so slow nothing is in the region
+                slow = replace(task, region=bounded(task.region, times * own))
+                found = slow.reached(slow.region)
+                # of a smaller region the point is one for the whole
+                self.whole = found if level_of(task, found) <= self.shared else self.whole
+                point = self._point(slow, (1.0,) * len(task.region.parts), found)
+                if point is not None and not point.lost:
+                    self._judged(point)
 
     def _shares(self, task: Task, first: Shares | None = None) -> None:
         """Try the region as it is, none of it, and shares between that turn out to be kept.
@@ -219,7 +240,7 @@ class Search:
             self.reasons.append(str(error))
             return None
         if task is self.task and region == task.region:
-            self.whole = found
+            self.whole = found if level_of(task, found) <= self.shared else self.whole
         own = self._point(task, shares, found)
         if own is None:
             return None

@@ -11,8 +11,17 @@ import pytest
 from scipy.linalg import solve_continuous_are, solve_continuous_lyapunov
 from scipy.optimize import minimize
 
-from polefence import HalfPlane, NotProvedError, Sector, UncertainPlant, load
-from polefence.analysis import analyse
+from polefence import (
+    Disk,
+    HalfPlane,
+    NotProvedError,
+    Parameter,
+    Sector,
+    UncertainPlant,
+    analyse,
+    load,
+    place,
+)
 from polefence.examples import spec_path
 from polefence.gain_norm import GainNorm
 from polefence.optimise import optimise
@@ -57,8 +66,8 @@ def underwater_vehicle():
         (2, 4): -700, (3, 4): 1400, (4, 2): 1600, (4, 3): -450, (4, 4): -110, (5, 3): 81,
         (5, 5): -1, (5, 7): -900, (6, 7): 110, (7, 5): 12, (7, 6): -1.1, (7, 7): -22,
     }  # fmt: skip
-    for place, value in entries.items():
-        A[place] = value
+    for entry, value in entries.items():
+        A[entry] = value
     B[1], E[1, 0], E[7, 1], C[0, 6] = (4.6, 99000), 9900, 99, 1
     return A, B, E, C
 
@@ -102,6 +111,20 @@ def test_the_least_gain_of_a_double_integrator(integrator, method):
     for limit in (1.1 * least, 60.0):
         kept = optimise(integrator, None, [GainNorm(limit)], HalfPlane(1), method)
         assert np.linalg.norm(kept.law.gain(np.ones(1)), 2) <= limit
+
+
+def test_a_small_gain_is_found_though_the_plant_is_fast():
+    """The law of a disk within the region has a norm: the least one has no more."""
+    J, b = Parameter("J", "0.001", "0.002", through="1/J"), Parameter("b", "0.0001", "0.0005")
+    A = [["0", "1", "0"], ["0", "-b/J", "1/(20*J)"], ["0", "-5", "-120"]]
+    motor = UncertainPlant.from_expressions([J, b], A, [["0"], ["0"], ["100"]])
+    region = HalfPlane(10) & Sector(0.6)
+    slow = place(motor, Disk(-60, 45.6), "quadratic").law
+    assert analyse(motor, slow, region).proved
+    done = optimise(motor, GainNorm(), (), region, "quadratic")
+    assert done.bounds[0].level <= np.linalg.norm(slow.K, 2)
+    assert analyse(motor, done.law, region).proved
+    assert done.bounds[0].level <= done.shared * (1 + 1e-4)
 
 
 @pytest.mark.parametrize("angle", ["theta1", "theta2"])

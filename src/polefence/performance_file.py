@@ -198,18 +198,25 @@ def check_performance(path: str | Path) -> Check:
                 reason = f"the output called {quoted(name)} is another of the plant's"
                 return Check("undecided", reason, claims=(statement(claim, plant),))
         design, _ = exact.read(json.dumps(document["design"]))
-        answer = check_claim(design)
-        if not answer.proved:
-            return replace(answer, reason=f"the design: {answer.reason}")
-        said, count = list(answer.claims), int(answer.reason.split()[0])
-        for claim in claims:
-            verdict, own = prove_performance(claim), statement(claim, plant)
-            if not verdict.proved:
-                return Check("undecided", verdict.reason, claims=(own,))
-            said.append(own)
-            count += int(verdict.reason.split()[0])
+        with exact.counted():  # one count for the file, however many its claims
+            return _prove_all(design, claims, plant)
     except (exact.FormatError, InputError) as error:
         raise DesignFileError(f"{where}: {error}") from error
+
+
+def _prove_all(
+    design: exact.Claim, claims: Sequence[PerformanceClaim], plant: UncertainPlant
+) -> Check:
+    answer = check_claim(design)
+    if not answer.proved:
+        return replace(answer, reason=f"the design: {answer.reason}")
+    said, count = list(answer.claims), int(answer.reason.split()[0])
+    for claim in claims:
+        verdict, own = prove_performance(claim), statement(claim, plant)
+        if not verdict.proved:
+            return Check("undecided", verdict.reason, claims=(own,))
+        said.append(own)
+        count += int(verdict.reason.split()[0])
     reason = f"{count} inequalities positive definite in exact arithmetic"
     return Check("proved", reason, claims=tuple(said))
 

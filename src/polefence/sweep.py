@@ -6,7 +6,7 @@ import json
 import math
 import re
 import textwrap
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Sequence, Set
 from concurrent.futures import Executor
 from dataclasses import replace
 from pathlib import Path
@@ -29,7 +29,10 @@ PROOF = ("method", "law", "certificate")
 # As `method_label` writes them: "slack", "scheduled(2, 1, box)".
 LABEL = re.compile(rf"({'|'.join(METHODS)})(\(\d, \d(, box)?\))?")
 
+AGAIN = 20  # times the least work, for a row that is proved again: of any law that was found
+
 Row = dict[str, Any]
+Key = tuple[float, str]
 
 
 def plant_summary(plant: UncertainPlant) -> dict[str, Any]:
@@ -69,8 +72,9 @@ def sweep(
         If the file to resume from is unreadable, of another plant, by another version, or a row
         of it is not proved by what it holds.
     """
-    done = _finished(path, plant, gain) if resume and path is not None else {}
     named = {method_label(method): method for method in methods}
+    asked = {(c, label) for c in centres for label in named}
+    done = _finished(path, plant, gain, asked) if resume and path is not None else {}
     labels = list(named)
     if on_kept is not None:
         for row in done.values():
@@ -117,8 +121,11 @@ def _proof(design: Design | None) -> dict[str, Any] | None:
     return {key: document[key] for key in PROOF}
 
 
-def _finished(path: Path, plant: UncertainPlant, gain: bool) -> dict[tuple[float, str], Row]:
-    """Return the rows of an earlier run by centre and method, all proved afresh."""
+def _finished(path: Path, plant: UncertainPlant, gain: bool, asked: Set[Key]) -> dict[Key, Row]:
+    """Return the rows of an earlier run by centre and method, all proved afresh.
+
+    Under one count of the work, which has more for each row that is asked for.
+    """
     if not path.exists():
         return {}
     try:
@@ -134,13 +141,24 @@ def _finished(path: Path, plant: UncertainPlant, gain: bool) -> dict[tuple[float
     if digest != plant.digest:
         raise InputError(f"{path}: a sweep of another plant; remove it, or name another file")
     if version != __version__:
-        raise InputError(f"{path}: a sweep by polefence {version}; remove it to start anew")
-    again = [_again(path, row, plant, gain) for row in proved if row.get("proof") is not None]
-    return {(row["centre"], row["method"]): row for row in again}
+        other = str(version)[:40]
+        raise InputError(f"{path}: a sweep by polefence {other}; remove it to start anew")
+    found = {}
+    with exact.counted() as count:
+        for row in proved:
+            if row.get("proof") is not None:
+                key = row["centre"], row["method"]
+                found[key] = _again(path, row, plant, gain, count if key in asked else None)
+    return found
 
 
-def _again(path: Path, row: Row, plant: UncertainPlant, gain: bool) -> Row:
-    """Prove a row of a file afresh, and return what of it is proved."""
+def _again(
+    path: Path, row: Row, plant: UncertainPlant, gain: bool, count: exact.Count | None
+) -> Row:
+    """Prove a row of a file afresh, and return what of it is proved.
+
+    To a count that is given the row adds `AGAIN` times the least that its proof takes.
+    """
     where = f"{path}: the row of centre {row['centre']:g} and {row['method']}"
     try:
         region = Disk(row["centre"], row["radius"])
@@ -149,6 +167,8 @@ def _again(path: Path, row: Row, plant: UncertainPlant, gain: bool) -> Row:
         text = json.dumps(head | {"region": region.document()} | own, allow_nan=False)
         certificate = Certificate.loads(text)
         design = Design(certificate)
+        if count is not None:
+            count.most += AGAIN * exact.least(certificate.claim())
         holds = certificate.prove().proved and design.label == row["method"]
     except (ValueError, KeyError, TypeError) as error:
         raise InputError(f"{where} holds no proof: {error}; remove the file") from error

@@ -56,15 +56,18 @@ def finished(path: Path, asked: Asked) -> dict[tuple[float, str], Row]:
         found = {key: document[key] for key in ("polefence", "plant", "question")}
         rows = {(row["value"], row["method"]): row for row in document["rows"]}
         same = found == head(asked)
-        proved = {
-            key: _again(row, asked) if same else None
-            for key, row in rows.items()
-            if row["status"] == "proved"
-        }
+        with exact.counted():  # one count for the file, however many its rows
+            proved = {
+                key: _again(row, asked) if same else None
+                for key, row in rows.items()
+                if row["status"] == "proved"
+            }
     except (ValueError, KeyError, TypeError, OverflowError) as error:
         raise InputError(f"{path}: no trade-off to resume; {again}") from error
     if found["polefence"] != __version__:
-        raise InputError(f"{path}: a trade-off by polefence {found['polefence']}; {again}")
+        raise InputError(
+            f"{path}: a trade-off by polefence {str(found['polefence'])[:40]}; {again}"
+        )
     if not same:
         raise InputError(f"{path}: a trade-off of another plant or other limits; {again}")
     sound = {key: row for key, row in proved.items() if row is not None}

@@ -88,6 +88,8 @@ def folder(tmp_path_factory):
             ["service", "scheduled", "-o", "service"],
             ["optimise", "spec.toml", "--method", "quadratic", "-o", "performance"],
             ["export", "quadratic", "-o", "code", "--sample-time", "0.001"],
+            [*OBSERVE, "-o", "observer"],
+            ["export", "scheduled", "-o", "observed", "--observer", "observer", *RUN],
             LIMITS[:-1],
             TRADEOFF[:-1],
         ):
@@ -95,6 +97,8 @@ def folder(tmp_path_factory):
         yield made
 
 
+OBSERVE = ["observe", "plain.toml", "--measured", "x", "--disk", "-6", "5"]
+RUN = ["--sample-time", "0.001", "--float", "32"]
 LIMITS = [
     "limits", "plain.toml", "--centre", "-3", "--method", "quadratic", "--json", "limits.json",
     "--resume",
@@ -118,6 +122,8 @@ KINDS = {
     "rate": ("service/rate-k.json", [CHECK]),
     "performance": ("performance/performance.json", [["check", "FILE", "--spec", "spec.toml"]]),
     "guarantee": ("code/guarantee.json", [CHECK]),
+    "observer": ("observer/design.json", [CHECK]),
+    "observed": ("observed/guarantee.json", [CHECK]),
     "limits": ("limits.json", [LIMITS]),
     "tradeoff": ("tradeoff.json", [TRADEOFF]),
 }
@@ -178,6 +184,35 @@ def test_a_file_with_one_value_of_another_type(kind, folder, monkeypatch):
             for words in commands:
                 path.write_text(json.dumps(mutated(document, place, value)))
                 judge([name if word == "FILE" else word for word in words], (kind, place, value))
+    finally:
+        path.write_text(text)
+
+
+# Words of which the reader asks whether they are among some that it knows.
+WORDS = {
+    "quadratic": [("format",), ("region", "kind"), ("method",), ("law", "kind")],
+    "slack": [("certificate", "on")],
+    "table": [("format",), ("cells", 0, "answer"), ("plant", "parameters", 0, "through")],
+    "estimate": [("service", "kind"), ("design", "method")],
+    "performance": [("specifications", 0, "kind"), ("specifications", 0, "evidence", "on")],
+    "guarantee": [("service", "kind"), ("code", "bits"), ("text", "given")],
+    "limits": [("rows", 0, "status"), ("rows", 0, "method"), ("polefence",)],
+    "tradeoff": [("rows", 0, "status"), ("rows", 0, "method"), ("polefence",)],
+}
+
+
+@pytest.mark.parametrize("kind", WORDS)
+def test_a_file_with_no_word_where_one_belongs(kind, folder, monkeypatch):
+    monkeypatch.chdir(folder)
+    name, (words, *_) = KINDS[kind]
+    path = folder / name
+    text = path.read_text()
+    try:
+        for place in WORDS[kind]:
+            for value in ([], {}, None, "x" * 20_000):
+                path.write_text(json.dumps(mutated(json.loads(text), place, value)))
+                judge([name if word == "FILE" else word for word in words], (place, value))
+                path.write_text(text)
     finally:
         path.write_text(text)
 

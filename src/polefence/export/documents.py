@@ -124,20 +124,25 @@ def check_guarantee(path: str | Path) -> Check:
     where = guarantee_path(Path(path))
     claim, document = _read(where)
     try:
-        verdict = prove_rounding(claim)
-        said, loop = [_claimed(claim)], None
-        if verdict.proved and "sampling" in document:
-            loop, verdict = _sampled(claim, document["sampling"], verdict)
-            said.append(_loop_text(loop))
-        observer = _observer(document)
-        if verdict.proved and observer is not None:
-            said.append(f"poles of its observer's error in {short_text(observer.region)}")
-            proof = observer.design.certificate.prove()
-            reason = f"{verdict.reason}; of the observer {proof.reason}"
-            verdict = Verdict(proof.proved, reason)
-        changed = _other(where, claim, document, loop, observer) if verdict.proved else ""
+        with exact.counted():  # one count for the file, however many its claims
+            return _prove_all(where, claim, document)
     except (exact.FormatError, InputError) as error:
         raise DesignFileError(f"{where}: {error}") from error
+
+
+def _prove_all(where: Path, claim: Rounded, document: dict[str, Any]) -> Check:
+    verdict = prove_rounding(claim)
+    said, loop = [_claimed(claim)], None
+    if verdict.proved and "sampling" in document:
+        loop, verdict = _sampled(claim, document["sampling"], verdict)
+        said.append(_loop_text(loop))
+    observer = _observer(document)
+    if verdict.proved and observer is not None:
+        said.append(f"poles of its observer's error in {short_text(observer.region)}")
+        proof = observer.design.certificate.prove()
+        reason = f"{verdict.reason}; of the observer {proof.reason}"
+        verdict = Verdict(proof.proved, reason)
+    changed = _other(where, claim, document, loop, observer) if verdict.proved else ""
     if changed:
         return Check("undecided", changed, claims=tuple(said))
     answer = "proved" if verdict.proved else "undecided"

@@ -20,6 +20,7 @@ from polefence.proof.exact import Evidence, FormatError, Outside, Part, Rational
 
 FORMAT = "polefence-table"
 MAX_CELLS, MAX_PARAMETERS, MAX_KNOTS = 2000, 6, 200
+RATIONAL = 20  # operations on integers that one on rationals is
 
 Point = tuple[Fraction, ...]
 
@@ -58,11 +59,13 @@ class Table:
 
     def alpha(self, p: Point) -> list[Fraction]:
         """Return alpha at physical parameters."""
+        _spend_products(p)
         pairs = [axis.weights(v) for axis, v in zip(self.axes, p, strict=True)]
         return [prod(choice, start=Fraction(1)) for choice in product(*pairs)]
 
     def gain(self, p: Point) -> Rationals:
         """Return the interpolated gain at physical parameters."""
+        _spend_products(p)
         places = [axis.place(v) for axis, v in zip(self.axes, p, strict=True)]
         weights, matrices = [], []
         for corner in product((0, 1), repeat=len(self.axes)):
@@ -79,6 +82,12 @@ class Table:
         alpha, K = self.alpha(p), self.gain(p)
         claim = exact.Claim("lyapunov", self.A, self.B, (), exact.Law(K=[K]), ())
         return exact.closed_loop(claim, alpha) or []
+
+
+def _spend_products(p: Point) -> None:
+    """Count the products of weights at one point, in rationals."""
+    long = sum(v.denominator.bit_length() for v in p)
+    exact.spend(RATIONAL * len(p) << len(p), long, long)
 
 
 @dataclass(frozen=True)

@@ -203,6 +203,11 @@ def _plain_data(value: Any) -> Any:
 
 def check_claim(claim: exact.Claim) -> Check:
     """Prove a claim, refute it by an exact counterexample, or leave it undecided."""
+    with exact.counted():  # what the proof leaves of it, a counterexample may take
+        return _decided(claim)
+
+
+def _decided(claim: exact.Claim) -> Check:
     verdict, said = exact.prove(claim), (poles_text(claim),)
     if verdict.proved:
         return Check("proved", verdict.reason, claims=said)

@@ -48,12 +48,14 @@ MAX_BYTES, MAX_SIZE, MAX_VERTICES, MAX_PARTS = 32_000_000, 60, 256, 16
 MAX_COEFFICIENTS = 20_000
 # Lists, tables and keys of a file, which take up to 300 bytes each in memory, and how deep they go.
 MAX_PIECES, MAX_DEPTH = 1_000_000, 50
+MAX_ENTRIES = 2_000_000  # numbers among them, each of which becomes a rational
 MAX_DEGREE = 16  # of any polynomial, in each simplex
 LARGEST, MAX_BITS = 10**300, 20_000  # of numbers; of their common denominator
 # Bounds on what a file can ask for: work, in products of two words of 30 bits, of which every
 # operation takes `CALL` besides; and what polynomials hold at once [bytes].
 MAX_WORK, CALL, MAX_HELD = 5 * 10**9, 120, 4 * 10**8
 LEAST_WORK = 300 * CALL  # of an inequality of whatever size
+COORDINATES = 2  # of an exponent, which are added at the cost of one operation
 TOO_MUCH = (
     "its inequalities are more, or larger, or their numbers longer, than is checked here; round "
     "the numbers, or use a lower degree or elevation"
@@ -206,7 +208,7 @@ def _require_consistent(claim: Claim) -> None:
         raise FormatError("weights do not belong here")
     if fixed and len(law.K or []) not in ((1, N) if claim.method == "lyapunov" else (1,)):
         raise FormatError("a fixed law has one K")
-    sizes, n = simplices(claim), len(claim.A[0])
+    sizes = simplices(claim)
     counts = [(law.degree, len(law.W or [])), (law.degree, len(law.Z or []))] if scheduled else []
     counts += [(e.degree, len(e.X)) for e in evidence if claim.method != "scheduled"]
     counts += [(e.degree, len(e.multiple)) for e in evidence if e.multiple]
@@ -223,10 +225,20 @@ def _require_consistent(claim: Claim) -> None:
         raise FormatError("multiples belong to scheduled laws given")
     if any(e.tau for e in evidence) and not _is_theorem_1(claim):
         raise FormatError("tau belongs to the right-hand sides of Theorem 1")
-    sides = 2 * n * (2 if claim.method == "slack" else 1)
-    count = sum(_number(sizes, _degree(claim, e)) for e in evidence)
-    if least_work(count * len(claim.region), sides) > MAX_WORK:
+    if least(claim) > MAX_WORK:
+        count = _count(claim)
         raise FormatError(f"{count} inequalities of this size are more than is checked here")
+
+
+def least(claim: Claim) -> int:
+    """Return the least that a claim takes to prove, whatever its numbers."""
+    sides = 2 * len(claim.A[0]) * (2 if claim.method == "slack" else 1)
+    return least_work(_count(claim) * len(claim.region), sides)
+
+
+def _count(claim: Claim) -> int:
+    sizes = simplices(claim)
+    return sum(_number(sizes, _degree(claim, each)) for each in claim.evidence)
 
 
 def _is_theorem_1(claim: Claim) -> bool:
@@ -338,6 +350,7 @@ def is_positive_definite(matrix: Integers) -> bool:
         If a count of the work says that it is too much.
     """
     n, length = len(matrix), bits(matrix)
+    spend(LEAST_WORK // CALL, 0)
     spend(n * n, length)
     exponents = [(matrix[i][i].bit_length() + 1) // 2 for i in range(n)]
     if any(matrix[i][i] <= 0 for i in range(n)):
@@ -459,16 +472,19 @@ def monomials(sizes: tuple[int, ...], degree: int) -> list[Exponent]:
 
 
 def _simplex(size: int, degree: int) -> list[Exponent]:
-    powers = [
-        tuple(chosen.count(j) for j in range(size))
-        for chosen in combinations_with_replacement(range(size), degree)
-    ]
+    spend(math.comb(size - 1 + degree, degree) * (size // COORDINATES + degree + 1), 0)
 
-    def rank(power: Exponent) -> Any:
-        order = sorted((j for j in range(size) if power[j]), key=lambda j: (-power[j], j))
-        return len(order), [-power[j] for j in order], order
+    def rank(chosen: Exponent) -> Any:
+        order = sorted(set(chosen), key=lambda j: (-chosen.count(j), j))
+        return len(order), [-chosen.count(j) for j in order], order
 
-    return sorted(powers, key=rank)
+    powers = []
+    for chosen in sorted(combinations_with_replacement(range(size), degree), key=rank):
+        power = [0] * size
+        for j in chosen:
+            power[j] += 1
+        powers.append(tuple(power))
+    return powers
 
 
 def _number(sizes: tuple[int, ...], degree: int) -> int:
@@ -502,12 +518,17 @@ def _product(P: Polynomial, Q: Polynomial) -> Polynomial:
     none: Integers = [[]]
     one, other = next(iter(P.values()), none), next(iter(columns.values()), none)
     spend(len(P) * len(Q) * len(one) * len(other) * len(one[0]), left, right)
+    _spend_exponents(len(P) * len(Q), P)
     for d, p in P.items():
         for e, c in columns.items():
             both = [[sum(map(int.__mul__, row, column)) for column in c] for row in p]
             _add(result, tuple(map(int.__add__, d, e)), both)
         _hold(len(result), len(one) * len(other), left + right)
     return result
+
+
+def _spend_exponents(count: int, P: Polynomial) -> None:
+    spend(count * len(next(iter(P), ())) // COORDINATES, 0)
 
 
 def _add(P: Polynomial, exponent: Exponent, matrix: Integers) -> None:
@@ -535,6 +556,7 @@ def _elevated(P: Polynomial, sizes: tuple[int, ...], times: int) -> Polynomial:
         for size in sizes:
             one = next(iter(P.values()))
             spend(len(P) * size * len(one) * len(one[0]), length)
+            _spend_exponents(len(P) * size, P)
             _hold(len(P) * size, len(one) * len(one[0]), length)
             result: Polynomial = {}
             for e, matrix in P.items():
@@ -741,6 +763,7 @@ def _weighted(weights: Polynomial, X: Polynomial) -> Polynomial:
     result: Polynomial = {}
     entries = sum(len(matrix) * len(matrix[0]) for matrix in X.values())
     spend(len(weights) * entries, _longest(weights), _longest(X))
+    _spend_exponents(len(weights) * len(X), X)
     for d, q in weights.items():
         for e, matrix in X.items():
             _add(result, tuple(map(int.__add__, d, e)), _times(q[0][0], matrix))
@@ -1134,12 +1157,16 @@ def _basis(coordinates: list[Fraction], sizes: tuple[int, ...], degree: int) -> 
 
 def mix(weights: list[Fraction], matrices: list[Rationals]) -> Rationals:
     """Return the sum of weights times matrices."""
+    own, whole = _denominator([[weights]], LONGEST), _denominator(matrices, LONGEST)
+    (factors,) = _integers([weights], own)
+    integers = [_integers(M, whole) for M in matrices]
+    spend(sum(len(M) * len(M[0]) for M in matrices), bits([factors]), max(map(bits, integers)))
     return [
         [
-            sum((a * e for a, e in zip(weights, entries, strict=True)), Fraction(0))
+            Fraction(sum(map(mul, factors, entries)), own * whole)
             for entries in zip(*rows, strict=True)
         ]
-        for rows in zip(*matrices, strict=True)
+        for rows in zip(*integers, strict=True)
     ]
 
 
@@ -1331,6 +1358,8 @@ def parse(text: str) -> Any:
             f"longer than {MAX_BYTES} characters, or more than {MAX_PIECES} lists, tables and "
             "keys; this is no file of ours"
         )
+    if text.count(",") > MAX_ENTRIES:
+        raise FormatError(f"more than {MAX_ENTRIES} entries of lists; this is no file of ours")
     try:
         document = json.loads(text, parse_constant=_refuse, object_pairs_hook=_unique)
     except FormatError:
@@ -1555,13 +1584,10 @@ def _shape(matrix: Rationals, rows: int, columns: int, where: str) -> None:
 
 def read_number(value: Any, where: str) -> Fraction:
     """Return a number of the file: a double is the rational it is, a string "p/q" is exact."""
-    number = None
-    if isinstance(value, str) and _RATIONAL.fullmatch(value):
-        number = Fraction(value)
-    elif isinstance(value, int | float) and not isinstance(value, bool) and abs(value) < LARGEST:
-        number = Fraction(value)  # nan fails the comparison; integers are compared exactly
-    if number is not None and abs(number) < LARGEST:
-        return number
+    if isinstance(value, str) and _RATIONAL.fullmatch(value):  # which is below `LARGEST`
+        return Fraction(value)
+    if isinstance(value, int | float) and not isinstance(value, bool) and abs(value) < LARGEST:
+        return Fraction(value)  # nan fails the comparison; integers are compared exactly
     raise FormatError(f'{where} = {_shown(value)} is not a finite number or "p/q"')
 
 

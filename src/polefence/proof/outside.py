@@ -71,7 +71,8 @@ def evidence(loop: tuple[Rationals, Rationals], region: tuple[Part, ...]) -> Ite
                 P = solve_continuous_lyapunov(R.conj().T, -np.eye(len(A)))
         except (np.linalg.LinAlgError, ValueError):
             continue
-        P = np.asarray((P + P.conj().T) / 2 / scale[:, None] / scale)
+        with np.errstate(over="ignore", invalid="ignore"):  # only finite numbers are evidence
+            P = np.asarray((P + P.conj().T) / 2 / scale[:, None] / scale)
         if np.all(np.isfinite(P)):
             yield Outside(p, q, line, _rational(np.real(P)), _rational(np.imag(P)))
 

@@ -51,12 +51,10 @@ class Inequality:
 
 
 def _powers(e: Exponent, sizes: tuple[int, ...]) -> str:
-    names = [
-        f"alpha{j + 1}" if len(sizes) == 1 else f"{'abcdefgh'[f]}{j + 1}"
-        for f, size in enumerate(sizes)
-        for j in range(size)
-    ]
-    return " ".join(f"{name}^{p}" for name, p in zip(names, e, strict=True) if p)
+    if len(sizes) == 1:
+        return " ".join(f"alpha{j + 1}^{p}" for j, p in enumerate(e) if p)
+    places = [f"{'abcdefgh'[f]}{j + 1}" for f, size in enumerate(sizes) for j in range(size)]
+    return " ".join(f"{place}^{p}" for place, p in zip(places, e, strict=True) if p)
 
 
 def inequalities(claim: PerformanceClaim, sizes: tuple[int, ...]) -> list[Inequality]:

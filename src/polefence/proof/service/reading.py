@@ -53,7 +53,7 @@ def read_service(text: str) -> tuple[ServiceClaim, dict[str, Any]]:
         raise FormatError(f"design: {error}") from error
     table = _at(document, "service")
     kind = _at(document, "service", "kind")
-    if kind not in _KEYS:
+    if not isinstance(kind, str) or kind not in _KEYS:
         raise FormatError(f"service.kind must be one of {', '.join(_KEYS)}")
     _only(document, "service", _COMMON | _KEYS[kind])
     if kind == "rate" and own["plant"].get("sample_time") is not None:

@@ -1,0 +1,135 @@
+"""However many claims a file holds, they are proved under one count of the work."""
+
+from __future__ import annotations
+
+import json
+from fractions import Fraction
+
+import numpy as np
+import pytest
+
+from polefence import UncertainPlant
+from polefence.errors import DesignFileError, InputError
+from polefence.performance_file import check_performance
+from polefence.proof import cells, exact, outside
+from polefence.proof.exact import FormatError, Part
+from polefence.sweep import sweep
+
+DESIGN = {
+    "format": "polefence-design",
+    "version": 1,
+    "plant": {
+        "name": "one",
+        "states": ["x"],
+        "inputs": ["u"],
+        "disturbances": ["w"],
+        "parameters": [],
+        "vertices": [{"A": [[-1]], "B": [[1]], "E": [[1]]}],
+    },
+    "region": {"kind": "half_plane", "decay": 0},
+    "method": "quadratic",
+    "law": {"kind": "fixed", "K": [[0]]},
+    "certificate": {"W": [[1]]},
+}
+RMS = {"kind": "rms", "name": "", "output": {"C": [[1]]}, "level": 2, "evidence": {"own": True}}
+
+
+def performance(count):
+    head = {"format": "polefence-performance", "version": 1, "design": DESIGN}
+    return json.dumps(head | {"specifications": [RMS] * count})
+
+
+def spent(path):
+    with exact.counted() as count:
+        assert check_performance(path).proved
+    return count.spent
+
+
+def test_claims_of_one_file_share_one_count(tmp_path, monkeypatch):
+    path = tmp_path / "performance.json"
+    path.write_text(performance(8))
+    whole = spent(path)
+    path.write_text(performance(1))
+    assert whole > 3 * spent(path)
+    path.write_text(performance(8))
+    enough, little = limited(whole), limited(whole // 2)
+    monkeypatch.setattr(exact, "counted", little)
+    with pytest.raises(DesignFileError, match="than is checked here"):
+        check_performance(path)
+    monkeypatch.setattr(exact, "counted", enough)
+    assert check_performance(path).proved
+
+
+def limited(most):
+    """The count of a file, which allows other work than it does."""
+    own = exact.counted
+    return lambda: own(most)
+
+
+def test_rows_of_a_sweep_that_nobody_asked_for_share_one_count(tmp_path, monkeypatch):
+    plant = UncertainPlant.from_vertices([[[-1]]], [[[1]]])
+    path = tmp_path / "rows.json"
+    sweep(plant, [-3.0, -4.0, -5.0], ["quadratic"], path)
+    asked = [-3.0, -4.0, -5.0]
+    with exact.counted() as count:
+        sweep(plant, asked, ["quadratic"], path, resume=True)
+    monkeypatch.setattr(exact, "counted", limited(count.spent // 2))
+    assert len(sweep(plant, asked, ["quadratic"], path, resume=True)) == 3
+    with pytest.raises(InputError, match="than is checked here"):
+        sweep(plant, [-9.0], ["quadratic"], path, resume=True)
+
+
+def test_mixing_is_the_sum_and_is_counted():
+    source = np.random.default_rng(2)
+    weights = [Fraction(x) for x in source.normal(size=5).tolist()] + [Fraction(0), Fraction(1, 3)]
+    matrices = [[[Fraction(x, 7) for x in (k, 1, -k)]] for k in range(7)]
+    wanted = [[sum(w * M[0][j] for w, M in zip(weights, matrices, strict=True)) for j in range(3)]]
+    with exact.counted() as count:
+        assert exact.mix(weights, matrices) == wanted
+    with exact.counted(count.spent - 1), pytest.raises(FormatError, match="than is checked"):
+        exact.mix(weights, matrices)
+
+
+def test_points_of_cells_are_counted():
+    axis = cells.Axis("p", Fraction(0), Fraction(1), False, (Fraction(0), Fraction(1)))
+    A, B, K = [[[Fraction(-1)]]] * 4, [[[Fraction(1)]]] * 4, [[[Fraction(0)]]] * 4
+    table = cells.Table(A, B, (axis, axis), K)
+    short, long = Fraction(1, 3), Fraction(1, 3**500)
+    with exact.counted() as few:
+        table.loop((short, short))
+    with exact.counted() as many:
+        table.loop((long, long))
+    assert many.spent > 2 * few.spent > 0
+
+
+def test_many_entries_are_refused_before_they_are_rationals():
+    with pytest.raises(FormatError, match="entries of lists"):
+        exact.parse("[" + "0," * exact.MAX_ENTRIES + "0,0]")
+
+
+@pytest.mark.parametrize(("size", "degree"), [(1, 3), (2, 4), (4, 3), (7, 2)])
+def test_monomials_come_in_the_file_s_order(size, degree):
+    found = exact.monomials((size,), degree)
+    assert len(set(found)) == len(found) == exact._number((size,), degree)
+    assert all(sum(e) == degree for e in found)
+
+    def rank(e):
+        order = sorted((j for j in range(size) if e[j]), key=lambda j: (-e[j], j))
+        return len(order), [-e[j] for j in order], order
+
+    assert found == sorted(found, key=rank)
+
+
+def test_exponents_of_many_vertices_are_counted():
+    """65,536 sums of 256 exponents each take longer than their products of numbers."""
+    P = {e: [[1]] for e in exact.monomials((64,), 1)}
+    with exact.counted() as count:
+        exact._product(P, P)
+    assert count.spent > 64**2 * 64 // exact.COORDINATES * exact.CALL
+
+
+def test_evidence_that_overflows_is_no_warning(recwarn):
+    tiny = Fraction(1e-320)
+    loop = exact.quotient([[Fraction(0), tiny], [Fraction(2), Fraction(1)]])
+    list(outside.evidence(loop, (Part("half_plane", (Fraction(0),)),)))
+    assert not recwarn.list

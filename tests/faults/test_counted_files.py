@@ -13,6 +13,7 @@ from polefence.errors import DesignFileError, InputError
 from polefence.performance_file import check_performance
 from polefence.proof import cells, exact, outside
 from polefence.proof.exact import FormatError, Part
+from polefence.proof.service import Estimate, Subject, pieces, prove_service
 from polefence.sweep import sweep
 
 DESIGN = {
@@ -133,3 +134,44 @@ def test_evidence_that_overflows_is_no_warning(recwarn):
     loop = exact.quotient([[Fraction(0), tiny], [Fraction(2), Fraction(1)]])
     list(outside.evidence(loop, (Part("half_plane", (Fraction(0),)),)))
     assert not recwarn.list
+
+
+def mislaid(N, degree, elevation=0):
+    """A claim that weights are mislaid, of a plant of one state with N vertices."""
+    A, B = [[[Fraction(-2)]]] * N, [[[Fraction(1)]]] * N
+    region, one, none = (Part("half_plane", (Fraction(1),)),), [[Fraction(1)]], [[Fraction(0)]]
+    if degree:
+        law = exact.Law(None, [one] * N, [none] * N, degree)
+        design = exact.Claim("scheduled", A, B, region, law, (exact.Evidence([]),))
+    else:
+        law = exact.Law([none])
+        design = exact.Claim("quadratic", A, B, region, law, (exact.Evidence([one]),))
+    return Estimate(Subject(design, (), (), elevation), (Fraction(1, 8),))
+
+
+@pytest.mark.parametrize(("N", "degree", "most"), [(32, 0, 3 * 32), (6, 1, 2 * 6 + 6 * (2 * 6))])
+def test_coordinates_of_mislaid_weights_are_few(monkeypatch, N, degree, most):
+    """N^3 of 2 N numbers each were a gigabyte for 256 vertices."""
+    held = []
+
+    class Recorded(pieces.Cell):
+        def __init__(self, *given):
+            super().__init__(*given)
+            held.append(sum(map(len, self.plant)) + sum(map(len, self.law)))
+
+    monkeypatch.setattr(pieces, "Cell", Recorded)
+    assert prove_service(mislaid(N, degree)).proved
+    assert len(held) == N
+    assert max(held) <= most
+
+
+def test_composing_with_long_exponents_is_counted():
+    """The exponents of N vertices count as they do in a product."""
+    N = 32
+    unit = [tuple(int(j == k) for j in range(N)) for k in range(N)]
+    P = {e: [[1]] for e in unit}
+    forms = [{e: [[1]] for e in unit} for _ in range(N)]
+    with exact.counted() as count:
+        pieces.composed(P, forms, N)
+    products = N * N * N // exact.COORDINATES * exact.CALL
+    assert count.spent > 2 * products  # what is multiplied, and what is added up

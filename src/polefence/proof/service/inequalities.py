@@ -49,7 +49,7 @@ def blocks(claim: ServiceClaim) -> Named:
     if isinstance(claim, Estimate):
         for number, parts in parts_of(claim.subject.design):
             family = family_of(claim.subject, number)
-            for cell in estimates(claim):
+            for cell in estimates(claim, family.degree > 0):
                 yield from _estimated(family, cell, claim, parts)
         return
     family = family_of(claim.subject, claim.part if isinstance(claim, Rate) else 0)
@@ -72,7 +72,8 @@ def _order(family: Family, cell: Cell, subject: Subject) -> list[Exponent]:
 
 
 def _name(what: str, e: Exponent, cell: Cell) -> str:
-    return f"{what} at ({', '.join(map(str, e))}){cell.name}"
+    powers = " ".join(f"c{j + 1}^{power}" for j, power in enumerate(e) if power)
+    return f"{what} at {powers}{cell.name}"
 
 
 def _positive(X: Polynomial, order: list[Exponent], cell: Cell, parts: tuple[Part, ...]) -> Named:

@@ -8,6 +8,7 @@ from fractions import Fraction
 from itertools import pairwise, product
 
 from polefence.proof.exact import (
+    COORDINATES,
     MAX_BITS,
     Claim,
     Exponent,
@@ -19,9 +20,11 @@ from polefence.proof.exact import (
     _denominator,
     _fraction,
     _integers,
+    _multiple,
     _multiplier,
     _plus,
     _product,
+    _spend_exponents,
     _times,
     _weighted,
     bits,
@@ -130,7 +133,8 @@ def _on_products(P: Polynomial, corners: list[Exponent]) -> Polynomial:
 class Cell:
     """Coordinates of plant and law as forms (1 x 1) in a piece's own coordinates.
 
-    All keys of a form are there, zero or not. The first ``raised`` simplices are elevated.
+    The forms of each simplex of the plant have all keys between them, zero or not. The first
+    ``raised`` simplices are elevated.
     """
 
     name: str
@@ -176,11 +180,14 @@ def _linear(f: int, values: tuple[int, ...], sizes: tuple[int, ...]) -> Polynomi
     }
 
 
-def estimates(claim: Estimate) -> Iterator[Cell]:
-    """Yield the pieces on which p is affine in its estimate, for all signs of the errors."""
+def estimates(claim: Estimate, varies: bool = True) -> Iterator[Cell]:
+    """Yield the pieces on which p is affine in its estimate, for all signs of the errors.
+
+    ``varies`` is whether the law does.
+    """
     subject = claim.subject
     if not subject.ranges:
-        yield from _mislaid(len(subject.design.A), claim.errors[0])
+        yield from _mislaid(len(subject.design.A), claim.errors[0], varies)
         return
     sizes = (2,) * len(subject.ranges)
     pieces = [
@@ -233,29 +240,28 @@ def _at_ends(r: Range, ends: _Ends) -> tuple[tuple[int, ...], tuple[int, ...]]:
     return (whole[0][0], whole[1][0]), (whole[0][1], whole[1][1])
 
 
-def _mislaid(N: int, share: Fraction) -> Iterator[Cell]:
-    """Yield p = (1 - e) a + e u, q = (1 - e) a + e v for the corners u, in coordinates a and v."""
-    e, whole = share.numerator, share.denominator
-    sizes = (N, N)
+def _mislaid(N: int, share: Fraction, varies: bool) -> Iterator[Cell]:
+    """Yield p = (1 - e) a + e u, q = (1 - e) a + e v for the corners u, in coordinates a and v.
+
+    A law that does not vary with alpha needs no coordinates of q.
+    """
+    e, rest = share.numerator, share.denominator - share.numerator
+    spend(2 * N * (2 * N // COORDINATES), 0)
     unit = [tuple(int(j == k) for j in range(2 * N)) for k in range(2 * N)]
-    law: list[Polynomial] = [
-        {
-            tuple(map(int.__add__, unit[i], unit[N + k])): [[(whole - e) * (i == c) + e * (k == c)]]
-            for i in range(N)
-            for k in range(N)
-        }
-        for c in range(N)
+    sums: list[Polynomial] = [{own: [[1]] for own in half} for half in (unit[:N], unit[N:])]
+    law = [
+        _plus(_weighted(sums[1], {unit[c]: [[rest]]}), _weighted(sums[0], {unit[N + c]: [[e]]}))
+        for c in range(N if varies else 0)
     ]
     for u in range(N):
-        plant: list[Polynomial] = [
-            {unit[i]: [[(whole - e) * (i == c) + e * (u == c)]] for i in range(N)} for c in range(N)
-        ]
-        yield Cell(f" towards vertex {u + 1}", sizes, plant, law, 1)
+        plant: list[Polynomial] = [{own: [[rest]]} for own in unit[:N]]
+        plant[u] = _plus(plant[u], _multiple(e, sums[0]))
+        yield Cell(f" towards vertex {u + 1}", (N, N), plant, law, 1)
 
 
 def composed(P: Polynomial, forms: list[Polynomial], length: int) -> Polynomial:
     """Return P with the forms in place of its coordinates, a polynomial in ``length`` others."""
-    products: dict[Exponent, Polynomial] = {(0,) * len(forms): {(0,) * length: [[1]]}}
+    products: dict[Exponent, Polynomial] = {(0,) * len(next(iter(P), ())): {(0,) * length: [[1]]}}
     # every key is met by other forms: not all coordinates are zero at any corner of a piece
     forms = [{e: value for e, value in form.items() if value[0][0]} for form in forms]
 
@@ -269,6 +275,7 @@ def composed(P: Polynomial, forms: list[Polynomial], length: int) -> Polynomial:
     for e, matrix in P.items():
         values, entries = monomial(e), len(matrix) * len(matrix[0])
         spend(len(values) * entries, max(map(bits, values.values()), default=0), bits(matrix))
+        _spend_exponents(len(values), values)
         for d, ((value,),) in values.items():
             _add(result, d, _times(value, matrix))
     return result
@@ -288,9 +295,11 @@ def total(sizes: tuple[int, ...], forms: list[Polynomial]) -> Polynomial:
     result: Polynomial = {}
     start = 0
     for size in sizes:
-        own = forms[start]
-        for form in forms[start + 1 : start + size]:
-            own = _plus(own, form)
+        own: Polynomial = {}
+        for form in forms[start : start + size]:
+            _spend_exponents(len(form), form)
+            for e, value in form.items():
+                _add(own, e, value)
         result = _product(result, own) if result else own
         start += size
     return result

@@ -31,6 +31,7 @@ MARGIN = 1e-7  # of the first inequality, in units of the search's own rate
 INSIDE = 0.97  # how far within the limits a point is looked for, as a share of their squares
 WIDE = 1.3
 HALVINGS = 80
+POWERS, STRIDE = [2.0**k for k in range(-14, 60)], 8
 ROOM = (1e3, 1e8)  # that what is minimised has while limits are not kept yet
 
 Bounds = tuple[tuple[Output, ...], tuple[Norm, ...]]
@@ -348,12 +349,24 @@ def interior(
     for _ in range(HALVINGS):
         if _positive([-M - share * dM for M, dM in plain]):
             blocks = [(D + share * dD, M + share * dM) for D, dD, M, dM in grown]
-            # D >= 0, so that r D - M only grows with r
-            for r in 2.0 ** np.arange(-14, 60):
-                if _positive([r * D - M for D, M in blocks]):
-                    return x + share * most, float(r)
+            r = _least_power(blocks)
+            if r is not None:
+                return x + share * most, r
         share /= 2
     return None, 0.0
+
+
+def _least_power(blocks: list[tuple[Array, Array]]) -> float | None:
+    """Return the least of `POWERS` at which all r D - M are positive definite.
+
+    D >= 0, so that they only grow with r: one in `STRIDE` is tried, and those below the first.
+    """
+    for start in range(0, len(POWERS), STRIDE):
+        few = POWERS[start : start + STRIDE]
+        if _positive([few[-1] * D - M for D, M in blocks]):
+            below = (r for r in few[:-1] if _positive([r * D - M for D, M in blocks]))
+            return next(below, few[-1])
+    return None
 
 
 def _positive(blocks: list[Array]) -> bool:

@@ -15,11 +15,18 @@ import numpy as np
 
 from polefence.analysis import analyse
 from polefence.conditions.methods import options
-from polefence.design_task import Task
+from polefence.design_task import ROUNDED, Task
 from polefence.errors import InputError, RegionError, SolverError
 from polefence.gain_norm import GainNorm, is_signal
 from polefence.law import FixedGain, Law
-from polefence.performance import Bound, Known, best_bound, kept_bound, own_evidence
+from polefence.performance import (
+    Bound,
+    Known,
+    best_bound,
+    kept_bound,
+    known_bound,
+    own_evidence,
+)
 from polefence.proof.certificate import Certificate
 from polefence.region import HalfPlane, Region, Sector
 from polefence.response.closed import close
@@ -29,17 +36,17 @@ from polefence.sampled_bounds import agreed_bound, sampled, seeded
 from polefence.solve.deadline import Deadline
 from polefence.solve.performance import Reached
 from polefence.solve.singular import singular_is_failure
-from polefence.specification import RelativeRms, Rms, Specification, output_of
+from polefence.specification import Gain, RelativeRms, Rms, Specification, output_of
 from polefence.speed import bounded, bounds_speed
 
 ROUNDS, FINEST = 5, 1 / 64  # of designs for shares of the region's parts; step of such a share
 FINE = 2e-4  # a law outside the region that is better by less shows that nothing is to be gained
 STEPS, BACK = 8, (1 / 32, 1 / 4)  # halvings between two laws; how far inside a proof is tried
-ROUNDED = 1e-9  # of the fastest pole
 SAMPLES = 200  # at which a law is judged before anything is proved of it
 SLIGHT = 1e-6  # a law that is better by less is not looked at further
 WORTH = 2e-4  # the same of a round of implied limits
 SLOW = (1.0, 2.0, 4.0)  # times the plant's own speed
+BAND, BANDS = 10.0, 8  # powers of two of the plant's own speed, and how many bands are tried
 # Implied limits over what the best law needs, and how often each is taken from the law it led to.
 ROOM, AGAIN = (2.0, 1.0), 3
 
@@ -142,6 +149,7 @@ class Search:
         self._shares(self.task)
         if int(options(self.task.method).degree):
             self._shares(replace(self.task, method="quadratic"))
+        self._noise()
         if not self.candidates:
             self._one_by_one()
         if self.task.minimise is not None:
@@ -166,7 +174,7 @@ class Search:
                 found = slow.reached(slow.region)
                 # of a smaller region the point is one for the whole
                 self.whole = found if level_of(task, found) <= self.shared else self.whole
-                point = self._point(slow, (1.0,) * len(task.region.parts), found)
+                point = self._point(slow, self._ones, found)
                 if point is not None and not point.lost:
                     self._judged(point)
 
@@ -261,6 +269,8 @@ class Search:
             return None
         estimate = self._estimate(law)
         self.floor = min(self.floor, estimate)
+        if task.minimise is self.task.minimise:  # doubles may lose what W promises
+            self.floor = min(self.floor, level_of(task, found))
         try:
             lost = self._lost(law)
         except (InputError, np.linalg.LinAlgError):
@@ -287,7 +297,7 @@ class Search:
         """Return which parts of the region a pole is outside of, at samples."""
         poles = close(self.task.plant, law, self.alpha, disturbed=False).poles()
         parts = enumerate(self.task.region.parts)
-        slight = ROUNDED * np.abs(poles).max()  # what rounding may move a pole by; proofs decide
+        slight = ROUNDED * np.abs(poles).max()  # proofs decide
         return tuple(k for k, part in parts if not np.all(part.distance(poles) < slight))
 
     def _has_bound(self, own: Candidate) -> bool:
@@ -316,6 +326,51 @@ class Search:
         except (InputError, np.linalg.LinAlgError):
             return np.inf
         return worst if np.isfinite(worst) else np.inf
+
+    def _noise(self) -> None:
+        """Try laws for rms values in place of gains: one W for gains at once is far above them.
+
+        The wider the band in which the limited signals may follow noise, the less is left of what
+        is minimised: the widest in which samples keep the limits is looked for.
+        """
+        task = self.task
+        if not isinstance(task.minimise, Gain):
+            return
+        own = max(own_speed(task.plant), task.region.scale)
+        low, high = -BAND, BAND
+        limited = any(isinstance(limit, Gain) for limit in task.limits)
+        for _ in range(BANDS if limited else 1):
+            if self.deadline.passed:
+                return
+            middle = (low + high) / 2
+            noisy = replace(task, method="quadratic").as_noise(own * 2.0**middle)
+            # in too narrow a band no law keeps the limits
+            low, high = (low, middle) if self._follows(noisy) is False else (middle, high)
+        if int(options(task.method).degree):
+            self._follows(task.as_noise(own * 2.0**low))
+
+    def _follows(self, noisy: Task) -> bool | None:
+        """Try the law of a band: whether its limits are kept; None where there is no law."""
+        floor, found = self.floor, None
+        with suppress(SolverError, InputError):  # noise itself is in the signal
+            found = noisy.reached(self.task.region)
+        own = None if found is None else self._point(noisy, self._ones, found)
+        if own is None:
+            return None
+        if own.lost or not self._keeps(own.law):
+            self.floor = floor
+            return False
+        return self._judged(own) or not own.estimate < self.best
+
+    @property
+    def _ones(self) -> Shares:
+        """Shares of the region as it is."""
+        return (1.0,) * len(self.task.region.parts)
+
+    def _keeps(self, law: Law) -> bool:
+        """Whether samples keep the limits."""
+        limits = self.task.limits
+        return all(self._worst(law, own) <= (own.at_most or 0.0) for own in limits)
 
     def _one_by_one(self) -> None:
         """Minimise each of the limits within the others: that may lead where all at once do not."""
@@ -430,12 +485,51 @@ def _region(
 ) -> Certificate | None:
     """Prove the region with the law's own W where it was asked of it, else as of a given law."""
     if designed == task.region and origin is not None:
-        elevation = options(origin.task.method).elevation
-        name, evidence = "scheduled", {"tau": np.array(0.0), "elevation": elevation}
-        if isinstance(law, FixedGain):
-            name, evidence = "quadratic", {"W": origin.found.values["W1"]}
-        own = Certificate(task.plant, task.region, name, law, evidence)
-        if own.prove().proved:
+        own = _own_region(task, law, origin)
+        if own is not None:
             return own
     answer = analyse(task.plant, law, task.region)
     return answer.certificate if answer.proved else None
+
+
+def _own_region(task: Task, law: Law, origin: Origin) -> Certificate | None:
+    """Prove the region with the law's own W; None where that is no proof."""
+    elevation = options(origin.task.method).elevation
+    name, evidence = "scheduled", {"tau": np.array(0.0), "elevation": elevation}
+    if isinstance(law, FixedGain):
+        name, evidence = "quadratic", {"W": origin.found.values["W1"]}
+    own = Certificate(task.plant, task.region, name, law, evidence)
+    return own if own.prove().proved else None
+
+
+def together(task: Task, law: Law, origin: Origin) -> tuple[Certificate, tuple[Bound, ...]] | None:
+    """Prove region, what is minimised and all limits with the law's own W alone.
+
+    Returns
+    -------
+    pair of Certificate and bounds, optional
+        What is minimised comes first; None where the one W does not prove each of them.
+    """
+    asked = () if task.minimise is None else (task.minimise,)
+    found: list[Bound] = []
+    with suppress(SolverError), singular_is_failure():
+        certificate = _own_region(task, law, origin)
+        if certificate is None:
+            return None
+        for own in (*asked, *task.limits):
+            bound = _alone(task, law, own, origin)
+            agreed = None if bound is None else agreed_bound(task.plant, law, bound)
+            if agreed is None:
+                return None
+            found.append(agreed)
+        return certificate, tuple(found)
+    return None
+
+
+def _alone(task: Task, law: Law, own: Specification, origin: Origin) -> Bound | None:
+    """Prove one specification with the law's own W; a bound on the law itself needs none."""
+    if not is_signal(own):
+        prove = best_bound if own.at_most is None else kept_bound
+        return prove(task.plant, law, own)
+    known = origin.known(law, own)
+    return None if known is None else known_bound(task.plant, law, own, known)

@@ -11,20 +11,21 @@ import numpy as np
 
 from polefence.conditions.methods import Method, options
 from polefence.conditions.target import Around
-from polefence.errors import SolverError
+from polefence.errors import InputError, SolverError
 from polefence.gain_norm import as_norms, is_signal
 from polefence.law import FixedGain, Law, ScheduledGain, right_divide
 from polefence.plant.family import UncertainPlant
 from polefence.plant.system import Array
 from polefence.polynomial import Domain
 from polefence.region import HalfPlane, Region
+from polefence.response.closed import close
 from polefence.solve.performance import Question, Reached, least
 from polefence.solve.radius import smallest, typical_rate
 from polefence.solve.regulated import regulators
 from polefence.solve.scaling import Scaling, balanced
 from polefence.solve.singular import singular_is_failure
 from polefence.solve.smallest import TOLERANCE
-from polefence.specification import Specification, output_of
+from polefence.specification import Gain, Rms, Specification, output_of
 from polefence.speed import bounded
 
 INSIDE = 0.95  # how far inside the region the search begins
@@ -32,6 +33,8 @@ KEPT = 1 - 1e-5  # share of a limit that a design keeps, so that the proof has s
 AGREED = 1e-5  # how close two ends of one question are, as a share
 ENDS = 2  # that are compared where they depend on the start
 ROUGH = 1e-4  # gap at which one gain is a start: a point that is not at the edge of everything
+UNIT = 2.0  # one-sided density of white noise of unit intensity
+ROUNDED = 1e-9  # of the fastest pole: what rounding may move a pole by
 SPEED = 100.0  # times the plant's own rates, where nothing else bounds the first law's
 
 
@@ -51,6 +54,22 @@ class Task:
     def domain(self) -> Domain:
         """Where alpha lives."""
         return Domain.of(options(self.method).on, len(self.plant.vertices))
+
+    def as_noise(self, bandwidth: float) -> Task:
+        """Return the task for rms values in place of gains: what one is small of, the other is too.
+
+        A signal of gain g has, of white noise, an rms of about g times the root of the bandwidth it
+        follows the noise in [rad/s].
+        """
+
+        def rms(own: Specification) -> Specification:
+            if not isinstance(own, Gain):
+                return own
+            level = None if own.at_most is None else own.at_most * bandwidth**0.5
+            return Rms(own.signal, level, UNIT)
+
+        limits = tuple(map(rms, self.limits))
+        return replace(self, minimise=self.minimise and rms(self.minimise), limits=limits)
 
     def question(self, region: Region | None) -> Question:
         """Return the condition with one Lyapunov matrix for everything."""
@@ -95,7 +114,7 @@ class Task:
         scaling = balanced(self.plant.A, self.plant.B, typical_rate(self.plant.A))
         question = self.question(region)
         best: Reached | None = None
-        ends = 0
+        held, ends = False, 0
         failure = SolverError("nowhere to start from")
         starts = self._starts(question, region, scaling)
         if near is not None:
@@ -107,8 +126,11 @@ class Task:
                 failure = error
                 continue
             again = best is not None and best.converged and found.r >= best.r * (1 - AGREED)
-            if best is None or found.r < best.r:
-                best = found
+            holds = self._holds(found, region)
+            if best is None or (holds, -found.r) > (held, -best.r):
+                best, held = found, holds
+            if not holds:  # its r is of a W that doubles do not hold
+                continue
             ends += 1
             ended = found.converged and not question.norms and (again or tolerance > AGREED)
             if self.minimise is None or ended or (question.norms and ends == ENDS):
@@ -116,6 +138,21 @@ class Task:
         if best is None:
             raise failure
         return best
+
+    def _holds(self, found: Reached, region: Region | None) -> bool:
+        """Whether the law of a point, as doubles have it, keeps the poles where its W puts them.
+
+        Where the signals do not bound W it grows until its smallest directions are lost in
+        rounding; the law that Z W^-1 then is in doubles is another.
+        """
+        try:
+            law = self.law(found)
+            loops = close(self.plant, law, np.eye(len(self.plant.vertices)), disturbed=False)
+            poles = loops.poles()
+        except (SolverError, InputError, np.linalg.LinAlgError):
+            return False
+        kept = region or HalfPlane(0)
+        return bool(np.all(kept.distance(poles) < ROUNDED * np.abs(poles).max()))
 
     def _starts(
         self, question: Question, region: Region | None, scaling: Scaling

@@ -18,10 +18,9 @@ from polefence.checks import require_domain, require_movable, require_region, re
 from polefence.conditions.methods import Method, Scheduled, options
 from polefence.conflict import refusal
 from polefence.design import Design
-from polefence.design_search import Candidate, Origin, Search, candidate, relaxed
+from polefence.design_search import Candidate, Origin, Search, candidate, relaxed, together
 from polefence.design_task import Task
 from polefence.errors import InputError, NotProvedError, SolverError
-from polefence.gain_norm import GainNorm
 from polefence.law import Law
 from polefence.performance import Bound, best_bound
 from polefence.plant.family import UncertainPlant
@@ -59,8 +58,9 @@ class Optimised:
     bounds : tuple of Bound
         The one that was minimised first, where one was.
     shared : float
-        What one Lyapunov matrix for everything proves of it, for the region as it is; infinite
-        where that proves nothing, zero where nothing was minimised.
+        What is proved, in exact arithmetic, with one Lyapunov matrix for everything, of a law
+        that was found for the region as it is; infinite where nothing is, zero where nothing was
+        minimised.
     designed : Region, optional
         What of the region was asked of the design; None where stability alone was.
     retreat : Retreat, optional
@@ -216,6 +216,34 @@ def _require_method(plant: UncertainPlant, method: Method) -> None:
         raise InputError("optimise goes with 'quadratic' and Scheduled(degree, elevation, on)")
 
 
+@dataclass(frozen=True, eq=False)
+class _Found:
+    """A law with its proofs, beside the point that one Lyapunov matrix for everything led to.
+
+    Attributes
+    ----------
+    own : Optimised
+    shared : float
+        Of what is minimised, in floats; infinite where there is no point.
+    whole : Reached, optional
+    """
+
+    own: Optimised
+    shared: float
+    whole: Reached | None
+
+    @property
+    def level(self) -> float:
+        """What is proved of what is minimised."""
+        return _level(self.own)
+
+    @property
+    def poor(self) -> bool:
+        """Whether what is proved of the law is far above what its design says."""
+        minimised = self.own.bounds[0].specification.at_most is None
+        return minimised and self.level > self.shared * (1 + POOR)
+
+
 def _settled(task: Task, deadline: Deadline) -> Optimised:
     """Return the best law; one of slower poles where that is not proved, or is none to be built."""
     best, failure = None, None
@@ -226,20 +254,20 @@ def _settled(task: Task, deadline: Deadline) -> Optimised:
         if error.refutation is not None:
             raise
     cut = _cut(deadline)
-    fast = best is not None and is_too_fast(task.plant, best.law)
-    if best is not None and not fast and not _is_poor(best):
-        return _finished(best, cut)
+    fast = best is not None and is_too_fast(task.plant, best.own.law)
+    if best is not None and not fast and not best.poor:
+        return _finished(task, best, cut)
     least = _least(task) if best is None else best.shared
     if failure is not None and task.limits and not np.isfinite(least):
         raise failure  # no law keeps the limits, or none was found
     taken, found = _stepped_back(task, least)
-    if found is not None and (best is None or fast or _level(found) < _level(best)):
-        return _finished(found, cut)
+    if found is not None and (best is None or fast or found.level < best.level):
+        return _finished(task, found, cut)
     if is_falling(taken) and (best is None or fast):
         raise unbounded(task, taken) from failure
     if best is None:
         raise failure or NotProvedError("not proved")
-    return _finished(best, cut)
+    return _finished(task, best, cut)
 
 
 def _cut(deadline: Deadline) -> str:
@@ -247,12 +275,31 @@ def _cut(deadline: Deadline) -> str:
     return str(deadline) if deadline.passed else ""
 
 
-def _finished(own: Optimised, cut: str) -> Optimised:
-    """Return the answer; of a scheduled law's norm the proof has less to go by than the design."""
-    shared = own.shared
-    if isinstance(own.bounds[0].specification, GainNorm):
-        shared = max(shared, _level(own) if own.bounds[0].specification.at_most is None else 0.0)
-    return replace(own, shared=shared, cut=cut)
+def _finished(task: Task, found: _Found, cut: str) -> Optimised:
+    """Return the answer: no worse than what one Lyapunov matrix for everything proves."""
+    if task.minimise is None:
+        return replace(found.own, shared=0.0, cut=cut)
+    own, shared = found.own, _together(task, found.whole)
+    if shared is None:
+        return replace(own, shared=np.inf, cut=cut)
+    if _level(shared) < _level(own):
+        own = replace(shared, retreat=own.retreat)
+    return replace(own, shared=_level(shared), cut=cut)
+
+
+def _together(task: Task, found: Reached | None) -> Optimised | None:
+    """Prove everything of a point's law with the point's one W; None where something is not."""
+    if found is None:
+        return None
+    try:
+        law = task.law(found)
+    except (SolverError, InputError):  # its numbers are none that doubles hold
+        return None
+    proofs = together(task, law, Origin(task, found))
+    if proofs is None:
+        return None
+    certificate, bounds = proofs
+    return Optimised(Design(certificate), bounds, bounds[0].level, task.region)
 
 
 def _least(task: Task) -> float:
@@ -263,7 +310,7 @@ def _least(task: Task) -> float:
         return np.inf
 
 
-def _stepped_back(task: Task, least: float) -> tuple[list[Step], Optimised | None]:
+def _stepped_back(task: Task, least: float) -> tuple[list[Step], _Found | None]:
     """Return steps back, and the nearest to the least level that is proved, if it is near."""
     taken = list[Step]()
     for step in steps(task):
@@ -274,15 +321,15 @@ def _stepped_back(task: Task, least: float) -> tuple[list[Step], Optimised | Non
         ):
             break
     least = min([least, *(step.level for step in taken)])
-    best: Optimised | None = None
+    best: _Found | None = None
     for step in sorted(taken, key=lambda step: step.level):
         found = _proved(task, step.found) if step.level <= least * (1 + FAR) else None
-        if found is not None and (best is None or _level(found) < _level(best)):
+        if found is not None and (best is None or _level(found) < best.level):
             retreat = Retreat(step.speed, step.level, least)
-            best = replace(found, shared=step.level, retreat=retreat)
-        if best is not None and not _is_poor(best):
+            best = _Found(replace(found, retreat=retreat), step.level, step.found)
+        if best is not None and not best.poor:
             break
-    if best is not None and task.minimise is not None and _level(best) > least * (1 + FAR):
+    if best is not None and task.minimise is not None and best.level > least * (1 + FAR):
         return taken, None
     return taken, best
 
@@ -292,13 +339,7 @@ def _level(own: Optimised) -> float:
     return own.bounds[0].level
 
 
-def _is_poor(own: Optimised) -> bool:
-    """Whether what is proved of the law is far above what its design says."""
-    minimised = own.bounds[0].specification.at_most is None
-    return minimised and own.bounds[0].level > own.shared * (1 + POOR)
-
-
-def _best(task: Task, deadline: Deadline) -> Optimised:
+def _best(task: Task, deadline: Deadline) -> _Found:
     """Search, then prove the bound on what is minimised, from the law that samples least on."""
     # where no law that samples well has a proof, each must have one to count
     for proved in (False, True) if task.minimise else (False,):
@@ -306,7 +347,7 @@ def _best(task: Task, deadline: Deadline) -> Optimised:
         search.run()
         best = _lowest(task, search)
         if best is not None:
-            return replace(best, shared=search.shared)
+            return _Found(best, search.shared, search.whole)
         if not search.candidates:
             break
     raise refusal(task, search.reasons)

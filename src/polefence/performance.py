@@ -98,10 +98,19 @@ def best_bound(
         if not worth:
             break
     if known is not None and (best is None or known[1] * (1 + STEPS[0]) < best.level):
-        own = _stepped(plant, law, specification, *known)
+        own = known_bound(plant, law, specification, known)
         if own is not None and (best is None or own.level < best.level):
             best = own
     return best
+
+
+def known_bound(
+    plant: UncertainPlant, law: Law, specification: Specification, known: Known
+) -> Bound | None:
+    """Return what given evidence proves: the limit, else a level near its own; None if nothing."""
+    if specification.at_most is not None:
+        return _proved(plant, law, specification, known[0], specification.at_most)
+    return _stepped(plant, law, specification, *known)
 
 
 def _stepped(
@@ -138,10 +147,8 @@ def kept_bound(
         What proves it as far as floats tell; tried first.
     """
     limit = specification.at_most or 0.0
-    if known is not None:
-        own = _proved(plant, law, specification, known[0], limit)
-        if own is not None:
-            return own
+    if known is not None and (own := known_bound(plant, law, specification, known)) is not None:
+        return own
     for points in _climb(plant, law, specification, limit):
         for number, (evidences, r) in enumerate(points):
             if r < 1:

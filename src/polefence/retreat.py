@@ -58,8 +58,8 @@ class Retreat:
         The largest magnitude of poles that the design allowed [1/s]; infinite where it is the
         region that bounds it.
     level, least : float
-        What one Lyapunov matrix for everything proves of the step that was taken, and the least
-        that was found in floats without a bound on the poles, or at any step.
+        What the search found with one Lyapunov matrix for everything, in floats: at the step that
+        was taken, and the least without a bound on the poles, or at any step.
     """
 
     speed: float

@@ -140,12 +140,10 @@ def lines_of(done: Optimised, rows: Sequence[Row], label: str) -> list[str]:
 
 def _design_lines(done: Optimised) -> list[str]:
     """Say how the law came about."""
-    shared = "nothing"
-    if np.isfinite(done.shared):
+    lines = []
+    if np.isfinite(done.shared) and done.bounds[0].specification.at_most is None:
         shared = digits_up(done.shared)
-    lines = [f"  one Lyapunov matrix for region and signals together proves {shared}"]
-    if done.bounds[0].specification.at_most is not None:  # nothing was minimised
-        lines = []
+        lines.append(f"  one Lyapunov matrix for region and signals together proves {shared}")
     if done.designed != done.design.region:
         stable = done.designed in (None, HalfPlane(0))
         designed = "stability" if stable else str(done.designed)
@@ -165,9 +163,9 @@ def _retreat_line(retreat: Retreat) -> str:
     if not retreat.least > 0:
         return f"stepped back {where}: no faster law was proved"
     return (
-        f"stepped back {where}: {digits_up(100 * retreat.share, 3)} % above "
-        f"{digits_down(retreat.least)}, the least found in floats, of no law that could be proved "
-        "or built"
+        f"stepped back {where}: one Lyapunov matrix for everything then gives "
+        f"{digits_up(100 * retreat.share, 3)} % more in floats than for faster poles, whose law "
+        "could not be proved or built"
     )
 
 
@@ -259,7 +257,7 @@ def document_of(done: Optimised, rows: Sequence[Row], label: str) -> dict[str, A
 
 def _retreat_document(retreat: Retreat) -> dict[str, Any]:
     speed = retreat.speed if np.isfinite(retreat.speed) else None
-    return {"fastest pole allowed": speed, "shared": retreat.level, "least found": retreat.least}
+    return {"fastest pole allowed": speed, "found": retreat.level, "least found": retreat.least}
 
 
 def figure_of(done: Optimised, rows: Sequence[Row]) -> Any:

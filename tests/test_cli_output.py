@@ -176,3 +176,16 @@ def test_service_says_where_the_law_itself_is_outside(spec, tmp_path, capsys):
     assert "\nrates leave" not in out
     assert main(["service", str(tmp_path / "d"), "--region", "half_plane(0)"]) == 0
     assert "even without" not in capsys.readouterr().out
+
+
+def test_the_disk_that_is_advised_is_of_the_plant_s_speed(tmp_path, capsys):
+    spec = tmp_path / "slow.toml"
+    for speed in (1, 1000):
+        spec.write_text(
+            f"[matrices]\nA = [[-{speed}, 0], [{speed}, -{speed}]]\nB = [[1], [0]]\n"
+            "[parameter.p]\nrange = [1, 2]\n".replace("[[1], [0]]", "[['p'], [0]]")
+        )
+        assert main(["tightest", str(spec), "--of", "sector"]) == 0
+        out = capsys.readouterr().out
+        centre = float(out.partition("--within 'disk(")[2].partition(",")[0])
+        assert 10 * speed <= -centre <= 100 * speed

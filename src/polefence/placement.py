@@ -165,7 +165,11 @@ def _climb(plant: UncertainPlant, region: Region, method: Scheduled) -> Design:
             break
         checkable = is_checkable(plant, step, len(region.parts))
         if not checkable or (tried and domain_count > MOST_UNKNOWNS):
-            why = "more is more than is checked" if tried else "this plant is too large to check"
+            why = (
+                "a higher degree is too much to check"
+                if tried
+                else "this plant is too large to check"
+            )
             break
         tried.append(f"({degree}, {elevation})")
         try:

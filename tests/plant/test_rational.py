@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import nullcontext
 from fractions import Fraction
 from itertools import product
 
@@ -10,7 +11,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from polefence.errors import PlantError
+from polefence.plant import family, rational
 from polefence.plant.rational import RationalFunction
+from polefence.plant.spec import loads
 
 x, y = (RationalFunction.variable(i, 2) for i in range(2))
 small = st.fractions(min_value=-5, max_value=5, max_denominator=7)
@@ -85,3 +88,28 @@ def test_branching_and_floats_of_parameters_are_refused():
         bool(x)
     with pytest.raises(PlantError, match="only"):
         float(x)
+
+
+def test_work_of_all_expressions_together_is_counted():
+    """Each is within the bounds on terms and degree; thousands of them took minutes."""
+    with rational.counted(10_000):
+        assert not ((x + y) ** 8).is_constant
+    with rational.counted(10_000), pytest.raises(PlantError, match="more work than is done"):
+        for _ in range(100):
+            (x + y) ** 8
+
+
+def test_long_coefficients_count_for_more():
+    for factor, refused in ((3, False), (3**2000, True)):
+        with rational.counted(1000), nullcontext() if not refused else pytest.raises(PlantError):
+            for _ in range(20):
+                x * factor * x
+
+
+def test_a_plant_is_loaded_under_the_count(monkeypatch):
+    spec = "[parameter.p]\nrange = [1, 2]\n[matrices]\nA = [['(p + 1)**9 / (p + 1)**8']]\nB = [[1]]"
+    assert loads(spec).shape == (1, 1)
+    own = rational.counted
+    monkeypatch.setattr(family, "counted", lambda: own(100))
+    with pytest.raises(PlantError, match="more work than is done"):
+        loads(spec)

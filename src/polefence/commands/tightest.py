@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+from dataclasses import replace
 from typing import Any
 
 from polefence.checks import example_centre
@@ -18,7 +19,7 @@ from polefence.commands.shared import (
 from polefence.design import Design
 from polefence.errors import InputError
 from polefence.plant.spec import load
-from polefence.region import exactly
+from polefence.region import Disk, exactly
 from polefence.region_text import digits_down, digits_up, parse_region, short_text
 from polefence.smallest_region import tightest
 from polefence.sweep import plant_summary
@@ -79,7 +80,9 @@ def tightest_command(options: Any) -> int:
         lines.append(
             "note: a disk bounds the poles' speed, or gains would be without bound; choose"
         )
-        lines.append("your own: --within 'disk(-40, 39)'")
+        disk = next(part for part in design.region.parts[::-1] if isinstance(part, Disk))
+        own = replace(disk, radius=float(f"{0.95 * disk.radius:.2g}"))
+        lines.append(f"your own, such as --within '{short_text(own)}'")
     if design.unrunnable is not None:
         lines.append(
             f"note: {digits_down(design.unrunnable)} is proved too, but only of a law that doubles "

@@ -15,7 +15,7 @@ import numpy as np
 
 from polefence.errors import InputError, PlantError
 from polefence.plant.parameters import Parameter, check_label, exact, simplex_weights
-from polefence.plant.rational import RationalFunction
+from polefence.plant.rational import RationalFunction, counted
 from polefence.plant.symbolic import Scope, corners
 from polefence.plant.system import Array, Exact, System
 
@@ -203,9 +203,11 @@ class UncertainPlant:
         for index, parameter in enumerate(parameters):
             s = RationalFunction.variable(index, count)
             values[parameter.name] = 1 / s if parameter.inverted else s
-        table = {
-            letter: corners(letter, rows, parameters) for letter, rows in function(**values).items()
-        }
+        with counted():
+            table = {
+                letter: corners(letter, rows, parameters)
+                for letter, rows in function(**values).items()
+            }
         _require_used(table, parameters)
         vertices = tuple(
             System(

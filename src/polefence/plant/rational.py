@@ -6,7 +6,9 @@ monomials are cancelled, common polynomials are not: equality is decided by cros
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from contextvars import ContextVar
 from dataclasses import dataclass
 from fractions import Fraction
 from numbers import Rational
@@ -20,6 +22,32 @@ MAX_TERMS = 2000
 MAX_BITS = 8192
 MAX_POWER = 32
 MAX_DEGREE = 64
+MAX_WORK = 2_000_000  # operations on coefficients, of all expressions of a plant
+
+_LEFT: ContextVar[list[int] | None] = ContextVar("left", default=None)
+
+
+@contextmanager
+def counted(most: int = MAX_WORK) -> Iterator[None]:
+    """Allow this many operations on coefficients in all that follows."""
+    token = _LEFT.set([most])
+    try:
+        yield
+    finally:
+        _LEFT.reset(token)
+
+
+def _spend(operations: int, p: Polynomial) -> None:
+    """Count operations before they begin, by the length of a coefficient too."""
+    left = _LEFT.get()
+    if left is None:
+        return
+    bits = max(
+        (c.denominator.bit_length() + c.numerator.bit_length() for c in p.values()), default=0
+    )
+    left[0] -= operations * (1 + (bits // 300))
+    if left[0] < 0:
+        raise PlantError("the expressions take more work than is done here; simplify them")
 
 
 def _bounded(p: Polynomial) -> Polynomial:
@@ -34,6 +62,7 @@ def _bounded(p: Polynomial) -> Polynomial:
 
 
 def _add(p: Polynomial, q: Polynomial) -> Polynomial:
+    _spend(2 + len(p) + len(q), p)
     total = dict(p)
     for e, c in q.items():
         total[e] = total.get(e, Fraction(0)) + c
@@ -43,6 +72,7 @@ def _add(p: Polynomial, q: Polynomial) -> Polynomial:
 def _multiply(p: Polynomial, q: Polynomial) -> Polynomial:
     if len(p) * len(q) > 50 * MAX_TERMS:
         raise PlantError(f"an expression has more than {MAX_TERMS} terms; simplify it")
+    _spend(3 * (2 + len(p) * len(q)), p)
     total: Polynomial = {}
     for e, c in p.items():
         for f, d in q.items():
@@ -52,10 +82,12 @@ def _multiply(p: Polynomial, q: Polynomial) -> Polynomial:
 
 
 def _evaluate(p: Polynomial, point: Sequence[Fraction]) -> Fraction:
+    _spend(len(p), p)
     total = Fraction(0)
     for exponents, c in p.items():
         for value, e in zip(point, exponents, strict=True):
-            c *= value**e
+            if e:
+                c *= value**e
         total += c
     return total
 

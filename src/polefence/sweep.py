@@ -30,6 +30,7 @@ PROOF = ("method", "law", "certificate")
 LABEL = re.compile(rf"({'|'.join(METHODS)})(\(\d, \d(, box)?\))?")
 
 AGAIN = 20  # times the least work, for a row that is proved again: of any law that was found
+READING = 80  # operations for each number of the plant, which is read for each row
 
 Row = dict[str, Any]
 Key = tuple[float, str]
@@ -160,7 +161,12 @@ def _again(
     To a count that is given the row adds `AGAIN` times the least that its proof takes.
     """
     where = f"{path}: the row of centre {row['centre']:g} and {row['method']}"
+    (n, m), N = plant.shape, len(plant.vertices)
+    reading = READING * N * n * (n + m)
+    if count is not None:
+        count.most += reading * exact.cost(0)
     try:
+        exact.spend(reading, 0)
         region = Disk(row["centre"], row["radius"])
         head = {"format": exact.FORMAT, "version": exact.VERSION, "plant": plant_document(plant)}
         own = {key: row["proof"][key] for key in PROOF}

@@ -14,7 +14,7 @@ from polefence.performance_file import check_performance
 from polefence.proof import cells, exact, outside
 from polefence.proof.exact import FormatError, Part
 from polefence.proof.service import Estimate, Subject, pieces, prove_service
-from polefence.sweep import sweep
+from polefence.sweep import READING, sweep
 
 DESIGN = {
     "format": "polefence-design",
@@ -78,6 +78,18 @@ def test_rows_of_a_sweep_that_nobody_asked_for_share_one_count(tmp_path, monkeyp
     assert len(sweep(plant, asked, ["quadratic"], path, resume=True)) == 3
     with pytest.raises(InputError, match="than is checked here"):
         sweep(plant, [-9.0], ["quadratic"], path, resume=True)
+
+
+def test_the_plant_is_counted_for_each_row_that_is_read(tmp_path, monkeypatch):
+    plant = UncertainPlant.from_vertices([[[-1]]], [[[1]]])
+    path, spent = tmp_path / "rows.json", []
+    sweep(plant, [-3.0, -4.0], ["quadratic"], path)
+    for reading in (0, READING):
+        monkeypatch.setattr("polefence.sweep.READING", reading)
+        with exact.counted() as count:
+            sweep(plant, [-3.0, -4.0], ["quadratic"], path, resume=True)
+        spent.append(count.spent)
+    assert spent[1] - spent[0] == 2 * READING * 2 * exact.cost(0)
 
 
 def test_mixing_is_the_sum_and_is_counted():

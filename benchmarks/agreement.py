@@ -17,12 +17,12 @@ import numpy as np
 from families import polytope, quarter_car
 
 from polefence import METHODS, PolefenceError, UncertainPlant
-from polefence.conditions.methods import build
-from polefence.smallest_region import tightest_near
-from polefence.solve.conic import largest_margin
-from polefence.solve.found import Found, lyapunov_mean
-from polefence.solve.radius import FLOOR
-from polefence.solve.scaling import balanced
+from polefence.design.place.smallest import tightest_near
+from polefence.lmi.conditions.methods import build
+from polefence.lmi.solve.conic import largest_margin
+from polefence.lmi.solve.point import Found, lyapunov_mean
+from polefence.lmi.solve.radius import FLOOR
+from polefence.lmi.solve.scaling import balanced
 
 SIDE = 1e-3
 CLEAR = 1e-7  # a margin that means something

@@ -42,8 +42,8 @@ from polefence import Disk, place
 from polefence.response.closed import close
 from polefence.response.linear import frequency, simulate, step
 from polefence.response.stationary import stationary, velocity_psd
-from polefence.response.vehicle import ride
-from polefence.suspension.quarter_car import family
+from polefence.vehicle.quarter_car import family
+from polefence.vehicle.vehicle import ride
 
 RATE = 1000.0  # Hz
 SECONDS = 60.0

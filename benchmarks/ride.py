@@ -9,10 +9,10 @@ force, and with a region for the poles or without. One Lyapunov matrix W(alpha) 
 
 The peer is that LMI written by hand in CVXPY over Clarabel, with its own settings; it is scaled
 as polefence scales (states, input, time; each signal in units of its limit), and proves nothing.
-Ours are the search of `polefence.solve.performance.least`, from the plant on, and the exact proof
-with the law's own W: of the bound, and of the bound, the limits and the region. For information
-`optimise` as a whole, which answers more: a law, each bound with a Lyapunov polynomial of its own.
-All run in one process on one thread, turn by turn; times are medians of wall-clock times, data
+Ours are the search of `polefence.lmi.solve.performance.least`, from the plant on, and the exact
+proof with the law's own W: of the bound, and of the bound, the limits and the region. For
+information `optimise` as a whole, which answers more: a law, each bound with a Lyapunov polynomial
+of its own. All run in one process on one thread, turn by turn; times are medians of wall-clock times, data
 from the plant to arrays not counted. Prints Markdown.
 """
 
@@ -43,24 +43,30 @@ import numpy as np
 
 import polefence
 from polefence import FixedGain, HalfPlane, Scheduled, ScheduledGain, Sector
-from polefence.conditions.methods import Method
-from polefence.conditions.target import Around
-from polefence.law import Law, right_divide
-from polefence.optimise import optimise
-from polefence.performance import exact_law
+from polefence.design.certificate import Certificate
+from polefence.design.signals.bounds import exact_law
+from polefence.design.signals.optimise import optimise
+from polefence.design.signals.specification import (
+    Rms,
+    Specification,
+    claim_of,
+    disturbance,
+    output_of,
+)
+from polefence.law.laws import Law, right_divide
+from polefence.lmi.conditions.methods import Method
+from polefence.lmi.conditions.target import Around
+from polefence.lmi.solve.performance import Question, least
+from polefence.lmi.solve.radius import smallest, typical_rate
+from polefence.lmi.solve.scaling import Scaling, balanced
 from polefence.plant.family import UncertainPlant
+from polefence.plant.polynomial import Domain
 from polefence.plant.system import Array
-from polefence.polynomial import Domain
 from polefence.proof import exact
-from polefence.proof.certificate import Certificate
 from polefence.proof.performance import prove_performance
-from polefence.region import Region
+from polefence.region.regions import Region
 from polefence.response.stationary import velocity_psd
-from polefence.solve.performance import Question, least
-from polefence.solve.radius import smallest, typical_rate
-from polefence.solve.scaling import Scaling, balanced
-from polefence.specification import Rms, Specification, claim_of, disturbance, output_of
-from polefence.suspension.quarter_car import family
+from polefence.vehicle.quarter_car import family
 
 DENSITY = velocity_psd(256e-6, 20.0)  # class C, 20 m/s
 COMFORT = Rms("sprung-mass acceleration", None, DENSITY)
@@ -78,9 +84,9 @@ LAWS: dict[str, tuple[Method, int]] = {
     "scheduled": (Scheduled(1, 0, "box"), 1),
     "one gain": ("quadratic", 0),
 }
-# how far above what was found the exact proof is attempted, as in polefence.performance
+# how far above what was found the exact proof is attempted, as in polefence.design.signals.bounds
 STEPS = (1e-7, 1e-6, 1e-5, 1e-4)
-INSIDE = 0.95  # as in polefence.optimise
+INSIDE = 0.95  # as in polefence.design.signals.optimise
 
 
 @dataclass(frozen=True)

@@ -43,16 +43,16 @@ import numpy as np
 
 import polefence
 from polefence import METHODS, UncertainPlant
-from polefence.errors import PolefenceError
+from polefence.base.errors import PolefenceError
+from polefence.design.place.smallest import tightest_near
+from polefence.lmi.solve import layout
+from polefence.lmi.solve import radius as radius_module
+from polefence.lmi.solve.point import Found
+from polefence.lmi.solve.radius import smallest_radius
+from polefence.lmi.solve.scaling import balanced
+from polefence.lmi.solve.stacked import Stacked
 from polefence.plant.system import Array
-from polefence.smallest_region import tightest_near
-from polefence.solve import layout
-from polefence.solve import radius as radius_module
-from polefence.solve.found import Found
-from polefence.solve.radius import smallest_radius
-from polefence.solve.scaling import balanced
-from polefence.solve.stacked import Stacked
-from polefence.suspension.quarter_car import family
+from polefence.vehicle.quarter_car import family
 
 TOLERANCE = 1e-4  # of the bracket, relative to its upper end
 TOP = 1.25  # first upper end, in units of sigma

@@ -24,7 +24,7 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "tests" / "export"))
 from cortex import Export, export, missing_tools
 
 from polefence import Disk, Scheduled, place
-from polefence.suspension.quarter_car import family
+from polefence.vehicle.quarter_car import family
 
 LEVELS = ("-O2", "-O3")
 # law, given, bits

@@ -25,8 +25,9 @@ from polefence import (
     place,
     worst_case,
 )
-from polefence.cli import main
-from polefence.loops import given_law, values_at
+from polefence.cli.main import main
+from polefence.law.given import given_law
+from polefence.plant.points import values_at
 from polefence.proof import exact
 
 # Leite & Peres (2005), Lemma 2 at (-40, 33.6): holds for the vertices as printed, on no real car.

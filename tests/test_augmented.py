@@ -7,13 +7,13 @@ import pytest
 from scipy.linalg import solve_continuous_lyapunov
 
 from polefence import InputError
-from polefence.augmented import with_actuator, with_filter, without_feedback
-from polefence.law import FixedGain
-from polefence.performance import best_bound
-from polefence.response.vehicle import ride
+from polefence.design.signals.augmented import with_actuator, with_filter, without_feedback
+from polefence.design.signals.bounds import best_bound
+from polefence.design.signals.specification import Rms
+from polefence.law.laws import FixedGain
 from polefence.response.weighting import WK
-from polefence.specification import Rms
-from polefence.suspension.quarter_car import family
+from polefence.vehicle.quarter_car import family
+from polefence.vehicle.vehicle import ride
 
 
 @pytest.fixture(scope="module")

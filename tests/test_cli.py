@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 
 from polefence import check
-from polefence.cli import main
+from polefence.cli.main import main
 from polefence.examples import SPECS, spec_text
 from polefence.plant.spec import dumps
 

@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 
 from polefence import Design, InputError, load
-from polefence.cli import main
-from polefence.region import HalfPlane
-from polefence.specification import EnergyPeak, Gain, InitialPeak, RelativeRms, Rms
-from polefence.specification_text import Road, load_specifications, parse_specification
+from polefence.cli.main import main
+from polefence.design.signals.specification import EnergyPeak, Gain, InitialPeak, RelativeRms, Rms
+from polefence.design.signals.text import Road, load_specifications, parse_specification
+from polefence.region.regions import HalfPlane
 
 PLANT = """
 name = "stage"

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from polefence import InputError, Parameter, PlantError, UncertainPlant, load
-from polefence.cli import main
-from polefence.commands.analyse import read_gain
-from polefence.commands.shared import MOST_GAINS, gain_lines, matrix_text
+from polefence.cli.analyse import read_gain
+from polefence.cli.common import MOST_GAINS, gain_lines, matrix_text
+from polefence.cli.main import main
 
 SPEC = """
 [parameter.k]

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from polefence import Design, Disk, HalfPlane, Sector, check, load
-from polefence.cli import main
+from polefence.cli.main import main
 from polefence.plant.spec import dumps, loads
-from polefence.suspension.quarter_car import spec_text
+from polefence.vehicle.quarter_car import spec_text
 
 STAGE = """
 name = "stage"

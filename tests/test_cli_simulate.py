@@ -12,18 +12,18 @@ import numpy as np
 import pytest
 
 from polefence import Disk, UncertainPlant, place
-from polefence.cli import main
-from polefence.commands.driven import panels_of
+from polefence.cli.drive_output import panels_of
+from polefence.cli.main import main
 from polefence.plant.spec import dumps
-from polefence.plots_drive import Panel, signals_figure
-from polefence.response.comfort import comfort
-from polefence.response.driving.parts import Jump
 from polefence.response.export import Table, write_table
-from polefence.response.iso8608 import random_road
 from polefence.response.linear import simulate
-from polefence.response.obstacles import pothole
-from polefence.response.run import Setup, run, signals
-from polefence.suspension.quarter_car import spec_text
+from polefence.show.plots.drive import Panel, signals_figure
+from polefence.vehicle.comfort import comfort
+from polefence.vehicle.driving.parts import Jump
+from polefence.vehicle.iso8608 import random_road
+from polefence.vehicle.obstacles import pothole
+from polefence.vehicle.quarter_car import spec_text
+from polefence.vehicle.run import Setup, run, signals
 
 ROAD = ["--road", "C", "--speed", "20", "--duration", "2"]
 
@@ -131,7 +131,7 @@ def test_a_drive_says_what_it_met_and_what_margins_cover(car, capsys, monkeypatc
         drawn.extend([panels, outside])
         return signals_figure(time, panels[:1], title, outside)
 
-    monkeypatch.setattr("polefence.plots_drive.signals_figure", figure)
+    monkeypatch.setattr("polefence.show.plots.drive.signals_figure", figure)
     words = ["simulate", "car", "--pothole", "0.06", "0.5", "--speed", "8", "--duration", "2"]
     words += ["--set", "m1=250", "--jump", "m1=340@1", "--drift", "beta=5@0.5..1.5"]
     words += ["--force-limit", "900", "--travel-limit", "0.03", "--sampling", "0.004"]

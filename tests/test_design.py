@@ -22,7 +22,7 @@ from polefence import (
     place,
     tightest,
 )
-from polefence.region_text import digits_up
+from polefence.region.text import digits_up
 
 
 def test_the_paper_design_keeps_every_sampled_pole_in_the_disk(placed):

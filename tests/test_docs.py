@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 
 import polefence
-from polefence.cli import main
-from polefence.suspension.quarter_car import spec_text
+from polefence.cli.main import main
+from polefence.vehicle.quarter_car import spec_text
 
 ROOT = Path(__file__).resolve().parents[1]
 README = (ROOT / "README.md").read_text()

@@ -13,20 +13,20 @@ from hypothesis import strategies as st
 from scipy.linalg import expm
 
 from polefence import FixedGain, HalfPlane, InputError, UncertainPlant
-from polefence.augmented import with_weights
-from polefence.conditions.performance import Output, Points, design
-from polefence.errors import SpecError
-from polefence.optimise import optimise
-from polefence.performance import best_bound, kept_bound
-from polefence.performance_file import check_performance, performance_text, save
+from polefence.base.errors import SpecError
+from polefence.design.signals.augmented import with_weights
+from polefence.design.signals.bounds import best_bound, kept_bound
+from polefence.design.signals.files import check_performance, performance_text, save
+from polefence.design.signals.optimise import optimise
+from polefence.design.signals.sampled import sampled, seeded
+from polefence.design.signals.specification import InitialPeak, Rms
+from polefence.design.signals.text import load_specifications, parse_specification
+from polefence.lmi.conditions.performance import Output, Points, design
+from polefence.plant.polynomial import Domain
 from polefence.plant.spec import loads
-from polefence.polynomial import Domain
 from polefence.proof.exact import FormatError
 from polefence.proof.performance import is_semidefinite, prove_performance, read_performance
 from polefence.response.signals import Signal
-from polefence.sampled_bounds import sampled, seeded
-from polefence.specification import InitialPeak, Rms
-from polefence.specification_text import load_specifications, parse_specification
 
 STAGE = """
 name = "stage"

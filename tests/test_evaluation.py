@@ -11,20 +11,28 @@ import pytest
 
 from polefence import Disk, HalfPlane, Scheduled, Sector, UncertainPlant, check, limits, place
 from polefence import tightest as tightest_of
-from polefence.analysis import analyse
-from polefence.cli import main
-from polefence.commands.laws import read_law
-from polefence.coordinates import Coordinates
-from polefence.design import Design
-from polefence.evaluation import SAFETY, TOLERANCE, UNIT, _Loops, _parts, _places, rounding_share
-from polefence.law import FixedGain, ScheduledGain, right_divide
-from polefence.limits import Limit
-from polefence.polynomial import Domain
+from polefence.cli.laws import read_law
+from polefence.cli.main import main
+from polefence.design.certificate import Certificate
+from polefence.design.design import Design
+from polefence.design.evaluation import (
+    SAFETY,
+    TOLERANCE,
+    UNIT,
+    _Loops,
+    _parts,
+    _places,
+    rounding_share,
+)
+from polefence.design.given.analysis import analyse
+from polefence.design.place.limits import Limit
+from polefence.design.place.smallest import _proved
+from polefence.law.coordinates import Coordinates
+from polefence.law.laws import FixedGain, ScheduledGain, right_divide
+from polefence.lmi.solve.radius import smallest_radius
+from polefence.plant.polynomial import Domain
 from polefence.proof import exact
-from polefence.proof.certificate import Certificate
-from polefence.region_text import digits_up
-from polefence.smallest_region import _proved
-from polefence.solve.radius import smallest_radius
+from polefence.region.text import digits_up
 
 # A helicopter and a moored floating platform, HE1 and MFP of F. Leibfritz, COMPleib: constrained
 # matrix-optimization problem library, 2004.

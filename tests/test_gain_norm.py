@@ -23,23 +23,23 @@ from polefence import (
     UncertainPlant,
     load,
 )
-from polefence.augmented import with_weights
-from polefence.cli import main
-from polefence.conditions.gain_norm import Norm, add_norm, tangents
-from polefence.conditions.pencil import Builder
-from polefence.errors import SpecError
+from polefence.base.errors import SpecError
+from polefence.cli.main import main
+from polefence.design.signals.augmented import with_weights
+from polefence.design.signals.bounds import best_bound, kept_bound
+from polefence.design.signals.files import check_performance, performance_text, save, statement
+from polefence.design.signals.gain_norm import GainNorm, levels
+from polefence.design.signals.optimise import optimise
+from polefence.design.signals.sampled import sampled, seeded
+from polefence.design.signals.specification import InitialPeak, Rms
+from polefence.design.signals.text import load_specifications, parse_specification
 from polefence.examples import spec_path
-from polefence.gain_norm import GainNorm, levels
-from polefence.optimise import optimise
-from polefence.performance import best_bound, kept_bound
-from polefence.performance_file import check_performance, performance_text, save, statement
+from polefence.lmi.conditions.gain_norm import Norm, add_norm, tangents
+from polefence.lmi.conditions.pencil import Builder
+from polefence.plant.polynomial import Domain
 from polefence.plant.spec import loads
-from polefence.polynomial import Domain
 from polefence.proof.exact import FormatError
 from polefence.proof.performance import blocks, prove_performance, read_performance
-from polefence.sampled_bounds import sampled, seeded
-from polefence.specification import InitialPeak, Rms
-from polefence.specification_text import load_specifications, parse_specification
 
 DOCS = Path(__file__).resolve().parents[1] / "docs"
 ONE = """

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from polefence import FixedGain, InputError, Parameter, ScheduledGain
-from polefence.errors import ParameterValueError
-from polefence.law import right_divide
+from polefence.base.errors import ParameterValueError
+from polefence.law.laws import right_divide
 
 RANDOM = np.random.default_rng(3)
 N, n, m = 4, 3, 2

@@ -9,14 +9,8 @@ import control
 import numpy as np
 import pytest
 
-from polefence import (
-    Disk,
-    InputError,
-    Scheduled,
-    UncertainPlant,
-    place,
-)
-from polefence.errors import MissingExtraError, ParameterValueError
+from polefence import Disk, InputError, Scheduled, UncertainPlant, place
+from polefence.base.errors import MissingExtraError, ParameterValueError
 from polefence.plant.control import valid_names
 from polefence.response.linear import step
 

@@ -14,10 +14,10 @@ import numpy as np
 import pytest
 
 from polefence import InputError, UncertainPlant, limits
-from polefence.cli import main
-from polefence.errors import RegionError
-from polefence.sweep import sweep
-from polefence.workers import as_finished, processes
+from polefence.base.errors import RegionError
+from polefence.base.workers import as_finished, processes
+from polefence.cli.main import main
+from polefence.design.place.sweep import sweep
 
 CENTRES, METHODS = [-2.0, -4.0, -3.0], ["slack", "quadratic"]
 
@@ -243,7 +243,7 @@ def test_a_pool_may_break_before_all_is_submitted(until):
 
 WORKERS = """
 import os, time
-from polefence.workers import processes
+from polefence.base.workers import processes
 
 if __name__ == "__main__":
     with processes(2) as executor:

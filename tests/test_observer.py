@@ -14,7 +14,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-import polefence.observer as module
+import polefence.design.observer as module
 from polefence import (
     METHODS,
     Design,
@@ -30,12 +30,12 @@ from polefence import (
     observe,
     place,
 )
-from polefence.cli import main
-from polefence.errors import ParameterValueError, UnobservableError
+from polefence.base.errors import ParameterValueError, UnobservableError
+from polefence.cli.main import main
+from polefence.design.observer import Observer
 from polefence.examples import spec_path
-from polefence.observer import Observer
-from polefence.region import HalfPlane, Sector
-from polefence.suspension.quarter_car import family
+from polefence.region.regions import HalfPlane, Sector
+from polefence.vehicle.quarter_car import family
 
 DOCS = Path(__file__).resolve().parents[1] / "docs"
 SENSORS = (

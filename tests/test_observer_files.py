@@ -8,15 +8,15 @@ import numpy as np
 import pytest
 
 from polefence import Disk, analyse, in_service, load, observe, place
-from polefence.cli import main
-from polefence.design import Design
-from polefence.errors import DesignFileError
-from polefence.loops import given_law
-from polefence.observer import Observer
-from polefence.report import html_report
-from polefence.response.drive import drive
+from polefence.base.errors import DesignFileError
+from polefence.cli.main import main
+from polefence.design.design import Design
+from polefence.design.margins import estimation_error, gain_error, parameter_rate
+from polefence.design.observer import Observer
+from polefence.law.given import given_law
 from polefence.response.linear import simulate
-from polefence.service import estimation_error, gain_error, parameter_rate
+from polefence.show.report import html_report
+from polefence.vehicle.driving.drive import drive
 
 SPEC = """
 name = "stage"

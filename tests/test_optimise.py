@@ -17,17 +17,17 @@ from polefence import (
     UncertainPlant,
     check,
 )
-from polefence.commands.bounds import lines_of, rows_of
-from polefence.design_search import Origin
-from polefence.design_task import Task
-from polefence.optimise import optimise, relaxed
-from polefence.performance import known_bound
-from polefence.performance_file import check_performance, performance_text, save
+from polefence.cli.bounds import lines_of, rows_of
+from polefence.design.signals.bounds import known_bound
+from polefence.design.signals.files import check_performance, performance_text, save
+from polefence.design.signals.optimise import optimise, relaxed
+from polefence.design.signals.sampled import sampled, seeded
+from polefence.design.signals.search import Origin
+from polefence.design.signals.specification import EnergyPeak, Gain, InitialPeak, RelativeRms, Rms
+from polefence.design.signals.task import Task
 from polefence.plant.spec import loads
 from polefence.proof.performance import read_performance
 from polefence.response.signals import Signal
-from polefence.sampled_bounds import sampled, seeded
-from polefence.specification import EnergyPeak, Gain, InitialPeak, RelativeRms, Rms
 
 ONE = """
 name = "one state"
@@ -118,7 +118,7 @@ def test_what_one_matrix_proves_is_proved(two, method, monkeypatch):
     assert None not in evidence
     for nothing in ("known_bound", "_own_region"):
         with monkeypatch.context() as fault:
-            fault.setattr(f"polefence.design_search.{nothing}", lambda *_: None)
+            fault.setattr(f"polefence.design.signals.search.{nothing}", lambda *_: None)
             other = optimise(*asked)
         assert other.shared == math.inf
         assert not any("one Lyapunov" in line for line in lines_of(other, rows_of(other), "law"))

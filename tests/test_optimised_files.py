@@ -5,14 +5,14 @@ from __future__ import annotations
 import pytest
 
 from polefence import UncertainPlant
-from polefence.cli import main
-from polefence.conditions.methods import Scheduled
-from polefence.optimise import optimise
-from polefence.performance_file import check_performance, performance_text, save
+from polefence.cli.main import main
+from polefence.design.signals.files import check_performance, performance_text, save
+from polefence.design.signals.optimise import optimise
+from polefence.design.signals.specification import Rms
+from polefence.lmi.conditions.methods import Scheduled
 from polefence.plant.spec import load
 from polefence.proof.performance import read_performance
-from polefence.region import HalfPlane, Sector
-from polefence.specification import Rms
+from polefence.region.regions import HalfPlane, Sector
 
 SPEC = """
 name = "stage of two parameters"

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from polefence import Design, Disk, parse_region, tightest
-from polefence.boundary import curves, view_of
-from polefence.conditions.methods import Scheduled
-from polefence.plots import STYLES, limits_figure, poles_figure, render, sampled, styles
+from polefence.lmi.conditions.methods import Scheduled
+from polefence.region.boundary import curves, view_of
+from polefence.show.plots.plots import STYLES, limits_figure, poles_figure, render, sampled, styles
 
 REGIONS = [
     "disk(-40, 31)",

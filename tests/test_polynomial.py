@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from polefence import InputError
-from polefence.polynomial import Domain
+from polefence.plant.polynomial import Domain
 from polefence.proof import exact
 
 SIZES = [(1,), (2,), (3,), (5,), (2, 2), (2, 2, 2), (2, 2, 2, 2), (3, 2)]

@@ -13,16 +13,16 @@ from hypothesis import strategies as st
 from scipy.linalg import solve_continuous_are, solve_continuous_lyapunov
 
 from polefence import InputError, NotProvedError, Scheduled, UncertainPlant, load
+from polefence.design.signals.optimise import optimise
+from polefence.design.signals.refutation import refute_limits
+from polefence.design.signals.specification import Gain, RelativeRms, Rms, rows, signal_of
 from polefence.examples import spec_path
-from polefence.optimise import optimise
 from polefence.plant.spec import loads
 from polefence.proof.exact import FormatError
 from polefence.proof.performance.refutation import prove_refutation
-from polefence.refutation import refute_limits
-from polefence.region import HalfPlane
-from polefence.response import velocity_density
+from polefence.region.regions import HalfPlane
 from polefence.response.signals import Signal
-from polefence.specification import Gain, RelativeRms, Rms, rows, signal_of
+from polefence.vehicle import velocity_density
 
 RIDE = spec_path("quarter-car-ride")
 NAMES = ("sprung-mass acceleration", "tyre deflection", "suspension deflection", "actuator force")

@@ -24,8 +24,8 @@ from polefence import (
     place,
     tightest,
 )
-from polefence.errors import RegionError
-from polefence.region import Intersection, damping_of, slope_of
+from polefence.base.errors import RegionError
+from polefence.region.regions import Intersection, damping_of, slope_of
 
 
 def number(low, high):

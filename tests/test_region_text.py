@@ -17,9 +17,9 @@ from polefence import (
     load,
     parse_region,
 )
-from polefence.errors import RegionError, SpecError
-from polefence.region import Intersection, Region
-from polefence.region_text import MAX_LENGTH, digits_down, digits_up, load_region, short_text
+from polefence.base.errors import RegionError, SpecError
+from polefence.region.regions import Intersection, Region
+from polefence.region.text import MAX_LENGTH, digits_down, digits_up, load_region, short_text
 
 POSITIVE = st.floats(1e-90, 1e90)
 PARTS = st.one_of(

@@ -12,10 +12,10 @@ import numpy as np
 import pytest
 
 from polefence import check, load, place
-from polefence.cli import main
+from polefence.cli.main import main
 from polefence.examples import spec_path
-from polefence.plots import sampled
-from polefence.region_text import load_region
+from polefence.region.text import load_region
+from polefence.show.plots.plots import sampled
 
 DOCS = Path(__file__).resolve().parents[1] / "docs"
 PAGE = (DOCS / "regions.md").read_text()

@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 
 from polefence import FixedGain, HalfPlane, NotProvedError, Parameter, UncertainPlant
-from polefence.cli import main
-from polefence.commands.bounds import Row, require_agreement
-from polefence.optimise import optimise
-from polefence.performance import best_bound
+from polefence.cli.bounds import Row, require_agreement
+from polefence.cli.main import main
+from polefence.design.signals.bounds import best_bound
+from polefence.design.signals.optimise import optimise
+from polefence.design.signals.sampled import agreed_bound, sampled, seeded
+from polefence.design.signals.specification import Gain, Rms
 from polefence.response.signals import Signal
-from polefence.sampled_bounds import agreed_bound, sampled, seeded
-from polefence.specification import Gain, Rms
 
 SERVO = """
 name = "servo"

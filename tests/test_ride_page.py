@@ -14,14 +14,14 @@ import numpy as np
 import pytest
 
 from polefence import Design, load
-from polefence.cli import main
+from polefence.cli.main import main
+from polefence.design.signals.sampled import sampled, seeded
+from polefence.design.signals.text import load_specifications
 from polefence.examples import spec_path
 from polefence.response.closed import close
-from polefence.response.compare import compare, points
 from polefence.response.stationary import lyapunov
-from polefence.sampled_bounds import sampled, seeded
-from polefence.specification_text import load_specifications
-from polefence.suspension.quarter_car import spec_text
+from polefence.vehicle.compare import compare, points
+from polefence.vehicle.quarter_car import spec_text
 
 DOCS = Path(__file__).resolve().parents[1] / "docs"
 PAGE = (DOCS / "ride.md").read_text()

@@ -9,17 +9,17 @@ import numpy as np
 import pytest
 
 from polefence import InputError, Parameter, Scheduled, UncertainPlant, place, tightest
-from polefence.analysis import analyse
-from polefence.cli import main
-from polefence.errors import DesignFileError
-from polefence.region import Disk, HalfPlane, Sector
-from polefence.service import (
+from polefence.base.errors import DesignFileError
+from polefence.cli.main import main
+from polefence.design.given.analysis import analyse
+from polefence.design.margins import (
     check_service,
     estimation_error,
     gain_error,
     in_service,
     parameter_rate,
 )
+from polefence.region.regions import Disk, HalfPlane, Sector
 
 BOX, BOX0 = Scheduled(1, 1, "box"), Scheduled(1, 0, "box")
 

@@ -10,11 +10,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from polefence.cli import main
-from polefence.plots_drive import signals_figure
+from polefence.cli.main import main
 from polefence.response.closed import close
-from polefence.response.compare import compare, points, standard_laws
-from polefence.suspension.quarter_car import spec_text
+from polefence.show.plots.drive import signals_figure
+from polefence.vehicle.compare import compare, points, standard_laws
+from polefence.vehicle.quarter_car import spec_text
 
 DOCS = Path(__file__).resolve().parents[1] / "docs"
 PAGE = (DOCS / "simulate.md").read_text()
@@ -34,7 +34,7 @@ def folder(tmp_path_factory):
 def test_the_commands_print_what_the_page_shows(block, folder, monkeypatch, capsys):
     monkeypatch.chdir(folder)
     monkeypatch.setattr(  # drawing is slow, and tested elsewhere
-        "polefence.plots_drive.signals_figure",
+        "polefence.show.plots.drive.signals_figure",
         lambda time, panels, *_: signals_figure(time, panels[:1]),
     )
     for session in re.split(r"^\$ ", block, flags=re.MULTILINE)[1:]:
@@ -114,7 +114,7 @@ def test_the_passive_body_is_as_slow_as_stated(physical):
 
 def test_the_snippet_runs(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    module = import_module("polefence.response.compare")
+    module = import_module("polefence.vehicle.compare")
     monkeypatch.setattr(module, "points", lambda plant: np.eye(4))
     Path("car.toml").write_text(spec_text("quarter-car-physical"))
     (snippet,) = re.findall(r"```python\n(.*?)```", PAGE, re.DOTALL)

@@ -25,15 +25,15 @@ from polefence import (
     UncertainPlant,
     analyse,
 )
-from polefence.cli import main
-from polefence.errors import ParameterValueError
+from polefence.base.errors import ParameterValueError
+from polefence.cli.main import main
+from polefence.design.given.table import TableAnalysis
+from polefence.design.given.table_search import _exact_table
 from polefence.examples import spec_path
-from polefence.gain_table import table_from
-from polefence.loops import values_text
-from polefence.plots import render
-from polefence.plots_analysis import analysis_figure, table_figure
-from polefence.table_analysis import TableAnalysis
-from polefence.table_search import _exact_table
+from polefence.law.table import table_from
+from polefence.plant.points import values_text
+from polefence.show.plots.analysis import analysis_figure, table_figure
+from polefence.show.plots.plots import render
 
 DOCS = Path(__file__).resolve().parents[1] / "docs"
 

@@ -19,15 +19,15 @@ from hypothesis import strategies as st
 from scipy.linalg import solve_continuous_lyapunov
 
 from polefence import Parameter, Scheduled, UncertainPlant, load
-from polefence.cli import main
-from polefence.errors import InputError
-from polefence.optimise import optimise
-from polefence.performance_file import check_performance
-from polefence.plots_tradeoff import front_figure
-from polefence.response import velocity_density
-from polefence.specification import Gain, Rms
-from polefence.tradeoff import tradeoff
-from polefence.tradeoff_front import monotone
+from polefence.base.errors import InputError
+from polefence.cli.main import main
+from polefence.design.signals.files import check_performance
+from polefence.design.signals.optimise import optimise
+from polefence.design.signals.specification import Gain, Rms
+from polefence.design.signals.tradeoff import tradeoff
+from polefence.design.signals.tradeoff_front import monotone
+from polefence.show.plots.tradeoff import front_figure
+from polefence.vehicle import velocity_density
 
 DOCS = Path(__file__).resolve().parents[1] / "docs"
 PAGE = (DOCS / "tradeoff.md").read_text()
@@ -408,7 +408,7 @@ def test_a_file_of_another_question_is_refused(minimise, limits, document, sprin
 
 
 def test_one_row_that_fails_stops_nothing(spring, monkeypatch):
-    module = import_module("polefence.tradeoff")
+    module = import_module("polefence.design.signals.tradeoff")
 
     def failing(plant, minimise, limits, *rest):
         if limits[0].at_most == 0.6:
@@ -473,7 +473,7 @@ def test_the_command_refuses_in_one_line(words, said, page, tmp_path, capsys):
 
 
 def test_a_gain_has_its_unit(spring):
-    from polefence.tradeoff_front import label_of
+    from polefence.design.signals.tradeoff_front import label_of
 
     assert label_of(spring, Gain("place")) == "gain of place"
     named = replace(spring, disturbances=("wind [N]",))
@@ -483,7 +483,7 @@ def test_a_gain_has_its_unit(spring):
 def test_limits_are_the_numbers_that_are_printed():
     from argparse import Namespace
 
-    from polefence.commands.tradeoff import _values
+    from polefence.cli.tradeoff import _values
 
     asked = Namespace(value=[0.0044, 0.007], values=[0.0042, 0.0056, 8.0])
     found = [0.0042, 0.0044, 0.0046, 0.0048, 0.005, 0.0052, 0.0054, 0.0056]

@@ -12,11 +12,11 @@ import numpy as np
 from scipy.linalg import solve_continuous_are
 
 import polefence as pf
-from polefence.files import write_bytes, write_text
-from polefence.plots import poles_figure, render
-from polefence.plots_analysis import table_figure
-from polefence.region_text import digits_down, digits_up
-from polefence.suspension.quarter_car import family
+from polefence.base.files import write_bytes, write_text
+from polefence.region.text import digits_down, digits_up
+from polefence.show.plots.analysis import table_figure
+from polefence.show.plots.plots import poles_figure, render
+from polefence.vehicle.quarter_car import family
 
 # Leite & Peres (2005): fixed gains for disks about -40, by Lemma 1 and Lemma 2
 PUBLISHED = {

@@ -10,9 +10,9 @@ import numpy as np
 from scipy.linalg import expm
 
 import polefence as pf
+from polefence.base.files import write_bytes
 from polefence.examples import family
-from polefence.files import write_bytes
-from polefence.plots import new_figure, render
+from polefence.show.plots.plots import new_figure, render
 
 FEEDBACK, OBSERVER = pf.Disk(-6, 5), pf.Disk(-20, 14)
 LOADS = {12.5: ":", 25: "--", 50: "-"}  # kg m^2: line style

@@ -10,15 +10,15 @@ from pathlib import Path
 import numpy as np
 
 import polefence as pf
-from polefence.commands.bounds import figure_of, rows_of
+from polefence.base.files import write_bytes
+from polefence.cli.bounds import figure_of, rows_of
+from polefence.design.signals.optimise import optimise
+from polefence.design.signals.specification import RelativeRms
+from polefence.design.signals.text import load_specifications
 from polefence.examples import spec_path
-from polefence.files import write_bytes
-from polefence.optimise import optimise
-from polefence.plots import render
-from polefence.region_text import digits_up
+from polefence.region.text import digits_up
 from polefence.response.closed import close
-from polefence.specification import RelativeRms
-from polefence.specification_text import load_specifications
+from polefence.show.plots.plots import render
 
 SPEC = spec_path("quarter-car-ride")
 CAR = pf.HalfPlane(1) & pf.Sector(0.15)  # about what the passive car has

@@ -1,9 +1,6 @@
 """State feedback that keeps all poles in a region for all uncertain parameters, proved."""
 
-from polefence.analysis import analyse
-from polefence.conditions.methods import METHODS, Scheduled, Slack, build
-from polefence.design import Design, check
-from polefence.errors import (
+from polefence.base.errors import (
     DesignFileError,
     InputError,
     MultiAffinityError,
@@ -14,24 +11,35 @@ from polefence.errors import (
     SpecError,
     UncontrollableError,
 )
-from polefence.gain_table import GainTable
-from polefence.law import FixedGain, ScheduledGain
-from polefence.limits import Limit, limits
-from polefence.observer import observe
-from polefence.placement import place
+from polefence.base.version import VERSION
+from polefence.design.certificate import Certificate, Check
+from polefence.design.design import Design, check
+from polefence.design.given.analysis import analyse
+from polefence.design.given.reach import worst_case
+from polefence.design.margins import in_service
+from polefence.design.observer import observe
+from polefence.design.place.limits import Limit, limits
+from polefence.design.place.placement import place
+from polefence.design.place.smallest import tightest
+from polefence.law.laws import FixedGain, ScheduledGain
+from polefence.law.table import GainTable
+from polefence.lmi.conditions.methods import METHODS, Scheduled, Slack, build
+from polefence.lmi.solve.engine import engine
 from polefence.plant.family import UncertainPlant
 from polefence.plant.parameters import Parameter
 from polefence.plant.spec import load
 from polefence.plant.system import System
-from polefence.proof.certificate import Certificate, Check
-from polefence.region import Disk, Ellipse, HalfPlane, HorizontalStrip, Sector, VerticalStrip
-from polefence.region_text import parse_region
-from polefence.service import in_service
-from polefence.smallest_region import tightest
-from polefence.solve.engine import engine
-from polefence.worst import worst_case
+from polefence.region.regions import (
+    Disk,
+    Ellipse,
+    HalfPlane,
+    HorizontalStrip,
+    Sector,
+    VerticalStrip,
+)
+from polefence.region.text import parse_region
 
-__version__ = "0.1.0"
+__version__ = VERSION
 
 __all__ = [
     "METHODS",

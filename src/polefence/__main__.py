@@ -2,6 +2,6 @@
 
 import sys
 
-from polefence.cli import main
+from polefence.cli.main import main
 
 sys.exit(main())

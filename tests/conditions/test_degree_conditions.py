@@ -10,11 +10,11 @@ from math import factorial, prod
 import numpy as np
 import pytest
 
-from polefence.conditions.methods import Scheduled, Slack, build
-from polefence.conditions.parameter_dependent import parameter_dependent
-from polefence.conditions.target import Around, Decays, Sectors, Target, disks
-from polefence.polynomial import Domain
-from polefence.region import (
+from polefence.lmi.conditions.methods import Scheduled, Slack, build
+from polefence.lmi.conditions.parameter_dependent import parameter_dependent
+from polefence.lmi.conditions.target import Around, Decays, Sectors, Target, disks
+from polefence.plant.polynomial import Domain
+from polefence.region.regions import (
     Disk,
     Ellipse,
     HalfPlane,
@@ -222,7 +222,7 @@ def test_slack(degree, elevation, on):
 
 
 def slack_by_hand(L, M, P, N, G, epsilon):
-    """(10) of Leite & Peres for a disk; else as `polefence.conditions.slack` displays it."""
+    """(10) of Leite & Peres for a disk; else as `polefence.lmi.conditions.slack` displays it."""
     L, M = np.array(L, dtype=float), np.array(M, dtype=float)
     if M.shape == (2, 2) and np.array_equal(M, [[0, 1], [0, 0]]):
         r, sigma = -L[0, 0], L[0, 1]

@@ -16,10 +16,10 @@ from polefence import (
     place,
     tightest,
 )
-from polefence.checks import is_checkable
-from polefence.cli import main
-from polefence.conditions.methods import build, method_label
-from polefence.conditions.sizes import LONG_STEP, blocks, fitting, step_work
+from polefence.cli.main import main
+from polefence.design.checks import is_checkable
+from polefence.lmi.conditions.methods import build, method_label
+from polefence.lmi.conditions.sizes import LONG_STEP, blocks, fitting, step_work
 
 METHODS = [
     "quadratic",
@@ -110,7 +110,7 @@ def test_limits_leaves_out_what_is_too_large_unless_it_was_chosen(tmp_path, caps
 
 
 def test_a_plant_too_large_for_every_method_is_refused(tmp_path, capsys, monkeypatch):
-    from polefence.commands import limits as command
+    from polefence.cli import limits as command
 
     monkeypatch.setattr(command, "is_checkable", lambda plant, method: False)
     path = spec(tmp_path / "p.toml", springs(1))
@@ -123,7 +123,7 @@ def test_a_plant_too_large_for_every_method_is_refused(tmp_path, capsys, monkeyp
 def test_rows_are_printed_in_order_and_each_as_soon_as_those_before_it_are_there(
     tmp_path, capsys, monkeypatch
 ):
-    from polefence.commands import limits as command
+    from polefence.cli import limits as command
 
     seen = []
     add = command._Table.add

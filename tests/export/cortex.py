@@ -15,7 +15,7 @@ from polefence.export.c99.number import number
 from polefence.export.c99.program import Fixed, Program, Scheduled, program
 from polefence.export.c99.sources import Texts, sources
 from polefence.export.c99.vectors import harness, makefile
-from polefence.law import Law, right_divide
+from polefence.law.laws import Law, right_divide
 
 HERE = Path(__file__).parent / "target"
 HOST_TOOLS = ("cc", "make")

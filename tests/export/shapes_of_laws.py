@@ -14,9 +14,9 @@ import pytest
 from polefence.export.c99.number import number
 from polefence.export.c99.program import Program, program
 from polefence.export.c99.sources import Texts, sources
-from polefence.law import FixedGain, Law, ScheduledGain
+from polefence.law.laws import FixedGain, Law, ScheduledGain
 from polefence.plant.parameters import Parameter
-from polefence.polynomial import Domain
+from polefence.plant.polynomial import Domain
 
 FUZZ = Path(__file__).parent / "fuzz"
 WARNINGS = (

@@ -28,6 +28,7 @@ from polefence import (
     observe,
     place,
 )
+from polefence.design.observer import Observer
 from polefence.examples import spec_path
 from polefence.export.c99.number import number
 from polefence.export.c99.program import program
@@ -40,9 +41,8 @@ from polefence.export.sampled.observer_loop import (
     observer_step,
     sampled_output_loop,
 )
-from polefence.law import FixedGain
-from polefence.observer import Observer
-from polefence.suspension.quarter_car import family
+from polefence.law.laws import FixedGain
+from polefence.vehicle.quarter_car import family
 
 SERVO = spec_path("servo")
 SENSORS = ("suspension deflection", "sprung-mass velocity", "integral of suspension deflection")

@@ -25,7 +25,7 @@ from shapes_of_laws import (
     weights,
 )
 
-from polefence.errors import InputError
+from polefence.base.errors import InputError
 from polefence.export.c99.sources import sources
 
 PAGE = Path(__file__).parents[2] / "docs" / "export-misra.md"

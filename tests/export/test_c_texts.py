@@ -13,7 +13,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from shapes_of_laws import BY_LABEL, STRICT, need, run
 
-from polefence.errors import InputError
+from polefence.base.errors import InputError
 from polefence.export.c99.sources import check_c_name, sources
 from polefence.export.c99.text import WIDTH, block, comment
 from polefence.plant.parameters import Parameter

@@ -20,9 +20,9 @@ from polefence import (
     UncertainPlant,
     place,
 )
-from polefence.cli import main
+from polefence.cli.main import main
 from polefence.export import check_guarantee, export_c99
-from polefence.suspension.quarter_car import family
+from polefence.vehicle.quarter_car import family
 
 FILES = {"law.c", "law.h", "law_test.c", "Makefile", "README.md", "guarantee.json"}
 
@@ -200,7 +200,7 @@ def test_limits_are_in_the_code(tmp_path):
 
 
 def test_an_unproved_design_is_not_exported():
-    from polefence.design import Design
+    from polefence.design.design import Design
 
     good = design()
     certificate = good.certificate

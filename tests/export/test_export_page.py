@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from polefence.cli import main
+from polefence.cli.main import main
 
 DOCS = Path(__file__).resolve().parents[2] / "docs"
 PAGE = (DOCS / "export.md").read_text()

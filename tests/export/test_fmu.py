@@ -21,7 +21,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from polefence import Disk, FixedGain, place
-from polefence.errors import InputError
+from polefence.base.errors import InputError
 from polefence.export.c99.number import number
 from polefence.export.c99.program import program
 from polefence.export.c99.sources import Texts
@@ -30,8 +30,8 @@ from polefence.export.fmi.fmu import fmu
 from polefence.export.fmi.library import platform
 from polefence.export.fmi.variables import plain, split, unique
 from polefence.response.discrete import held
-from polefence.response.drive import drive
-from polefence.response.driving.parts import Sampling
+from polefence.vehicle.driving.drive import drive
+from polefence.vehicle.driving.parts import Sampling
 
 BOTH = pytest.mark.parametrize("version", ["2.0", "3.0"])
 KINDS = ("parameters", "alpha", "fixed", "limited")

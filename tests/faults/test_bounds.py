@@ -9,7 +9,7 @@ from fractions import Fraction
 import pytest
 
 from polefence import PlantError, load
-from polefence.cli import main
+from polefence.cli.main import main
 from polefence.plant.spec import loads
 from polefence.proof import exact
 

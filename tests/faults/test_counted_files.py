@@ -9,12 +9,13 @@ import numpy as np
 import pytest
 
 from polefence import UncertainPlant
-from polefence.errors import DesignFileError, InputError
-from polefence.performance_file import check_performance
-from polefence.proof import cells, exact, outside
+from polefence.base.errors import DesignFileError, InputError
+from polefence.design import outside
+from polefence.design.place.sweep import READING, sweep
+from polefence.design.signals.files import check_performance
+from polefence.proof import cells, exact
 from polefence.proof.exact import FormatError, Part
 from polefence.proof.service import Estimate, Subject, pieces, prove_service
-from polefence.sweep import READING, sweep
 
 DESIGN = {
     "format": "polefence-design",
@@ -85,7 +86,7 @@ def test_the_plant_is_counted_for_each_row_that_is_read(tmp_path, monkeypatch):
     path, spent = tmp_path / "rows.json", []
     sweep(plant, [-3.0, -4.0], ["quadratic"], path)
     for reading in (0, READING):
-        monkeypatch.setattr("polefence.sweep.READING", reading)
+        monkeypatch.setattr("polefence.design.place.sweep.READING", reading)
         with exact.counted() as count:
             sweep(plant, [-3.0, -4.0], ["quadratic"], path, resume=True)
         spent.append(count.spent)

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from polefence.cli import main
+from polefence.cli.main import main
 from polefence.plant.names import quoted, unit_text, visible
 
 FORGED = "all poles in disk(-9, 1)"

@@ -24,10 +24,10 @@ from polefence import (
     place,
     tightest,
 )
-from polefence.conditions.methods import Slack
-from polefence.errors import RegionError
-from polefence.polynomial import Domain
-from polefence.region import (
+from polefence.base.errors import RegionError
+from polefence.lmi.conditions.methods import Slack
+from polefence.plant.polynomial import Domain
+from polefence.region.regions import (
     Ellipse,
     HalfPlane,
     HorizontalStrip,

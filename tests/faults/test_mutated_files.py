@@ -11,7 +11,7 @@ import tomllib
 import numpy as np
 import pytest
 
-from polefence.cli import main
+from polefence.cli.main import main
 
 SPEC = """name = "mass"
 states = ["x [m]", "v [m/s]"]

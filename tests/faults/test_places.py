@@ -10,10 +10,10 @@ import sys
 import pytest
 
 from polefence import OutputError, export
-from polefence.cli import main
-from polefence.design import FILE_NAME
+from polefence.base.files import write_all
+from polefence.cli.main import main
+from polefence.design.design import FILE_NAME
 from polefence.export.c99.text import cell, prose
-from polefence.files import write_all
 from polefence.plant.spec import dumps
 
 SPEC = "[[vertex]]\nA = [[1]]\nB = [[1]]\n"
@@ -111,7 +111,7 @@ def test_a_full_disk_leaves_no_half_export(fails, small_designs, tmp_path, monke
             return Full()
         return file
 
-    monkeypatch.setattr("polefence.files.os.fdopen", full)
+    monkeypatch.setattr("polefence.base.files.os.fdopen", full)
     with pytest.raises(OutputError, match="No space left"):
         found.save(tmp_path / "new")
     assert not (tmp_path / "new").exists()
@@ -129,7 +129,7 @@ def test_an_interrupt_leaves_nothing(tmp_path, monkeypatch):
     def stop(*_):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("polefence.files.os.replace", stop)
+    monkeypatch.setattr("polefence.base.files.os.replace", stop)
     with pytest.raises(KeyboardInterrupt):
         write_all(tmp_path / "new", {"a": b"1", "b": b"2"})
     assert list(tmp_path.iterdir()) == []
@@ -144,7 +144,7 @@ def replace(*names):
         os._exit(9)
     real(*names)
 os.replace = replace
-from polefence.cli import main
+from polefence.cli.main import main
 main(sys.argv[2:])
 """
 

@@ -7,11 +7,11 @@ from pathlib import Path
 
 import pytest
 
-from polefence.cli import main
-from polefence.commands.limits import _row_line
-from polefence.design import Design
-from polefence.report import html_report
-from polefence.specification import Rms, limit_text
+from polefence.cli.limits import _row_line
+from polefence.cli.main import main
+from polefence.design.design import Design
+from polefence.design.signals.specification import Rms, limit_text
+from polefence.show.report import html_report
 
 SPEC = """
 name = "stage"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from polefence.cli import main
+from polefence.cli.main import main
 
 GOOD = """
 name = "car"

@@ -11,9 +11,8 @@ from pathlib import Path
 import pytest
 
 from polefence import Disk, load, place
-from polefence.cli import main
-from polefence.plant.names import quoted
-from polefence.proof.statement import (
+from polefence.cli.main import main
+from polefence.design.statement import (
     errors_text,
     impulses_text,
     milliseconds_text,
@@ -23,7 +22,8 @@ from polefence.proof.statement import (
     range_text,
     sum_text,
 )
-from polefence.region_text import digits_down, digits_up
+from polefence.plant.names import quoted
+from polefence.region.text import digits_down, digits_up
 
 PLANT = """
 name = "stage"

@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 from polefence import Disk, Parameter, PlantError, UncertainPlant, place
-from polefence.errors import ParameterValueError
+from polefence.base.errors import ParameterValueError
+from polefence.design.signals.specification import Rms, rows
 from polefence.plant.control import from_control, to_control
 from polefence.response.signals import outputs_of
-from polefence.specification import Rms, rows
 
 
 def test_round_trip_keeps_matrices_and_names(physical):

@@ -10,11 +10,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from polefence import Disk, HalfPlane, Sector, UncertainPlant, observe, place, tightest
-from polefence.checks import require_movable
-from polefence.errors import PlantError, UncontrollableError, UnobservableError
-from polefence.gain_norm import GainNorm
-from polefence.limits import limits
-from polefence.optimise import optimise
+from polefence.base.errors import PlantError, UncontrollableError, UnobservableError
+from polefence.design.checks import require_movable
+from polefence.design.place.limits import limits
+from polefence.design.signals.gain_norm import GainNorm
+from polefence.design.signals.optimise import optimise
 from polefence.plant import controllability
 from polefence.plant.controllability import fixed_modes
 

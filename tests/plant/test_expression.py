@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from polefence.errors import SpecError
+from polefence.base.errors import SpecError
 from polefence.plant.expression import decimal, evaluate
 
 NAMES = {"k": Fraction(3), "m1": Fraction(1, 7)}

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from polefence.errors import PlantError
+from polefence.base.errors import PlantError
 from polefence.plant import family, rational
 from polefence.plant.rational import RationalFunction
 from polefence.plant.spec import loads

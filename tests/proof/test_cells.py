@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 
 from polefence import GainTable, HalfPlane, Parameter, Sector, UncertainPlant, analyse
+from polefence.design.given.table_search import _exact_table
 from polefence.proof import cells, exact
-from polefence.table_search import _exact_table
 
 
 def spring(low="1", high="4"):

@@ -15,10 +15,10 @@ import numpy as np
 import pytest
 
 from polefence import Certificate, Disk, Parameter, UncertainPlant, check, place
-from polefence.conditions.methods import Scheduled, Slack
-from polefence.errors import RegionError
+from polefence.base.errors import RegionError
+from polefence.lmi.conditions.methods import Scheduled, Slack
 from polefence.proof import exact
-from polefence.region import (
+from polefence.region.regions import (
     Ellipse,
     HalfPlane,
     HorizontalStrip,

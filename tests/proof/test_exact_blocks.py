@@ -11,12 +11,19 @@ from math import factorial, prod
 import numpy as np
 import pytest
 
-from polefence.conditions.methods import Scheduled, Slack, build
-from polefence.conditions.parameter_dependent import parameter_dependent
-from polefence.conditions.target import Around
-from polefence.polynomial import Domain
+from polefence.lmi.conditions.methods import Scheduled, Slack, build
+from polefence.lmi.conditions.parameter_dependent import parameter_dependent
+from polefence.lmi.conditions.target import Around
+from polefence.plant.polynomial import Domain
 from polefence.proof import exact
-from polefence.region import Disk, Ellipse, HalfPlane, HorizontalStrip, Sector, VerticalStrip
+from polefence.region.regions import (
+    Disk,
+    Ellipse,
+    HalfPlane,
+    HorizontalStrip,
+    Sector,
+    VerticalStrip,
+)
 
 RANDOM = np.random.default_rng(29)
 n, m = 2, 1

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 from polefence import NotProvedError, Parameter, UncertainPlant, place
-from polefence.conditions.methods import Scheduled, Slack
-from polefence.polynomial import Domain
+from polefence.lmi.conditions.methods import Scheduled, Slack
+from polefence.plant.polynomial import Domain
 from polefence.proof import exact
-from polefence.region import (
+from polefence.region.regions import (
     Disk,
     Ellipse,
     HalfPlane,

@@ -24,17 +24,17 @@ from polefence import (
     check,
     place,
 )
-from polefence.cli import main
-from polefence.law import FixedGain, ScheduledGain
-from polefence.loops import certificate_of
-from polefence.polynomial import Domain
+from polefence.cli.main import main
+from polefence.design.given.closed_loop import certificate_of
+from polefence.design.margins import gain_error
+from polefence.design.margins.directions import claimed_design, gain_claim, gain_document
+from polefence.design.margins.gain import Scales, scales_of
+from polefence.design.margins.gain_breaks import gain_break
+from polefence.law.laws import FixedGain, ScheduledGain
+from polefence.plant.polynomial import Domain
 from polefence.proof.exact import FormatError, least_work
 from polefence.proof.service import Gain, Range, Subject, prove_service, read_service
 from polefence.proof.service.inequalities import blocks
-from polefence.service import gain_error
-from polefence.service.gain import Scales, scales_of
-from polefence.service.gain_breaks import gain_break
-from polefence.service.tolerated import claimed_design, gain_claim, gain_document
 
 REGION = HalfPlane(0.5) & Sector(0.2) & VerticalStrip(-12, -0.4) & Ellipse(-4, 5, 4)
 

@@ -9,8 +9,8 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
+from polefence.design.certificate import check_claim
 from polefence.proof import cells, exact
-from polefence.proof.certificate import check_claim
 from polefence.proof.exact import Claim, Evidence, FormatError, Law, Part
 
 DISK = (Part("disk", (Fraction(-40), Fraction(31))),)

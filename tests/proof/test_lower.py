@@ -10,9 +10,10 @@ import numpy as np
 import pytest
 
 from polefence import Scheduled
-from polefence.conditions.methods import build, method_name
-from polefence.proof import lower, repair
-from polefence.solve.radius import smallest_radius
+from polefence.design import repair
+from polefence.lmi.conditions.methods import build, method_name
+from polefence.lmi.solve.radius import smallest_radius
+from polefence.proof import lower
 
 RIGHT = Scheduled(right_hand_sides=True)
 METHODS = ["quadratic", "slack", "scheduled", RIGHT]

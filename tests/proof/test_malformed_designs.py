@@ -21,11 +21,11 @@ from polefence import (
     check,
     place,
 )
-from polefence.cli import main
-from polefence.conditions.methods import Scheduled, Slack
+from polefence.cli.main import main
+from polefence.design.certificate import check_claim
+from polefence.lmi.conditions.methods import Scheduled, Slack
 from polefence.proof import exact
-from polefence.proof.certificate import check_claim
-from polefence.region import HalfPlane, Sector
+from polefence.region.regions import HalfPlane, Sector
 
 SECONDS = 3.0  # a second each, on a machine that is shared
 

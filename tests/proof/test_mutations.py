@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 from polefence import check
-from polefence.cli import main
+from polefence.cli.main import main
 from polefence.proof import exact
 
 CHANGES = 120

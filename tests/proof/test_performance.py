@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 import pytest
 
-from polefence.polynomial import Domain
+from polefence.plant.polynomial import Domain
 from polefence.proof.exact import Evidence, FormatError, Law
 from polefence.proof.performance import (
     Baseline,

@@ -11,10 +11,10 @@ from itertools import product
 import numpy as np
 import pytest
 
-from polefence.cli import main
-from polefence.errors import RegionError
+from polefence.base.errors import RegionError
+from polefence.cli.main import main
 from polefence.proof import exact
-from polefence.region import CLASSES, Ellipse, HalfPlane, Sector, region_of
+from polefence.region.regions import CLASSES, Ellipse, HalfPlane, Sector, region_of
 
 NUMBERS = [
     *(0.0, -0.0, 1e-300, 1e-101, 1e-100, 1e-9, 1e-8, 0.3, 0.5, math.nextafter(0.5, 0), 0.999),

@@ -9,16 +9,16 @@ import numpy as np
 import pytest
 
 from polefence import Disk, FixedGain, ScheduledGain, UncertainPlant, check
-from polefence.proof import exact
-from polefence.proof.certificate import Certificate
-from polefence.proof.refute import (
+from polefence.design.certificate import Certificate
+from polefence.design.counterexample import (
     counterexample,
     edges,
     first_worst,
     sample_simplex,
     worst_points,
 )
-from polefence.suspension import paper
+from polefence.proof import exact
+from polefence.show.paper import study as paper
 
 
 def test_a_pole_that_leaves_inside_an_edge_is_found():

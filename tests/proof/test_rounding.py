@@ -14,7 +14,7 @@ from polefence.export.c99.program import program
 from polefence.export.guarantee import code_of, guarantee, scales
 from polefence.proof.exact import FormatError
 from polefence.proof.rounding import prove_rounding, rounding_error
-from polefence.suspension.quarter_car import family
+from polefence.vehicle.quarter_car import family
 
 CASES = {
     "parameters": ("quarter-car-physical", Disk(-40, 31), "scheduled", True),

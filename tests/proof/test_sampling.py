@@ -10,7 +10,7 @@ import pytest
 from scipy.linalg import expm
 
 from polefence import Disk, HalfPlane, Sector, UncertainPlant, place
-from polefence.design import Design
+from polefence.design.design import Design
 from polefence.export.sampled.proof import prove_decay
 from polefence.plant.parameters import Parameter
 from polefence.proof.exact import FormatError, closed_loop, simplices

@@ -12,15 +12,15 @@ import numpy as np
 import pytest
 
 from polefence import Certificate, Parameter, Scheduled, UncertainPlant, place
-from polefence.law import FixedGain, ScheduledGain
-from polefence.polynomial import Domain
+from polefence.design.margins import in_service
+from polefence.law.laws import FixedGain, ScheduledGain
+from polefence.plant.polynomial import Domain
 from polefence.proof import service
 from polefence.proof.exact import FormatError
 from polefence.proof.service import Estimate, Gain, Range, Rate, Subject, prove_service
 from polefence.proof.service.inequalities import _order, blocks
 from polefence.proof.service.pieces import cells, estimates, family_of
-from polefence.region import Disk, Ellipse, HalfPlane, Sector, VerticalStrip
-from polefence.service import in_service
+from polefence.region.regions import Disk, Ellipse, HalfPlane, Sector, VerticalStrip
 
 REGIONS = {
     "disk": Disk(-3, 2),

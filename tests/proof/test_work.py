@@ -10,8 +10,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from polefence.proof import exact, outside
-from polefence.region import (
+from polefence.design import outside
+from polefence.proof import exact
+from polefence.region.regions import (
     Disk,
     Ellipse,
     HalfPlane,

@@ -10,11 +10,11 @@ import numpy as np
 import pytest
 
 from polefence import Design, Disk, HalfPlane, NotProvedError, UncertainPlant, analyse, place
-from polefence.cli import main
-from polefence.report import html_report
+from polefence.cli.main import main
 from polefence.response.stationary import stationary, velocity_psd
-from polefence.response.vehicle import require_ride
-from polefence.suspension.quarter_car import family, spec_text
+from polefence.show.report import html_report
+from polefence.vehicle.quarter_car import family, spec_text
+from polefence.vehicle.vehicle import require_ride
 
 
 class Page(HTMLParser):

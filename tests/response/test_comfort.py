@@ -9,19 +9,18 @@ import numpy as np
 import pytest
 from scipy import integrate, linalg, signal
 
-from polefence.errors import InputError
+from polefence.base.errors import InputError
 from polefence.response import bands as of_bands
-from polefence.response import labels
 from polefence.response import weighting as of_weighting
 from polefence.response.bands import MOTION, RIDE, Bands, quadrature, stationary_ride, thirds
 from polefence.response.closed import close
-from polefence.response.iso8608 import velocity_density
 from polefence.response.linear import frequency as frequency_response
 from polefence.response.signals import pick, rate_of, states
 from polefence.response.weighting import WF, WK
-from polefence.suspension import quarter_car
+from polefence.vehicle import labels, quarter_car
+from polefence.vehicle.iso8608 import velocity_density
 
-of = import_module("polefence.response.comfort")  # the package has the function of that name
+of = import_module("polefence.vehicle.comfort")  # the package has the function of that name
 
 # ISO 2631-1:1997, table 3: factors times 1000 at the nominal one-third octaves, band limits
 # among them. Wk from 0.1 to 400 Hz, Wf from 0.02 to 4 Hz. Figures, as several public programs

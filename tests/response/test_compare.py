@@ -10,17 +10,17 @@ import numpy as np
 import pytest
 
 from polefence import Disk, InputError, Scheduled, place
-from polefence.loops import values_at
+from polefence.plant.points import values_at
 from polefence.response.bands import quadrature, stationary_ride
 from polefence.response.closed import close
-from polefence.response.compare import NAMES, NoLaw, compare, points, standard_laws
-from polefence.response.comparison import QUANTITIES
 from polefence.response.linear import frequency
 from polefence.response.signals import Signal
 from polefence.response.stationary import stationary, velocity_psd
-from polefence.response.vehicle import masses, require_ride
+from polefence.vehicle.compare import NAMES, NoLaw, compare, points, standard_laws
+from polefence.vehicle.comparison import QUANTITIES
+from polefence.vehicle.vehicle import masses, require_ride
 
-module = import_module("polefence.response.compare")  # the package has the function
+module = import_module("polefence.vehicle.compare")  # the package has the function
 
 ROAD = velocity_psd(256e-6, 20)  # class C at 20 m/s
 

@@ -13,9 +13,11 @@ from scipy.linalg import expm
 from scipy.signal import lsim
 
 from polefence import Disk, GainTable, Scheduled, UncertainPlant, place, tightest
-from polefence.errors import InputError
-from polefence.response.drive import drive
-from polefence.response.driving.parts import (
+from polefence.base.errors import InputError
+from polefence.design.margins import in_service, parameter_rate
+from polefence.response.signals import rate_of, states
+from polefence.vehicle.driving.drive import drive
+from polefence.vehicle.driving.parts import (
     Actuator,
     BumpStops,
     Estimated,
@@ -26,13 +28,11 @@ from polefence.response.driving.parts import (
     Sensors,
     Sine,
 )
-from polefence.response.iso8608 import random_road
-from polefence.response.recursion import Tuning
-from polefence.response.reference_laws import lqr
-from polefence.response.signals import rate_of, states
-from polefence.response.vehicle import ride
-from polefence.service import in_service, parameter_rate
-from polefence.suspension.quarter_car import quarter_car
+from polefence.vehicle.iso8608 import random_road
+from polefence.vehicle.quarter_car import quarter_car
+from polefence.vehicle.recursion import Tuning
+from polefence.vehicle.reference_laws import lqr
+from polefence.vehicle.vehicle import ride
 
 H = 1e-3
 

@@ -8,14 +8,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.signal import lsim
 
-from polefence.errors import InputError
+from polefence.base.errors import InputError
 from polefence.response.closed import close
-from polefence.response.estimate import estimate
-from polefence.response.iso8608 import random_road
-from polefence.response.projection import cost, nearest, point, slopes
-from polefence.response.recursion import Tuning, estimator
-from polefence.response.reference_laws import lqr, passive
-from polefence.suspension.quarter_car import family
+from polefence.vehicle.estimate import estimate
+from polefence.vehicle.iso8608 import random_road
+from polefence.vehicle.projection import cost, nearest, point, slopes
+from polefence.vehicle.quarter_car import family
+from polefence.vehicle.recursion import Tuning, estimator
+from polefence.vehicle.reference_laws import lqr, passive
 
 STEP = 0.005
 

@@ -18,7 +18,7 @@ from polefence.response.discrete import driven, free, held, ramped
 from polefence.response.exponential import exponential
 from polefence.response.linear import frequency, impulse, simulate, step
 from polefence.response.signals import Signal, inputs, output_matrices, rate_of, states
-from polefence.response.vehicle import ride
+from polefence.vehicle.vehicle import ride
 
 CLOSE = 1e-9  # of the largest value of a signal
 

@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 
 from polefence import FixedGain, UncertainPlant
-from polefence.cli import main
-from polefence.errors import InputError
+from polefence.base.errors import InputError
+from polefence.cli.main import main
+from polefence.design.signals.sampled import seeded
 from polefence.examples import family, spec_text
 from polefence.response.linear import simulate
-from polefence.response.rest import held_words, rests
-from polefence.sampled_bounds import seeded
+from polefence.vehicle.rest import held_words, rests
 
 
 def test_a_car_on_a_grade_stands_as_the_balance_of_forces_has_it():

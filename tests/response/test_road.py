@@ -8,18 +8,18 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import signal
 
-from polefence.errors import InputError
-from polefence.response import profile
-from polefence.response.iso8608 import (
+from polefence.base.errors import InputError
+from polefence.vehicle import profile
+from polefence.vehicle.iso8608 import (
     ROUGHNESS,
     displacement_density,
     random_road,
     roughness,
     velocity_density,
 )
-from polefence.response.obstacles import bump, kerb, pothole
-from polefence.response.profile import measured_road
-from polefence.response.road import Road
+from polefence.vehicle.obstacles import bump, kerb, pothole
+from polefence.vehicle.profile import measured_road
+from polefence.vehicle.road import Road
 
 # ISO 8608, table of Gd(n0) [1e-6 m3]: geometric mean and upper limit of every class.
 MEANS = dict(zip("ABCDEFGH", (16, 64, 256, 1024, 4096, 16384, 65536, 262144), strict=True))

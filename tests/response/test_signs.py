@@ -7,17 +7,17 @@ import numpy as np
 import pytest
 
 from polefence import FixedGain, UncertainPlant
-from polefence.cli import main
-from polefence.errors import InputError
+from polefence.base.errors import InputError
+from polefence.cli.main import main
 from polefence.plant.spec import loads
-from polefence.response.compare import compare, standard_laws
-from polefence.response.drive import drive
-from polefence.response.driving.parts import BumpStops, Estimated, Jump
-from polefence.response.obstacles import kerb
-from polefence.response.reference_laws import Sizes, lqr, skyhook
-from polefence.response.run import Setup, run
-from polefence.response.vehicle import masses, require_ride, ride
-from polefence.suspension.quarter_car import family, spec_text
+from polefence.vehicle.compare import compare, standard_laws
+from polefence.vehicle.driving.drive import drive
+from polefence.vehicle.driving.parts import BumpStops, Estimated, Jump
+from polefence.vehicle.obstacles import kerb
+from polefence.vehicle.quarter_car import family, spec_text
+from polefence.vehicle.reference_laws import Sizes, lqr, skyhook
+from polefence.vehicle.run import Setup, run
+from polefence.vehicle.vehicle import masses, require_ride, ride
 
 SENSES = [s for s in product((1, -1), repeat=2) if s != (1, 1)]
 TEXTBOOK = (

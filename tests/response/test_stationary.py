@@ -23,7 +23,7 @@ from polefence.response.stationary import (
     unstable,
     velocity_psd,
 )
-from polefence.response.vehicle import ride
+from polefence.vehicle.vehicle import ride
 
 ROAD = velocity_psd(256e-6, 20)  # class C at 20 m/s
 

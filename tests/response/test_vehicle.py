@@ -8,11 +8,11 @@ import pytest
 from scipy.linalg import solve_continuous_lyapunov
 
 from polefence import Parameter, UncertainPlant
-from polefence.errors import InputError
-from polefence.response.reference_laws import Sizes, lqr, nominal, passive, skyhook
+from polefence.base.errors import InputError
 from polefence.response.signals import output_matrices
-from polefence.response.vehicle import masses, require_ride, ride
-from polefence.suspension.quarter_car import family, quarter_car
+from polefence.vehicle.quarter_car import family, quarter_car
+from polefence.vehicle.reference_laws import Sizes, lqr, nominal, passive, skyhook
+from polefence.vehicle.vehicle import masses, require_ride, ride
 
 CAR = {"m1": 300.0, "m2": 30.0, "k": 15000.0, "kt": 160000.0, "c": 1200.0}
 

@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 
 from polefence import UncertainPlant, build, tightest
-from polefence.errors import PlantError, UncontrollableError
-from polefence.smallest_region import tightest_near
-from polefence.solve.conic import largest_margin
-from polefence.solve.found import lyapunov_mean
-from polefence.solve.radius import ROUNDS
-from polefence.solve.scaling import balanced
-from polefence.solve.smallest import MAX_ITERATIONS
+from polefence.base.errors import PlantError, UncontrollableError
+from polefence.design.place.smallest import tightest_near
+from polefence.lmi.solve.conic import largest_margin
+from polefence.lmi.solve.point import lyapunov_mean
+from polefence.lmi.solve.radius import ROUNDS
+from polefence.lmi.solve.scaling import balanced
+from polefence.lmi.solve.smallest import MAX_ITERATIONS
 
 METHODS = ("quadratic", "slack", "scheduled")
 DRAW = runpy.run_path(str(Path(__file__).parents[2] / "benchmarks" / "families.py"))

@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 from polefence import build, limits, place, tightest
-from polefence.errors import NotProvedError, SolverError
-from polefence.region import Disk
-from polefence.solve.bisection import smallest_radius
-from polefence.solve.conic import largest_margin
+from polefence.base.errors import NotProvedError, SolverError
+from polefence.lmi.solve.bisection import smallest_radius
+from polefence.lmi.solve.conic import largest_margin
+from polefence.region.regions import Disk
 
 
 def test_the_margin_is_the_least_eigenvalue_at_the_point(make_random):
@@ -88,7 +88,7 @@ def break_engine(monkeypatch):
     def fail(*_, **__):
         raise SolverError("no point to start from")
 
-    monkeypatch.setattr("polefence.smallest_region.smallest_radius", fail)
+    monkeypatch.setattr("polefence.design.place.smallest.smallest_radius", fail)
 
 
 @pytest.mark.parametrize("method", ["quadratic", "slack", "scheduled"])

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from polefence.solve import performance
+from polefence.lmi.solve import performance
 
 
 def blocks(seed):

@@ -14,13 +14,13 @@ import pytest
 
 import polefence
 from polefence import Scheduled, build
-from polefence.solve import engine as module
-from polefence.solve.engine import run
-from polefence.solve.nominal import common_point, nominal_start
-from polefence.solve.radius import smallest_radius
-from polefence.solve.scaling import balanced
-from polefence.solve.smallest import least_radius
-from polefence.solve.stacked import stack
+from polefence.lmi.solve import engine as module
+from polefence.lmi.solve.engine import run
+from polefence.lmi.solve.nominal import common_point, nominal_start
+from polefence.lmi.solve.radius import smallest_radius
+from polefence.lmi.solve.scaling import balanced
+from polefence.lmi.solve.smallest import least_radius
+from polefence.lmi.solve.stacked import stack
 
 RIGHT = Scheduled(right_hand_sides=True)
 METHODS = ["quadratic", "slack", "scheduled", RIGHT]

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from polefence import build
-from polefence.errors import SolverError
-from polefence.solve.bisection import reach
-from polefence.solve.nominal import nominal_start
-from polefence.solve.scaling import balanced, power_of_two
+from polefence.base.errors import SolverError
+from polefence.lmi.solve.bisection import reach
+from polefence.lmi.solve.nominal import nominal_start
+from polefence.lmi.solve.scaling import balanced, power_of_two
 
 
 def test_powers_of_two_are_powers_of_two():

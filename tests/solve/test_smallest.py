@@ -10,15 +10,15 @@ import numpy as np
 import pytest
 
 from polefence import Scheduled, build
-from polefence.solve import smallest as reference
-from polefence.solve.conic import largest_margin
-from polefence.solve.engine import run
-from polefence.solve.found import lyapunov_mean
-from polefence.solve.nominal import common_point, nominal_start
-from polefence.solve.radius import smallest_radius
-from polefence.solve.scaling import balanced
-from polefence.solve.smallest import least_radius, smallest
-from polefence.solve.stacked import stack
+from polefence.lmi.solve import smallest as reference
+from polefence.lmi.solve.conic import largest_margin
+from polefence.lmi.solve.engine import run
+from polefence.lmi.solve.nominal import common_point, nominal_start
+from polefence.lmi.solve.point import lyapunov_mean
+from polefence.lmi.solve.radius import smallest_radius
+from polefence.lmi.solve.scaling import balanced
+from polefence.lmi.solve.smallest import least_radius, smallest
+from polefence.lmi.solve.stacked import stack
 
 METHODS = ["quadratic", "slack", "scheduled", Scheduled(right_hand_sides=True)]
 ENGINES = ["compiled", "numpy"]
@@ -204,7 +204,7 @@ def count(monkeypatch):
         counts.append(outcome.iterations)
         return outcome
 
-    monkeypatch.setattr("polefence.solve.radius.run", counting)
+    monkeypatch.setattr("polefence.lmi.solve.radius.run", counting)
     return counts
 
 

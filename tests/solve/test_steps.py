@@ -8,12 +8,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from polefence.conditions.methods import build
-from polefence.solve import engine, smallest
-from polefence.solve.nominal import common_point, nominal_start
-from polefence.solve.radius import smallest_radius
-from polefence.solve.scaling import balanced
-from polefence.solve.stacked import stack
+from polefence.lmi.conditions.methods import build
+from polefence.lmi.solve import engine, smallest
+from polefence.lmi.solve.nominal import common_point, nominal_start
+from polefence.lmi.solve.radius import smallest_radius
+from polefence.lmi.solve.scaling import balanced
+from polefence.lmi.solve.stacked import stack
 
 SHAPES = [
     (n, m, N) for n in (1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11) for m, N in ((1, 3), (2, 2), (3, 3))

@@ -11,9 +11,10 @@ import pytest
 from scipy.signal import step as lti_step
 
 from polefence import Design, check
-from polefence.cli import main
-from polefence.suspension import paper, paper_report
-from polefence.suspension.quarter_car import family, quarter_car
+from polefence.cli.main import main
+from polefence.show.paper import report as paper_report
+from polefence.show.paper import study as paper
+from polefence.vehicle.quarter_car import family, quarter_car
 
 
 def test_the_nominal_gain_agrees_with_27_to_all_printed_digits():

@@ -22,7 +22,7 @@ from polefence import (
     place,
     tightest,
 )
-from polefence.region import HalfPlane, Sector
+from polefence.region.regions import HalfPlane, Sector
 
 AUTO = Scheduled(degree="auto")
 

@@ -8,12 +8,13 @@ import pytest
 from scipy.linalg import solve_continuous_are, solve_continuous_lyapunov
 
 from polefence import FixedGain, ScheduledGain, UncertainPlant
-from polefence.errors import SolverError
-from polefence.loops import domain_of, loop_with
-from polefence.performance import best_bound, kept_bound
+from polefence.base.errors import SolverError
+from polefence.design.given.closed_loop import loop_with
+from polefence.design.signals.bounds import best_bound, kept_bound
+from polefence.design.signals.specification import Gain, Rms, output_of
+from polefence.law.given import domain_of
+from polefence.lmi.solve.lyapunov_performance import least_given
 from polefence.response.signals import Signal
-from polefence.solve.performance_given import least_given
-from polefence.specification import Gain, Rms, output_of
 
 FIRST = Signal("first", "", state={0: 1.0})
 

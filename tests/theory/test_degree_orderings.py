@@ -10,12 +10,12 @@ import numpy as np
 import pytest
 
 from polefence import Parameter, UncertainPlant, check, tightest
-from polefence.conditions.methods import Scheduled, Slack, build
-from polefence.polynomial import Domain
-from polefence.solve.conic import largest_margin
-from polefence.solve.found import lyapunov_mean
-from polefence.solve.radius import smallest_radius
-from polefence.solve.scaling import balanced
+from polefence.lmi.conditions.methods import Scheduled, Slack, build
+from polefence.lmi.solve.conic import largest_margin
+from polefence.lmi.solve.point import lyapunov_mean
+from polefence.lmi.solve.radius import smallest_radius
+from polefence.lmi.solve.scaling import balanced
+from polefence.plant.polynomial import Domain
 
 CENTRE = -3.0
 FLOOR = 1e-3 * -CENTRE  # searches stop there

@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 
 from polefence import Disk, NotProvedError, UncertainPlant, check, place, tightest
-from polefence.conditions.methods import Scheduled, Slack, build
-from polefence.conditions.target import Around, Decays, Sectors
-from polefence.region import Ellipse, HalfPlane, HorizontalStrip, Sector, VerticalStrip
-from polefence.solve.conic import largest_margin
-from polefence.solve.radius import smallest
-from polefence.solve.scaling import balanced
+from polefence.lmi.conditions.methods import Scheduled, Slack, build
+from polefence.lmi.conditions.target import Around, Decays, Sectors
+from polefence.lmi.solve.conic import largest_margin
+from polefence.lmi.solve.radius import smallest
+from polefence.lmi.solve.scaling import balanced
+from polefence.region.regions import Ellipse, HalfPlane, HorizontalStrip, Sector, VerticalStrip
 
 WITHIN = Disk(-3, 2.9)
 METHODS = ["quadratic", "scheduled", Scheduled(2, 0)]

@@ -10,18 +10,10 @@ from scipy.linalg import expm, solve_continuous_are, solve_continuous_lyapunov
 from scipy.optimize import brentq, minimize_scalar
 
 from polefence import Disk, FixedGain, HalfPlane, ScheduledGain, Sector, UncertainPlant
-from polefence.conditions.performance import Output, Points, Through, design, given, noise
-from polefence.conditions.target import Around
-from polefence.loops import loop_with
-from polefence.optimise import optimise
-from polefence.performance import best_bound, kept_bound
-from polefence.polynomial import Domain
-from polefence.response.signals import Signal
-from polefence.solve.performance import Question, fixed, least
-from polefence.solve.performance_given import least_given
-from polefence.solve.radius import smallest, typical_rate
-from polefence.solve.scaling import balanced
-from polefence.specification import (
+from polefence.design.given.closed_loop import loop_with
+from polefence.design.signals.bounds import best_bound, kept_bound
+from polefence.design.signals.optimise import optimise
+from polefence.design.signals.specification import (
     EnergyPeak,
     Gain,
     InitialPeak,
@@ -31,7 +23,15 @@ from polefence.specification import (
     rows,
     signal_of,
 )
-from polefence.suspension.quarter_car import family, quarter_car
+from polefence.lmi.conditions.performance import Output, Points, Through, design, given, noise
+from polefence.lmi.conditions.target import Around
+from polefence.lmi.solve.lyapunov_performance import least_given
+from polefence.lmi.solve.performance import Question, fixed, least
+from polefence.lmi.solve.radius import smallest, typical_rate
+from polefence.lmi.solve.scaling import balanced
+from polefence.plant.polynomial import Domain
+from polefence.response.signals import Signal
+from polefence.vehicle.quarter_car import family, quarter_car
 
 FORMS = [
     (on, *form) for on in ("simplex", "box") for form in ((0, 0), (0, 1), (1, 0), (1, 1), (2, 0))

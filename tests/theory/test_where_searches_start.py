@@ -22,15 +22,15 @@ from polefence import (
     load,
     place,
 )
+from polefence.design.signals.gain_norm import GainNorm
+from polefence.design.signals.optimise import optimise
+from polefence.design.signals.sampled import sampled, seeded
+from polefence.design.signals.specification import Gain, InitialPeak, Rms
+from polefence.design.signals.text import load_specifications
 from polefence.examples import spec_path
-from polefence.gain_norm import GainNorm
-from polefence.optimise import optimise
 from polefence.plant.spec import loads
 from polefence.proof.performance import prove_performance
 from polefence.response.signals import Signal
-from polefence.sampled_bounds import sampled, seeded
-from polefence.specification import Gain, InitialPeak, Rms
-from polefence.specification_text import load_specifications
 
 DENSITY = 2.0  # two-sided intensity 1
 DOUBLE_INTEGRATOR = """

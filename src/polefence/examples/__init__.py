@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from polefence.errors import InputError, suggest
+from polefence.base.errors import InputError, suggest
 from polefence.plant.family import UncertainPlant
 from polefence.plant.spec import loads
 

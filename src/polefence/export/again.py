@@ -7,16 +7,16 @@ from typing import Any
 
 import numpy as np
 
-from polefence.design import Design
-from polefence.errors import InputError
+from polefence.base.errors import InputError
+from polefence.design.certificate import Certificate
+from polefence.design.design import Design
+from polefence.design.measured import DUAL
 from polefence.export.c99.number import number
 from polefence.export.c99.program import Fixed, Program, Scheduled, Share
 from polefence.export.c99.sources import Texts
 from polefence.export.statement import Facts, Seen, statement
-from polefence.law import FixedGain, Law, ScheduledGain
-from polefence.measured import DUAL
+from polefence.law.laws import FixedGain, Law, ScheduledGain
 from polefence.plant.family import UncertainPlant
-from polefence.proof.certificate import Certificate
 from polefence.proof.rounding import Code
 
 

@@ -10,8 +10,13 @@ from fractions import Fraction
 from pathlib import Path
 from typing import Any
 
-from polefence.design import Design, says_format
-from polefence.errors import DesignFileError, InputError
+from polefence.base.errors import DesignFileError, InputError
+from polefence.base.files import read_text
+from polefence.design.certificate import Certificate, Check
+from polefence.design.design import Design, says_format
+from polefence.design.margins.files import claim_document, plain
+from polefence.design.observer import Observer
+from polefence.design.statement import milliseconds_text, region_text
 from polefence.export.again import program_again, seen_again, text_document, texts_again
 from polefence.export.c99.program import Program
 from polefence.export.c99.sources import Texts, sources
@@ -19,18 +24,13 @@ from polefence.export.observer import observer_sources
 from polefence.export.readme import README, own_readme
 from polefence.export.sampled.document import sampling_document
 from polefence.export.statement import Facts, Loop, Seen
-from polefence.files import read_text
-from polefence.observer import Observer
 from polefence.plant.family import UncertainPlant
 from polefence.proof import exact
-from polefence.proof.certificate import Certificate, Check
 from polefence.proof.exact import Rationals, Verdict
 from polefence.proof.rounding import FORMAT, Code, Rounded, prove_rounding, read_rounded
 from polefence.proof.sampling import Sampled, covers_rounding, prove_sampling, read_sampling
-from polefence.proof.statement import milliseconds_text, region_text
-from polefence.region import region_of
-from polefence.region_text import digits_down, short_text
-from polefence.service.files import claim_document, plain
+from polefence.region.regions import region_of
+from polefence.region.text import digits_down, short_text
 
 FILE_NAME = "guarantee.json"
 LONGEST = 100  # characters of a file's name

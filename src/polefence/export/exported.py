@@ -7,8 +7,9 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-from polefence.design import Design, check
-from polefence.errors import InputError, NotProvedError
+from polefence.base.errors import InputError, NotProvedError
+from polefence.design.design import Design, check
+from polefence.design.observer import Observer
 from polefence.export.again import code_law, names, require_law
 from polefence.export.c99.number import number
 from polefence.export.c99.program import Program, program
@@ -22,8 +23,7 @@ from polefence.export.observer import observer_sources
 from polefence.export.readme import README, own_readme
 from polefence.export.statement import Facts, loop_of, statement
 from polefence.export.timing import Timing, timing
-from polefence.law import FixedGain
-from polefence.observer import Observer
+from polefence.law.laws import FixedGain
 from polefence.plant.parameters import Parameter
 from polefence.proof.rounding import FORMAT
 

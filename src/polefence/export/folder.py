@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from pathlib import Path
 
-from polefence.errors import OutputError
-from polefence.files import SHORT, begins_with, leftover, write_all
+from polefence.base.errors import OutputError
+from polefence.base.files import SHORT, begins_with, leftover, write_all
 
 BUILD = "build"  # what the Makefile makes
 

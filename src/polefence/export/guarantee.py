@@ -8,20 +8,20 @@ from math import inf
 
 import numpy as np
 
-from polefence.coordinates import Coordinates
-from polefence.design import Design
-from polefence.errors import InputError
+from polefence.base.errors import InputError
+from polefence.design.certificate import Check
+from polefence.design.design import Design
+from polefence.design.margins.directions import claimed_design, gain_claim
 from polefence.export.c99.number import Number
 from polefence.export.c99.program import Fixed, Program, Scheduled, exactly
-from polefence.law import FixedGain
+from polefence.law.coordinates import Coordinates
+from polefence.law.laws import FixedGain
+from polefence.plant.polynomial import Domain, Polynomial, bernstein, binomial, elevated, times
 from polefence.plant.system import Array
-from polefence.polynomial import Domain, Polynomial, bernstein, binomial, elevated, times
-from polefence.proof.certificate import Check
 from polefence.proof.exact import FormatError
 from polefence.proof.rounding import Code, Rounded, Share, prove_rounding, rounding_error
 from polefence.proof.service import Gain, Range, Subject
-from polefence.region_text import digits_down, digits_up
-from polefence.service.tolerated import claimed_design, gain_claim
+from polefence.region.text import digits_down, digits_up
 
 ELEVATIONS = 8
 ENOUGH = 0.95  # a higher elevation must gain so much

@@ -9,18 +9,18 @@ from typing import Any
 
 import numpy as np
 
-from polefence.errors import InputError
+from polefence.base.errors import InputError
+from polefence.design.observer import Observer
 from polefence.export.c99.number import Number
 from polefence.export.c99.program import LEAST, MOST, Scheduled, program
 from polefence.export.c99.sources import Texts, context, environment, rows, weighing
 from polefence.export.c99.text import check_c_name
 from polefence.export.sampled.observer_loop import ORDER, check_sample_time
-from polefence.law import FixedGain, ScheduledGain
-from polefence.observer import Observer
+from polefence.law.laws import FixedGain, ScheduledGain
 from polefence.plant.parameters import Parameter
+from polefence.plant.polynomial import binomial
 from polefence.plant.system import Array, Exact
-from polefence.polynomial import binomial
-from polefence.region_text import short_text
+from polefence.region.text import short_text
 
 LONGEST = 20  # characters: C tells external names apart by 31
 

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from polefence.design import Design
+from polefence.design.certificate import Certificate
+from polefence.design.design import Design
 from polefence.export.c99.program import Program, Scheduled
 from polefence.export.c99.sources import Texts, context, environment
-from polefence.proof.certificate import Certificate
 
 README = "README.md"
 

@@ -11,12 +11,12 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from fractions import Fraction
 
+from polefence.design.observer import Observer
+from polefence.design.statement import milliseconds_text
 from polefence.export.timing import Timing, milliseconds
-from polefence.observer import Observer
 from polefence.proof.rounding import Rounded, rounding_error
-from polefence.proof.statement import milliseconds_text
-from polefence.region import Region
-from polefence.region_text import digits_down, digits_up, short_text
+from polefence.region.regions import Region
+from polefence.region.text import digits_down, digits_up, short_text
 
 WIDTH, NO_BREAK = 88, "\u00a0"
 MOST = 1e29  # a decay without bound [1/s]

@@ -5,8 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 from fractions import Fraction
 
-from polefence.design import Design
-from polefence.errors import InputError
+from polefence.base.errors import InputError
+from polefence.design.design import Design
+from polefence.design.observer import Observer
+from polefence.design.statement import milliseconds_text
 from polefence.export.guarantee import Guarantee
 from polefence.export.sampled.observer_loop import SampledLoop, judge_sampled_loop
 from polefence.export.sampled.poles import (
@@ -16,9 +18,7 @@ from polefence.export.sampled.poles import (
     sampling,
 )
 from polefence.export.sampled.proof import SampledProof, off_by_rounding, prove_decay
-from polefence.observer import Observer
-from polefence.proof.statement import milliseconds_text
-from polefence.region_text import digits_down
+from polefence.region.text import digits_down
 
 
 @dataclass(frozen=True, eq=False)

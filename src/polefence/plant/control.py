@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from polefence.errors import MissingExtraError, ParameterValueError, PlantError
+from polefence.base.errors import MissingExtraError, ParameterValueError, PlantError
 from polefence.plant.family import UncertainPlant
 from polefence.plant.system import System
 

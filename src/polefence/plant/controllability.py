@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from polefence.errors import PlantError
+from polefence.base.errors import PlantError
 
 Exact = tuple[tuple[Fraction, ...], ...]
 Residues = npt.NDArray[np.int64]

@@ -8,7 +8,7 @@ from collections.abc import Callable, Mapping
 from fractions import Fraction
 from typing import Any
 
-from polefence.errors import InputError, SpecError, shown, suggest
+from polefence.base.errors import InputError, SpecError, shown, suggest
 from polefence.plant.rational import MAX_BITS, MAX_POWER
 
 MAX_LENGTH = 1000

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from polefence.errors import InputError, PlantError
+from polefence.base.errors import InputError, PlantError
 from polefence.plant.parameters import Parameter, check_label, exact, simplex_weights
 from polefence.plant.rational import RationalFunction, counted
 from polefence.plant.symbolic import Scope, corners

@@ -9,7 +9,7 @@ from fractions import Fraction
 from numbers import Rational, Real
 from typing import Any
 
-from polefence.errors import ParameterValueError, PlantError, SpecError, shown, suggest
+from polefence.base.errors import ParameterValueError, PlantError, SpecError, shown, suggest
 from polefence.plant.expression import decimal
 
 # Larger or smaller magnitudes, or longer fractions, are no physical data: doubles must hold them,

@@ -14,7 +14,7 @@ from fractions import Fraction
 from numbers import Rational
 from typing import Any
 
-from polefence.errors import PlantError
+from polefence.base.errors import PlantError
 
 Polynomial = dict[tuple[int, ...], Fraction]
 

@@ -11,8 +11,8 @@ from fractions import Fraction
 from pathlib import Path
 from typing import Any
 
-from polefence.errors import InputError, SpecError, shown, suggest
-from polefence.files import read_text
+from polefence.base.errors import InputError, SpecError, shown, suggest
+from polefence.base.files import read_text
 from polefence.plant.expression import decimal, evaluate
 from polefence.plant.family import UncertainPlant
 from polefence.plant.parameters import Parameter, exact

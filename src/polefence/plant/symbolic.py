@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from fractions import Fraction
 from typing import Any
 
-from polefence.errors import MultiAffinityError, PlantError, SpecError, shown, suggest
+from polefence.base.errors import MultiAffinityError, PlantError, SpecError, shown, suggest
 from polefence.plant.expression import evaluate
 from polefence.plant.parameters import Parameter, check_name, exact
 from polefence.plant.rational import RationalFunction

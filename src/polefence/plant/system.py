@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from polefence.errors import PlantError
+from polefence.base.errors import PlantError
 from polefence.plant.controllability import FixedModes, fixed_modes
 from polefence.plant.parameters import exact, is_plain
 

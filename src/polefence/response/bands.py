@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from polefence.errors import InputError
+from polefence.base.errors import InputError
 from polefence.plant.system import Array
 from polefence.response.weighting import HALF_BAND, WF, WK, Gains, Weighting, positive, sampled
 

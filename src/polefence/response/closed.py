@@ -7,11 +7,12 @@ from typing import Any
 
 import numpy as np
 
-from polefence.errors import InputError
-from polefence.gain_table import GainTable
-from polefence.law import Law, check_alpha
-from polefence.loops import given_law, values_at, values_text
+from polefence.base.errors import InputError
+from polefence.law.given import given_law
+from polefence.law.laws import Law, check_alpha
+from polefence.law.table import GainTable
 from polefence.plant.family import UncertainPlant
+from polefence.plant.points import values_at, values_text
 from polefence.plant.system import Array
 
 

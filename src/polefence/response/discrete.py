@@ -11,7 +11,7 @@ from math import isqrt
 
 import numpy as np
 
-from polefence.errors import InputError
+from polefence.base.errors import InputError
 from polefence.plant.system import Array
 from polefence.response.exponential import exponential
 

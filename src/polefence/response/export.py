@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from polefence.errors import InputError, MissingExtraError
-from polefence.files import make_folder, write_bytes
+from polefence.base.errors import InputError, MissingExtraError
+from polefence.base.files import make_folder, write_bytes
 from polefence.plant.names import visible
 from polefence.plant.system import Array
 

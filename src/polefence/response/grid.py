@@ -7,7 +7,7 @@ import math
 import numpy as np
 import numpy.typing as npt
 
-from polefence.errors import InputError
+from polefence.base.errors import InputError
 from polefence.plant.system import Array
 from polefence.response.closed import Loops, point_text
 from polefence.response.stationary import STABLE, Numbers

@@ -12,7 +12,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from polefence.errors import InputError, suggest
+from polefence.base.errors import InputError, suggest
 from polefence.plant.family import UncertainPlant
 from polefence.plant.system import Array
 from polefence.response import grid

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from polefence.errors import InputError
+from polefence.base.errors import InputError
 from polefence.plant.system import Array
 from polefence.response import grid
 from polefence.response.closed import Loops

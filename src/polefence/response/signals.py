@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from polefence.errors import InputError, suggest
+from polefence.base.errors import InputError, suggest
 from polefence.plant.family import UncertainPlant
 from polefence.plant.system import Array
 

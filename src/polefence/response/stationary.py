@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from polefence.errors import InputError
+from polefence.base.errors import InputError
 from polefence.plant.family import UncertainPlant
 from polefence.plant.system import Array
 from polefence.response.closed import Loops, close, point_text

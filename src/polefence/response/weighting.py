@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from polefence.errors import InputError
+from polefence.base.errors import InputError
 from polefence.plant.system import Array
 
 Gains = npt.NDArray[np.complex128]

@@ -8,12 +8,12 @@ from typing import Any
 
 import numpy as np
 
-from polefence.errors import InputError
+from polefence.base.errors import InputError
 from polefence.export.c99.program import Fixed, Program, Scheduled
-from polefence.law import FixedGain, Law, ScheduledGain
+from polefence.law.laws import FixedGain, Law, ScheduledGain
 from polefence.plant.parameters import simplex_weights
+from polefence.plant.polynomial import binomial
 from polefence.plant.system import Array
-from polefence.polynomial import binomial
 
 Rationals = Any  # an array of Fractions, which numpy does not type
 Whole = tuple[Any, int]  # numerators, and their denominator

@@ -7,7 +7,7 @@ from fractions import Fraction
 
 import numpy as np
 
-from polefence.errors import InputError
+from polefence.base.errors import InputError
 from polefence.plant.system import Array
 
 

@@ -12,13 +12,13 @@ from fractions import Fraction
 
 import numpy as np
 
-from polefence.coordinates import Coordinates
-from polefence.errors import InputError
+from polefence.base.errors import InputError
 from polefence.export.c99.number import Number
-from polefence.law import FixedGain, Law, ScheduledGain
+from polefence.law.coordinates import Coordinates
+from polefence.law.laws import FixedGain, Law, ScheduledGain
 from polefence.plant.parameters import Parameter
+from polefence.plant.polynomial import Domain, Exponent, binomial
 from polefence.plant.system import Array
-from polefence.polynomial import Domain, Exponent, binomial
 
 Exact = list[list[Fraction]]
 MAX_TERMS = 512  # polynomials' coefficients, which the code computes one by one

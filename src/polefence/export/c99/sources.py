@@ -9,12 +9,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from polefence.errors import InputError
+from polefence.base.errors import InputError
 from polefence.export.c99.number import Number
 from polefence.export.c99.program import LEAST, MOST, Fixed, Program, Scheduled, Share
 from polefence.export.c99.text import block, cell, check_c_name, comment, prose, wrap
-from polefence.polynomial import Exponent
-from polefence.region_text import digits_down, digits_up
+from polefence.plant.polynomial import Exponent
+from polefence.region.text import digits_down, digits_up
 
 if TYPE_CHECKING:
     from jinja2 import Environment

@@ -7,7 +7,7 @@ import re
 import textwrap
 import unicodedata
 
-from polefence.errors import InputError
+from polefence.base.errors import InputError
 
 WORDS = """
 auto break case char const continue default do double else enum extern float for goto if inline int

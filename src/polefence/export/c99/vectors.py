@@ -16,7 +16,7 @@ from polefence.export.c99.expected import expected
 from polefence.export.c99.number import NUMBERS
 from polefence.export.c99.program import Program, Scheduled, Share
 from polefence.export.c99.sources import MARKER, Texts, context, environment
-from polefence.law import Law
+from polefence.law.laws import Law
 from polefence.plant.system import Array
 
 Bound = Callable[[Array], Array]

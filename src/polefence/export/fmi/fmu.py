@@ -12,7 +12,7 @@ import uuid
 import zipfile
 from typing import TYPE_CHECKING, Any
 
-from polefence.errors import InputError
+from polefence.base.errors import InputError
 from polefence.export.c99 import sources as c99
 from polefence.export.c99.program import Program
 from polefence.export.c99.sources import Texts

@@ -9,7 +9,7 @@ import subprocess
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from polefence.errors import InputError
+from polefence.base.errors import InputError
 
 # gcc turns contraction off by -std=c99 already, clang does not. -O1: an update takes a microsecond,
 # and most of the code is asked for once.

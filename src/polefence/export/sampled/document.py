@@ -5,8 +5,8 @@ from __future__ import annotations
 from fractions import Fraction
 from typing import Any
 
+from polefence.design.margins.files import plain
 from polefence.proof.sampling import Sampled
-from polefence.service.files import plain
 
 
 def sampling_document(claim: Sampled) -> dict[str, Any]:

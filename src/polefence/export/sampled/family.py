@@ -14,17 +14,18 @@ from typing import Any
 
 import numpy as np
 
-from polefence.design import Design
+from polefence.design.design import Design
+from polefence.design.given.closed_loop import certificate_of
+from polefence.design.margins.gain import Scales
+from polefence.design.margins.given_law import largest_given
 from polefence.export.sampled.held import cloud
-from polefence.law import FixedGain, Law, ScheduledGain
-from polefence.loops import certificate_of, domain_of, given_law
+from polefence.law.given import domain_of, given_law
+from polefence.law.laws import FixedGain, Law, ScheduledGain
+from polefence.lmi.solve.lyapunov import start_matrix
 from polefence.plant.family import UncertainPlant
 from polefence.plant.system import Array
-from polefence.region import Disk
+from polefence.region.regions import Disk
 from polefence.response.discrete import held
-from polefence.service.gain import Scales
-from polefence.service.given import largest_given
-from polefence.solve.given import start_matrix
 
 POINTS = 200  # at which the error of the steps is looked at
 BITS = 12  # of the coordinates: short numbers make short proofs

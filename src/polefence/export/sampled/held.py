@@ -8,13 +8,13 @@ from typing import Any
 
 import numpy as np
 
-from polefence.design import Design
-from polefence.errors import InputError
+from polefence.base.errors import InputError
+from polefence.design.counterexample import EDGE_POINTS, SEED, edges, sample_simplex
+from polefence.design.design import Design
 from polefence.plant.family import UncertainPlant
+from polefence.plant.polynomial import Domain
 from polefence.plant.system import Array
-from polefence.polynomial import Domain
 from polefence.proof import exact
-from polefence.proof.refute import EDGE_POINTS, SEED, edges, sample_simplex
 from polefence.response.discrete import held
 
 SHORTEST = 1e-9  # of the loop's fastest time

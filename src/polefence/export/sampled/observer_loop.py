@@ -12,14 +12,14 @@ from typing import Any
 
 import numpy as np
 
-from polefence.design import Design
-from polefence.errors import InputError
+from polefence.base.errors import InputError
+from polefence.design.counterexample import sample
+from polefence.design.design import Design
+from polefence.design.observer import Observer
 from polefence.export.c99.program import LEAST, MOST
-from polefence.law import ScheduledGain, check_alpha
-from polefence.observer import Observer
+from polefence.law.laws import ScheduledGain, check_alpha
+from polefence.plant.polynomial import Domain
 from polefence.plant.system import Array
-from polefence.polynomial import Domain
-from polefence.proof.refute import sample
 from polefence.response.discrete import held
 
 ORDER = 4

@@ -8,11 +8,11 @@ from functools import partial
 
 import numpy as np
 
-from polefence.design import Design
-from polefence.errors import InputError
+from polefence.base.errors import InputError
+from polefence.design.design import Design
 from polefence.export.sampled.held import cloud, require_continuous, require_usable, stepped
-from polefence.law import check_alpha
-from polefence.loops import values_at
+from polefence.law.laws import check_alpha
+from polefence.plant.points import values_at
 from polefence.plant.system import Array
 
 POINTS = 10_000  # random ones

@@ -5,11 +5,11 @@ from __future__ import annotations
 import time
 from dataclasses import dataclass
 
-from polefence.design import Design
+from polefence.design.certificate import Check
+from polefence.design.design import Design
 from polefence.export.sampled.held import require_usable
 from polefence.export.sampled.poles import sampling
 from polefence.export.sampled.search import Search, above
-from polefence.proof.certificate import Check
 from polefence.proof.rounding import Rounded, rounding_error
 from polefence.proof.sampling import Off, Sampled, prove_sampling
 

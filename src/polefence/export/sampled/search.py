@@ -11,9 +11,9 @@ from typing import Any
 
 import numpy as np
 
-from polefence.conditions.target import Disks
-from polefence.design import Design
-from polefence.errors import InputError, SolverError
+from polefence.base.errors import InputError, SolverError
+from polefence.design.design import Design
+from polefence.design.given.closed_loop import evidence_of, forms, loop_of
 from polefence.export.c99.program import exactly
 from polefence.export.sampled.family import (
     Coordinates,
@@ -22,15 +22,15 @@ from polefence.export.sampled.family import (
     first_coordinates,
     next_coordinates,
 )
-from polefence.law import FixedGain
-from polefence.loops import evidence_of, forms, loop_of
+from polefence.law.laws import FixedGain
+from polefence.lmi.conditions.target import Disks
+from polefence.lmi.solve.lyapunov import least
 from polefence.plant.system import Array
 from polefence.proof.exact import Evidence, FormatError, simplices
 from polefence.proof.sampling import Off, Sampled, loop_claim, prove_sampling, step_error
 from polefence.proof.sampling.error import MAX_TERMS, gain_error, held_size
 from polefence.proof.service import Range
-from polefence.region_text import digits_down
-from polefence.solve.given import least
+from polefence.region.text import digits_down
 
 CENTRAL = 0.5  # of the sampled decay: evidence that proves no more is further from singular
 # Degree and elevation of the Lyapunov polynomials tried, by the law's degree; the first one for the

@@ -27,13 +27,7 @@ from polefence.proof.exact import (
 )
 from polefence.proof.rounding import Rounded, rounding_error
 from polefence.proof.sampling.claims import Off, Sampled
-from polefence.proof.sampling.error import (
-    MAX_TERMS,
-    exponential,
-    gain_error,
-    held_size,
-    step_error,
-)
+from polefence.proof.sampling.error import MAX_TERMS, exponential, gain_error, held_size, step_error
 from polefence.proof.sampling.loop import loop_claim
 from polefence.proof.sampling.reading import read_sampling
 from polefence.proof.service import prove_service

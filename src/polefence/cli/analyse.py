@@ -1,0 +1,319 @@
+"""``polefence analyse``: does a gain that is given keep a region, and how far does it go."""
+
+from __future__ import annotations
+
+import argparse
+import re
+import sys
+from math import prod
+from pathlib import Path
+from typing import Any
+
+from polefence.base.errors import InputError, shown
+from polefence.base.files import read_text
+from polefence.cli.common import (
+    NOT_PROVED,
+    PROVED,
+    check_figure,
+    check_targets,
+    every_alpha,
+    say,
+    say_over,
+    spec_argument,
+    write_figure,
+    write_json,
+)
+from polefence.cli.tightest import KINDS
+from polefence.design.certificate import Certificate
+from polefence.design.checks import example_centre
+from polefence.design.design import FILE_NAME, Design, require_kind
+from polefence.design.given.analysis import Analysis, analyse
+from polefence.design.given.reach import WorstCase, worst_case
+from polefence.design.given.table import FILE_NAME as TABLE_NAME
+from polefence.design.given.table import TableAnalysis
+from polefence.design.given.table_search import analyse_table
+from polefence.design.place.sweep import plant_summary
+from polefence.law.given import given_law
+from polefence.law.laws import Law
+from polefence.law.table import GainTable, table_from
+from polefence.plant.family import UncertainPlant
+from polefence.plant.points import values_text
+from polefence.plant.spec import load
+from polefence.proof import exact
+from polefence.proof.cells import Cell
+from polefence.region.regions import Region, exactly
+from polefence.region.text import digits_down, digits_up, load_region, parse_region
+
+WANTED = 'give a matrix, a design.json, or a table {"grid": {name: knots}, "gains": nested lists}'
+MOST_TEXT = 100_000  # characters of a matrix on the command line
+SHOWN = 3  # counterexamples printed
+PRINTED = re.compile(r"\[([-+.0-9eE\s,;]+)\]")
+CUT = "note: cut by --budget; a faster machine, or more time, may prove more"
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the options of `analyse`."""
+    spec_argument(parser)
+    parser.add_argument(
+        "--gain",
+        required=True,
+        metavar="WHAT",
+        help="u = K x: '[[...]]', '[1 2; 3 4]', or a JSON file with a matrix, a design or a table",
+    )
+    where = parser.add_mutually_exclusive_group()
+    where.add_argument(
+        "--region",
+        metavar="TEXT",
+        help="'disk(-40, 31) & sector(0.3)'; default: the region that the spec names",
+    )
+    where.add_argument(
+        "--of",
+        type=lambda word: word.lower().replace("-", "_"),
+        choices=KINDS,
+        help="instead: the smallest disk about --centre, or the largest decay rate or damping "
+        "ratio, that the gain keeps",
+    )
+    parser.add_argument("--centre", "--center", type=float, metavar="CENTRE", help="--of disk")
+    parser.add_argument(
+        "--budget",
+        type=float,
+        metavar="SECONDS",
+        help="begin no harder step after this time; the answer then depends on the machine. "
+        "Default: no limit in seconds, only in counted work",
+    )
+    parser.add_argument(
+        "--depth",
+        type=int,
+        default=4,
+        metavar="N",
+        help="halve a table's cells so often; default: 4",
+    )
+    parser.add_argument(
+        "-o", "--output", type=Path, metavar="DIR", help="write DIR/design.json, or DIR/table.json"
+    )
+    parser.add_argument("--json", type=Path, metavar="FILE", help="write a summary; -: stdout")
+    parser.add_argument(
+        "--plot", type=Path, metavar="FILE", help="draw the poles, or the table's cells (.png, ...)"
+    )
+
+
+def analyse_command(options: Any) -> int:
+    """Prove or refute that a given gain, or table of gains, keeps a region."""
+    plant = load(options.spec)
+    if (options.budget or 0) < 0 or options.depth < 0:
+        raise InputError("--budget and --depth must be zero or more")
+    if (options.of == "disk") != (options.centre is not None):
+        centre = example_centre(plant)
+        raise InputError(
+            f"--of disk needs --centre CENTRE (--centre {centre}, say); no other has one"
+        )
+    law = read_gain(plant, options.gain)
+    check_figure(options.plot)
+    name = TABLE_NAME if isinstance(law, GainTable) else FILE_NAME
+    check_targets(options.json, options.plot, folder=options.output, names=(name,))
+    if options.of is None:
+        region = _region(options)
+        if isinstance(law, GainTable):
+            return _table(plant, law, region, options)
+        return _one(analyse(plant, law, region, options.budget), options)
+    if isinstance(law, GainTable):
+        raise InputError("--of is for one gain or law; analyse a table with --region")
+    return _worst(
+        plant, worst_case(plant, law, options.of, options.centre, options.budget), options
+    )
+
+
+def read_gain(plant: UncertainPlant, what: str) -> Law | GainTable:
+    """Read a gain: JSON text, or a file with a matrix, a design or a table; never executed.
+
+    Raises
+    ------
+    InputError
+        If it cannot be read, or does not fit the plant; the file is named.
+    """
+    if what.lstrip().startswith(("[", "{")):
+        name, text = "--gain", what
+        if len(text) > MOST_TEXT:
+            raise InputError(f"--gain has {len(text)} characters; write a file")
+    else:
+        path = Path(what)
+        path = path / FILE_NAME if path.is_dir() else path
+        name, text = str(path), read_text(path, exact.MAX_BYTES, InputError)
+    try:
+        data = exact.parse(_as_json(text))
+    except exact.FormatError as error:
+        raise InputError(f"{name}: {error}") from error
+    try:
+        if isinstance(data, dict) and data.get("format") == exact.FORMAT:
+            certificate = Certificate.loads(text)
+            require_kind(certificate)
+            return given_law(plant, certificate.law)
+        if isinstance(data, dict) and "format" in data:
+            raise InputError(f"format = {shown(data['format'])} is not read here; {WANTED}")
+        if isinstance(data, dict):
+            return table_from(plant.parameters, data)
+        return given_law(plant, data)
+    except InputError as error:
+        raise type(error)(f"{name}: {error}") from error
+
+
+def _as_json(text: str) -> str:
+    """Return a matrix as commands print it, ``[1 2; 3 4]``, as JSON; any other text as it is."""
+    found = PRINTED.fullmatch(text.strip())
+    if found is None:
+        return text
+    rows = (re.split(r"[\s,]+", row.strip(" ,\t\r\n")) for row in found[1].split(";"))
+    return "[" + ", ".join(f"[{', '.join(row)}]" for row in rows) + "]"
+
+
+def _region(options: Any) -> Region:
+    region = load_region(options.spec) if options.region is None else parse_region(options.region)
+    if region is None:
+        raise InputError(
+            f"{options.spec}: names no region; give --region TEXT, or --of for the best one"
+        )
+    return region
+
+
+def _one(analysis: Analysis, options: Any) -> int:
+    if analysis.proved:
+        say(
+            f"proved: the given law keeps all poles of {analysis.plant.name!r} in "
+            f"{analysis.region} for {every_alpha(analysis.design)}; {analysis.reason}"
+        )
+    else:
+        say(f"{analysis.answer}: {analysis.reason}")
+    pole, alpha = analysis.pole, analysis.alpha
+    _finish(
+        options,
+        analysis.design if analysis.proved else None,
+        {
+            "plant": plant_summary(analysis.plant),
+            "region": analysis.region.document(),
+            "answer": analysis.answer,
+            "reason": analysis.reason,
+            "alpha": None if alpha is None else [str(a) for a in alpha],
+            "values": analysis.values,
+            "pole": None if pole is None else [pole.real, pole.imag],
+        },
+    )
+    if options.plot is not None:
+        from polefence.show.plots.analysis import analysis_figure
+
+        write_figure(options.plot, analysis_figure(analysis))
+    return PROVED if analysis.proved else NOT_PROVED
+
+
+def _worst(plant: UncertainPlant, worst: WorstCase, options: Any) -> int:
+    name = {"disk": "radius", "half_plane": "decay rate", "sector": "damping ratio"}[options.of]
+    unit = "" if options.of == "sector" or plant.sample_time is not None else " 1/s"
+    safe, beyond = (digits_up, digits_down) if options.of == "disk" else (digits_down, digits_up)
+    about = f" about {exactly(options.centre)}" if options.of == "disk" else ""
+    value = None if worst.region is None else _value(worst.region, options.of)
+    if value is None:
+        say(f"undecided: no {name}{about} was proved")
+    else:
+        alpha = (
+            "every alpha" if worst.certificate is None else every_alpha(Design(worst.certificate))
+        )
+        say(f"proved: {name} {safe(value)}{unit}{about} for {alpha} of {plant.name!r}")
+    if options.of != "disk" and worst.bound < 0:
+        say("note: below zero: the given law does not stabilise every plant of the family")
+    where = f"alpha = ({', '.join(f'{a:.4g}' for a in worst.alpha)})"
+    if worst.values is not None:
+        where = values_text(plant, worst.values)
+    if worst.cut:
+        say(CUT)
+    say(f"sampled: {name} {beyond(worst.bound)}{unit} at {where}; no proof can pass it")
+    design = None if worst.certificate is None else Design(worst.certificate)
+    _finish(
+        options,
+        design,
+        {
+            "plant": plant_summary(plant),
+            "of": options.of,
+            "proved": value,
+            "sampled": worst.bound,
+            "region": None if worst.region is None else worst.region.document(),
+            "alpha": list(worst.alpha),
+            "values": worst.values,
+        },
+    )
+    if options.plot is not None and design is None:
+        say("not drawn: nothing was proved")
+    elif options.plot is not None and design is not None:
+        from polefence.show.plots.plots import poles_figure, sampled
+
+        write_figure(options.plot, poles_figure({plant.name: sampled(design)}, design.region))
+    return NOT_PROVED if value is None else PROVED
+
+
+def _value(region: Region, of: str) -> float:
+    return region.numbers[{"disk": "radius", "half_plane": "decay", "sector": "damping"}[of]]
+
+
+def _finish(options: Any, design: Design | None, summary: dict[str, Any]) -> None:
+    """Save what was proved, and the summary."""
+    if options.output is not None:
+        path = None if design is None else design.save(options.output)
+        say("not saved: nothing was proved" if path is None else f"saved: {path}")
+    if options.json is not None:
+        write_json(options.json, summary)
+
+
+def _table(plant: UncertainPlant, table: GainTable, region: Region, options: Any) -> int:
+    if options.plot is not None and len(plant.parameters) > 2:
+        raise InputError(f"--plot draws one or two parameters; {plant.name} has more")
+    with _Cells(table) as progress:
+        found = analyse_table(plant, table, region, options.depth, options.budget, progress.step)
+    say(f"{found.answer}: {found.summary}")
+    if found.cut:
+        say(CUT)
+    for values in found.counterexamples[:SHOWN]:
+        say(f"  a pole is not in {region} at {values_text(plant, values)}")
+    if len(found.counterexamples) > SHOWN:
+        say(f"  and in {len(found.counterexamples) - SHOWN} more cells")
+    if options.output is not None:
+        say(f"saved: {found.save(options.output)}")
+    if options.json is not None:
+        write_json(options.json, _table_summary(found))
+    if options.plot is not None:
+        from polefence.show.plots.analysis import table_figure
+
+        write_figure(options.plot, table_figure(found))
+    return PROVED if found.proved else NOT_PROVED
+
+
+def _table_summary(found: TableAnalysis) -> dict[str, Any]:
+    return {
+        "plant": plant_summary(found.plant),
+        "region": found.region.document(),
+        "answer": found.answer,
+        "shares": found.shares,
+        "cells": len(found.cells),
+        "counterexamples": found.counterexamples,
+    }
+
+
+class _Cells:
+    """Shows on stderr how much of the box is finished, only where that is a terminal."""
+
+    def __init__(self, table: GainTable) -> None:
+        self.whole = float(prod(p.high - p.low for p in table.parameters))
+        self.done, self.count = 0.0, 0
+        self.visible = sys.stderr.isatty()
+
+    def __enter__(self) -> _Cells:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        if self.visible and self.count:
+            say("", file=sys.stderr)
+
+    def step(self, cell: Cell) -> None:
+        """Show that a cell is finished."""
+        self.count += 1
+        self.done += float(cell.volume) / self.whole
+        if self.visible:
+            line = f"{self.count} cells, {100 * self.done:.0f} % of the box"
+            say_over(line)

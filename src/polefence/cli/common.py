@@ -1,0 +1,254 @@
+"""What several commands share: statuses, options, printing, files, progress."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import sys
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import ExitStack, contextmanager, redirect_stdout
+from contextvars import ContextVar
+from pathlib import Path
+from typing import Any, TextIO
+
+import numpy as np
+
+from polefence.base.errors import InputError
+from polefence.base.files import check_document, check_target, make_folder, write_bytes, write_text
+from polefence.design.design import FILE_NAME, Design
+from polefence.design.place.limits import Limit
+from polefence.law.laws import FixedGain
+from polefence.plant.family import UncertainPlant
+from polefence.plant.names import visible
+
+PROVED, NOT_PROVED = 0, 1
+
+# Poles computed in doubles may lie outside by so much of the region's size.
+ROUNDING = 1e-6
+TOO_LARGE = (
+    "note: computed in doubles, this gain does NOT keep the poles there: it is too large; "
+    "ask for a region that bounds the poles' speed, such as a disk"
+)
+
+
+STANDARD = Path("-")  # as a file: standard output
+MOST_GAINS = 8  # vertices whose gains are printed one by one
+_standard: ContextVar[TextIO | None] = ContextVar("standard output", default=None)
+
+
+@contextmanager
+def streams(options: Any) -> Iterator[None]:
+    """Keep standard output for the JSON of ``--json -``, text going to stderr; drop it if quiet."""
+    token = _standard.set(sys.stdout)
+    with ExitStack() as stack:
+        if getattr(options, "quiet", False):
+            nowhere = stack.enter_context(Path(os.devnull).open("w", encoding="utf-8"))
+            stack.enter_context(redirect_stdout(nowhere))
+        elif getattr(options, "json", None) == STANDARD:
+            stack.enter_context(redirect_stdout(sys.stderr))
+        try:
+            yield
+        finally:
+            _standard.reset(token)
+
+
+def rows_file(options: Any) -> Path | None:
+    """Return the file that rows are kept in as they come, None where there is none."""
+    path: Path | None = options.json
+    if options.resume and path in (None, STANDARD):
+        raise InputError("--resume needs --json FILE, where the finished rows are")
+    return None if path == STANDARD else path
+
+
+def say(*lines: object, file: TextIO | None = None) -> None:
+    """Print each of these as one line, whatever names and paths are in it.
+
+    All that commands print goes this way: a newline or an escape in a name is shown, not obeyed,
+    and what the terminal has no letter for does not stop the answer.
+    """
+    stream = sys.stdout if file is None else file
+    code = getattr(stream, "encoding", None) or "utf-8"
+    for line in lines:
+        shown = visible(str(line)).encode(code, "backslashreplace").decode(code)
+        print(shown, file=stream, flush=True)
+
+
+def say_over(line: str) -> None:
+    """Print a line of progress on stderr over the one before."""
+    print(f"\r{visible(line):<60}", end="", file=sys.stderr, flush=True)
+
+
+def clear_over() -> None:
+    """Take the line of progress away, for a line of output in its place."""
+    print(f"\r{'':<60}\r", end="", file=sys.stderr, flush=True)
+
+
+def spec_argument(parser: argparse.ArgumentParser) -> None:
+    """Declare SPEC."""
+    parser.add_argument("spec", metavar="SPEC", help="a TOML spec (see: polefence example)")
+
+
+def sweep_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the options of a sweep over many rows."""
+    parser.add_argument("--jobs", type=int, metavar="N", help="processes; default: one a processor")
+    parser.add_argument("--resume", action="store_true", help="keep rows of an interrupted run")
+
+
+def result_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare where a design goes."""
+    parser.add_argument("-o", "--output", type=Path, metavar="DIR", help="write DIR/design.json")
+    parser.add_argument("--json", type=Path, metavar="FILE", help="write a summary; -: stdout")
+    parser.add_argument(
+        "--plot",
+        type=Path,
+        metavar="FILE",
+        help="draw poles over the family, and the region (.png, .svg, .pdf)",
+    )
+
+
+def check_targets(
+    *paths: Path | None, folder: Path | None = None, names: Sequence[str] = ()
+) -> None:
+    """Refuse results that cannot be written, or that overwrite one another, before any work.
+
+    Parameters
+    ----------
+    *paths
+        Files that the user names.
+    folder, names
+        Where documents of ours go, and under which names.
+    """
+    documents = [] if folder is None else [folder / name for name in names]
+    for path in documents:
+        check_document(path)
+    targets = [*documents, *(path for path in paths if path not in (None, STANDARD))]
+    for path in targets:
+        check_target(path)
+    if len({path.absolute() for path in targets}) < len(targets):
+        raise InputError(f"{targets[0]}: named for two results; name another file")
+
+
+def check_results(options: Any) -> None:
+    """Refuse places for a design, its summary or its figure, before any work."""
+    check_figure(options.plot)
+    check_targets(options.json, options.plot, folder=options.output, names=(FILE_NAME,))
+
+
+def check_figure(path: Path | None) -> None:
+    """Refuse a figure of no known format."""
+    if path is not None and path.suffix not in (".png", ".svg", ".pdf"):
+        raise InputError(f"{path}: a figure ends in .png, .svg or .pdf")
+
+
+def jobs_of(options: Any, rows: int) -> int | None:
+    """Return the number of processes for so many rows."""
+    if options.jobs is not None and options.jobs < 1:
+        raise InputError(f"--jobs = {options.jobs} must be at least 1")
+    # Starting processes takes longer than a few rows do.
+    return 1 if rows < 8 else options.jobs
+
+
+def size_of(plant: UncertainPlant) -> str:
+    """Say how large a plant is."""
+    n, m = plant.shape
+    return f"{len(plant.vertices)} vertices, {n} states, {m} input{'s' if m > 1 else ''}"
+
+
+def every_alpha(design: Design, *others: str) -> str:
+    """Say for which alpha a design is proved: on a box not for every point of the simplex.
+
+    ``others`` are the domains of what is proved besides.
+    """
+    box = "box" in (design.certificate.claim().on, *others)
+    return "every alpha of the box" if box else "every alpha"
+
+
+def gains_of(law: Any, N: int) -> dict[str, Any]:
+    """Return the gain, or that at each vertex, as plain data."""
+    if isinstance(law, FixedGain):
+        return {"K": law.K.tolist()}
+    corner = [[float(i == j) for i in range(N)] for j in range(N)]
+    return {f"K at vertex {j + 1}": law.gain(alpha).tolist() for j, alpha in enumerate(corner)}
+
+
+def report(design: Design, lines: list[str], summary: Mapping[str, Any], options: Any) -> None:
+    """Save a design, its summary and its figure where the options say so; print lines and gains.
+
+    Files first: nobody need read the output to its end.
+    """
+    from polefence.show.plots.plots import poles_figure, sampled
+
+    cloud, corners = sampled(design)
+    gains = gains_of(design.law, len(design.plant.vertices))
+    saved = None if options.output is None else design.save(options.output)
+    if options.json is not None:
+        write_json(options.json, {**summary, "gains": gains})
+    if options.plot is not None:
+        figure = poles_figure({design.plant.name: (cloud, corners)}, design.region)
+        write_figure(options.plot, figure)
+    if design.note:
+        lines = [*lines, design.note]
+    say(*lines, *gain_lines(gains))
+    if saved is not None:
+        say(f"saved: {saved}")
+
+
+def write_figure(path: Path, figure: Any) -> None:
+    """Write a figure in the format that its name asks for."""
+    from polefence.show.plots.plots import render
+
+    make_folder(path.parent)
+    write_bytes(path, render(figure, path.suffix[1:]))
+
+
+def gain_lines(gains: Mapping[str, list[list[float]]]) -> list[str]:
+    """Return gains in lines; of many vertices the least and the greatest entries alone."""
+    if len(gains) <= MOST_GAINS:
+        return [f"  {label} = {matrix_text(K)}" for label, K in gains.items()]
+    letter, every = next(iter(gains)).split()[0], np.array(list(gains.values()))
+    where = f"  {letter} at {len(gains)} vertices"
+    return [
+        f"{where}, the least entries = {matrix_text(every.min(axis=0))}",
+        f"{where}, the greatest entries = {matrix_text(every.max(axis=0))}",
+        "  note: --json FILE has them all",
+    ]
+
+
+def matrix_text(rows: Any) -> str:
+    """Print a matrix in a line, its rows separated by semicolons."""
+    return "[" + "; ".join(" ".join(f"{e:.6g}" for e in row) for row in rows) + "]"
+
+
+def write_json(path: Path, document: Mapping[str, Any]) -> None:
+    """Write plain data, to standard output where the path is -."""
+    text = json.dumps(dict(document), indent=1, allow_nan=False) + "\n"
+    if path == STANDARD:
+        stream = _standard.get() or sys.stdout
+        stream.write(text)
+        stream.flush()
+        return
+    make_folder(path.parent)
+    write_text(path, text)
+
+
+class Progress:
+    """Counts finished rows on stderr, only where that is a terminal."""
+
+    def __init__(self, total: int) -> None:
+        self.total, self.done = total, 0
+        self.visible = sys.stderr.isatty()
+
+    def __enter__(self) -> Progress:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        if self.visible and self.done:
+            say("", file=sys.stderr)
+
+    def step(self, row: Limit) -> None:
+        """Show that a row is finished."""
+        self.done += 1
+        if self.visible:
+            line = f"{self.done}/{self.total} centre {row.centre:g} {row.method}: {row.status}"
+            say_over(line)

@@ -1,0 +1,103 @@
+"""``polefence design``: a law for a region, proved and saved."""
+
+from __future__ import annotations
+
+import argparse
+from typing import Any
+
+from polefence.base.errors import InputError
+from polefence.cli.common import (
+    PROVED,
+    check_results,
+    every_alpha,
+    report,
+    result_arguments,
+    spec_argument,
+)
+from polefence.cli.methods import method_arguments, method_of
+from polefence.design.checks import example_region, implies_stability
+from polefence.design.place.placement import place
+from polefence.design.place.sweep import plant_summary
+from polefence.lmi.conditions.methods import Method, Scheduled
+from polefence.plant.family import UncertainPlant
+from polefence.plant.spec import load
+from polefence.region.regions import Disk, Region
+from polefence.region.text import load_region, parse_region
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the options of `design`."""
+    spec_argument(parser)
+    where = parser.add_mutually_exclusive_group()
+    where.add_argument(
+        "--disk",
+        type=float,
+        nargs=2,
+        metavar=("CENTRE", "RADIUS"),
+        help="the region is this disk; default: the region that the spec names",
+    )
+    where.add_argument("--region", metavar="TEXT", help="any region: 'disk(-40, 31) & sector(0.3)'")
+    method_arguments(parser, auto=True)
+    parser.add_argument(
+        "--budget",
+        type=float,
+        metavar="SECONDS",
+        help="--degree auto: begin no higher degree after this time; default: no limit in seconds",
+    )
+    parser.add_argument(
+        "--right-hand-sides",
+        action="store_true",
+        help="scheduled: keep the right-hand sides of the paper's (15)-(17), for a disk",
+    )
+    result_arguments(parser)
+
+
+def design_command(options: Any) -> int:
+    """Design a law for a region, prove it, and save it."""
+    plant = load(options.spec)
+    region = _region(plant, options)
+    method = _method(options)
+    if options.right_hand_sides and not isinstance(region, Disk):
+        raise InputError(f"--right-hand-sides is for a single disk, not {region}")
+    check_results(options)
+    design = place(plant, region, method)
+    label = design.label
+    lines = [
+        f"proved: {label} keeps all poles of {plant.name!r} in {region} for {every_alpha(design)}"
+    ]
+    if not implies_stability(plant, region):
+        shape = "disk" if isinstance(region, Disk) else "region"
+        lines.append(
+            f"note: this {shape} reaches into the right half-plane; it does not imply stability"
+        )
+    summary = {
+        "plant": plant_summary(plant),
+        "region": region.document(),
+        "method": label,
+        "status": "proved",
+    }
+    report(design, lines, summary, options)
+    return PROVED
+
+
+def _region(plant: UncertainPlant, options: Any) -> Region:
+    if options.disk is not None:
+        return Disk(*options.disk)
+    region = load_region(options.spec) if options.region is None else parse_region(options.region)
+    if region is None:
+        raise InputError(
+            f"{options.spec}: names no region; give --disk CENTRE RADIUS or --region TEXT, or "
+            f"write region = '{example_region(plant)}' in the spec"
+        )
+    return region
+
+
+def _method(options: Any) -> Method:
+    method = method_of(options.method, options)
+    if not options.right_hand_sides:
+        return method
+    if options.method != "scheduled":
+        raise InputError(f"--right-hand-sides belongs to the method scheduled, not {method}")
+    if method != "scheduled":
+        raise InputError("--right-hand-sides is for degree 1 on the simplex; leave the others out")
+    return Scheduled(right_hand_sides=True)

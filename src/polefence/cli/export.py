@@ -1,0 +1,146 @@
+"""``polefence export``: a design as C99, an FMU or a MATLAB file."""
+
+from __future__ import annotations
+
+import argparse
+import os
+from pathlib import Path
+from typing import Any
+
+from polefence.base.errors import InputError
+from polefence.cli.common import NOT_PROVED, PROVED, say
+from polefence.design.design import Design
+from polefence.design.observer import Observer
+from polefence.export import export_c99, with_fmus
+from polefence.export.c99.sources import check_c_name
+from polefence.export.exported import GIVEN, Exported, marks
+from polefence.export.folder import check_folder, write_folder
+from polefence.export.matlab import HEADER, mat_bytes
+from polefence.region.text import digits_down, digits_up
+
+LANGUAGES = ("c99", "fmu", "mat")
+BITS = 64
+OF_CODE = ("given", "limit", "sample_time", "observer")
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the options of `export`."""
+    parser.add_argument(
+        "design", type=Path, metavar="DESIGN", help="design.json, or the folder with it"
+    )
+    parser.add_argument(
+        "--lang",
+        choices=LANGUAGES,
+        default="c99",
+        help="c99; fmu: C with FMUs of FMI 2.0 and 3.0; mat: the numbers for MATLAB; default: c99",
+    )
+    parser.add_argument(
+        "--float",
+        type=int,
+        choices=(32, 64),
+        default=BITS,
+        dest="bits",
+        help="numbers of the code; default: 64",
+    )
+    parser.add_argument(
+        "-o", "--output", type=Path, required=True, metavar="OUT", help="folder to write"
+    )
+    parser.add_argument(
+        "--name", default="law", metavar="NAME", help="begins the names of files and functions"
+    )
+    parser.add_argument(
+        "--given", choices=GIVEN, help="what the code is given; default: parameters, if any"
+    )
+    parser.add_argument(
+        "--limit",
+        type=float,
+        action="append",
+        default=[],
+        metavar="U",
+        help="cut each input to +-U, in its unit; repeat for one value an input",
+    )
+    parser.add_argument(
+        "--sample-time",
+        type=float,
+        metavar="TS",
+        help="judge the loop as a computer closes it every TS seconds",
+    )
+    parser.add_argument(
+        "--delay",
+        type=int,
+        choices=(0, 1),
+        help="sample times from measuring x to applying u; default: 1",
+    )
+    parser.add_argument(
+        "--observer",
+        type=Path,
+        metavar="OBSERVER",
+        help="design.json of `observe`, or its folder: adds its code; needs --sample-time",
+    )
+    parser.add_argument(
+        "--allow-unproved", action="store_true", help="export even where nothing is proved"
+    )
+
+
+def export_command(options: Any) -> int:
+    """Write a design as code for a microprocessor, with what is proved of it."""
+    check_c_name(options.name)
+    if options.delay is not None and options.sample_time is None:
+        raise InputError("--delay: is of a sample time; give --sample-time")
+    if options.lang == "mat":
+        return _matlab(options)
+    check_folder(options.output, marks(options.name))
+    design = Design.load(options.design, allow_unproved=options.allow_unproved)
+    limits = options.limit[0] if len(options.limit) == 1 else options.limit
+    found = export_c99(
+        design,
+        options.bits,
+        name=options.name,
+        given=options.given,
+        limits=limits,
+        sample_time=options.sample_time,
+        delay=1 if options.delay is None else options.delay,
+        observer=_observer(design, options),
+        allow_unproved=options.allow_unproved,
+    )
+    if options.lang == "fmu":
+        found = with_fmus(found, compiler=os.environ.get("CC") or "cc")
+    paths = found.save(options.output)
+    _print(found)
+    for path in paths:
+        say(f"saved: {path}")
+    return PROVED if found.proved else NOT_PROVED
+
+
+def _observer(design: Design, options: Any) -> Observer | None:
+    if options.observer is None:
+        return None
+    dual = Design.load(options.observer, options.allow_unproved, observer=True)
+    try:
+        return Observer(design.plant, dual)
+    except InputError as error:
+        raise InputError(f"{options.observer}: {error}") from error
+
+
+def _matlab(options: Any) -> int:
+    """Write the design's own numbers: no code, so no rounding to prove."""
+    unused = [f"--{key.replace('_', '-')}" for key in OF_CODE if getattr(options, key)]
+    if options.bits != BITS or unused:
+        told = ", ".join(unused) or "--float"
+        raise InputError(f"{told}: of code, which --lang mat does not write; leave it out")
+    own = {f"{options.name}.mat": HEADER}
+    check_folder(options.output, own)
+    design = Design.load(options.design, allow_unproved=options.allow_unproved)
+    content = dict.fromkeys(own, mat_bytes(design))
+    for path in write_folder(options.output, content, own):
+        say(f"saved: {path}")
+    return PROVED if design.proved else NOT_PROVED
+
+
+def _print(found: Exported) -> None:
+    made = found.guarantee
+    say(f"{found.texts.title}: {found.program.number.c_type} code")
+    for line in found.texts.statement:
+        say(f"  {line}")
+    if made.tolerated > 0:
+        say(f"  rounding {digits_up(made.rounding, 3)}, tolerated {digits_down(made.tolerated, 3)}")

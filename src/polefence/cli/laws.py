@@ -1,0 +1,109 @@
+"""Plants and laws as commands name them: a spec, a design, a word, a gain; and what is proved."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from polefence.base.errors import InputError, suggest
+from polefence.cli.analyse import read_gain
+from polefence.design.design import FILE_NAME, Design, says_format
+from polefence.law.given import given_law
+from polefence.plant.family import UncertainPlant
+from polefence.plant.spec import load
+from polefence.proof import exact
+
+WORDS = ("passive", "skyhook", "lqr")
+
+
+@dataclass(frozen=True, eq=False)
+class Named:
+    """A law by its name.
+
+    Attributes
+    ----------
+    name : str
+    law : None, Law, Design, GainTable or NoLaw
+    design : Design, optional
+        Where the law is one, and proved for the very plant that is looked at.
+    proved : str
+        What is, in words.
+    """
+
+    name: str
+    law: Any
+    design: Design | None = None
+    proved: str = "nothing"
+
+
+def read_subject(what: str) -> tuple[UncertainPlant, Named | None]:
+    """Read a spec, or a design with its plant.
+
+    Raises
+    ------
+    InputError
+        If it is neither.
+    """
+    path = Path(what)
+    if not (path.is_dir() or path.suffix == ".json"):
+        return load(what), None
+    design = Design.load(path, allow_unproved=True)
+    return design.plant, _of_design(design.plant, design, path)
+
+
+def read_law(plant: UncertainPlant, what: str) -> Named:
+    """Read a law: one of `WORDS`, a design, a table of gains, or a matrix as JSON.
+
+    Raises
+    ------
+    InputError
+        If it is none of these, or does not fit the plant.
+    """
+    if what in WORDS:
+        from polefence.vehicle.compare import standard_laws
+
+        return Named(what, standard_laws(plant, names=(what,))[what])
+    if what.lstrip().startswith(("[", "{")):
+        return Named("gain", read_gain(plant, what))
+    path = Path(what)
+    if not path.exists():
+        raise InputError(f"no law and no file {what!r}; {suggest(what, WORDS)}")
+    if path.is_dir() or says_format(path, exact.FORMAT):
+        design = Design.load(path, allow_unproved=True)
+        given_law(plant, design)
+        return _of_design(plant, design, path)
+    return Named(_stem(path), read_gain(plant, what))
+
+
+def distinct(laws: Sequence[Named]) -> list[Named]:
+    """Return laws with a number behind every name that has been there before."""
+    found = list[Named]()
+    for law in laws:
+        count = sum(other.name == law.name for other in laws[: len(found)])
+        name = f"{law.name} ({count + 1})" if count else law.name
+        found.append(Named(name, law.law, law.design, law.proved))
+    return found
+
+
+def _of_design(plant: UncertainPlant, design: Design, path: Path) -> Named:
+    name = _stem(path)
+    if not design.proved:
+        return Named(name, design, proved="nothing: the proof in its file fails")
+    if _identity(design.plant) != _identity(plant):
+        return Named(name, design, proved="nothing: its proof is about another plant")
+    proved = f"all poles in {design.region}, for every constant value of the parameters"
+    proved += f"; but {design.note.removeprefix('note: ')}" if design.note else ""
+    return Named(name, design, design, proved)
+
+
+def _identity(plant: UncertainPlant) -> tuple[Any, ...]:
+    ranges = [(p.name, p.low, p.high, p.through) for p in plant.parameters]
+    return plant.digest, plant.sample_time, ranges
+
+
+def _stem(path: Path) -> str:
+    """A design by its folder, if it is alone there."""
+    folder = path if path.is_dir() else path.absolute().parent
+    return folder.resolve().name if path.is_dir() or path.name == FILE_NAME else path.stem

@@ -1,0 +1,208 @@
+"""``polefence limits``: the smallest proved disks."""
+
+from __future__ import annotations
+
+import argparse
+import math
+from collections import deque
+from collections.abc import Sequence
+from fractions import Fraction
+from pathlib import Path
+from typing import Any
+
+from polefence.base.errors import InputError
+from polefence.base.workers import processes
+from polefence.cli.common import (
+    NOT_PROVED,
+    PROVED,
+    STANDARD,
+    Progress,
+    check_figure,
+    check_targets,
+    clear_over,
+    jobs_of,
+    rows_file,
+    say,
+    size_of,
+    spec_argument,
+    sweep_arguments,
+    write_figure,
+    write_json,
+)
+from polefence.cli.methods import method_arguments, methods_of
+from polefence.design.checks import example_centre, is_checkable, usable_centre
+from polefence.design.place.limits import Limit
+from polefence.design.place.sweep import plant_summary, sweep
+from polefence.lmi.conditions.methods import METHODS, Method, method_label
+from polefence.lmi.conditions.sizes import blocks, fitting
+from polefence.plant.family import UncertainPlant
+from polefence.plant.spec import load
+from polefence.region.regions import exactly
+from polefence.region.text import digits_down, digits_up
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the options of `limits`."""
+    spec_argument(parser)
+    parser.add_argument(
+        "--centre",
+        "--center",
+        type=float,
+        action="append",
+        default=[],
+        metavar="CENTRE",
+        help="real coordinate of the disk's centre; repeat for more",
+    )
+    parser.add_argument(
+        "--centres",
+        "--centers",
+        type=float,
+        nargs=3,
+        metavar=("FROM", "TO", "COUNT"),
+        help="evenly spaced centres, for example -5 -100 60",
+    )
+    method_arguments(parser, several=True)
+    parser.add_argument(
+        "--json", type=Path, metavar="FILE", help="write the rows, kept up to date; -: stdout"
+    )
+    parser.add_argument("--plot", type=Path, metavar="FILE", help="draw d/sigma (.png, .svg, .pdf)")
+    parser.add_argument("--gain", action="store_true", help="put each row's law into the JSON")
+    sweep_arguments(parser)
+
+
+def limits_command(options: Any) -> int:
+    """Find the smallest proved disk for each centre and method."""
+    plant = load(options.spec)
+    centres = _centres(plant, options)
+    methods = methods_of(options.method or list(METHODS), options)
+    methods = _fitted(plant, methods, chosen=bool(options.method))
+    if options.plot is not None and plant.sample_time is not None:
+        raise InputError(f"{options.plot}: d/sigma has no meaning for a discrete-time plant")
+    check_figure(options.plot)
+    path = rows_file(options)
+    check_targets(options.json, options.plot)
+    order = [(centre, method_label(method)) for centre in centres for method in methods]
+    table = _Table(plant, order)
+    jobs = jobs_of(options, len(centres) * len(methods))
+    with processes(jobs) as executor, table:
+        rows = sweep(
+            plant,
+            centres,
+            methods,
+            path,
+            options.resume,
+            options.gain,
+            executor,
+            table.step,
+            table.add,
+        )
+    if options.json == STANDARD:
+        write_json(STANDARD, {"plant": plant_summary(plant), "rows": rows})
+    if options.plot is not None:
+        from polefence.show.plots.plots import limits_figure
+
+        write_figure(options.plot, limits_figure({plant.name: rows}))
+    if any(row.get("lower_from_file") for row in rows):
+        say(f"* from {options.json}, not proved again; every radius is")
+    for row in rows:
+        where = f"note: centre {row['centre']:.6g}, {row['method']}:"
+        if row.get("unrunnable") is not None:
+            least = digits_up(row["unrunnable"])
+            say(f"{where} {least} is proved too, but only of a law that doubles cannot evaluate")
+        if row["radius"] is not None and row.get("runs") is False:
+            say(f"{where} no law was found that doubles can evaluate; this radius is of one that")
+            say("they cannot")
+    return PROVED if all(row["status"] == "proved" for row in rows) else NOT_PROVED
+
+
+def _centres(plant: UncertainPlant, options: Any) -> list[float]:
+    centres = list(options.centre)
+    if options.centres is not None:
+        first, last, count = options.centres
+        if not (math.isfinite(first) and math.isfinite(last)):
+            raise InputError("--centres: FROM and TO must be finite numbers")
+        if not 2 <= count <= 10_000 or count != int(count):
+            raise InputError(f"--centres: COUNT = {count:g} must be a whole number, 2 to 10000")
+        step = (last - first) / (count - 1)
+        centres += [first + i * step for i in range(int(count))]
+    if not centres:
+        several = "-5 -100 60" if plant.sample_time is None else "0 0.8 9"
+        raise InputError(
+            f"no centre given; use --centre {example_centre(plant)}, or --centres {several}"
+        )
+    return list(dict.fromkeys(usable_centre(plant, c) for c in centres))
+
+
+def _fitted(plant: UncertainPlant, methods: list[Method], chosen: bool) -> list[Method]:
+    """Return the methods that are not too large; only those that were chosen are refused."""
+    found = {}
+    for method in methods:
+        own = fitting(plant, method)
+        if not (chosen or is_checkable(plant, own)):
+            say(
+                f"note: without {method_label(own)}: {blocks(plant, own)} inequalities in "
+                f"{plant.shape[0]} states are too large"
+            )
+            continue
+        if own != method:
+            say(
+                f"note: {method_label(method)} has {blocks(plant, method)} inequalities on the "
+                f"simplex; {method_label(own)} has {blocks(plant, own)}"
+            )
+        found[method_label(own)] = own
+    if not found:
+        raise InputError(f"{plant.name}: {size_of(plant)} are too large for every method")
+    return list(found.values())
+
+
+class _Table(Progress):
+    """Rows printed in their order, each as soon as it and all before it are there."""
+
+    def __init__(self, plant: UncertainPlant, order: Sequence[tuple[float, str]]) -> None:
+        super().__init__(len(order))
+        self.plant = plant
+        self.left = deque(order)
+        self.rows: dict[tuple[float, str], dict[str, Any]] = {}
+        self.width = max(10, *(len(label) for _, label in order))
+        self.wide = max(10, *(len(exactly(centre)) for centre, _ in order))
+        self.begun = False
+
+    def step(self, row: Limit) -> None:
+        """Print what is there, and how far the sweep is."""
+        self.add(row.as_row())
+        super().step(row)
+
+    def add(self, row: dict[str, Any]) -> None:
+        """Print what is there."""
+        self.rows[row["centre"], row["method"]] = row
+        if self.visible and self.left and self.left[0] in self.rows:
+            clear_over()
+        if not self.begun:
+            self._head()
+        while self.left and self.left[0] in self.rows:
+            own = self.rows[self.left.popleft()]
+            say(_row_line(own, self.wide, self.width, self.plant.sample_time is None))
+
+    def _head(self) -> None:
+        self.begun = True
+        say(f"{self.plant.name}: {size_of(self.plant)}")
+        say(
+            f"{'centre':>{self.wide}}  {'method':<{self.width}} {'radius':>10}  {'at least':>10}  "
+            f"{'d/sigma':>8}  {'status':<9}  seconds"
+        )
+
+
+def _row_line(row: dict[str, Any], wide: int, width: int, continuous: bool) -> str:
+    radius = lower = ratio = "-"
+    mark = "*" if row.get("lower_from_file") else " "
+    if row.get("lower") is not None:
+        lower = digits_down(row["lower"])
+    if row["radius"] is not None:
+        radius = digits_up(row["radius"])
+    if row["radius"] is not None and continuous:
+        percent = 100 * (1 + Fraction(row["radius"]) / Fraction(row["centre"]))
+        ratio = f"{math.floor(100 * percent) / 100:.2f} %"
+    return (
+        f"{exactly(row['centre']):>{wide}}  {row['method']:<{width}} {radius:>10}  "
+        f"{lower:>10}{mark} {ratio:>8}  {row['status']:<9}  {row['seconds']:.2f}"
+    )

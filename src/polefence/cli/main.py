@@ -1,0 +1,152 @@
+"""The command line: parse, call, print. Exit 0 proved or done, 1 not proved, 2 bad input."""
+
+from __future__ import annotations
+
+import argparse
+import os
+import signal
+import sys
+from collections.abc import Callable, Sequence
+from decimal import Decimal, InvalidOperation
+from typing import Any, NoReturn
+
+from polefence.base.errors import (
+    InputError,
+    MissingExtraError,
+    NotProvedError,
+    PolefenceError,
+    UncontrollableError,
+)
+from polefence.base.version import VERSION
+from polefence.cli import (
+    analyse,
+    check,
+    compare,
+    design,
+    example,
+    export,
+    limits,
+    observe,
+    optimise,
+    paper,
+    report,
+    service,
+    simulate,
+    tightest,
+    tradeoff,
+)
+from polefence.cli.common import say, streams
+from polefence.lmi.solve.engine import engine
+
+PROVED, NOT_PROVED, BAD_INPUT, INTERRUPTED = 0, 1, 2, 130
+
+Command = tuple[str, Callable[[Any], int], Callable[[argparse.ArgumentParser], None]]
+# In the order of --help; each module declares its own options.
+COMMANDS: tuple[Command, ...] = (
+    ("limits", limits.limits_command, limits.add_arguments),
+    ("design", design.design_command, design.add_arguments),
+    ("tightest", tightest.tightest_command, tightest.add_arguments),
+    ("observe", observe.observe_command, observe.add_arguments),
+    ("optimise", optimise.optimise_command, optimise.add_arguments),
+    ("tradeoff", tradeoff.tradeoff_command, tradeoff.add_arguments),
+    ("service", service.service_command, service.add_arguments),
+    ("analyse", analyse.analyse_command, analyse.add_arguments),
+    ("simulate", simulate.simulate_command, simulate.add_arguments),
+    ("compare", compare.compare_command, compare.add_arguments),
+    ("report", report.report_command, report.add_arguments),
+    ("export", export.export_command, export.add_arguments),
+    ("check", check.check_command, check.add_arguments),
+    ("paper", paper.paper_command, paper.add_arguments),
+    ("example", example.example_command, example.add_arguments),
+)
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the command line; return its exit status."""
+    parser = _parser()
+    options = parser.parse_args(_negative_numbers(sys.argv[1:] if arguments is None else arguments))
+    try:
+        with streams(options):
+            status: int = options.run(options)
+        sys.stdout.flush()
+        return status
+    except NotProvedError as answer:
+        say(_one_line(answer), file=sys.stderr)
+        return NOT_PROVED
+    except UncontrollableError as error:
+        say(f"polefence: {options.spec}: {_one_line(error)}", file=sys.stderr)
+        return BAD_INPUT
+    except (InputError, MissingExtraError) as error:
+        say(f"polefence: {_one_line(error)}", file=sys.stderr)
+        return BAD_INPUT
+    except PolefenceError as error:
+        say(f"polefence: {_one_line(error)}", file=sys.stderr)
+        return NOT_PROVED
+    except KeyboardInterrupt:
+        # a second Ctrl-C while Python ends would turn the status into that of a killed process
+        signal.signal(signal.SIGINT, signal.SIG_IGN)
+        keeps = getattr(options, "json", None) or getattr(options, "output", None)
+        keeps = keeps and hasattr(options, "resume")
+        kept = "; finished rows are kept, --resume goes on" if keeps else ""
+        say(f"polefence: interrupted{kept}", file=sys.stderr)
+        return INTERRUPTED
+    except BrokenPipeError:  # the reader has seen enough
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return PROVED
+    except OSError as error:
+        say(f"polefence: cannot write the output: {error.strerror}", file=sys.stderr)
+        return BAD_INPUT
+
+
+def _one_line(error: BaseException) -> str:
+    return " ".join(str(error).split())
+
+
+def _negative_numbers(arguments: Sequence[str]) -> list[str]:
+    """Write -4e1 as -40: argparse takes plain negative numbers only."""
+    return [_plain(word) if word.startswith("-") else word for word in arguments]
+
+
+def _plain(word: str) -> str:
+    try:
+        number = Decimal(word)
+    except InvalidOperation:
+        return word
+    return format(number, "f") if number.is_finite() and abs(number.adjusted()) < 400 else word
+
+
+class _Parser(argparse.ArgumentParser):
+    """Errors of usage in one line."""
+
+    def error(self, message: str) -> NoReturn:
+        say(f"{self.prog}: {message}; see: {self.prog} --help", file=sys.stderr)
+        self.exit(BAD_INPUT)
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = _Parser(
+        prog="polefence",
+        description="State feedback that keeps every closed-loop pole in a region for all values "
+        "of the uncertain parameters, proved in exact arithmetic.",
+        epilog="exit status: 0 proved or done, 1 not proved, 2 bad input or usage. "
+        "CENTRE is the real coordinate, negative on the left (-40).",
+        allow_abbrev=False,
+    )
+    parser.add_argument(
+        "--version", action="version", version=f"polefence {VERSION}, engine: {engine()}"
+    )
+    listed = parser.add_subparsers(metavar="COMMAND", required=True)
+
+    for name, run, add_arguments in COMMANDS:
+        text = run.__doc__
+        sub = listed.add_parser(name, help=text, description=text, allow_abbrev=False)
+        sub.set_defaults(run=run)
+        add_arguments(sub)
+        sub.add_argument(
+            "--quiet", action="store_true", help="print errors alone; the exit status is the answer"
+        )
+    return parser
+
+
+if __name__ == "__main__":
+    sys.exit(main())

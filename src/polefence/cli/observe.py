@@ -1,0 +1,81 @@
+"""``polefence observe``: an observer from named measurements, proved and saved."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from polefence.cli.common import PROVED, check_targets, gain_lines, say, spec_argument, write_json
+from polefence.cli.methods import method_arguments, method_of
+from polefence.design.checks import implies_stability
+from polefence.design.design import FILE_NAME
+from polefence.design.observer import Observer, observe
+from polefence.design.place.sweep import plant_summary
+from polefence.law.laws import FixedGain
+from polefence.plant.spec import load
+from polefence.region.regions import Disk
+from polefence.region.text import parse_region
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the options of `observe`."""
+    spec_argument(parser)
+    parser.add_argument(
+        "--measured",
+        action="append",
+        required=True,
+        metavar="STATE",
+        help="a measured state's name, with or without its unit; repeat for more",
+    )
+    where = parser.add_mutually_exclusive_group(required=True)
+    where.add_argument(
+        "--disk", type=float, nargs=2, metavar=("CENTRE", "RADIUS"), help="the region is this disk"
+    )
+    where.add_argument("--region", metavar="TEXT", help="any region: 'disk(-80, 60) & sector(0.5)'")
+    method_arguments(parser)
+    parser.add_argument("-o", "--output", type=Path, metavar="DIR", help="write DIR/design.json")
+    parser.add_argument("--json", type=Path, metavar="FILE", help="write a summary; -: stdout")
+
+
+def observe_command(options: Any) -> int:
+    """Design an observer, prove where the poles of its error lie, and save it."""
+    plant = load(options.spec)
+    region = Disk(*options.disk) if options.region is None else parse_region(options.region)
+    method = method_of(options.method, options)
+    check_targets(options.json, folder=options.output, names=(FILE_NAME,))
+    observer = observe(plant, options.measured, region, method)
+    label = observer.design.label
+    say(
+        f"proved: {label} keeps all poles of the observer of {plant.name!r} in {region} for every "
+        "alpha"
+    )
+    if not implies_stability(plant, region):
+        say("note: this region reaches into the right half-plane; the error need not die out")
+    names = observer.design.plant.inputs
+    say(f"  measured: {', '.join(names)}")
+    gains = _gains(observer)
+    say(*gain_lines(gains))
+    if options.output is not None:
+        say(f"saved: {observer.save(options.output)}")
+    if options.json is not None:
+        summary = {
+            "plant": plant_summary(plant),
+            "measured": list(names),
+            "region": region.document(),
+            "method": label,
+            "status": "proved",
+            "gains": gains,
+        }
+        write_json(options.json, summary)
+    return PROVED
+
+
+def _gains(observer: Observer) -> dict[str, Any]:
+    """Return L, or L at each vertex, as plain data."""
+    if isinstance(observer.design.law, FixedGain):
+        return {"L": observer.gain().tolist()}
+    corners = np.eye(len(observer.plant.vertices))
+    return {f"L at vertex {j + 1}": L.tolist() for j, L in enumerate(observer.gain(corners))}

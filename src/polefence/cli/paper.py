@@ -1,0 +1,47 @@
+"""``polefence paper``: the study of Leite and Peres again."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import Any
+
+from polefence.base.files import make_folder
+from polefence.base.workers import processes
+from polefence.cli.common import NOT_PROVED, PROVED, Progress, jobs_of, say, sweep_arguments
+from polefence.region.text import digits_up
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the options of `paper`."""
+    parser.add_argument(
+        "-o",
+        "--output",
+        type=Path,
+        default=Path("paper-results"),
+        metavar="DIR",
+        help="default: %(default)s",
+    )
+    sweep_arguments(parser)
+
+
+def paper_command(options: Any) -> int:
+    """Reproduce Leite & Peres (2005): figures 3 to 10 and a report."""
+    from polefence.show.paper import report as paper_report
+    from polefence.show.paper import study as paper
+
+    folder = make_folder(options.output)
+    progress = Progress(paper.total_rows())
+    with processes(jobs_of(options, paper.total_rows())) as executor, progress:
+        results = paper.reproduce(folder, options.resume, executor, progress.step)
+    paths = paper_report.write(results, folder)
+    for row in results["radii"]:
+        printed = "" if row["published"] is None else f"published {row['published']:g}"
+        say(
+            f"{row['family']:<11} {row['method']:<10} {printed:<15} "
+            f"{row['status']} {digits_up(row['radius']) if row['radius'] else '-'}"
+        )
+    say(f"written: {folder / 'report.md'}, with {len(paths) - 1} files beside it")
+    rows = [row for sweep_rows in results["limits"].values() for row in sweep_rows]
+    rows += [*results["radii"], *results["slow centres"]]
+    return PROVED if all(row["status"] == "proved" for row in rows) else NOT_PROVED

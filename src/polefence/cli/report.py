@@ -1,0 +1,69 @@
+"""``polefence report``: one HTML page about a design."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import Any
+
+from polefence.base.errors import InputError
+from polefence.base.files import make_folder, write_text
+from polefence.cli.common import PROVED, say
+from polefence.design.design import Design
+from polefence.design.signals.files import is_performance_file, statements
+
+MAX_BYTES = 20_000_000  # of a figure
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the options of `report`."""
+    parser.add_argument(
+        "design", type=Path, metavar="DESIGN", help="design.json, or the folder with it"
+    )
+    parser.add_argument("--road", default="C", metavar="CLASS", help="ISO 8608, A to H; default: C")
+    parser.add_argument(
+        "--speed", type=float, default=20.0, metavar="SPEED", help="[m/s]; default: 20"
+    )
+    parser.add_argument(
+        "--front",
+        type=Path,
+        metavar="FIGURE",
+        help="a figure of polefence tradeoff to put in, .svg or .png",
+    )
+    parser.add_argument(
+        "-o",
+        "--output",
+        type=Path,
+        metavar="FILE",
+        help="ends in .html; default: report.html beside the design",
+    )
+
+
+def _figure(path: Path) -> tuple[str, bytes]:
+    kind = path.suffix[1:]
+    if kind not in ("svg", "png"):
+        raise InputError(f"{path}: a figure for the page ends in .svg or .png")
+    try:
+        if path.stat().st_size > MAX_BYTES:
+            raise InputError(f"{path}: the figure is larger than {MAX_BYTES} bytes")
+        return kind, path.read_bytes()
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read: {error.strerror}") from error
+
+
+def report_command(options: Any) -> int:
+    """Write one HTML page about a design: claim, poles, limits, responses, comfort, gain."""
+    from polefence.show.report import html_report
+
+    beside = options.design if options.design.is_dir() else options.design.parent
+    target = options.output or beside / "report.html"
+    if target.suffix != ".html":
+        raise InputError(f"{target}: a report ends in .html")
+    front = None if options.front is None else _figure(options.front)
+    design = Design.load(options.design)
+    bounds = statements(options.design) if is_performance_file(options.design) else ()
+    text = html_report(design, options.road, options.speed, bounds, front)
+    make_folder(target.parent)
+    write_text(target, text)
+    say(f"written: {target}")
+    return PROVED

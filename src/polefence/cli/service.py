@@ -1,0 +1,101 @@
+"""``polefence service``: how much may go wrong in service, proved and saved."""
+
+from __future__ import annotations
+
+import argparse
+import math
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+from polefence.cli.common import NOT_PROVED, PROVED, check_targets, say, write_json
+from polefence.design.design import Design
+from polefence.design.given.analysis import analyse
+from polefence.design.margins import Margin, Service, in_service
+from polefence.region.regions import exactly
+from polefence.region.text import digits_up, parse_region
+
+EDGE = 1e-9  # of an interval: a margin so near to its width is all of it
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the options of `service`."""
+    parser.add_argument(
+        "design", type=Path, metavar="DESIGN", help="design.json, or the folder with it"
+    )
+    parser.add_argument(
+        "--decay",
+        type=float,
+        default=0.0,
+        metavar="RATE",
+        help="decay that moving parameters must leave [1/s]; default: 0",
+    )
+    parser.add_argument(
+        "--region",
+        metavar="TEXT",
+        help="what is to be kept: 'half_plane(0)' asks for stability; default: the design's region",
+    )
+    parser.add_argument("-o", "--output", type=Path, metavar="DIR", help="write a file a margin")
+    parser.add_argument("--json", type=Path, metavar="FILE", help="write a summary; -: stdout")
+
+
+def service_command(options: Any) -> int:
+    """Find how wrong estimates and gain may be, and how fast parameters may move; prove it."""
+    region = None if options.region is None else parse_region(options.region)
+    check_targets(options.json, folder=options.output, names=("gain.json",))
+    design = Design.load(options.design)
+    service = in_service(design, options.decay, region=region)
+    say(f"{design.plant.name}: all poles in {service.region}")
+    say(f"{'':<34} {'proved':>10}  {'breaks at':>10}")
+    for margin in service:
+        upper = "-" if margin.upper is None else digits_up(margin.upper, 4)
+        line = f"{margin.subject:<34} {margin.text:>10}  {upper:>10}  {margin.unit}"
+        say(line.rstrip() + _whole(margin, design))
+    say(*_explained(service))
+    if options.output is not None:
+        for path in service.save(options.output):
+            say(f"saved: {path}")
+    if options.json is not None:
+        rows = [_row(margin) for margin in service]
+        document = {"region": service.region.document(), "decay": service.decay, "margins": rows}
+        write_json(options.json, document)
+    return PROVED if service.proved else NOT_PROVED
+
+
+def _explained(service: Service) -> Iterator[str]:
+    """Say what rates are about, and where the law itself leaves the region that was asked for."""
+    rates = [margin for margin in service if margin.kind == "rate"]
+    leave = f"exponential stability, decay rate {exactly(service.decay)} 1/s"
+    if any(margin.proved for margin in rates):
+        yield f"rates leave {leave}"
+    elif rates:
+        yield f"no rate is proved that leaves {leave}; ask for a lower one by --decay"
+    if service.region != service.design.region and not service["gain"].proved:
+        answer = analyse(service.design.plant, service.design.law, service.region)
+        if answer.answer == "refuted":
+            yield f"note: even without an error {answer.reason}"
+
+
+def _whole(margin: Margin, design: Design) -> str:
+    """Say where an estimate may be any value at all: the interval is no wider."""
+    if margin.kind != "estimate":
+        return ""
+    if not margin.parameter and design.plant.parameters and margin.value == 1:
+        return ", the whole intervals: none need be known"
+    widths = {p.name: float(p.high - p.low) for p in design.plant.parameters}
+    width = widths.get(margin.parameter)
+    if width is None or margin.value < width * (1 - EDGE):
+        return ""
+    return ", the whole interval: it need not be known"
+
+
+def _row(margin: Margin) -> dict[str, Any]:
+    return {
+        "kind": margin.kind,
+        "parameter": margin.parameter or None,
+        "status": margin.status,
+        "value": "any" if math.isinf(margin.value) else margin.value,
+        "unit": margin.unit,
+        "breaks at": margin.upper,
+        "where": margin.example or None,
+    }

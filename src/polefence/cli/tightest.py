@@ -1,0 +1,117 @@
+"""``polefence tightest``: the largest decay rate or damping ratio, or the smallest disk."""
+
+from __future__ import annotations
+
+import argparse
+from dataclasses import replace
+from typing import Any
+
+from polefence.base.errors import InputError
+from polefence.cli.common import (
+    PROVED,
+    check_results,
+    every_alpha,
+    report,
+    result_arguments,
+    spec_argument,
+)
+from polefence.cli.methods import method_arguments, method_of
+from polefence.design.checks import example_centre
+from polefence.design.design import Design
+from polefence.design.place.smallest import tightest
+from polefence.design.place.sweep import plant_summary
+from polefence.plant.spec import load
+from polefence.region.regions import Disk, exactly
+from polefence.region.text import digits_down, digits_up, parse_region, short_text
+
+KINDS = ("disk", "half_plane", "sector")
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the options of `tightest`."""
+    spec_argument(parser)
+    parser.add_argument(
+        "--of",
+        type=lambda word: word.lower().replace("-", "_"),
+        choices=KINDS,
+        required=True,
+        help="disk: the smallest radius about --centre; half_plane: the largest decay rate; "
+        "sector: the largest damping ratio",
+    )
+    parser.add_argument(
+        "--centre",
+        "--center",
+        type=float,
+        metavar="CENTRE",
+        help="disk: its centre, for example -40",
+    )
+    parser.add_argument(
+        "--within",
+        metavar="REGION",
+        help="half_plane, sector: a region to hold besides, 'disk(-40, 39)'",
+    )
+    method_arguments(parser)
+    result_arguments(parser)
+
+
+def tightest_command(options: Any) -> int:
+    """Find the largest decay rate or damping ratio, or the smallest disk, and prove it."""
+    if options.of != "disk" and options.centre is not None:
+        raise InputError(f"--centre belongs to --of disk; a {options.of} has none")
+    if options.of == "disk" and options.within is not None:
+        raise InputError("--within belongs to --of half_plane and --of sector")
+    plant = load(options.spec)
+    centre = f"--centre CENTRE, for example --centre {example_centre(plant)}"
+    if options.of != "disk" and plant.sample_time is not None:
+        raise InputError(f"{options.spec}: a discrete-time plant; ask --of disk {centre}")
+    if options.of == "disk" and options.centre is None:
+        raise InputError(f"--of disk needs {centre}")
+    within = None if options.within is None else parse_region(options.within)
+    method = method_of(options.method, options)
+    check_results(options)
+    design = tightest(plant, options.centre, method, of=options.of, within=within)
+    value, text = _answer(options.of, design)
+    rest = " & ".join(short_text(part) for part in design.region.parts[1:])
+    beside = f", within {rest}" if rest else ""
+    lines = [
+        f"proved: {text}{beside}, for {every_alpha(design)} of {plant.name!r} by {design.label}"
+    ]
+    if options.of != "disk" and (within is None or within.parts != design.region.parts[1:]):
+        lines.append(
+            "note: a disk bounds the poles' speed, or gains would be without bound; choose"
+        )
+        disk = next(part for part in design.region.parts[::-1] if isinstance(part, Disk))
+        own = replace(disk, radius=float(f"{0.95 * disk.radius:.2g}"))
+        lines.append(f"your own, such as --within '{short_text(own)}'")
+    if design.unrunnable is not None:
+        lines.append(
+            f"note: {digits_down(design.unrunnable)} is proved too, but only of a law that doubles "
+            "cannot evaluate"
+        )
+    summary = {
+        "plant": plant_summary(plant),
+        "of": options.of,
+        "value": value,
+        "lower": design.lower,
+        "unrunnable": design.unrunnable,
+        "region": design.region.document(),
+        "method": design.label,
+        "status": "proved",
+    }
+    report(design, lines, summary, options)
+    return PROVED
+
+
+def _answer(of: str, design: Design) -> tuple[float, str]:
+    """Return the number that was asked for, and a text that is true as printed."""
+    first = design.region.parts[0]
+    if of == "half_plane":
+        value = first.numbers["decay"]
+        return value, f"decay rate {digits_down(value)} 1/s"
+    if of == "sector":
+        value = first.numbers["damping"]
+        return value, f"damping ratio {digits_down(value)}"
+    value, centre = first.numbers["radius"], first.numbers["centre"]
+    unit = " 1/s" if design.plant.sample_time is None else ""
+    bound = "" if design.lower is None else f" (out of reach: {digits_down(design.lower)})"
+    return value, f"radius {digits_up(value)}{unit} about {exactly(centre)}{bound}"

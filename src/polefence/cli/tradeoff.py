@@ -1,0 +1,262 @@
+"""``polefence tradeoff``: the least proved bound on one signal over limits on another."""
+
+from __future__ import annotations
+
+import argparse
+import math
+from pathlib import Path
+from typing import Any
+
+from polefence.base.errors import InputError
+from polefence.base.workers import processes
+from polefence.cli.common import (
+    NOT_PROVED,
+    PROVED,
+    STANDARD,
+    Progress,
+    check_figure,
+    check_targets,
+    jobs_of,
+    rows_file,
+    say,
+    say_over,
+    size_of,
+    spec_argument,
+    sweep_arguments,
+    write_figure,
+    write_json,
+)
+from polefence.cli.optimise import (
+    METHODS,
+    asked,
+    densities_of,
+    in_units,
+    method_of_options,
+    region_of_options,
+    road_of,
+)
+from polefence.design.place.sweep import Row
+from polefence.design.signals.specification import Specification, limit_text
+from polefence.design.signals.text import load_specifications, parse_specification, spec_road
+from polefence.design.signals.tradeoff import tradeoff
+from polefence.design.signals.tradeoff_front import Front
+from polefence.lmi.conditions.methods import Method
+from polefence.plant.family import UncertainPlant
+from polefence.plant.spec import load
+from polefence.region.regions import exactly
+from polefence.region.text import digits_up
+from polefence.vehicle.vehicle import ride
+
+ACCELERATION = "rms of sprung-mass acceleration"
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the options of `tradeoff`."""
+    spec_argument(parser)
+    parser.add_argument(
+        "--over",
+        required=True,
+        metavar="TEXT",
+        help="what the limit is swept of: 'rms of actuator force'",
+    )
+    parser.add_argument(
+        "--value", type=float, action="append", default=[], metavar="V", help="a limit; repeat"
+    )
+    parser.add_argument(
+        "--values",
+        type=float,
+        nargs=3,
+        metavar=("FROM", "TO", "COUNT"),
+        help="evenly spaced limits, for example 50 300 6",
+    )
+    for option, metavar, text in (
+        (
+            "--minimise",
+            "TEXT",
+            f"default: the spec's with minimise = true, else of a quarter car '{ACCELERATION}'",
+        ),
+        ("--road", "CLASS", "A to H of ISO 8608; default: the spec's"),
+        ("--region", "TEXT", "for the poles; default: the spec's, else stability"),
+    ):
+        parser.add_argument(option, metavar=metavar, help=text)
+    parser.add_argument("--speed", type=float, metavar="V", help="over that road [m/s]")
+    parser.add_argument(
+        "--limit",
+        action="append",
+        default=[],
+        metavar="TEXT",
+        help="kept everywhere: 'rms of tyre deflection <= 0.0048'; repeat for more",
+    )
+    parser.add_argument(
+        "--method", action="append", choices=METHODS, help="repeat for more; default: both"
+    )
+    parser.add_argument(
+        "--degree", type=int, metavar="N", help="scheduled: of W and Z in alpha; default: 1"
+    )
+    parser.add_argument(
+        "--elevation", type=int, metavar="N", help="scheduled: of the inequalities; default: 0"
+    )
+    parser.add_argument(
+        "--on",
+        choices=("simplex", "box"),
+        help="scheduled; default: box, simplex for a plant without parameters",
+    )
+    parser.add_argument(
+        "--json", type=Path, metavar="FILE", help="write the rows, kept up to date; -: stdout"
+    )
+    parser.add_argument(
+        "--plot", type=Path, metavar="FILE", help="draw the curves (.png, .svg, .pdf)"
+    )
+    sweep_arguments(parser)
+
+
+def tradeoff_command(options: Any) -> int:
+    """Find the least proved bound on one signal for each limit on another."""
+    plant = load(options.spec)
+    values, methods = _values(options), _methods(plant, options)
+    minimise, over, limits = _specifications(plant, options)
+    region = region_of_options(options)
+    check_figure(options.plot)
+    path = rows_file(options)
+    check_targets(options.json, options.plot)
+    progress = _Progress(len(values) * len(methods))
+    jobs = jobs_of(options, len(values) * len(methods))
+    with processes(jobs) as executor, progress:
+        front = tradeoff(
+            plant,
+            minimise,
+            over,
+            values,
+            limits,
+            region,
+            methods,
+            executor,
+            progress.show,
+            path,
+            options.resume,
+        )
+    if options.json == STANDARD:
+        write_json(STANDARD, front.document())
+    if options.plot is not None:
+        from polefence.show.plots.tradeoff import front_figure
+
+        write_figure(options.plot, front_figure(front))
+    say(*_lines(front))
+    return PROVED if front.proved else NOT_PROVED
+
+
+def _values(options: Any) -> list[float]:
+    values = list(options.value)
+    if options.values is not None:
+        first, last, count = options.values
+        if not (math.isfinite(first) and math.isfinite(last)):
+            raise InputError("--values: FROM and TO must be finite numbers")
+        if not 2 <= count <= 1000 or count != int(count):
+            raise InputError(f"--values: COUNT = {count:g} must be a whole number, 2 to 1000")
+        step = (last - first) / (count - 1)
+        # 0.0044, not 0.004399999999999999: the limit is exactly what is printed
+        values += [float(f"{first + i * step:.12g}") for i in range(int(count))]
+    if not values:
+        raise InputError("no limit given; use --value 100, or --values 50 300 6")
+    return list(dict.fromkeys(values))
+
+
+def _methods(plant: UncertainPlant, options: Any) -> list[Method]:
+    names = list(dict.fromkeys(options.method or METHODS))
+    given = [key for key in ("degree", "elevation", "on") if getattr(options, key) is not None]
+    if given and names == ["quadratic"]:
+        raise InputError(f"--{given[0]} belongs to scheduled, not to quadratic")
+    methods = list[Method]()
+    for name in names:
+        own = vars(options) | {"method": name}
+        if name == "quadratic":
+            own |= dict.fromkeys(("degree", "elevation", "on"))
+        methods.append(method_of_options(plant, argparse.Namespace(**own)))
+    return methods
+
+
+def _specifications(
+    plant: UncertainPlant, options: Any
+) -> tuple[Specification, Specification, list[Specification]]:
+    """Return what is minimised, what is swept over, and the limits, the spec's among them."""
+    road = road_of(options)
+    own_road = road or spec_road(options.spec)
+    first, written = load_specifications(options.spec, road)
+    known = densities_of((*written, *([first] if first else [])))
+    told = options.minimise is not None or first is not None
+    if not told and ride(plant) is not None:
+        options = argparse.Namespace(**vars(options) | {"minimise": ACCELERATION})
+    least, limits = asked(plant, options, road)
+    if least is None:
+        raise InputError(f"{options.spec}: nothing is minimised; give --minimise 'rms of SIGNAL'")
+    over = in_units(parse_specification(options.over, own_road, known), limits)
+    if over.at_most is not None:
+        raise InputError(f"--over {options.over!r} has a limit; give limits by --value or --values")
+    for text in options.limit:
+        own = parse_specification(text, own_road, known)
+        if (own.kind, own.name) == (over.kind, over.name):
+            raise InputError(f"--limit {text!r} limits what --over sweeps; leave one of them out")
+    # the spec's own limit on what is swept gives way
+    others = [own for own in limits if (own.kind, own.name) != (over.kind, over.name)]
+    return least, over, others
+
+
+def _lines(front: Front) -> list[str]:
+    """Return the table, bounds rounded up, and the reasons of what is not proved."""
+    over, least = front.labels
+    question = front.asked
+    lines = [
+        f"{question.plant.name}: {size_of(question.plant)}",
+        f"least {least} over limits on {over}",
+        *(f"with {limit_text(s)}" for s in question.subject_to),
+        f"with poles in {question.region}",
+    ]
+    width = max(10, *(len(row["method"]) for row in front.rows))
+    lines.append(
+        f"{'limit':>10}  {'method':<{width}} {'proved':>10}  {'sampled':>10}  {'keeps':>10}  "
+        f"{'law of':>10}  {'status':<10}  seconds"
+    )
+    lines += [_row_line(row, width) for row in front.rows]
+    if front.references:
+        lines.append("without a proof:")
+    lines += [_reference_line(row, width) for row in front.references]
+    lines += [
+        f"at {exactly(row['value'])}, {row['method']}: {row['reason']}"
+        for row in front.rows
+        if row["status"] != "proved"
+    ]
+    return lines
+
+
+def _row_line(row: Row, width: int) -> str:
+    proved = sampled = keeps = law_of = "-"
+    if row["proved"] is not None:
+        proved, law_of = digits_up(row["proved"]), exactly(row["law_of"])
+        keeps = digits_up(row["bounds"][0]["proved"])
+    if row["sampled"] is not None:
+        sampled = f"{row['sampled']:.6g}"
+    return (
+        f"{exactly(row['value']):>10}  {row['method']:<{width}} {proved:>10}  {sampled:>10}  "
+        f"{keeps:>10}  {law_of:>10}  {row['status']:<10}  {row['seconds']:.2f}"
+    )
+
+
+def _reference_line(row: Row, width: int) -> str:
+    """Return a reference law's line: nothing of it is proved."""
+    note = "" if row["keeps"] else "; exceeds another limit"
+    return (
+        f"{'-':>10}  {row['name']:<{width}} {'-':>10}  {row['minimise']:>10.6g}  "
+        f"{row['over']:>10.6g}  {'-':>10}  sampled{note}"
+    )
+
+
+class _Progress(Progress):
+    """Counts rows of a trade-off."""
+
+    def show(self, row: Row) -> None:
+        """Show that a row is finished."""
+        self.done += 1
+        if self.visible:
+            line = f"{self.done}/{self.total} limit {row['value']:g} {row['method']}"
+            line += f": {row['status']}"
+            say_over(line)

@@ -1,0 +1,1 @@
+"""Laws for regions and for signals: searched in floats, proved in exact arithmetic."""

@@ -1,0 +1,158 @@
+"""What may be asked of a plant: methods, domains, regions and centres that fit it."""
+
+from __future__ import annotations
+
+from polefence.base.errors import InputError, RegionError, UncontrollableError
+from polefence.lmi.conditions.methods import Method, method_label, method_name, normal, options
+from polefence.lmi.conditions.sizes import blocks, is_searchable
+from polefence.plant.controllability import FixedModes, modes_text
+from polefence.plant.family import UncertainPlant
+from polefence.proof import exact
+from polefence.region.regions import Disk, HalfPlane, Region, check_centre
+
+
+def require_domain(plant: UncertainPlant, method: Method) -> None:
+    """Refuse methods that there are not, and boxes where the plant has no parameters.
+
+    Raises
+    ------
+    InputError
+        Naming what is wrong.
+    """
+    method_name(method)
+    if options(method).on == "box" and not plant.parameters:
+        raise InputError(
+            f"on = 'box' needs parameters; {plant.name} is given by its vertices, use on='simplex'"
+        )
+
+
+def is_checkable(plant: UncertainPlant, method: Method, parts: int = 1) -> bool:
+    """Whether search and exact checker take on as many inequalities as the method has."""
+    if not is_searchable(plant, method):
+        return False
+    size = 2 * plant.shape[0] * (2 if method_name(method) == "slack" else 1)
+    return exact.least_work(blocks(plant, method) * parts, size) <= exact.MAX_WORK
+
+
+def require_checkable(plant: UncertainPlant, method: Method, parts: int = 1) -> None:
+    """Refuse what would never be proved, before it is searched for.
+
+    Raises
+    ------
+    InputError
+        Naming the number of inequalities.
+    """
+    if not is_checkable(plant, method, parts):
+        raise InputError(
+            f"{plant.name}, {method_label(method)}: {blocks(plant, method)} inequalities in "
+            f"{plant.shape[0]} states are more than is searched and proved; "
+            f"{_remedy(plant, method)}"
+        )
+
+
+def _remedy(plant: UncertainPlant, method: Method) -> str:
+    """Say what a method of fewer inequalities would be."""
+    o = options(method)
+    remedies = []
+    if plant.parameters and o.on != "box" and int(o.degree):
+        remedies.append("ask for it on the box")
+    if o.elevation:
+        remedies.append("for elevation 0")
+    if int(o.degree) > 1:
+        remedies.append("for degree 1")
+    if normal(method) != "quadratic":
+        remedies.append("for the method quadratic")
+    return f"{', '.join(remedies) or 'ask for'}{' or' if remedies else ''} fewer parameters"
+
+
+def require_region(plant: UncertainPlant, region: Region, method: Method | None = None) -> None:
+    """Refuse regions of the other kind of time, or that the method does not take."""
+    if getattr(method, "right_hand_sides", False) and not isinstance(region, Disk):
+        raise InputError(f"right_hand_sides belong to one disk, not to {region}; leave them out")
+    disks = [part for part in region.parts if isinstance(part, Disk)]
+    if plant.sample_time is None:
+        for disk in disks:
+            check_centre(disk.centre)
+    elif len(disks) < len(region.parts) or not all(disk.discrete for disk in disks):
+        raise RegionError(
+            f"{region}: {plant.name} is a discrete-time plant; give a disk in the unit disk, for "
+            "example disk(0.5, 0.4), or disk(0, 1) for stability alone"
+        )
+
+
+def implies_stability(plant: UncertainPlant, region: Region) -> bool:
+    """Whether poles in a region that fits the plant's kind of time are stable ones."""
+    return plant.sample_time is not None or region.stable
+
+
+def example_centre(plant: UncertainPlant) -> str:
+    """Return a centre that suits the plant's kind of time, for a message."""
+    return "-40" if plant.sample_time is None else "0.5"
+
+
+def example_region(plant: UncertainPlant) -> str:
+    """Return a region that suits the plant's kind of time, for a message."""
+    return "disk(-40, 31)" if plant.sample_time is None else "disk(0.5, 0.4)"
+
+
+def require_movable(plant: UncertainPlant, region: Region | None = None) -> None:
+    """Refuse plants with a mode that no input moves and that is not in the region.
+
+    Parameters
+    ----------
+    region : Region, optional
+        Where it is not given, what is stable for the plant's kind of time.
+
+    Raises
+    ------
+    UncontrollableError
+        Naming the first vertex, and the mode.
+    """
+    asked = stable_region(plant) if region is None else region
+    for vertex in plant.vertices:
+        outside = modes_outside(vertex.fixed, asked)
+        if outside is not None:
+            n, rank = vertex.shape[0], vertex.shape[0] - vertex.fixed.count
+            where = f"not in {asked}" if region is not None else "not stable"
+            many = "s" if vertex.fixed.count > 1 else ""
+            raise UncontrollableError(
+                f"{plant.name}, {vertex.name} is uncontrollable: its inputs reach {rank} of {n} "
+                f"state dimensions, and no gain moves the pole{many} {outside}, {where}; widen the "
+                "region, remove those states or add an input"
+            )
+
+
+def stable_region(plant: UncertainPlant) -> Region:
+    """Return where the poles of stable loops lie."""
+    return HalfPlane(0) if plant.sample_time is None else Disk(0, 1)
+
+
+def modes_outside(fixed: FixedModes, region: Region) -> str | None:
+    """Name fixed modes that are not in a region, None where all are, or too much work to tell."""
+    if not fixed.count:
+        return None
+    parts = exact.read_region(region.document())
+    try:
+        with exact.counted():
+            if exact.roots_inside(list(fixed.polynomial), parts, fixed.whole):
+                return None
+    except exact.FormatError:
+        return None
+    values = fixed.values
+    outside = values[region.distance(values) >= -1e-9 * region.size]
+    return modes_text(outside if len(outside) else values) or "of long digits"
+
+
+def usable_centre(plant: UncertainPlant, centre: float) -> float:
+    """Return the centre of disks for this plant as a float.
+
+    Raises
+    ------
+    RegionError
+        If it is not in the left half-plane, or for a discrete-time plant not in the unit circle.
+    """
+    if plant.sample_time is None:
+        return check_centre(centre)
+    if not Disk(centre, 1e-9).discrete:
+        raise RegionError(f"centre = {centre:g} is not inside the unit circle; use one nearer to 0")
+    return float(centre)

@@ -1,0 +1,283 @@
+"""A design: a law, the region it is for and the certificate that proves it; saved and loaded."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from polefence.base.errors import DesignFileError, InputError, NotProvedError
+from polefence.base.files import read_text, write_documents
+from polefence.design.certificate import Certificate, Check, check_claim
+from polefence.design.evaluation import rounding_share
+from polefence.law.laws import Law, ScheduledGain
+from polefence.lmi.conditions.methods import Scheduled, Slack, method_label
+from polefence.plant.family import UncertainPlant
+from polefence.plant.system import Array
+from polefence.proof import exact
+from polefence.region.regions import Region
+
+FILE_NAME = "design.json"
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Design:
+    """A law with the region it is for and the certificate that proves it.
+
+    Attributes
+    ----------
+    certificate : Certificate
+    proved : bool
+        False only where the caller asked for it with ``allow_unproved=True``.
+    lower : float, optional
+        A radius [1/s] at which the method's inequalities are proved infeasible, for any law; where
+        `tightest` found one. It is no bound for other methods.
+    unrunnable : float, optional
+        What `tightest` proved too, but only of a law that doubles cannot evaluate, see ``runs``: a
+        smaller radius or larger decay rate [1/s], or a larger damping ratio.
+    """
+
+    certificate: Certificate
+    proved: bool = True
+    lower: float | None = None
+    unrunnable: float | None = None
+
+    def __repr__(self) -> str:
+        status = "proved" if self.proved else "not proved"
+        return f"<Design of {self.plant.name!r}: {self.method}, {self.region}, {status}>"
+
+    @property
+    def plant(self) -> UncertainPlant:
+        """The plant family."""
+        return self.certificate.plant
+
+    @property
+    def law(self) -> Law:
+        """The control law, u = K(alpha) x."""
+        return self.certificate.law
+
+    @property
+    def region(self) -> Region:
+        """The region that holds all closed-loop poles."""
+        return self.certificate.region
+
+    @property
+    def method(self) -> str:
+        """The condition that was used."""
+        return self.certificate.method
+
+    @property
+    def label(self) -> str:
+        """The method with degree, elevation and domain: "scheduled(2, 1, box)"."""
+        law, evidence = self.law, self.certificate.evidence
+        if self.method == "slack" and "degree" in evidence:
+            return method_label(Slack(evidence["degree"], evidence["elevation"], evidence["on"]))
+        if self.method == "scheduled" and isinstance(law, ScheduledGain):
+            on = "box" if len(law.sizes) > 1 else "simplex"
+            return method_label(Scheduled(law.degree, evidence.get("elevation", 1), on))
+        return self.method
+
+    @cached_property
+    def rounding(self) -> float:
+        """What rounding in doubles takes of the room in the region, see `rounding_share`.
+
+        The proof is about K(alpha) as a real number. This is judged in floats, at corners and some
+        points between; `polefence export` proves it of the code.
+        """
+        return rounding_share(self.certificate)
+
+    @property
+    def runs(self) -> bool:
+        """Whether the law still keeps the poles in the region when doubles evaluate it."""
+        return self.rounding <= 1
+
+    @property
+    def note(self) -> str:
+        """What is to be said of a law that doubles cannot evaluate, in a line; else empty."""
+        if self.runs:
+            return ""
+        return (
+            f"note: evaluated in doubles this law does NOT keep the poles there: {self._taken}; "
+            "ask for a slightly larger region, or one that bounds the poles' speed, such as a disk"
+        )
+
+    @property
+    def _taken(self) -> str:
+        if not math.isfinite(self.rounding):
+            return "rounding takes all the room there is"
+        return f"rounding takes {self.rounding:.2g} times the room there is"
+
+    def poles(self, alpha: Array) -> Array:
+        """Closed-loop poles at points alpha (..., N) of the simplex, as (..., n) complex."""
+        A, B = self.plant.at(alpha)
+        return np.asarray(np.linalg.eigvals(A + B @ self.law.gain(alpha)))
+
+    def to_control(self, given: str = "", name: str = "law", clamp: bool = True) -> Any:
+        """Return the law as a system of python-control without states, to connect and simulate.
+
+        Parameters
+        ----------
+        given : str
+            "parameters", in their units, or "alpha", one weight a vertex; by default the parameters
+            where the plant has some, and nothing for one gain.
+        name : str
+            Of the system.
+        clamp : bool
+            What lies outside the family is taken at the nearest bound, as linearising and steps of
+            a solver need; else it is refused.
+
+        Returns
+        -------
+        control.StateSpace or control.NonlinearIOSystem
+            The first, without states, for one gain. Inputs: the states, under their names without
+            units in letters, digits and _ (``x1`` and so on where the plant has none), then what
+            schedules the law: the parameters, or ``alpha1`` and so on. Outputs: the plant's inputs
+            u = K x, likewise (``u1``).
+
+        Raises
+        ------
+        InputError
+            If ``given`` is neither, the plant has no parameters, or the design is an observer's.
+        MissingExtraError
+            If python-control is not installed.
+        """
+        require_kind(self.certificate)
+        from polefence.law.control import to_control  # deferred: an extra
+
+        return to_control(self.plant, self.law, given, name, clamp)
+
+    def as_law(self) -> Law:
+        """Return the law, to be closed around a plant.
+
+        Raises
+        ------
+        DesignFileError
+            If it is an observer's.
+        """
+        require_kind(self.certificate)
+        return self.law
+
+    def save(self, directory: str | Path) -> Path:
+        """Write ``design.json`` into a folder, made if need be; return its path.
+
+        Raises
+        ------
+        OutputError
+            If the folder cannot be written, or has another's file of this name; nothing is left
+            half-written.
+        """
+        documents = {FILE_NAME: self.certificate.dumps()}
+        return write_documents(Path(directory), documents)[0]
+
+    @classmethod
+    def load(
+        cls, path: str | Path, allow_unproved: bool = False, *, observer: bool = False
+    ) -> Design:
+        """Read a design file and prove it afresh; with ``observer`` one that `Observer` wrote.
+
+        Raises
+        ------
+        DesignFileError
+            If it cannot be read, or is an observer's where a law is wanted, or the other way.
+        NotProvedError
+            If its claim is not proved, unless ``allow_unproved``.
+        """
+        where = _design_path(path)
+        text = read_text(where, exact.MAX_BYTES, DesignFileError)
+        try:
+            certificate = Certificate.loads(text)
+            require_kind(certificate, observer)
+            verdict = certificate.prove()
+        except InputError as error:
+            raise DesignFileError(f"{where}: {error}") from error
+        if not verdict.proved and not allow_unproved:
+            raise NotProvedError(f"{where}: not proved: {verdict.reason}")
+        return cls(certificate, verdict.proved)
+
+
+def check(source: str | Path | Certificate | Design) -> Check:
+    """Prove a design file, a certificate or a design afresh, in exact arithmetic.
+
+    Returns
+    -------
+    Check
+        "proved"; "refuted", with the alpha whose poles leave the region; or "undecided".
+
+    Raises
+    ------
+    DesignFileError
+        If the file cannot be read as a design.
+    """
+    if isinstance(source, Certificate):
+        source = Design(source)
+    if isinstance(source, Design):
+        return _noted(check_claim(source.certificate.claim()), source)
+    path = _design_path(source)
+    text = read_text(path, exact.MAX_BYTES, DesignFileError)
+    try:
+        claim, _ = exact.read(text)
+        answer = check_claim(claim)
+        return _noted(answer, Design(Certificate.loads(text))) if answer.proved else answer
+    except (exact.FormatError, InputError) as error:
+        raise DesignFileError(f"{path}: {error}") from error
+
+
+def _noted(answer: Check, design: Design) -> Check:
+    """Say of a proved law that doubles cannot evaluate it, where they cannot."""
+    if not answer.proved or design.runs:
+        return answer
+    note = design.note.removeprefix("note: ")
+    return replace(answer, reason=f"{answer.reason}; but {note}")
+
+
+def require_kind(certificate: Certificate, observer: bool = False) -> None:
+    """Refuse an observer where a law is wanted, and a law where an observer is.
+
+    Raises
+    ------
+    DesignFileError
+        With what to do instead.
+    """
+    if certificate.observer and not observer:
+        raise DesignFileError(
+            f"{certificate.plant.name}: an observer, no law: its gain is -L' of the dual plant; "
+            "`polefence check` proves it, `polefence export` takes it as --observer"
+        )
+    if observer and not certificate.observer:
+        raise DesignFileError(
+            f"{certificate.plant.name}: a law, no observer; `polefence observe` designs one"
+        )
+
+
+def says_format(path: Path, name: str) -> bool:
+    """Whether a file says that it is of a format of ours; what cannot be read says nothing."""
+    if not path.is_file():
+        return False
+    try:
+        text = read_text(path, exact.MAX_BYTES, DesignFileError)
+        document = exact.parse(text) if f'"{name}"' in text else None
+    except ValueError:
+        return False
+    return isinstance(document, dict) and document.get("format") == name
+
+
+def _design_path(path: str | Path) -> Path:
+    """A design file, or the folder that `Design.save` wrote it into."""
+    where = Path(path)
+    if where.suffix == ".toml" and where.is_file():
+        raise DesignFileError(
+            f"{where}: a spec, where a design is meant: `polefence design -o DIR` writes one"
+        )
+    if not where.is_dir():
+        return where
+    if not (where / FILE_NAME).is_file():
+        others = sorted(other.name for other in where.glob("*.json"))[:3]
+        has = f"; it has {', '.join(others)}" if others else ""
+        raise DesignFileError(
+            f"{where}: has no {FILE_NAME}; name the folder that `polefence design -o` wrote{has}"
+        )
+    return where / FILE_NAME

@@ -1,0 +1,183 @@
+"""Whether doubles can run a law: how much of the room in its region rounding takes.
+
+A proof is about K(alpha) as a real number. Doubles evaluate it with rounding errors, and where the
+Lyapunov matrix X(alpha) is nearly singular, errors of the last digit move poles out of the region.
+In coordinates in which X(alpha) is the identity, the loop A_c has room while
+
+    F = -(L (x) I + M (x) A_c + M' (x) A_c') > 0,
+
+to which is added what poles computed in doubles may lie outside in any case, `TOLERANCE` of the
+region's size. An error D of the loop takes the share |F^-1/2 (M (x) D + M' (x) D') F^-1/2| of it.
+D is judged by its root mean square to first order, for independent errors of half a unit in the
+last place of every number that the evaluation has: those of W, Z, T and K, see `ScheduledGain`; of
+one gain those of K. This is smooth in the numbers: unlike an error found once, the same on every
+machine.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from polefence.design.certificate import Certificate
+from polefence.law.coordinates import Coordinates
+from polefence.law.laws import ScheduledGain, right_divide
+from polefence.plant.polynomial import Domain
+from polefence.plant.system import Array
+from polefence.region.regions import Pair, Region
+
+UNIT = 2.0**-53
+SAFETY = 2.0  # times the root mean square is what must find room
+TOLERANCE = 1e-4
+CORNERS, INNER = 64, 8  # points of the family that are looked at
+
+
+def rounding_share(certificate: Certificate) -> float:
+    """Return the share of the room that rounding takes, the largest of corners and points between.
+
+    Up to one the law, evaluated in doubles, keeps the poles in the region there, to within
+    `TOLERANCE` of its size. Infinite where the certificate leaves no room in doubles.
+    """
+    worst = 0.0
+    places = _places(_domain(certificate))
+    with np.errstate(all="ignore"):
+        for region, lyapunov in _parts(certificate):
+            try:
+                found = _Loops.of(certificate, lyapunov, places)
+                for pair in region.pairs():
+                    worst = max(worst, float(found.shares(pair, region).max()))
+            except np.linalg.LinAlgError:
+                return math.inf
+    return worst
+
+
+def _domain(certificate: Certificate) -> Domain:
+    """Return where the certificate's polynomials live."""
+    law = certificate.law
+    if isinstance(law, ScheduledGain):
+        return law.domain
+    on = str(certificate.evidence.get("on", "simplex"))
+    return Domain.of(on, len(certificate.plant.vertices))
+
+
+def _places(domain: Domain) -> Array:
+    """Return corners, the middle, and points between, as alpha."""
+    random = np.random.default_rng(0)
+    own = [random.dirichlet(np.full(size, 0.7), INNER) for size in domain.sizes]
+    middle = np.concatenate([np.full(size, 1 / size) for size in domain.sizes])
+    between = domain.alpha(np.vstack([middle, np.hstack(own)]))
+    return np.vstack([np.eye(domain.corners)[:CORNERS], between])
+
+
+@dataclass(frozen=True, eq=False)
+class _Lyapunov:
+    """X(alpha) = X, or W (multiple + X W) of a law that was given: Bernstein coefficients."""
+
+    X: Array
+    degree: int
+    multiple: Array | None = None
+
+
+def _parts(certificate: Certificate) -> Iterator[tuple[Region, _Lyapunov]]:
+    """Yield each part of the region with the Lyapunov polynomial that proves it."""
+    law, evidence, parts = certificate.law, certificate.evidence, certificate.region.parts
+    if certificate.method == "lyapunov":
+        scheduled = isinstance(law, ScheduledGain)
+        for part, own in zip(parts, evidence["parts"], strict=True):
+            degree, X = int(own["degree"]), np.asarray(own["X"])
+            multiple = np.asarray(own.get("multiple", np.zeros(len(X)))) if scheduled else None
+            yield part, _Lyapunov(X, degree, multiple)
+        return
+    if isinstance(law, ScheduledGain):
+        found = _Lyapunov(law.W, law.degree)
+    elif certificate.method == "slack":
+        found = _Lyapunov(np.asarray(evidence["P"]), int(evidence.get("degree", 1)))
+    else:
+        found = _Lyapunov(np.asarray(evidence["W"])[None], 0)
+    for part in parts:
+        yield part, found
+
+
+Term = tuple[Array, Array, Array]  # D = left E right, entries of E as large as the second's
+
+
+@dataclass(frozen=True, eq=False)
+class _Loops:
+    """Loops in coordinates in which X(alpha) = I at each point, and the terms of their errors.
+
+    Attributes
+    ----------
+    closed : (places, n, n) array
+        [1/s]
+    terms : tuple of (left, matrix, right)
+    """
+
+    closed: Array
+    terms: tuple[Term, ...]
+
+    @classmethod
+    def of(cls, certificate: Certificate, lyapunov: _Lyapunov, places: Array) -> _Loops:
+        law, plant, domain = certificate.law, certificate.plant, _domain(certificate)
+        basis = domain.basis(places, lyapunov.degree)
+        if isinstance(law, ScheduledGain):
+            coordinates = law.coordinates
+            W, Z = (np.tensordot(law.domain.basis(places, law.degree), M, 1) for M in law.even)
+            X = _scheduled(coordinates, lyapunov, basis, W)
+            K: Array = right_divide(Z, W)
+        else:
+            coordinates = _middle(lyapunov.X)
+            X = np.tensordot(basis, coordinates.forms(lyapunov.X), 1)
+            K = coordinates.feedback(law.K[None])
+        A = np.tensordot(places, coordinates.loops(plant.A), 1)
+        B = np.tensordot(places, coordinates.inputs(plant.B), 1)
+        C: Array = np.asarray(np.linalg.cholesky((X + X.swapaxes(-1, -2)) / 2), dtype=float)
+        left: Array = np.asarray(np.linalg.solve(C, B), dtype=float)
+        closed, back = np.linalg.solve(C, A) @ C + left @ K @ C, coordinates.inverse @ C
+        if not isinstance(law, ScheduledGain):
+            return cls(closed, ((left, law.K, back),))
+        right: Array = np.asarray(np.linalg.solve(W, C), dtype=float)
+        T, moved = coordinates.T, left @ K
+        terms = (moved, W, right), (left, Z, right), (moved, T, back), (left, K @ T, back)
+        return cls(closed, terms)
+
+    def shares(self, pair: Pair, region: Region) -> Array:
+        """Return the share of the room of one L, M that rounding takes at each point."""
+        (L, M), n = pair, self.closed.shape[-1]
+        F = TOLERANCE * region.size * np.eye(len(L) * n) - np.kron(L, np.eye(n))
+        F = F - np.array([np.kron(M, A) + np.kron(M.T, A.T) for A in self.closed])
+        if not np.all(np.isfinite(F)) or not np.all(np.linalg.eigvalsh(F) > 0):
+            return np.full(len(F), math.inf)
+        inverse = np.linalg.inv(F).reshape(-1, len(L), n, len(L), n)
+        # M = M1 M2: its columns that are not zero, and which those are
+        kept = np.diag(M.any(axis=0).astype(float))
+        weights = [np.einsum("ab,paibj->pij", each, inverse) for each in (M @ M.T, kept)]
+        square = sum(_square(term, *weights) for term in self.terms)
+        return np.asarray(2 * SAFETY * UNIT * np.sqrt(square))
+
+
+def _square(term: Term, before: Array, behind: Array) -> Array:
+    """Return the mean square of F^-1/2 (M (x) D) F^-1/2, in squares of units of the last place."""
+    left, matrix, right = term
+    columns = np.einsum("pia,pij,pja->pa", left, before, left)
+    rows = np.einsum("pbi,pij,pbj->pb", right, behind, right)
+    square = np.broadcast_to(matrix**2, (len(columns), *matrix.shape[-2:]))
+    return np.asarray(np.einsum("pa,pab,pb->p", columns, square, rows))
+
+
+def _middle(X: Array) -> Coordinates:
+    found = Coordinates.whitening(X.mean(axis=0))
+    if found is None:
+        raise np.linalg.LinAlgError("a Lyapunov matrix is not positive definite")
+    return found
+
+
+def _scheduled(coordinates: Coordinates, lyapunov: _Lyapunov, basis: Array, W: Array) -> Array:
+    """Return X(alpha) of a scheduled law in its own coordinates."""
+    if lyapunov.multiple is None:
+        return W
+    Q = np.tensordot(basis, coordinates.duals(lyapunov.X), 1)
+    scalar = np.tensordot(basis, lyapunov.multiple, 1)[:, None, None]
+    return np.asarray(W @ (scalar * np.eye(W.shape[-1]) + Q @ W))

@@ -1,0 +1,1 @@
+"""Laws that are given: analysed, and how far they go."""

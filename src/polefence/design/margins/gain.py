@@ -1,0 +1,151 @@
+"""How far the gain may be off: the largest error that the design's own W and Z prove."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from polefence.design.design import Design
+from polefence.design.margins.inequalities import (
+    Balanced,
+    are_positive,
+    kron,
+    largest_step,
+    region_block,
+    whole_points,
+)
+from polefence.plant.system import Array
+from polefence.region.regions import Pair
+
+ROUNDS = 30  # of the golden section for each mu
+WIDTH = 9.0  # decades of mu that it looks at
+
+
+@dataclass(frozen=True, eq=False)
+class Scales:
+    """What an error of the gain is measured by: K is off by error * diag(rows) D diag(columns).
+
+    Or by error * diag(rows) D columns, where columns is a matrix.
+    """
+
+    rows: Array
+    columns: Array
+
+    def across(self, T: Array) -> Array:
+        """Return diag(columns) T, or columns T, transposed."""
+        if self.columns.ndim == 1:
+            return np.asarray(T.T * self.columns)
+        return np.asarray((self.columns @ T).T)
+
+
+def scales_of(design: Design) -> Scales:
+    """Return for each column of K its largest entry at the corners, and the rows' share of it.
+
+    A column of zeros is given the smallest scale of the others.
+    """
+    size = np.abs(design.law.gain(np.eye(len(design.plant.vertices)))).max(axis=0)
+    columns = size.max(axis=0)
+    smallest = columns[columns > 0].min(initial=np.inf)
+    columns = np.where(columns > 0, columns, smallest if np.isfinite(smallest) else 1.0)
+    rows = (size / columns).max(axis=1)
+    return Scales(np.where(rows > 0, rows, 1.0), columns)
+
+
+def largest(
+    design: Balanced, scales: Scales, pieces: int, elevation: int
+) -> tuple[float, tuple[float, ...]]:
+    """Return the largest error that is proved in floats, -1 where none is, and mu for each L, M."""
+    found = largest_each(design, scales, pieces, elevation)
+    if not found:
+        return -1.0, ()
+    return min(error for error, _ in found), tuple(mu for _, mu in found)
+
+
+def largest_each(
+    design: Balanced, scales: Scales, pieces: int, elevation: int
+) -> list[tuple[float, float]]:
+    """Return for each L, M the largest error proved in floats, and its mu; empty where none is."""
+    loop = design.loop(whole_points(design, pieces, elevation))
+    return largest_of(design.pairs, not design.disks, loop, design.T, scales)
+
+
+def largest_of(
+    pairs: Sequence[Pair],
+    bounded: bool,
+    loop: tuple[Array, Array, Array],
+    T: Array,
+    scales: Scales,
+) -> list[tuple[float, float]]:
+    """Return for each L, M the largest error proved in floats, and its mu; empty where none is.
+
+    ``loop`` has the coefficients of X, N and B in coordinates y, x = T y; ``bounded`` says that
+    X > 0 is asked for besides.
+    """
+    X, N, B = loop
+    if bounded and not are_positive(X):
+        return []
+    left, right = B * scales.rows, X @ scales.across(T)
+    found = []
+    for L, M in pairs:
+        F = region_block((L, M), X, N)
+        if not are_positive(F):
+            return []
+        found.append(_largest(F, M, left, right))
+    return found
+
+
+def _largest(F: Array, M: Array, left: Array, right: Array) -> tuple[float, float]:
+    """Return the largest error for one L, M, and its mu.
+
+    For a given mu it is a generalised eigenvalue of
+    [ F, mu M1 (x) B S, 0 ; *, mu I, 0 ; 0, 0, mu I ] and [ 0, 0, M2' (x) W T ; 0, 0, 0 ; *, 0, 0 ],
+    and concave in mu.
+    """
+    M1, M2 = factors(M)
+    E, H = kron(M1, left), kron(M2.T, right)
+    d, inner = F.shape[-1], F.shape[-1] + E.shape[-1]
+    whole = inner + H.shape[-1]
+    base, slope = (np.zeros((*F.shape[:-2], whole, whole)) for _ in range(2))
+    base[..., :d, :d] = F
+    slope[..., :d, inner:], slope[..., inner:, :d] = H, H.swapaxes(-1, -2)
+    diagonal = range(d, whole)
+
+    def error(log_mu: float) -> float:
+        root = math.exp(log_mu / 2)  # the border's rows over root(mu): the same signs
+        base[..., :d, d:inner], base[..., d:inner, :d] = root * E, root * E.swapaxes(-1, -2)
+        base[..., diagonal, diagonal] = 1.0
+        return largest_step(base, slope / root)
+
+    size = float(np.linalg.norm(E, axis=(-2, -1)).max()) ** 2
+    top = math.log(float(np.linalg.eigvalsh(F).max()) / size) if size else 0.0
+    best = _golden(error, top - WIDTH * math.log(10), top + math.log(10))
+    return error(best), math.exp(best)
+
+
+def _golden(function: Callable[[float], float], low: float, high: float) -> float:
+    """Return where a function that rises, then falls, is largest."""
+    ratio = (math.sqrt(5) - 1) / 2
+    a, b = high - ratio * (high - low), low + ratio * (high - low)
+    at_a, at_b = function(a), function(b)
+    for _ in range(ROUNDS):
+        if at_a >= at_b:  # where neither holds, mu is too large
+            high, b, at_b = b, a, at_a
+            a = high - ratio * (high - low)
+            at_a = function(a)
+        else:
+            low, a, at_a = a, b, at_b
+            b = low + ratio * (high - low)
+            at_b = function(b)
+    return (low + high) / 2
+
+
+def factors(M: Array) -> tuple[Array, Array]:
+    """Return M1, M2 of full rank with M = M1 M2: M's columns that are not zero, and which.
+
+    The parts of regions have no others.
+    """
+    kept = M.any(axis=0)
+    return M[:, kept], np.eye(len(M))[kept]

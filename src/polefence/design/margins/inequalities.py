@@ -1,0 +1,253 @@
+"""The inequalities of service claims in floats, for the searches: values first, then coefficients.
+
+A polynomial is known by its values at as many points as it has coefficients. So each inequality is
+evaluated at points of each piece, from A(alpha), B(alpha), W(alpha) and Z(alpha) alone, and its
+Bernstein coefficients follow by one matrix. This shares nothing with the exact proof.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cache
+from itertools import product
+from typing import Any
+
+import numpy as np
+
+from polefence.base.errors import InputError
+from polefence.design.design import Design
+from polefence.law.coordinates import Coordinates
+from polefence.law.laws import FixedGain, ScheduledGain
+from polefence.plant.polynomial import Domain, bernstein, binomial, elevated, times
+from polefence.plant.system import Array
+from polefence.region.regions import Pair, Region
+
+MOST_POINTS = 2500  # of a piece
+MARGIN = 1e-9  # by which blocks of unit diagonal must be positive definite in floats
+
+
+@dataclass(frozen=True, eq=False)
+class Points:
+    """Points of each piece, (cells, points): where the plant is, where the law thinks it is.
+
+    ``factor`` makes polynomials of what is affine in 1/p; ``coefficients`` (points, points) turns
+    values into Bernstein coefficients.
+    """
+
+    plant: Array
+    law: Array
+    factor: Array
+    coefficients: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Balanced:
+    """A design in state coordinates in which W is near to the identity.
+
+    ``T`` are those coordinates: x = T y. ``domain`` is where the law's alpha lives, ``q`` the
+    number of parameters.
+    """
+
+    A: Array
+    B: Array
+    W: Array
+    Z: Array
+    T: Array
+    degree: int
+    domain: Domain
+    q: int
+    pairs: tuple[Pair, ...]
+    disks: bool
+
+    @property
+    def sizes(self) -> tuple[int, ...]:
+        """The corners of each simplex of the plant's own coordinates."""
+        return (2,) * self.q or (len(self.A),)
+
+    def plant(self, alpha: Array) -> tuple[Array, Array]:
+        """Return A and B at points alpha (..., N)."""
+        return np.tensordot(alpha, self.A, 1), np.tensordot(alpha, self.B, 1)
+
+    def law(self, alpha: Array) -> tuple[Array, Array]:
+        """Return W and Z at points alpha (..., N)."""
+        basis = (
+            self.domain.basis(alpha, self.degree) if self.degree else np.ones_like(alpha[..., :1])
+        )
+        return np.tensordot(basis, self.W, 1), np.tensordot(basis, self.Z, 1)
+
+    def loop(self, points: Points) -> tuple[Array, Array, Array]:
+        """Return the coefficients of X and N, (cells, coefficients, n, n), and of B."""
+        (A, B), (W, Z) = self.plant(points.plant), self.law(points.law)
+        X, N, B = (_coefficients(points, values) for values in (W, A @ W + B @ Z, B))
+        return X, N, B
+
+
+def balanced(design: Design, region: Region) -> tuple[Balanced, ...]:
+    """Return a design and a region in balanced coordinates.
+
+    One value for all parts of the region; of a law that was given (method "lyapunov") one each,
+    with that part's Lyapunov polynomial.
+
+    Raises
+    ------
+    InputError
+        For designs of the method "slack", which have no Lyapunov matrix of that kind.
+    """
+    law = design.law
+    if design.method == "scheduled" and isinstance(law, ScheduledGain):
+        return (_balanced(design, law.W, law.Z, (law.degree, law.domain), region),)
+    if design.method == "quadratic":
+        W = np.asarray(design.certificate.evidence["W"])[None]
+        domain = Domain((len(design.plant.vertices),))
+        return (_balanced(design, W, law.gain(None) @ W, (0, domain), region),)
+    if design.method != "lyapunov":
+        raise InputError(f"nothing is proved for service from a design of method {design.method!r}")
+    evidence = design.certificate.evidence["parts"]
+    return tuple(
+        _given(design, own, part) for own, part in zip(evidence, region.parts, strict=True)
+    )
+
+
+def _balanced(
+    design: Design, W: Array, Z: Array, form: tuple[int, Domain], region: Region
+) -> Balanced:
+    """Return the value for coefficients of W and Z, of a degree on a domain."""
+    found = Coordinates.whitening(W.mean(axis=0))
+    if found is None:
+        raise InputError("a Lyapunov matrix is not positive definite")
+    A, B = found.loops(design.plant.A), found.inputs(design.plant.B)
+    return _value(design, (A, B, found.forms(W), found.gains(Z), found.inverse), form, region)
+
+
+def _value(
+    design: Design,
+    matrices: tuple[Array, Array, Array, Array, Array],
+    form: tuple[int, Domain],
+    region: Region,
+) -> Balanced:
+    A, B, W, Z, T = matrices
+    q, disks = len(design.plant.parameters), all(part.kind == "disk" for part in region.parts)
+    W = (W + W.swapaxes(1, 2)) / 2
+    return Balanced(A, B, W, Z, T, *form, q, region.pairs(), disks)
+
+
+def _given(design: Design, evidence: Mapping[str, Any], part: Region) -> Balanced:
+    """Return the value for one part of the region, of a law that was given."""
+    law, degree, Q = design.law, int(evidence["degree"]), np.asarray(evidence["X"])
+    if isinstance(law, FixedGain):
+        on = str(design.certificate.evidence.get("on", "simplex"))
+        domain = Domain.of(on, len(design.plant.vertices))
+        return _balanced(design, Q, law.K @ Q, (degree, domain), part)
+    # X = W V, K X = Z V with V = multiple + Q W, in the law's own coordinates first
+    first, domain, n = law.coordinates, law.domain, design.plant.shape[0]
+    W, Z = law.even
+    w = bernstein(domain, W, law.degree)
+    V = times(bernstein(domain, first.duals(Q), degree), w)
+    multiple = np.asarray(evidence.get("multiple", np.zeros(len(Q))))
+    scalars = bernstein(domain, multiple[:, None, None] * np.eye(n), degree)
+    for e, matrix in elevated(scalars, domain, law.degree).items():
+        V[e] = V[e] + matrix
+    both = times(bernstein(domain, np.concatenate([W, Z], axis=1), law.degree), V)
+    total = degree + 2 * law.degree
+    WZ = np.array([both[e] / binomial(domain.sizes, e) for e in domain.monomials(total)])
+    X, KX = WZ[:, :n], WZ[:, n:]
+    second = Coordinates.whitening(X.mean(axis=0))
+    if second is None:
+        raise InputError("a Lyapunov matrix is not positive definite")
+    A, B = first.loops(design.plant.A), first.inputs(design.plant.B)
+    A, B, X, KX = second.loops(A), second.inputs(B), second.forms(X), second.gains(KX)
+    return _value(design, (A, B, X, KX, first.inverse @ second.inverse), (total, domain), part)
+
+
+def region_block(pair: Pair, X: Array, N: Array) -> Array:
+    """Return -(L (x) X + M (x) N + M' (x) N'), batched."""
+    L, M = pair
+    return -(kron(L, X) + kron(M, N) + kron(M.T, N.swapaxes(-1, -2)))
+
+
+def kron(L: Array, X: Array) -> Array:
+    """Return the Kronecker product with the last two axes of X."""
+    both = L[:, None, :, None] * X[..., None, :, None, :]
+    return np.asarray(both.reshape(*X.shape[:-2], len(L) * X.shape[-2], L.shape[1] * X.shape[-1]))
+
+
+def are_positive(blocks: Array) -> bool:
+    """Whether all blocks (..., s, s) are clearly positive definite."""
+    diagonal = np.diagonal(blocks, axis1=-2, axis2=-1)
+    if not np.all(diagonal > 0):
+        return False
+    scale = 1 / np.sqrt(diagonal)
+    even = blocks * scale[..., :, None] * scale[..., None, :]
+    try:
+        np.linalg.cholesky(even - MARGIN * np.eye(blocks.shape[-1]))
+    except np.linalg.LinAlgError:
+        return False
+    return True
+
+
+def largest_step(base: Array, slope: Array) -> float:
+    """Return the largest t for which all base + t slope are positive definite, -1 where none is.
+
+    ``base`` and ``slope`` broadcast to (..., s, s).
+    """
+    if not are_positive(base):
+        return -1.0
+    scale = 1 / np.sqrt(np.diagonal(base, axis1=-2, axis2=-1))
+    even = scale[..., :, None] * scale[..., None, :]
+    R = np.linalg.inv(np.linalg.cholesky(base * even))
+    worst = -np.linalg.eigvalsh(R @ (slope * even) @ R.swapaxes(-1, -2)).min()
+    return float(1 / worst) if worst > 0 else np.inf
+
+
+def whole_points(design: Balanced, pieces: int, elevation: int) -> Points:
+    """Return points of equal pieces of the scheduling variables' intervals, or of the simplex."""
+    degree = design.degree + 1 + elevation
+    nodes, coefficients = lattice(design.sizes, (degree,) * len(design.sizes))
+    if not design.q:
+        alpha = nodes[None]
+    else:
+        edges = np.linspace(0, 1, pieces + 1)
+        cells = np.array(list(product(range(pieces), repeat=design.q)))
+        share = edges[cells][:, None] + nodes[None, :, 1::2] / pieces
+        alpha = alpha_of(share)
+    return Points(alpha, alpha, np.ones(alpha.shape[:2]), coefficients)
+
+
+def count_whole(design: Balanced, pieces: int, elevation: int) -> float:
+    """Return the number of coefficients at `whole_points`."""
+    degree = design.degree + 1 + elevation
+    return float(pieces**design.q) * count_monomials(design.sizes, (degree,) * len(design.sizes))
+
+
+def count_monomials(sizes: tuple[int, ...], degrees: tuple[int, ...]) -> float:
+    """Return how many coefficients there are; infinite where they are too many for `lattice`."""
+    pairs = zip(sizes, degrees, strict=True)
+    count = float(math.prod(math.comb(size - 1 + degree, degree) for size, degree in pairs))
+    return count if count <= MOST_POINTS else math.inf
+
+
+def alpha_of(share: Array) -> Array:
+    """Return alpha for the shares (..., q) of the way from each low corner to the high one."""
+    coordinates = np.stack([1 - share, share], axis=-1).reshape(*share.shape[:-1], -1)
+    return Domain((2,) * share.shape[-1]).alpha(coordinates)
+
+
+@cache
+def lattice(sizes: tuple[int, ...], degrees: tuple[int, ...]) -> tuple[Array, Array]:
+    """Return points of a product of simplices, and what makes coefficients of values there."""
+    nodes, inverse = np.zeros((1, 0)), np.ones((1, 1))
+    for size, degree in zip(sizes, degrees, strict=True):
+        domain = Domain((size,))
+        own = np.array(domain.monomials(degree), dtype=float) / max(degree, 1)
+        own = own if degree else np.full((1, size), 1 / size)
+        values = domain.basis(own, degree) if degree else np.ones((1, 1))
+        nodes = np.hstack([np.repeat(nodes, len(own), axis=0), np.tile(own, (len(nodes), 1))])
+        inverse = np.kron(inverse, np.linalg.inv(values))
+    return nodes, inverse
+
+
+def _coefficients(points: Points, values: Array) -> Array:
+    weighted = points.factor[..., None, None] * values
+    return np.asarray(np.einsum("ij,cjab->ciab", points.coefficients, weighted))

@@ -1,0 +1,88 @@
+"""How fast parameters may move: the largest rates that the design's own W proves."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import permutations, product
+
+import numpy as np
+
+from polefence.design.margins.inequalities import (
+    Balanced,
+    Points,
+    alpha_of,
+    are_positive,
+    largest_step,
+    whole_points,
+)
+from polefence.plant.parameters import Parameter
+from polefence.plant.polynomial import Domain
+from polefence.plant.system import Array
+
+
+def largest(
+    design: Balanced,
+    parameters: Sequence[Parameter],
+    unit: Sequence[float],
+    decay: float,
+    pieces: int,
+    elevation: int,
+) -> float:
+    """Return the largest t for which rates t * ``unit`` are proved in floats.
+
+    -1 where not even t = 0 is, infinite where any rate is.
+    """
+    points = whole_points(design, pieces, elevation)
+    X, N, _ = design.loop(points)
+    still = -(N + N.swapaxes(-1, -2) + 2 * decay * X)
+    if not (are_positive(X) and are_positive(still)):
+        return -1.0
+    slopes = _slopes(design, points, parameters, unit)
+    return min((largest_step(still, slope) for slope in slopes), default=np.inf)
+
+
+def _slopes(
+    design: Balanced, points: Points, parameters: Sequence[Parameter], unit: Sequence[float]
+) -> list[Array]:
+    """Return the coefficients of dW/dt at every extreme of the rates ``unit``."""
+    if design.degree == 0:
+        return []
+    if parameters:
+        share = Domain(design.sizes).coordinates(points.law)[..., 1::2]
+        each = [
+            _moved(design, share, f, parameter, rate)
+            for f, (parameter, rate) in enumerate(zip(parameters, unit, strict=True))
+        ]
+        signs = [np.array(s) for s in product(*((-1, 1) if rate else (0,) for rate in unit))]
+    else:
+        corners = np.eye(len(design.A))
+        each = [_derivative(design, points.law, unit[0] * corner) for corner in corners]
+        signs = [to - off for to, off in permutations(corners, 2)]
+    values = np.stack(each)
+    return [
+        np.einsum("ij,cjab->ciab", points.coefficients, np.tensordot(sign, values, 1))
+        for sign in signs
+    ]
+
+
+def _moved(design: Balanced, share: Array, f: int, parameter: Parameter, rate: float) -> Array:
+    """Return dW/dt where one parameter rises at a rate, at shares of its scheduling variable."""
+    low, high = (float(parameter.scheduling(end)) for end in (parameter.low, parameter.high))
+    s = low + share[..., f] * (high - low)
+    speed = rate / (high - low) * (s**2 if parameter.inverted else np.ones_like(s))
+    low_end, high_end = share.copy(), share.copy()
+    low_end[..., f], high_end[..., f] = 0, 1
+    direction = alpha_of(high_end) - alpha_of(low_end)
+    return np.asarray(speed[..., None, None] * _derivative(design, alpha_of(share), direction))
+
+
+def _derivative(design: Balanced, alpha: Array, direction: Array) -> Array:
+    """Return dW in a direction of alpha, from as many values as determine W's polynomial."""
+    half = (design.degree + 1) // 2
+    steps = np.arange(-half, half + 1)
+    powers = np.vander(steps, increasing=True).T.astype(float)
+    weights = np.linalg.solve(powers, np.eye(len(steps))[1])
+    total = np.zeros((*alpha.shape[:-1], *design.T.shape))
+    for k, weight in zip(steps, weights, strict=True):
+        total = total + weight * design.law(alpha + k * direction)[0]
+    return total

@@ -1,0 +1,1 @@
+"""Laws for a region, and the smallest region of a kind."""

@@ -1,0 +1,195 @@
+"""State feedback for a region: plant, region and method in; a proved design out."""
+
+from __future__ import annotations
+
+from contextlib import suppress
+from dataclasses import replace
+
+from polefence.base.deadline import Deadline
+from polefence.base.errors import NotProvedError, SolverError
+from polefence.base.types import require_type
+from polefence.design.checks import (
+    is_checkable,
+    require_checkable,
+    require_domain,
+    require_movable,
+    require_region,
+)
+from polefence.design.counterexample import unplaceable
+from polefence.design.design import Design
+from polefence.design.place.smallest import radius_of, smallest_disk
+from polefence.design.rounding import proved_at, rounded
+from polefence.lmi.conditions.methods import Method, Scheduled, degree_hint, method_label
+from polefence.lmi.conditions.sizes import fitting
+from polefence.lmi.conditions.target import Around
+from polefence.lmi.solve.radius import smallest, smallest_radius, typical_rate
+from polefence.plant.family import UncertainPlant
+from polefence.plant.polynomial import Domain
+from polefence.region.regions import Disk, Region
+from polefence.region.speed import bounded, bounds_speed
+from polefence.region.text import digits_up
+
+# How far inside a region a point is looked for first; then as far as the search goes.
+INSIDE = (0.98, 0.0)
+
+# Where nothing bounds the poles' speed: multiples of the rates of region and plant that bound it in
+# the search, one after the other.
+SPEEDS = (10.0, 100.0, 1000.0)
+FASTEST = 1e99  # [1/s], of regions
+
+# Degree and elevation that "auto" tries, while there are at most so many unknowns.
+LADDER = ((0, 0), (1, 0), (1, 1), (2, 0), (2, 1), (3, 0), (3, 1), (4, 0), (4, 1), (5, 1))
+MOST_UNKNOWNS = 1500
+
+
+def place(
+    plant: UncertainPlant,
+    region: Region,
+    method: Method = "scheduled",
+    allow_unproved: bool = False,
+) -> Design:
+    """Design a law that keeps all poles of the whole family in a region, and prove it.
+
+    Parameters
+    ----------
+    plant : UncertainPlant
+    region : Region
+        `Disk`, `HalfPlane`, `Sector`, `VerticalStrip`, `HorizontalStrip`, `Ellipse`, or several
+        joined by ``&``.
+    method : str, Scheduled or Slack
+        "quadratic" (Lemma 1), "slack" (Lemma 2), "scheduled" (Theorem 1).
+    allow_unproved : bool
+        Return the numerical answer even where its proof fails (``Design.proved`` tells).
+
+    Raises
+    ------
+    NotProvedError
+        If the region is not proved; for a disk, its ``best`` is the smallest disk of this centre
+        that is.
+    RegionError
+        If the region does not fit the plant's time (continuous or discrete).
+    UncontrollableError
+        If a vertex has a pole that no gain moves and that is not in the region.
+    """
+    require_type(plant, UncertainPlant, "plant", "polefence.load(path) reads one")
+    require_domain(plant, method)
+    require_type(region, Region, "region", "for example polefence.Disk(-40, 31)")
+    require_region(plant, region, method)
+    require_movable(plant, region)
+    if isinstance(method, Scheduled) and method.degree == "auto":
+        return _climb(plant, region, method)
+    method = fitting(plant, method)
+    require_checkable(plant, method, len(region.parts))
+    if not isinstance(region, Disk):
+        return _placed(plant, region, method, allow_unproved)
+    inside = _inside(plant, region, method)
+    if inside is not None and inside.runs:
+        return inside
+    best = smallest_disk(plant, region.centre, method)[0]
+    wider = replace(best.certificate, region=region)
+    if radius_of(best) <= region.radius and wider.prove().proved:
+        proved = Design(wider)
+        return proved if inside is None or proved.runs else inside
+    if inside is not None:
+        return inside
+    if allow_unproved:
+        return Design(wider, proved=False)
+    raise NotProvedError(_refusal(method, region, best), best if best.proved else None)
+
+
+def _inside(plant: UncertainPlant, region: Disk, method: Method) -> Design | None:
+    """Return a proved design for this disk, from the first point found inside it."""
+    with suppress(SolverError):
+        found = smallest_radius(plant.A, plant.B, region.sigma, method, enough=region.radius)
+        return proved_at(plant, region, method, found) if found.radius <= region.radius else None
+    return None
+
+
+def _refusal(method: Method, region: Disk, best: Design) -> str:
+    reached = (
+        f"the smallest radius found there is {digits_up(radius_of(best))} (proved)"
+        if best.proved
+        else "no radius was proved there"
+    )
+    label = method_label(method)
+    if best.lower is not None and best.lower >= region.radius:
+        answer = f"refuted for {label}: its inequalities have no solution for {region}"
+    else:
+        answer = f"not proved: {label} gives no proof for {region}"
+    return f"{answer}; {reached}; try a larger disk or another method"
+
+
+def _placed(plant: UncertainPlant, region: Region, method: Method, allow_unproved: bool) -> Design:
+    """Place the poles in a region that is no single disk."""
+    found, error, first = None, None, None
+    rate = max(region.scale, typical_rate(plant.A))
+    speeds = () if bounds_speed(region) else [s * rate for s in SPEEDS if s * rate < FASTEST]
+    for searched in (*(bounded(region, speed) for speed in speeds), region):
+        for enough in INSIDE:
+            try:
+                found = smallest(plant.A, plant.B, Around(searched), method, enough=enough)
+            except SolverError as failure:
+                error = failure
+                break
+            design = proved_at(plant, region, method, found) if found.radius < 1 else None
+            if design is not None and design.runs:
+                return design
+            first = first or design
+            if found.radius >= 1 and found.converged:
+                break
+    if first is not None:  # a law that doubles cannot evaluate, but a law
+        return first
+    if found is None:
+        raise NotProvedError(f"undecided: {method_label(method)}: {error}") from error
+    if allow_unproved:
+        return Design(rounded(plant, region, method, found), proved=False)
+    raise NotProvedError(
+        f"not proved: {method_label(method)} gives no proof for {region}; try a wider region, "
+        f"fewer parts{degree_hint(method)}"
+    )
+
+
+def _climb(plant: UncertainPlant, region: Region, method: Scheduled) -> Design:
+    """Raise degree and elevation until the region is proved, refuted, or too much work."""
+    tried, why = list[str](), "the last that is tried"
+    deadline = Deadline(method.budget)
+    best: Design | None = None
+    refuted = unplaceable(plant, region, method.on)
+    if refuted is not None:
+        raise NotProvedError(f"refuted: {refuted}")
+    for degree, elevation in LADDER:
+        step = Scheduled(degree, elevation, method.on)
+        domain_count = _unknowns(plant, step)
+        if tried and deadline.passed:
+            why = str(deadline)
+            break
+        checkable = is_checkable(plant, step, len(region.parts))
+        if not checkable or (tried and domain_count > MOST_UNKNOWNS):
+            why = (
+                "a higher degree is too much to check"
+                if tried
+                else "this plant is too large to check"
+            )
+            break
+        tried.append(f"({degree}, {elevation})")
+        try:
+            return place(plant, region, step)
+        except NotProvedError as answer:
+            best = _better(best, answer.best)
+    reached = f"; the smallest radius proved is {digits_up(radius_of(best))}" if best else ""
+    raise NotProvedError(
+        f"undecided: not proved for {region} with degree and elevation {', '.join(tried)}; {why}"
+        f"{reached}",
+        best,
+    )
+
+
+def _unknowns(plant: UncertainPlant, method: Scheduled) -> int:
+    (n, m), domain = plant.shape, Domain.of(method.on, len(plant.vertices))
+    return domain.count(int(method.degree)) * (n * (n + 1) // 2 + m * n)
+
+
+def _better(best: Design | None, other: Design | None) -> Design | None:
+    if best is None or other is None:
+        return best or other
+    return min(best, other, key=radius_of)

@@ -1,0 +1,89 @@
+"""From a point that a search found to the law and evidence that ship, proved as they are."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from polefence.base.errors import SolverError
+from polefence.design.certificate import Certificate
+from polefence.design.design import Design
+from polefence.law.laws import FixedGain, ScheduledGain, right_divide
+from polefence.lmi.conditions.methods import Method, Slack, method_name, normal, options
+from polefence.lmi.solve.point import Found
+from polefence.plant.family import UncertainPlant
+from polefence.plant.polynomial import Domain
+from polefence.plant.system import Array
+from polefence.region.regions import Disk, Region
+
+
+def proved_at(plant: UncertainPlant, region: Region, method: Method, found: Found) -> Design | None:
+    """Return the design of a point for a region, None where it is not proved."""
+    try:
+        design = Design(rounded(plant, region, method, found))
+    except SolverError:
+        return None
+    return design if design.certificate.prove().proved else None
+
+
+def rounded(plant: UncertainPlant, region: Region, method: Method, found: Found) -> Certificate:
+    """Round a point to the law and evidence that ship; the proof is about these very numbers.
+
+    Raises
+    ------
+    SolverError
+        If a Lyapunov or slack matrix is singular in floats.
+    """
+    name = method_name(method)
+    try:
+        law, evidence = _LAWS[name](plant, region, method, found)
+    except np.linalg.LinAlgError as error:
+        raise SolverError("a Lyapunov matrix is numerically singular") from error
+    return Certificate(plant, region, name, law, evidence)
+
+
+def _stack(values: dict[str, Array], letter: str, count: int) -> Array:
+    return np.stack([values[f"{letter}{k + 1}"] for k in range(count)])
+
+
+def _quadratic(*args: Any) -> tuple[FixedGain, dict[str, Any]]:
+    values = args[3].values
+    return FixedGain(right_divide(values["Z"], values["W"])), {"W": values["W"]}
+
+
+def _scheduled(
+    plant: UncertainPlant, _: Region, method: Method, found: Found
+) -> tuple[ScheduledGain, dict[str, Any]]:
+    o, values = options(method), found.values
+    degree, domain = int(o.degree), Domain.of(o.on, len(plant.vertices))
+    count = domain.count(degree)
+    W, Z = (_stack(values, letter, count) for letter in "WZ")
+    evidence: dict[str, Any] = {"tau": np.array(values["tau"].item() if "tau" in values else 0.0)}
+    if o.elevation != 1:
+        evidence["elevation"] = o.elevation
+    return ScheduledGain(W, Z, plant.parameters, degree, domain.sizes), evidence
+
+
+def _slack(
+    plant: UncertainPlant, region: Region, method: Method, found: Found
+) -> tuple[FixedGain, dict[str, Any]]:
+    method, values = normal(method), found.values
+    o = method if isinstance(method, Slack) else Slack()
+    count = Domain.of(o.on, len(plant.vertices)).count(o.degree)
+    evidence: dict[str, Any] = {"P": _stack(values, "P", count), "G": values["G"]}
+    if isinstance(method, Slack):
+        evidence |= {"degree": o.degree, "elevation": o.elevation, "on": o.on}
+    if not isinstance(region, Disk):
+        # e is in units of the search's own time
+        evidence["epsilon"] = o.epsilon / found.rate
+    return FixedGain(right_divide(values["L"], values["G"])), evidence
+
+
+_Evidence = dict[str, Any]
+_LAWS: dict[str, Callable[..., tuple[FixedGain | ScheduledGain, _Evidence]]] = {
+    "quadratic": _quadratic,
+    "scheduled": _scheduled,
+    "slack": _slack,
+}

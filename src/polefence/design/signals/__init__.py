@@ -1,0 +1,1 @@
+"""Laws for limits on signals: specifications, their bounds, trade-offs."""

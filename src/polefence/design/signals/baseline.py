@@ -1,0 +1,151 @@
+"""What a signal's rms is without control, bounded from below by a polynomial of the parameters.
+
+With A0 P + P A0' + S E E' > 0 for a stable A0, P(alpha) is less than the stationary covariance. P
+goes through the covariances at a grid of points, less a little of X, which goes through those of
+noise on every state: so little that the inequalities still hold. X proves that A0 is stable.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from fractions import Fraction
+from functools import lru_cache
+from itertools import product
+
+import numpy as np
+
+from polefence.base.errors import InputError
+from polefence.plant.family import UncertainPlant
+from polefence.plant.polynomial import Domain, Polynomial, bernstein, elevated, times
+from polefence.plant.system import Array
+from polefence.proof.exact import Evidence
+
+DEGREES = (2, 3, 4, 5, 6)  # of P and X
+CLOSE = 2e-4  # of X taken off: closer is not worth a higher degree
+# How much of X is taken off P.
+SHARES = tuple(10.0**k for k in np.arange(-7, 0.1, 0.5))
+MARGIN = 1e-9
+
+
+@dataclass(frozen=True, eq=False)
+class Baseline:
+    """Covariances without control, from below.
+
+    Attributes
+    ----------
+    P, X : (count, n, n) arrays
+        Bernstein coefficients.
+    degree : int
+        Of both.
+    """
+
+    P: Array
+    X: Array
+    degree: int
+
+    def evidence(self) -> tuple[Evidence, Evidence]:
+        """Return the proofs of stability and of the covariance, as a claim has them."""
+        return Evidence(_rationals(self.X), self.degree), Evidence(_rationals(self.P), self.degree)
+
+    def variance(self, domain: Domain, C: Array) -> Polynomial:
+        """Return C P C', C (N, 1, n) at the vertices."""
+        rows = bernstein(domain, C, 1)
+        columns = {e: c.T for e, c in rows.items()}
+        return times(times(rows, bernstein(domain, self.P, self.degree)), columns)
+
+
+@lru_cache(maxsize=16)
+def baseline(plant: UncertainPlant, on: str, intensity: float) -> Baseline:
+    """Return covariances of the plant under no control, from below.
+
+    Raises
+    ------
+    InputError
+        If the plant without control is unstable somewhere, or no polynomial of `DEGREES` will do.
+    """
+    domain = Domain.of(on, len(plant.vertices))
+    E = np.stack([v.E for v in plant.vertices if v.E is not None])
+    best: Baseline | None = None
+    for degree in DEGREES:
+        share, found = _at_degree(plant, domain, E, intensity, degree)
+        if found is not None:
+            best = found
+            if share <= CLOSE:
+                break
+    if best is None:
+        raise InputError(
+            f"{plant.name}: its covariance without control has no bound of degree {DEGREES[-1]}"
+        )
+    return best
+
+
+def _at_degree(
+    plant: UncertainPlant, domain: Domain, E: Array, intensity: float, degree: int
+) -> tuple[float, Baseline | None]:
+    points = np.array(
+        [np.concatenate(p) for p in product(*(_grid(s, degree) for s in domain.sizes))]
+    )
+    alpha = domain.alpha(points)
+    A, _ = plant.at(alpha)
+    if np.linalg.eigvals(A).real.max() >= 0:
+        raise InputError(f"{plant.name} is not stable without control: its rms there is no measure")
+    Es = np.tensordot(alpha, E, 1)
+    own = _covariances(A, intensity * Es @ Es.swapaxes(1, 2))
+    sizes = np.diagonal(own, axis1=1, axis2=2).max(axis=0)
+    every = np.diag(np.maximum(sizes, 1e-12 * sizes.max())) * np.abs(np.linalg.eigvals(A)).max()
+    basis = domain.basis(alpha, degree)
+    fit, X = (_fitted(basis, c) for c in (own, _covariances(A, np.tile(every, (len(A), 1, 1)))))
+    more = bernstein(domain, E, 1)
+    noise = times(more, {e: intensity * p.T for e, p in more.items()})
+    plants = bernstein(domain, plant.A, 1)
+    if not _holds(plants, _negative(domain, X, degree), {}, domain, degree):
+        return np.inf, None
+    for share in SHARES:
+        P = bernstein(domain, fit - share * X, degree)
+        if _holds(plants, P, noise, domain, degree):
+            # as much again, for the rounding
+            return share, Baseline(fit - 1.5 * share * X, X, degree)
+    return np.inf, None
+
+
+def _negative(domain: Domain, X: Array, degree: int) -> Polynomial:
+    return bernstein(domain, -X, degree)
+
+
+def _covariances(A: Array, noise: Array) -> Array:
+    from scipy.linalg import solve_continuous_lyapunov
+
+    return np.stack([solve_continuous_lyapunov(a, -q) for a, q in zip(A, noise, strict=True)])
+
+
+def _fitted(basis: Array, values: Array) -> Array:
+    """Return Bernstein coefficients of the polynomial nearest to symmetric values."""
+    scale = np.sqrt(np.diagonal(values, axis1=1, axis2=2).max(axis=0))
+    even = values / np.outer(scale, scale)
+    found = np.linalg.lstsq(basis, even.reshape(len(even), -1), rcond=None)[0]
+    both = found.reshape(-1, *even.shape[1:])
+    symmetric = (both + both.swapaxes(1, 2)) / 2 * np.outer(scale, scale)
+    return np.asarray((symmetric + symmetric.swapaxes(1, 2)) / 2)
+
+
+def _grid(size: int, degree: int) -> list[Array]:
+    """Return points of a simplex, more than a polynomial has coefficients."""
+    steps = 2 * degree
+    return [np.array(p) / steps for p in product(range(steps + 1), repeat=size) if sum(p) == steps]
+
+
+def _holds(A: Polynomial, P: Polynomial, noise: Polynomial, domain: Domain, degree: int) -> bool:
+    """Whether A P + P A' + noise > 0 coefficient by coefficient, with a margin."""
+    more = elevated(noise, domain, degree - 1) if noise else {}
+    for e, N in times(A, P).items():
+        block = N + N.T + more.get(e, np.zeros_like(N))
+        if np.diag(block).min() <= 0:
+            return False
+        scale = 1 / np.sqrt(np.diag(block))
+        if np.linalg.eigvalsh(block * np.outer(scale, scale))[0] <= MARGIN:
+            return False
+    return True
+
+
+def _rationals(matrices: Array) -> list[list[list[Fraction]]]:
+    return [[[Fraction(x) for x in row] for row in M] for M in matrices.tolist()]

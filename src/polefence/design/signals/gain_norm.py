@@ -1,0 +1,166 @@
+"""A limit on the size of the law itself: the spectral norm of its gain."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from fractions import Fraction
+from typing import Any
+
+import numpy as np
+
+from polefence.base.errors import InputError
+from polefence.design.signals.specification import Specification, is_number
+from polefence.law.laws import FixedGain, Law
+from polefence.lmi.conditions import performance as conditions
+from polefence.lmi.conditions.gain_norm import Norm
+from polefence.plant.family import UncertainPlant
+from polefence.plant.polynomial import Domain, bernstein, binomial, elevated, times
+from polefence.plant.system import Array
+from polefence.proof import performance as proof
+from polefence.response.signals import Signal
+
+# Of the proof's polynomials, one after the other, and how many coefficients they may have.
+ELEVATIONS, MOST = (0, 1, 2, 4, 8, 16), 3000
+# The design keeps this share of the limit, so that its proof has something to spare.
+KEPT = 1 - 1e-4
+
+
+@dataclass(frozen=True)
+class GainNorm(Specification):
+    """The largest singular value of diag(rows)^-1 K(alpha) diag(columns).
+
+    With x and u in units of columns and rows, |u| is at most this times |x|, whatever the state.
+
+    Attributes
+    ----------
+    at_most : float, optional
+        A number without unit, of such units.
+    rows : tuple of float, optional
+        What one unit of each input is [the input's unit]; ones by default.
+    columns : tuple of float, optional
+        What one unit of each state is [the state's unit]; ones by default.
+
+    Raises
+    ------
+    InputError
+        If the limit or a unit is no positive number.
+    """
+
+    signal: str | Signal = field(default_factory=lambda: Signal(proof.LAW, ""), init=False)
+    at_most: float | None = None
+    rows: tuple[float, ...] | None = None
+    columns: tuple[float, ...] | None = None
+    kind = "gain norm"
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        for key in ("rows", "columns"):
+            value = getattr(self, key)
+            if value is None:
+                continue
+            found = tuple(value) if np.ndim(value) == 1 else ()
+            if not found or not all(is_number(x) and x > 0 for x in found):
+                raise InputError(f"{key} = {value!r} of the gain norm must be positive numbers")
+            object.__setattr__(self, key, found)
+
+    def units(self, plant: UncertainPlant) -> tuple[tuple[float, ...], tuple[float, ...]]:
+        """Return rows and columns, one number an input and one a state.
+
+        Raises
+        ------
+        InputError
+            If there are more or fewer.
+        """
+        n, m = plant.shape
+        found = []
+        for key, own, count in (("rows", self.rows, m), ("columns", self.columns, n)):
+            if own is not None and len(own) != count:
+                raise InputError(
+                    f"{key} of the gain norm holds {len(own)} numbers; {plant.name} needs {count}"
+                )
+            found.append(own or (1.0,) * count)
+        return found[0], found[1]
+
+    def source(self, plant: UncertainPlant, domain: Domain) -> conditions.Source:  # noqa: ARG002
+        """Return nothing: no signal moves.
+
+        Raises
+        ------
+        InputError
+            Always.
+        """
+        raise InputError("the norm of a gain is about no signal")
+
+    def norm(self, plant: UncertainPlant, unit: float | None = None) -> Norm:
+        """Return the bound as a condition has it; with a ``unit`` it is not fixed."""
+        rows, columns = self.units(plant)
+        C, R = (np.diag(1 / np.array(own)) for own in (columns, rows))
+        if unit is not None:
+            return Norm(self.kind, C, R, unit, False)
+        return Norm(self.kind, C, R, (self.at_most or 1.0) * KEPT)
+
+    def claim(
+        self,
+        subject: proof.Subject,
+        output: proof.Output,  # noqa: ARG002
+        level: Fraction,
+        plant: UncertainPlant,
+    ) -> proof.PerformanceClaim:
+        """Return the claim about the gain's norm."""
+        rows, columns = (tuple(map(Fraction, own)) for own in self.units(plant))
+        return proof.GainNorm(subject, level, rows, columns)
+
+    def values(self, plant: UncertainPlant, K: Array) -> Array:
+        """Return the norms of gains (..., m, n), in floats."""
+        rows, columns = (np.array(own) for own in self.units(plant))
+        return np.asarray(np.linalg.norm(K * columns / rows[:, None], 2, axis=(-2, -1)))
+
+
+def levels(plant: UncertainPlant, law: Law, own: GainNorm) -> Iterator[tuple[float, int]]:
+    """Yield what is proved of a law in floats, with the elevation at which it is."""
+    if isinstance(law, FixedGain):
+        yield float(own.values(plant, law.K)), 0
+        return
+    domain, degree = law.domain, law.degree
+    rows, columns = (np.array(each) for each in own.units(plant))
+    H, Z = law.W / columns[:, None], law.Z / rows[:, None]
+    right = np.linalg.inv(H.mean(axis=0))
+    P, Q = (bernstein(domain, each @ right, degree) for each in (H, Z))
+    square = times({e: p.T for e, p in P.items()}, P)
+    for elevation in ELEVATIONS:
+        total = 2 * degree + elevation
+        if elevation and domain.count(total) > MOST:
+            return
+        raised, below = elevated(square, domain, elevation), elevated(Q, domain, total - degree)
+        worst = max(_least(raised[e], below[e], binomial(domain.sizes, e)) for e in raised)
+        yield float(np.sqrt(worst)), elevation
+
+
+def _least(square: Array, below: Array, weight: int) -> float:
+    """Return the least g^2 of [ square, below' ; below, weight g^2 I ] >= 0."""
+    try:
+        half = np.linalg.solve(np.linalg.cholesky(square), below.T)
+    except np.linalg.LinAlgError:
+        return np.inf
+    return float(np.linalg.norm(half, 2)) ** 2 / weight
+
+
+def as_norms(
+    plant: UncertainPlant, limits: tuple[Specification, ...], minimise: Specification | None
+) -> tuple[Norm, ...]:
+    """Return the bounds on the law that are asked for."""
+    norms = [own.norm(plant) for own in limits if isinstance(own, GainNorm)]
+    if isinstance(minimise, GainNorm):
+        norms.append(minimise.norm(plant, 1.0))
+    # variables are known by name
+    return tuple(_named(norm, k) for k, norm in enumerate(norms))
+
+
+def _named(norm: Norm, k: int) -> Norm:
+    return Norm(f"{norm.name} {k + 1}", norm.C, norm.R, norm.level, norm.fixed)
+
+
+def is_signal(own: Any) -> bool:
+    """Whether a specification is about a signal."""
+    return not isinstance(own, GainNorm)

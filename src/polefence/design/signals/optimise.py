@@ -1,0 +1,397 @@
+"""A law for specifications: one signal small, others within limits, all poles in a region; proved.
+
+One W(alpha) for everything is conservative. So laws are designed with one, for a region that may
+be relaxed; what they keep is then proved of each law as it is, each bound with a Lyapunov
+polynomial of its own, and the region with one for each of its parts.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from contextlib import suppress
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from polefence.base.deadline import Deadline
+from polefence.base.errors import InputError, NotProvedError, SolverError
+from polefence.base.types import require_type
+from polefence.design.checks import require_domain, require_movable, require_region
+from polefence.design.design import Design
+from polefence.design.signals.augmented import with_weights, without_feedback
+from polefence.design.signals.bounds import Bound, best_bound
+from polefence.design.signals.conflict import refusal
+from polefence.design.signals.retreat import (
+    CLOSE,
+    FAR,
+    Retreat,
+    Step,
+    is_falling,
+    is_too_fast,
+    level_of,
+    steps,
+    unbounded,
+)
+from polefence.design.signals.sampled import agreed_bound
+from polefence.design.signals.search import Candidate, Origin, Search, candidate, relaxed, together
+from polefence.design.signals.specification import Rms, Specification
+from polefence.design.signals.task import Task
+from polefence.law.laws import Law
+from polefence.lmi.conditions.methods import Method, Scheduled, options
+from polefence.lmi.solve.performance import Reached
+from polefence.lmi.solve.singular import singular_is_failure
+from polefence.plant.family import UncertainPlant
+from polefence.region.regions import HalfPlane, Region
+
+__all__ = ["Optimised", "optimise", "relaxed"]
+
+POOR = 0.05  # a bound that is proved so far above the design's own is of a law gone wrong
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Optimised:
+    """A law with a proof of its region, and of every specification.
+
+    Attributes
+    ----------
+    design : Design
+        Law, region and its certificate.
+    bounds : tuple of Bound
+        The one that was minimised first, where one was.
+    shared : float
+        What is proved, in exact arithmetic, with one Lyapunov matrix for everything, of a law
+        that was found for the region as it is; infinite where nothing is, zero where nothing was
+        minimised.
+    designed : Region, optional
+        What of the region was asked of the design; None where stability alone was.
+    retreat : Retreat, optional
+        How far the law stands from an infimum that none attains, or none that can be proved.
+    cut : str
+        Why the search was cut before its end; empty where it was not.
+    """
+
+    design: Design
+    bounds: tuple[Bound, ...]
+    shared: float
+    designed: Region | None
+    retreat: Retreat | None = None
+    cut: str = ""
+
+    def __repr__(self) -> str:
+        return f"<Optimised {self.plant.name!r}: {'; '.join(map(str, self.bounds))}>"
+
+    @property
+    def plant(self) -> UncertainPlant:
+        """The plant family."""
+        return self.design.plant
+
+    @property
+    def law(self) -> Law:
+        """The control law."""
+        return self.design.law
+
+    def bound(self, name: str) -> Bound:
+        """Return the bound on the signal of that name.
+
+        Raises
+        ------
+        InputError
+            If there is none.
+        """
+        for own in self.bounds:
+            if own.specification.name == name:
+                return own
+        raise InputError(f"no specification of {name!r}")
+
+
+def optimise(
+    plant: UncertainPlant,
+    minimise: Specification | None,
+    subject_to: Sequence[Specification] = (),
+    region: Region | None = None,
+    method: Method | None = None,
+    budget: float | None = None,
+) -> Optimised:
+    """Design the law with the smallest worst case of one signal, within limits on others.
+
+    Parameters
+    ----------
+    plant : UncertainPlant
+        With a disturbance, E.
+    minimise : Specification or None
+        `Rms`, `RelativeRms`, `EnergyPeak`, `InitialPeak`, `Gain` or `GainNorm`; None: any law
+        within the limits will do.
+    subject_to : sequence of Specification
+        Each with its ``at_most``.
+    region : Region, optional
+        For the poles; stability by default.
+    method : str or Scheduled, optional
+        "quadratic" (one gain) or `Scheduled`; by default of degree 1 and elevation 0, on the box
+        where the plant has parameters.
+    budget : float, optional
+        Time after which no further law is looked for [s]; the answer then says so in its ``cut``.
+        Without one the same question has the same answer on every machine, however slow.
+
+    Returns
+    -------
+    Optimised
+        Everything in it is proved. Where a specification has a weight its plant has the filter's
+        states; the law feeds them back only where that is better.
+
+    Raises
+    ------
+    NotProvedError
+        If the limits or the region are not proved. The message names the specifications that are in
+        conflict for this method; where it says "refuted" no law keeps them, and the error's
+        ``refutation`` is the proof; where it says "unbounded" what is minimised falls without end
+        as the law grows.
+    InputError
+        If a specification does not fit the plant.
+    """
+    require_type(plant, UncertainPlant, "plant", "polefence.load(path) reads one")
+    if minimise is None and not subject_to:
+        raise InputError("nothing to minimise and no limits: polefence.place is for regions alone")
+    if minimise is not None:
+        require_type(minimise, Specification, "minimise", "for example Rms('force')")
+    method = method or Scheduled(1, 0, "box" if plant.parameters else "simplex")
+    _require_method(plant, method)
+    if len(plant.vertices) == 1:  # one gain is every law
+        method = "quadratic"
+    if plant.sample_time is not None:
+        raise InputError(f"{plant.name} is in discrete time; specifications are of continuous time")
+    asked = HalfPlane(0) if region is None else region
+    require_region(plant, asked)
+    for own in subject_to:
+        require_type(own, Specification, "subject_to", "for example Rms('force', at_most=700)")
+        if own.at_most is None:
+            raise InputError(f"the limit of {own.name!r} is missing; give at_most")
+    require_movable(plant, asked)
+    asked_for = subject_to if minimise is None else (*subject_to, minimise)
+    deadline = Deadline(budget)
+    larger, found = with_weights(plant, tuple(asked_for))
+    task = replace(
+        _task(larger, found, minimise is not None, asked, method), asked=(plant, tuple(subject_to))
+    )
+    if larger is plant:
+        return _settled(task, deadline)
+    bare = tuple(replace(s, weight=None) if isinstance(s, Rms) else s for s in asked_for)
+    return _weighted(task, _task(plant, bare, minimise is not None, asked, method), deadline)
+
+
+def _task(
+    plant: UncertainPlant,
+    asked_for: tuple[Specification, ...],
+    minimised: bool,
+    region: Region,
+    method: Method,
+) -> Task:
+    """Return the task; what is minimised comes last of the specifications."""
+    if not minimised:
+        return Task(plant, None, asked_for, region, method)
+    return Task(plant, asked_for[-1], asked_for[:-1], region, method)
+
+
+def _weighted(task: Task, bare: Task, deadline: Deadline) -> Optimised:
+    """Return the better of a law with the filters' states, and one without, for bare signals."""
+    simple: Optimised | None = None
+    with suppress(NotProvedError):
+        found = _settled(bare, deadline)
+        simple = _kept(task, without_feedback(found.law, task.plant), found.designed)
+    if simple is not None and deadline.passed:
+        return replace(simple, cut=_cut(deadline))
+    try:
+        best = _settled(task, deadline)
+    except NotProvedError:
+        if simple is None:
+            raise
+        return replace(simple, cut=_cut(deadline))
+    if simple is None or (task.minimise and best.bounds[0].level < simple.bounds[0].level):
+        return best
+    return replace(simple, shared=best.shared, cut=best.cut)
+
+
+def _require_method(plant: UncertainPlant, method: Method) -> None:
+    require_domain(plant, method)
+    o = options(method)
+    if not isinstance(o, Scheduled) or o.degree == "auto" or o.right_hand_sides:
+        raise InputError("optimise goes with 'quadratic' and Scheduled(degree, elevation, on)")
+
+
+@dataclass(frozen=True, eq=False)
+class _Found:
+    """A law with its proofs, beside the point that one Lyapunov matrix for everything led to.
+
+    Attributes
+    ----------
+    own : Optimised
+    shared : float
+        Of what is minimised, in floats; infinite where there is no point.
+    whole : Reached, optional
+    """
+
+    own: Optimised
+    shared: float
+    whole: Reached | None
+
+    @property
+    def level(self) -> float:
+        """What is proved of what is minimised."""
+        return _level(self.own)
+
+    @property
+    def poor(self) -> bool:
+        """Whether what is proved of the law is far above what its design says."""
+        minimised = self.own.bounds[0].specification.at_most is None
+        return minimised and self.level > self.shared * (1 + POOR)
+
+
+def _settled(task: Task, deadline: Deadline) -> Optimised:
+    """Return the best law; one of slower poles where that is not proved, or is none to be built."""
+    best, failure = None, None
+    try:
+        best = _best(task, deadline)
+    except NotProvedError as error:
+        failure = error
+        if error.refutation is not None:
+            raise
+    cut = _cut(deadline)
+    fast = best is not None and is_too_fast(task.plant, best.own.law)
+    if best is not None and not fast and not best.poor:
+        return _finished(task, best, cut)
+    least = _least(task) if best is None else best.shared
+    if failure is not None and task.limits and not np.isfinite(least):
+        raise failure  # no law keeps the limits, or none was found
+    taken, found = _stepped_back(task, least)
+    if found is not None and (best is None or fast or found.level < best.level):
+        return _finished(task, found, cut)
+    if is_falling(taken) and (best is None or fast):
+        raise unbounded(task, taken) from failure
+    if best is None:
+        raise failure or NotProvedError("not proved")
+    return _finished(task, best, cut)
+
+
+def _cut(deadline: Deadline) -> str:
+    """Return why the search ended before its end, if it did."""
+    return str(deadline) if deadline.passed else ""
+
+
+def _finished(task: Task, found: _Found, cut: str) -> Optimised:
+    """Return the answer: no worse than what one Lyapunov matrix for everything proves."""
+    if task.minimise is None:
+        return replace(found.own, shared=0.0, cut=cut)
+    own, shared = found.own, _together(task, found.whole)
+    if shared is None:
+        return replace(own, shared=np.inf, cut=cut)
+    if _level(shared) < _level(own):
+        own = replace(shared, retreat=own.retreat)
+    return replace(own, shared=_level(shared), cut=cut)
+
+
+def _together(task: Task, found: Reached | None) -> Optimised | None:
+    """Prove everything of a point's law with the point's one W; None where something is not."""
+    if found is None:
+        return None
+    try:
+        law = task.law(found)
+    except (SolverError, InputError):  # its numbers are none that doubles hold
+        return None
+    proofs = together(task, law, Origin(task, found))
+    if proofs is None:
+        return None
+    certificate, bounds = proofs
+    return Optimised(Design(certificate), bounds, bounds[0].level, task.region)
+
+
+def _least(task: Task) -> float:
+    """Return what is found in floats, proved or not; infinite where there is none."""
+    try:
+        return level_of(task, task.reached(task.region))
+    except SolverError:
+        return np.inf
+
+
+def _stepped_back(task: Task, least: float) -> tuple[list[Step], _Found | None]:
+    """Return steps back, and the nearest to the least level that is proved, if it is near."""
+    taken = list[Step]()
+    for step in steps(task):
+        taken.append(step)
+        # without anything to minimise the first that is proved will do
+        if step.level <= least * (1 + CLOSE) and (
+            task.minimise is not None or _proved(task, step.found) is not None
+        ):
+            break
+    least = min([least, *(step.level for step in taken)])
+    best: _Found | None = None
+    for step in sorted(taken, key=lambda step: step.level):
+        found = _proved(task, step.found) if step.level <= least * (1 + FAR) else None
+        if found is not None and (best is None or _level(found) < best.level):
+            retreat = Retreat(step.speed, step.level, least)
+            best = _Found(replace(found, retreat=retreat), step.level, step.found)
+        if best is not None and not best.poor:
+            break
+    if best is not None and task.minimise is not None and best.level > least * (1 + FAR):
+        return taken, None
+    return taken, best
+
+
+def _level(own: Optimised) -> float:
+    """Return the first bound, that of what is minimised where something is."""
+    return own.bounds[0].level
+
+
+def _best(task: Task, deadline: Deadline) -> _Found:
+    """Search, then prove the bound on what is minimised, from the law that samples least on."""
+    # where no law that samples well has a proof, each must have one to count
+    for proved in (False, True) if task.minimise else (False,):
+        search = Search(task, deadline, proved)
+        search.run()
+        best = _lowest(task, search)
+        if best is not None:
+            return _Found(best, search.shared, search.whole)
+        if not search.candidates:
+            break
+    raise refusal(task, search.reasons)
+
+
+def _lowest(task: Task, search: Search) -> Optimised | None:
+    """Return the law of the lowest bound: a sample that is higher than one is of no better law."""
+    best: Optimised | None = None
+    for own in sorted(search.candidates, key=lambda own: own.estimate):
+        if best is not None and (task.minimise is None or _level(best) <= own.estimate):
+            break
+        found = _bounded(task, own)
+        if found is not None and (best is None or _level(found) < _level(best)):
+            best = found
+    return best
+
+
+def _proved(task: Task, found: Reached) -> Optimised | None:
+    """Prove everything of a law for the whole region; None where something is not."""
+    try:
+        law = task.law(found)
+    except (SolverError, InputError):  # its numbers are none that doubles hold
+        return None
+    own = candidate(task, law, task.region, Origin(task, found))
+    return None if own is None else _bounded(task, own)
+
+
+def _kept(task: Task, law: Law, designed: Region | None) -> Optimised | None:
+    """Prove everything of a law that was designed otherwise; None where something is not."""
+    own = candidate(task, law, designed)
+    return None if own is None else _bounded(task, own)
+
+
+def _bounded(task: Task, own: Candidate) -> Optimised | None:
+    """Prove the bound on what is minimised, where alpha lives there; None where there is none."""
+    if task.minimise is None:
+        return Optimised(Design(own.certificate), own.limits, 0.0, own.designed)
+    first: Bound | None = None
+    law = own.certificate.law
+    with suppress(SolverError), singular_is_failure():
+        first = best_bound(task.plant, law, task.minimise, own.known(task.minimise))
+        # of a law that doubles cannot evaluate a proof is of no use
+        first = None if first is None else agreed_bound(task.plant, law, first)
+    if first is None:
+        return None
+    return Optimised(Design(own.certificate), (first, *own.limits), np.inf, own.designed)

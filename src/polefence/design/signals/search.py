@@ -1,0 +1,535 @@
+"""The search for a law: for shares of a region, within limits that are asked for and implied.
+
+One W(alpha) for everything is conservative, so that neither the whole region nor the widest limits
+give the best law. Each law that is found is judged as it is: by samples first, then by proofs of
+region and limits. Limits on the inputs at what the best law needs, and somewhat more, exclude no
+law that is better for it; they keep the next ones from being bought with effort.
+"""
+
+from __future__ import annotations
+
+from contextlib import suppress
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from polefence.base.deadline import Deadline
+from polefence.base.errors import InputError, RegionError, SolverError
+from polefence.design.certificate import Certificate
+from polefence.design.given.analysis import analyse
+from polefence.design.signals.bounds import (
+    Bound,
+    Known,
+    best_bound,
+    kept_bound,
+    known_bound,
+    own_evidence,
+)
+from polefence.design.signals.gain_norm import GainNorm, is_signal
+from polefence.design.signals.retreat import level_of, own_speed
+from polefence.design.signals.sampled import agreed_bound, sampled, seeded
+from polefence.design.signals.specification import Gain, RelativeRms, Rms, Specification, output_of
+from polefence.design.signals.task import ROUNDED, Task
+from polefence.law.laws import FixedGain, Law
+from polefence.lmi.conditions.methods import options
+from polefence.lmi.solve.performance import Reached
+from polefence.lmi.solve.singular import singular_is_failure
+from polefence.region.regions import HalfPlane, Region, Sector
+from polefence.region.speed import bounded, bounds_speed
+from polefence.response.closed import close
+from polefence.response.signals import inputs
+
+ROUNDS, FINEST = 5, 1 / 64  # of designs for shares of the region's parts; step of such a share
+FINE = 2e-4  # a law outside the region that is better by less shows that nothing is to be gained
+STEPS, BACK = 8, (1 / 32, 1 / 4)  # halvings between two laws; how far inside a proof is tried
+SAMPLES = 200  # at which a law is judged before anything is proved of it
+SLIGHT = 1e-6  # a law that is better by less is not looked at further
+WORTH = 2e-4  # the same of a round of implied limits
+SLOW = (1.0, 2.0, 4.0)  # times the plant's own speed
+BAND, BANDS = 10.0, 8  # powers of two of the plant's own speed, and how many bands are tried
+# Implied limits over what the best law needs, and how often each is taken from the law it led to.
+ROOM, AGAIN = (2.0, 1.0), 3
+
+Shares = tuple[float, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class Origin:
+    """Where a law comes from: what was asked of the design, and the point that was found."""
+
+    task: Task
+    found: Reached
+
+    def known(self, law: Law, own: Specification) -> Known | None:
+        """Return what the design itself says of a signal; None where that is nothing."""
+        if not is_signal(own):
+            return None
+        source = output_of(self.task.plant, self.task.domain, own, 1.0)[0]
+        t = self.found.t.get(f"t {source.name}", 0.0)
+        if not t > 0 or (own.at_most is None and self.task.minimise is not own):
+            return None
+        values = self.found.values
+        W = np.stack([values[f"W{k + 1}"] for k in range(len(values) // 2)])
+        return own_evidence(law, W, t), own.at_most or level_of(self.task, self.found)
+
+
+@dataclass(frozen=True, eq=False)
+class Candidate:
+    """A law with proofs of the region and of all limits.
+
+    Attributes
+    ----------
+    certificate : Certificate
+    limits : tuple of Bound
+    designed : Region, optional
+        What of the region was asked of the design; None where stability alone was.
+    estimate : float
+        The worst sampled value of what is minimised; zero where nothing is.
+    origin : Origin, optional
+        Of a law that was found, not given.
+    """
+
+    certificate: Certificate
+    limits: tuple[Bound, ...]
+    designed: Region | None
+    estimate: float
+    origin: Origin | None = None
+
+    def known(self, own: Specification) -> Known | None:
+        """Return what the law's own design says of a signal, if anything."""
+        return None if self.origin is None else self.origin.known(self.certificate.law, own)
+
+
+@dataclass(frozen=True, eq=False)
+class Point:
+    """A law with what samples say of it.
+
+    Attributes
+    ----------
+    origin : Origin
+    law : Law
+    shares : tuple of float
+        Of the region's parts, that were asked of the design.
+    estimate : float
+    lost : tuple of int
+        Parts of the whole region that a sampled pole is outside of.
+    """
+
+    origin: Origin
+    law: Law
+    shares: Shares
+    estimate: float
+    lost: tuple[int, ...]
+
+
+class Search:
+    """What was found so far.
+
+    Attributes
+    ----------
+    candidates : list of Candidate
+    reasons : list of str
+        Why designs failed.
+    whole : Reached or None
+        The point for the whole region within the limits as they were asked.
+    """
+
+    def __init__(self, task: Task, deadline: Deadline, proved: bool = False) -> None:
+        self.task, self.deadline = task, deadline
+        self.proved = proved  # whether the bound on what is minimised must have a proof at once
+        self.candidates, self.reasons = list[Candidate](), list[str]()
+        self.whole: Reached | None = None
+        self.point: Point | None = None  # of the best law
+        self.floor = np.inf  # the least estimate of any law, within the region or not
+        self.alpha = seeded(task.plant, SAMPLES)
+
+    def run(self) -> None:
+        """Search until nothing more is gained."""
+        self._slow()
+        self._shares(self.task)
+        if int(options(self.task.method).degree):
+            self._shares(replace(self.task, method="quadratic"))
+        self._noise()
+        if not self.candidates:
+            self._one_by_one()
+        if self.task.minimise is not None:
+            self._implied()
+
+    @property
+    def best(self) -> float:
+        """The least estimate."""
+        return min((own.estimate for own in self.candidates), default=np.inf)
+
+    def _slow(self) -> None:
+        """Begin the search of a small gain where poles are slow: from fast ones it stays large."""
+        task = self.task
+        if not isinstance(task.minimise, GainNorm) or bounds_speed(task.region):
+            return
+        own = max(own_speed(task.plant), task.region.scale)
+        for times in SLOW:
+            if self.deadline.passed:
+                return
+            with suppress(SolverError, RegionError):  # so slow nothing is in the region
+                slow = replace(task, region=bounded(task.region, times * own))
+                found = slow.reached(slow.region)
+                # of a smaller region the point is one for the whole
+                self.whole = found if level_of(task, found) <= self.shared else self.whole
+                point = self._point(slow, self._ones, found)
+                if point is not None and not point.lost:
+                    self._judged(point)
+
+    def _shares(self, task: Task, first: Shares | None = None) -> None:
+        """Try the region as it is, none of it, and shares between that turn out to be kept.
+
+        Each part has its own: what a law loses of one says nothing of the others. ``first`` are
+        shares to try after none of it.
+        """
+        parts = task.region.parts
+        low, high = [0.0] * len(parts), [1.0] * len(parts)
+        if task is self.task or self.task.minimise is None:
+            self._attempt(task, tuple(high))
+            if relaxed(task.region, tuple(low)) == task.region:
+                return
+        shares = tuple(low)
+        outside: Point | None = None
+        for _ in range(ROUNDS):
+            if self._ended:
+                return
+            own = self._attempt(task, shares)
+            lost = own.lost if own is not None else ()
+            if own is not None and lost:
+                outside = own
+                if self._is_slight(own):
+                    break
+            for k, share in enumerate(shares):
+                if k in lost:
+                    low[k], high[k] = share, high[k] if high[k] > share else 1.0
+                else:
+                    high[k] = share
+            before, shares = shares, tuple((a + b) / 2 for a, b in zip(low, high, strict=True))
+            if first is not None and lost:
+                shares, first = first, None
+            if max(abs(a - b) for a, b in zip(shares, before, strict=True)) < FINEST:
+                break
+        self._between(outside)
+
+    @property
+    def _ended(self) -> bool:
+        """Whether nothing more is to be found: one law that is kept will do, or time is up."""
+        return self.deadline.passed or (self.task.minimise is None and bool(self.candidates))
+
+    def _between(self, outside: Point | None) -> None:
+        """Try laws between one that loses the region and the best: they keep the limits too."""
+        best = self.point
+        if outside is None or best is None or not outside.lost or self._is_slight(outside):
+            return
+        low, high = 0.0, 1.0
+        for _ in range(STEPS):
+            middle = (low + high) / 2
+            own = self._mixed(outside, best, middle)
+            low, high = (middle, high) if own is None or own.lost else (low, middle)
+        for back in BACK:
+            own = self._mixed(outside, best, high + back * (1 - high))
+            if own is None or own.lost or self._judged(own):
+                return
+
+    def _mixed(self, outside: Point, best: Point, share: float) -> Point | None:
+        """Return a point on the line from one to another; None where it is no law."""
+        task = replace(self.task, method=best.origin.task.method)
+        if outside.origin.task.method != task.method:
+            return None
+        found = mixed(task, outside.origin.found, best.origin.found, share)
+        shares = tuple(map(min, outside.shares, best.shares))
+        return None if found is None else self._point(task, shares, found)
+
+    def _attempt(self, task: Task, shares: Shares) -> Point | None:
+        """Design for shares of the region's parts; prove what is better. None where no law is."""
+        region = relaxed(task.region, shares)
+        try:
+            found = task.reached(region)
+        except SolverError as error:
+            self.reasons.append(str(error))
+            return None
+        if task is self.task and region == task.region:
+            self.whole = found if level_of(task, found) <= self.shared else self.whole
+        own = self._point(task, shares, found)
+        if own is None:
+            return None
+        if not own.lost and not self._judged(own) and own.estimate < self.best:
+            # not proved: more of everything is asked for
+            return replace(own, lost=tuple(range(len(shares))))
+        return own
+
+    def _point(self, task: Task, shares: Shares, found: Reached) -> Point | None:
+        """Return a point with what samples say of its law; None where doubles hold none."""
+        try:
+            law = task.law(found)
+        except (SolverError, InputError) as error:
+            self.reasons.append(str(error))
+            return None
+        estimate = self._estimate(law)
+        self.floor = min(self.floor, estimate)
+        if task.minimise is self.task.minimise:  # doubles may lose what W promises
+            self.floor = min(self.floor, level_of(task, found))
+        try:
+            lost = self._lost(law)
+        except (InputError, np.linalg.LinAlgError):
+            lost = tuple(range(len(task.region.parts)))
+        return Point(Origin(task, found), law, shares, estimate, lost)
+
+    def _judged(self, own: Point) -> bool:
+        """Prove a law that samples better than the best, and take it; whether it was taken."""
+        if self.candidates and not own.estimate < self.best * (1 - SLIGHT):
+            return False
+        region = relaxed(self.task.region, own.shares)
+        found = candidate(self.task, own.law, region, own.origin, own.estimate)
+        if found is None or not self._has_bound(found):
+            return False
+        self.point = own
+        self.candidates.append(found)
+        return True
+
+    def _is_slight(self, own: Point) -> bool:
+        """Whether a law that loses the region is hardly better than the best that keeps it."""
+        return bool(self.candidates) and not own.estimate < self.best * (1 - FINE)
+
+    def _lost(self, law: Law) -> tuple[int, ...]:
+        """Return which parts of the region a pole is outside of, at samples."""
+        poles = close(self.task.plant, law, self.alpha, disturbed=False).poles()
+        parts = enumerate(self.task.region.parts)
+        slight = ROUNDED * np.abs(poles).max()  # proofs decide
+        return tuple(k for k, part in parts if not np.all(part.distance(poles) < slight))
+
+    def _has_bound(self, own: Candidate) -> bool:
+        least = self.task.minimise
+        if least is None or not self.proved:
+            return True
+        law = own.certificate.law
+        with suppress(SolverError), singular_is_failure():
+            return best_bound(self.task.plant, law, least, own.known(least)) is not None
+        return False
+
+    @property
+    def shared(self) -> float:
+        """What one W(alpha) proves for the whole region, infinite where that is nothing."""
+        if self.task.minimise is None:
+            return 0.0
+        return np.inf if self.whole is None else level_of(self.task, self.whole)
+
+    def _estimate(self, law: Law) -> float:
+        own = self.task.minimise
+        return 0.0 if own is None else self._worst(law, own)
+
+    def _worst(self, law: Law, own: Specification) -> float:
+        try:
+            worst = sampled(self.task.plant, law, own, self.alpha).worst
+        except (InputError, np.linalg.LinAlgError):
+            return np.inf
+        return worst if np.isfinite(worst) else np.inf
+
+    def _noise(self) -> None:
+        """Try laws for rms values in place of gains: one W for gains at once is far above them.
+
+        The wider the band in which the limited signals may follow noise, the less is left of what
+        is minimised: the widest in which samples keep the limits is looked for.
+        """
+        task = self.task
+        if not isinstance(task.minimise, Gain):
+            return
+        own = max(own_speed(task.plant), task.region.scale)
+        low, high = -BAND, BAND
+        limited = any(isinstance(limit, Gain) for limit in task.limits)
+        for _ in range(BANDS if limited else 1):
+            if self.deadline.passed:
+                return
+            middle = (low + high) / 2
+            noisy = replace(task, method="quadratic").as_noise(own * 2.0**middle)
+            # in too narrow a band no law keeps the limits
+            low, high = (low, middle) if self._follows(noisy) is False else (middle, high)
+        if int(options(task.method).degree):
+            self._follows(task.as_noise(own * 2.0**low))
+
+    def _follows(self, noisy: Task) -> bool | None:
+        """Try the law of a band: whether its limits are kept; None where there is no law."""
+        floor, found = self.floor, None
+        with suppress(SolverError, InputError):  # noise itself is in the signal
+            found = noisy.reached(self.task.region)
+        own = None if found is None else self._point(noisy, self._ones, found)
+        if own is None:
+            return None
+        if own.lost or not self._keeps(own.law):
+            self.floor = floor
+            return False
+        return self._judged(own) or not own.estimate < self.best
+
+    @property
+    def _ones(self) -> Shares:
+        """Shares of the region as it is."""
+        return (1.0,) * len(self.task.region.parts)
+
+    def _keeps(self, law: Law) -> bool:
+        """Whether samples keep the limits."""
+        limits = self.task.limits
+        return all(self._worst(law, own) <= (own.at_most or 0.0) for own in limits)
+
+    def _one_by_one(self) -> None:
+        """Minimise each of the limits within the others: that may lead where all at once do not."""
+        for own in self.task.limits:
+            others = tuple(s for s in self.task.limits if s is not own)
+            least = replace(self.task, minimise=replace(own, at_most=None), limits=others)
+            for share in (1.0, 0.0):
+                self._attempt(least, (share,) * len(self.task.region.parts))
+                if self.candidates or self.deadline.passed:
+                    return
+
+    def _implied(self) -> None:
+        """Design again within limits on the inputs, about what the best law needs."""
+        for room in ROOM:
+            for _ in range(AGAIN):
+                before = self.best
+                # where the region costs nothing there is nothing to be gained
+                if self.deadline.passed or not self.floor * (1 + WORTH) < before < np.inf:
+                    return
+                more = self._inputs(room)
+                if not more:
+                    return
+                first = None if self.point is None else self.point.shares
+                self._shares(replace(self.task, limits=(*self.task.limits, *more)), first)
+                if not self.best < before * (1 - WORTH):
+                    break
+
+    def _inputs(self, room: float) -> tuple[Specification, ...]:
+        """Return limits on the inputs, of the kind of what is minimised, about the best law's."""
+        own, law = self.task.minimise, None
+        for candidate in self.candidates:
+            if candidate.estimate <= self.best:
+                law = candidate.certificate.law
+        if own is None or law is None or isinstance(own, GainNorm):
+            return ()
+        if isinstance(own, RelativeRms):  # without control an input has none
+            own = Rms(own.signal, None, own.density)
+        found = []
+        for signal in inputs(self.task.plant):
+            like = replace(own, signal=replace(signal, name=f"{signal.name}, implied"))
+            worst = self._worst(law, like)
+            if 0 < worst < np.inf:
+                found.append(replace(like, at_most=room * worst))
+        return tuple(found)
+
+
+@singular_is_failure()
+def _proofs(
+    task: Task, law: Law, designed: Region | None, origin: Origin | None, estimate: float
+) -> Candidate | None:
+    """Return what `candidate` does."""
+    certificate = _region(task, law, designed, origin)
+    if certificate is None:
+        return None
+    own = Candidate(certificate, (), designed, estimate, origin)
+    limits: list[Bound] = []
+    for limit in task.limits:
+        # of the certificate's law: its alpha may live on another domain than that of the search
+        bound = kept_bound(task.plant, certificate.law, limit, own.known(limit))
+        # of a law that doubles cannot evaluate a proof is of no use
+        if bound is None or agreed_bound(task.plant, certificate.law, bound) is None:
+            return None
+        limits.append(bound)
+    return replace(own, limits=tuple(limits))
+
+
+def candidate(
+    task: Task,
+    law: Law,
+    designed: Region | None,
+    origin: Origin | None = None,
+    estimate: float = 0.0,
+) -> Candidate | None:
+    """Return proofs of the region and of the limits of a task; None where there is not each."""
+    try:
+        return _proofs(task, law, designed, origin, estimate)
+    except SolverError:
+        return None
+
+
+def mixed(task: Task, one: Reached, other: Reached, share: float) -> Reached | None:
+    """Return a point between two of one question: all of them make a convex cone.
+
+    None where nothing says how large one is beside the other.
+    """
+    names = [f"t {source.name}" for source in task.question(None).sources]
+    if not names or not (one.t.get(names[-1], 0.0) > 0 and other.t.get(names[-1], 0.0) > 0):
+        return None
+    a, b = (1 - share) / one.t[names[-1]], share / other.t[names[-1]]
+    values = {key: a * X + b * other.values[key] for key, X in one.values.items()}
+    t = {key: a * one.t[key] + b * other.t[key] for key in names if key in one.t and key in other.t}
+    return Reached((1 - share) * one.r + share * other.r, values, t, True, 0)
+
+
+def relaxed(region: Region, shares: Shares) -> Region | None:
+    """Return a region with shares of its parts' decay and damping; None for none of it."""
+    kept: Region | None = None
+    for part, share in zip(region.parts, shares, strict=True):
+        own: Region = part
+        if isinstance(part, HalfPlane) and share < 1:
+            own = HalfPlane(part.decay * share if part.decay > 0 else part.decay)
+        elif isinstance(part, Sector) and share < 1:
+            if not share:
+                continue
+            own = Sector(part.damping * share)
+        kept = own if kept is None else kept & own
+    return kept
+
+
+def _region(
+    task: Task, law: Law, designed: Region | None, origin: Origin | None
+) -> Certificate | None:
+    """Prove the region with the law's own W where it was asked of it, else as of a given law."""
+    if designed == task.region and origin is not None:
+        own = _own_region(task, law, origin)
+        if own is not None:
+            return own
+    answer = analyse(task.plant, law, task.region)
+    return answer.certificate if answer.proved else None
+
+
+def _own_region(task: Task, law: Law, origin: Origin) -> Certificate | None:
+    """Prove the region with the law's own W; None where that is no proof."""
+    elevation = options(origin.task.method).elevation
+    name, evidence = "scheduled", {"tau": np.array(0.0), "elevation": elevation}
+    if isinstance(law, FixedGain):
+        name, evidence = "quadratic", {"W": origin.found.values["W1"]}
+    own = Certificate(task.plant, task.region, name, law, evidence)
+    return own if own.prove().proved else None
+
+
+def together(task: Task, law: Law, origin: Origin) -> tuple[Certificate, tuple[Bound, ...]] | None:
+    """Prove region, what is minimised and all limits with the law's own W alone.
+
+    Returns
+    -------
+    pair of Certificate and bounds, optional
+        What is minimised comes first; None where the one W does not prove each of them.
+    """
+    asked = () if task.minimise is None else (task.minimise,)
+    found: list[Bound] = []
+    with suppress(SolverError), singular_is_failure():
+        certificate = _own_region(task, law, origin)
+        if certificate is None:
+            return None
+        for own in (*asked, *task.limits):
+            bound = _alone(task, law, own, origin)
+            agreed = None if bound is None else agreed_bound(task.plant, law, bound)
+            if agreed is None:
+                return None
+            found.append(agreed)
+        return certificate, tuple(found)
+    return None
+
+
+def _alone(task: Task, law: Law, own: Specification, origin: Origin) -> Bound | None:
+    """Prove one specification with the law's own W; a bound on the law itself needs none."""
+    if not is_signal(own):
+        prove = best_bound if own.at_most is None else kept_bound
+        return prove(task.plant, law, own)
+    known = origin.known(law, own)
+    return None if known is None else known_bound(task.plant, law, own, known)

@@ -1,0 +1,285 @@
+"""Specifications as people write them: ``[[specification]]`` tables of a spec, a line of text."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from fractions import Fraction
+from pathlib import Path
+from types import MappingProxyType
+from typing import Any
+
+from polefence.base.errors import InputError, SpecError, shown, suggest
+from polefence.design.signals.gain_norm import GainNorm
+from polefence.design.signals.specification import (
+    EnergyPeak,
+    Gain,
+    InitialPeak,
+    RelativeRms,
+    Rms,
+    Specification,
+)
+from polefence.plant.spec import specification_tables
+from polefence.proof.performance import LAW
+from polefence.vehicle.iso8608 import velocity_density
+
+# The keys that each kind takes besides kind, signal, at_most and minimise.
+KINDS: dict[str, tuple[str, ...]] = {
+    "rms": ("density", "weight"),
+    "relative rms": ("density", "weight"),
+    "energy peak": ("norm",),
+    "initial peak": ("points", "impulse", "ellipsoid"),
+    "gain": (),
+    "gain norm": ("rows", "columns"),
+}
+COMMON = ("kind", "signal", "at_most", "minimise")
+ONLY_TABLES = ("points", "ellipsoid", "rows", "columns")
+EXAMPLE = "rms of NAME <= 700"
+NOTHING: Mapping[str, float] = MappingProxyType({})
+_NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
+_WITH = re.compile(r"(?P<rest>.*\S)\s+with\s+(?P<key>\w+)\s+(?P<value>\S+)\s*")
+
+
+@dataclass(frozen=True)
+class Road:
+    """The road that rms values are asked for.
+
+    Attributes
+    ----------
+    road_class : str
+        "A" to "H" of ISO 8608.
+    speed : float
+        [m/s]
+    """
+
+    road_class: str
+    speed: float
+
+    @property
+    def density(self) -> float:
+        """One-sided density of its vertical velocity [m2/s2 per Hz].
+
+        Raises
+        ------
+        InputError
+            If there is no such class, or the speed is not above zero.
+        """
+        return velocity_density(self.road_class, self.speed)
+
+
+def load_specifications(
+    path: str | Path, road: Road | None = None
+) -> tuple[Specification | None, tuple[Specification, ...]]:
+    """Read what a spec file asks to be minimised, None where it does not say, and the limits.
+
+    Parameters
+    ----------
+    path : str or Path
+        A TOML spec with ``[[specification]]`` tables.
+    road : Road, optional
+        In place of the spec's table ``[road]``, for every rms that names no density.
+
+    Raises
+    ------
+    SpecError
+        If the file cannot be read, or a table says something that cannot be used: one line with
+        file, key, value and remedy.
+    """
+    own = spec_road(path)  # even where another takes its place it must make sense
+    road = road or own
+    tables, _ = specification_tables(path)
+    try:
+        found = [_read(table, f"specification {k + 1}", road) for k, table in enumerate(tables)]
+    except InputError as error:
+        raise SpecError(f"{path}: {' '.join(str(error).split())}") from error
+    least = [each for each, minimised in found if minimised]
+    if len(least) > 1:
+        names = " and ".join(f"{s.kind} of {s.name}" for s in least)
+        raise SpecError(f"{path}: minimise = true for {names}; keep it for one")
+    return least[0] if least else None, tuple(each for each, minimised in found if not minimised)
+
+
+def spec_road(path: str | Path) -> Road | None:
+    """Return the road of a spec's table ``[road]``, None where it has none.
+
+    Raises
+    ------
+    SpecError
+        As `load_specifications` raises.
+    """
+    _, table = specification_tables(path)
+    try:
+        return None if table is None else _road(table)
+    except InputError as error:
+        raise SpecError(f"{path}: {error}") from error
+
+
+def parse_specification(
+    text: str, road: Road | None = None, known: Mapping[str, float] = NOTHING
+) -> Specification:
+    """Read a specification from a line, ``KIND of SIGNAL [<= LIMIT] [with KEY VALUE] ...``.
+
+    For example ``rms of actuator force <= 700`` or ``initial peak of suspension deflection <= 0.08
+    with impulse 0.05``.
+
+    Parameters
+    ----------
+    road : Road, optional
+        For an rms that names no density.
+    known : mapping
+        Without a road: the density by signal, as the spec's own tables have it.
+
+    Raises
+    ------
+    InputError
+        Naming the word that cannot be used.
+    """
+    table, rest = dict[str, Any](), text
+    while match := _WITH.fullmatch(rest):
+        rest, key = match["rest"], match["key"]
+        if key in (*COMMON, *ONLY_TABLES):
+            raise InputError(f"{text!r}: {key} is for a spec's tables; give the limit by <=")
+        if key in table:
+            raise InputError(f"{text!r}: {key} is given twice; give it once")
+        table[key] = _value(match["value"])
+    what, less, limit = rest.partition("<=")
+    kind, of, signal = what.partition(" of ")
+    if not of or not signal.strip() or (less and not limit.strip()):
+        raise InputError(f"{text!r} is not of the form KIND of SIGNAL <= LIMIT; write {EXAMPLE!r}")
+    table |= {"kind": " ".join(kind.split()).casefold(), "signal": signal.strip()}
+    if less:
+        table["at_most"] = _value(limit.strip())
+    return _specification(table, repr(text), road, known)
+
+
+def _value(word: str) -> Any:
+    return Fraction(word) if re.fullmatch(_NUMBER, word) else word
+
+
+def _road(table: Mapping[str, Any]) -> Road:
+    _known(table, ("class", "speed"), "road")
+    for key in ("class", "speed"):
+        if key not in table:
+            raise SpecError(f'road: {key} is missing; write class = "C" and speed = 20  # m/s')
+    if not isinstance(table["class"], str):
+        raise SpecError(f'road: class = {shown(table["class"])} must be text, for example "C"')
+    road = Road(table["class"], _number(table["speed"], "road: speed"))
+    try:
+        _ = road.density
+    except InputError as error:
+        raise SpecError(f"road: {error}") from error
+    return road
+
+
+def _read(table: Mapping[str, Any], where: str, road: Road | None) -> tuple[Specification, bool]:
+    """Return a table's specification, and whether it is to be minimised."""
+    minimised = table.get("minimise", False)
+    if not isinstance(minimised, bool):
+        raise SpecError(f"{where}: minimise = {shown(minimised)} must be true or false")
+    found = _specification(table, where, road)
+    if minimised == ("at_most" in table):
+        raise SpecError(
+            f"{where}, {found.kind} of {found.name}: give at_most = LIMIT or minimise = true, one "
+            "of them"
+        )
+    return found, minimised
+
+
+def _specification(
+    table: Mapping[str, Any],
+    where: str,
+    road: Road | None,
+    known: Mapping[str, float] = NOTHING,
+) -> Specification:
+    table = {"signal": LAW} | dict(table) if table.get("kind") == GainNorm.kind else table
+    for key in ("kind", "signal"):
+        if key not in table:
+            raise SpecError(f"{where}: {key} is missing; {_remedy(key)}")
+        if not isinstance(table[key], str):
+            raise SpecError(f"{where}: {key} = {shown(table[key])} must be text; {_remedy(key)}")
+    kind, signal = table["kind"], table["signal"]
+    if kind not in KINDS:
+        raise SpecError(f"{where}: kind = {shown(kind)} is unknown; {suggest(kind, KINDS)}")
+    if kind == GainNorm.kind and signal != LAW:
+        raise SpecError(f"{where}: signal = {shown(signal)}; a gain norm is of {LAW}; leave it out")
+    _known(table, (*COMMON, *KINDS[kind]), f"{where}, {kind} of {signal}")
+    where = f"{where}, {kind} of {signal}"
+    numbers = {
+        key: _number(table[key], f"{where}: {key}")
+        for key in ("at_most", "density", "norm", "impulse")
+        if key in table
+    }
+    if kind.endswith("rms") and "density" not in numbers:
+        if road is None and signal in known:
+            numbers["density"] = known[signal]
+        elif road is None and kind == RelativeRms.kind:
+            numbers["density"] = 1.0  # the ratio is the same with any
+        elif road is None:
+            raise SpecError(
+                f"{where}: neither density nor a road is given; write density = D (on a line: "
+                "with density D), one-sided, in the disturbance's unit squared per Hz, or for a "
+                "car a table [road] with class and speed (--road CLASS --speed V)"
+            )
+        else:
+            numbers["density"] = road.density
+    weight = table.get("weight")
+    if weight is not None and not isinstance(weight, str):
+        raise SpecError(f'{where}: weight = {shown(weight)} must be text, for example "Wk"')
+    try:
+        if kind == "rms":
+            return Rms(signal, **numbers, weight=weight)
+        if kind == "relative rms":
+            return RelativeRms(signal, **numbers, weight=weight)
+        if kind == "energy peak":
+            return EnergyPeak(signal, **numbers)
+        if kind == "gain":
+            return Gain(signal, **numbers)
+        if kind == GainNorm.kind:
+            units = {key: _units(table[key], key) for key in ("rows", "columns") if key in table}
+            return GainNorm(numbers.get("at_most"), **units)
+        points = _points(table.get("points", []), "points", "initial states", _number)
+        ellipsoid = _points(table.get("ellipsoid", []), "ellipsoid", "rows of a matrix", _exact)
+        return InitialPeak(signal, points=points, ellipsoid=ellipsoid, **numbers)
+    except InputError as error:
+        raise SpecError(f"{where}: {error}") from error
+
+
+def _points(
+    value: Any, where: str, what: str, read: Callable[[Any, str], Any]
+) -> tuple[tuple[Any, ...], ...]:
+    if not isinstance(value, list) or not all(isinstance(point, list) for point in value):
+        raise SpecError(f"{where} must be a list of {what}, [[...], [...]]")
+    return tuple(tuple(read(x, where) for x in point) for point in value)
+
+
+def _units(value: Any, where: str) -> tuple[float, ...]:
+    if not isinstance(value, list):
+        raise SpecError(f"{where} = {shown(value)} must be a list of numbers, [...]")
+    return tuple(_number(x, where) for x in value)
+
+
+def _number(value: Any, where: str) -> float:
+    if isinstance(value, bool) or not isinstance(value, int | Fraction):
+        raise SpecError(f"{where} = {shown(value)} must be a finite number, without quotes")
+    try:
+        return float(value)
+    except OverflowError as error:
+        raise SpecError(f"{where} is too large a number") from error
+
+
+def _exact(value: Any, where: str) -> Fraction:
+    _number(value, where)
+    return Fraction(value)
+
+
+def _known(table: Mapping[str, Any], known: tuple[str, ...], where: str) -> None:
+    for key, value in table.items():
+        if key not in known:
+            raise SpecError(f"{where}: unknown key {key} = {shown(value)}; {suggest(key, known)}")
+
+
+def _remedy(key: str) -> str:
+    if key == "kind":
+        return f"one of {', '.join(map(repr, KINDS))}"
+    return 'name a state or an input, or of a quarter car for example "sprung-mass acceleration"'

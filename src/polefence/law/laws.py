@@ -1,0 +1,222 @@
+"""Control laws u = K x: one gain for all parameters, or a gain scheduled on alpha."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from polefence.base.errors import InputError, ParameterValueError
+from polefence.law.coordinates import Coordinates
+from polefence.plant.parameters import Parameter, simplex_weights
+from polefence.plant.polynomial import Domain
+from polefence.plant.system import Array
+
+# A computed alpha is off the simplex by rounding; more is an error of the caller's.
+ROUNDING = 1e-9
+
+
+def check_alpha(alpha: Any, N: int, clamp: bool = False) -> Array:
+    """Return alpha (..., N) as a point of the simplex.
+
+    Raises
+    ------
+    ParameterValueError
+        If alpha has another length, or lies off the simplex by more than rounding, unless
+        ``clamp``: then negative entries are cut and the rest is scaled to sum to one.
+    """
+    a = np.asarray(alpha, dtype=float)
+    if a.ndim == 0 or a.shape[-1] != N or not np.all(np.isfinite(a)):
+        raise ParameterValueError(f"alpha must be {N} finite weights, one a vertex; got {alpha!r}")
+    off = max(float(-a.min()), float(np.abs(a.sum(axis=-1) - 1).max()))
+    if off > ROUNDING and not clamp:
+        raise ParameterValueError(
+            f"alpha is off the simplex by {off:.3g} (weights >= 0, sum 1); the guarantee ends "
+            "there (clamp=True takes a point of it)"
+        )
+    a = np.maximum(a, 0.0)
+    total = a.sum(axis=-1, keepdims=True)
+    if not np.all(total > 0):
+        raise ParameterValueError("alpha has no positive weight")
+    return np.asarray(a / total)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class FixedGain:
+    """u = K x for every parameter value.
+
+    Parameters
+    ----------
+    K : (m, n) array
+        [input unit / state unit]
+    """
+
+    K: Array
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "K", _frozen(self.K, 2, "K"))
+
+    def __repr__(self) -> str:
+        return f"<FixedGain {self.K.shape[0]} x {self.K.shape[1]}: {self.K.tolist()}>"
+
+    def gain(self, alpha: Any = None, clamp: bool = False) -> Array:  # noqa: ARG002
+        """Return K; alpha is accepted, and not needed. Batched alpha gives batched gains."""
+        lead = () if alpha is None else np.shape(alpha)[:-1]
+        return np.broadcast_to(self.K, (*lead, *self.K.shape))
+
+    def gain_at(self, clamp: bool = False, **values: Any) -> Array:  # noqa: ARG002
+        """Return K, whatever the physical parameters."""
+        return self.K
+
+    def control(self, alpha: Any, x: Any, clamp: bool = False) -> Array:
+        """Return u = K x, (..., m) for x (..., n).
+
+        Raises
+        ------
+        InputError
+            If x does not end in n states.
+        """
+        return _product(self.gain(alpha, clamp), x)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class ScheduledGain:
+    """u = K(alpha) x with K(alpha) = Z(alpha) W(alpha)^-1, Z and W polynomials in alpha.
+
+    Leite & Peres (2005), equations (18), (19), of degree 1 on the simplex. It is evaluated as
+    Z' W'^-1 T with W' = T W T' and Z' = Z T', near to the identity in the middle of the family:
+    W itself spans more decades than doubles have digits.
+
+    Parameters
+    ----------
+    W : (count, n, n) array
+        Bernstein coefficients, in the order of `Domain.monomials`; of degree 1 the positive
+        definite vertex matrices.
+    Z : (count, m, n) array
+    parameters : tuple of Parameter
+        Lets `gain_at` find alpha from physical values.
+    degree : int
+    sizes : tuple of int, optional
+        Corners of each simplex; by default one simplex, of as many corners as the degree says.
+
+    Raises
+    ------
+    InputError
+        If the shapes do not fit together.
+    """
+
+    W: Array
+    Z: Array
+    parameters: tuple[Parameter, ...] = ()
+    degree: int = 1
+    sizes: tuple[int, ...] = ()
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "W", _frozen(self.W, 3, "W"))
+        object.__setattr__(self, "Z", _frozen(self.Z, 3, "Z"))
+        count, n, _ = self.W.shape
+        if self.W.shape[2] != n or self.Z.shape[0] != count or self.Z.shape[2] != n:
+            raise InputError(f"W {self.W.shape} and Z {self.Z.shape} do not fit together")
+        object.__setattr__(self, "sizes", tuple(self.sizes) or (count,))
+        if self.domain.count(self.degree) != count:
+            raise InputError(
+                f"{count} matrices W; degree {self.degree} needs {self.domain.count(self.degree)}"
+            )
+
+    @property
+    def domain(self) -> Domain:
+        """Where alpha lives."""
+        return Domain(self.sizes)
+
+    @cached_property
+    def coordinates(self) -> Coordinates:
+        """Those in which W is the identity in the middle of the family.
+
+        Where W is not positive definite there, as in a law that was given, the units that even
+        out its diagonal.
+        """
+        centre = np.full(self.domain.corners, 1 / self.domain.corners)
+        middle = np.tensordot(self.domain.basis(centre, self.degree), self.W, 1)
+        found = Coordinates.whitening(middle)
+        if found is None:
+            size = np.sqrt(np.abs(np.diagonal(middle)))
+            found = Coordinates(np.diag(1 / np.where(size > 0, size, 1.0)))
+        return found
+
+    @cached_property
+    def even(self) -> tuple[Array, Array]:
+        """W' = T W T' and Z' = Z T' of these coordinates, (count, n, n) and (count, m, n)."""
+        T = self.coordinates
+        return T.forms(self.W), T.gains(self.Z)
+
+    def __repr__(self) -> str:
+        _, m, n = self.Z.shape
+        kind = f", degree {self.degree}" if self.degree != 1 else ""
+        return f"<ScheduledGain {m} x {n}, {self.domain.corners} vertices{kind}>"
+
+    def gain(self, alpha: Any, clamp: bool = False) -> Array:
+        """Return K(alpha), (..., m, n) for alpha (..., N); on a box, at alpha's marginals.
+
+        Raises
+        ------
+        ParameterValueError
+            If alpha lies off the simplex by more than rounding, unless ``clamp``.
+        """
+        a = check_alpha(alpha, self.domain.corners, clamp)
+        weights = self.domain.basis(a, self.degree)
+        W, Z = self.even
+        even = right_divide(np.tensordot(weights, Z, 1), np.tensordot(weights, W, 1))
+        return even @ self.coordinates.T
+
+    def gain_at(self, clamp: bool = False, **values: Any) -> Array:
+        """Return K at physical parameter values, for example ``gain_at(m1=300, beta=0)``.
+
+        Raises
+        ------
+        ParameterValueError
+            If a value is missing, unknown, or outside its interval (unless ``clamp``).
+        """
+        weights = simplex_weights(self.parameters, values, clamp)
+        return self.gain([float(w) for w in weights])
+
+    def control(self, alpha: Any, x: Any, clamp: bool = False) -> Array:
+        """Return u = K(alpha) x, (..., m) for x (..., n).
+
+        Raises
+        ------
+        InputError
+            If x does not end in n states, or alpha lies off the simplex (unless ``clamp``).
+        """
+        return _product(self.gain(alpha, clamp), x)
+
+
+Law = FixedGain | ScheduledGain
+
+
+def _product(K: Array, x: Any) -> Array:
+    state = np.asarray(x, dtype=float)
+    n = K.shape[-1]
+    # A column (n, 1) would broadcast into a wrong force without a word.
+    if state.ndim == 0 or state.shape[-1] != n:
+        raise InputError(f"x must end in {n} states; got shape {state.shape}, try x.ravel()")
+    return np.asarray(np.einsum("...mn,...n->...m", K, state))
+
+
+def right_divide(Z: Array, W: Array) -> Array:
+    """Return Z W^-1, batched, with W equilibrated first: its entries span many decades."""
+    scale = np.sqrt(np.abs(np.diagonal(W, axis1=-2, axis2=-1)))
+    scale = np.where(scale > 0, scale, 1.0)
+    even = W / (scale[..., :, None] * scale[..., None, :])
+    right = np.swapaxes(Z / scale[..., None, :], -1, -2)
+    solved = np.linalg.solve(np.swapaxes(even, -1, -2), right)
+    return np.asarray(np.swapaxes(solved, -1, -2) / scale[..., None, :])
+
+
+def _frozen(value: Any, dimensions: int, name: str) -> Array:
+    array = np.array(value, dtype=float)
+    if array.ndim != dimensions or not np.all(np.isfinite(array)):
+        raise InputError(f"{name} must be a finite array of {dimensions} dimensions")
+    array.flags.writeable = False
+    return array

@@ -1,0 +1,151 @@
+r"""What a search minimises: a region that grows with one number r.
+
+A part of a region is { z : L + M z + M' conj(z) < 0 }. Here L = L0 + r L1 and M = M0 + r M1, so
+that the inequality F = -(L (x) X + M (x) N + M' (x) N') > 0 is affine in r, and the question for
+the least r is a generalised eigenvalue problem, whatever the region.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from polefence.plant.system import Array
+from polefence.region.regions import Region
+
+# Decay rates are looked for up to this multiple of the rate that is typical of the region.
+FASTEST = 2.5
+# Parts whose inequality does not imply X > 0.
+_OPEN = ("half_plane", "sector")
+
+
+@dataclass(frozen=True, eq=False)
+class Side:
+    """One inequality's L0, L1, M0, M1."""
+
+    L0: Array
+    L1: Array
+    M0: Array
+    M1: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Target:
+    """Inequalities that grow with r, in units of some rate.
+
+    Attributes
+    ----------
+    sides : tuple of Side
+    positive : bool
+        Whether X > 0 has to be asked for besides.
+    sigma : float, optional
+        Of disks, minus their centre: they have layouts worked out once.
+    """
+
+    sides: tuple[Side, ...]
+    positive: bool = False
+    sigma: float | None = None
+
+
+@dataclass(frozen=True)
+class Disks:
+    """Disks with one centre; r is the radius [1/s]."""
+
+    centre: float
+    rated = True
+
+    @property
+    def scale(self) -> float:
+        """A rate typical of the problem [1/s]; zero where it has none."""
+        return abs(self.centre)
+
+    def target(self, rate: float) -> Target:
+        """Return the inequalities, rates measured in ``rate``."""
+        return disks(-self.centre / rate)
+
+
+@dataclass(frozen=True)
+class Around:
+    """A region made wider: r = 1 is the region itself, less is inside."""
+
+    region: Region
+    rated = False
+
+    @property
+    def scale(self) -> float:
+        """A rate typical of the problem [1/s]; zero where it has none."""
+        return self.region.scale
+
+    def target(self, rate: float) -> Target:
+        """Return the inequalities, rates measured in ``rate``."""
+        return Target(
+            tuple(_wider(L, M) for L, M in self.region.pairs(rate)), _is_open(self.region)
+        )
+
+
+@dataclass(frozen=True)
+class Decays:
+    """Half-planes; r is ``fastest`` less the decay rate [1/s]. Optionally within a fixed region."""
+
+    fastest: float
+    within: Region | None = None
+    rated = True
+
+    @property
+    def scale(self) -> float:
+        """A rate typical of the problem [1/s]."""
+        return self.fastest / FASTEST
+
+    def target(self, rate: float) -> Target:
+        """Return the inequalities, rates measured in ``rate``."""
+        one, none = np.eye(1), np.zeros((1, 1))
+        side = Side(2 * self.fastest / rate * one, -2 * one, one, none)
+        return Target((side, *_fixed(self.within, rate)), positive=True)
+
+
+@dataclass(frozen=True)
+class Sectors:
+    """Sectors; r is the slope |Im z| / |Re z|. Optionally within a fixed region."""
+
+    size: float
+    within: Region | None = None
+    rated = False
+
+    @property
+    def scale(self) -> float:
+        """A rate typical of the problem [1/s]."""
+        return self.size
+
+    def target(self, rate: float) -> Target:
+        """Return the inequalities, rates measured in ``rate``."""
+        none, turn = np.zeros((2, 2)), np.array([[0.0, 1.0], [-1.0, 0.0]])
+        side = Side(none, none, turn, np.eye(2))
+        return Target((side, *_fixed(self.within, rate)), positive=True)
+
+
+Goal = Disks | Around | Decays | Sectors
+
+
+def disks(sigma: float) -> Target:
+    """Return the disks about -sigma, r their radius."""
+    none = np.zeros((2, 2))
+    turn = np.array([[0.0, 1.0], [1.0, 0.0]])
+    side = Side(sigma * turn, -np.eye(2), np.array([[0.0, 1.0], [0.0, 0.0]]), none)
+    return Target((side,), sigma=sigma)
+
+
+def _wider(L: Array, M: Array) -> Side:
+    size = max(float(np.abs(np.linalg.eigvalsh(L)).max()), float(np.linalg.norm(M, 2)))
+    margin = size * np.eye(len(L))
+    return Side(L + margin, -margin, M, np.zeros_like(M))
+
+
+def _fixed(region: Region | None, rate: float) -> tuple[Side, ...]:
+    if region is None:
+        return ()
+    return tuple(Side(L, np.zeros_like(L), M, np.zeros_like(M)) for L, M in region.pairs(rate))
+
+
+def _is_open(region: Region) -> bool:
+    return all(part.kind in _OPEN for part in region.parts)

@@ -1,0 +1,75 @@
+"""Which interior point runs: the compiled kernel where it was built, else NumPy's reference."""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import Any
+
+import numpy as np
+
+from polefence.lmi.solve import smallest as reference
+from polefence.lmi.solve.smallest import Outcome
+from polefence.lmi.solve.stacked import Stacked
+from polefence.plant.system import Array
+
+_kernel: Any
+try:
+    _kernel = import_module("polefence._kernel")
+except ImportError:  # installed without a compiler
+    _kernel = None
+
+ENGINES = ("compiled", "numpy")
+
+
+def engine() -> str:
+    """Say which engine computes smallest radii here.
+
+    Returns
+    -------
+    str
+        "compiled (AVX2)", "compiled (baseline)" or "numpy". Radii agree to 1e-6.
+    """
+    return "numpy" if _kernel is None else f"compiled ({_kernel.instructions()})"
+
+
+def run(
+    stacked: Stacked,
+    x: Array,
+    r: float,
+    enough: float = 0.0,
+    tolerance: float = reference.TOLERANCE,
+    engine: str | None = None,
+) -> Outcome:
+    """Run the interior point from F(x, r) > 0 until it converges, or r is at most ``enough``.
+
+    Parameters
+    ----------
+    tolerance : float
+        Of the gap, relative to r.
+    engine : str, optional
+        "compiled" or "numpy"; by default the compiled one where there is one.
+
+    Raises
+    ------
+    numpy.linalg.LinAlgError
+        If F(x, r) is not positive definite.
+    """
+    if engine == "numpy" or _kernel is None:
+        return reference.smallest(stacked, x, r, enough, tolerance)
+    families = [
+        [(t.D, t.M, t.R, t.rows, t.weights) for t in family.terms] for family in stacked.families
+    ]
+    started, x, r, Y, gap, iterations, converged = _kernel.run(
+        stacked.unknowns,
+        stacked.entries,
+        families,
+        x,
+        r,
+        tolerance,
+        enough,
+        reference.ORDER,
+        reference.MAX_ITERATIONS,
+    )
+    if not started:
+        raise np.linalg.LinAlgError("the start is not interior")
+    return Outcome(x, r, stacked.split(Y), gap, iterations, converged)

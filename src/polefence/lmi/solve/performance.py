@@ -1,0 +1,378 @@
+"""The least bound on a signal that a law of a degree keeps, beside a region and other bounds."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import suppress
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from polefence.base.errors import SolverError
+from polefence.lmi.conditions.gain_norm import Norm, tangents
+from polefence.lmi.conditions.pencil import Pencil
+from polefence.lmi.conditions.performance import Output, Source, Through, design, unit_of
+from polefence.lmi.conditions.target import Around, Target
+from polefence.lmi.solve.engine import run
+from polefence.lmi.solve.point import lyapunov_mean
+from polefence.lmi.solve.scaling import Scaling
+from polefence.lmi.solve.smallest import TOLERANCE
+from polefence.lmi.solve.stacked import Stacked, stack
+from polefence.plant.polynomial import Domain
+from polefence.plant.system import Array
+from polefence.region.regions import HalfPlane, Region
+
+ROUNDS = 4
+TANGENTS = 3
+# Bounds on the law are tight near the last point only, and a point at the edge of all others hardly
+# moves: each round stops at a share of the gap, less when a round is worth no more than this.
+NORM_ROUNDS, SHARES, WORTH = 30, (0.3, 0.03, 1e-3, 1e-5), (0.03, 3e-3, 1e-4, 1e-5)
+MARGIN = 1e-7  # of the first inequality, in units of the search's own rate
+INSIDE = 0.97  # how far within the limits a point is looked for, as a share of their squares
+WIDE = 1.3
+HALVINGS = 80
+POWERS, STRIDE = [2.0**k for k in range(-14, 60)], 8
+ROOM = (1e3, 1e8)  # that what is minimised has while limits are not kept yet
+
+Bounds = tuple[tuple[Output, ...], tuple[Norm, ...]]
+
+
+@dataclass(frozen=True, eq=False)
+class Reached:
+    """A point of a condition, in the original coordinates.
+
+    Attributes
+    ----------
+    r : float
+        At which it holds in floats.
+    values : dict of str to array
+        W and Z.
+    t : dict of str to float
+        For each source: W / t is its Lyapunov matrix.
+    converged : bool
+    iterations : int
+    """
+
+    r: float
+    values: dict[str, Array]
+    t: dict[str, float]
+    converged: bool
+    iterations: int
+
+
+@dataclass(frozen=True, eq=False)
+class Question:
+    """What is asked of a family: see `polefence.lmi.conditions.performance.design`.
+
+    Attributes
+    ----------
+    A, B : (N, n, n), (N, n, m) arrays
+    sources : tuple of Source
+    outputs : tuple of Output
+    region : Region, optional
+    domain : Domain
+    degree, elevation : int
+    norms : tuple of Norm
+        Bounds on the law itself.
+    """
+
+    A: Array
+    B: Array
+    sources: tuple[Source, ...]
+    outputs: tuple[Output, ...]
+    region: Region | None
+    domain: Domain
+    degree: int
+    elevation: int
+    norms: tuple[Norm, ...] = ()
+
+    def pencil(
+        self,
+        scaling: Scaling,
+        outputs: tuple[Output, ...],
+        norms: tuple[Norm, ...],
+        values: dict[str, Array],
+        tangent: int = 0,
+    ) -> Pencil:
+        """Return the condition in other coordinates; bounds on the law are tight near ``values``.
+
+        ``tangent`` numbers those of `polefence.lmi.conditions.gain_norm.tangents`.
+        """
+        A, B = scaling.apply(self.A, self.B)
+        inverse = np.asarray(np.linalg.inv(scaling.T), dtype=float)
+        sources = tuple(s.changed(inverse, scaling.rate) for s in self.sources)
+        changed = tuple(o.changed(scaling.T, scaling.S) for o in outputs)
+        region = self.region
+        if region is None and not sources:  # nothing else asks for stability
+            region = HalfPlane(0)
+        target = None if region is None else fixed(region, scaling.rate)
+        W = np.stack([values[f"W{k + 1}"] for k in range(self.domain.count(self.degree))])
+        near = inverse @ W @ inverse.T
+        scaled = [norm.changed(scaling.T, scaling.S) for norm in norms]
+        own = [(norm, tangents(norm, near)[tangent]) for norm in scaled]
+        form = self.domain, self.degree, self.elevation
+        return design(A, B, sources, changed, target, *form, MARGIN, own)
+
+
+def fixed(region: Region, rate: float) -> Target:
+    """Return a region that does not grow with r."""
+    sides = (
+        replace(side, L1=0 * side.L1, M1=0 * side.M1) for side in Around(region).target(rate).sides
+    )
+    found = []
+    for side, (L, M) in zip(sides, region.pairs(rate), strict=True):
+        found.append(replace(side, L0=L, M0=M))
+    return Target(tuple(found))
+
+
+def least(
+    question: Question,
+    start: dict[str, Array],
+    scaling: Scaling,
+    tolerance: float = TOLERANCE,
+    t: dict[str, float] | None = None,
+) -> Reached:
+    """Minimise the one output's bound that is not fixed, from a point within the region.
+
+    Parameters
+    ----------
+    start : dict
+        W and Z of the condition's degree, for which all poles lie in the region, in the original
+        coordinates.
+    t : dict, optional
+        Of a start that keeps the fixed bounds: W / t is the Lyapunov matrix of a source.
+
+    Raises
+    ------
+    SolverError
+        If there is no point to start from, or none that keeps the fixed bounds.
+    """
+    units = {f"t {source.name}": unit_of(source, scaling.rate) for source in question.sources}
+    t = {name: value * units[name] for name, value in (t or {}).items() if name in units}
+    begin = Reached(np.inf, dict(start), t, False, 0)
+    outputs, norms = question.outputs, question.norms
+    fixed_ones = [bound.fixed for bound in outputs] + [norm.fixed for norm in norms]
+    found: Reached | None = None
+    if not all(fixed_ones) and (t or not any(fixed_ones)):
+        with suppress(SolverError):
+            found = _rounds(question, (outputs, norms), begin, scaling, 0.0, tolerance)
+    if found is None:
+        found = _within(question, begin, scaling, tolerance)
+        if not all(fixed_ones):
+            found = _rounds(question, (outputs, norms), found, scaling, 0.0, tolerance)
+    return replace(found, t={name: value / units[name] for name, value in found.t.items()})
+
+
+def _within(question: Question, begin: Reached, scaling: Scaling, tolerance: float) -> Reached:
+    """Return a point that keeps the fixed bounds: they grow with r, until they are as asked.
+
+    What is to be minimised must not run away meanwhile: at first it grows with them.
+    """
+    outputs = tuple(replace(o, fixed=False) for o in question.outputs if o.fixed)
+    norms = tuple(replace(norm, fixed=False) for norm in question.norms if norm.fixed)
+    failure = SolverError("no law was found that keeps the limits and the region")
+    for own in (*_watched(question, begin, scaling, outputs, norms), (outputs, norms)):
+        try:
+            found = _rounds(question, own, begin, scaling, INSIDE, tolerance)
+        except SolverError as error:
+            failure = error
+            continue
+        if found.r < 1:
+            return found
+    raise failure
+
+
+def _watched(
+    question: Question,
+    begin: Reached,
+    scaling: Scaling,
+    outputs: tuple[Output, ...],
+    norms: tuple[Norm, ...],
+) -> Iterator[Bounds]:
+    """Yield the bounds with one on what is minimised, some way above where the search begins."""
+    more = tuple(o for o in question.outputs if not o.fixed)
+    if not more:
+        return
+    try:
+        own = scaling.refined(lyapunov_mean(begin.values))
+    except SolverError:
+        return
+    first = []
+    for bounds in ((outputs, norms), (more, ())):
+        pencil = question.pencil(own, *bounds, begin.values)
+        matrices = tuple(v for v in pencil.variables if v.rows)
+        values = own.scaled(begin.values, matrices)
+        first.append(interior(pencil, stack(pencil), values, begin.t)[1])
+    if not all(first):
+        return
+    power = 0.5 if not isinstance(_source(question, more[0]), Through) else 1.0
+    for room in ROOM:
+        level = more[0].level * (room * first[1] / first[0]) ** power
+        yield (*outputs, replace(more[0], level=level)), norms
+
+
+def _source(question: Question, output: Output) -> Source:
+    return next(source for source in question.sources if source.name == output.source)
+
+
+def _rounds(
+    question: Question,
+    bounds: Bounds,
+    begin: Reached,
+    scaling: Scaling,
+    enough: float,
+    tolerance: float,
+) -> Reached:
+    if bounds[1]:
+        found = _near_norms(question, bounds, begin, scaling, enough, tolerance)
+    else:
+        found = _near_edge(question, bounds, begin, scaling, enough, tolerance)
+    if found is None:
+        raise SolverError("no point to start from: the numbers are too far apart for doubles")
+    return found
+
+
+def _near_edge(
+    question: Question,
+    bounds: Bounds,
+    begin: Reached,
+    scaling: Scaling,
+    enough: float,
+    tolerance: float,
+) -> Reached | None:
+    """Go on in the coordinates that were reached until the gap closes."""
+    found: Reached | None = None
+    iterations = 0
+    for _ in range(ROUNDS):
+        again = _once(question, bounds, begin, scaling, enough, tolerance)
+        if again is None or (found is not None and again.r >= found.r * (1 - 1e-7)):
+            break
+        iterations += again.iterations
+        found = begin = again
+        if found.converged or found.r <= enough:
+            break
+    return None if found is None else replace(found, iterations=iterations)
+
+
+def _near_norms(
+    question: Question,
+    bounds: Bounds,
+    begin: Reached,
+    scaling: Scaling,
+    enough: float,
+    tolerance: float,
+) -> Reached | None:
+    """Go from tangent to tangent, centred at first."""
+    found: Reached | None = None
+    iterations, stage = 0, 0
+    for _ in range(NORM_ROUNDS):
+        again = _once(question, bounds, begin, scaling, enough, max(SHARES[stage], tolerance))
+        worth = again is not None and (found is None or again.r < found.r * (1 - WORTH[stage]))
+        if again is not None and (found is None or again.r < found.r):
+            iterations += again.iterations
+            found = begin = again
+            if found.r <= enough:
+                break
+        if not worth:
+            stage += 1
+            if stage == len(SHARES):
+                break
+    return None if found is None else replace(found, iterations=iterations)
+
+
+def _once(
+    question: Question,
+    bounds: Bounds,
+    begin: Reached,
+    scaling: Scaling,
+    enough: float,
+    tolerance: float,
+) -> Reached | None:
+    """Run from a point in the coordinates of its Lyapunov matrix; None if that is no start."""
+    try:
+        own = scaling.refined(lyapunov_mean(begin.values))
+    except SolverError:
+        return None
+    for tangent in range(TANGENTS if bounds[1] else 1):
+        pencil = question.pencil(own, *bounds, begin.values, tangent)
+        again = _run(pencil, begin, own, enough, tolerance)
+        if again is not None:
+            return again
+    return None
+
+
+def _run(
+    pencil: Pencil, begin: Reached, scaling: Scaling, enough: float, tolerance: float
+) -> Reached | None:
+    stacked = stack(pencil)
+    matrices = tuple(v for v in pencil.variables if v.rows)
+    scalars = [v.name for v in pencil.variables if not v.rows]
+    x, r = interior(pencil, stacked, scaling.scaled(begin.values, matrices), begin.t)
+    if x is None:
+        return None
+    try:
+        outcome = run(stacked, x, WIDE * r, enough, tolerance)
+    except np.linalg.LinAlgError:
+        return None
+    if not (np.isfinite(outcome.r) and np.all(np.isfinite(outcome.x))):
+        return None
+    back = pencil.unpack(outcome.x)
+    t = {name: back.pop(name).item() for name in scalars}
+    # those of bounds on the law are one again, beside the W that was found
+    t = {name: value for name, value in t.items() if name.startswith("t ")}
+    size = max(t.values(), default=float(np.abs(back["W1"]).max()))
+    values = scaling.restore({k: v / size for k, v in back.items()}, matrices)
+    t = {name: value / size for name, value in t.items()}
+    return Reached(outcome.r, values, t, outcome.converged, outcome.iterations)
+
+
+def interior(
+    pencil: Pencil, stacked: Stacked, values: dict[str, Array], t: dict[str, float]
+) -> tuple[Array | None, float]:
+    """Return x and an r at which it is interior, with the largest scalars t that make it so."""
+    names = [v.name for v in pencil.variables if v.name not in values]
+    x = pencil.pack(values | {name: np.zeros((1, 1)) for name in names})
+    most = pencil.pack(
+        {name: np.zeros_like(X) for name, X in values.items()}
+        | {name: np.full((1, 1), t.get(name, 1.0)) for name in names}
+    )
+    alone, rising = stacked.at(x), stacked.at(most)
+    fixed = [
+        ~np.any([D, dD], axis=(0, 2, 3)) for (D, _), (dD, _) in zip(alone, rising, strict=True)
+    ]
+    pairs = list(zip(alone, rising, fixed, strict=True))
+    plain = [(M[own], dM[own]) for (_, M), (_, dM), own in pairs if own.any()]
+    grown = [
+        (D[~own], dD[~own], M[~own], dM[~own]) for (D, M), (dD, dM), own in pairs if not own.all()
+    ]
+    share = 1.0
+    for _ in range(HALVINGS):
+        if _positive([-M - share * dM for M, dM in plain]):
+            blocks = [(D + share * dD, M + share * dM) for D, dD, M, dM in grown]
+            r = _least_power(blocks)
+            if r is not None:
+                return x + share * most, r
+        share /= 2
+    return None, 0.0
+
+
+def _least_power(blocks: list[tuple[Array, Array]]) -> float | None:
+    """Return the least of `POWERS` at which all r D - M are positive definite.
+
+    D >= 0, so that they only grow with r: one in `STRIDE` is tried, and those below the first.
+    """
+    for start in range(0, len(POWERS), STRIDE):
+        few = POWERS[start : start + STRIDE]
+        if _positive([few[-1] * D - M for D, M in blocks]):
+            below = (r for r in few[:-1] if _positive([r * D - M for D, M in blocks]))
+            return next(below, few[-1])
+    return None
+
+
+def _positive(blocks: list[Array]) -> bool:
+    try:
+        for block in blocks:
+            np.linalg.cholesky(block)
+    except np.linalg.LinAlgError:
+        return False
+    return True

@@ -1,0 +1,108 @@
+"""Coordinates in which a pencil is well conditioned, and the way back.
+
+x = T x_s, u = S u_s, and time in units of 1 / rate. Diagonal scalings are powers of two, hence
+exactly undone; the Lyapunov coordinates are undone to rounding, and the proof, which sees only
+the original vertices, decides.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from polefence.base.errors import SolverError
+from polefence.lmi.conditions.linear import Variable
+from polefence.plant.system import Array
+
+
+@dataclass(frozen=True, eq=False)
+class Scaling:
+    """x = T x_s, u = S u_s, rates in units of ``rate``.
+
+    Attributes
+    ----------
+    T : (n, n) array
+    S : (m, m) array
+    rate : float
+        [1/s]
+    """
+
+    T: Array
+    S: Array
+    rate: float
+
+    def apply(self, A: Array, B: Array) -> tuple[Array, Array]:
+        """Return scaled vertex matrices (N, n, n), (N, n, m)."""
+        inverse = np.linalg.inv(self.T * self.rate)
+        return np.asarray(inverse @ A @ self.T), np.asarray(inverse @ B @ self.S)
+
+    @property
+    def unit(self) -> Array:
+        """The identity (as a Lyapunov matrix) of the original coordinates, in the scaled ones."""
+        inverse = np.linalg.inv(self.T)
+        return np.asarray(inverse @ inverse.T)
+
+    def restore(
+        self, values: Mapping[str, Array], variables: tuple[Variable, ...]
+    ) -> dict[str, Array]:
+        """Return scaled W, P, G (rows x), Z, L (rows u) and tau in the original coordinates."""
+        restored = {}
+        for v in variables:
+            X = values[v.name]
+            left = {"x": self.T, "u": self.S}.get(v.rows)
+            # a scalar is tau, whose blocks were divided by the rate
+            X = X * self.rate if left is None else left @ X @ self.T.T
+            restored[v.name] = (X + X.T) / 2 if v.symmetric else X
+        return restored
+
+    def scaled(
+        self, values: Mapping[str, Array], variables: tuple[Variable, ...]
+    ) -> dict[str, Array]:
+        """Return what `restore` takes back: the matrices in these coordinates."""
+        inverse = np.linalg.inv(self.T)
+        lefts = {"x": inverse, "u": np.linalg.inv(self.S)}
+        scaled = {}
+        for v in variables:
+            X, left = values[v.name], lefts.get(v.rows)
+            scaled[v.name] = X / self.rate if left is None else left @ X @ inverse.T
+        return scaled
+
+    def refined(self, W: Array) -> Scaling:
+        """Return the coordinates in which W, given in the original ones, is the identity.
+
+        Raises
+        ------
+        SolverError
+            If W is not numerically positive definite.
+        """
+        scale = power_of_two(1 / np.sqrt(np.maximum(np.diag(W), np.finfo(float).tiny)))
+        with np.errstate(over="ignore", invalid="ignore"):
+            even = W * np.outer(scale, scale)
+        try:
+            factor = np.linalg.cholesky(even if np.all(np.isfinite(even)) else -np.eye(len(W)))
+        except np.linalg.LinAlgError as error:
+            raise SolverError("a Lyapunov matrix is numerically singular") from error
+        return replace(self, T=factor / scale[:, None])
+
+
+def power_of_two(values: Array) -> Array:
+    """Round positive numbers to powers of two, so that scaling by them is exact."""
+    return np.asarray(np.exp2(np.round(np.log2(values))))
+
+
+def balanced(A: Array, B: Array, sigma: float) -> Scaling:
+    """Diagonal scaling from magnitudes alone: time by sigma, states balanced, inputs by max |B|."""
+    from scipy.linalg import matrix_balance  # deferred: slow to import
+
+    rate = float(power_of_two(np.array(sigma)))
+    n = A.shape[1]
+    # beyond these magnitudes the balance's own powers of two overflow
+    size = np.clip(np.abs(A).mean(axis=0) / rate, 0.0, 1e30) + np.eye(n)
+    with np.errstate(invalid="ignore"):  # of its cast of the scale to indices of a permutation
+        _, (scale, _) = matrix_balance(size, permute=False, separate=True)
+    T = power_of_two(scale)
+    reach = np.abs(B / T[:, None]).mean(axis=0).max(axis=0) / rate
+    S = power_of_two(1 / np.where(reach > 0, reach, 1.0))
+    return Scaling(np.diag(T), np.diag(S), rate)

@@ -1,0 +1,308 @@
+r"""A pencil as stacks of equal blocks, and the operators an interior point needs.
+
+Each block is a sum of terms, F(x) = r D(x) - M(x) = sum_t L_t X_t R_t' + (its transpose), with
+L_t = r L_D - L_M and X_t a matrix of unknowns (a stack of variables, or a weighted sum of them).
+Blocks of one shape form a `Family` and are handled together; matrices of all blocks of one size
+form one array (blocks, size, size), and "blocks" below means the list of these arrays.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from operator import itemgetter
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from polefence.lmi.conditions.linear import Index
+from polefence.lmi.conditions.pencil import Block, Pencil
+from polefence.plant.system import Array
+
+if TYPE_CHECKING:
+    import scipy.sparse as sp  # imported where used: slow
+
+Blocks = list[Array]
+
+
+@dataclass(frozen=True, eq=False)
+class Batch:
+    """One term in each block of a family.
+
+    Attributes
+    ----------
+    D, M : (blocks, size, a) arrays
+        L_D and L_M.
+    R : (blocks, size, c) array
+    rows : (blocks, p, a) array of int
+        Where the a rows of the p matrices that X_t sums start in the list of all variables'
+        entries, row by row.
+    weights : (blocks, p) array
+    """
+
+    D: Array
+    M: Array
+    R: Array
+    rows: Index
+    weights: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Family:
+    """Blocks of one shape: ``where`` in the array of their size, and their terms."""
+
+    size: int
+    where: slice
+    terms: tuple[Batch, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class Stacked:
+    """A pencil for the interior point.
+
+    Attributes
+    ----------
+    unknowns : int
+    entries : (all variables' entries,) array of int
+        Which unknown each entry is (the two off-diagonal entries of a symmetric one are the same).
+    families : tuple of Family
+        In ascending size.
+    sequence : tuple of int
+        Which block of the pencil each of the families' blocks is, one after the other.
+    """
+
+    unknowns: int
+    entries: Index
+    families: tuple[Family, ...]
+    sequence: tuple[int, ...]
+
+    @cached_property
+    def sizes(self) -> dict[int, int]:
+        """Number of blocks of each size."""
+        return {f.size: f.where.stop for f in self.families}
+
+    @cached_property
+    def order(self) -> int:
+        """Sum of the blocks' sizes: the trace of the identity."""
+        return sum(size * count for size, count in self.sizes.items())
+
+    @cached_property
+    def operators(self) -> Operators:
+        """D and M as NumPy's reference wants them."""
+        return _operators(self)
+
+    def identity(self) -> Blocks:
+        """Return the identity."""
+        return [np.tile(np.eye(size), (count, 1, 1)) for size, count in self.sizes.items()]
+
+    def parts(self, x: Array) -> tuple[Blocks, Blocks]:
+        """Return D(x) and M(x)."""
+        both = self.operators.both @ x
+        half = len(both) // 2
+        return self.split(both[:half]), self.split(both[half:])
+
+    def at(self, x: Array) -> list[tuple[Array, Array]]:
+        """Return D(x) and M(x), one pair a size, for a few x without what `parts` sets up."""
+        entries = x[self.entries]
+        found = {size: np.zeros((2, count, size, size)) for size, count in self.sizes.items()}
+        for family in self.families:
+            D, M = found[family.size][:, family.where]
+            for t in family.terms:
+                places = t.rows[..., None] + np.arange(t.R.shape[2])
+                X = np.einsum("bp,bpac->bac", t.weights, entries[places])
+                right = X @ t.R.swapaxes(1, 2)
+                D += t.D @ right
+                M += t.M @ right
+        return [(D + D.swapaxes(1, 2), M + M.swapaxes(1, 2)) for D, M in found.values()]
+
+    def adjoint(self, r: float, P: Blocks, only_D: bool = False) -> Array:
+        """Return the gradient of <P, r D(x) - M(x)> in x; with ``only_D`` that of <P, D(x)>."""
+        flat = _flat(P)
+        both = np.zeros((2, len(flat)))
+        both[0] = flat if only_D else r * flat
+        if not only_D:
+            both[1] = -flat
+        return np.asarray(self.operators.transpose @ both.ravel())
+
+    def hessian(self, r: float, Y: Blocks, Q: Blocks) -> Array:
+        """Return H_ij = sum of tr(F_i Y F_j Q) over blocks, F_i the block's derivative in x_i."""
+        H = np.zeros((self.unknowns, self.unknowns))
+        flat_Y, flat_Q = _flat(Y), _flat(Q)
+        for start, unknowns, D, M in self.operators.blocks:
+            size = D.shape[1]
+            y, q = (X[start : start + size**2].reshape(size, size) for X in (flat_Y, flat_Q))
+            F = r * D - M
+            # <F_i Y, (F_j Q)'>
+            products = (F @ y).reshape(len(F), -1), (F @ q).swapaxes(1, 2).reshape(len(F), -1)
+            H[unknowns[:, None], unknowns] += products[0] @ products[1].T
+        return (H + H.T) / 2
+
+    def split(self, flat: Array) -> Blocks:
+        """Return blocks from all their entries in one row."""
+        blocks, start = [], 0
+        for size, count in self.sizes.items():
+            end = start + count * size**2
+            blocks.append(flat[start:end].reshape(count, size, size))
+            start = end
+        return blocks
+
+
+def _flat(X: Blocks) -> Array:
+    return X[0].ravel() if len(X) == 1 else np.concatenate([x.ravel() for x in X])
+
+
+@dataclass(frozen=True, eq=False)
+class Operators:
+    """D and M spelt out in the unknowns.
+
+    Attributes
+    ----------
+    both, transpose : sparse
+        x to all entries of D(x) and then of M(x), and its transpose.
+    blocks : list of tuples
+        For each block where its entries start, the q unknowns it touches, and the derivatives of
+        D and M by them, (q, size, size).
+    """
+
+    both: sp.csr_array
+    transpose: sp.csr_array
+    blocks: list[tuple[int, Index, Array, Array]]
+
+
+def _operators(stacked: Stacked) -> Operators:
+    import scipy.sparse as sp
+
+    total = sum(count * size**2 for size, count in stacked.sizes.items())
+    triples, blocks, start = [], [], 0
+    for f in stacked.families:
+        for k in range(f.where.stop - f.where.start):
+            i, unknown, value = _entries(f, k, stacked.entries)
+            touched, local = np.unique(unknown, return_inverse=True)
+            parts = np.zeros((2, len(touched), f.size**2))
+            half, place = np.divmod(i, f.size**2)
+            np.add.at(parts, (half, local, place), value)
+            shape = (len(touched), f.size, f.size)
+            blocks.append((start, touched, parts[0].reshape(shape), parts[1].reshape(shape)))
+            triples.append((half * total + start + place, unknown, value))
+            start += f.size**2
+    rows, columns, values = (np.concatenate(part) for part in zip(*triples, strict=True))
+    whole = sp.coo_array((values, (rows, columns)), shape=(2 * total, stacked.unknowns))
+    both = sp.csr_array(whole)
+    return Operators(both, sp.csr_array(both.T), blocks)
+
+
+def _entries(family: Family, k: int, entries: Index) -> tuple[Index, Index, Array]:
+    """Places in [D; M] of block k, unknowns and values of all nonzero derivatives."""
+    s, found = family.size, []
+    for t in family.terms:
+        j, c = np.nonzero(t.R[k])
+        for half, L in enumerate((t.D[k], t.M[k])):
+            i, a = np.nonzero(L)
+            products = np.outer(L[i, a], t.R[k][j, c])
+            upper = i[:, None] * s + j + half * s**2
+            lower = j * s + i[:, None] + half * s**2
+            for w, rows in zip(t.weights[k], t.rows[k], strict=True):
+                unknown = entries[rows[a][:, None] + c]
+                found += [(place, unknown, w * products) for place in (upper, lower)]
+    places, unknowns, values = (
+        np.concatenate([part.ravel() for part in parts]) for parts in zip(*found, strict=True)
+    )
+    return places, unknowns, values
+
+
+def stack(pencil: Pencil) -> Stacked:
+    """Sort a pencil's blocks into families."""
+    start, begin = {}, 0
+    for v in pencil.variables:
+        start[v.name] = begin
+        begin += v.shape[0] * v.shape[1]
+    entries = np.concatenate([pencil.places[v.name].ravel() for v in pencil.variables])
+    shapes: dict[_Shape, list[tuple[int, list[_Row]]]] = {}
+    for number, block in enumerate(pencil.blocks):
+        rows = _rows(block, start)
+        shape = block.size, tuple((r.D.shape[1], r.R.shape[1], len(r.weights)) for r in rows)
+        shapes.setdefault(shape, []).append((number, rows))
+    families, sequence, filled = [], list[int](), dict[int, int]()
+    for shape in sorted(shapes, key=itemgetter(0)):
+        numbers, blocks = zip(*shapes[shape], strict=True)
+        begin, end = filled.get(shape[0], 0), filled.get(shape[0], 0) + len(blocks)
+        filled[shape[0]] = end
+        terms = tuple(_batch([rows[k] for rows in blocks]) for k in range(len(blocks[0])))
+        families.append(Family(shape[0], slice(begin, end), terms))
+        sequence.extend(numbers)
+    return Stacked(pencil.unknowns, entries, tuple(families), tuple(sequence))
+
+
+_Shape = tuple[int, tuple[tuple[int, int, int], ...]]
+_Lefts = dict[str, list[Array | None]]
+
+
+@dataclass(eq=False)
+class _Row:
+    """A term of one block while it is being put together."""
+
+    D: Array
+    M: Array
+    R: Array
+    rows: Index
+    weights: Array
+
+
+def _batch(rows: list[_Row]) -> Batch:
+    return Batch(
+        np.array([row.D for row in rows]),
+        np.array([row.M for row in rows]),
+        np.array([row.R for row in rows]),
+        np.array([row.rows for row in rows]),
+        np.array([row.weights for row in rows]),
+    )
+
+
+def _rows(block: Block, start: dict[str, int]) -> list[_Row]:
+    """Collect the halves' terms: those with the same right factor side by side."""
+    lefts: dict[int, _Lefts] = {}
+    rights: dict[int, Array] = {}
+    for k, half in enumerate((block.half_D, block.half_M)):
+        for t in half:
+            if t.right is None:
+                raise ValueError(f"block {block.name}: a term without its right factor")
+            key = id(t.right)  # conditions share their selectors
+            rights[key] = t.right
+            pair = lefts.setdefault(key, {}).setdefault(t.name, [None, None])
+            mine = pair[k]
+            pair[k] = t.left if mine is None else mine + t.left
+    return [_row(pairs, rights[key], start) for key, pairs in lefts.items()]
+
+
+def _row(lefts: _Lefts, R: Array, start: dict[str, int]) -> _Row:
+    names = sorted(lefts, key=start.__getitem__)
+    columns = R.shape[1]
+    only_D = [D for D, M in (lefts[name] for name in names) if D is not None and M is None]
+    weights = _multiples(only_D) if len(only_D) == len(names) else None
+    if weights is not None:
+        D = only_D[0]
+        rows = [start[name] + columns * np.arange(D.shape[1]) for name in names]
+        return _Row(D, np.zeros_like(D), R, np.array(rows), weights)
+    widths = [next(L for L in lefts[name] if L is not None).shape[1] for name in names]
+    both = np.zeros((2, len(R), sum(widths)))
+    places, column = list[int](), 0
+    for name, width in zip(names, widths, strict=True):
+        for half, left in zip(both, lefts[name], strict=True):
+            if left is not None:
+                half[:, column : column + width] = left
+        column += width
+        places.extend(range(start[name], start[name] + columns * width, columns))
+    return _Row(both[0], both[1], R, np.array([places]), np.ones(1))
+
+
+def _multiples(lefts: list[Array]) -> Array | None:
+    """Return w where all left factors are w times the first: X_t is then a weighted sum."""
+    first = lefts[0]
+    if len(lefts) == 1:
+        return np.ones(1)
+    if any(L.shape != first.shape for L in lefts):
+        return None
+    stacked = np.array(lefts)
+    pivot = np.unravel_index(np.argmax(np.abs(first)), first.shape)
+    weights = stacked[:, pivot[0], pivot[1]] / first[pivot]
+    return weights if np.array_equal(stacked, weights[:, None, None] * first) else None

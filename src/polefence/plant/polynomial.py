@@ -1,0 +1,208 @@
+"""Matrix polynomials on a simplex, or on the product of simplices that a box of parameters is.
+
+A family of N vertices without parameters lives on one simplex of N corners. One with p independent
+parameters lives on p simplices of two corners each (an interval in barycentric coordinates), alpha
+being their Kronecker product. Polynomials are homogeneous in each simplex and given by their
+Bernstein coefficients, so that equal coefficients mean a constant; `Domain.monomials` says in
+which order.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cache
+from itertools import combinations_with_replacement, product
+from operator import add
+from typing import Any
+
+import numpy as np
+
+from polefence.base.errors import InputError
+from polefence.plant.system import Array
+
+Exponent = tuple[int, ...]
+Polynomial = dict[Exponent, Array]  # coefficients of monomials
+
+DOMAINS = ("simplex", "box")
+
+
+@dataclass(frozen=True)
+class Domain:
+    """A product of simplices.
+
+    Attributes
+    ----------
+    sizes : tuple of int
+        Corners of each simplex.
+    """
+
+    sizes: tuple[int, ...]
+
+    @classmethod
+    def of(cls, on: str, N: int) -> Domain:
+        """Return the simplex of N corners, or the box of which N vertices are the corners.
+
+        Raises
+        ------
+        InputError
+            If N is no power of two, for a box.
+        """
+        if on not in DOMAINS:
+            raise InputError(f"on = {on!r} is unknown; use 'simplex' or 'box'")
+        if on == "box" and N & (N - 1):
+            raise InputError(
+                f"on = 'box': {N} vertices are not the corners of a box; use on = 'simplex'"
+            )
+        return cls((N,) if on == "simplex" or N == 1 else (2,) * (N.bit_length() - 1))
+
+    @property
+    def corners(self) -> int:
+        """Number of vertices of the family."""
+        return math.prod(self.sizes)
+
+    def count(self, degree: int) -> int:
+        """Return the number of monomials of a degree in each simplex."""
+        return math.prod(math.comb(size - 1 + degree, degree) for size in self.sizes)
+
+    def monomials(self, degree: int) -> tuple[Exponent, ...]:
+        """Return the exponents of all monomials of a degree in each simplex.
+
+        In a simplex those with fewest corners come first, then the largest exponents, then the
+        first corners; in a product the first simplex varies slowest.
+        """
+        return _monomials(self.sizes, degree)
+
+    def basis(self, alpha: Any, degree: int) -> Array:
+        """Return the Bernstein polynomials' values at alpha (..., N), as (..., count).
+
+        For a box, alpha is taken at its marginals: those of a product are its factors.
+        """
+        a = np.asarray(alpha, dtype=float)
+        if degree == 1 and len(self.sizes) == 1:
+            return a
+        coordinates = self.coordinates(a)
+        exponents = np.array(self.monomials(degree)).reshape(self.count(degree), -1)
+        powers = np.prod(coordinates[..., None, :] ** exponents, axis=-1)
+        weights = [binomial(self.sizes, e) for e in self.monomials(degree)]
+        return np.asarray(powers * np.array(weights, dtype=float))
+
+    def coordinates(self, alpha: Array) -> Array:
+        """Return the coordinates in each simplex, side by side."""
+        if len(self.sizes) == 1:
+            return alpha
+        table = alpha.reshape(*alpha.shape[:-1], *self.sizes)
+        axes = range(alpha.ndim - 1, table.ndim)
+        marginals = [table.sum(axis=tuple(b for b in axes if b != axis)) for axis in axes]
+        return np.concatenate(marginals, axis=-1)
+
+    def alpha(self, coordinates: Array) -> Array:
+        """Return alpha for coordinates in each simplex: their Kronecker product."""
+        cuts = np.cumsum(self.sizes)[:-1]
+        first, *others = np.split(coordinates, cuts, axis=-1)
+        for other in others:
+            first = (first[..., :, None] * other[..., None, :]).reshape(*first.shape[:-1], -1)
+        return np.asarray(first)
+
+    def elevated(self, degree: int, times: int) -> list[dict[int, int]]:
+        """Return for each monomial of the raised degree which Bernstein coefficients enter it.
+
+        That is the coefficient, as {number of a Bernstein coefficient: integer}, of the polynomial
+        times (sum of coordinates)^times for each simplex.
+        """
+        return _elevated(self.sizes, degree, times)
+
+    def pairs(self, degree: int, elevation: int) -> list[dict[tuple[int, int], int]]:
+        """Return for each monomial of degree + 1 + elevation the weights of products A_j X_k.
+
+        j is a corner (A is of degree 1 in each simplex), k a Bernstein coefficient of X.
+        """
+        return _pairs(self.sizes, degree, elevation)
+
+
+@cache
+def _monomials(sizes: tuple[int, ...], degree: int) -> tuple[Exponent, ...]:
+    return tuple(sum(parts, ()) for parts in product(*(_simplex(size, degree) for size in sizes)))
+
+
+@cache
+def _simplex(size: int, degree: int) -> list[Exponent]:
+    powers = [
+        tuple(chosen.count(j) for j in range(size))
+        for chosen in combinations_with_replacement(range(size), degree)
+    ]
+
+    def rank(power: Exponent) -> Any:
+        order = sorted((j for j in range(size) if power[j]), key=lambda j: (-power[j], j))
+        return len(order), [-power[j] for j in order], order
+
+    return sorted(powers, key=rank)
+
+
+def bernstein(domain: Domain, coefficients: Array, degree: int) -> Polynomial:
+    """Return the polynomial with these Bernstein coefficients (count, rows, columns)."""
+    pairs = zip(domain.monomials(degree), coefficients, strict=True)
+    return {e: binomial(domain.sizes, e) * c for e, c in pairs}
+
+
+def times(P: Polynomial, Q: Polynomial) -> Polynomial:
+    """Return the product of matrix polynomials."""
+    result: Polynomial = {}
+    for d, p in P.items():
+        for e, q in Q.items():
+            both = tuple(map(add, d, e))
+            result[both] = result[both] + p @ q if both in result else p @ q
+    return result
+
+
+def elevated(P: Polynomial, domain: Domain, degree: int) -> Polynomial:
+    """Return the polynomial times (sum of coordinates)^degree, for each simplex."""
+    result: Polynomial = {}
+    for raised, weight in _multinomials(domain.sizes, degree):
+        for e, p in P.items():
+            both = tuple(map(add, e, raised))
+            result[both] = result[both] + weight * p if both in result else weight * p
+    return result
+
+
+def binomial(sizes: tuple[int, ...], exponent: Exponent) -> int:
+    """Return the product over simplices of the multinomial coefficient of the exponents."""
+    value, start = 1, 0
+    for size in sizes:
+        powers = exponent[start : start + size]
+        value *= math.factorial(sum(powers))
+        for power in powers:
+            value //= math.factorial(power)
+        start += size
+    return value
+
+
+def _multinomials(sizes: tuple[int, ...], degree: int) -> Iterator[tuple[Exponent, int]]:
+    """Yield the terms of (sum of coordinates)^degree, for each simplex."""
+    for e in _monomials(sizes, degree):
+        yield e, binomial(sizes, e)
+
+
+@cache
+def _elevated(sizes: tuple[int, ...], degree: int, times: int) -> list[dict[int, int]]:
+    place = {e: i for i, e in enumerate(_monomials(sizes, degree + times))}
+    table: list[dict[int, int]] = [{} for _ in place]
+    for k, (e, weight) in enumerate(_multinomials(sizes, degree)):
+        for raised, factor in _multinomials(sizes, times):
+            row = table[place[tuple(map(add, e, raised))]]
+            row[k] = row.get(k, 0) + weight * factor
+    return table
+
+
+@cache
+def _pairs(sizes: tuple[int, ...], degree: int, elevation: int) -> list[dict[tuple[int, int], int]]:
+    place = {e: i for i, e in enumerate(_monomials(sizes, degree + 1 + elevation))}
+    table: list[dict[tuple[int, int], int]] = [{} for _ in place]
+    for k, (e, weight) in enumerate(_multinomials(sizes, degree)):
+        for j, corner in enumerate(_monomials(sizes, 1)):
+            both = tuple(map(add, e, corner))
+            for raised, factor in _multinomials(sizes, elevation):
+                row = table[place[tuple(map(add, both, raised))]]
+                row[j, k] = row.get((j, k), 0) + weight * factor
+    return table

@@ -1,0 +1,12 @@
+"""Regions of the complex plane for closed-loop poles."""
+
+from polefence.region.regions import (
+    Disk,
+    Ellipse,
+    HalfPlane,
+    HorizontalStrip,
+    Sector,
+    VerticalStrip,
+)
+
+__all__ = ["Disk", "Ellipse", "HalfPlane", "HorizontalStrip", "Sector", "VerticalStrip"]

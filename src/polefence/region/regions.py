@@ -1,0 +1,444 @@
+"""Regions of the complex plane for closed-loop poles: LMI regions and their intersections.
+
+Each part is { z : L + M z + M' conj(z) < 0 } for small real matrices L (symmetric) and M (Chilali &
+Gahinet, 1996), hence convex and symmetric about the real axis.
+"""
+
+from __future__ import annotations
+
+import math
+from abc import ABC, abstractmethod
+from collections.abc import Sequence
+from dataclasses import astuple, dataclass, fields
+from fractions import Fraction
+from typing import Any, ClassVar
+
+import numpy as np
+
+from polefence.base.errors import RegionError
+from polefence.plant.system import Array
+
+Pair = tuple[Array, Array]  # L, M
+
+
+def check_centre(centre: float) -> float:
+    """Return a usable disk centre of a continuous-time plant as a float.
+
+    Raises
+    ------
+    RegionError
+        If it is not finite, or not on the negative real axis.
+    """
+    value = _number(centre, "centre")
+    if value >= 0:
+        raise RegionError(
+            f"centre = {value:g} is not in the left half-plane; give the real coordinate, "
+            "negative on the left (-40)"
+        )
+    return value
+
+
+def _number(value: Any, name: str) -> float:
+    """Return a finite number of sensible size."""
+    try:
+        number = float(value)
+    except (TypeError, ValueError) as error:
+        raise RegionError(f"{name} = {value!r} is not a number") from error
+    if not math.isfinite(number):
+        raise RegionError(f"{name} = {number} is not finite; give a real number")
+    if number and not 1e-100 <= abs(number) <= 1e100:
+        raise RegionError(f"{name} = {number:g} is out of range; use magnitudes 1e-100 to 1e100")
+    return number
+
+
+def _positive(value: float, name: str) -> float:
+    number = _number(value, name)
+    if number <= 0:
+        raise RegionError(f"{name} = {number:g} must be positive and finite")
+    return number
+
+
+@dataclass(frozen=True)
+class Region(ABC):
+    """A convex region, symmetric about the real axis; ``&`` intersects two."""
+
+    kind: ClassVar[str] = ""
+
+    def __post_init__(self) -> None:
+        for field in fields(self):
+            object.__setattr__(self, field.name, _number(getattr(self, field.name), field.name))
+
+    @property
+    def parts(self) -> tuple[Region, ...]:
+        """The regions whose intersection this is; itself for all but an `Intersection`."""
+        return (self,)
+
+    @property
+    def numbers(self) -> dict[str, float]:
+        """What a design file keeps of a part."""
+        return {f.name: getattr(self, f.name) for f in fields(self)}
+
+    @property
+    @abstractmethod
+    def stable(self) -> bool:
+        """Whether the region lies in the open left half-plane."""
+
+    @property
+    @abstractmethod
+    def scale(self) -> float:
+        """A rate typical of the region [1/s]; zero for a sector, which has none."""
+
+    @property
+    def size(self) -> float:
+        """Length by which distances to the boundary are judged [1/s]."""
+        return self.scale or 1.0
+
+    @abstractmethod
+    def pairs(self, rate: float = 1.0) -> tuple[Pair, ...]:
+        """Return L and M of the part, or of its two halves, in units of ``rate``."""
+
+    @abstractmethod
+    def distance(self, poles: Any) -> Array:
+        """Signed distance of each pole to the boundary, negative inside [1/s]."""
+
+    def contains(self, poles: Any) -> bool:
+        """Whether every pole lies in the open region, to float rounding."""
+        return bool(np.all(self.distance(poles) < 0))
+
+    def document(self) -> dict[str, Any]:
+        """Return the region as plain data for a design file."""
+        return {"kind": self.kind, **self.numbers}
+
+    def __and__(self, other: Region) -> Region:
+        if not isinstance(other, Region):
+            return NotImplemented
+        both = Intersection((*self.parts, *other.parts))
+        return both if len(both.parts) > 1 else both.parts[0]
+
+    def __str__(self) -> str:
+        return f"{self.kind}({', '.join(exactly(value) for value in astuple(self))})"
+
+
+@dataclass(frozen=True)
+class Disk(Region):
+    """The open disk |z - centre| < radius.
+
+    Parameters
+    ----------
+    centre : float
+        Real coordinate of the centre [1/s], negative (the paper's -sigma). For a discrete-time
+        plant any, with the disk inside the open unit disk, or all of it: Disk(0, 1) is stability.
+    radius : float
+        Radius r [1/s], positive. A radius of at least |centre| reaches into the right half-plane:
+        poles in such a disk need not be stable, see `stable`.
+
+    Raises
+    ------
+    RegionError
+        If the centre is not negative (nor the disk in the unit disk), the radius not positive,
+        or either not finite.
+    """
+
+    centre: float
+    radius: float
+    kind: ClassVar[str] = "disk"
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "centre", _number(self.centre, "centre"))
+        object.__setattr__(self, "radius", _positive(self.radius, "radius"))
+        if self.centre >= 0 and not self.discrete:
+            raise RegionError(
+                f"{self}: centre = {self.centre:g} is not in the left half-plane, as continuous "
+                "time has it (-40), nor the disk in the unit disk, as discrete time has it, for "
+                "example disk(0.5, 0.4)"
+            )
+
+    @property
+    def discrete(self) -> bool:
+        """Whether the open disk lies in the open unit disk, as discrete-time plants need it."""
+        return Fraction(abs(self.centre)) + Fraction(self.radius) <= 1
+
+    @property
+    def sigma(self) -> float:
+        """Distance of the centre from the imaginary axis."""
+        return -self.centre
+
+    @property
+    def stable(self) -> bool:
+        """Whether the disk lies in the open left half-plane."""
+        return self.radius < self.sigma
+
+    @property
+    def size(self) -> float:
+        return self.radius
+
+    @property
+    def scale(self) -> float:
+        """Distance of the centre, or the radius where that is larger."""
+        return max(abs(self.centre), self.radius)
+
+    def pairs(self, rate: float = 1.0) -> tuple[Pair, ...]:
+        c, r = self.centre / rate, self.radius / rate
+        return ((np.array([[-r, -c], [-c, -r]]), np.array([[0.0, 1.0], [0.0, 0.0]])),)
+
+    def distance(self, poles: Any) -> Array:
+        return np.abs(np.asarray(poles) - self.centre) - self.radius
+
+
+@dataclass(frozen=True)
+class HalfPlane(Region):
+    """Re z < -decay: every motion dies out at least as fast as exp(-decay t).
+
+    Parameters
+    ----------
+    decay : float
+        [1/s]; zero for stability alone.
+    """
+
+    decay: float
+    kind: ClassVar[str] = "half_plane"
+
+    @property
+    def stable(self) -> bool:
+        return self.decay >= 0
+
+    @property
+    def scale(self) -> float:
+        return abs(self.decay)
+
+    def pairs(self, rate: float = 1.0) -> tuple[Pair, ...]:
+        return ((np.array([[2 * self.decay / rate]]), np.array([[1.0]])),)
+
+    def distance(self, poles: Any) -> Array:
+        return np.asarray(np.real(poles) + self.decay)
+
+
+@dataclass(frozen=True)
+class Sector(Region):
+    """Damping ratio above ``damping``: |Im z| < slope |Re z|, Re z < 0.
+
+    Parameters
+    ----------
+    damping : float
+        Between 0 and 1. The slope is sqrt(1 - damping^2) / damping, rounded towards zero so that
+        the region proved has at least the damping ratio asked for.
+    """
+
+    damping: float
+    kind: ClassVar[str] = "sector"
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if not 1e-8 <= self.damping < 1:
+            raise RegionError(
+                f"damping = {self.damping:g} must be a damping ratio between 0 and 1; "
+                "half_plane(0) asks for stability alone"
+            )
+
+    @property
+    def slope(self) -> float:
+        """Largest |Im z| / |Re z|."""
+        return slope_of(self.damping)
+
+    @property
+    def numbers(self) -> dict[str, float]:
+        return {"damping": self.damping, "slope": self.slope}
+
+    @property
+    def stable(self) -> bool:
+        return True
+
+    @property
+    def scale(self) -> float:
+        return 0.0
+
+    def pairs(self, rate: float = 1.0) -> tuple[Pair, ...]:  # noqa: ARG002
+        t = self.slope
+        return ((np.zeros((2, 2)), np.array([[t, 1.0], [-1.0, t]])),)
+
+    def distance(self, poles: Any) -> Array:
+        z, t = np.asarray(poles), self.slope
+        return np.asarray((t * z.real + np.abs(z.imag)) / math.hypot(t, 1))
+
+
+@dataclass(frozen=True)
+class VerticalStrip(Region):
+    """low < Re z < high [1/s]."""
+
+    low: float
+    high: float
+    kind: ClassVar[str] = "vertical_strip"
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.low >= self.high:
+            raise RegionError(
+                f"low = {self.low:g} is not below high = {self.high:g}; the strip is empty"
+            )
+
+    @property
+    def stable(self) -> bool:
+        return self.high <= 0
+
+    @property
+    def scale(self) -> float:
+        return max(abs(self.low), abs(self.high))
+
+    def pairs(self, rate: float = 1.0) -> tuple[Pair, ...]:
+        one = np.array([[1.0]])
+        return (-2 * self.high / rate * one, one), (2 * self.low / rate * one, -one)
+
+    def distance(self, poles: Any) -> Array:
+        x = np.real(poles)
+        return np.asarray(np.maximum(x - self.high, self.low - x))
+
+
+@dataclass(frozen=True)
+class HorizontalStrip(Region):
+    """|Im z| < height [rad/s]: no faster oscillation."""
+
+    height: float
+    kind: ClassVar[str] = "horizontal_strip"
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "height", _positive(self.height, "height"))
+
+    @property
+    def stable(self) -> bool:
+        return False
+
+    @property
+    def scale(self) -> float:
+        return self.height
+
+    def pairs(self, rate: float = 1.0) -> tuple[Pair, ...]:
+        turn = np.array([[0.0, 1.0], [-1.0, 0.0]])
+        return ((-2 * self.height / rate * np.eye(2), turn),)
+
+    def distance(self, poles: Any) -> Array:
+        return np.asarray(np.abs(np.imag(poles)) - self.height)
+
+
+@dataclass(frozen=True)
+class Ellipse(Region):
+    """((Re z - centre) / real)^2 + (Im z / imaginary)^2 < 1.
+
+    Parameters
+    ----------
+    centre : float
+        [1/s]
+    real, imaginary : float
+        Semi-axes, positive [1/s].
+    """
+
+    centre: float
+    real: float
+    imaginary: float
+    kind: ClassVar[str] = "ellipse"
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "centre", check_centre(self.centre))
+        for name in ("real", "imaginary"):
+            object.__setattr__(self, name, _positive(getattr(self, name), name))
+
+    @property
+    def stable(self) -> bool:
+        return self.real < -self.centre
+
+    @property
+    def scale(self) -> float:
+        return max(abs(self.centre), self.real, self.imaginary)
+
+    def pairs(self, rate: float = 1.0) -> tuple[Pair, ...]:
+        c, a, b = (value / rate for value in (self.centre, self.real, self.imaginary))
+        L = np.array([[-b, -c * b / a], [-c * b / a, -b]])
+        return ((L, np.array([[0.0, (1 + b / a) / 2], [(b / a - 1) / 2, 0.0]])),)
+
+    def distance(self, poles: Any) -> Array:
+        """Signed, zero on the boundary; elsewhere no more than the distance."""
+        z = np.asarray(poles) - self.centre
+        level = np.hypot(z.real / self.real, z.imag / self.imaginary)
+        return np.asarray((level - 1) * min(self.real, self.imaginary))
+
+
+@dataclass(frozen=True)
+class Intersection(Region):
+    """Where all parts meet; written ``Disk(-40, 31) & Sector(0.3)``."""
+
+    regions: tuple[Region, ...]
+    kind: ClassVar[str] = "intersection"
+
+    def __post_init__(self) -> None:
+        unique = tuple(dict.fromkeys(part for region in self.regions for part in region.parts))
+        if not unique:
+            raise RegionError("an intersection needs at least one region")
+        object.__setattr__(self, "regions", unique)
+
+    @property
+    def parts(self) -> tuple[Region, ...]:
+        return self.regions
+
+    @property
+    def stable(self) -> bool:
+        return any(part.stable for part in self.parts)
+
+    @property
+    def scale(self) -> float:
+        return max(part.scale for part in self.parts)
+
+    def pairs(self, rate: float = 1.0) -> tuple[Pair, ...]:
+        return tuple(pair for part in self.parts for pair in part.pairs(rate))
+
+    def distance(self, poles: Any) -> Array:
+        """Distance to the boundary of the part that is violated most, or nearest."""
+        return np.asarray(np.max([part.distance(poles) for part in self.parts], axis=0))
+
+    def document(self) -> dict[str, Any]:
+        return {"kind": self.kind, "parts": [part.document() for part in self.parts]}
+
+    def __str__(self) -> str:
+        return " & ".join(str(part) for part in self.parts)
+
+
+CLASSES: dict[str, type[Region]] = {
+    each.kind: each for each in (Disk, HalfPlane, Sector, VerticalStrip, HorizontalStrip, Ellipse)
+}
+
+
+def region_of(parts: Sequence[tuple[str, Sequence[Any]]]) -> Region:
+    """Return the region with these parts, each its kind and numbers as a design file has them.
+
+    Raises
+    ------
+    RegionError
+        If the numbers make no region.
+    """
+    regions = []
+    for kind, numbers in parts:
+        given = CLASSES[kind](*(float(v) for v in numbers[: len(fields(CLASSES[kind]))]))
+        if [float(v) for v in numbers] != list(given.numbers.values()):
+            raise RegionError(f"{kind}: its slope is not that of its damping ratio")
+        regions.append(given)
+    return regions[0] if len(regions) == 1 else Intersection(tuple(regions))
+
+
+def slope_of(damping: float) -> float:
+    """Return sqrt(1 - damping^2) / damping, rounded down so that damping^2 (1 + slope^2) <= 1."""
+    slope = math.sqrt((1 - damping) * (1 + damping)) / damping
+    while Fraction(damping) ** 2 * (1 + Fraction(slope) ** 2) > 1:
+        slope = math.nextafter(slope, 0)
+    return slope
+
+
+def damping_of(slope: float) -> float:
+    """Return the damping ratio 1 / sqrt(1 + slope^2), whose own slope is at least this one."""
+    damping = 1 / math.hypot(1, slope)
+    while damping > 0 and slope_of(damping) < slope:
+        damping = math.nextafter(damping, 0)
+    return damping
+
+
+def exactly(value: float) -> str:
+    """Print a float so that it reads back the same: a rounded radius would be another claim."""
+    short = f"{value:g}"
+    return short if float(short) == value else repr(value)

@@ -1,1 +1,0 @@
-"""The parts of `polefence.response.drive`: what moves, what measures, what is judged."""

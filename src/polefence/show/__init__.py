@@ -1,0 +1,1 @@
+"""What is shown: figures, pages, the study of the paper."""

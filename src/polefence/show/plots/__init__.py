@@ -1,0 +1,1 @@
+"""Figures. Data in, Figure out; no file is touched."""

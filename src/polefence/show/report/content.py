@@ -1,0 +1,201 @@
+"""What a report says, section by section, as plain text, tables and figures."""
+
+from __future__ import annotations
+
+import base64
+from collections.abc import Sequence
+
+import numpy as np
+
+from polefence.design.certificate import Check
+from polefence.design.checks import implies_stability
+from polefence.design.design import Design
+from polefence.design.place.limits import Limit, limits
+from polefence.law.laws import FixedGain
+from polefence.lmi.conditions.methods import METHODS
+from polefence.plant.family import UncertainPlant
+from polefence.region.regions import Disk
+from polefence.region.text import digits_down, digits_up, short_text
+from polefence.show.plots.plots import limits_figure, poles_figure, sampled
+from polefence.show.report.behaviour import OURS, comfort, responses
+from polefence.show.report.section import Section, Table
+from polefence.vehicle.iso8608 import velocity_density
+
+# Centres of the limits curve, as multiples of the design's own.
+CENTRES = tuple(np.geomspace(0.25, 2.5, 13))
+
+
+def sections(
+    design: Design,
+    answer: Check,
+    road: str,
+    speed: float,
+    bounds: Sequence[str] = (),
+    front: tuple[str, bytes] | None = None,
+) -> list[Section]:
+    """Return all that is to be said about a proved design.
+
+    Parameters
+    ----------
+    road : str
+        Class of ISO 8608, for a quarter car.
+    speed : float
+        [m/s]
+
+    Raises
+    ------
+    InputError
+        If the road or the speed cannot be used.
+    """
+    velocity_density(road, speed)  # refuses what cannot be used before the work
+    parts = [_claim(design, answer), _plant(design.plant), _poles(design), _limits(design)]
+    parts += [_bounds(bounds), responses(design), comfort(design, road, speed), _front(front)]
+    return [part for part in parts if part] + [
+        _gain(design),
+        _again(design),
+    ]
+
+
+def _claim(design: Design, answer: Check) -> Section:
+    law = "one gain, u = K x" if isinstance(design.law, FixedGain) else "u = K(alpha) x"
+    rows = [
+        ("plant", design.plant.name),
+        ("region", short_text(design.region)),
+        ("law", f"{law}; method {design.method}"),
+        ("claim", "; ".join(answer.claims)),
+        ("answer", f"{answer.answer}: {answer.reason}"),
+    ]
+    stable = implies_stability(design.plant, design.region)
+    note = "" if stable else " The region does not imply stability."
+    return Section(
+        "What is claimed, and proved",
+        (
+            "For every value of the parameters below, each taken as constant, all closed-loop "
+            "poles lie in the region. The proof was done afresh for this report, in integers."
+            f"{note}",
+            "Not in the claim: actuator limits, sampling, and changes and errors of the "
+            "parameters; polefence service proves how large the last two may be.",
+        ),
+        Table(("", ""), tuple(rows)),
+    )
+
+
+def _plant(plant: UncertainPlant) -> Section:
+    rows = [
+        (p.name, f"{digits_up(p.low)} to {digits_down(p.high)}", p.unit, p.through)
+        for p in plant.parameters
+    ]
+    n, m = plant.shape
+    text = [f"{len(plant.vertices)} vertices, {n} states, {m} input{'s' if m > 1 else ''}."]
+    for what, names in (("States", plant.states), ("Inputs", plant.inputs)):
+        text += [f"{what}: {', '.join(names)}."] if names else []
+    if not rows:
+        text.append("The family is the convex hull of its vertices.")
+        return Section("The plant", tuple(text))
+    head = ("parameter", "range", "unit", "scheduled on")
+    return Section("The plant", tuple(text), Table(head, tuple(rows)))
+
+
+def _poles(design: Design) -> Section:
+    cloud, corners = sampled(design)
+    margin = -float(design.region.distance(cloud).max())
+    unit = " 1/s" if design.plant.sample_time is None else ""
+    return Section(
+        "Closed-loop poles",
+        (
+            f"At {len(cloud)} points of the family; the pole nearest to the boundary is "
+            f"{margin:.3g}{unit} inside.",
+        ),
+        figure=poles_figure({design.plant.name: (cloud, corners)}, design.region),
+        caption="The region is white, its outside shaded. The sample is for the eye; the guarantee "
+        "is the proof.",
+    )
+
+
+def _limits(design: Design) -> Section | None:
+    region, plant = design.region, design.plant
+    if not isinstance(region, Disk) or plant.sample_time is not None:
+        return None
+    rows = limits(plant, [region.centre * share for share in CENTRES], METHODS, bounds=False)
+    shown = [row.as_row() for row in rows if row.radius is not None and row.radius < -row.centre]
+    here = 100 * (1 - region.radius / region.sigma)
+    own = limits(plant, region.centre, METHODS)
+    figure = limits_figure({plant.name: shown}) if shown else None
+    if figure is not None:
+        ax = figure.axes[0]
+        ax.plot(region.sigma, here, "o", mfc="white", mec="black", ms=7, zorder=4)
+        ax.annotate(OURS, (region.sigma, here), (8, -4), textcoords="offset points", fontsize=9)
+    return Section(
+        "How far the methods go",
+        ("The smallest disk about this centre that each method proves [1/s]:",),
+        Table(("method", "radius, proved", "out of reach, proved"), tuple(map(_limit, own))),
+        figure,
+        "The larger d/sigma, the smaller the disk, over the distance of its centre; every point "
+        "proved.",
+    )
+
+
+def _limit(row: Limit) -> tuple[str, str, str]:
+    radius = "-" if row.radius is None else digits_up(row.radius)
+    return row.method, radius, "-" if row.lower is None else digits_down(row.lower)
+
+
+def _bounds(bounds: Sequence[str]) -> Section | None:
+    if not bounds:
+        return None
+    return Section(
+        "Bounds on signals, proved",
+        ("For the same values of the parameters, in the same arithmetic:",),
+        Table(("",), tuple((line,) for line in bounds)),
+    )
+
+
+def _front(front: tuple[str, bytes] | None) -> Section | None:
+    if front is None:
+        return None
+    kind, data = front
+    mime = {"svg": "image/svg+xml", "png": "image/png"}[kind]
+    address = f"data:{mime};base64,{base64.b64encode(data).decode()}"
+    return Section("What it costs", picture=address, caption="A trade-off, from its own figure.")
+
+
+def _gain(design: Design) -> Section:
+    names = design.plant.states or tuple(f"x{i + 1}" for i in range(design.plant.shape[0]))
+    corners = np.eye(len(design.plant.vertices))
+    gains = design.law.gain(corners)
+    if isinstance(design.law, FixedGain):
+        gains, heads = gains[:1], [""]
+    else:
+        heads = [f"vertex {j + 1}" for j in range(len(gains))]
+    rows = tuple(
+        (f"{head} {_input(design, i)}".strip(), *(f"{k:.6g}" for k in row))
+        for head, K in zip(heads, gains, strict=True)
+        for i, row in enumerate(K)
+    )
+    text: Sequence[str] = ("Six digits; use the numbers of the file.",)
+    if not isinstance(design.law, FixedGain):
+        degree = f"of degree {design.law.degree} in the weights alpha of the vertices"
+        text = (*text, f"Between the vertices K(alpha) = Z(alpha) W(alpha)^-1, W and Z {degree}.")
+    return Section("The gain", tuple(text), Table(("u = K x", *names), rows))
+
+
+def _input(design: Design, number: int) -> str:
+    names = design.plant.inputs
+    return names[number] if names else f"u{number + 1}" if design.plant.shape[1] > 1 else ""
+
+
+def _again(design: Design) -> Section:
+    return Section(
+        "Check it, use it",
+        (
+            "The file design.json holds the plant (SHA-256 of its vertices "
+            f"{design.plant.digest}), the region, the law and everything that the proof rests on. "
+            "The first line below proves it; so does the second, with nothing installed but Python "
+            "and one file of the package. The third writes the law as C for a microprocessor and "
+            "proves that its rounding leaves the poles in the region.",
+        ),
+        code="polefence check design.json --spec SPEC\n"
+        "python exact.py design.json          # polefence/proof/exact.py\n"
+        "polefence export design.json --float 32 -o CODE\n"
+        "python -c \"import polefence; print(polefence.Design.load('design.json').law)\"",
+    )

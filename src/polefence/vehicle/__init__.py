@@ -1,0 +1,80 @@
+"""Cars: roads, comfort, drives, estimates, and laws compared.
+
+`polefence` itself does not import this package. The functions `comfort`, `drive`, `estimate` and
+`compare` are named as the modules that they are in: here the name is the function.
+"""
+
+from polefence.vehicle.comfort import Comfort, comfort, running_rms
+from polefence.vehicle.compare import NoLaw, compare, points, standard_laws
+from polefence.vehicle.comparison import Comparison, Row
+from polefence.vehicle.driving.drive import drive
+from polefence.vehicle.driving.events import Event
+from polefence.vehicle.driving.parts import (
+    Actuator,
+    BumpStops,
+    Estimated,
+    Jump,
+    Measured,
+    Ramp,
+    Sampling,
+    Sensors,
+    Sine,
+)
+from polefence.vehicle.driving.result import Drive
+from polefence.vehicle.estimate import Estimate, estimate
+from polefence.vehicle.iso8608 import displacement_density, random_road, roughness, velocity_density
+from polefence.vehicle.labels import comfort_reading, dose_reading, health_reading
+from polefence.vehicle.obstacles import bump, kerb, pothole
+from polefence.vehicle.profile import measured_road
+from polefence.vehicle.recursion import Tuning
+from polefence.vehicle.reference_laws import Sizes, lqr, nominal, passive, skyhook
+from polefence.vehicle.road import Road
+from polefence.vehicle.vehicle import Masses, Ride, masses, ride
+
+__all__ = [
+    "Actuator",
+    "BumpStops",
+    "Comfort",
+    "Comparison",
+    "Drive",
+    "Estimate",
+    "Estimated",
+    "Event",
+    "Jump",
+    "Masses",
+    "Measured",
+    "NoLaw",
+    "Ramp",
+    "Ride",
+    "Road",
+    "Row",
+    "Sampling",
+    "Sensors",
+    "Sine",
+    "Sizes",
+    "Tuning",
+    "bump",
+    "comfort",
+    "comfort_reading",
+    "compare",
+    "displacement_density",
+    "dose_reading",
+    "drive",
+    "estimate",
+    "health_reading",
+    "kerb",
+    "lqr",
+    "masses",
+    "measured_road",
+    "nominal",
+    "passive",
+    "points",
+    "pothole",
+    "random_road",
+    "ride",
+    "roughness",
+    "running_rms",
+    "skyhook",
+    "standard_laws",
+    "velocity_density",
+]

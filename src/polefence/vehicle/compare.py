@@ -1,0 +1,209 @@
+"""Laws on the same road, for ever: comfort, road holding, travel, force and power over a family.
+
+All numbers are those of stationary covariances, of the loop in series with the weighting Wk of
+ISO 2631-1: no simulation, no seed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from itertools import combinations
+from typing import Any
+
+import numpy as np
+
+from polefence.base.errors import InputError, NotProvedError, suggest
+from polefence.design.counterexample import EDGE_POINTS, edges, sample
+from polefence.design.place.placement import place
+from polefence.law.laws import check_alpha
+from polefence.lmi.conditions.methods import METHODS
+from polefence.plant.family import UncertainPlant
+from polefence.plant.polynomial import Domain
+from polefence.plant.system import Array
+from polefence.region.regions import Disk
+from polefence.response.closed import close, point_text
+from polefence.response.signals import Signal, output_matrices
+from polefence.response.stationary import covariance, needed, unstable
+from polefence.response.weighting import WK
+from polefence.vehicle.comparison import Comparison
+from polefence.vehicle.iso8608 import velocity_density
+from polefence.vehicle.reference_laws import lqr, skyhook
+from polefence.vehicle.vehicle import masses, require_ride
+
+__all__ = ["NAMES", "Comparison", "NoLaw", "compare", "points", "standard_laws"]
+
+NAMES = ("passive", "skyhook", "lqr", *METHODS)
+
+
+@dataclass(frozen=True)
+class NoLaw:
+    """Stands for a law that there is none of, and says why."""
+
+    reason: str
+
+
+def compare(
+    plant: UncertainPlant,
+    laws: Mapping[str, Any],
+    road: str = "C",
+    speed: float = 20.0,
+    alpha: Any = None,
+) -> Comparison:
+    """Compare laws on a random road that goes on for ever.
+
+    Parameters
+    ----------
+    plant : UncertainPlant
+        A quarter car, known by the names of its states.
+    laws : mapping of str to law
+        None (passive), a law, a design, a table of gains or an (m, n) array; or `NoLaw`.
+    road : str
+        Class of ISO 8608, "A" to "H", its geometric mean.
+    speed : float
+        [m/s]
+    alpha : (count, N) array, optional
+        Points of the family; by default its `points`.
+
+    Returns
+    -------
+    Comparison
+        Of the `QUANTITIES`. A law that leaves a loop unstable at a point is among ``left_out``.
+
+    Raises
+    ------
+    InputError
+        If the plant is no quarter car or its road no single velocity, no law is left to compare,
+        or an argument cannot be used.
+    """
+    require_ride(plant)
+    density, N = velocity_density(road, speed), len(plant.vertices)
+    found, left_out = dict[str, Array](), dict[str, str]()
+    alpha = points(plant) if alpha is None else check_alpha(np.atleast_2d(alpha), N)
+    for name, law in laws.items():
+        own = law.reason if isinstance(law, NoLaw) else _quantities(plant, law, alpha, density)
+        if isinstance(own, str):
+            left_out[name] = own
+        else:
+            found[name] = own
+    if not found:
+        why = "; ".join(f"{name}: {reason}" for name, reason in left_out.items())
+        raise InputError(
+            f"no law is left to compare ({why or 'none was given'}); give one that keeps the "
+            "whole family stable"
+        )
+    values = np.stack(list(found.values()))
+    return Comparison(plant, str(road).upper(), speed, alpha, tuple(found), values, left_out)
+
+
+def points(plant: UncertainPlant) -> Array:
+    """Return corners, edges and a seeded sample of a family as alpha (count, N).
+
+    Where the plant has parameters, of their box: products of weights. Half of the sample is
+    uniform in the weights of each scheduling variable, half is pressed towards their ends.
+    """
+    N = len(plant.vertices)
+    domain = Domain.of("box" if plant.parameters else "simplex", N)
+    found = domain.alpha(sample(domain))
+    if not plant.parameters:
+        return found
+    # An edge of the box joins two corners that differ in one parameter: in one bit.
+    inner = edges(N)[N:].reshape(-1, EDGE_POINTS, N)
+    joins = [(j ^ k).bit_count() == 1 for j, k in combinations(range(N), 2)]
+    return np.vstack([found, inner[joins].reshape(-1, N)])
+
+
+def standard_laws(
+    plant: UncertainPlant,
+    disk: tuple[float, float] = (-40.0, 36.0),
+    names: tuple[str, ...] = NAMES,
+) -> dict[str, Any]:
+    """Return the laws that a design is measured against, by name.
+
+    The proved ones are all designed for the one disk, which all three methods reach for the
+    quarter cars of the package: they then promise the same, and differ in how they keep it. Each
+    at its own tightest disk would ask most of the method that can do most.
+
+    Parameters
+    ----------
+    disk : (float, float)
+        Centre and radius [1/s].
+    names : tuple of str
+        Some of `NAMES`.
+
+    Raises
+    ------
+    InputError
+        If the plant is no quarter car, a name is unknown, or the disk is none. A method that gives
+        no proof raises nothing: its law is a `NoLaw`.
+    """
+    found = dict[str, Any]()
+    for name in names:
+        if name not in NAMES:
+            raise InputError(f"no law {name!r}; {suggest(name, NAMES)}")
+        found[name] = _law(plant, name, disk)
+    return found
+
+
+def _law(plant: UncertainPlant, name: str, disk: tuple[float, float]) -> Any:
+    if name == "passive":
+        return None
+    if name not in METHODS:
+        return skyhook(plant) if name == "skyhook" else lqr(plant)
+    try:
+        return place(plant, Disk(*disk), name)
+    except NotProvedError as answer:
+        return NoLaw(str(answer))
+
+
+def _quantities(plant: UncertainPlant, law: Any, alpha: Array, density: float) -> Array | str:
+    """Return the quantities at all points, (count, quantities); or why there are none."""
+    known, loops = require_ride(plant), close(plant, law, alpha)
+    if loops.E.shape[-1] != 1:
+        raise InputError(f"{plant.name} has {loops.E.shape[-1]} disturbances; a road is one")
+    first, second = known.places[2:]
+    relative = Signal("velocity apart", "m/s", state={first: 1.0, second: -1.0})
+    asked = (known.acceleration, known.tyre, known.travel, known.force, relative)
+    C, D = output_matrices(asked, loops.closed, loops.E, loops.K)
+    if np.any(D):
+        raise InputError(f"{plant.name}: the road reaches the acceleration unfiltered; check E")
+    keep = needed(C, loops.closed)
+    A, E, C = loops.closed[:, keep][:, :, keep], loops.E[:, keep], C[:, :, keep]
+    bad = unstable(A)
+    if len(bad):
+        pole = float(np.linalg.eigvals(A[bad[0]]).real.max())
+        return f"unstable: a pole at {pole:.3g} 1/s at {point_text(plant, loops.alpha[bad[0]])}"
+    C, X = _weighted(A, E, C, density)
+    R = np.einsum("cpn,cnm,cqm->cpq", C, X, C, optimize=True)
+    rms = np.sqrt(np.maximum(np.diagonal(R, axis1=1, axis2=2), 0.0))
+    weighted, acceleration, tyre, travel, force, apart = rms.T
+    load = masses(plant, known, loops.alpha).kt * tyre
+    power = R[:, 4, 5]
+    drawn = _drawn(power, force * apart)
+    columns = (weighted, acceleration, tyre, load, travel, force, power, drawn)
+    return np.stack(columns, axis=1)
+
+
+def _weighted(A: Array, E: Array, C: Array, density: float) -> tuple[Array, Array]:
+    """Return outputs and covariance of the loop with Wk behind the first of its outputs.
+
+    The weighted output comes first, the others after it.
+    """
+    (count, n, _), (Aw, Bw, Cw, Dw) = E.shape, WK.state_space()
+    size = n + len(Aw)
+    both, into = np.zeros((count, size, size)), np.zeros((count, size, 1))
+    both[:, :n, :n], both[:, n:, n:], both[:, n:, :n] = A, Aw, Bw @ C[:, :1]
+    into[:, :n] = E
+    rows = np.zeros((count, C.shape[1] + 1, size))
+    rows[:, 1:, :n], rows[:, :1, :n], rows[:, :1, n:] = C, Dw @ C[:, :1], Cw
+    return rows, covariance(both, into, density)
+
+
+def _drawn(mean: Array, sizes: Array) -> Array:
+    """Return the mean of max(f v, 0) of joint Gaussian f, v with E f v, and rms f times rms v.
+
+    s (sqrt(1 - r^2) + r (pi - arccos r)) / pi, s the product of the rms, r the correlation.
+    """
+    share = np.divide(mean, sizes, out=np.zeros_like(mean), where=sizes > 0)
+    r = np.clip(share, -1.0, 1.0)
+    return np.asarray(sizes * (np.sqrt(1 - r * r) + r * (np.pi - np.arccos(r))) / np.pi)

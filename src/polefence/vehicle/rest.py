@@ -1,0 +1,100 @@
+"""Where a disturbance that stays leaves a plant: steady states over a family.
+
+An rms is about noise without a mean. A constant disturbance, the road's velocity on a grade, is no
+such noise, and a law that feeds back absolute velocities may answer it with a deflection that stays
+as long as the grade does.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from polefence.plant.family import UncertainPlant
+from polefence.response.linear import final
+from polefence.response.signals import Signal, split
+from polefence.vehicle.vehicle import ride
+
+NOTHING = 1e-9  # of what a signal is a sum of: rounding
+GRADE = "a grade of 5 % at 20 m/s"  # of the road's velocity, 1 m/s
+WORK = 2e7  # numbers in all matrices that are looked at
+
+
+@dataclass(frozen=True)
+class Rest:
+    """Where a unit of one disturbance, held, leaves a signal.
+
+    Attributes
+    ----------
+    source, signal : Signal
+    low, high : float
+        Over the points that were looked at, in the signal's unit; both zero where what is left is
+        rounding.
+    """
+
+    source: Signal
+    signal: Signal
+    low: float
+    high: float
+
+    @property
+    def size(self) -> float:
+        """The larger magnitude."""
+        return max(abs(self.low), abs(self.high))
+
+    @property
+    def words(self) -> str:
+        """Name, range and unit."""
+        return f"{self.signal.name} {self.span} {self.signal.unit}".rstrip()
+
+    @property
+    def span(self) -> str:
+        """The range."""
+        low, high = (f"{value:.4g}" for value in (self.low, self.high))
+        return low if low == high else f"{low} to {high}"
+
+
+def rests(
+    plant: UncertainPlant, law: Any, alpha: Any, signals: Sequence[Signal | str] | None = None
+) -> tuple[Rest, ...]:
+    """Return where each disturbance leaves each signal; none for those that come to no rest.
+
+    Parameters
+    ----------
+    law : None, Law, Design, GainTable or (m, n) array
+    alpha : (count, N) array
+        Points of the family; of a large plant the first of them.
+    signals : sequence of Signal or str, optional
+        All states and inputs by default.
+
+    Raises
+    ------
+    InputError
+        If the plant has no disturbance, or as `close` raises.
+    """
+    points = np.atleast_2d(alpha)[: max(200, int(WORK / plant.shape[0] ** 2))]
+    sources, asked, values, scale = final(plant, law, points, signals)
+    found = []
+    for j, source in enumerate(sources):
+        for i, own in enumerate(asked):
+            if np.all(np.isfinite(values[:, i, j])):
+                low, high = float(values[:, i, j].min()), float(values[:, i, j].max())
+                if max(abs(low), abs(high)) <= NOTHING * scale[i, j]:
+                    low = high = 0.0
+                found.append(Rest(source, own, low, high))
+    return tuple(found)
+
+
+def held_words(plant: UncertainPlant, source: Signal) -> str:
+    """Say how large the disturbance is: one unit, and for a car's road what grade that is."""
+    text = f"{source.name} = 1 {source.unit}".rstrip()
+    return f"{text} ({GRADE})" if is_grade(plant) else text
+
+
+def is_grade(plant: UncertainPlant) -> bool:
+    """Whether the one disturbance is the road's velocity under a car, in m/s."""
+    roads = [split(name) for name in plant.disturbances]
+    return roads == [("road velocity", "m/s")] and ride(plant) is not None

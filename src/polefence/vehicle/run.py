@@ -1,0 +1,236 @@
+"""One car under one law on one road: exact where nothing changes or saturates, else a drive."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from contextlib import suppress
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from polefence.base.errors import InputError
+from polefence.plant.family import UncertainPlant
+from polefence.plant.system import Array
+from polefence.region.text import digits_down
+from polefence.response import linear
+from polefence.response.closed import close
+from polefence.response.grid import longest_step
+from polefence.response.result import Response
+from polefence.response.signals import Signal, inputs, states
+from polefence.vehicle.driving.assessment import GRAVITY, RUNS_AWAY
+from polefence.vehicle.driving.drive import drive
+from polefence.vehicle.driving.events import Event, spans, summary
+from polefence.vehicle.driving.integration import LOST
+from polefence.vehicle.driving.parts import Actuator, BumpStops, Estimated, Sampling
+from polefence.vehicle.driving.trajectories import Courses, read_courses
+from polefence.vehicle.road import Road
+from polefence.vehicle.vehicle import masses, ride
+
+Column = tuple[str, str, Array]
+
+
+@dataclass(frozen=True, eq=False)
+class Setup:
+    """What a car is driven over, how, and with which hardware.
+
+    Attributes
+    ----------
+    plant : UncertainPlant
+    road : Road
+    speed, step : float
+        [m/s], [s]
+    duration : float, optional
+        [s]; as long as the road reaches by default.
+    parameters : mapping or array, optional
+        As `drive` takes them, for one car.
+    outside : bool
+        Drive on where parameters leave their intervals.
+    estimate : bool
+        The law is told what recursive least squares make of the ride, not the truth.
+    sampling, actuator, stops
+        As `drive` takes them.
+    """
+
+    plant: UncertainPlant
+    road: Road
+    speed: float
+    step: float = 1e-3
+    duration: float | None = None
+    parameters: Mapping[str, Any] | Array | None = None
+    outside: bool = False
+    estimate: bool = False
+    sampling: Sampling | None = None
+    actuator: Actuator = field(default_factory=Actuator)
+    stops: BumpStops | None = None
+
+    @cached_property
+    def time(self) -> Array:
+        """All instants [s], one more than there are steps."""
+        return np.asarray(self.step * np.arange(len(self.velocity)))
+
+    @cached_property
+    def velocity(self) -> Array:
+        """Mean velocity of the road over the step that begins at each instant [m/s].
+
+        At the last instant it is that of the last step.
+        """
+        _, w = self.road.velocity(self.speed, self.step, self.duration)
+        return np.append(w, w[-1])
+
+    @cached_property
+    def height(self) -> Array:
+        """Of the road under the wheel at each instant [m]."""
+        where = self.road.distance[0] + self.speed * self.time
+        return np.asarray(np.interp(where, self.road.distance, self.road.height))
+
+    @cached_property
+    def courses(self) -> Courses:
+        """Parameters over time, checked."""
+        found = read_courses(self.plant, self.parameters, self.time)
+        found.check(self.time, self.outside)
+        return found
+
+    @property
+    def still(self) -> bool:
+        """Whether nothing moves and the law is told the truth."""
+        return self.courses.constant and not self.estimate
+
+    @property
+    def exact(self) -> bool:
+        """Whether the plant is linear and constant throughout, and nothing stands beside it."""
+        plain = self.sampling is None and self.actuator == Actuator() and self.stops is None
+        return plain and self.still and not self.outside
+
+
+@dataclass(frozen=True, eq=False)
+class Run:
+    """What came of it.
+
+    Attributes
+    ----------
+    setup : Setup
+    response : Response
+        All signals, of one car.
+    more : tuple of (name, unit, values)
+        What else there was: demands, forces of the stops, parameters.
+    events : tuple of Event
+    notes : tuple of str
+        As those of a `Drive`.
+    covered : (time,) array of bool, optional
+        As that of a `Drive`; None where no margins were given.
+    """
+
+    setup: Setup
+    response: Response
+    more: tuple[Column, ...] = ()
+    events: tuple[Event, ...] = ()
+    notes: tuple[str, ...] = ()
+    covered: Any = None
+
+    @property
+    def lost(self) -> Event | None:
+        """Of a loop that runs away: since when."""
+        return next((event for event in self.events if event.kind == "lost"), None)
+
+    @property
+    def columns(self) -> tuple[Column, ...]:
+        """Name, unit and values (time,) of every signal."""
+        own = zip(self.response.signals, self.response.values[0].T, strict=True)
+        return (*((s.name, s.unit, values) for s, values in own), *self.more)
+
+    def report(self) -> list[str]:
+        """Return in plain lines where the guarantee does not hold, and what is in none."""
+        lines = summary(self.events, 1) or ["no limit was met"]
+        if self.covered is not None:
+            end = self.response.time[-1]
+            lasting = self.covered[:-1].mean() * end
+            lines = [f"the margins cover {digits_down(lasting)} s of {end:g} s", *lines]
+        return lines + [f"note: {note}" for note in self.notes]
+
+
+def run(setup: Setup, law: Any, margins: Any = None) -> Run:
+    """Drive one car under one law.
+
+    Parameters
+    ----------
+    law : None, Law, Design, GainTable or (m, n) array
+        None leaves the car to itself.
+    margins : Service, Margin or sequence of Margin, optional
+        As `drive` takes them; not looked at where nothing moves and the law is told the truth.
+
+    Raises
+    ------
+    InputError
+        If the step is too long for the fastest pole (the bound is named), parameters leave their
+        intervals, or as `linear.simulate` and `drive` raise.
+    """
+    plant, asked = setup.plant, signals(setup.plant)
+    if setup.exact:
+        alpha = setup.courses.space.alpha(setup.courses.at(np.zeros(1))[0])
+        found = linear.simulate(plant, law, alpha, setup.velocity, setup.step, asked, hold="held")
+        return Run(setup, found, events=(*_contact(found), *_lost(found)))
+    if setup.still:
+        margins = ()
+    done = drive(
+        plant, law, setup.road, speed=setup.speed, duration=setup.duration, step=setup.step,
+        parameters=setup.parameters, outside=setup.outside, sampling=setup.sampling,
+        scheduling=Estimated() if setup.estimate else None, actuator=setup.actuator,
+        stops=setup.stops, margins=margins,
+    )  # fmt: skip
+    more = list[Column]()
+    if law is not None and (setup.sampling is not None or setup.actuator != Actuator()):
+        for j, own in enumerate(inputs(plant)):
+            more.append((f"{own.name} demanded", own.unit, done.demanded[0, :, j]))
+    if setup.stops is not None:
+        more.append(("stop force", "N", done.stop_force[0]))
+    if not setup.still:
+        space = setup.courses.space
+        for i, (name, unit) in enumerate(zip(space.names, space.units, strict=True)):
+            more.append((name, unit, done.parameters[0, :, i]))
+            if setup.estimate:
+                more.append((f"{name} estimated", unit, done.used[0, :, i]))
+    covered = None if setup.still or done.covered is None else done.covered[0]
+    notes = (*done.notes, *_slow(setup, law))
+    return Run(setup, done.response(asked), tuple(more), done.events, notes, covered)
+
+
+def signals(plant: UncertainPlant) -> tuple[Signal, ...]:
+    """Return all states and inputs, and of a quarter car what its ride is judged by."""
+    known = ride(plant)
+    if known is None:
+        return (*states(plant), *inputs(plant))
+    tyre = () if known.tyre_force is None else (known.tyre_force,)
+    return (*states(plant), known.acceleration, known.unsprung, *tyre, *inputs(plant))
+
+
+def _slow(setup: Setup, law: Any) -> list[str]:
+    """Say where a controller samples more slowly than the poles it is to set."""
+    if setup.sampling is None or law is None:
+        return []
+    first = setup.courses.space.inside(setup.courses.at(np.zeros(1))[0])
+    bound = longest_step(close(setup.plant, law, setup.courses.space.alpha(first)))
+    if setup.sampling.period <= bound:
+        return []
+    return [f"the fastest pole that the law sets asks for a period of at most {bound:.3g} s"]
+
+
+def _contact(response: Response) -> list[Event]:
+    """Return where the tyre would have to pull, which the equations do not know."""
+    plant, known = response.plant, ride(response.plant)
+    if known is None:
+        return []
+    with suppress(InputError):  # a plant of other signs: no masses, no weight
+        car = masses(plant, known, response.alpha)
+        weight = ((car.m1 + car.m2) * GRAVITY)[:, None]
+        force = weight + known.sense[1] * car.kt[:, None] * response.of(known.tyre.name)
+        words = "the tyre leaves the road, which the equations do not know"
+        return spans("road", force < 0, -force, response.time, lambda *_: words)
+    return []
+
+
+def _lost(response: Response) -> list[Event]:
+    """Return when a state first leaves what a drive would go on with."""
+    size = np.abs(response.values[:, :, : response.plant.shape[0]]).max(axis=2)
+    return spans("lost", size >= LOST, size, response.time, lambda *_: RUNS_AWAY)

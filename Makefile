@@ -13,8 +13,8 @@ PRELOAD = $(foreach library,asan ubsan stdc++,$(shell $(CXX) -print-file-name=li
 
 # Another BLAS kernel than this processor's own: it rounds differently.
 OTHER_KERNEL ?= $(if $(shell grep -m1 -o avx512f /proc/cpuinfo 2>/dev/null),Haswell,Nehalem)
-SEARCHES := tests/theory tests/solve tests/proof/test_sampling.py tests/test_design.py \
-    tests/test_limits.py tests/test_optimise.py tests/test_service.py
+SEARCHES := tests/theory tests/lmi tests/proof/test_sampling.py tests/design/test_design.py \
+    tests/design/place tests/design/signals/test_optimise.py tests/design/margins
 
 paper: $(VENV)/.installed
 	$(BIN)/polefence paper -o $(OUT)
@@ -38,7 +38,7 @@ sanitize: $(VENV)/.installed-test
 	    --config-settings=build-dir=build/sanitize .
 	$(BIN)/python -m zipfile -e $(SANITIZED)/polefence-*.whl $(SANITIZED)
 	POLEFENCE_TEST_KERNEL="$$(ls $(SANITIZED)/polefence/_kernel*.so)" LD_PRELOAD="$(PRELOAD)" \
-	    ASAN_OPTIONS=detect_leaks=0 $(BIN)/pytest -p no:cacheprovider tests/solve/test_kernel.py
+	    ASAN_OPTIONS=detect_leaks=0 $(BIN)/pytest -p no:cacheprovider tests/lmi/test_kernel.py
 
 benchmark: $(VENV)/.installed-test
 	$(BIN)/python -m pip install --quiet --editable '.[benchmark]'

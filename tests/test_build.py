@@ -12,8 +12,7 @@ from pathlib import Path
 import pytest
 
 import polefence
-
-ROOT = Path(__file__).parents[1]
+from support.paths import ROOT
 
 
 def test_the_engine_is_said():

@@ -5,9 +5,9 @@ from __future__ import annotations
 import os
 
 import pytest
-from cortex import HOST_TOOLS, export, missing_tools
 
 from polefence import Disk, Scheduled, place
+from support.cortex import HOST_TOOLS, export, missing_tools
 
 
 def _require(missing: list[str]) -> None:

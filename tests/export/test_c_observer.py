@@ -14,7 +14,6 @@ import numpy as np
 import pytest
 from scipy.linalg import expm
 from scipy.optimize import linear_sum_assignment
-from shapes_of_laws import FUZZ, SANITIZED, STRICT, need, run, weights
 
 from polefence import (
     Disk,
@@ -43,6 +42,7 @@ from polefence.export.sampled.observer_loop import (
 )
 from polefence.law.laws import FixedGain
 from polefence.vehicle.quarter_car import family
+from support.shapes_of_laws import FUZZ, SANITIZED, STRICT, need, run, weights
 
 SERVO = spec_path("servo")
 SENSORS = ("suspension deflection", "sprung-mass velocity", "integral of suspension deflection")

@@ -10,7 +10,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from shapes_of_laws import (
+
+from polefence.base.errors import InputError
+from polefence.export.c99.sources import sources
+from support.paths import DOCS
+from support.shapes_of_laws import (
     BETA,
     BY_LABEL,
     FUZZ,
@@ -25,10 +29,7 @@ from shapes_of_laws import (
     weights,
 )
 
-from polefence.base.errors import InputError
-from polefence.export.c99.sources import sources
-
-PAGE = Path(__file__).parents[2] / "docs" / "export-misra.md"
+PAGE = DOCS / "export-misra.md"
 CHECKED = ("fixed, two inputs with limits, double", "two parameters, limits")
 CHECKED += ("degree 2 on the box, alpha, double",)
 CALLS = 4000

@@ -11,12 +11,12 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from shapes_of_laws import BY_LABEL, STRICT, need, run
 
 from polefence.base.errors import InputError
 from polefence.export.c99.sources import check_c_name, sources
 from polefence.export.c99.text import WIDTH, block, comment
 from polefence.plant.parameters import Parameter
+from support.shapes_of_laws import BY_LABEL, STRICT, need, run
 
 SHAPE = BY_LABEL["two parameters, limits"]
 LEAK = "int leaked(void);"

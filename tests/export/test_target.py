@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from cortex import CORTEX, emulated, run
 
 from polefence.export.c99.vectors import ALLOWED
+from support.cortex import CORTEX, emulated, run
 
 COUNT = 100_000
 # Of the main case: quarter car, Theorem 1, five states, four vertices, float32.

@@ -7,7 +7,6 @@ from fractions import Fraction
 
 import numpy as np
 import pytest
-from cortex import export, run
 
 from polefence import Disk, InputError, place
 from polefence.export.c99.number import number
@@ -23,6 +22,7 @@ from polefence.export.c99.vectors import (
     special,
     vectors,
 )
+from support.cortex import export, run
 
 
 def made(design, bits=32, given="parameters"):

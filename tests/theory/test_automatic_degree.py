@@ -5,7 +5,6 @@ from __future__ import annotations
 import importlib.util
 from dataclasses import replace
 from fractions import Fraction
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -23,6 +22,7 @@ from polefence import (
     tightest,
 )
 from polefence.region.regions import HalfPlane, Sector
+from support.paths import ROOT
 
 AUTO = Scheduled(degree="auto")
 
@@ -114,7 +114,7 @@ def test_auto_is_for_place():
 @pytest.fixture(scope="module")
 def two_masses():
     """The plant of the benchmark, from the benchmark."""
-    path = Path(__file__).parents[2] / "benchmarks" / "degrees.py"
+    path = ROOT / "benchmarks" / "degrees.py"
     spec = importlib.util.spec_from_file_location("degrees", path)
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)

@@ -36,8 +36,8 @@ from polefence.design.observer import Observer
 from polefence.examples import spec_path
 from polefence.region.regions import HalfPlane, Sector
 from polefence.vehicle.quarter_car import family
+from support.paths import DOCS
 
-DOCS = Path(__file__).resolve().parents[1] / "docs"
 SENSORS = (
     "suspension deflection",
     "sprung-mass velocity",

@@ -7,7 +7,6 @@ import math
 from dataclasses import replace
 from fractions import Fraction
 from itertools import islice
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -40,8 +39,8 @@ from polefence.plant.polynomial import Domain
 from polefence.plant.spec import loads
 from polefence.proof.exact import FormatError
 from polefence.proof.performance import blocks, prove_performance, read_performance
+from support.paths import DOCS
 
-DOCS = Path(__file__).resolve().parents[1] / "docs"
 ONE = """
 name = "one state"
 states = ["x [m]"]

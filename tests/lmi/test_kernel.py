@@ -7,7 +7,6 @@ import threading
 import time
 from concurrent.futures import ThreadPoolExecutor
 from copy import deepcopy
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -21,10 +20,10 @@ from polefence.lmi.solve.radius import smallest_radius
 from polefence.lmi.solve.scaling import balanced
 from polefence.lmi.solve.smallest import least_radius
 from polefence.lmi.solve.stacked import stack
+from support.paths import FAMILIES
 
 RIGHT = Scheduled(right_hand_sides=True)
 METHODS = ["quadratic", "slack", "scheduled", RIGHT]
-FAMILIES = Path(__file__).parents[2] / "benchmarks" / "families.py"
 kernel = module._kernel
 compiled = pytest.mark.skipif(kernel is None, reason="installed without a compiler: no kernel")
 

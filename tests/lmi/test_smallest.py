@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import runpy
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -19,10 +18,10 @@ from polefence.lmi.solve.radius import smallest_radius
 from polefence.lmi.solve.scaling import balanced
 from polefence.lmi.solve.smallest import least_radius, smallest
 from polefence.lmi.solve.stacked import stack
+from support.paths import FAMILIES
 
 METHODS = ["quadratic", "slack", "scheduled", Scheduled(right_hand_sides=True)]
 ENGINES = ["compiled", "numpy"]
-FAMILIES = Path(__file__).parents[2] / "benchmarks" / "families.py"
 # Infima at centre -40 from a multiprecision reference, and half of the last digit shown.
 CAR = {
     "as_printed": (5e-5, {"quadratic": 33.6439, "slack": 33.5019, "scheduled": 29.0992}),

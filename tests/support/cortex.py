@@ -16,8 +16,9 @@ from polefence.export.c99.program import Fixed, Program, Scheduled, program
 from polefence.export.c99.sources import Texts, sources
 from polefence.export.c99.vectors import harness, makefile
 from polefence.law.laws import Law, right_divide
+from support.paths import ROOT
 
-HERE = Path(__file__).parent / "target"
+HERE = ROOT / "tests" / "export" / "target"
 HOST_TOOLS = ("cc", "make")
 TOOLS = (*HOST_TOOLS, "arm-none-eabi-gcc", "arm-none-eabi-size", "qemu-system-arm")
 STRICT = ["-std=c99", "-ffp-contract=off", "-Wall", "-Wextra", "-Wpedantic", "-Wconversion"]

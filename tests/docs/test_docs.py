@@ -13,8 +13,8 @@ import pytest
 import polefence
 from polefence.cli.main import main
 from polefence.vehicle.quarter_car import spec_text
+from support.paths import ROOT
 
-ROOT = Path(__file__).resolve().parents[1]
 README = (ROOT / "README.md").read_text()
 
 

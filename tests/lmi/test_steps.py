@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -14,6 +13,7 @@ from polefence.lmi.solve.nominal import common_point, nominal_start
 from polefence.lmi.solve.radius import smallest_radius
 from polefence.lmi.solve.scaling import balanced
 from polefence.lmi.solve.stacked import stack
+from support.paths import ROOT
 
 SHAPES = [
     (n, m, N) for n in (1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11) for m, N in ((1, 3), (2, 2), (3, 3))
@@ -21,7 +21,7 @@ SHAPES = [
 
 
 def test_the_kernel_has_the_constants_of_the_reference():
-    source = (Path(__file__).parents[2] / "src" / "kernel" / "dense.inc").read_text()
+    source = (ROOT / "src" / "kernel" / "dense.inc").read_text()
 
     def numbers(name):
         text = re.search(rf"\b{name}(?:\[\])? = ({{[^}}]*}}|[^,;]*)", source).group(1)

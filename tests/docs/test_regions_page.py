@@ -16,8 +16,8 @@ from polefence.cli.main import main
 from polefence.examples import spec_path
 from polefence.region.text import load_region
 from polefence.show.plots.plots import sampled
+from support.paths import DOCS
 
-DOCS = Path(__file__).resolve().parents[1] / "docs"
 PAGE = (DOCS / "regions.md").read_text()
 CONSOLE = re.findall(r"```console\n(.*?)```", PAGE, re.DOTALL)
 

@@ -9,8 +9,8 @@ from pathlib import Path
 import pytest
 
 from polefence.cli.main import main
+from support.paths import DOCS
 
-DOCS = Path(__file__).resolve().parents[2] / "docs"
 PAGE = (DOCS / "export.md").read_text()
 CONSOLE = re.findall(r"```console\n(.*?)```", PAGE, re.DOTALL)
 PYTHON = re.findall(r"```python\n(.*?)```", PAGE, re.DOTALL)

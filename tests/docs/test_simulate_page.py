@@ -15,8 +15,8 @@ from polefence.response.closed import close
 from polefence.show.plots.drive import signals_figure
 from polefence.vehicle.compare import compare, points, standard_laws
 from polefence.vehicle.quarter_car import spec_text
+from support.paths import DOCS
 
-DOCS = Path(__file__).resolve().parents[1] / "docs"
 PAGE = (DOCS / "simulate.md").read_text()
 # Options of every command, or written short on the page.
 COMMON = {"--help", "--output", "--quiet"}

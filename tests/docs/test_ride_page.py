@@ -22,8 +22,8 @@ from polefence.response.closed import close
 from polefence.response.stationary import lyapunov
 from polefence.vehicle.compare import compare, points
 from polefence.vehicle.quarter_car import spec_text
+from support.paths import DOCS
 
-DOCS = Path(__file__).resolve().parents[1] / "docs"
 PAGE = (DOCS / "ride.md").read_text()
 # Options of every command, or written short on the page.
 COMMON = {"--help", "--output", "--quiet"}

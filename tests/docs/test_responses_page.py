@@ -7,14 +7,13 @@ import importlib.util
 import re
 import subprocess
 import sys
-from pathlib import Path
 
 import numpy as np
 import pytest
 
 from polefence import response
+from support.paths import DOCS
 
-DOCS = Path(__file__).resolve().parents[2] / "docs"
 PAGE = (DOCS / "responses.md").read_text()
 
 

@@ -17,8 +17,9 @@ from polefence.export.c99.sources import Texts, sources
 from polefence.law.laws import FixedGain, Law, ScheduledGain
 from polefence.plant.parameters import Parameter
 from polefence.plant.polynomial import Domain
+from support.paths import ROOT
 
-FUZZ = Path(__file__).parent / "fuzz"
+FUZZ = ROOT / "tests" / "export" / "fuzz"
 WARNINGS = (
     "all extra pedantic conversion sign-conversion double-promotion shadow cast-qual "
     "strict-prototypes undef error"

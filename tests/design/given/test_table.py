@@ -34,8 +34,7 @@ from polefence.law.table import table_from
 from polefence.plant.points import values_text
 from polefence.show.plots.analysis import analysis_figure, table_figure
 from polefence.show.plots.plots import render
-
-DOCS = Path(__file__).resolve().parents[1] / "docs"
+from support.paths import DOCS
 
 
 def springs(masses=("1", "4"), through="1/m"):

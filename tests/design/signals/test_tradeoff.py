@@ -28,8 +28,8 @@ from polefence.design.signals.tradeoff import tradeoff
 from polefence.design.signals.tradeoff_front import monotone
 from polefence.show.plots.tradeoff import front_figure
 from polefence.vehicle import velocity_density
+from support.paths import DOCS
 
-DOCS = Path(__file__).resolve().parents[1] / "docs"
 PAGE = (DOCS / "tradeoff.md").read_text()
 CONSOLE = re.findall(r"```console\n(.*?)```", PAGE, re.DOTALL)
 DENSITY = velocity_density("C", 20)

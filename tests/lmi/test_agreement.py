@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import runpy
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -16,9 +15,10 @@ from polefence.lmi.solve.point import lyapunov_mean
 from polefence.lmi.solve.radius import ROUNDS
 from polefence.lmi.solve.scaling import balanced
 from polefence.lmi.solve.smallest import MAX_ITERATIONS
+from support.paths import FAMILIES
 
 METHODS = ("quadratic", "slack", "scheduled")
-DRAW = runpy.run_path(str(Path(__file__).parents[2] / "benchmarks" / "families.py"))
+DRAW = runpy.run_path(str(FAMILIES))
 MOST = ROUNDS * MAX_ITERATIONS  # iterations of one radius
 
 

@@ -12,8 +12,8 @@ as polefence scales (states, input, time; each signal in units of its limit), an
 Ours are the search of `polefence.lmi.solve.performance.least`, from the plant on, and the exact
 proof with the law's own W: of the bound, and of the bound, the limits and the region. For
 information `optimise` as a whole, which answers more: a law, each bound with a Lyapunov polynomial
-of its own. All run in one process on one thread, turn by turn; times are medians of wall-clock times, data
-from the plant to arrays not counted. Prints Markdown.
+of its own. All run in one process on one thread, turn by turn; times are medians of wall-clock
+times, data from the plant to arrays not counted. Prints Markdown.
 """
 
 from __future__ import annotations

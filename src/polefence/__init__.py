@@ -1,5 +1,8 @@
 """State feedback that keeps all poles in a region for all uncertain parameters, proved."""
 
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
 from polefence.base.errors import (
     DesignFileError,
     InputError,
@@ -41,6 +44,52 @@ from polefence.region.text import parse_region
 
 __version__ = VERSION
 
+if TYPE_CHECKING:
+    from polefence import examples, export, response, vehicle
+    from polefence.base.workers import processes
+    from polefence.design.signals.gain_norm import GainNorm
+    from polefence.design.signals.optimise import Optimised, optimise
+    from polefence.design.signals.specification import (
+        EnergyPeak,
+        Gain,
+        InitialPeak,
+        RelativeRms,
+        Rms,
+        Specification,
+    )
+    from polefence.design.signals.text import load_specifications, parse_specification
+    from polefence.design.signals.tradeoff import tradeoff
+    from polefence.plant.control import from_control, to_control
+    from polefence.region.text import load_region
+    from polefence.show import plots
+
+# Loaded when they are first asked for, so that the rest is there at once.
+_LATER = {
+    "processes": "polefence.base.workers",
+    "GainNorm": "polefence.design.signals.gain_norm",
+    "Optimised": "polefence.design.signals.optimise",
+    "optimise": "polefence.design.signals.optimise",
+    "EnergyPeak": "polefence.design.signals.specification",
+    "Gain": "polefence.design.signals.specification",
+    "InitialPeak": "polefence.design.signals.specification",
+    "RelativeRms": "polefence.design.signals.specification",
+    "Rms": "polefence.design.signals.specification",
+    "Specification": "polefence.design.signals.specification",
+    "load_specifications": "polefence.design.signals.text",
+    "parse_specification": "polefence.design.signals.text",
+    "tradeoff": "polefence.design.signals.tradeoff",
+    "from_control": "polefence.plant.control",
+    "to_control": "polefence.plant.control",
+    "load_region": "polefence.region.text",
+}
+_ROOMS = {
+    "examples": "polefence.examples",
+    "export": "polefence.export",
+    "plots": "polefence.show.plots",
+    "response": "polefence.response",
+    "vehicle": "polefence.vehicle",
+}
+
 __all__ = [
     "METHODS",
     "Certificate",
@@ -49,23 +98,31 @@ __all__ = [
     "DesignFileError",
     "Disk",
     "Ellipse",
+    "EnergyPeak",
     "FixedGain",
+    "Gain",
+    "GainNorm",
     "GainTable",
     "HalfPlane",
     "HorizontalStrip",
+    "InitialPeak",
     "InputError",
     "Limit",
     "MultiAffinityError",
     "NotProvedError",
+    "Optimised",
     "OutputError",
     "Parameter",
     "PlantError",
     "PolefenceError",
+    "RelativeRms",
+    "Rms",
     "Scheduled",
     "ScheduledGain",
     "Sector",
     "Slack",
     "SpecError",
+    "Specification",
     "System",
     "UncertainPlant",
     "UncontrollableError",
@@ -74,12 +131,34 @@ __all__ = [
     "build",
     "check",
     "engine",
+    "examples",
+    "export",
+    "from_control",
     "in_service",
     "limits",
     "load",
+    "load_region",
+    "load_specifications",
     "observe",
+    "optimise",
     "parse_region",
+    "parse_specification",
     "place",
+    "plots",
+    "processes",
+    "response",
     "tightest",
+    "to_control",
+    "tradeoff",
+    "vehicle",
     "worst_case",
 ]
+
+
+def __getattr__(name: str) -> Any:
+    """Load what is asked for."""
+    if name in _ROOMS:
+        return import_module(_ROOMS[name])
+    if name in _LATER:
+        return getattr(import_module(_LATER[name]), name)
+    raise AttributeError(f"module 'polefence' has no attribute {name!r}")

@@ -18,8 +18,8 @@ import time
 from multiprocessing import get_context
 
 from polefence import Parameter, PolefenceError, Scheduled, UncertainPlant, check, engine, tightest
+from polefence.examples import family
 from polefence.lmi.conditions.methods import Method, build, method_label
-from polefence.vehicle.quarter_car import family
 
 
 def two_masses() -> UncertainPlant:

@@ -39,10 +39,10 @@ import scipy.linalg
 import scipy.signal
 
 from polefence import Disk, place
+from polefence.examples import family
 from polefence.response.closed import close
 from polefence.response.linear import frequency, simulate, step
 from polefence.response.stationary import stationary, velocity_psd
-from polefence.vehicle.quarter_car import family
 from polefence.vehicle.vehicle import ride
 
 RATE = 1000.0  # Hz

@@ -53,6 +53,7 @@ from polefence.design.signals.specification import (
     disturbance,
     output_of,
 )
+from polefence.examples import family
 from polefence.law.laws import Law, right_divide
 from polefence.lmi.conditions.methods import Method
 from polefence.lmi.conditions.target import Around
@@ -66,7 +67,6 @@ from polefence.proof import exact
 from polefence.proof.performance import prove_performance
 from polefence.region.regions import Region
 from polefence.response.stationary import velocity_psd
-from polefence.vehicle.quarter_car import family
 
 DENSITY = velocity_psd(256e-6, 20.0)  # class C, 20 m/s
 COMFORT = Rms("sprung-mass acceleration", None, DENSITY)

@@ -45,6 +45,7 @@ import polefence
 from polefence import METHODS, UncertainPlant
 from polefence.base.errors import PolefenceError
 from polefence.design.place.smallest import tightest_near
+from polefence.examples import family
 from polefence.lmi.solve import layout
 from polefence.lmi.solve import radius as radius_module
 from polefence.lmi.solve.point import Found
@@ -52,7 +53,6 @@ from polefence.lmi.solve.radius import smallest_radius
 from polefence.lmi.solve.scaling import balanced
 from polefence.lmi.solve.stacked import Stacked
 from polefence.plant.system import Array
-from polefence.vehicle.quarter_car import family
 
 TOLERANCE = 1e-4  # of the bracket, relative to its upper end
 TOP = 1.25  # first upper end, in units of sigma

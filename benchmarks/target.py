@@ -22,7 +22,7 @@ from pathlib import Path
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
 
 from polefence import Disk, Scheduled, place
-from polefence.vehicle.quarter_car import family
+from polefence.examples import family
 from support.cortex import Export, export, missing_tools
 
 LEVELS = ("-O2", "-O3")

@@ -18,7 +18,7 @@ if "POLEFENCE_TEST_KERNEL" in os.environ:  # a kernel built otherwise, with sani
     _spec.loader.exec_module(sys.modules[_spec.name])
 
 from polefence import Design, Disk, Scheduled, UncertainPlant, place, tightest
-from polefence.vehicle.quarter_car import family
+from polefence.examples import family
 
 # Machines that test are shared: time says nothing there. The same examples in every run.
 settings.register_profile("steady", deadline=None, derandomize=True)

@@ -13,10 +13,10 @@ from scipy.linalg import solve_continuous_are
 
 import polefence as pf
 from polefence.base.files import write_bytes, write_text
+from polefence.examples import family
 from polefence.region.text import digits_down, digits_up
 from polefence.show.plots.analysis import table_figure
 from polefence.show.plots.plots import poles_figure, render
-from polefence.vehicle.quarter_car import family
 
 # Leite & Peres (2005): fixed gains for disks about -40, by Lemma 1 and Lemma 2
 PUBLISHED = {

@@ -12,9 +12,9 @@ import numpy as np
 import polefence as pf
 from polefence.base.files import write_bytes
 from polefence.design.margins import estimation_error
+from polefence.examples import family
 from polefence.show.plots.plots import new_grid, render
 from polefence.vehicle import Estimated, Jump, Sensors, Tuning, drive, random_road
-from polefence.vehicle.quarter_car import family
 
 SPEED, STEP, SECONDS, CHANGE = 20.0, 0.005, 12.0, 6.0  # m/s, s
 COURSES = {"m1": Jump(CHANGE, 250, 330), "beta": 4.0}

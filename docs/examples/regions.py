@@ -10,10 +10,9 @@ import numpy as np
 
 import polefence as pf
 from polefence.base.files import write_bytes
-from polefence.examples import spec_path
+from polefence.examples import family, spec_path
 from polefence.region.text import digits_down, digits_up, load_region
 from polefence.show.plots.plots import poles_figure, render, sampled
-from polefence.vehicle.quarter_car import family
 
 SPEC = spec_path("f16")
 SPEED = pf.Sector(0.7) & pf.Disk(-13, 11)  # damped, and no faster than servo and sensors bear

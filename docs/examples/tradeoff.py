@@ -11,10 +11,10 @@ from polefence.base.files import write_bytes
 from polefence.base.workers import processes
 from polefence.design.signals.specification import Rms
 from polefence.design.signals.tradeoff import tradeoff
+from polefence.examples import family
 from polefence.show.plots.plots import render
 from polefence.show.plots.tradeoff import front_figure
 from polefence.vehicle import velocity_density
-from polefence.vehicle.quarter_car import family
 
 DENSITY = velocity_density("C", 20)  # road of class C at 20 m/s
 COMFORT = Rms("sprung-mass acceleration", density=DENSITY)

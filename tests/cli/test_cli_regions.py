@@ -10,8 +10,8 @@ import pytest
 
 from polefence import Design, Disk, HalfPlane, Sector, check, load
 from polefence.cli.main import main
+from polefence.examples import spec_text
 from polefence.plant.spec import dumps, loads
-from polefence.vehicle.quarter_car import spec_text
 
 STAGE = """
 name = "stage"

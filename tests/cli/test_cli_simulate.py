@@ -14,6 +14,7 @@ import pytest
 from polefence import Disk, UncertainPlant, place
 from polefence.cli.drive_output import panels_of
 from polefence.cli.main import main
+from polefence.examples import spec_text
 from polefence.plant.spec import dumps
 from polefence.response.export import Table, write_table
 from polefence.response.linear import simulate
@@ -22,7 +23,6 @@ from polefence.vehicle.comfort import comfort
 from polefence.vehicle.driving.parts import Jump
 from polefence.vehicle.iso8608 import random_road
 from polefence.vehicle.obstacles import pothole
-from polefence.vehicle.quarter_car import spec_text
 from polefence.vehicle.run import Setup, run, signals
 
 ROAD = ["--road", "C", "--speed", "20", "--duration", "2"]

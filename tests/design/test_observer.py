@@ -33,9 +33,8 @@ from polefence import (
 from polefence.base.errors import ParameterValueError, UnobservableError
 from polefence.cli.main import main
 from polefence.design.observer import Observer
-from polefence.examples import spec_path
+from polefence.examples import family, spec_path
 from polefence.region.regions import HalfPlane, Sector
-from polefence.vehicle.quarter_car import family
 from support.paths import DOCS
 
 SENSORS = (

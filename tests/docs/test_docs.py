@@ -12,7 +12,7 @@ import pytest
 
 import polefence
 from polefence.cli.main import main
-from polefence.vehicle.quarter_car import spec_text
+from polefence.examples import spec_text
 from support.paths import ROOT
 
 README = (ROOT / "README.md").read_text()

@@ -17,11 +17,10 @@ from polefence import Design, load
 from polefence.cli.main import main
 from polefence.design.signals.sampled import sampled, seeded
 from polefence.design.signals.text import load_specifications
-from polefence.examples import spec_path
+from polefence.examples import spec_path, spec_text
 from polefence.response.closed import close
 from polefence.response.stationary import lyapunov
 from polefence.vehicle.compare import compare, points
-from polefence.vehicle.quarter_car import spec_text
 from support.paths import DOCS
 
 PAGE = (DOCS / "ride.md").read_text()

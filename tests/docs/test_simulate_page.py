@@ -11,10 +11,10 @@ import numpy as np
 import pytest
 
 from polefence.cli.main import main
+from polefence.examples import spec_text
 from polefence.response.closed import close
 from polefence.show.plots.drive import signals_figure
 from polefence.vehicle.compare import compare, points, standard_laws
-from polefence.vehicle.quarter_car import spec_text
 from support.paths import DOCS
 
 PAGE = (DOCS / "simulate.md").read_text()

@@ -28,7 +28,7 @@ from polefence import (
     place,
 )
 from polefence.design.observer import Observer
-from polefence.examples import spec_path
+from polefence.examples import family, spec_path
 from polefence.export.c99.number import number
 from polefence.export.c99.program import program
 from polefence.export.c99.sources import Texts, sources
@@ -41,7 +41,6 @@ from polefence.export.sampled.observer_loop import (
     sampled_output_loop,
 )
 from polefence.law.laws import FixedGain
-from polefence.vehicle.quarter_car import family
 from support.shapes_of_laws import FUZZ, SANITIZED, STRICT, need, run, weights
 
 SERVO = spec_path("servo")

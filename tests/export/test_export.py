@@ -21,8 +21,8 @@ from polefence import (
     place,
 )
 from polefence.cli.main import main
+from polefence.examples import family
 from polefence.export import check_guarantee, export_c99
-from polefence.vehicle.quarter_car import family
 
 FILES = {"law.c", "law.h", "law_test.c", "Makefile", "README.md", "guarantee.json"}
 

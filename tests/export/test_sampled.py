@@ -11,6 +11,7 @@ from scipy.linalg import expm
 
 from polefence import Disk, FixedGain, HalfPlane, Sector, UncertainPlant, place
 from polefence.base.errors import InputError
+from polefence.examples import family
 from polefence.export.c99.number import number
 from polefence.export.c99.program import program
 from polefence.export.guarantee import guarantee
@@ -19,7 +20,6 @@ from polefence.export.sampled.poles import largest_sample_time, sampled_poles, s
 from polefence.export.sampled.proof import off_by_rounding, prove_decay
 from polefence.proof.exact import FormatError
 from polefence.proof.sampling import covers_rounding, prove_sampling, read_sampling
-from polefence.vehicle.quarter_car import family
 
 TIME = 0.002
 

@@ -10,12 +10,12 @@ import pytest
 
 from polefence import InputError, Parameter, PlantError, SpecError, UncertainPlant
 from polefence.cli.main import main
+from polefence.examples import spec_text
 from polefence.plant.expression import decimal
 from polefence.plant.parameters import MAX_NAME, exact
 from polefence.plant.spec import loads
 from polefence.proof.exact import MAX_DEPTH, MAX_PIECES, FormatError, parse
 from polefence.vehicle.profile import measured_road
-from polefence.vehicle.quarter_car import spec_text
 from polefence.vehicle.road import MOST_UNASKED
 
 FAR = [

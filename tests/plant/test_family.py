@@ -12,7 +12,8 @@ from hypothesis import strategies as st
 from polefence import HalfPlane, MultiAffinityError, Parameter, PlantError, UncertainPlant
 from polefence.base.errors import ParameterValueError, UncontrollableError
 from polefence.design.checks import require_movable
-from polefence.vehicle.quarter_car import family, quarter_car
+from polefence.examples import family
+from polefence.vehicle.quarter_car import quarter_car
 
 M1 = Parameter("m1", "231.12", "346.68", "kg", through="1/m1")
 BETA = Parameter("beta", -10, 10)

@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 
 from polefence import Disk, Scheduled, place
+from polefence.examples import family
 from polefence.export.c99.number import number
 from polefence.export.c99.program import Scheduled as Code
 from polefence.export.c99.program import program
 from polefence.export.guarantee import code_of, guarantee, scales
 from polefence.proof.exact import FormatError
 from polefence.proof.rounding import prove_rounding, rounding_error
-from polefence.vehicle.quarter_car import family
 
 CASES = {
     "parameters": ("quarter-car-physical", Disk(-40, 31), "scheduled", True),

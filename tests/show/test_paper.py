@@ -12,9 +12,10 @@ from scipy.signal import step as lti_step
 
 from polefence import Design, check
 from polefence.cli.main import main
+from polefence.examples import family
 from polefence.show.paper import report as paper_report
 from polefence.show.paper import study as paper
-from polefence.vehicle.quarter_car import family, quarter_car
+from polefence.vehicle.quarter_car import quarter_car
 
 
 def test_the_nominal_gain_agrees_with_27_to_all_printed_digits():

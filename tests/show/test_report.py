@@ -11,9 +11,9 @@ import pytest
 
 from polefence import Design, Disk, HalfPlane, NotProvedError, UncertainPlant, analyse, place
 from polefence.cli.main import main
+from polefence.examples import family, spec_text
 from polefence.response.stationary import stationary, velocity_psd
 from polefence.show.report import html_report
-from polefence.vehicle.quarter_car import family, spec_text
 from polefence.vehicle.vehicle import require_ride
 
 

@@ -23,6 +23,7 @@ from polefence.design.signals.specification import (
     rows,
     signal_of,
 )
+from polefence.examples import family
 from polefence.lmi.conditions.performance import Output, Points, Through, design, given, noise
 from polefence.lmi.conditions.target import Around
 from polefence.lmi.solve.lyapunov_performance import least_given
@@ -31,7 +32,7 @@ from polefence.lmi.solve.radius import smallest, typical_rate
 from polefence.lmi.solve.scaling import balanced
 from polefence.plant.polynomial import Domain
 from polefence.response.signals import Signal
-from polefence.vehicle.quarter_car import family, quarter_car
+from polefence.vehicle.quarter_car import quarter_car
 
 FORMS = [
     (on, *form) for on in ("simplex", "box") for form in ((0, 0), (0, 1), (1, 0), (1, 1), (2, 0))

@@ -9,11 +9,11 @@ from hypothesis import strategies as st
 from scipy.signal import lsim
 
 from polefence.base.errors import InputError
+from polefence.examples import family
 from polefence.response.closed import close
 from polefence.vehicle.estimate import estimate
 from polefence.vehicle.iso8608 import random_road
 from polefence.vehicle.projection import cost, nearest, point, slopes
-from polefence.vehicle.quarter_car import family
 from polefence.vehicle.recursion import Tuning, estimator
 from polefence.vehicle.reference_laws import lqr, passive
 

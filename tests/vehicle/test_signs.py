@@ -9,12 +9,12 @@ import pytest
 from polefence import FixedGain, UncertainPlant
 from polefence.base.errors import InputError
 from polefence.cli.main import main
+from polefence.examples import family, spec_text
 from polefence.plant.spec import loads
 from polefence.vehicle.compare import compare, standard_laws
 from polefence.vehicle.driving.drive import drive
 from polefence.vehicle.driving.parts import BumpStops, Estimated, Jump
 from polefence.vehicle.obstacles import kerb
-from polefence.vehicle.quarter_car import family, spec_text
 from polefence.vehicle.reference_laws import Sizes, lqr, skyhook
 from polefence.vehicle.run import Setup, run
 from polefence.vehicle.vehicle import masses, require_ride, ride

@@ -9,8 +9,9 @@ from scipy.linalg import solve_continuous_lyapunov
 
 from polefence import Parameter, UncertainPlant
 from polefence.base.errors import InputError
+from polefence.examples import family
 from polefence.response.signals import output_matrices
-from polefence.vehicle.quarter_car import family, quarter_car
+from polefence.vehicle.quarter_car import quarter_car
 from polefence.vehicle.reference_laws import Sizes, lqr, nominal, passive, skyhook
 from polefence.vehicle.vehicle import masses, require_ride, ride
 

@@ -9,10 +9,6 @@ from __future__ import annotations
 
 from typing import Any
 
-from polefence.examples import family, spec_text
-
-__all__ = ["family", "quarter_car", "spec_text"]
-
 
 def quarter_car(m1: Any, m2: Any, k: Any, kt: Any, c: Any) -> tuple[Any, Any, Any]:
     """Return A, B, E as nested lists for masses [kg], stiffnesses [N/m], damping [N s/m].

@@ -10,9 +10,9 @@ from polefence import InputError
 from polefence.design.signals.augmented import with_actuator, with_filter, without_feedback
 from polefence.design.signals.bounds import best_bound
 from polefence.design.signals.specification import Rms
+from polefence.examples import family
 from polefence.law.laws import FixedGain
 from polefence.response.weighting import WK
-from polefence.vehicle.quarter_car import family
 from polefence.vehicle.vehicle import ride
 
 

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from polefence.base.files import write_bytes, write_text
 from polefence.design.design import Design
+from polefence.examples import family
 from polefence.region.text import digits_down, digits_up
 from polefence.response.bands import MOTION, RIDE
 from polefence.show.paper import ride
@@ -16,7 +17,6 @@ from polefence.show.paper.study import DISK, FAMILIES, cloud, nominal_poles
 from polefence.show.paper.tables import gain_cells, number, table
 from polefence.show.plots.plots import FORMATS, limits_figure, poles_figure, render
 from polefence.show.plots.response import bands_figure, frequency_figure, responses_figure
-from polefence.vehicle.quarter_car import family
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -22,11 +22,12 @@ from polefence.design.design import Design
 from polefence.design.place.limits import Limit, limits
 from polefence.design.place.placement import place
 from polefence.design.place.sweep import Row, sweep
+from polefence.examples import family
 from polefence.lmi.conditions.methods import METHODS
 from polefence.plant.family import UncertainPlant
 from polefence.plant.system import Array
 from polefence.region.regions import Disk
-from polefence.vehicle.quarter_car import family, quarter_car
+from polefence.vehicle.quarter_car import quarter_car
 
 FAMILIES = ("as-printed", "physical")
 PUBLISHED_ON = "as-printed"  # the family that the paper's own radii and gains are of

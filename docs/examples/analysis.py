@@ -13,10 +13,7 @@ from scipy.linalg import solve_continuous_are
 
 import polefence as pf
 from polefence.base.files import write_bytes, write_text
-from polefence.examples import family
 from polefence.region.text import digits_down, digits_up
-from polefence.show.plots.analysis import table_figure
-from polefence.show.plots.plots import poles_figure, render
 
 # Leite & Peres (2005): fixed gains for disks about -40, by Lemma 1 and Lemma 2
 PUBLISHED = {
@@ -35,7 +32,7 @@ def lqr(A, B, Q, R):
 
 def published():
     """Return what the paper's fixed gains do on the physical car: analyses at the paper's disks."""
-    car = family("quarter-car-physical")
+    car = pf.examples.family("quarter-car-physical")
     return [pf.analyse(car, K, pf.Disk(-40, r)) for r, K in PUBLISHED.items()]
 
 
@@ -52,7 +49,7 @@ def table(car):
 
 def tables():
     """Return the analyses of the table for both wishes."""
-    car = family("quarter-car-physical")
+    car = pf.examples.family("quarter-car-physical")
     return [pf.analyse(car, table(car), wish) for wish in WISHES]
 
 
@@ -64,7 +61,7 @@ def plain(found):
 
 def flights():
     """Return the aircraft, and for each flight condition the gain designed there, to 4 decimals."""
-    plant = family("f4e")
+    plant = pf.examples.family("f4e")
     Q, R = np.diag([1e-3, 1, 0]), np.eye(1)
     return plant, [np.round(lqr(v.A, v.B, Q, R), 4) for v in plant.vertices]
 
@@ -80,7 +77,7 @@ def draw(plant, gains):
             A, B = plant.at(points)
             clouds.append(np.linalg.eigvals(A + B @ law.gain(points)))
         panels[f"LQR gain of {CONDITIONS[k]}"] = tuple(clouds)
-    return poles_figure(panels, FLIGHT)
+    return pf.plots.poles_figure(panels, FLIGHT)
 
 
 def main(folder="."):
@@ -99,9 +96,9 @@ def main(folder="."):
         print(f"{name}: K = {K.tolist()}, proved {proved}, sampled {sampled}")
         print(f"  {pf.analyse(plant, K, FLIGHT)}")
     write_text(Path(folder) / "car-gains.json", plain(whole))
-    for name, figure in (("table", table_figure(part)), ("f4e", draw(plant, gains))):
+    for name, figure in (("table", pf.plots.table_figure(part)), ("f4e", draw(plant, gains))):
         path = Path(folder) / f"analysis-{name}.png"
-        write_bytes(path, render(figure, "png"))
+        write_bytes(path, pf.plots.render(figure, "png"))
         print(f"written: {path}")
 
 

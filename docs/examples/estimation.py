@@ -11,25 +11,23 @@ import numpy as np
 
 import polefence as pf
 from polefence.base.files import write_bytes
-from polefence.design.margins import estimation_error
-from polefence.examples import family
-from polefence.show.plots.plots import new_grid, render
-from polefence.vehicle import Estimated, Jump, Sensors, Tuning, drive, random_road
 
 SPEED, STEP, SECONDS, CHANGE = 20.0, 0.005, 12.0, 6.0  # m/s, s
-COURSES = {"m1": Jump(CHANGE, 250, 330), "beta": 4.0}
-HOW = Estimated(0.01, Tuning(memory=1.0, noise=0.1), Sensors(acceleration=0.1))
+COURSES = {"m1": pf.vehicle.Jump(CHANGE, 250, 330), "beta": 4.0}
+HOW = pf.vehicle.Estimated(
+    0.01, pf.vehicle.Tuning(memory=1.0, noise=0.1), pf.vehicle.Sensors(acceleration=0.1)
+)
 SETTLED = 4.0  # s after the start and after the load step
 
 
 def estimated():
     """Return the drive, and the proved margins of the law's estimates."""
-    plant = family("quarter-car-physical")
+    plant = pf.examples.family("quarter-car-physical")
     law = pf.place(plant, pf.Disk(-40, 31), pf.Scheduled(1, 0, "box"))
-    margins = estimation_error(law)
-    road = random_road("C", SPEED * SECONDS, seed=0)
+    margins = pf.estimation_error(law)
+    road = pf.vehicle.random_road("C", SPEED * SECONDS, seed=0)
     options = {"parameters": COURSES, "scheduling": HOW, "margins": margins}
-    return drive(plant, law, road, speed=SPEED, step=STEP, **options), margins
+    return pf.vehicle.drive(plant, law, road, speed=SPEED, step=STEP, **options), margins
 
 
 def settled(time):
@@ -51,7 +49,7 @@ def allowed(margins):
 
 def draw(found, margins):
     """Return the figure: both parameters over time, their estimates, and what is proved."""
-    figure, axes = new_grid(2, 1, 7.2, 5.6, sharex=True)
+    figure, axes = pf.plots.new_grid(2, 1, 7.2, 5.6, sharex=True)
     time, bounds = found.time, allowed(margins)
     for i, label in enumerate(("load m1 [kg]", "ageing beta [1]")):
         ax = axes[i, 0]
@@ -88,7 +86,7 @@ def main(folder="."):
     print(f"both, covered by the margins: {share:.0f} % of the time")
     print(found)
     path = Path(folder) / "estimation.png"
-    write_bytes(path, render(draw(found, margins), "png"))
+    write_bytes(path, pf.plots.render(draw(found, margins), "png"))
     print(f"written: {path}")
 
 

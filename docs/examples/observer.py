@@ -11,8 +11,6 @@ from scipy.linalg import expm
 
 import polefence as pf
 from polefence.base.files import write_bytes
-from polefence.examples import family
-from polefence.show.plots.plots import new_figure, render
 
 FEEDBACK, OBSERVER = pf.Disk(-6, 5), pf.Disk(-20, 14)
 LOADS = {12.5: ":", 25: "--", 50: "-"}  # kg m^2: line style
@@ -22,7 +20,7 @@ SECONDS = np.linspace(0, 0.8, 401)
 
 def designs():
     """Return the state feedback and the observer, both proved."""
-    servo = family("servo")
+    servo = pf.examples.family("servo")
     feedback = pf.place(servo, FEEDBACK, "scheduled")
     return feedback, pf.observe(servo, ["motor angle"], OBSERVER, "scheduled")
 
@@ -45,7 +43,7 @@ def twist_error(feedback, observer, load):
 
 def draw(feedback, observer):
     """Return the figure: poles over all loads, and the error's decay for three of them."""
-    figure, (left, right) = new_figure(2, 9.6, 4.4)
+    figure, (left, right) = pf.plots.new_figure(2, 9.6, 4.4)
     loads = 1 / np.linspace(1 / 50, 1 / 12.5, 400)
     alpha = np.array([observer.plant.alpha(JL=load) for load in loads])
     kinds = (
@@ -85,7 +83,7 @@ def main(folder="."):
     rightmost = max(mistaken(feedback, observer, 50, 25).real)
     print(f"load 50, taken for 25: rightmost pole {rightmost:+.2f} 1/s")
     path = Path(folder) / "observer.png"
-    write_bytes(path, render(draw(feedback, observer), "png"))
+    write_bytes(path, pf.plots.render(draw(feedback, observer), "png"))
     print(f"written: {path}")
 
 

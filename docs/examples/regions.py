@@ -11,8 +11,8 @@ import numpy as np
 import polefence as pf
 from polefence.base.files import write_bytes
 from polefence.examples import family, spec_path
-from polefence.region.text import digits_down, digits_up, load_region
-from polefence.show.plots.plots import poles_figure, render, sampled
+from polefence.region.text import digits_down, digits_up
+from polefence.show.plots.plots import sampled
 
 SPEC = spec_path("f16")
 SPEED = pf.Sector(0.7) & pf.Disk(-13, 11)  # damped, and no faster than servo and sensors bear
@@ -57,7 +57,7 @@ def open_loop(plant):
 
 def main(folder="."):
     """Design, print what the page says, and draw."""
-    plant, region = pf.load(SPEC), load_region(SPEC)
+    plant, region = pf.load(SPEC), pf.load_region(SPEC)
     for row in disks():
         print("({}, {}): {} {} {}".format(*row))
     one_gain = fastest(plant, "quadratic")
@@ -68,7 +68,7 @@ def main(folder="."):
         "gain scheduled on Q and V, proved": sampled(scheduled),
     }
     path = Path(folder) / "regions.png"
-    write_bytes(path, render(poles_figure(panels, region), "png"))
+    write_bytes(path, pf.plots.render(pf.plots.poles_figure(panels, region), "png"))
     print(f"written: {path}")
 
 

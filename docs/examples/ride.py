@@ -12,13 +12,9 @@ import numpy as np
 import polefence as pf
 from polefence.base.files import write_bytes
 from polefence.cli.bounds import figure_of, rows_of
-from polefence.design.signals.optimise import optimise
-from polefence.design.signals.specification import RelativeRms
-from polefence.design.signals.text import load_specifications
 from polefence.examples import spec_path
 from polefence.region.text import digits_up
 from polefence.response.closed import close
-from polefence.show.plots.plots import render
 
 SPEC = spec_path("quarter-car-ride")
 CAR = pf.HalfPlane(1) & pf.Sector(0.15)  # about what the passive car has
@@ -34,7 +30,7 @@ ROWS = (
 
 def design(plant, region, method=None):
     """Return the law with the least acceleration within the spec's limits."""
-    return optimise(plant, *load_specifications(SPEC), region, method)
+    return pf.optimise(plant, *pf.load_specifications(SPEC), region, method)
 
 
 def facts(done):
@@ -56,15 +52,15 @@ def facts(done):
 
 def everywhere(plant):
     """Return the law with the least acceleration relative to the passive car's."""
-    least, limits = load_specifications(SPEC)
-    relative = RelativeRms(least.signal, density=least.density)
-    return optimise(plant, relative, limits)
+    least, limits = pf.load_specifications(SPEC)
+    relative = pf.RelativeRms(least.signal, density=least.density)
+    return pf.optimise(plant, relative, limits)
 
 
 def draw(done, folder):
     """Write the figure."""
     path = Path(folder) / "ride.png"
-    write_bytes(path, render(figure_of(done, rows_of(done)), "png"))
+    write_bytes(path, pf.plots.render(figure_of(done, rows_of(done)), "png"))
     print(f"written: {path}")
 
 

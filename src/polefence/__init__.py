@@ -19,7 +19,7 @@ from polefence.design.certificate import Certificate, Check
 from polefence.design.design import Design, check
 from polefence.design.given.analysis import analyse
 from polefence.design.given.reach import worst_case
-from polefence.design.margins import in_service
+from polefence.design.margins import estimation_error, gain_error, in_service, parameter_rate
 from polefence.design.observer import observe
 from polefence.design.place.limits import Limit, limits
 from polefence.design.place.placement import place
@@ -131,9 +131,11 @@ __all__ = [
     "build",
     "check",
     "engine",
+    "estimation_error",
     "examples",
     "export",
     "from_control",
+    "gain_error",
     "in_service",
     "limits",
     "load",
@@ -141,6 +143,7 @@ __all__ = [
     "load_specifications",
     "observe",
     "optimise",
+    "parameter_rate",
     "parse_region",
     "parse_specification",
     "place",

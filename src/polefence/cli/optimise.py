@@ -20,7 +20,7 @@ from polefence.cli.common import (
     write_json,
 )
 from polefence.cli.methods import method_of
-from polefence.design.signals.files import FILE_NAME, save
+from polefence.design.signals.files import FILE_NAME
 from polefence.design.signals.gain_norm import GainNorm
 from polefence.design.signals.optimise import Optimised, optimise
 from polefence.design.signals.specification import (
@@ -109,7 +109,7 @@ def optimise_command(options: Any) -> int:
 
 def _finish(done: Optimised, rows: Sequence[Row], method: Method, options: Any) -> None:
     """Write files, then print: nobody need read the output to its end."""
-    saved = None if options.output is None else save(done, options.output)
+    saved = None if options.output is None else done.save(options.output)
     label = "quadratic" if isinstance(done.law, FixedGain) else method_label(method)
     if options.json is not None:
         write_json(options.json, document_of(done, rows, label))

@@ -16,7 +16,7 @@ from polefence import FixedGain, HalfPlane, InputError, UncertainPlant
 from polefence.base.errors import SpecError
 from polefence.design.signals.augmented import with_weights
 from polefence.design.signals.bounds import best_bound, kept_bound
-from polefence.design.signals.files import check_performance, performance_text, save
+from polefence.design.signals.files import check_performance, performance_text
 from polefence.design.signals.optimise import optimise
 from polefence.design.signals.sampled import sampled, seeded
 from polefence.design.signals.specification import InitialPeak, Rms
@@ -191,7 +191,7 @@ def test_a_file_holds_the_ellipsoid(designed, tmp_path):
     found, _ = read_performance(json.dumps(document))
     assert found == claims
     assert found[1].ellipsoid == tuple(tuple(map(Fraction, row)) for row in X0)
-    save(designed, tmp_path)
+    designed.save(tmp_path)
     answer = check_performance(tmp_path)
     assert answer.proved
     (said,) = (claim for claim in answer.claims if claim.startswith("initial peak of 'force' = "))

@@ -26,7 +26,7 @@ from polefence.base.errors import SpecError
 from polefence.cli.main import main
 from polefence.design.signals.augmented import with_weights
 from polefence.design.signals.bounds import best_bound, kept_bound
-from polefence.design.signals.files import check_performance, performance_text, save, statement
+from polefence.design.signals.files import check_performance, performance_text, statement
 from polefence.design.signals.gain_norm import GainNorm, levels
 from polefence.design.signals.optimise import optimise
 from polefence.design.signals.sampled import sampled, seeded
@@ -352,7 +352,7 @@ def test_a_file_holds_what_was_proved(designed, tmp_path):
     claims = [bound.claim for bound in designed.bounds]
     text = performance_text(designed.design.certificate, claims)
     assert read_performance(text)[0] == claims
-    save(designed, tmp_path)
+    designed.save(tmp_path)
     answer = check_performance(tmp_path)
     assert answer.proved
     units = "states in units of 0.5, 1 and inputs in units of 2"
@@ -385,7 +385,7 @@ def test_one_gain_is_written_with_its_domain(one, tmp_path):
     claims = [bound.claim for bound in done.bounds]
     text = performance_text(done.design.certificate, claims)
     assert read_performance(text)[0] == claims
-    save(done, tmp_path)
+    done.save(tmp_path)
     poles, rms_of_x, norm = check_performance(tmp_path).claims
     assert poles.startswith("poles in half_plane(0), of A + B K with one gain K, on the ")
     assert rms_of_x.startswith("rms of 'x' = x1 <= 0.40")

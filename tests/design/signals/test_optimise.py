@@ -19,7 +19,7 @@ from polefence import (
 )
 from polefence.cli.bounds import lines_of, rows_of
 from polefence.design.signals.bounds import known_bound
-from polefence.design.signals.files import check_performance, performance_text, save
+from polefence.design.signals.files import check_performance, performance_text
 from polefence.design.signals.optimise import optimise, relaxed
 from polefence.design.signals.sampled import sampled, seeded
 from polefence.design.signals.search import Origin
@@ -266,7 +266,7 @@ def test_a_file_holds_the_numbers_that_were_proved(one, method, tmp_path):
     claims = [bound.claim for bound in done.bounds]
     found, _ = read_performance(performance_text(done.design.certificate, claims))
     assert found == claims
-    save(done, tmp_path / "new")
+    done.save(tmp_path / "new")
     answer = check_performance(tmp_path / "new")
     assert answer.proved
     poles, force, initial, gain, peak = answer.claims

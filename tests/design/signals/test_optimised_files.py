@@ -6,7 +6,7 @@ import pytest
 
 from polefence import UncertainPlant
 from polefence.cli.main import main
-from polefence.design.signals.files import check_performance, performance_text, save
+from polefence.design.signals.files import check_performance, performance_text
 from polefence.design.signals.optimise import optimise
 from polefence.design.signals.specification import Rms
 from polefence.lmi.conditions.methods import Scheduled
@@ -49,5 +49,5 @@ def test_the_file_claims_what_was_proved(plant, tmp_path, on, elevation, region)
     read, _ = read_performance(performance_text(found.design.certificate, proved))
     assert read == proved
     assert {claim.subject.on for claim in read} == {found.design.certificate.claim().on}
-    assert check_performance(save(found, tmp_path)).proved
+    assert check_performance(found.save(tmp_path)).proved
     assert main(["check", str(tmp_path)]) == 0

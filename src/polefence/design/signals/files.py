@@ -14,7 +14,6 @@ from polefence.base.files import read_text, write_documents
 from polefence.design.certificate import Certificate, Check, check_claim, plant_from
 from polefence.design.design import FILE_NAME as DESIGN_NAME
 from polefence.design.design import says_format
-from polefence.design.signals.optimise import Optimised
 from polefence.design.signals.specification import rows
 from polefence.design.statement import ellipsoid_text, impulses_text, output_text, points_text
 from polefence.plant.family import UncertainPlant
@@ -42,7 +41,9 @@ from polefence.vehicle.vehicle import ride
 FILE_NAME = "performance.json"
 
 
-def save(optimised: Optimised, directory: str | Path) -> Path:
+def save(
+    certificate: Certificate, claims: Sequence[PerformanceClaim], directory: str | Path
+) -> Path:
     """Write ``performance.json``, and ``design.json`` beside it, into a folder; return the first.
 
     The folder is made if need be. The numbers are those that were proved: a double as it is, any
@@ -53,7 +54,6 @@ def save(optimised: Optimised, directory: str | Path) -> Path:
     OutputError
         If the folder cannot be written.
     """
-    certificate, claims = optimised.design.certificate, [each.claim for each in optimised.bounds]
     documents = {
         FILE_NAME: performance_text(certificate, claims),
         DESIGN_NAME: certificate.dumps(),

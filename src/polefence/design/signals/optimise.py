@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from pathlib import Path
 
 import numpy as np
 
@@ -21,6 +22,7 @@ from polefence.design.design import Design
 from polefence.design.signals.augmented import with_weights, without_feedback
 from polefence.design.signals.bounds import Bound, best_bound
 from polefence.design.signals.conflict import refusal
+from polefence.design.signals.files import save
 from polefence.design.signals.retreat import (
     CLOSE,
     FAR,
@@ -102,6 +104,19 @@ class Optimised:
             if own.specification.name == name:
                 return own
         raise InputError(f"no specification of {name!r}")
+
+    def save(self, directory: str | Path) -> Path:
+        """Write ``performance.json`` into a folder, and ``design.json`` beside it; return it.
+
+        The folder is made if need be. The numbers are those that were proved: a double as it is,
+        any other rational as "p/q".
+
+        Raises
+        ------
+        OutputError
+            If the folder cannot be written.
+        """
+        return save(self.design.certificate, [own.claim for own in self.bounds], directory)
 
 
 def optimise(

@@ -12,7 +12,7 @@ import pytest
 from polefence import Design, InputError, load
 from polefence.cli.main import main
 from polefence.design.signals.specification import EnergyPeak, Gain, InitialPeak, RelativeRms, Rms
-from polefence.design.signals.text import Road, load_specifications, parse_specification
+from polefence.design.signals.text import RoadSpectrum, load_specifications, parse_specification
 from polefence.region.regions import HalfPlane
 
 PLANT = """
@@ -387,7 +387,7 @@ def test_texts_and_tables_say_the_same(tmp_path):
     }
     for text, wanted in texts.items():
         assert parse_specification(text) == wanted
-    road = Road("C", 20.0)
+    road = RoadSpectrum("C", 20.0)
     assert parse_specification("rms of x", road) == Rms("x", None, road.density)
     assert road.density == pytest.approx((2 * np.pi * 0.1) ** 2 * 256e-6 * 20)
     spec = tmp_path / "s.toml"
@@ -397,7 +397,7 @@ def test_texts_and_tables_say_the_same(tmp_path):
     least, limits = load_specifications(spec)
     assert least == Rms("x", None, 2.0)
     assert limits == (
-        Rms("force", 1.5, Road("B", 10.0).density),
+        Rms("force", 1.5, RoadSpectrum("B", 10.0).density),
         Gain("v", 4.0),
         InitialPeak("v", 2.0, ((0.1, -1.0),)),
     )

@@ -23,7 +23,7 @@ from polefence.design.observer import check_observer
 from polefence.design.signals.augmented import with_weights
 from polefence.design.signals.files import FILE_NAME as PERFORMANCE
 from polefence.design.signals.files import check_performance, is_performance_file, performance_plant
-from polefence.design.signals.text import Road, load_specifications
+from polefence.design.signals.text import RoadSpectrum, load_specifications
 from polefence.export import check_guarantee, guarantee_plant, is_guarantee_file
 from polefence.export.documents import FILE_NAME as GUARANTEE
 from polefence.plant.family import UncertainPlant
@@ -130,7 +130,9 @@ def _document(path: Path, answer: Check, difference: str | None, digest: str) ->
 
 def _weighted(plant: UncertainPlant, spec: str) -> UncertainPlant:
     """Return the plant with the filters of the spec's own specifications."""
-    least, limits = load_specifications(spec, Road("C", 20.0))  # any road: filters are what counts
+    least, limits = load_specifications(
+        spec, RoadSpectrum("C", 20.0)
+    )  # any road: filters are what counts
     return with_weights(plant, ([least] if least else []) + list(limits))[0]
 
 

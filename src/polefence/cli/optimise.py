@@ -30,7 +30,12 @@ from polefence.design.signals.specification import (
     disturbance,
     signal_of,
 )
-from polefence.design.signals.text import Road, load_specifications, parse_specification, spec_road
+from polefence.design.signals.text import (
+    RoadSpectrum,
+    load_specifications,
+    parse_specification,
+    spec_road,
+)
 from polefence.law.laws import FixedGain
 from polefence.lmi.conditions.methods import Method, Scheduled, method_label
 from polefence.plant.family import UncertainPlant
@@ -123,14 +128,14 @@ def _finish(done: Optimised, rows: Sequence[Row], method: Method, options: Any) 
         say(f"saved: {saved}")
 
 
-def road_of(options: Any) -> Road | None:
+def road_of(options: Any) -> RoadSpectrum | None:
     """Return the road that the options name, None where they do not."""
     if (options.road is None) != (options.speed is None):
         there, missing = ("road", "speed V") if options.speed is None else ("speed", "road CLASS")
         raise InputError(f"--{there} needs --{missing} too, as in --road C --speed 20")
     if options.road is None:
         return None
-    road = Road(options.road, options.speed)
+    road = RoadSpectrum(options.road, options.speed)
     try:
         _ = road.density
     except InputError as error:
@@ -139,7 +144,7 @@ def road_of(options: Any) -> Road | None:
 
 
 def asked(
-    plant: UncertainPlant, options: Any, road: Road | None
+    plant: UncertainPlant, options: Any, road: RoadSpectrum | None
 ) -> tuple[Specification, tuple[Specification, ...]]:
     """Return what `wanted` returns, where something must be minimised."""
     least, limits = wanted(plant, options, road)
@@ -152,7 +157,7 @@ def asked(
 
 
 def wanted(
-    plant: UncertainPlant, options: Any, road: Road | None
+    plant: UncertainPlant, options: Any, road: RoadSpectrum | None
 ) -> tuple[Specification | None, tuple[Specification, ...]]:
     """Return what is to be minimised, if anything, and the limits, of the spec and the options.
 
@@ -208,7 +213,11 @@ def in_units(own: Specification, limits: Sequence[Specification]) -> Specificati
 
 
 def _parsed(
-    plant: UncertainPlant, text: str, option: str, road: Road | None, known: Mapping[str, float]
+    plant: UncertainPlant,
+    text: str,
+    option: str,
+    road: RoadSpectrum | None,
+    known: Mapping[str, float],
 ) -> Specification:
     try:
         own = parse_specification(text, road, known)

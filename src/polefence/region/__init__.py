@@ -5,8 +5,19 @@ from polefence.region.regions import (
     Ellipse,
     HalfPlane,
     HorizontalStrip,
+    Intersection,
+    Region,
     Sector,
     VerticalStrip,
 )
 
-__all__ = ["Disk", "Ellipse", "HalfPlane", "HorizontalStrip", "Sector", "VerticalStrip"]
+__all__ = [
+    "Disk",
+    "Ellipse",
+    "HalfPlane",
+    "HorizontalStrip",
+    "Intersection",
+    "Region",
+    "Sector",
+    "VerticalStrip",
+]

@@ -42,7 +42,7 @@ _WITH = re.compile(r"(?P<rest>.*\S)\s+with\s+(?P<key>\w+)\s+(?P<value>\S+)\s*")
 
 
 @dataclass(frozen=True)
-class Road:
+class RoadSpectrum:
     """The road that rms values are asked for.
 
     Attributes
@@ -69,7 +69,7 @@ class Road:
 
 
 def load_specifications(
-    path: str | Path, road: Road | None = None
+    path: str | Path, road: RoadSpectrum | None = None
 ) -> tuple[Specification | None, tuple[Specification, ...]]:
     """Read what a spec file asks to be minimised, None where it does not say, and the limits.
 
@@ -77,7 +77,7 @@ def load_specifications(
     ----------
     path : str or Path
         A TOML spec with ``[[specification]]`` tables.
-    road : Road, optional
+    road : RoadSpectrum, optional
         In place of the spec's table ``[road]``, for every rms that names no density.
 
     Raises
@@ -100,7 +100,7 @@ def load_specifications(
     return least[0] if least else None, tuple(each for each, minimised in found if not minimised)
 
 
-def spec_road(path: str | Path) -> Road | None:
+def spec_road(path: str | Path) -> RoadSpectrum | None:
     """Return the road of a spec's table ``[road]``, None where it has none.
 
     Raises
@@ -116,7 +116,7 @@ def spec_road(path: str | Path) -> Road | None:
 
 
 def parse_specification(
-    text: str, road: Road | None = None, known: Mapping[str, float] = NOTHING
+    text: str, road: RoadSpectrum | None = None, known: Mapping[str, float] = NOTHING
 ) -> Specification:
     """Read a specification from a line, ``KIND of SIGNAL [<= LIMIT] [with KEY VALUE] ...``.
 
@@ -125,7 +125,7 @@ def parse_specification(
 
     Parameters
     ----------
-    road : Road, optional
+    road : RoadSpectrum, optional
         For an rms that names no density.
     known : mapping
         Without a road: the density by signal, as the spec's own tables have it.
@@ -157,14 +157,14 @@ def _value(word: str) -> Any:
     return Fraction(word) if re.fullmatch(_NUMBER, word) else word
 
 
-def _road(table: Mapping[str, Any]) -> Road:
+def _road(table: Mapping[str, Any]) -> RoadSpectrum:
     _known(table, ("class", "speed"), "road")
     for key in ("class", "speed"):
         if key not in table:
             raise SpecError(f'road: {key} is missing; write class = "C" and speed = 20  # m/s')
     if not isinstance(table["class"], str):
         raise SpecError(f'road: class = {shown(table["class"])} must be text, for example "C"')
-    road = Road(table["class"], _number(table["speed"], "road: speed"))
+    road = RoadSpectrum(table["class"], _number(table["speed"], "road: speed"))
     try:
         _ = road.density
     except InputError as error:
@@ -172,7 +172,9 @@ def _road(table: Mapping[str, Any]) -> Road:
     return road
 
 
-def _read(table: Mapping[str, Any], where: str, road: Road | None) -> tuple[Specification, bool]:
+def _read(
+    table: Mapping[str, Any], where: str, road: RoadSpectrum | None
+) -> tuple[Specification, bool]:
     """Return a table's specification, and whether it is to be minimised."""
     minimised = table.get("minimise", False)
     if not isinstance(minimised, bool):
@@ -189,7 +191,7 @@ def _read(table: Mapping[str, Any], where: str, road: Road | None) -> tuple[Spec
 def _specification(
     table: Mapping[str, Any],
     where: str,
-    road: Road | None,
+    road: RoadSpectrum | None,
     known: Mapping[str, float] = NOTHING,
 ) -> Specification:
     table = {"signal": LAW} | dict(table) if table.get("kind") == GainNorm.kind else table

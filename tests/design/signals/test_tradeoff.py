@@ -18,7 +18,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.linalg import solve_continuous_lyapunov
 
-from polefence import Parameter, Scheduled, UncertainPlant, load
+from polefence import NotProvedError, Parameter, Scheduled, UncertainPlant, load
 from polefence.base.errors import InputError
 from polefence.cli.main import main
 from polefence.design.signals.files import check_performance
@@ -412,7 +412,7 @@ def test_one_row_that_fails_stops_nothing(spring, monkeypatch):
 
     def failing(plant, minimise, limits, *rest):
         if limits[0].at_most == 0.6:
-            raise RuntimeError("a fault\nin two lines")
+            raise NotProvedError("a fault\nin two lines")
         return optimise(plant, minimise, limits, *rest)
 
     monkeypatch.setattr(module, "optimise", failing)
@@ -425,6 +425,15 @@ def test_one_row_that_fails_stops_nothing(spring, monkeypatch):
         found.design(0.6, "quadratic")
     with pytest.raises(InputError, match="no row"):
         found.row(0.4, "quadratic")
+
+
+def test_a_bug_is_no_reason(spring, monkeypatch):
+    def failing(*_):
+        raise RuntimeError("a bug")
+
+    monkeypatch.setattr(import_module("polefence.design.signals.tradeoff"), "optimise", failing)
+    with pytest.raises(RuntimeError, match="a bug"):
+        tradeoff(spring, PLACE, PUSH, [0.6], methods=["quadratic"])
 
 
 @pytest.mark.parametrize(

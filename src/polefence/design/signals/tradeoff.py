@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from polefence.base import workers
-from polefence.base.errors import InputError
+from polefence.base.errors import InputError, PolefenceError
 from polefence.base.types import require_type
 from polefence.design.checks import require_domain, require_movable, require_region
 from polefence.design.place.sweep import Row
@@ -186,8 +186,8 @@ def _row_of(asked: Asked, task: tuple[float, Method]) -> Row:
         limits = (replace(asked.over, at_most=value), *asked.subject_to)
         done = optimise(asked.plant, asked.minimise, limits, asked.region, method)
         found = _proved(asked, done, value)
-    except Exception as error:  # one row's failure is not the sweep's; interrupts pass
-        reason = " ".join(str(error).split()).removeprefix("not proved: ") or repr(error)
+    except PolefenceError as error:  # one row's failure is not the sweep's
+        reason = " ".join(str(error).split()).removeprefix("not proved: ")
         nothing = dict.fromkeys(("proved", "sampled", "law_of", "own", "performance"))
         found = {"status": "not proved", **nothing, "bounds": [], "reason": reason}
     seconds = time.perf_counter() - start

@@ -1,1 +1,1 @@
-"""What everything stands on: errors, files from strangers, worker processes, time limits."""
+"""Foundations: errors, files from strangers, worker processes, time limits."""

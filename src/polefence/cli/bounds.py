@@ -1,4 +1,4 @@
-"""How proved bounds are shown: beside the worst of a sample, and beside the plant left alone."""
+"""Tables and figures of proved bounds, beside sampled values and beside the plant left alone."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What several commands share: statuses, options, printing, files, progress."""
+"""Parts of several commands: statuses, options, printing, files, progress."""
 
 from __future__ import annotations
 

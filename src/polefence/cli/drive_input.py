@@ -1,4 +1,4 @@
-"""What `simulate` is told on the command line: roads, parameters over time, hardware."""
+"""Options of `simulate`: roads, parameters over time, hardware."""
 
 from __future__ import annotations
 

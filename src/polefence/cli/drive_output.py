@@ -1,4 +1,4 @@
-"""What `simulate` gives back of its runs: columns, panels, a summary as plain data and as text."""
+"""Results of `simulate`: columns, panels, a summary as plain data and as text."""
 
 from __future__ import annotations
 

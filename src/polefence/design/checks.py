@@ -1,4 +1,4 @@
-"""What may be asked of a plant: methods, domains, regions and centres that fit it."""
+"""Checks of a question about a plant: methods, domains, regions and centres that fit it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Looks for an alpha whose poles leave the region; what it finds is confirmed exactly."""
+"""Search for an alpha whose poles leave the region; each find is confirmed exactly."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Whether doubles can run a law: how much of the room in its region rounding takes.
+"""Evaluation of a law in doubles: the share of the room in its region that rounding takes.
 
 A proof is about K(alpha) as a real number. Doubles evaluate it with rounding errors, and where the
 Lyapunov matrix X(alpha) is nearly singular, errors of the last digit move poles out of the region.

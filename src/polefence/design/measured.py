@@ -1,4 +1,4 @@
-"""What is measured: y = C(alpha) x from names or matrices, the dual plant, and what y sees of x."""
+"""Measurements y = C(alpha) x from names or matrices, the dual plant, and what y sees of x."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Shows that a pole does not lie in a region: evidence found in floats, decided exactly."""
+"""Evidence that a pole does not lie in a region: found in floats, decided exactly."""
 
 from __future__ import annotations
 

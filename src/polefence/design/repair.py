@@ -1,4 +1,4 @@
-"""Make a floating-point solver's dual matrices exactly feasible: lower bounds on an infimum.
+"""Dual matrices of a floating-point solver made exactly feasible: lower bounds on an infimum.
 
 Small changes of X solve the equations of Z, L and the skew part of G's, as `polefence.proof.lower`
 has them, and P and R of a few blocks take up those of W. Where r is a little below the

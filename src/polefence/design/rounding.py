@@ -1,4 +1,4 @@
-"""From a point that a search found to the law and evidence that ship, proved as they are."""
+"""Law and evidence in the numbers that ship, from a point that a search found; proved as they are."""
 
 from __future__ import annotations
 

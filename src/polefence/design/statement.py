@@ -1,4 +1,4 @@
-"""What is claimed, in words and numbers that say no more than what is proved.
+"""Claims in words and numbers that say no more than what is proved.
 
 States, inputs and disturbances are x1, u1, w1 and so on: their names are a file's own words, which
 no proof is about. A number that is rounded in what it defines has a ~ before it.

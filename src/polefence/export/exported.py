@@ -1,4 +1,4 @@
-"""From a design to a folder of C99, with what is guaranteed of it."""
+"""Export of a design: a folder of C99, with what is guaranteed of it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Whether the region holds with the gain as the code computes it; proved, with what is needed."""
+"""Guarantee of the region with the gain as the code computes it; proved, with what is needed."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What is guaranteed of exported code, in lines for its head.
+"""Statement of what is guaranteed of exported code, in lines for its head.
 
 Every sentence is made of what a file about the code holds: claims that are proved, or what was
 sampled and is said to be. So `polefence check` writes the lines again, and compares.

@@ -1,4 +1,4 @@
-"""What a sample time, and a delay of one step, leave of a design."""
+"""Effect of a sample time, and of a delay of one step, on a design."""
 
 from __future__ import annotations
 

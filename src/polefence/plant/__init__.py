@@ -1,1 +1,1 @@
-"""What is controlled: linear systems, uncertain parameters, and the polytope they span."""
+"""Plants: linear systems, uncertain parameters, and the polytope they span."""

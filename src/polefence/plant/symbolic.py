@@ -1,4 +1,4 @@
-"""From matrices of expressions to exact corner matrices, with the exact multi-affinity test."""
+"""Exact corner matrices of matrices of expressions, with the exact multi-affinity test."""
 
 from __future__ import annotations
 

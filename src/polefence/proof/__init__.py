@@ -1,1 +1,1 @@
-"""From numbers to truth: certificates, their exact proof, and counterexamples."""
+"""Proofs in exact arithmetic, from the standard library alone."""

@@ -1,4 +1,4 @@
-"""Which times and frequencies a response is asked at: what the caller says, else what fits."""
+"""Times and frequencies of a response: the caller's, else those that fit."""
 
 from __future__ import annotations
 

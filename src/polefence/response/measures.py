@@ -1,4 +1,4 @@
-"""What responses (count, T, p) are judged by: settling time, overshoot, peaks, rms."""
+"""Measures of responses (count, T, p): settling time, overshoot, peaks, rms."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What responses are returned as: arrays (alpha, time or frequency, signal), with their names."""
+"""Responses as values: arrays (alpha, time or frequency, signal), with their names."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What is looked at: states, their rates of change, inputs, and sums of them."""
+"""Signals: states, their rates of change, inputs, and sums of them."""
 
 from __future__ import annotations
 

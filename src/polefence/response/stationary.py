@@ -1,4 +1,4 @@
-"""What white noise leaves a closed loop in: stationary covariances and rms values.
+"""Stationary covariances and rms values of a closed loop under white noise.
 
 With w white of two-sided density S, the covariance X of the state solves the Lyapunov equation
 A X + X A' + E S E' = 0 (Kwakernaak & Sivan, Linear Optimal Control Systems, 1972, section 1.11).

@@ -1,1 +1,1 @@
-"""What is shown: figures, pages, the study of the paper."""
+"""Figures, pages, and the study of the paper."""

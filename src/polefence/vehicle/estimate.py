@@ -1,4 +1,4 @@
-"""What recursive least squares make of a record: mass, damping, stiffness and parameters."""
+"""Mass, damping, stiffness and parameters that recursive least squares make of a record."""
 
 from __future__ import annotations
 

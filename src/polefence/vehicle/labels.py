@@ -1,4 +1,4 @@
-"""What ISO 2631-1:1997 says of a weighted rms or a dose: labels of comfort and of health.
+"""Labels of comfort and of health, by ISO 2631-1:1997, of a weighted rms or a dose.
 
 The figures of annexes B (health) and C (comfort) are carried over, not their text.
 """

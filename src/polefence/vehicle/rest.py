@@ -1,4 +1,4 @@
-"""Where a disturbance that stays leaves a plant: steady states over a family.
+"""Steady states under a disturbance that stays, over a family.
 
 An rms is about noise without a mean. A constant disturbance, the road's velocity on a grade, is no
 such noise, and a law that feeds back absolute velocities may answer it with a deflection that stays

@@ -1,4 +1,4 @@
-"""Does a law that is given keep all poles in a region? Proved, refuted or undecided."""
+"""Analysis of a given law: all poles in a region, proved, refuted or undecided."""
 
 from __future__ import annotations
 

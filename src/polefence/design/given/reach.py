@@ -1,4 +1,4 @@
-"""How far a given law goes: the largest decay rate or damping ratio, the smallest disk."""
+"""Reach of a given law: its largest decay rate or damping ratio, its smallest disk."""
 
 from __future__ import annotations
 

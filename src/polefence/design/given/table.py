@@ -1,4 +1,4 @@
-"""Where between its knots a table of gains keeps the poles in a region: answer and file."""
+"""Analysis of a table of gains between its knots: answer and file."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How much may go wrong in service: wrong estimates, a wrong gain, moving parameters; proved."""
+"""Margins in service: wrong estimates, a wrong gain, moving parameters; proved."""
 
 from polefence.design.margins.files import check_service, is_service_file, service_plant
 from polefence.design.margins.result import Margin, Service

@@ -1,4 +1,4 @@
-"""How far the gain may be off in given directions, of a design of any method, and its proof.
+"""Error of the gain in given directions, of a design of any method, and its proof.
 
 Rounding a law and sampling its reference in tables put an error on the gain that is known to be
 small; its rows and columns are known too. So an error far below the largest is enough, and is

@@ -1,4 +1,4 @@
-"""How far the gain may be off: the largest error that the design's own W and Z prove."""
+"""Error of the gain: the largest that the design's own W and Z prove."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How far the gain may be off, of a law that was given: each part of the region has its own X.
+"""Error of the gain of a given law: each part of the region has its own X.
 
 The coefficients of the inequalities follow from products of polynomials, in floats, in coordinates
 in which X is near to the identity.

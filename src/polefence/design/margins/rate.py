@@ -1,4 +1,4 @@
-"""How fast parameters may move: the largest rates that the design's own W proves."""
+"""Rates of the parameters: the largest that the design's own W proves."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What may go wrong in service, as values: a margin with its claim; all of a design's margins."""
+"""Margins as values: one with its claim; all of a design's."""
 
 from __future__ import annotations
 

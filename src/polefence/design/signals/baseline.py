@@ -1,4 +1,4 @@
-"""What a signal's rms is without control, bounded from below by a polynomial of the parameters.
+"""Rms of a signal without control, bounded from below by a polynomial of the parameters.
 
 With A0 P + P A0' + S E E' > 0 for a stable A0, P(alpha) is less than the stationary covariance. P
 goes through the covariances at a grid of points, less a little of X, which goes through those of

@@ -1,4 +1,4 @@
-"""What a given law keeps: the least bound on a signal that is proved, in exact arithmetic."""
+"""Bounds of a given law: the least on a signal that is proved, in exact arithmetic."""
 
 from __future__ import annotations
 

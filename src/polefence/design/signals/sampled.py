@@ -1,4 +1,4 @@
-"""What a law keeps at sampled parameters, in floats: how much of a proved bound is conservatism.
+"""Signals of a law at sampled parameters, in floats: how much of a proved bound is conservatism.
 
 A sample proves nothing. Its worst value is at most the true worst case, which is at most a bound
 that is proved; the ratio of the two says how far apart they can be.

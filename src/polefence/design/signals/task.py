@@ -1,4 +1,4 @@
-"""What `optimise` asks of the search: limits, a signal to minimise, a region; and the law found."""
+"""Task of a search: limits, a signal to minimise, a region; and the law found."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a trade-off curve is: one row a limit and method, with the law and all of its proofs."""
+"""Trade-off curve: one row a limit and method, with the law and all of its proofs."""
 
 from __future__ import annotations
 

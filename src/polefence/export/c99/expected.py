@@ -1,4 +1,4 @@
-"""What a law answers to given inputs: exact, to compare exported code with."""
+"""Answers of a law to given inputs: exact, to compare exported code with."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the exported code computes, as numbers: scaled so that single precision suffices.
+"""Numbers that the exported code computes with: scaled so that single precision suffices.
 
 A scheduled law u = Z(alpha) W(alpha)^-1 x becomes Z' W'^-1 (T x) with W' = T W T', Z' = Z T',
 where T is chosen so that W' is the identity at the centre of the family: whatever the units of the

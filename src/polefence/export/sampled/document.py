@@ -1,4 +1,4 @@
-"""What is proved of a sampled loop, as plain data for the file about exported code."""
+"""Proofs about a sampled loop, as plain data for the file about exported code."""
 
 from __future__ import annotations
 

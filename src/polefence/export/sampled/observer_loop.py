@@ -1,4 +1,4 @@
-"""What an observer's code does from tick to tick: its step, and the sampled loop with it.
+"""Observer's code from tick to tick: its step, and the sampled loop with it.
 
 The code steps x^' = A x^ + B u + L (y - C x^) by the sample time, u and y held, with the Taylor
 series of order 4: for a constant alpha the Runge-Kutta method of that order.

@@ -1,4 +1,4 @@
-"""Where the poles of a sampled loop lie, over a sample of the family; nothing here is a proof."""
+"""Poles of a sampled loop, over a sample of the family; nothing here is a proof."""
 
 from __future__ import annotations
 

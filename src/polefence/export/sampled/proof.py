@@ -1,4 +1,4 @@
-"""How fast a sampled loop is proved to decay, for every parameter value."""
+"""Decay of a sampled loop, proved for every parameter value."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How much work a method's inequalities are for a plant: counted before it is begun."""
+"""Work of a method's inequalities for a plant: counted before it is begun."""
 
 from __future__ import annotations
 

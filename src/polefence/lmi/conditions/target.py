@@ -1,4 +1,4 @@
-r"""What a search minimises: a region that grows with one number r.
+r"""Targets of a search: regions that grow with one number r.
 
 A part of a region is { z : L + M z + M' conj(z) < 0 }. Here L = L0 + r L1 and M = M0 + r M1, so
 that the inequality F = -(L (x) X + M (x) N + M' (x) N') > 0 is affine in r, and the question for

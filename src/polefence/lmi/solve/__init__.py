@@ -1,1 +1,1 @@
-"""From data to numbers: scaling, the conic solver's adapter, the search. Proves nothing."""
+"""Search for points of conditions: scaling, interior points, bisection. Proves nothing."""

@@ -1,4 +1,4 @@
-"""Which interior point runs: the compiled kernel where it was built, else NumPy's reference."""
+"""Choice of the interior point: the compiled kernel where it was built, else NumPy's reference."""
 
 from __future__ import annotations
 

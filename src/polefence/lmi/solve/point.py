@@ -1,4 +1,4 @@
-"""What a search hands on: a point of a condition, in the plant's own coordinates."""
+"""Result of a search: a point of a condition, in the plant's own coordinates."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Where NumPy meets a matrix that is singular or not finite: a search that gave no usable point."""
+"""Singular or non-finite matrices met by NumPy: a search that gave no usable point."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Whether a claim is complete and consistent, and asks for no more work than is done here."""
+"""Checks that a claim is complete and consistent, and asks for no more work than is done here."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What is claimed about the signals of a loop, as frozen values.
+"""Claims about the signals of a loop, as frozen values.
 
 Every claim is about x' = (A + B K) x + E w, y = C x + D u with u = K x and one row y, for every
 alpha of the simplex or the box. A, B, E, C, D are given at the vertices and affine in their

@@ -1,4 +1,4 @@
-"""What is claimed about the code of a law, as frozen values."""
+"""Claims about the code of a law, as frozen values."""
 
 from __future__ import annotations
 

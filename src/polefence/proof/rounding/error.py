@@ -1,4 +1,4 @@
-"""How far the gain that code computes is from K(alpha), for every parameter value and every state.
+"""Error of the gain that code computes, for every parameter value and every state.
 
 The computed u is (K(alpha) + S D C) x for some D, which may depend on x, with S and C the scales of
 a claim about the gain; here is a bound on the norm of D. Operations round to nearest with

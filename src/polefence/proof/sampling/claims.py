@@ -1,4 +1,4 @@
-"""What is claimed about a sampled loop, as frozen values."""
+"""Claims about a sampled loop, as frozen values."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How far convex combinations of the vertices' steps are from the step of the plant between them.
+"""Distance of convex combinations of the vertices' steps from the plant's step between them.
 
 With M(alpha) = [A, B] Ts in the claim's coordinates the exact step is
 

@@ -1,4 +1,4 @@
-"""What is claimed about a design in service, as frozen values."""
+"""Claims about a design in service, as frozen values."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How the plant behaves, for a report: step responses, and a car's ride on a road."""
+"""Behaviour of the plant, for a report: step responses, and a car's ride on a road."""
 
 from __future__ import annotations
 

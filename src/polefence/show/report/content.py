@@ -1,4 +1,4 @@
-"""What a report says, section by section, as plain text, tables and figures."""
+"""Content of a report, section by section, as plain text, tables and figures."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""From sections to one HTML page that needs nothing but itself."""
+"""One HTML page that needs nothing but itself, from its sections."""
 
 from __future__ import annotations
 

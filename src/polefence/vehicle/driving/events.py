@@ -1,4 +1,4 @@
-"""Where a drive leaves what was proved, and where its hardware ends: each reported, none hidden."""
+"""Events of a drive: the guarantee or the hardware at its end, each reported, none hidden."""
 
 from __future__ import annotations
 

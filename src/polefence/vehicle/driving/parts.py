@@ -1,4 +1,4 @@
-"""What a drive is made of besides plant, law and road: courses of parameters, sensors, hardware."""
+"""Parts of a drive besides plant, law and road: courses of parameters, sensors, hardware."""
 
 from __future__ import annotations
 

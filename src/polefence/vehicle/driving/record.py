@@ -1,4 +1,4 @@
-"""From what was marched through to what is reported: inputs, rates of states, forces of stops."""
+"""Record of a drive: inputs, rates of states, forces of stops, at all instants."""
 
 from __future__ import annotations
 

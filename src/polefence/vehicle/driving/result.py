@@ -1,4 +1,4 @@
-"""What comes of a drive, as one value."""
+"""Result of a drive, as one value."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""From parameters to gains, and what sensors make of the parameters on the way."""
+"""Gains of a drive, and what sensors make of the parameters on the way to them."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What is asked of a drive, read and refused where it cannot be driven."""
+"""Question of a drive, read and refused where it cannot be driven."""
 
 from __future__ import annotations
 

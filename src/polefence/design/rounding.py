@@ -1,4 +1,4 @@
-"""Law and evidence in the numbers that ship, from a point that a search found; proved as they are."""
+"""Law and evidence in the numbers that ship, from a point that a search found, and their proof."""
 
 from __future__ import annotations
 

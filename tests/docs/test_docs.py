@@ -13,7 +13,7 @@ import pytest
 import polefence
 from polefence.cli.main import main
 from polefence.examples import spec_text
-from support.paths import ROOT
+from support.paths import DOCS, ROOT
 
 README = (ROOT / "README.md").read_text()
 
@@ -131,8 +131,18 @@ def test_the_facade_is_documented(name):
     assert name in (ROOT / "docs" / "api.md").read_text()
 
 
-def test_the_facade_is_small():
-    assert len(polefence.__all__) <= 40
+def test_all_that_the_package_names_is_there():
+    assert len(set(polefence.__all__)) == len(polefence.__all__)
+    for name in polefence.__all__:
+        assert getattr(polefence, name) is not None
+    with pytest.raises(AttributeError, match="no attribute 'nothing'"):
+        _ = polefence.nothing
+
+
+@pytest.mark.parametrize("page", sorted(DOCS.glob("*.md")), ids=lambda page: page.stem)
+def test_pages_import_the_package_itself_or_one_room(page):
+    for code in re.findall(r"```python\n(.*?)```", page.read_text(), re.DOTALL):
+        assert not re.search(r"(?:from|import) polefence\.\w+\.", code)
 
 
 def test_versions_agree():

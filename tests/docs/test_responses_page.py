@@ -11,7 +11,7 @@ import sys
 import numpy as np
 import pytest
 
-from polefence import response
+from polefence import response, vehicle
 from support.paths import DOCS
 
 PAGE = (DOCS / "responses.md").read_text()
@@ -66,15 +66,17 @@ def test_the_page_says_what_the_example_measures(example, tmp_path, capsys, monk
     assert np.abs(found.states).max() < 3  # nothing ran away
 
 
-def test_the_page_names_functions_of_the_package():
-    known = set(response.__all__)
-    used = set(re.findall(r"\bpr\.(\w+)", PAGE))
+@pytest.mark.parametrize(("room", "least"), [(response, 5), (vehicle, 20)])
+def test_the_page_names_functions_of_the_package(room, least):
+    known, name = set(room.__all__), room.__name__.removeprefix("polefence.")
+    used = set(re.findall(rf"\bpf\.{name}\.(\w+)", PAGE))
     assert used <= known, used - known
-    assert len(used) > 25
-    for name in known:
-        assert getattr(response, name).__class__.__name__ != "module", name
+    assert len(used) > least
+    for each in known:
+        assert getattr(room, each).__class__.__name__ != "module", each
     api = (DOCS / "api.md").read_text().split("## Responses")[1].split("\n## ")[0]
-    listed = set(re.findall(r"^\.\. (?:auto\w+|py:data):: (\w+)$", api, re.MULTILINE))
+    module = r"polefence\.response\." if name == "response" else ""
+    listed = set(re.findall(rf"^\.\. (?:auto\w+|py:data):: {module}(\w+)$", api, re.MULTILINE))
     assert listed == known, listed ^ known
 
 

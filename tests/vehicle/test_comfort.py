@@ -10,6 +10,7 @@ import pytest
 from scipy import integrate, linalg, signal
 
 from polefence.base.errors import InputError
+from polefence.examples import family
 from polefence.response import bands as of_bands
 from polefence.response import weighting as of_weighting
 from polefence.response.bands import MOTION, RIDE, Bands, quadrature, stationary_ride, thirds
@@ -17,7 +18,7 @@ from polefence.response.closed import close
 from polefence.response.linear import frequency as frequency_response
 from polefence.response.signals import pick, rate_of, states
 from polefence.response.weighting import WF, WK
-from polefence.vehicle import labels, quarter_car
+from polefence.vehicle import labels
 from polefence.vehicle.iso8608 import velocity_density
 
 of = import_module("polefence.vehicle.comfort")  # the package has the function of that name
@@ -278,7 +279,7 @@ def test_health_reading():
 
 
 def car(alpha):
-    loops = close(quarter_car.family("quarter-car-physical"), None, alpha)
+    loops = close(family("quarter-car-physical"), None, alpha)
     A, E = loops.closed[:, :4, :4], loops.E[:, :4, :]
     return A, E, A[:, 2:3, :], E[:, 2:3, :]
 
@@ -322,7 +323,7 @@ def test_stationary_rms_meets_the_augmented_lyapunov_equation(ride):
 
 def test_gains_of_the_linear_responses_fit(ride):
     system, density, _ = ride
-    plant = quarter_car.family("quarter-car-physical")
+    plant = family("quarter-car-physical")
     acceleration = rate_of(pick(states(plant), "sprung-mass velocity"))
     alpha = np.eye(4)
     found = frequency_response(plant, None, alpha, quadrature()[0], [acceleration])

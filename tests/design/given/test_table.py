@@ -29,7 +29,7 @@ from polefence.base.errors import ParameterValueError
 from polefence.cli.main import main
 from polefence.design.given.table import TableAnalysis
 from polefence.design.given.table_search import _exact_table
-from polefence.examples import spec_path
+from polefence.examples import family, spec_path
 from polefence.law.table import table_from
 from polefence.plant.points import values_text
 from polefence.show.plots.analysis import analysis_figure, table_figure
@@ -379,7 +379,7 @@ def test_the_pages_python_and_commands_do_what_they_show(example, tmp_path, caps
     assert result.failed == 0
     monkeypatch.chdir(tmp_path)
     (tmp_path / "f4e.toml").write_text((spec_path("f4e")).read_text())
-    car = example.family("quarter-car-physical")
+    car = family("quarter-car-physical")
     gains = analyse(car, example.table(car), HalfPlane(0), depth=0)
     (tmp_path / "car-gains.json").write_text(example.plain(gains))
     shells = re.findall(r"```console\n(.*?)```", page.read_text(), re.DOTALL)

@@ -3,13 +3,14 @@ PYTHON ?= python3
 VENV   := .venv
 BIN    := $(VENV)/bin
 OUT    ?= paper-results
+OLDEST := build/oldest
 
 KERNEL := CMakeLists.txt $(wildcard src/kernel/*)
 # The kernel with AddressSanitizer and UndefinedBehaviorSanitizer, and what a plain Python preloads.
 SANITIZED := build/sanitized
 PRELOAD = $(foreach library,asan ubsan stdc++,$(shell $(CXX) -print-file-name=lib$(library).so))
 
-.PHONY: paper test kernel sanitize benchmark lint docs clean
+.PHONY: paper test quick kernel oldest sanitize benchmark lint docs clean
 
 # Another BLAS kernel than this processor's own: it rounds differently.
 OTHER_KERNEL ?= $(if $(shell grep -m1 -o avx512f /proc/cpuinfo 2>/dev/null),Haswell,Nehalem)
@@ -31,6 +32,15 @@ test: $(VENV)/.installed-test
 # The tests of searches once more: no answer may depend on the last bits of floats.
 kernel: $(VENV)/.installed-test
 	OPENBLAS_CORETYPE=$(OTHER_KERNEL) $(BIN)/pytest -n auto --dist loadfile $(SEARCHES)
+
+# A selection of tests with the oldest dependencies that pyproject.toml allows, and without the kernel.
+oldest: $(VENV)/.created
+	$(PYTHON) -m venv $(OLDEST)
+	$(OLDEST)/bin/python tests/support/oldest.py > $(OLDEST)/constraints.txt
+	POLEFENCE_PURE=1 $(OLDEST)/bin/python -m pip install --quiet . pytest hypothesis control \
+	    --constraint $(OLDEST)/constraints.txt
+	$(OLDEST)/bin/python -m pytest -p no:cacheprovider -o filterwarnings= tests/region tests/law \
+	    tests/plant tests/response tests/design/test_design.py tests/show/test_plots.py
 
 sanitize: $(VENV)/.installed-test
 	$(BIN)/python -m pip wheel --quiet --no-build-isolation --no-deps --wheel-dir $(SANITIZED) \

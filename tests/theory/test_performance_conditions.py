@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.integrate import trapezoid
 from scipy.linalg import expm, solve_continuous_are, solve_continuous_lyapunov
 from scipy.optimize import brentq, minimize_scalar
 
@@ -316,7 +317,7 @@ def test_the_peak_under_bounded_energy_is_the_h2_norm(signal):
     for _ in times[1:]:
         rows_.append(rows_[-1] @ step)
     impulse = np.array([(row @ E).item() for row in rows_])
-    assert 0.3 * np.sqrt(np.trapezoid(impulse**2, times)) == pytest.approx(level, rel=1e-3)
+    assert 0.3 * np.sqrt(trapezoid(impulse**2, times)) == pytest.approx(level, rel=1e-3)
 
 
 @pytest.mark.parametrize("signal", [TYRE, ACCELERATION, FORCE], ids=lambda s: s.name)

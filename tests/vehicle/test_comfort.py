@@ -8,6 +8,7 @@ from importlib import import_module
 import numpy as np
 import pytest
 from scipy import integrate, linalg, signal
+from scipy.integrate import trapezoid
 
 from polefence.base.errors import InputError
 from polefence.examples import family
@@ -142,7 +143,7 @@ def test_density_bands_are_exact_for_a_broken_line():
         for k, (low, high) in enumerate(itertools.pairwise(RIDE.edges)):
             corners = frequency[(frequency > low) & (frequency < high)]
             at = np.concatenate([[low], corners, [high]])
-            assert own[k] == pytest.approx(np.trapezoid(np.interp(at, frequency, row), at))
+            assert own[k] == pytest.approx(trapezoid(np.interp(at, frequency, row), at))
 
 
 def test_signal_bands_share_out_the_mean_square():
@@ -204,7 +205,7 @@ def test_running_rms_meets_its_integral(average):
         )
         square = np.interp(at, time, record**2)
         fade = 1.0 if average == "linear" else np.exp((at - time[i]) / window)
-        expected = math.sqrt(np.trapezoid(square * fade, at) / window)
+        expected = math.sqrt(trapezoid(square * fade, at) / window)
         assert found[i] == pytest.approx(expected, rel=1e-6)
     assert of.mtvv(record, step) == of.running_rms(record, step).max()
 

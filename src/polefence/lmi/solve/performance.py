@@ -155,11 +155,11 @@ def least(
     found: Reached | None = None
     if not all(fixed_ones) and (t or not any(fixed_ones)):
         with suppress(SolverError):
-            found = _rounds(question, (outputs, norms), begin, scaling, 0.0, tolerance)
+            found = _Stage(question, scaling, (outputs, norms), tolerance).run(begin)
     if found is None:
         found = _within(question, begin, scaling, tolerance)
         if not all(fixed_ones):
-            found = _rounds(question, (outputs, norms), found, scaling, 0.0, tolerance)
+            found = _Stage(question, scaling, (outputs, norms), tolerance).run(found)
     return replace(found, t={name: value / units[name] for name, value in found.t.items()})
 
 
@@ -173,7 +173,7 @@ def _within(question: Question, begin: Reached, scaling: Scaling, tolerance: flo
     failure = SolverError("no law was found that keeps the limits and the region")
     for own in (*_watched(question, begin, scaling, outputs, norms), (outputs, norms)):
         try:
-            found = _rounds(question, own, begin, scaling, INSIDE, tolerance)
+            found = _Stage(question, scaling, own, tolerance, INSIDE).run(begin)
         except SolverError as error:
             failure = error
             continue
@@ -215,90 +215,73 @@ def _source(question: Question, output: Output) -> Source:
     return next(source for source in question.sources if source.name == output.source)
 
 
-def _rounds(
-    question: Question,
-    bounds: Bounds,
-    begin: Reached,
-    scaling: Scaling,
-    enough: float,
-    tolerance: float,
-) -> Reached:
-    if bounds[1]:
-        found = _near_norms(question, bounds, begin, scaling, enough, tolerance)
-    else:
-        found = _near_edge(question, bounds, begin, scaling, enough, tolerance)
-    if found is None:
-        raise SolverError("no point to start from: the numbers are too far apart for doubles")
-    return found
+@dataclass(frozen=True, eq=False)
+class _Stage:
+    """A search of which only the bounds change: until r is ``enough`` or the gap is closed."""
 
+    question: Question
+    scaling: Scaling
+    bounds: Bounds
+    tolerance: float
+    enough: float = 0.0
 
-def _near_edge(
-    question: Question,
-    bounds: Bounds,
-    begin: Reached,
-    scaling: Scaling,
-    enough: float,
-    tolerance: float,
-) -> Reached | None:
-    """Go on in the coordinates that were reached until the gap closes."""
-    found: Reached | None = None
-    iterations = 0
-    for _ in range(ROUNDS):
-        again = _once(question, bounds, begin, scaling, enough, tolerance)
-        if again is None or (found is not None and again.r >= found.r * (1 - 1e-7)):
-            break
-        iterations += again.iterations
-        found = begin = again
-        if found.converged or found.r <= enough:
-            break
-    return None if found is None else replace(found, iterations=iterations)
+    def run(self, begin: Reached) -> Reached:
+        """Return the point that was reached.
 
+        Raises
+        ------
+        SolverError
+            If there is no point to start from.
+        """
+        found = self._near_norms(begin) if self.bounds[1] else self._near_edge(begin)
+        if found is None:
+            raise SolverError("no point to start from: the numbers are too far apart for doubles")
+        return found
 
-def _near_norms(
-    question: Question,
-    bounds: Bounds,
-    begin: Reached,
-    scaling: Scaling,
-    enough: float,
-    tolerance: float,
-) -> Reached | None:
-    """Go from tangent to tangent, centred at first."""
-    found: Reached | None = None
-    iterations, stage = 0, 0
-    for _ in range(NORM_ROUNDS):
-        again = _once(question, bounds, begin, scaling, enough, max(SHARES[stage], tolerance))
-        worth = again is not None and (found is None or again.r < found.r * (1 - WORTH[stage]))
-        if again is not None and (found is None or again.r < found.r):
+    def _near_edge(self, begin: Reached) -> Reached | None:
+        """Go on in the coordinates that were reached until the gap closes."""
+        found: Reached | None = None
+        iterations = 0
+        for _ in range(ROUNDS):
+            again = self._once(begin, self.tolerance)
+            if again is None or (found is not None and again.r >= found.r * (1 - 1e-7)):
+                break
             iterations += again.iterations
             found = begin = again
-            if found.r <= enough:
+            if found.converged or found.r <= self.enough:
                 break
-        if not worth:
-            stage += 1
-            if stage == len(SHARES):
-                break
-    return None if found is None else replace(found, iterations=iterations)
+        return None if found is None else replace(found, iterations=iterations)
 
+    def _near_norms(self, begin: Reached) -> Reached | None:
+        """Go from tangent to tangent, centred at first."""
+        found: Reached | None = None
+        iterations, stage = 0, 0
+        for _ in range(NORM_ROUNDS):
+            again = self._once(begin, max(SHARES[stage], self.tolerance))
+            worth = again is not None and (found is None or again.r < found.r * (1 - WORTH[stage]))
+            if again is not None and (found is None or again.r < found.r):
+                iterations += again.iterations
+                found = begin = again
+                if found.r <= self.enough:
+                    break
+            if not worth:
+                stage += 1
+                if stage == len(SHARES):
+                    break
+        return None if found is None else replace(found, iterations=iterations)
 
-def _once(
-    question: Question,
-    bounds: Bounds,
-    begin: Reached,
-    scaling: Scaling,
-    enough: float,
-    tolerance: float,
-) -> Reached | None:
-    """Run from a point in the coordinates of its Lyapunov matrix; None if that is no start."""
-    try:
-        own = scaling.refined(lyapunov_mean(begin.values))
-    except SolverError:
+    def _once(self, begin: Reached, tolerance: float) -> Reached | None:
+        """Run from a point in the coordinates of its Lyapunov matrix; None if that is no start."""
+        try:
+            own = self.scaling.refined(lyapunov_mean(begin.values))
+        except SolverError:
+            return None
+        for tangent in range(TANGENTS if self.bounds[1] else 1):
+            pencil = self.question.pencil(own, *self.bounds, begin.values, tangent)
+            again = _run(pencil, begin, own, self.enough, tolerance)
+            if again is not None:
+                return again
         return None
-    for tangent in range(TANGENTS if bounds[1] else 1):
-        pencil = question.pencil(own, *bounds, begin.values, tangent)
-        again = _run(pencil, begin, own, enough, tolerance)
-        if again is not None:
-            return again
-    return None
 
 
 def _run(

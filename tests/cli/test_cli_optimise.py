@@ -247,7 +247,7 @@ def test_a_line_keeps_the_density_of_the_table_it_replaces():
     known = {"force": 2.0}
     assert parse_specification("rms of force <= 1", known=known).density == 2
     assert parse_specification("rms of force <= 1 with density 3", known=known).density == 3
-    road = Road("C", 20)
+    road = RoadSpectrum("C", 20)
     assert parse_specification("rms of force <= 1", road, known).density == road.density
     assert parse_specification("relative rms of v <= 1").density == 1
     with pytest.raises(InputError, match="with density D"):

@@ -29,6 +29,14 @@ test: $(VENV)/.installed-test
 	$(MAKE) sanitize
 	$(BIN)/sphinx-build -W -q -b html docs docs/_build/html
 
+# What takes under a minute.
+quick: $(VENV)/.installed-test
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/mypy
+	$(BIN)/lint-imports
+	$(BIN)/pytest -n auto --dist loadfile -m "not slow"
+
 # The tests of searches once more: no answer may depend on the last bits of floats.
 kernel: $(VENV)/.installed-test
 	OPENBLAS_CORETYPE=$(OTHER_KERNEL) $(BIN)/pytest -n auto --dist loadfile $(SEARCHES)

@@ -19,10 +19,19 @@ if "POLEFENCE_TEST_KERNEL" in os.environ:  # a kernel built otherwise, with sani
 
 from polefence import Design, Disk, Scheduled, UncertainPlant, place, tightest
 from polefence.examples import family
+from support.slow import SLOW
 
 # Machines that test are shared: time says nothing there. The same examples in every run.
 settings.register_profile("steady", deadline=None, derandomize=True)
 settings.load_profile("steady")
+
+
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    """Mark the tests of slow files."""
+    here = config.rootpath / "tests"
+    for item in items:
+        if item.path.relative_to(here).as_posix() in SLOW:
+            item.add_marker(pytest.mark.slow)
 
 
 @pytest.fixture(scope="session")

@@ -4,6 +4,7 @@ VENV   := .venv
 BIN    := $(VENV)/bin
 OUT    ?= paper-results
 OLDEST := build/oldest
+PARALLEL := -n auto --dist loadfile --no-loadscope-reorder
 
 KERNEL := CMakeLists.txt $(wildcard src/kernel/*)
 # The kernel with AddressSanitizer and UndefinedBehaviorSanitizer, and what a plain Python preloads.
@@ -25,7 +26,7 @@ test: $(VENV)/.installed-test
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 	$(BIN)/lint-imports
-	$(BIN)/pytest -n auto --dist loadfile
+	$(BIN)/pytest $(PARALLEL)
 	$(MAKE) sanitize
 	$(BIN)/sphinx-build -W -q -b html docs docs/_build/html
 
@@ -35,11 +36,11 @@ quick: $(VENV)/.installed-test
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 	$(BIN)/lint-imports
-	$(BIN)/pytest -n auto --dist loadfile -m "not slow"
+	$(BIN)/pytest $(PARALLEL) -m "not slow"
 
 # The tests of searches once more: no answer may depend on the last bits of floats.
 kernel: $(VENV)/.installed-test
-	OPENBLAS_CORETYPE=$(OTHER_KERNEL) $(BIN)/pytest -n auto --dist loadfile $(SEARCHES)
+	OPENBLAS_CORETYPE=$(OTHER_KERNEL) $(BIN)/pytest $(PARALLEL) $(SEARCHES)
 
 # A selection of tests with the oldest dependencies that pyproject.toml allows, and without the kernel.
 oldest: $(VENV)/.created

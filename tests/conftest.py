@@ -27,11 +27,13 @@ settings.load_profile("steady")
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    """Mark the tests of slow files."""
+    """Mark the tests of slow files, and begin with them: no worker is left alone with one."""
     here = config.rootpath / "tests"
+    rank = {here / name: number for number, name in enumerate(SLOW)}
     for item in items:
-        if item.path.relative_to(here).as_posix() in SLOW:
+        if item.path in rank:
             item.add_marker(pytest.mark.slow)
+    items.sort(key=lambda item: rank.get(item.path, len(rank)))
 
 
 @pytest.fixture(scope="session")

@@ -33,6 +33,9 @@ from polefence.design.signals.task import ROUNDED, Task
 from polefence.law.laws import FixedGain, Law
 from polefence.lmi.conditions.methods import options
 from polefence.lmi.solve.performance import Reached
+from polefence.lmi.solve.radius import typical_rate
+from polefence.lmi.solve.regulated import regulators
+from polefence.lmi.solve.scaling import balanced
 from polefence.lmi.solve.singular import singular_is_failure
 from polefence.region.regions import HalfPlane, Region, Sector
 from polefence.region.speed import bounded, bounds_speed
@@ -45,6 +48,7 @@ STEPS, BACK = 8, (1 / 32, 1 / 4)  # halvings between two laws; how far inside a 
 SAMPLES = 200  # at which a law is judged before anything is proved of it
 SLIGHT = 1e-6  # a law that is better by less is not looked at further
 WORTH = 2e-4  # the same of a round of implied limits
+FINELY = 14  # halvings of a regulator's weight
 SLOW = (1.0, 2.0, 4.0)  # times the plant's own speed
 BAND, BANDS = 10.0, 8  # powers of two of the plant's own speed, and how many bands are tried
 # Implied limits over what the best law needs, and how often each is taken from the law it led to.
@@ -149,11 +153,25 @@ class Search:
         self._shares(self.task)
         if int(options(self.task.method).degree):
             self._shares(replace(self.task, method="quadratic"))
+        self._regulators()
         self._noise()
         if not self.candidates:
             self._one_by_one()
         if self.task.minimise is not None:
             self._implied()
+
+    def _regulators(self) -> None:
+        """Judge the regulators that searches begin from: doubles may have lost one on the way."""
+        if self._ended:
+            return
+        task, plant = replace(self.task, method="quadratic"), self.task.plant
+        scaling = balanced(plant.A, plant.B, typical_rate(plant.A))
+        with suppress(SolverError), singular_is_failure():
+            for values in regulators(task.question(task.region), scaling, FINELY):
+                start = Reached(np.inf, values, {}, False, 0)
+                own = self._point(task, (1.0,) * len(task.region.parts), start)
+                if own is not None and not own.lost:
+                    self._judged(own)
 
     @property
     def best(self) -> float:

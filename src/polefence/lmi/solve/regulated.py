@@ -25,17 +25,20 @@ SHIFTS = (0.55, 0.75, 1.0, 1.5)  # of the region's decay; a regulator mirrors sl
 SHAKEN = 1e-3  # of the inputs' own variance, as noise through them: W is not singular
 
 
-def regulators(question: Question, scaling: Scaling) -> Iterator[dict[str, Array]]:
+def regulators(
+    question: Question, scaling: Scaling, halvings: int = HALVINGS
+) -> Iterator[dict[str, Array]]:
     """Yield W and Z of regulators of the plant in the middle, in the original coordinates.
 
-    First one that weighs the limits alike, and what is minimised as much as they allow; where the
-    region asks for decay, or the law is to be small, ones that reach it with little effort.
+    First one that weighs the limits alike, and what is minimised as much as they allow, found in so
+    many halvings; where the region asks for decay, or the law is to be small, ones that reach it
+    with little effort.
     """
     A, B = (X.mean(axis=0) for X in scaling.apply(question.A, question.B))
     inverse = np.asarray(np.linalg.inv(scaling.T), dtype=float)
     moved = {s.name: inverse @ intensity(s, question.domain) @ inverse.T for s in question.sources}
     decay = decay_of(question.region) / scaling.rate
-    gains = [_balanced(question.outputs, scaling, A, B, moved)] if question.outputs else []
+    gains = [_balanced(question.outputs, scaling, (A, B), moved, halvings)]
     if decay > 0 or question.norms:
         gains += [_small(question.norms, scaling, A, B, shift * decay) for shift in SHIFTS]
     M = sum((own / (np.trace(own) or 1.0) for own in moved.values()), np.zeros_like(A))
@@ -55,9 +58,16 @@ def decay_of(region: Region | None) -> float:
 
 
 def _balanced(
-    outputs: Sequence[Output], scaling: Scaling, A: Array, B: Array, moved: dict[str, Array]
+    outputs: Sequence[Output],
+    scaling: Scaling,
+    plant: tuple[Array, Array],
+    moved: dict[str, Array],
+    halvings: int,
 ) -> Array | None:
     """Return the gain that weighs what is minimised as much as the limits allow."""
+    if not outputs:
+        return None
+    A, B = plant
     rows = [
         np.hstack([o.C.mean(axis=0) @ scaling.T, o.D.mean(axis=0) @ scaling.S]) / o.level
         for o in outputs
@@ -68,7 +78,7 @@ def _balanced(
         return _regulator(A, B, _weighted(rows, 1 / np.array(sizes)))
     least, most = POWERS
     best: Array | None = None
-    for _ in range(HALVINGS):
+    for _ in range(halvings):
         power = (least + most) / 2
         weights = np.where(fixed, 1.0, 2.0**power)
         K = _regulator(A, B, _weighted(rows, weights))

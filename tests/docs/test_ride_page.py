@@ -30,8 +30,7 @@ COMMON = {"--help", "--output", "--quiet"}
 TEXT = re.sub(r"\s+", " ", PAGE)
 NUMBER = re.compile(r"(?<![\w.])-?\d+\.?\d*(?:e[-+]\d+)?(?![\w.]*\w)")
 COMMANDS = re.findall(r"^\$ (.*)\n((?:(?!\$ |```).*\n)*)", PAGE, re.MULTILINE)
-# An optimum is told to what a round of its search is worth; what a law leaves free at its optimum to
-# the square root of that.
+# An optimum is told to what a round of its search is worth; what it leaves free to the square root.
 OPTIMAL, FREE = WORTH, WORTH**0.5
 CAR = "half_plane(1) & sector(0.15)"
 SHOWN = [(command, shown) for command, shown in COMMANDS if shown]

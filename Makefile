@@ -15,8 +15,8 @@ PRELOAD = $(foreach library,asan ubsan stdc++,$(shell $(CXX) -print-file-name=li
 
 # Another BLAS kernel than this processor's own: it rounds differently.
 OTHER_KERNEL ?= $(if $(shell grep -m1 -o avx512f /proc/cpuinfo 2>/dev/null),Haswell,Nehalem)
-SEARCHES := tests/theory tests/lmi tests/proof/test_sampling.py tests/design/test_design.py \
-    tests/design/place tests/design/signals/test_optimise.py tests/design/margins
+SEARCHES := tests/lmi tests/proof/test_sampling.py tests/design/test_design.py tests/design/place \
+    tests/theory/test_thresholds.py tests/theory/test_largest_regions.py
 
 paper: $(VENV)/.installed
 	$(BIN)/polefence paper -o $(OUT)

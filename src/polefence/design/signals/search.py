@@ -169,7 +169,7 @@ class Search:
         with suppress(SolverError), singular_is_failure():
             for values in regulators(task.question(task.region), scaling, FINELY):
                 start = Reached(np.inf, values, {}, False, 0)
-                own = self._point(task, (1.0,) * len(task.region.parts), start)
+                own = self._point(task, self._ones, start)
                 if own is not None and not own.lost:
                     self._judged(own)
 

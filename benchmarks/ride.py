@@ -63,7 +63,7 @@ from polefence.lmi.solve.scaling import Scaling, balanced
 from polefence.plant.family import UncertainPlant
 from polefence.plant.polynomial import Domain
 from polefence.plant.system import Array
-from polefence.proof import exact
+from polefence.proof import placement
 from polefence.proof.performance import prove_performance
 from polefence.region.regions import Region
 from polefence.response.stationary import velocity_psd
@@ -248,11 +248,11 @@ def asked(case: Case) -> Question:
     )
 
 
-def evidence(ours: Ours) -> exact.Evidence:
+def evidence(ours: Ours) -> placement.Evidence:
     """Return the law's own W: none where the law has it."""
     if isinstance(ours.law, ScheduledGain):
-        return exact.Evidence([])
-    return exact.Evidence([[list(map(Fraction, row)) for row in W] for W in ours.W.tolist()])
+        return placement.Evidence([])
+    return placement.Evidence([[list(map(Fraction, row)) for row in W] for W in ours.W.tolist()])
 
 
 def _is_proved(case: Case, ours: Ours, own: Specification, level: float) -> bool:

@@ -17,7 +17,7 @@ from polefence.design.counterexample import (
     sample_simplex,
     worst_points,
 )
-from polefence.proof import exact
+from polefence.proof import placement
 from polefence.show.paper import study as paper
 
 
@@ -33,7 +33,7 @@ def test_a_pole_that_leaves_inside_an_edge_is_found():
     a, b = answer.alpha
     assert a + b == 1
     assert 9 * float(np.sqrt(float(a * b))) > 1  # the pole -1 + 9 sqrt(ab) leaves the disk
-    assert not exact.poles_inside(certificate.claim(), list(answer.alpha))
+    assert not placement.poles_inside(certificate.claim(), list(answer.alpha))
 
 
 def test_published_gains_on_the_physical_car_are_refuted(physical):
@@ -73,10 +73,10 @@ def test_a_law_that_is_singular_somewhere_is_refuted(small_designs):
     law = ScheduledGain([[[1.0]], [[-1.0]]], [[[-2.0]], [[2.0]]])
     certificate = Certificate(plant, Disk(-2, 1), "scheduled", law, {"tau": np.array(0.0)})
     claim = certificate.claim()
-    assert not exact.poles_inside(claim, [Fraction(1, 2), Fraction(1, 2)])
+    assert not placement.poles_inside(claim, [Fraction(1, 2), Fraction(1, 2)])
     answer = check(certificate)
     assert answer.answer == "refuted"
-    assert not exact.poles_inside(claim, list(answer.alpha))
+    assert not placement.poles_inside(claim, list(answer.alpha))
 
 
 @pytest.mark.parametrize("N", [1, 2, 5])

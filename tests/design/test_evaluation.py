@@ -31,7 +31,9 @@ from polefence.law.coordinates import Coordinates
 from polefence.law.laws import FixedGain, ScheduledGain, right_divide
 from polefence.lmi.solve.radius import smallest_radius
 from polefence.plant.polynomial import Domain
-from polefence.proof import exact
+from polefence.proof import definite, polynomials, regions, roots
+from polefence.proof import matrices as exactly
+from polefence.proof.matrices import mix
 from polefence.region.text import digits_up
 
 # A helicopter and a moored floating platform, HE1 and MFP of F. Leibfritz, COMPleib: constrained
@@ -92,9 +94,9 @@ def rationals(matrix):
 
 def exact_gain(law, alpha):
     """K(alpha), alpha a list of fractions."""
-    basis = exact._basis(exact._coordinates(alpha, law.sizes), law.sizes, law.degree)
+    basis = polynomials._basis(polynomials._coordinates(alpha, law.sizes), law.sizes, law.degree)
     W, Z = ([rationals(M) for M in each] for each in (law.W, law.Z))
-    return exact.right_divide(exact.mix(basis, Z), exact.mix(basis, W))
+    return exactly.right_divide(mix(basis, Z), mix(basis, W))
 
 
 def places(N):
@@ -154,14 +156,14 @@ def test_what_rounding_is_judged_to_take_it_does(sharpest, name):
 def inside(design, alpha, radius):
     """Whether K(alpha) of doubles keeps all poles in a disk about the centre, exactly."""
     claim = design.certificate.claim()
-    A, B = exact.mix(alpha, claim.A), exact.mix(alpha, claim.B)
+    A, B = mix(alpha, claim.A), mix(alpha, claim.B)
     K = rationals(design.law.gain([float(a) for a in alpha]))
     closed = [
         [a + sum(b * k[j] for b, k in zip(bs, K, strict=True)) for j, a in enumerate(row)]
         for row, bs in zip(A, B, strict=True)
     ]
-    part = exact.Part("disk", (Fraction(design.region.centre), Fraction(radius)))
-    return exact.all_inside(closed, (part,))
+    part = regions.Part("disk", (Fraction(design.region.centre), Fraction(radius)))
+    return roots.all_inside(closed, (part,))
 
 
 @pytest.mark.parametrize("name", CASES)
@@ -348,7 +350,7 @@ def test_coordinates_whiten_what_doubles_call_singular(decades):
     found = Coordinates.whitening(W)
     if found is None:  # rounded to an indefinite matrix: exact arithmetic agrees
         whole = [[int(Fraction(float(e)) * 2**200) for e in row] for row in W]
-        assert not exact.is_positive_definite(whole)
+        assert not definite.is_positive_definite(whole)
         return
     assert np.allclose(found.forms(W[None])[0], np.eye(5), atol=1e-6)
     K = random.normal(size=(1, 2, 5))
@@ -374,7 +376,7 @@ def test_coordinates_whiten_what_doubles_call_singular(decades):
     )
     assert np.array_equal(found.gains(K)[0], np.array(product(k, transposed(T)), dtype=float))
     assert np.array_equal(found.inputs(A)[0], np.array(product(T, a), dtype=float))
-    back = transposed(exact.right_divide(_eye(5), transposed(T)))
+    back = transposed(exactly.right_divide(_eye(5), transposed(T)))
     assert np.allclose(found.inverse, np.array(back, dtype=float), rtol=1e-15, atol=0)
     pairs = (
         (found.loops(A)[0], product(T, a, back)),

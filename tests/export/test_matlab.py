@@ -12,7 +12,7 @@ from scipy.io import loadmat
 from polefence import Disk, OutputError, Parameter, Scheduled, UncertainPlant, place, tightest
 from polefence.design.design import Design
 from polefence.export.matlab import mat, statement
-from polefence.proof import exact
+from polefence.proof.matrices import mix, right_divide
 
 METHODS = {
     "paper": Scheduled(1, 1, "simplex"),
@@ -142,10 +142,10 @@ def test_laws_whose_lyapunov_matrix_is_nearly_singular(tmp_path):
     for share in (0, 1, 12, 64):
         alpha = [Fraction(64 - share, 64), Fraction(share, 64)]
         W, Z = (
-            exact.mix(alpha, [[[Fraction(e) for e in row] for row in m] for m in each.tolist()])
+            mix(alpha, [[[Fraction(e) for e in row] for row in m] for m in each.tolist()])
             for each in (design.law.W, design.law.Z)
         )
-        K = np.array(exact.right_divide(Z, W), dtype=float)
+        K = np.array(right_divide(Z, W), dtype=float)
         assert np.allclose(law_gain(law, np.array(alpha, dtype=float)), K, rtol=1e-10, atol=0)
 
 

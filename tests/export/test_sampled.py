@@ -18,8 +18,8 @@ from polefence.export.guarantee import guarantee
 from polefence.export.sampled.document import sampling_document
 from polefence.export.sampled.poles import largest_sample_time, sampled_poles, sampling
 from polefence.export.sampled.proof import off_by_rounding, prove_decay
-from polefence.proof.exact import FormatError
 from polefence.proof.sampling import covers_rounding, prove_sampling, read_sampling
+from polefence.proof.work import FormatError
 
 TIME = 0.002
 

@@ -11,7 +11,7 @@ import pytest
 from polefence import PlantError, load
 from polefence.cli.main import main
 from polefence.plant.spec import loads
-from polefence.proof import exact
+from polefence.proof import placement, work
 
 CHAIN = "\n".join(f'd{i} = "d{i - 1}*d{i - 1}"' for i in range(1, 60))
 BOMBS = {
@@ -95,8 +95,8 @@ def document(small_designs, **changes):
     ],
 )
 def test_what_a_design_file_may_not_hold(small_designs, path, value, message):
-    with pytest.raises(exact.FormatError, match=message):
-        exact.read(document(small_designs, **{path: value}))
+    with pytest.raises(work.FormatError, match=message):
+        placement.read(document(small_designs, **{path: value}))
 
 
 def test_a_design_file_with_endless_denominators_is_refused(small_designs):
@@ -106,14 +106,14 @@ def test_a_design_file_with_endless_denominators_is_refused(small_designs):
     ]
     text["plant"]["vertices"][0]["B"] = [[1, 1]] * 40
     text["plant"]["vertices"] = text["plant"]["vertices"][:1]
-    with pytest.raises(exact.FormatError, match="common denominator"):
-        exact.read(json.dumps(text))
+    with pytest.raises(work.FormatError, match="common denominator"):
+        placement.read(json.dumps(text))
 
 
 def test_a_centre_on_the_right_is_not_proved(small_designs, tmp_path):
     """A claim about a disk in the right half-plane is no design, whatever its inequalities say."""
-    with pytest.raises(exact.FormatError, match="centre = 3 must be negative"):
-        exact.read(document(small_designs, region__centre=3.0))
+    with pytest.raises(work.FormatError, match="centre = 3 must be negative"):
+        placement.read(document(small_designs, region__centre=3.0))
 
 
 def test_claims_put_together_by_hand_must_be_consistent(small_designs):
@@ -132,9 +132,9 @@ def test_claims_put_together_by_hand_must_be_consistent(small_designs):
         {"evidence": (replace(evidence, tau=Fraction(1)),)},
         {"evidence": (evidence, evidence)},
         {"evidence": ()},
-        {"law": exact.Law()},
-        {"law": exact.Law(K=K, Z=K)},
-        {"law": exact.Law(K=[*K, *K])},
+        {"law": placement.Law()},
+        {"law": placement.Law(K=K, Z=K)},
+        {"law": placement.Law(K=[*K, *K])},
         {"method": "cubic"},
         {"method": "slack"},
         {"method": "scheduled"},
@@ -145,8 +145,8 @@ def test_claims_put_together_by_hand_must_be_consistent(small_designs):
         {"A": []},
         {"B": quadratic.B[:1]},
     ):
-        with pytest.raises(exact.FormatError):
-            exact.prove(replace(quadratic, **damage))
+        with pytest.raises(work.FormatError):
+            placement.prove(replace(quadratic, **damage))
 
 
 def test_spec_files_that_are_not_there(tmp_path):

@@ -13,9 +13,12 @@ from polefence.base.errors import DesignFileError, InputError
 from polefence.design import outside
 from polefence.design.place.sweep import READING, sweep
 from polefence.design.signals.files import check_performance
-from polefence.proof import cells, exact
-from polefence.proof.exact import FormatError, Part
+from polefence.proof import cells, placement, polynomials, work
+from polefence.proof.matrices import mix, quotient
+from polefence.proof.reading import MAX_ENTRIES, parse
+from polefence.proof.regions import Part
 from polefence.proof.service import Estimate, Subject, pieces, prove_service
+from polefence.proof.work import FormatError
 
 DESIGN = {
     "format": "polefence-design",
@@ -42,7 +45,7 @@ def performance(count):
 
 
 def spent(path):
-    with exact.counted() as count:
+    with work.counted() as count:
         assert check_performance(path).proved
     return count.spent
 
@@ -55,16 +58,16 @@ def test_claims_of_one_file_share_one_count(tmp_path, monkeypatch):
     assert whole > 3 * spent(path)
     path.write_text(performance(8))
     enough, little = limited(whole), limited(whole // 2)
-    monkeypatch.setattr(exact, "counted", little)
+    monkeypatch.setattr(work, "counted", little)
     with pytest.raises(DesignFileError, match="than is checked here"):
         check_performance(path)
-    monkeypatch.setattr(exact, "counted", enough)
+    monkeypatch.setattr(work, "counted", enough)
     assert check_performance(path).proved
 
 
 def limited(most):
     """The count of a file, which allows other work than it does."""
-    own = exact.counted
+    own = work.counted
     return lambda: own(most)
 
 
@@ -73,9 +76,9 @@ def test_rows_of_a_sweep_that_nobody_asked_for_share_one_count(tmp_path, monkeyp
     path = tmp_path / "rows.json"
     sweep(plant, [-3.0, -4.0, -5.0], ["quadratic"], path)
     asked = [-3.0, -4.0, -5.0]
-    with exact.counted() as count:
+    with work.counted() as count:
         sweep(plant, asked, ["quadratic"], path, resume=True)
-    monkeypatch.setattr(exact, "counted", limited(count.spent // 2))
+    monkeypatch.setattr(work, "counted", limited(count.spent // 2))
     assert len(sweep(plant, asked, ["quadratic"], path, resume=True)) == 3
     with pytest.raises(InputError, match="than is checked here"):
         sweep(plant, [-9.0], ["quadratic"], path, resume=True)
@@ -87,10 +90,10 @@ def test_the_plant_is_counted_for_each_row_that_is_read(tmp_path, monkeypatch):
     sweep(plant, [-3.0, -4.0], ["quadratic"], path)
     for reading in (0, READING):
         monkeypatch.setattr("polefence.design.place.sweep.READING", reading)
-        with exact.counted() as count:
+        with work.counted() as count:
             sweep(plant, [-3.0, -4.0], ["quadratic"], path, resume=True)
         spent.append(count.spent)
-    assert spent[1] - spent[0] == 2 * READING * 2 * exact.cost(0)
+    assert spent[1] - spent[0] == 2 * READING * 2 * work.cost(0)
 
 
 def test_mixing_is_the_sum_and_is_counted():
@@ -98,10 +101,10 @@ def test_mixing_is_the_sum_and_is_counted():
     weights = [Fraction(x) for x in source.normal(size=5).tolist()] + [Fraction(0), Fraction(1, 3)]
     matrices = [[[Fraction(x, 7) for x in (k, 1, -k)]] for k in range(7)]
     wanted = [[sum(w * M[0][j] for w, M in zip(weights, matrices, strict=True)) for j in range(3)]]
-    with exact.counted() as count:
-        assert exact.mix(weights, matrices) == wanted
-    with exact.counted(count.spent - 1), pytest.raises(FormatError, match="than is checked"):
-        exact.mix(weights, matrices)
+    with work.counted() as count:
+        assert mix(weights, matrices) == wanted
+    with work.counted(count.spent - 1), pytest.raises(FormatError, match="than is checked"):
+        mix(weights, matrices)
 
 
 def test_points_of_cells_are_counted():
@@ -109,22 +112,22 @@ def test_points_of_cells_are_counted():
     A, B, K = [[[Fraction(-1)]]] * 4, [[[Fraction(1)]]] * 4, [[[Fraction(0)]]] * 4
     table = cells.Table(A, B, (axis, axis), K)
     short, long = Fraction(1, 3), Fraction(1, 3**500)
-    with exact.counted() as few:
+    with work.counted() as few:
         table.loop((short, short))
-    with exact.counted() as many:
+    with work.counted() as many:
         table.loop((long, long))
     assert many.spent > 2 * few.spent > 0
 
 
 def test_many_entries_are_refused_before_they_are_rationals():
     with pytest.raises(FormatError, match="entries of lists"):
-        exact.parse("[" + "0," * exact.MAX_ENTRIES + "0,0]")
+        parse("[" + "0," * MAX_ENTRIES + "0,0]")
 
 
 @pytest.mark.parametrize(("size", "degree"), [(1, 3), (2, 4), (4, 3), (7, 2)])
 def test_monomials_come_in_the_file_s_order(size, degree):
-    found = exact.monomials((size,), degree)
-    assert len(set(found)) == len(found) == exact._number((size,), degree)
+    found = polynomials.monomials((size,), degree)
+    assert len(set(found)) == len(found) == polynomials._number((size,), degree)
     assert all(sum(e) == degree for e in found)
 
     def rank(e):
@@ -136,15 +139,15 @@ def test_monomials_come_in_the_file_s_order(size, degree):
 
 def test_exponents_of_many_vertices_are_counted():
     """65,536 sums of 256 exponents each take longer than their products of numbers."""
-    P = {e: [[1]] for e in exact.monomials((64,), 1)}
-    with exact.counted() as count:
-        exact._product(P, P)
-    assert count.spent > 64**2 * 64 // exact.COORDINATES * exact.CALL
+    P = {e: [[1]] for e in polynomials.monomials((64,), 1)}
+    with work.counted() as count:
+        polynomials._product(P, P)
+    assert count.spent > 64**2 * 64 // polynomials.COORDINATES * work.CALL
 
 
 def test_evidence_that_overflows_is_no_warning(recwarn):
     tiny = Fraction(1e-320)
-    loop = exact.quotient([[Fraction(0), tiny], [Fraction(2), Fraction(1)]])
+    loop = quotient([[Fraction(0), tiny], [Fraction(2), Fraction(1)]])
     list(outside.evidence(loop, (Part("half_plane", (Fraction(0),)),)))
     assert not recwarn.list
 
@@ -154,11 +157,11 @@ def mislaid(N, degree, elevation=0):
     A, B = [[[Fraction(-2)]]] * N, [[[Fraction(1)]]] * N
     region, one, none = (Part("half_plane", (Fraction(1),)),), [[Fraction(1)]], [[Fraction(0)]]
     if degree:
-        law = exact.Law(None, [one] * N, [none] * N, degree)
-        design = exact.Claim("scheduled", A, B, region, law, (exact.Evidence([]),))
+        law = placement.Law(None, [one] * N, [none] * N, degree)
+        design = placement.Claim("scheduled", A, B, region, law, (placement.Evidence([]),))
     else:
-        law = exact.Law([none])
-        design = exact.Claim("quadratic", A, B, region, law, (exact.Evidence([one]),))
+        law = placement.Law([none])
+        design = placement.Claim("quadratic", A, B, region, law, (placement.Evidence([one]),))
     return Estimate(Subject(design, (), (), elevation), (Fraction(1, 8),))
 
 
@@ -184,7 +187,7 @@ def test_composing_with_long_exponents_is_counted():
     unit = [tuple(int(j == k) for j in range(N)) for k in range(N)]
     P = {e: [[1]] for e in unit}
     forms = [{e: [[1]] for e in unit} for _ in range(N)]
-    with exact.counted() as count:
+    with work.counted() as count:
         pieces.composed(P, forms, N)
-    products = N * N * N // exact.COORDINATES * exact.CALL
+    products = N * N * N // polynomials.COORDINATES * work.CALL
     assert count.spent > 2 * products  # what is multiplied, and what is added up

@@ -14,7 +14,8 @@ from polefence.examples import spec_text
 from polefence.plant.expression import decimal
 from polefence.plant.parameters import MAX_NAME, exact
 from polefence.plant.spec import loads
-from polefence.proof.exact import MAX_DEPTH, MAX_PIECES, FormatError, parse
+from polefence.proof.reading import MAX_DEPTH, MAX_PIECES, parse
+from polefence.proof.work import FormatError
 from polefence.vehicle.profile import measured_road
 from polefence.vehicle.road import MOST_UNASKED
 

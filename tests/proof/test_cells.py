@@ -13,7 +13,7 @@ import pytest
 
 from polefence import GainTable, HalfPlane, Parameter, Sector, UncertainPlant, analyse
 from polefence.design.given.table_search import _exact_table
-from polefence.proof import cells, exact
+from polefence.proof import cells, placement, roots, work
 
 
 def spring(low="1", high="4"):
@@ -78,7 +78,7 @@ def test_a_cells_claim_is_the_loop_itself_exactly(bounds):
             for corner in product((0, 1), repeat=len(t))
         ]
         p = tuple(a + x * (b - a) for a, x, b in zip(low, t, high, strict=True))
-        assert exact.closed_loop(claim, alpha) == table.loop(p)
+        assert placement.closed_loop(claim, alpha) == table.loop(p)
     # and that loop is the physical one: m x'' = -k x + K
     m, k = (float(v) for v in p)
     (K,) = table.gain(p)
@@ -220,7 +220,7 @@ def moved_inside(document):
     table, region, found, _ = cells.read(json.dumps(document))
     for cell, plain in zip(found, document["cells"], strict=True):
         for corner in product(*zip(cell.low, cell.high, strict=True)):
-            if cell.answer == "refuted" and exact.all_inside(table.loop(corner), region):
+            if cell.answer == "refuted" and roots.all_inside(table.loop(corner), region):
                 plain["at"] = [str(v) for v in corner]
                 return plain
     raise LookupError
@@ -271,7 +271,7 @@ def test_a_fault_of_form_is_refused(document, name):
     change, message = FORM[name]
     broken = copy.deepcopy(document)
     change(broken)
-    with pytest.raises(exact.FormatError, match=message):
+    with pytest.raises(work.FormatError, match=message):
         summary(broken)
 
 
@@ -281,7 +281,7 @@ def test_a_fault_of_substance_is_named(document, name):
     broken = copy.deepcopy(document)
     change(broken)
     if name == "decay lowered":  # one part less in the region: evidence for two does not belong
-        with pytest.raises(exact.FormatError, match="do not belong"):
+        with pytest.raises(work.FormatError, match="do not belong"):
             summary(broken)
         return
     fault = summary(broken).fault
@@ -303,8 +303,8 @@ def test_what_only_weakens_a_claim_is_let_through_and_reported(document):
 
 
 def test_work_is_bounded(document, monkeypatch):
-    monkeypatch.setattr(exact, "MAX_WORK", 1000)
-    with pytest.raises(exact.FormatError, match="more inequalities, or larger, than are checked"):
+    monkeypatch.setattr(cells, "MAX_WORK", 1000)
+    with pytest.raises(work.FormatError, match="more inequalities, or larger, than are checked"):
         summary(document)
 
 

@@ -17,7 +17,7 @@ import pytest
 from polefence import Certificate, Disk, Parameter, UncertainPlant, check, place
 from polefence.base.errors import RegionError
 from polefence.lmi.conditions.methods import Scheduled, Slack
-from polefence.proof import exact
+from polefence.proof import placement, regions, work
 from polefence.region.regions import (
     Ellipse,
     HalfPlane,
@@ -121,8 +121,8 @@ def changed(found, path, factor, shift):
 def is_proved(found):
     """What the checker says; where it refuses the claim as inconsistent, it is not proved."""
     try:
-        return exact.prove(exact.read(json.dumps(found))[0]).proved
-    except exact.FormatError:
+        return placement.prove(placement.read(json.dumps(found))[0]).proved
+    except work.FormatError:
         return False
 
 
@@ -130,7 +130,7 @@ def is_region(found):
     """Whether the numbers make one; what is none is bad input."""
     parts = found["region"].get("parts", [found["region"]])
     try:
-        region_of([(p["kind"], [p[key] for key in exact.KINDS[p["kind"]]]) for p in parts])
+        region_of([(p["kind"], [p[key] for key in regions.KINDS[p["kind"]]]) for p in parts])
     except RegionError:
         return False
     return True
@@ -141,15 +141,15 @@ def truth(found):
     if found["certificate"].get("tau"):  # of Theorem 1 alone is there one, and not here
         return -1.0
     if not is_region(found):
-        with pytest.raises(exact.FormatError, match="region"):
-            exact.read(json.dumps(found))
+        with pytest.raises(work.FormatError, match="region"):
+            placement.read(json.dumps(found))
         return -1.0
-    claim, _ = exact.read(json.dumps(found))
+    claim, _ = placement.read(json.dumps(found))
     symmetric = [X for e in claim.evidence for X in e.X] + list(claim.law.W or [])
     if any([list(row) for row in zip(*X, strict=True)] != X for X in symmetric):
         return -1.0
     least = np.inf
-    for _, block in exact.blocks(claim):
+    for _, block in placement.blocks(claim):
         top = max(abs(e) for row in block for e in row)
         M = np.array([[e / top for e in row] for row in block])
         diagonal = np.diag(M)

@@ -15,7 +15,7 @@ from polefence.lmi.conditions.methods import Scheduled, Slack, build
 from polefence.lmi.conditions.parameter_dependent import parameter_dependent
 from polefence.lmi.conditions.target import Around
 from polefence.plant.polynomial import Domain
-from polefence.proof import exact
+from polefence.proof import placement, polynomials, regions
 from polefence.region.regions import (
     Disk,
     Ellipse,
@@ -61,19 +61,19 @@ def alike(mine, theirs):
 
 
 def claim(method, A, B, region, law, evidence, on, weights=()):
-    parts = exact.read_region(region.document())
+    parts = placement.read_region(region.document())
     As, Bs = ([rationals(X) for X in group] for group in (A, B))
     q = tuple(Fraction(float(w)) for w in weights)
-    return exact.Claim(method, As, Bs, parts, law, evidence, on, q)
+    return placement.Claim(method, As, Bs, parts, law, evidence, on, q)
 
 
 def compared(pencil, values, claimed):
     """All of the pencil's blocks are among the checker's, and those besides are coefficients."""
     theirs = pencil.matrices(pencil.pack(values), 1.0)
-    blocks = list(exact.blocks(claimed))
+    blocks = list(placement.blocks(claimed))
     positive = [b for name, b in blocks if name.startswith("of ")]
     others = [b for name, b in blocks if not name.startswith("of ")]
-    pairs = sum(len(exact._characteristic_pairs(part)) for part in claimed.region)
+    pairs = sum(len(regions._characteristic_pairs(part)) for part in claimed.region)
     asked = [X for name, X in theirs.items() if " at " in name]
     wanted = [X for name, X in theirs.items() if " at " not in name]
     assert len(others) == len(wanted)
@@ -99,8 +99,8 @@ def test_scheduled(region, degree, elevation, on):
     W, Z = draw(count, n, n, symmetric=True), draw(count, m, n)
     pencil = build(Scheduled(degree, elevation, on), A, B, Around(region).target(1.0))
     values = {f"W{k + 1}": W[k] for k in range(count)} | {f"Z{k + 1}": Z[k] for k in range(count)}
-    law = exact.Law(None, [rationals(X) for X in W], [rationals(X) for X in Z], degree)
-    claimed = claim("scheduled", A, B, region, law, (exact.Evidence([], 0, elevation),), on)
+    law = placement.Law(None, [rationals(X) for X in W], [rationals(X) for X in Z], degree)
+    claimed = claim("scheduled", A, B, region, law, (placement.Evidence([], 0, elevation),), on)
     positive = compared(pencil, values, claimed)
     only_disks = all(part.kind == "disk" for part in region.parts)
     assert len(positive) == (0 if only_disks else Domain.of(on, N).count(degree + 1 + elevation))
@@ -110,7 +110,7 @@ def test_scheduled(region, degree, elevation, on):
 def test_quadratic(region):
     A, B, (W,), (K,) = draw(3, n, n), draw(3, n, m), draw(1, n, n, symmetric=True), draw(1, m, n)
     pencil = build("quadratic", A, B, Around(region).target(1.0))
-    law, evidence = exact.Law([rationals(K)]), (exact.Evidence([rationals(W)]),)
+    law, evidence = placement.Law([rationals(K)]), (placement.Evidence([rationals(W)]),)
     compared(
         pencil, {"W": W, "Z": K @ W}, claim("quadratic", A, B, region, law, evidence, "simplex")
     )
@@ -128,10 +128,10 @@ def test_slack(degree, elevation, on, region):
     (G,), (K,) = draw(1, n, n), draw(1, m, n)
     pencil = build(Slack(degree, elevation, on, epsilon), A, B, Around(region).target(1.0))
     values = {f"P{k + 1}": P[k] for k in range(count)} | {"G": G, "L": K @ G}
-    evidence = exact.Evidence(
+    evidence = placement.Evidence(
         [rationals(X) for X in P], degree, elevation, G=rationals(G), epsilon=Fraction(epsilon)
     )
-    law = exact.Law([rationals(K)])
+    law = placement.Law([rationals(K)])
     compared(pencil, values, claim("slack", A, B, region, law, (evidence,), on))
 
 
@@ -145,17 +145,17 @@ def test_a_given_gain_is_analysis_of_its_closed_loop(on):
     evidence, Xs = [], []
     for degree, elevation in forms:
         Xs.append(draw(domain.count(degree), n, n, symmetric=True))
-        evidence.append(exact.Evidence([rationals(X) for X in Xs[-1]], degree, elevation))
-    law = exact.Law([rationals(K)])
+        evidence.append(placement.Evidence([rationals(X) for X in Xs[-1]], degree, elevation))
+    law = placement.Law([rationals(K)])
     claimed = claim("lyapunov", A, B, ALL, law, tuple(evidence), on)
-    blocks = list(exact.blocks(claimed))
+    blocks = list(placement.blocks(claimed))
     for part, (degree, elevation), X in zip(ALL.parts, forms, Xs, strict=True):
         target = Around(part).target(1.0)
         pencil = parameter_dependent(A + B @ K, None, target, domain, degree, elevation)
         names = [f"W{k + 1}" for k in range(len(X))] if degree else ["W"]
         theirs = pencil.matrices(pencil.pack(dict(zip(names, X, strict=True))), 1.0)
         count = domain.count(degree + 1 + elevation)
-        pairs = len(exact._characteristic_pairs(exact.read_region(part.document())[0]))
+        pairs = len(regions._characteristic_pairs(placement.read_region(part.document())[0]))
         positive = 0 if part.kind == "disk" else count
         own, blocks = blocks[: positive + pairs * count], blocks[positive + pairs * count :]
         wanted = [X for name, X in theirs.items() if " at " not in name]
@@ -184,10 +184,12 @@ def against_matrices(claimed, domain, expected):
 
     ``expected(number, c, alpha)`` is N and X of one part's evidence.
     """
-    blocks = list(exact.blocks(claimed))
+    blocks = list(placement.blocks(claimed))
     for number, (part, evidence) in enumerate(zip(claimed.region, claimed.evidence, strict=True)):
-        exponents = np.array(exact.monomials(domain.sizes, exact._degree(claimed, evidence)))
-        pairs = exact._characteristic_pairs(part)
+        exponents = np.array(
+            polynomials.monomials(domain.sizes, placement._degree(claimed, evidence))
+        )
+        pairs = regions._characteristic_pairs(part)
         positive = [] if part.kind == "disk" else [None]
         for pair in (*positive, *pairs):
             own, blocks = blocks[: len(exponents)], blocks[len(exponents) :]
@@ -227,9 +229,10 @@ def test_gains_at_the_corners_and_a_common_denominator(on, weighted):
     forms = [(0, 0), (1, 1), (2, 0), (1, 0), (0, 1), (1, 0)]
     Xs = [draw(domain.count(degree), n, n, symmetric=True) for degree, _ in forms]
     evidence = tuple(
-        exact.Evidence([rationals(x) for x in X], *form) for X, form in zip(Xs, forms, strict=True)
+        placement.Evidence([rationals(x) for x in X], *form)
+        for X, form in zip(Xs, forms, strict=True)
     )
-    law = exact.Law([rationals(k) for k in K])
+    law = placement.Law([rationals(k) for k in K])
     weights = q if weighted else ()
     claimed = claim("lyapunov", A, B, ALL, law, evidence, on, weights)
 
@@ -252,10 +255,11 @@ def test_one_gain(on, weighted):
     region = HalfPlane(1.5) & Disk(-3, 2) & VerticalStrip(-4, -1)
     Xs = [draw(domain.count(degree), n, n, symmetric=True) for degree, _ in forms]
     evidence = tuple(
-        exact.Evidence([rationals(x) for x in X], *form) for X, form in zip(Xs, forms, strict=True)
+        placement.Evidence([rationals(x) for x in X], *form)
+        for X, form in zip(Xs, forms, strict=True)
     )
     weights = q if weighted else ()
-    claimed = claim("lyapunov", A, B, region, exact.Law([rationals(K)]), evidence, on, weights)
+    claimed = claim("lyapunov", A, B, region, placement.Law([rationals(K)]), evidence, on, weights)
 
     def expected(number, c, alpha):
         X = polynomial(domain, forms[number][0], Xs[number], c)
@@ -280,14 +284,14 @@ def test_a_scheduled_law_given(on, degree, multiple):
     Qs = [draw(domain.count(g), n, n, symmetric=True) for g, _ in forms]
     s = [RANDOM.normal(size=domain.count(g)).round(6) for g, _ in forms]
     evidence = tuple(
-        exact.Evidence(
+        placement.Evidence(
             [rationals(q) for q in Q],
             *form,
             tuple(Fraction(float(v)) for v in own) if multiple else (),
         )
         for Q, own, form in zip(Qs, s, forms, strict=True)
     )
-    law = exact.Law(None, [rationals(X) for X in W], [rationals(X) for X in Z], degree)
+    law = placement.Law(None, [rationals(X) for X in W], [rationals(X) for X in Z], degree)
     claimed = claim("lyapunov", A, B, region, law, evidence, on)
 
     def expected(number, c, alpha):

@@ -11,7 +11,7 @@ import pytest
 from polefence import NotProvedError, Parameter, UncertainPlant, place
 from polefence.lmi.conditions.methods import Scheduled, Slack
 from polefence.plant.polynomial import Domain
-from polefence.proof import exact
+from polefence.proof import placement, regions, roots
 from polefence.region.regions import (
     Disk,
     Ellipse,
@@ -34,7 +34,7 @@ GROWING = {
     "intersection": lambda t: Disk(-1.5, 2 * t) & HalfPlane(5 - 3 * t) & HorizontalStrip(t),
 }
 # A tangent's halves of the angle between its neighbours, of 32 in the upper half-plane.
-CORNER = 1 / np.cos(1 / exact.TANGENTS)
+CORNER = 1 / np.cos(1 / regions.TANGENTS)
 
 
 def threshold(grow, poles):
@@ -50,7 +50,7 @@ def threshold(grow, poles):
 
 def inside(matrix, region):
     rational = [[Fraction(float(e)) for e in row] for row in matrix]
-    return exact.all_inside(rational, exact.read_region(region.document()))
+    return roots.all_inside(rational, placement.read_region(region.document()))
 
 
 def short(x):
@@ -113,7 +113,7 @@ def test_a_pole_at_the_origin_or_at_one_is_no_special_case():
     assert inside([[1.0, 0], [0, -2]], HalfPlane(-1.5))
     assert not inside([[0.0, 0], [0, -2]], Sector(0.5))
     assert inside([[0.0]], HorizontalStrip(1e-9))
-    assert exact.all_inside([], exact.read_region(HalfPlane(0).document()))
+    assert roots.all_inside([], placement.read_region(HalfPlane(0).document()))
 
 
 # --- what is proved, holds -----------------------------------------------------------------------
@@ -218,5 +218,5 @@ def test_poles_inside_of_a_claim_agrees_with_its_sampled_poles(on):
         wider = CORNER if "ellipse" in kind else 1.0
         for factor, answer in ((1 + 1e-4, True), (1 / (wider * (1 + 1e-4)), False)):
             if t is not None:
-                parts = exact.read_region(grow(short(t * factor)).document())
-                assert exact.poles_inside(replace(claim, region=parts), alpha) is answer
+                parts = placement.read_region(grow(short(t * factor)).document())
+                assert placement.poles_inside(replace(claim, region=parts), alpha) is answer

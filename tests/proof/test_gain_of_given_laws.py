@@ -32,9 +32,10 @@ from polefence.design.margins.gain import Scales, scales_of
 from polefence.design.margins.gain_breaks import gain_break
 from polefence.law.laws import FixedGain, ScheduledGain
 from polefence.plant.polynomial import Domain
-from polefence.proof.exact import FormatError, least_work
+from polefence.proof.definite import least_work
 from polefence.proof.service import Gain, Range, Subject, prove_service, read_service
 from polefence.proof.service.inequalities import blocks
+from polefence.proof.work import FormatError
 
 REGION = HalfPlane(0.5) & Sector(0.2) & VerticalStrip(-12, -0.4) & Ellipse(-4, 5, 4)
 

@@ -10,8 +10,10 @@ import numpy as np
 import pytest
 
 from polefence.design.certificate import check_claim
-from polefence.proof import cells, exact
-from polefence.proof.exact import Claim, Evidence, FormatError, Law, Part
+from polefence.proof import cells, definite, placement, roots, work
+from polefence.proof.placement import Claim, Evidence, Law
+from polefence.proof.regions import Part
+from polefence.proof.work import FormatError
 
 DISK = (Part("disk", (Fraction(-40), Fraction(31))),)
 ZERO, ONE = Fraction(0), Fraction(1)
@@ -47,20 +49,20 @@ def long_numbers(n):
 
 def test_coprime_denominators_are_proved_at_the_cost_of_their_length():
     claim = long_numbers(12)
-    with exact.counted() as count:
-        assert exact.prove(claim).proved
+    with work.counted() as count:
+        assert placement.prove(claim).proved
     short = fixed(diagonal(12, Fraction(-40)), [[ZERO] * 12], diagonal(12, ONE))
-    with exact.counted() as other:
-        assert exact.prove(short).proved
+    with work.counted() as other:
+        assert placement.prove(short).proved
     assert count.spent > 100 * other.spent
 
 
 def test_a_file_of_long_numbers_that_is_too_much_work_is_refused_before_it_is_done():
     claim = long_numbers(12)
-    with exact.counted() as count:
-        exact.prove(claim)
-    with exact.counted(count.spent - 1) as less, pytest.raises(FormatError, match="numbers longer"):
-        exact.prove(claim)
+    with work.counted() as count:
+        placement.prove(claim)
+    with work.counted(count.spent - 1) as less, pytest.raises(FormatError, match="numbers longer"):
+        placement.prove(claim)
     assert less.spent < count.spent
 
 
@@ -71,8 +73,8 @@ def test_a_singular_inequality_of_long_numbers_is_not_eliminated():
         [Fraction(random.Random(n * i + j).getrandbits(900)) for j in range(3)] for i in range(n)
     ]
     matrix = [[int(sum(a * b for a, b in zip(x, y, strict=True))) for y in rows] for x in rows]
-    with exact.counted(), pytest.raises(FormatError, match="round the numbers"):
-        exact.is_positive_definite(matrix)
+    with work.counted(), pytest.raises(FormatError, match="round the numbers"):
+        definite.is_positive_definite(matrix)
 
 
 @pytest.mark.parametrize("scheduled", [False, True])
@@ -108,7 +110,7 @@ def test_refuted_cells_without_evidence_are_counted_before_the_first_is_decided(
     def never(*_):
         raise AssertionError("work was begun")
 
-    monkeypatch.setattr(exact, "characteristic", never)
+    monkeypatch.setattr(roots, "characteristic", never)
     with pytest.raises(FormatError, match="more inequalities, or larger, than are checked"):
         cells.summarise(table, region, found)
 
@@ -119,6 +121,6 @@ def test_many_large_inequalities_are_refused_before_any_work(monkeypatch):
     claim = Claim(
         "quadratic", [matrix] * N, [B] * N, DISK, Law([[[ZERO] * n]]), (Evidence([matrix]),)
     )
-    monkeypatch.setattr(exact, "blocks", lambda claim: 1 / 0)
+    monkeypatch.setattr(placement, "blocks", lambda claim: 1 / 0)
     with pytest.raises(FormatError, match="256 inequalities of this size"):
-        exact.prove(claim)
+        placement.prove(claim)

@@ -24,7 +24,8 @@ from polefence import (
 from polefence.cli.main import main
 from polefence.design.certificate import check_claim
 from polefence.lmi.conditions.methods import Scheduled, Slack
-from polefence.proof import exact
+from polefence.proof import placement, regions, work
+from polefence.proof.__main__ import main as alone
 from polefence.region.regions import HalfPlane, Sector
 
 SECONDS = 3.0  # a second each, on a machine that is shared
@@ -58,7 +59,7 @@ def answers(path):
     return [
         said(check, path),
         said(Design.load, path),
-        codes[exact.main([str(path)])],
+        codes[alone([str(path)])],
         codes[main(["check", str(path)])],
     ]
 
@@ -218,8 +219,8 @@ def test_what_is_no_design_is_refused(documents, tmp_path, capsys, fault):
     begin = time.perf_counter()
     assert set(answers(path)) == {"refused"}
     assert time.perf_counter() - begin < SECONDS
-    with pytest.raises(exact.FormatError):
-        exact.read(path.read_text())
+    with pytest.raises(work.FormatError):
+        placement.read(path.read_text())
 
 
 @pytest.mark.parametrize("fault", NOT_PROVED)
@@ -251,8 +252,8 @@ def test_and_is_never_proved(documents, tmp_path, fault):
     """The same files, of the checker itself: its own error and no other."""
     path = inconsistent(documents, tmp_path, fault)
     begin = time.perf_counter()
-    with pytest.raises(exact.FormatError):
-        exact.prove(exact.read(path.read_text())[0])
+    with pytest.raises(work.FormatError):
+        placement.prove(placement.read(path.read_text())[0])
     assert time.perf_counter() - begin < SECONDS
 
 
@@ -265,40 +266,40 @@ def test_a_law_of_no_kind_is_refused(documents, tmp_path, capsys):
 def test_a_small_file_asks_for_no_more_than_seconds_of_work(tmp_path):
     """Eight scalar vertices and elevation 16: two kilobytes, within all limits there are."""
     one = [[[Fraction(1)]]] * 8
-    law = exact.Law(None, one, [[[Fraction(0)]]] * 8, 1)
-    disk = (exact.Part("disk", (Fraction(-3), Fraction(1))),)
-    evidence = (exact.Evidence([], elevation=16),)
-    claim = exact.Claim("scheduled", [[[Fraction(-3)]]] * 8, one, disk, law, evidence)
+    law = placement.Law(None, one, [[[Fraction(0)]]] * 8, 1)
+    disk = (regions.Part("disk", (Fraction(-3), Fraction(1))),)
+    evidence = (placement.Evidence([], elevation=16),)
+    claim = placement.Claim("scheduled", [[[Fraction(-3)]]] * 8, one, disk, law, evidence)
     begin = time.perf_counter()
-    with pytest.raises(exact.FormatError):
-        exact.prove(claim)
+    with pytest.raises(work.FormatError):
+        placement.prove(claim)
     assert time.perf_counter() - begin < SECONDS
 
 
 # --- claims made without a file ------------------------------------------------------------------
 
 ONE, ZERO = [[Fraction(1)]], [[Fraction(0)]]
-HALF_PLANE = exact.Part("half_plane", (Fraction(1, 2),))
-FIXED = exact.Law([ZERO])
-SCHEDULED = exact.Law(None, [ONE] * 3, [ZERO] * 3, 1)
-EVIDENCE = exact.Evidence([ONE])
+HALF_PLANE = regions.Part("half_plane", (Fraction(1, 2),))
+FIXED = placement.Law([ZERO])
+SCHEDULED = placement.Law(None, [ONE] * 3, [ZERO] * 3, 1)
+EVIDENCE = placement.Evidence([ONE])
 
 
 def scalars(method="lyapunov", law=FIXED, evidence=(EVIDENCE,), N=3, **others):
     """x' = -x, N times: every pole is -1, every certificate that is one proves it."""
     A, B = [[[Fraction(-1)]]] * N, [ONE] * N
-    return exact.Claim(method, A, B, (HALF_PLANE,), law, tuple(evidence), **others)
+    return placement.Claim(method, A, B, (HALF_PLANE,), law, tuple(evidence), **others)
 
 
-SLACK = exact.Evidence([ONE] * 3, 1, G=ONE, epsilon=Fraction(1, 10))
+SLACK = placement.Evidence([ONE] * 3, 1, G=ONE, epsilon=Fraction(1, 10))
 GOOD = {
     "one gain": scalars(),
     "one gain, quadratic": scalars("quadratic"),
-    "gains at the corners": scalars(law=exact.Law([ZERO] * 3)),
+    "gains at the corners": scalars(law=placement.Law([ZERO] * 3)),
     "weights": scalars(weights=(Fraction(1), Fraction(1, 2), Fraction(3, 2))),
-    "scheduled": scalars("scheduled", SCHEDULED, [exact.Evidence([])]),
+    "scheduled": scalars("scheduled", SCHEDULED, [placement.Evidence([])]),
     "scheduled, given": scalars(
-        law=SCHEDULED, evidence=[exact.Evidence([ZERO], multiple=(Fraction(1),))]
+        law=SCHEDULED, evidence=[placement.Evidence([ZERO], multiple=(Fraction(1),))]
     ),
     "slack": scalars("slack", evidence=[SLACK]),
     "a box": scalars(N=4, on="box"),
@@ -312,73 +313,75 @@ BAD = {
     "vertices of B": replace(scalars(), B=[ONE]),
     "three corners of a box": scalars(on="box"),
     "a ball": scalars(on="ball"),
-    "no law": scalars(law=exact.Law()),
+    "no law": scalars(law=placement.Law()),
     "two laws": scalars(law=replace(SCHEDULED, K=[ZERO])),
-    "two gains for three corners": scalars(law=exact.Law([ZERO] * 2)),
-    "no gain": scalars(law=exact.Law([])),
-    "gains at the corners, quadratic": scalars("quadratic", exact.Law([ZERO] * 3)),
-    "gains at the corners, slack": scalars("slack", exact.Law([ZERO] * 3), [SLACK]),
+    "two gains for three corners": scalars(law=placement.Law([ZERO] * 2)),
+    "no gain": scalars(law=placement.Law([])),
+    "gains at the corners, quadratic": scalars("quadratic", placement.Law([ZERO] * 3)),
+    "gains at the corners, slack": scalars("slack", placement.Law([ZERO] * 3), [SLACK]),
     "scheduled law, quadratic": scalars("quadratic", SCHEDULED),
-    "one gain, scheduled": scalars("scheduled", evidence=[exact.Evidence([])]),
-    "W too few": scalars("scheduled", replace(SCHEDULED, W=[ONE] * 2), [exact.Evidence([])]),
-    "Z too few": scalars("scheduled", replace(SCHEDULED, Z=[ZERO] * 2), [exact.Evidence([])]),
-    "degree of the law": scalars("scheduled", replace(SCHEDULED, degree=2), [exact.Evidence([])]),
+    "one gain, scheduled": scalars("scheduled", evidence=[placement.Evidence([])]),
+    "W too few": scalars("scheduled", replace(SCHEDULED, W=[ONE] * 2), [placement.Evidence([])]),
+    "Z too few": scalars("scheduled", replace(SCHEDULED, Z=[ZERO] * 2), [placement.Evidence([])]),
+    "degree of the law": scalars(
+        "scheduled", replace(SCHEDULED, degree=2), [placement.Evidence([])]
+    ),
     "X of a scheduled law": scalars("scheduled", SCHEDULED),
-    "degree of X": scalars(evidence=[exact.Evidence([ONE], 1)]),
-    "X too few": scalars(evidence=[exact.Evidence([])]),
-    "degree, quadratic": scalars("quadratic", evidence=[exact.Evidence([ONE] * 3, 1)]),
-    "negative elevation": scalars(evidence=[exact.Evidence([ONE], elevation=-1)]),
-    "huge elevation": scalars(evidence=[exact.Evidence([ONE], elevation=17)]),
+    "degree of X": scalars(evidence=[placement.Evidence([ONE], 1)]),
+    "X too few": scalars(evidence=[placement.Evidence([])]),
+    "degree, quadratic": scalars("quadratic", evidence=[placement.Evidence([ONE] * 3, 1)]),
+    "negative elevation": scalars(evidence=[placement.Evidence([ONE], elevation=-1)]),
+    "huge elevation": scalars(evidence=[placement.Evidence([ONE], elevation=17)]),
     "weights too few": scalars(weights=(Fraction(1),)),
     "weights, quadratic": scalars("quadratic", weights=(Fraction(1),) * 3),
     "weights, scheduled": replace(GOOD["scheduled, given"], weights=(Fraction(1),) * 3),
     "multiples too many": scalars(
-        law=SCHEDULED, evidence=[exact.Evidence([ZERO], multiple=(Fraction(1),) * 3)]
+        law=SCHEDULED, evidence=[placement.Evidence([ZERO], multiple=(Fraction(1),) * 3)]
     ),
-    "multiples of one gain": scalars(evidence=[exact.Evidence([ONE], multiple=(Fraction(1),))]),
+    "multiples of one gain": scalars(evidence=[placement.Evidence([ONE], multiple=(Fraction(1),))]),
     "no G": scalars("slack", evidence=[replace(SLACK, G=None)]),
-    "G, quadratic": scalars("quadratic", evidence=[exact.Evidence([ONE], G=ONE)]),
-    "tau": scalars(evidence=[exact.Evidence([ONE], tau=Fraction(1))]),
+    "G, quadratic": scalars("quadratic", evidence=[placement.Evidence([ONE], G=ONE)]),
+    "tau": scalars(evidence=[placement.Evidence([ONE], tau=Fraction(1))]),
 }
 WRONG = {
     "weight zero": scalars(weights=(Fraction(1), Fraction(0), Fraction(1))),
     "weight negative": scalars(weights=(Fraction(-1),) * 3),
-    "X negative": scalars(evidence=[exact.Evidence([[[Fraction(-1)]]])]),
-    "X zero": scalars(evidence=[exact.Evidence([ZERO])]),
+    "X negative": scalars(evidence=[placement.Evidence([[[Fraction(-1)]]])]),
+    "X zero": scalars(evidence=[placement.Evidence([ZERO])]),
     "W negative": scalars(
-        "scheduled", replace(SCHEDULED, W=[[[Fraction(-1)]]] * 3), [exact.Evidence([])]
+        "scheduled", replace(SCHEDULED, W=[[[Fraction(-1)]]] * 3), [placement.Evidence([])]
     ),
     "multiple negative": scalars(
-        law=SCHEDULED, evidence=[exact.Evidence([ZERO], multiple=(Fraction(-1),))]
+        law=SCHEDULED, evidence=[placement.Evidence([ZERO], multiple=(Fraction(-1),))]
     ),
     "G negative": scalars("slack", evidence=[replace(SLACK, G=[[Fraction(-1)]])]),
-    "gain of a corner": scalars(law=exact.Law([ZERO, ZERO, ONE])),
+    "gain of a corner": scalars(law=placement.Law([ZERO, ZERO, ONE])),
 }
 
 
 @pytest.mark.parametrize("claim", GOOD)
 def test_claims_without_a_file_are_proved(claim):
-    assert exact.prove(GOOD[claim]).proved
+    assert placement.prove(GOOD[claim]).proved
 
 
 @pytest.mark.parametrize("claim", BAD)
 def test_claims_that_do_not_fit_together_are_refused(claim):
-    with pytest.raises(exact.FormatError):
-        exact.prove(BAD[claim])
+    with pytest.raises(work.FormatError):
+        placement.prove(BAD[claim])
 
 
 @pytest.mark.parametrize("claim", WRONG)
 def test_claims_whose_numbers_are_wrong_are_not_proved(claim):
-    assert not exact.prove(WRONG[claim]).proved
+    assert not placement.prove(WRONG[claim]).proved
 
 
 NO_REGIONS = [
-    exact.Part("disk", (Fraction(5), Fraction(3))),
-    exact.Part("disk", (Fraction(-3), Fraction(-3))),
-    exact.Part("ellipse", (Fraction(1, 2), Fraction(3), Fraction(1))),
-    exact.Part("sector", (Fraction(1, 2), Fraction(1))),
-    exact.Part("sector", (Fraction(1, 10**9), Fraction(1))),
-    exact.Part("half_plane", (Fraction(1, 10**200),)),
+    regions.Part("disk", (Fraction(5), Fraction(3))),
+    regions.Part("disk", (Fraction(-3), Fraction(-3))),
+    regions.Part("ellipse", (Fraction(1, 2), Fraction(3), Fraction(1))),
+    regions.Part("sector", (Fraction(1, 2), Fraction(1))),
+    regions.Part("sector", (Fraction(1, 10**9), Fraction(1))),
+    regions.Part("half_plane", (Fraction(1, 10**200),)),
 ]
 
 
@@ -386,13 +389,17 @@ NO_REGIONS = [
 def test_numbers_that_make_no_region_are_neither_proved_nor_refuted(part):
     for W in (1, -1):
         claim = certified(part, W)
-        for decide in (exact.prove, check_claim, lambda c: exact.poles_inside(c, [Fraction(1)])):
-            with pytest.raises(exact.FormatError, match=r"region\.(centre|radius|slope|d)"):
+        for decide in (
+            placement.prove,
+            check_claim,
+            lambda c: placement.poles_inside(c, [Fraction(1)]),
+        ):
+            with pytest.raises(work.FormatError, match=r"region\.(centre|radius|slope|d)"):
                 decide(claim)
 
 
 def certified(part, W):
     """x' = -x with no gain at all and the Lyapunov matrix W."""
-    law, evidence = exact.Law([[[Fraction(0)]]]), exact.Evidence([[[Fraction(W)]]])
+    law, evidence = placement.Law([[[Fraction(0)]]]), placement.Evidence([[[Fraction(W)]]])
     A, B = [[[Fraction(-1)]]], [[[Fraction(1)]]]
-    return exact.Claim("quadratic", A, B, (part,), law, (evidence,))
+    return placement.Claim("quadratic", A, B, (part,), law, (evidence,))

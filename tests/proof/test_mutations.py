@@ -15,7 +15,7 @@ import pytest
 
 from polefence import check
 from polefence.cli.main import main
-from polefence.proof import exact
+from polefence.proof import placement, work
 
 CHANGES = 120
 
@@ -60,7 +60,7 @@ def is_disk(document):
 
 def truth(document):
     """Smallest eigenvalue of all blocks, each scaled to unit diagonal; -1 if one is malformed."""
-    claim, _ = exact.read(json.dumps(document))
+    claim, _ = placement.read(json.dumps(document))
     (evidence,) = claim.evidence
     if evidence.tau < 0:
         return -1.0
@@ -68,7 +68,7 @@ def truth(document):
     if any(X[i][j] != X[j][i] for X in matrices for i in range(len(X)) for j in range(i)):
         return -1.0
     least = np.inf
-    for _, block in exact.blocks(claim):
+    for _, block in placement.blocks(claim):
         top = max(abs(e) for row in block for e in row)
         M = np.array(
             [
@@ -94,14 +94,14 @@ def test_seeded_changes(small_designs, method):
         size = 10.0 ** dice.uniform(-12, 1) * dice.choice([-1, 1])
         tried = changed(original, dice.choice(places), 1 + size, dice.choice([0, size]))
         if not is_disk(tried):
-            with pytest.raises(exact.FormatError, match="region"):
-                exact.read(json.dumps(tried))
+            with pytest.raises(work.FormatError, match="region"):
+                placement.read(json.dumps(tried))
             continue
         least = truth(tried)
         if abs(least) < 1e-9:
             continue
-        claim, _ = exact.read(json.dumps(tried))
-        assert exact.prove(claim).proved is bool(least > 0)
+        claim, _ = placement.read(json.dumps(tried))
+        assert placement.prove(claim).proved is bool(least > 0)
         answers[bool(least > 0)] += 1
     assert min(answers.values()) >= 10, answers  # both kinds were met
 
@@ -116,8 +116,8 @@ def test_every_single_number_matters(small_designs, method):
             if not is_disk(tried):
                 continue
             if truth(tried) < -1e-9:
-                claim, _ = exact.read(json.dumps(tried))
-                assert not exact.prove(claim).proved, path
+                claim, _ = placement.read(json.dumps(tried))
+                assert not placement.prove(claim).proved, path
                 break
         else:
             assert path in {("certificate", "tau")}, path  # zero without right-hand sides

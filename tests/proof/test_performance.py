@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 
 from polefence.plant.polynomial import Domain
-from polefence.proof.exact import Evidence, FormatError, Law
 from polefence.proof.performance import (
     Baseline,
     EnergyPeak,
@@ -25,6 +24,8 @@ from polefence.proof.performance import (
 )
 from polefence.proof.performance.checks import require_consistent, simplices
 from polefence.proof.performance.inequalities import inequalities
+from polefence.proof.placement import Evidence, Law
+from polefence.proof.work import FormatError
 
 KINDS = ["rms", "energy", "initial", "gain", "relative"]
 # (law, degree of the law, degree of X, elevation, on)

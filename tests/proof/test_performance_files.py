@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from polefence import Disk, Parameter, Scheduled, UncertainPlant, place
-from polefence.proof.exact import FormatError
 from polefence.proof.performance import prove_performance, read_performance
+from polefence.proof.work import FormatError
 
 
 def lyapunov(A, Q):

@@ -13,7 +13,8 @@ import pytest
 
 from polefence.base.errors import RegionError
 from polefence.cli.main import main
-from polefence.proof import exact
+from polefence.proof import placement, regions, work
+from polefence.proof.__main__ import main as alone
 from polefence.region.regions import CLASSES, Ellipse, HalfPlane, Sector, region_of
 
 NUMBERS = [
@@ -26,10 +27,10 @@ FAULT = re.compile(r"region\.[a-z]+ = [^\n]+")  # names the key and the value
 
 def read(kind, numbers):
     """The part that the checker reads, None where it refuses."""
-    table = {"kind": kind} | dict(zip(exact.KINDS[kind], numbers, strict=True))
+    table = {"kind": kind} | dict(zip(regions.KINDS[kind], numbers, strict=True))
     try:
-        return exact.read_region(json.loads(json.dumps(table)))
-    except exact.FormatError as error:
+        return placement.read_region(json.loads(json.dumps(table)))
+    except work.FormatError as error:
         return None if FAULT.fullmatch(str(error)) else str(error)
 
 
@@ -40,14 +41,14 @@ def region(kind, numbers):
         return None
 
 
-@pytest.mark.parametrize("kind", exact.KINDS)
+@pytest.mark.parametrize("kind", regions.KINDS)
 def test_what_is_read_is_what_there_is(kind):
     counts = {True: 0, False: 0}
-    for numbers in product(SIGNED, repeat=len(exact.KINDS[kind])):
+    for numbers in product(SIGNED, repeat=len(regions.KINDS[kind])):
         mine, theirs = read(kind, numbers), region(kind, numbers)
         assert (mine is None) == (theirs is None), numbers
         if mine is not None:
-            assert mine == (exact.Part(kind, tuple(map(Fraction, numbers))),)
+            assert mine == (regions.Part(kind, tuple(map(Fraction, numbers))),)
         counts[mine is None] += 1
     assert min(counts.values()) > 0
 
@@ -56,7 +57,7 @@ def test_every_sector_is_read():
     """The checker's own rounding of the slope is that of the region, which rounds it down."""
     dice = np.random.default_rng(13)
     for damping in [*dice.uniform(1e-8, 1, 2000), *10 ** dice.uniform(-8, 0, 2000)]:
-        (part,) = exact.read_region(Sector(float(damping)).document())
+        (part,) = placement.read_region(Sector(float(damping)).document())
         ratio, slope = part.numbers
         steeper = slope * (1 + Fraction(1, 2**50))
         assert ratio**2 * (1 + slope**2) <= 1 < ratio**2 * (1 + steeper**2)
@@ -64,8 +65,8 @@ def test_every_sector_is_read():
 
 def test_regions_of_all_kinds_are_read_in_an_intersection():
     whole = HalfPlane(1) & Sector(0.3) & Ellipse(-9, 8, 7)
-    assert len(exact.read_region(whole.document())) == 3
-    assert set(CLASSES) == set(exact.KINDS)
+    assert len(placement.read_region(whole.document())) == 3
+    assert set(CLASSES) == set(regions.KINDS)
 
 
 def scalar(path, pole, region):
@@ -109,7 +110,7 @@ def test_a_file_whose_numbers_make_no_region_is_bad_input(tmp_path, capsys, pole
     assert said.err.count("\n") == 1
     assert str(path) in said.err
     assert key in said.err
-    assert exact.main([str(path)]) == 2
+    assert alone([str(path)]) == 2
 
 
 def test_a_pole_outside_is_still_refuted(tmp_path, capsys):

@@ -13,8 +13,10 @@ from polefence.export.c99.number import number
 from polefence.export.c99.program import Scheduled as Code
 from polefence.export.c99.program import program
 from polefence.export.guarantee import code_of, guarantee, scales
-from polefence.proof.exact import FormatError
+from polefence.proof.placement import Claim, Law
+from polefence.proof.regions import Part
 from polefence.proof.rounding import prove_rounding, rounding_error
+from polefence.proof.work import FormatError
 
 CASES = {
     "parameters": ("quarter-car-physical", Disk(-40, 31), "scheduled", True),
@@ -241,7 +243,6 @@ def test_an_error_a_trifle_too_small_is_not_proved():
 
 def test_a_small_file_cannot_ask_for_hours():
     many = [[[Fraction(-1)]]] * 16
-    from polefence.proof.exact import Claim, Law, Part
     from polefence.proof.rounding import Code as Constants
     from polefence.proof.rounding import Rounded
     from polefence.proof.service import Gain, Subject

@@ -13,9 +13,10 @@ from polefence import Disk, HalfPlane, Sector, UncertainPlant, place
 from polefence.design.design import Design
 from polefence.export.sampled.proof import prove_decay
 from polefence.plant.parameters import Parameter
-from polefence.proof.exact import FormatError, closed_loop, simplices
+from polefence.proof.placement import closed_loop, simplices
 from polefence.proof.sampling import Off, loop_claim, prove_sampling, step_error
 from polefence.proof.sampling.error import exponential, held_size
+from polefence.proof.work import FormatError
 
 TIME = 0.02
 

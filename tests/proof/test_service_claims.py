@@ -16,10 +16,10 @@ from polefence.design.margins import in_service
 from polefence.law.laws import FixedGain, ScheduledGain
 from polefence.plant.polynomial import Domain
 from polefence.proof import service
-from polefence.proof.exact import FormatError
 from polefence.proof.service import Estimate, Gain, Range, Rate, Subject, prove_service
 from polefence.proof.service.inequalities import _order, blocks
 from polefence.proof.service.pieces import cells, estimates, family_of
+from polefence.proof.work import FormatError
 from polefence.region.regions import Disk, Ellipse, HalfPlane, Sector, VerticalStrip
 
 REGIONS = {

@@ -29,10 +29,11 @@ from polefence.design.given.analysis import analyse
 from polefence.design.margins import in_service
 from polefence.law.laws import FixedGain, ScheduledGain
 from polefence.plant.polynomial import Domain
-from polefence.proof.exact import FormatError, _characteristic_pairs
+from polefence.proof.regions import _characteristic_pairs
 from polefence.proof.service import Estimate, Rate, prove_service
 from polefence.proof.service.inequalities import _order, blocks
 from polefence.proof.service.pieces import cells, estimates, family_of, parts_of
+from polefence.proof.work import FormatError
 from polefence.region.regions import Disk
 
 # law's degree (None: one gain), domain, degrees of the parts' own polynomials

@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from polefence.design import outside
-from polefence.proof import exact
+from polefence.proof import definite, matrices, placement, roots, work
 from polefence.region.regions import (
     Disk,
     Ellipse,
@@ -38,7 +38,7 @@ def rationals(matrix):
 
 
 def parts_of(region):
-    return exact.read_region(region.document())
+    return placement.read_region(region.document())
 
 
 def gram(rows):
@@ -61,33 +61,33 @@ def test_few_digits_decide_as_all_do(rows, shift, beside):
             [e << shift * ((i == 0) + (j == 0)) for j, e in enumerate(r)]
             for i, r in enumerate(moved)
         ]
-        wanted = exact._sylvester(moved)
-        assert exact.is_positive_definite(moved) == wanted
-        assert exact.is_positive_definite(wide) == wanted
+        wanted = definite._sylvester(moved)
+        assert definite.is_positive_definite(moved) == wanted
+        assert definite.is_positive_definite(wide) == wanted
         for p in (64, 70, 256, 2048):
             exponents = [(wide[i][i].bit_length() + 1) // 2 for i in range(4)]
             if all(wide[i][i] > 0 for i in range(4)):
-                assert exact._attempt(wide, exponents, p) in (wanted, None)
+                assert definite._attempt(wide, exponents, p) in (wanted, None)
 
 
 @given(integers, st.integers(-1, 1))
 def test_semidefinite_takes_singular_matrices_and_no_negative_ones(rows, beside):
     whole = gram([*rows[:3], [a + b for a, b in zip(rows[0], rows[1], strict=True)]])
-    assert exact.is_semidefinite(whole)
+    assert definite.is_semidefinite(whole)
     whole[3][3] += beside
-    assert exact.is_semidefinite(whole) == (beside >= 0)
-    assert exact.is_semidefinite([[0, 0], [0, 4]])
-    assert not exact.is_semidefinite([[0, 1], [1, 4]])
+    assert definite.is_semidefinite(whole) == (beside >= 0)
+    assert definite.is_semidefinite([[0, 0], [0, 4]])
+    assert not definite.is_semidefinite([[0, 1], [1, 4]])
 
 
 def test_a_margin_of_one_in_ten_to_the_fifty_is_seen_from_both_sides():
     for n in (2, 7):
         ones = [[10**50 + 2 * (i == j) for j in range(n)] for i in range(n)]
-        assert exact.is_positive_definite(ones)
+        assert definite.is_positive_definite(ones)
         ones[0][0] -= 4
-        assert not exact.is_positive_definite(ones)
+        assert not definite.is_positive_definite(ones)
         ones = [[10**50] * n for _ in range(n)]
-        assert not exact.is_positive_definite(ones)  # singular
+        assert not definite.is_positive_definite(ones)  # singular
 
 
 @pytest.mark.parametrize("kind", GROWING)
@@ -109,7 +109,7 @@ def test_evidence_is_found_where_a_pole_is_outside_and_nowhere_else(kind, n):
         if not reach > 1e-3:
             continue
         seen += 1
-        loop = exact.quotient(rationals(A))
+        loop = matrices.quotient(rationals(A))
         for factor, beyond in ((1 + 1e-7, False), (1 - 1e-7, True)):
             region = parts_of(GROWING[kind](reach * factor))
             assert (outside.shown(loop, region) is not None) is beyond
@@ -125,9 +125,9 @@ def test_evidence_about_one_loop_proves_nothing_about_another():
     proofs, stable = [], []
     while len(proofs) < 20 or len(stable) < 20:
         A = 0.7 * random.normal(size=(3, 3)) - 5 * np.eye(3)
-        loop = exact.quotient(rationals(A))
+        loop = matrices.quotient(rationals(A))
         found = outside.shown(loop, region)
-        if exact.all_inside(loop[0], region):
+        if roots.all_inside(loop[0], region):
             assert found is None
             stable.append(loop)
         elif found is not None:
@@ -137,7 +137,7 @@ def test_evidence_about_one_loop_proves_nothing_about_another():
             for sign in (1, -1):
                 turned = replace(by, p=sign * by.p, q=-by.q, c=by.c)
                 for tried in (by, turned):
-                    assert not exact.is_outside(loop, region, tried)
+                    assert not roots.is_outside(loop, region, tried)
 
 
 def test_a_quotient_needs_no_inverse():
@@ -145,9 +145,9 @@ def test_a_quotient_needs_no_inverse():
     random = np.random.default_rng(5)
     A = rationals(np.round(16 * random.normal(size=(4, 4))) / 16 - 3 * np.eye(4))
     W = rationals(np.round(random.normal(size=(4, 4)) * 64) / 64)
-    W = exact.rational_product(W, [list(c) for c in zip(*W, strict=True)])
-    N = exact.rational_product(A, W)
-    assert exact.right_divide(N, W) == A
+    W = matrices.rational_product(W, [list(c) for c in zip(*W, strict=True)])
+    N = matrices.rational_product(A, W)
+    assert matrices.right_divide(N, W) == A
     reach = max(np.linalg.eigvals(np.array(A, dtype=float)).real)
     for step, beyond in ((1e-6, True), (-1e-6, False)):
         region = parts_of(HalfPlane(-reach + step))
@@ -157,7 +157,7 @@ def test_a_quotient_needs_no_inverse():
 
 
 def test_a_pole_on_the_boundary_is_outside_and_only_the_polynomial_knows():
-    loop = exact.quotient([[Fraction(0), Fraction(1)], [Fraction(-4), Fraction(0)]])
+    loop = matrices.quotient([[Fraction(0), Fraction(1)], [Fraction(-4), Fraction(0)]])
     region = parts_of(HalfPlane(0))
     assert outside.shown(loop, region) is None
     assert outside.leaves(loop, region)
@@ -165,16 +165,16 @@ def test_a_pole_on_the_boundary_is_outside_and_only_the_polynomial_knows():
 
 def test_work_is_counted_before_it_begins_and_by_length():
     short, long = ([[1 << bits, 1], [1, 1 << bits]] for bits in (60, 60_000))
-    with exact.counted() as count:
-        exact._matrix_product(short, short)
+    with work.counted() as count:
+        matrices._matrix_product(short, short)
         first = count.spent
-        exact._matrix_product(long, long)
+        matrices._matrix_product(long, long)
         assert count.spent - first > 1000 * first
     with (
-        exact.counted(count.spent - first - 1) as less,
-        pytest.raises(exact.FormatError, match="numbers longer"),
+        work.counted(count.spent - first - 1) as less,
+        pytest.raises(work.FormatError, match="numbers longer"),
     ):
-        exact._matrix_product(long, long)
+        matrices._matrix_product(long, long)
     assert not less.spent
-    with exact.counted(10) as outer, exact.counted() as inner:
+    with work.counted(10) as outer, work.counted() as inner:
         assert inner is outer  # a count within a count has no more than that

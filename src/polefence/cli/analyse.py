@@ -39,7 +39,7 @@ from polefence.law.table import GainTable, table_from
 from polefence.plant.family import UncertainPlant
 from polefence.plant.points import values_text
 from polefence.plant.spec import load
-from polefence.proof import exact
+from polefence.proof import placement, reading, work
 from polefence.proof.cells import Cell
 from polefence.region.regions import Region, exactly
 from polefence.region.text import digits_down, digits_up, load_region, parse_region
@@ -138,13 +138,13 @@ def read_gain(plant: UncertainPlant, what: str) -> Law | GainTable:
     else:
         path = Path(what)
         path = path / FILE_NAME if path.is_dir() else path
-        name, text = str(path), read_text(path, exact.MAX_BYTES, InputError)
+        name, text = str(path), read_text(path, reading.MAX_BYTES, InputError)
     try:
-        data = exact.parse(_as_json(text))
-    except exact.FormatError as error:
+        data = reading.parse(_as_json(text))
+    except work.FormatError as error:
         raise InputError(f"{name}: {error}") from error
     try:
-        if isinstance(data, dict) and data.get("format") == exact.FORMAT:
+        if isinstance(data, dict) and data.get("format") == placement.FORMAT:
             certificate = Certificate.loads(text)
             require_kind(certificate)
             return given_law(plant, certificate.law)

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from polefence.base.errors import DesignFileError, InputError
-from polefence.base.files import read_bytes, read_text
+from polefence.base.files import read_bytes, read_text, write_bytes
 from polefence.cli.common import NOT_PROVED, PROVED, say, write_json
 from polefence.design.certificate import Check
 from polefence.design.design import FILE_NAME, Design, check, says_format
@@ -30,7 +30,9 @@ from polefence.plant.family import UncertainPlant
 from polefence.plant.names import quoted
 from polefence.plant.spec import load
 from polefence.plant.system import System
-from polefence.proof.exact import FORMAT, MAX_BYTES, parse
+from polefence.proof.placement import FORMAT
+from polefence.proof.reading import MAX_BYTES, parse
+from polefence.proof.standalone import archive
 
 NAMES_ARE_ITS_OWN = (
     "note: about the plant in the file. Its vertices, names, units and ranges are compared with",
@@ -83,15 +85,29 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "file",
         type=Path,
+        nargs="?",
         metavar="FILE",
         help="design.json, table.json or performance.json, or the folder with it",
     )
     parser.add_argument("--spec", metavar="SPEC", help="also require that it is about this plant")
     parser.add_argument("--json", type=Path, metavar="FILE", help="write the answer; -: stdout")
+    parser.add_argument(
+        "--standalone",
+        type=Path,
+        metavar="PYZ",
+        help="write the checker alone, for `python -S PYZ FILE` without this package",
+    )
 
 
 def check_command(options: Any) -> int:
     """Prove a saved design or analysis afresh, in exact arithmetic."""
+    if options.standalone is not None:
+        write_bytes(options.standalone, archive())
+        say(f"{options.standalone}: the checker alone; run it as python -S PYZ FILE")
+        if options.file is None:
+            return PROVED
+    if options.file is None:
+        raise InputError("check: name a FILE, or a folder with one")
     kind = next(kind for kind in KINDS if kind.is_mine(options.file))
     answer = kind.proves(options.file)
     path = options.file / kind.name if options.file.is_dir() else options.file

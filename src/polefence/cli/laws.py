@@ -13,7 +13,7 @@ from polefence.design.design import FILE_NAME, Design, says_format
 from polefence.law.given import given_law
 from polefence.plant.family import UncertainPlant
 from polefence.plant.spec import load
-from polefence.proof import exact
+from polefence.proof import placement
 
 WORDS = ("passive", "skyhook", "lqr")
 
@@ -70,7 +70,7 @@ def read_law(plant: UncertainPlant, what: str) -> Named:
     path = Path(what)
     if not path.exists():
         raise InputError(f"no law and no file {what!r}; {suggest(what, WORDS)}")
-    if path.is_dir() or says_format(path, exact.FORMAT):
+    if path.is_dir() or says_format(path, placement.FORMAT):
         design = Design.load(path, allow_unproved=True)
         given_law(plant, design)
         return _of_design(plant, design, path)

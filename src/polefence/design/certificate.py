@@ -18,7 +18,8 @@ from polefence.law.laws import FixedGain, Law, ScheduledGain
 from polefence.plant.family import UncertainPlant
 from polefence.plant.parameters import Parameter
 from polefence.plant.system import Array, Exact
-from polefence.proof import exact
+from polefence.proof import placement, reading, work
+from polefence.proof.matrices import Rationals
 from polefence.region.regions import Region, region_of
 
 
@@ -88,7 +89,7 @@ class Certificate:
         own = self.plant, self.region, self.method, self.law, dict(self.evidence), self.observer
         return Certificate, own
 
-    def claim(self) -> exact.Claim:
+    def claim(self) -> placement.Claim:
         """Return the claim in exact rationals: that of the design file, a float being a rational.
 
         Raises
@@ -99,13 +100,13 @@ class Certificate:
         A = [[list(row) for row in v.exact_A] for v in self.plant.vertices]
         B = [[list(row) for row in v.exact_B] for v in self.plant.vertices]
         try:
-            claim = exact.claim_of(self._claimed(), A, B)
-            exact.require_box(claim, self.plant.parameters)
+            claim = placement.claim_of(self._claimed(), A, B)
+            placement.require_box(claim, self.plant.parameters)
             return claim
-        except exact.FormatError as error:
+        except work.FormatError as error:
             raise PlantError(f"{self.plant.name}: {error}") from error
 
-    def prove(self) -> exact.Verdict:
+    def prove(self) -> placement.Verdict:
         """Decide in exact arithmetic whether the evidence proves the claim.
 
         Raises
@@ -114,13 +115,13 @@ class Certificate:
             If there are more inequalities than the checker takes on.
         """
         try:
-            return exact.prove(self.claim())
-        except exact.FormatError as error:
+            return placement.prove(self.claim())
+        except work.FormatError as error:
             raise PlantError(f"{self.plant.name}: {error}") from error
 
     def document(self) -> dict[str, Any]:
         """Return the design file as plain data for JSON."""
-        head = {"format": exact.FORMAT, "version": exact.VERSION}
+        head = {"format": placement.FORMAT, "version": placement.VERSION}
         mark = {"observer": True} if self.observer else {}
         return head | mark | {"plant": plant_document(self.plant)} | self._claimed()
 
@@ -154,7 +155,7 @@ class Certificate:
             If the text is no design file of this version, or its shapes do not fit.
         """
         try:
-            claim, document = exact.read(text)
+            claim, document = placement.read(text)
             plant = plant_from(document["plant"])
             region = region_of([(part.kind, part.numbers) for part in claim.region])
             law: Law
@@ -162,18 +163,18 @@ class Certificate:
                 law = FixedGain(_floats(claim.law.K)[0])
             else:
                 W, Z = _floats(claim.law.W or []), _floats(claim.law.Z or [])
-                sizes = exact.simplices(claim)
+                sizes = placement.simplices(claim)
                 law = ScheduledGain(W, Z, plant.parameters, claim.law.degree, sizes)
             evidence = _evidence(claim, document["certificate"])
             observer = document.get("observer", False)
             if type(observer) is not bool:
                 raise DesignFileError("observer must be true or false")
-        except (exact.FormatError, InputError) as error:
+        except (work.FormatError, InputError) as error:
             raise DesignFileError(str(error)) from error
         return cls(plant, region, claim.method, law, evidence, observer)
 
 
-def _evidence(claim: exact.Claim, table: dict[str, Any]) -> dict[str, Any]:
+def _evidence(claim: placement.Claim, table: dict[str, Any]) -> dict[str, Any]:
     """Return the evidence of a file: matrices in floats, words and whole numbers as they are."""
     first = claim.evidence[0]
     plain = {k: v for k, v in table.items() if k in ("degree", "elevation", "on")}
@@ -201,14 +202,14 @@ def _plain_data(value: Any) -> Any:
     return value.tolist() if isinstance(value, np.ndarray) else value
 
 
-def check_claim(claim: exact.Claim) -> Check:
+def check_claim(claim: placement.Claim) -> Check:
     """Prove a claim, refute it by an exact counterexample, or leave it undecided."""
-    with exact.counted():  # what the proof leaves of it, a counterexample may take
+    with work.counted():  # what the proof leaves of it, a counterexample may take
         return _decided(claim)
 
 
-def _decided(claim: exact.Claim) -> Check:
-    verdict, said = exact.prove(claim), (poles_text(claim),)
+def _decided(claim: placement.Claim) -> Check:
+    verdict, said = placement.prove(claim), (poles_text(claim),)
     if verdict.proved:
         return Check("proved", verdict.reason, claims=said)
     alpha = counterexample(claim)
@@ -220,7 +221,7 @@ def _decided(claim: exact.Claim) -> Check:
     return Check("undecided", reason, claims=said)
 
 
-def _floats(matrices: list[exact.Rationals]) -> Array:
+def _floats(matrices: list[Rationals]) -> Array:
     return np.array([[[float(e) for e in row] for row in matrix] for matrix in matrices])
 
 
@@ -283,7 +284,7 @@ def plant_from(data: dict[str, Any]) -> UncertainPlant:
         Es = [v["E"] for v in data["vertices"]] if "E" in data["vertices"][0] else None
         names: dict[str, Any] = {k: _labels(data, k) for k in ("states", "inputs", "disturbances")}
         if "sample_time" in data:
-            names["sample_time"] = exact.read_number(data["sample_time"], "plant.sample_time")
+            names["sample_time"] = reading.read_number(data["sample_time"], "plant.sample_time")
         plant = UncertainPlant.from_vertices(As, Bs, Es, name=data["name"], **names)
     except (KeyError, TypeError, AttributeError, ValueError) as error:
         raise DesignFileError(f"plant is malformed: {error}") from error
@@ -297,5 +298,5 @@ def _labels(data: dict[str, Any], key: str) -> tuple[Any, ...]:
 
 
 def _parameter(data: dict[str, Any]) -> Parameter:
-    low, high = (exact.read_number(b, "parameter range") for b in data["range"])
+    low, high = (reading.read_number(b, "parameter range") for b in data["range"])
     return Parameter(data["name"], low, high, data["unit"], data["through"])

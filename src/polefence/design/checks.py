@@ -7,7 +7,7 @@ from polefence.lmi.conditions.methods import Method, method_label, method_name, 
 from polefence.lmi.conditions.sizes import blocks, is_searchable
 from polefence.plant.controllability import FixedModes, modes_text
 from polefence.plant.family import UncertainPlant
-from polefence.proof import exact
+from polefence.proof import definite, placement, roots, work
 from polefence.region.regions import Disk, HalfPlane, Region, check_centre
 
 
@@ -31,7 +31,7 @@ def is_checkable(plant: UncertainPlant, method: Method, parts: int = 1) -> bool:
     if not is_searchable(plant, method):
         return False
     size = 2 * plant.shape[0] * (2 if method_name(method) == "slack" else 1)
-    return exact.least_work(blocks(plant, method) * parts, size) <= exact.MAX_WORK
+    return definite.least_work(blocks(plant, method) * parts, size) <= work.MAX_WORK
 
 
 def require_checkable(plant: UncertainPlant, method: Method, parts: int = 1) -> None:
@@ -131,12 +131,12 @@ def modes_outside(fixed: FixedModes, region: Region) -> str | None:
     """Name fixed modes that are not in a region, None where all are, or too much work to tell."""
     if not fixed.count:
         return None
-    parts = exact.read_region(region.document())
+    parts = placement.read_region(region.document())
     try:
-        with exact.counted():
-            if exact.roots_inside(list(fixed.polynomial), parts, fixed.whole):
+        with work.counted():
+            if roots.roots_inside(list(fixed.polynomial), parts, fixed.whole):
                 return None
-    except exact.FormatError:
+    except work.FormatError:
         return None
     values = fixed.values
     outside = values[region.distance(values) >= -1e-9 * region.size]

@@ -17,7 +17,8 @@ from polefence.plant.controllability import fixed_modes
 from polefence.plant.family import UncertainPlant
 from polefence.plant.polynomial import Domain
 from polefence.plant.system import Array
-from polefence.proof import exact
+from polefence.proof import placement, roots, work
+from polefence.proof.matrices import mix
 from polefence.region.regions import Region, region_of
 
 Measure = Callable[[Any], Array]
@@ -56,7 +57,7 @@ def _edges(N: int, pairs: list[tuple[int, int]], points: int) -> Array:
     return np.vstack(rows)
 
 
-def counterexample(claim: exact.Claim) -> list[Fraction] | None:
+def counterexample(claim: placement.Claim) -> list[Fraction] | None:
     """Return an alpha at which a pole does not lie in the region, or None if none was found.
 
     A float search over corners, edges and a seeded sample, refined around the worst points; the
@@ -66,14 +67,14 @@ def counterexample(claim: exact.Claim) -> list[Fraction] | None:
     for point, worst in worst_points(claim, lambda poles: region.distance(poles).max(axis=-1)):
         if worst < -1e-6 * region.size:
             continue
-        alpha = _rational(point, exact.simplices(claim))
-        with suppress(exact.FormatError):  # more work than is done here: undecided
-            if leaves(exact.fraction_at(claim, alpha), claim.region):
+        alpha = _rational(point, placement.simplices(claim))
+        with suppress(work.FormatError):  # more work than is done here: undecided
+            if leaves(placement.fraction_at(claim, alpha), claim.region):
                 return alpha
     return None
 
 
-def worst_points(claim: exact.Claim, measure: Measure) -> Iterator[tuple[Array, float]]:
+def worst_points(claim: placement.Claim, measure: Measure) -> Iterator[tuple[Array, float]]:
     """Yield points of the domain where a measure of the poles is large, and its value, in floats.
 
     Parameters
@@ -81,7 +82,7 @@ def worst_points(claim: exact.Claim, measure: Measure) -> Iterator[tuple[Array, 
     measure : callable
         Of poles (..., n), the larger the worse; infinite where the law has no value.
     """
-    domain = Domain(exact.simplices(claim))
+    domain = Domain(placement.simplices(claim))
     family = _Family(claim, domain, measure)
     points = sample(domain, len(claim.A[0]))
     values = np.concatenate(
@@ -121,14 +122,14 @@ def unplaceable(plant: UncertainPlant, region: Region, on: str) -> str | None:
         for c, d in combinations(corners[:16], 2)
     ]
     tried += [_simple(points[i], domain.sizes, limit) for i in nearest for limit in (2, 4, 10, 100)]
-    parts = exact.read_region(region.document())
+    parts = placement.read_region(region.document())
     n, m = plant.shape
     for alpha in tried[: int(MOST_ENTRIES / (n * (n + m) * len(plant.vertices)))]:
         matrices = ([getattr(v, f"exact_{x}") for v in plant.vertices] for x in "AB")
-        A_, B_ = (tuple(map(tuple, exact.mix(alpha, list(M)))) for M in matrices)
-        with suppress(PlantError, exact.FormatError), exact.counted():
+        A_, B_ = (tuple(map(tuple, mix(alpha, list(M)))) for M in matrices)
+        with suppress(PlantError, work.FormatError), work.counted():
             fixed = fixed_modes(A_, B_)
-            if not fixed.count or exact.roots_inside(list(fixed.polynomial), parts, fixed.whole):
+            if not fixed.count or roots.roots_inside(list(fixed.polynomial), parts, fixed.whole):
                 continue
             weights = ", ".join(str(a) for a in alpha)
             return f"at alpha = ({weights}) a pole outside {region} cannot be moved by any gain"
@@ -185,7 +186,7 @@ def sample(domain: Domain, states: int = 1) -> Array:
 class _Family:
     """The claim's closed loops as floats, and a measure of their poles."""
 
-    def __init__(self, claim: exact.Claim, domain: Domain, measure: Measure) -> None:
+    def __init__(self, claim: placement.Claim, domain: Domain, measure: Measure) -> None:
         self.A, self.B = (np.array(M, dtype=float) for M in (claim.A, claim.B))
         self.domain, self.law, self.measure = domain, claim.law, measure
         self.K = None if claim.law.K is None else np.array(claim.law.K[0], dtype=float)

@@ -18,7 +18,7 @@ from polefence.law.laws import Law, ScheduledGain
 from polefence.lmi.conditions.methods import Scheduled, Slack, method_label
 from polefence.plant.family import UncertainPlant
 from polefence.plant.system import Array
-from polefence.proof import exact
+from polefence.proof import placement, reading, work
 from polefence.region.regions import Region
 
 FILE_NAME = "design.json"
@@ -187,7 +187,7 @@ class Design:
             If its claim is not proved, unless ``allow_unproved``.
         """
         where = _design_path(path)
-        text = read_text(where, exact.MAX_BYTES, DesignFileError)
+        text = read_text(where, reading.MAX_BYTES, DesignFileError)
         try:
             certificate = Certificate.loads(text)
             require_kind(certificate, observer)
@@ -217,12 +217,12 @@ def check(source: str | Path | Certificate | Design) -> Check:
     if isinstance(source, Design):
         return _noted(check_claim(source.certificate.claim()), source)
     path = _design_path(source)
-    text = read_text(path, exact.MAX_BYTES, DesignFileError)
+    text = read_text(path, reading.MAX_BYTES, DesignFileError)
     try:
-        claim, _ = exact.read(text)
+        claim, _ = placement.read(text)
         answer = check_claim(claim)
         return _noted(answer, Design(Certificate.loads(text))) if answer.proved else answer
-    except (exact.FormatError, InputError) as error:
+    except (work.FormatError, InputError) as error:
         raise DesignFileError(f"{path}: {error}") from error
 
 
@@ -258,8 +258,8 @@ def says_format(path: Path, name: str) -> bool:
     if not path.is_file():
         return False
     try:
-        text = read_text(path, exact.MAX_BYTES, DesignFileError)
-        document = exact.parse(text) if f'"{name}"' in text else None
+        text = read_text(path, reading.MAX_BYTES, DesignFileError)
+        document = reading.parse(text) if f'"{name}"' in text else None
     except ValueError:
         return False
     return isinstance(document, dict) and document.get("format") == name

@@ -11,8 +11,10 @@ import numpy as np
 import numpy.typing as npt
 
 from polefence.law.laws import right_divide
-from polefence.proof import exact
-from polefence.proof.exact import Outside, Part, Rationals
+from polefence.proof import matrices, roots, work
+from polefence.proof.matrices import Rationals
+from polefence.proof.regions import Part
+from polefence.proof.roots import Outside
 
 Side = tuple[Fraction, Fraction, Fraction]
 
@@ -31,16 +33,16 @@ def leaves(loop: tuple[Rationals, Rationals], region: tuple[Part, ...]) -> bool:
     FormatError
         If that is more work than is done here.
     """
-    with exact.counted():
+    with work.counted():
         if shown(loop, region) is not None:
             return True
-        closed = exact.right_divide(*loop)
-        return closed is None or not exact.all_inside(closed, region)
+        closed = matrices.right_divide(*loop)
+        return closed is None or not roots.all_inside(closed, region)
 
 
 def shown(loop: tuple[Rationals, Rationals], region: tuple[Part, ...]) -> Outside | None:
     """Return evidence that proves a pole outside, None where floats find none."""
-    return next((by for by in evidence(loop, region) if exact.is_outside(loop, region, by)), None)
+    return next((by for by in evidence(loop, region) if roots.is_outside(loop, region, by)), None)
 
 
 def evidence(loop: tuple[Rationals, Rationals], region: tuple[Part, ...]) -> Iterator[Outside]:

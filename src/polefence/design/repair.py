@@ -16,7 +16,6 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
-from polefence.proof.exact import FormatError, Integers, Rationals
 from polefence.proof.lower import (
     Infeasible,
     Pairs,
@@ -31,6 +30,8 @@ from polefence.proof.lower import (
     block_pairs,
     prove_infeasible,
 )
+from polefence.proof.matrices import Integers, Rationals
+from polefence.proof.work import FormatError
 
 Floats = npt.NDArray[np.float64]
 

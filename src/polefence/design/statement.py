@@ -11,8 +11,10 @@ from decimal import Decimal
 from fractions import Fraction
 
 from polefence.plant.names import quoted
-from polefence.proof import exact
-from polefence.proof.exact import Claim, Part, Rationals
+from polefence.proof import placement, regions
+from polefence.proof.matrices import Rationals
+from polefence.proof.placement import Claim
+from polefence.proof.regions import Part
 from polefence.region.regions import exactly
 from polefence.region.text import LARGEST, digits_down, digits_up
 
@@ -28,7 +30,7 @@ def region_text(parts: Sequence[Part]) -> str:
 
 
 def _numbers(part: Part) -> Iterable[str]:
-    for key, value in zip(exact.KINDS[part.kind], part.numbers, strict=True):
+    for key, value in zip(regions.KINDS[part.kind], part.numbers, strict=True):
         if key != "slope":  # that of the damping
             yield exactly(float(value)) if Fraction(float(value)) == value else str(value)
 
@@ -37,7 +39,7 @@ def poles_text(claim: Claim) -> str:
     """Say where a design claims all poles to be, under which law, for which alpha."""
     domain = f"the simplex of {len(claim.A)} vertices"
     if claim.on == "box":
-        domain = f"the box of {len(exact.simplices(claim))} parameters"
+        domain = f"the box of {len(placement.simplices(claim))} parameters"
     law, by = "one gain K", f"method {claim.method}"
     if claim.law.K is None:
         law = f"K(alpha) = Z W^-1 of degree {claim.law.degree}"

@@ -25,8 +25,9 @@ from polefence.export.readme import README, own_readme
 from polefence.export.sampled.document import sampling_document
 from polefence.export.statement import Facts, Loop, Seen
 from polefence.plant.family import UncertainPlant
-from polefence.proof import exact
-from polefence.proof.exact import Rationals, Verdict
+from polefence.proof import placement, reading, work
+from polefence.proof.matrices import Rationals
+from polefence.proof.placement import Verdict
 from polefence.proof.rounding import FORMAT, Code, Rounded, prove_rounding, read_rounded
 from polefence.proof.sampling import Sampled, covers_rounding, prove_sampling, read_sampling
 from polefence.region.regions import region_of
@@ -64,7 +65,7 @@ def guarantee_text(
     """
     document: dict[str, Any] = {
         "format": FORMAT,
-        "version": exact.VERSION,
+        "version": placement.VERSION,
         "design": design.certificate.document(),
         "service": claim_document(claim.gain),
         "code": _code(claim),
@@ -124,9 +125,9 @@ def check_guarantee(path: str | Path) -> Check:
     where = guarantee_path(Path(path))
     claim, document = _read(where)
     try:
-        with exact.counted():  # one count for the file, however many its claims
+        with work.counted():  # one count for the file, however many its claims
             return _prove_all(where, claim, document)
-    except (exact.FormatError, InputError) as error:
+    except (work.FormatError, InputError) as error:
         raise DesignFileError(f"{where}: {error}") from error
 
 
@@ -197,10 +198,10 @@ def guarantee_plant(path: str | Path) -> UncertainPlant:
 
 
 def _read(path: Path) -> tuple[Rounded, dict[str, Any]]:
-    text = read_text(path, exact.MAX_BYTES, DesignFileError)
+    text = read_text(path, reading.MAX_BYTES, DesignFileError)
     try:
         return read_rounded(text)
-    except exact.FormatError as error:
+    except work.FormatError as error:
         raise DesignFileError(f"{path}: {error}") from error
 
 

@@ -18,9 +18,9 @@ from polefence.law.coordinates import Coordinates
 from polefence.law.laws import FixedGain
 from polefence.plant.polynomial import Domain, Polynomial, bernstein, binomial, elevated, times
 from polefence.plant.system import Array
-from polefence.proof.exact import FormatError
 from polefence.proof.rounding import Code, Rounded, Share, prove_rounding, rounding_error
 from polefence.proof.service import Gain, Range, Subject
+from polefence.proof.work import FormatError
 from polefence.region.text import digits_down, digits_up
 
 ELEVATIONS = 8

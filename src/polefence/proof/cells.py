@@ -3,8 +3,9 @@
 The gain is multi-affine in the physical parameters p between the knots of a grid. On a cell of the
 box that lies between neighbouring knots, each parameter is p = (1 - t) low + t high; a plant affine
 in 1/p is, times |p|, affine in t. So with q(t) the product of these |p|, q A and q B are
-multi-affine in t, the closed loop is (q A + q B K) / q, and `polefence.proof.exact` proves it as a
-claim about corners with weights q. Points where a pole leaves are checked exactly, too.
+multi-affine in t, the closed loop is (q A + q B K) / q, and
+`polefence.proof.placement` proves it as a claim about corners with weights q. Points where a pole
+leaves are checked exactly, too.
 """
 
 from __future__ import annotations
@@ -15,8 +16,12 @@ from itertools import pairwise, product
 from math import prod
 from typing import Any
 
-from polefence.proof import exact
-from polefence.proof.exact import Evidence, FormatError, Outside, Part, Rationals
+from polefence.proof import definite, placement, reading, regions, roots
+from polefence.proof.matrices import Rationals, mix, quotient
+from polefence.proof.placement import Evidence
+from polefence.proof.regions import Part
+from polefence.proof.roots import Outside
+from polefence.proof.work import MAX_WORK, FormatError, counted, spend
 
 FORMAT = "polefence-table"
 MAX_CELLS, MAX_PARAMETERS, MAX_KNOTS = 2000, 6, 200
@@ -75,19 +80,19 @@ class Table:
             parts = (t if bit else 1 - t for (_, t), bit in zip(places, corner, strict=True))
             weights.append(prod(parts, start=Fraction(1)))
             matrices.append(self.gains[index])
-        return exact.mix(weights, matrices)
+        return mix(weights, matrices)
 
     def loop(self, p: Point) -> Rationals:
         """Return the closed loop at physical parameters."""
         alpha, K = self.alpha(p), self.gain(p)
-        claim = exact.Claim("lyapunov", self.A, self.B, (), exact.Law(K=[K]), ())
-        return exact.closed_loop(claim, alpha) or []
+        claim = placement.Claim("lyapunov", self.A, self.B, (), placement.Law(K=[K]), ())
+        return placement.closed_loop(claim, alpha) or []
 
 
 def _spend_products(p: Point) -> None:
     """Count the products of weights at one point, in rationals."""
     long = sum(v.denominator.bit_length() for v in p)
-    exact.spend(RATIONAL * len(p) << len(p), long, long)
+    spend(RATIONAL * len(p) << len(p), long, long)
 
 
 @dataclass(frozen=True)
@@ -119,7 +124,7 @@ def cell_claim(
     low: Point,
     high: Point,
     evidence: tuple[Evidence, ...],
-) -> exact.Claim:
+) -> placement.Claim:
     """Return the claim of a cell, about its corners."""
     A, B, K, weights = [], [], [], []
     for corner in product(*zip(low, high, strict=True)):
@@ -128,15 +133,15 @@ def cell_claim(
             start=Fraction(1),
         )
         alpha = table.alpha(corner)
-        A.append([[q * e for e in row] for row in exact.mix(alpha, table.A)])
-        B.append([[q * e for e in row] for row in exact.mix(alpha, table.B)])
+        A.append([[q * e for e in row] for row in mix(alpha, table.A)])
+        B.append([[q * e for e in row] for row in mix(alpha, table.B)])
         K.append(table.gain(corner))  # continuous across knots: any neighbour's will do
         weights.append(q)
-    law = exact.Law(K=K)
-    return exact.Claim("lyapunov", A, B, region, law, evidence, "box", tuple(weights))
+    law = placement.Law(K=K)
+    return placement.Claim("lyapunov", A, B, region, law, evidence, "box", tuple(weights))
 
 
-def prove_cell(table: Table, region: tuple[Part, ...], cell: Cell) -> exact.Verdict:
+def prove_cell(table: Table, region: tuple[Part, ...], cell: Cell) -> placement.Verdict:
     """Decide whether a cell's answer is proved by what it carries.
 
     Raises
@@ -150,18 +155,18 @@ def prove_cell(table: Table, region: tuple[Part, ...], cell: Cell) -> exact.Verd
         if b > axis.knots[axis.place(a)[0] + 1]:
             raise FormatError(f"it reaches across a knot of {axis.name}")
     if cell.answer == "proved":
-        return exact.prove(cell_claim(table, region, cell.low, cell.high, cell.evidence))
+        return placement.prove(cell_claim(table, region, cell.low, cell.high, cell.evidence))
     if cell.answer == "refuted" and cell.point is not None:
         sides = zip(cell.low, cell.point, cell.high, strict=True)
         if not all(a <= p <= b for a, p, b in sides):
-            return exact.Verdict(False, "the counterexample lies outside its cell")
+            return placement.Verdict(False, "the counterexample lies outside its cell")
         loop = table.loop(cell.point)
         if cell.outside is not None:
-            shown = exact.is_outside(exact.quotient(loop), region, cell.outside)
-            return exact.Verdict(shown, "its P does not show that a pole is outside")
-        inside = exact.all_inside(loop, region)
-        return exact.Verdict(not inside, "the counterexample's poles are all in the region")
-    return exact.Verdict(cell.answer == "undecided", "an answer without its evidence")
+            shown = roots.is_outside(quotient(loop), region, cell.outside)
+            return placement.Verdict(shown, "its P does not show that a pole is outside")
+        inside = roots.all_inside(loop, region)
+        return placement.Verdict(not inside, "the counterexample's poles are all in the region")
+    return placement.Verdict(cell.answer == "undecided", "an answer without its evidence")
 
 
 @dataclass(frozen=True)
@@ -185,7 +190,7 @@ def summarise(table: Table, region: tuple[Part, ...], cells: list[Cell]) -> Summ
     whole = prod((axis.high - axis.low for axis in table.axes), start=Fraction(1))
     shares = dict.fromkeys(("proved", "refuted", "undecided"), Fraction(0))
     fault = ""
-    with exact.counted():
+    with counted():
         _require_moderate(table, cells)
         for k, cell in enumerate(cells):
             try:
@@ -204,15 +209,15 @@ def _require_moderate(table: Table, cells: list[Cell]) -> None:
     total = sum(work(table, e.degree, e.elevation) for cell in cells for e in cell.evidence)
     for cell in cells:
         if cell.point is not None and cell.outside is None:
-            total += exact.inside_work(table.loop(cell.point))
-        if total > exact.MAX_WORK:
+            total += roots.inside_work(table.loop(cell.point))
+        if total > MAX_WORK:
             raise FormatError("the cells are more inequalities, or larger, than are checked here")
 
 
 def work(table: Table, degree: int, elevation: int) -> int:
     """Return the least that one part of a cell costs to check."""
     blocks = (degree + 2 + elevation + 1) ** len(table.axes)
-    return exact.least_work(blocks, 2 * len(table.A[0]))
+    return definite.least_work(blocks, 2 * len(table.A[0]))
 
 
 def _untiled(cells: list[Cell], total: Fraction | int) -> str:
@@ -244,9 +249,9 @@ def read(text: str) -> tuple[Table, tuple[Part, ...], list[Cell], dict[str, Any]
     FormatError
         If it is no such file, or its shapes do not fit.
     """
-    document = exact.read_document(text, FORMAT)
-    A, B = exact.read_vertices(document)
-    region = exact.read_region(document.get("region"))
+    document = placement.read_document(text, FORMAT)
+    A, B = placement.read_vertices(document)
+    region = placement.read_region(document.get("region"))
     table = _table(document, A, B)
     entries = _list(document.get("cells"), "cells", MAX_CELLS)
     n, count = len(A[0]), len(table.axes)
@@ -270,7 +275,7 @@ def _table(document: dict[str, Any], A: list[Rationals], B: list[Rationals]) -> 
     rows = _list(tables["gains"], "table.gains", MAX_KNOTS**2)
     if len(rows) != total:
         raise FormatError(f"table.gains holds {len(rows)} gains; the grid needs {total}")
-    gains = [exact.read_matrix(row, f"table.gains[{k + 1}]", m, n) for k, row in enumerate(rows)]
+    gains = [reading.read_matrix(row, f"table.gains[{k + 1}]", m, n) for k, row in enumerate(rows)]
     return Table(A, B, axes, gains)
 
 
@@ -280,9 +285,9 @@ def _axis(parameter: Any, knots: Any, k: int) -> Axis:
         raise FormatError(f"{where} must have name, range and through")
     name, through = parameter["name"], parameter["through"]
     bounds = _list(parameter["range"], f"{where}.range", 2)
-    low, high = (exact.read_number(v, f"{where}.range") for v in (bounds[0], bounds[-1]))
+    low, high = (reading.read_number(v, f"{where}.range") for v in (bounds[0], bounds[-1]))
     values = _list(knots, f"table.grid[{k + 1}]", MAX_KNOTS)
-    found = tuple(exact.read_number(v, f"table.grid[{k + 1}]") for v in values)
+    found = tuple(reading.read_number(v, f"table.grid[{k + 1}]") for v in values)
     if not isinstance(name, str) or through not in (name, f"1/{name}") or low >= high:
         raise FormatError(f"{where} is no parameter")
     if through != name and low <= 0 <= high:
@@ -303,10 +308,10 @@ def _cell(entry: Any, where: str, count: int, n: int) -> Cell:
     low, high = (_point(entry[key], f"{where}.{key}", count) for key in ("low", "high"))
     evidence: tuple[Evidence, ...] = ()
     if "parts" in entry:
-        tables = _list(entry["parts"], f"{where}.parts", exact.MAX_PARTS)
+        tables = _list(entry["parts"], f"{where}.parts", regions.MAX_PARTS)
         if not all(isinstance(t, dict) and set(t) <= {"X", "degree", "elevation"} for t in tables):
             raise FormatError(f"{where}.parts must have X, degree and elevation")
-        evidence = tuple(exact.read_evidence(t, where, "X", n, (2,) * count) for t in tables)
+        evidence = tuple(placement.read_evidence(t, where, "X", n, (2,) * count) for t in tables)
     point = _point(entry["at"], f"{where}.at", count) if "at" in entry else None
     outside = _outside(entry["outside"], f"{where}.outside", n) if "outside" in entry else None
     return Cell(low, high, answer, evidence, point, outside)
@@ -318,9 +323,9 @@ def _outside(table: Any, where: str, n: int) -> Outside:
     line = _list(table["line"], f"{where}.line", 3)
     if len(line) != 3:
         raise FormatError(f"{where}.line must have 3 numbers")
-    p, q, c = (exact.read_number(v, f"{where}.line") for v in line)
+    p, q, c = (reading.read_number(v, f"{where}.line") for v in line)
     none = [[0] * n for _ in range(n)]
-    S, T = (exact.read_matrix(table.get(k, none), f"{where}.{k}", n, n) for k in "ST")
+    S, T = (reading.read_matrix(table.get(k, none), f"{where}.{k}", n, n) for k in "ST")
     return Outside(p, q, c, S, T)
 
 
@@ -328,7 +333,7 @@ def _point(value: Any, where: str, count: int) -> Point:
     entries = _list(value, where, MAX_PARAMETERS)
     if len(entries) != count:
         raise FormatError(f"{where} must have {count} numbers")
-    return tuple(exact.read_number(v, where) for v in entries)
+    return tuple(reading.read_number(v, where) for v in entries)
 
 
 def _list(value: Any, where: str, limit: int) -> list[Any]:

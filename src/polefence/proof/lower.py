@@ -25,21 +25,10 @@ from itertools import combinations, permutations
 from operator import mul
 from typing import Any
 
-from polefence.proof.exact import (
-    MAX_BITS,
-    MAX_WORK,
-    FormatError,
-    Integers,
-    Rationals,
-    Verdict,
-    _denominator,
-    _integers,
-    bits,
-    counted,
-    is_positive_definite,
-    least_work,
-    spend,
-)
+from polefence.proof.definite import is_positive_definite, least_work
+from polefence.proof.matrices import MAX_BITS, Integers, Rationals, _denominator, _integers, bits
+from polefence.proof.placement import Verdict
+from polefence.proof.work import MAX_WORK, FormatError, counted, spend
 
 METHODS = ("quadratic", "slack", "scheduled")
 Pairs = list[tuple[int, int]]

@@ -1,25 +1,120 @@
-"""Matrices of rationals that several proofs need; the standard library only."""
+"""Matrices of rationals and of whole numbers, of which every operation is counted."""
 
 from __future__ import annotations
 
+import math
 from fractions import Fraction
 from math import isqrt
+from operator import mul
 
-from polefence.proof.exact import (
-    LONGEST,
-    Rationals,
-    _denominator,
-    _integers,
-    rational_product,
-    spend,
-)
+from polefence.proof.work import FormatError, spend
+
+MAX_BITS = 20000
+Rationals = list[list[Fraction]]
+Integers = list[list[int]]
+
+
+def _is_symmetric(X: Rationals) -> bool:
+    return all(X[i][j] == X[j][i] for i in range(len(X)) for j in range(i))
+
+
+def bits(matrix: Integers) -> int:
+    """Return the length of the longest entry."""
+    return max((max(map(int.bit_length, row), default=0) for row in matrix), default=0)
+
+
+def _times(factor: int, matrix: Integers) -> Integers:
+    return matrix if factor == 1 else [[factor * entry for entry in row] for row in matrix]
+
+
+def _sum(X: Integers, Y: Integers) -> Integers:
+    return [list(map(int.__add__, x, y)) for x, y in zip(X, Y, strict=True)]
+
+
+def _transposed(matrix: Integers) -> Integers:
+    return [list(column) for column in zip(*matrix, strict=True)]
+
+
+def _denominator(matrices: list[Rationals], limit: int = MAX_BITS) -> int:
+    common = 1
+    for denominator in {entry.denominator for M in matrices for row in M for entry in row}:
+        length = common.bit_length()
+        spend(1, length, min(length, denominator.bit_length()) + 30)
+        common = math.lcm(common, denominator)
+        if common.bit_length() > limit:
+            raise FormatError("the numbers' common denominator is out of all proportion")
+    return common
+
+
+def _integers(matrix: Rationals, denominator: int) -> Integers:
+    length = denominator.bit_length()
+    spend(2 * len(matrix) * len(matrix[0] if matrix else []), length, min(length, 1000))
+    return [[e.numerator * (denominator // e.denominator) for e in row] for row in matrix]
+
+
+LONGEST = 10**6  # bits of a common denominator there
+
+
+def quotient(matrix: Rationals) -> tuple[Rationals, Rationals]:
+    """Return a matrix as N W^-1: N and W = I."""
+    n = len(matrix)
+    return matrix, [[Fraction(int(i == j)) for j in range(n)] for i in range(n)]
+
+
+def _matrix_product(P: Integers, Q: Integers) -> Integers:
+    spend(len(P) * len(Q) * len(Q[0]), bits(P), bits(Q))
+    columns = _transposed(Q)
+    return [[sum(map(mul, row, column)) for column in columns] for row in P]
+
+
+def mix(weights: list[Fraction], matrices: list[Rationals]) -> Rationals:
+    """Return the sum of weights times matrices."""
+    own, whole = _denominator([[weights]], LONGEST), _denominator(matrices, LONGEST)
+    (factors,) = _integers([weights], own)
+    integers = [_integers(M, whole) for M in matrices]
+    spend(sum(len(M) * len(M[0]) for M in matrices), bits([factors]), max(map(bits, integers)))
+    return [
+        [
+            Fraction(sum(map(mul, factors, entries)), own * whole)
+            for entries in zip(*rows, strict=True)
+        ]
+        for rows in zip(*integers, strict=True)
+    ]
+
+
+def right_divide(Z: Rationals, W: Rationals) -> Rationals | None:
+    """Return Z W^-1 by fraction-free Gauss-Jordan elimination on columns, None for a singular W."""
+    n = len(W)
+    common = _denominator([Z, W], LONGEST)
+    table = _transposed(_integers(W, common) + _integers(Z, common))
+    length = n * bits(table)
+    spend(n * n * len(table[0]), length, length)
+    previous = 1
+    for p in range(n):
+        pivot = next((i for i in range(p, n) if table[i][p]), None)
+        if pivot is None:
+            return None
+        table[p], table[pivot] = table[pivot], table[p]
+        own = table[p]
+        for i in range(n):
+            factor = table[i][p]
+            if i != p:
+                table[i] = [
+                    (own[p] * a - factor * b) // previous
+                    for a, b in zip(table[i], own, strict=True)
+                ]
+        previous = own[p]
+    return [[Fraction(table[i][n + q], table[i][i]) for i in range(n)] for q in range(len(Z))]
+
+
+def rational_product(left: Rationals, right: Rationals) -> Rationals:
+    """Return the product of two matrices."""
+    one, other = (_denominator([M], LONGEST) for M in (left, right))
+    both = _matrix_product(_integers(left, one), _integers(right, other))
+    return [[Fraction(e, one * other) for e in row] for row in both]
+
 
 BITS = 64  # of a square root
-
-
-def product(left: Rationals, right: Rationals) -> Rationals:
-    """Return the product of two matrices."""
-    return rational_product(left, right)
 
 
 def scaled(matrix: Rationals, rows: tuple[Fraction, ...]) -> Rationals:

@@ -28,7 +28,7 @@ from polefence import (
 from polefence.cli.main import main
 from polefence.law.given import given_law
 from polefence.plant.points import values_at
-from polefence.proof import exact
+from polefence.proof import placement, work
 
 # Leite & Peres (2005), Lemma 2 at (-40, 33.6): holds for the vertices as printed, on no real car.
 PUBLISHED = [[52930, 59680, -5150, 2560, 181210]]
@@ -362,14 +362,14 @@ MUTATIONS = {
 @pytest.mark.parametrize("name", MUTATIONS)
 def test_a_certificate_with_one_fault_is_refused(saved, name):
     text = json.dumps(saved)
-    claim, _ = exact.read(text)
-    assert exact.prove(claim).proved
+    claim, _ = placement.read(text)
+    assert placement.prove(claim).proved
     broken = json.loads(text)
     MUTATIONS[name](broken)
     try:
-        claim, _ = exact.read(json.dumps(broken))
-        proved = exact.prove(claim).proved
-    except exact.FormatError:
+        claim, _ = placement.read(json.dumps(broken))
+        proved = placement.prove(claim).proved
+    except work.FormatError:
         proved = False
     assert not proved
 
@@ -378,7 +378,7 @@ def test_evidence_about_a_scheduled_law_with_one_fault_is_refused():
     design = place(oscillator(2.2), Disk(-2, 1.5), "scheduled")
     found = analyse(oscillator(2.2), design, Disk(-2, 1.5))
     text = found.certificate.dumps()
-    assert exact.prove(exact.read(text)[0]).proved
+    assert placement.prove(placement.read(text)[0]).proved
     for keys, change in (
         (("law", "Z", 0, 0, 0), lambda z: z + 10),
         (("law", "W", 1, 0, 0), lambda w: -w),
@@ -392,7 +392,7 @@ def test_evidence_about_a_scheduled_law_with_one_fault_is_refused():
         for key in keys[:-1]:
             place_of = place_of[key]
         place_of[keys[-1]] = change(place_of[keys[-1]])
-        assert not exact.prove(exact.read(json.dumps(broken))[0]).proved, keys
+        assert not placement.prove(placement.read(json.dumps(broken))[0]).proved, keys
 
 
 @pytest.fixture

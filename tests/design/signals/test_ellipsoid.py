@@ -24,8 +24,8 @@ from polefence.design.signals.text import load_specifications, parse_specificati
 from polefence.lmi.conditions.performance import Output, Points, design
 from polefence.plant.polynomial import Domain
 from polefence.plant.spec import loads
-from polefence.proof.exact import FormatError
 from polefence.proof.performance import is_semidefinite, prove_performance, read_performance
+from polefence.proof.work import FormatError
 from polefence.response.signals import Signal
 
 STAGE = """

@@ -37,8 +37,8 @@ from polefence.lmi.conditions.gain_norm import Norm, add_norm, tangents
 from polefence.lmi.conditions.pencil import Builder
 from polefence.plant.polynomial import Domain
 from polefence.plant.spec import loads
-from polefence.proof.exact import FormatError
 from polefence.proof.performance import blocks, prove_performance, read_performance
+from polefence.proof.work import FormatError
 from support.paths import DOCS
 
 ONE = """

@@ -18,8 +18,8 @@ from polefence.design.signals.refutation import refute_limits
 from polefence.design.signals.specification import Gain, RelativeRms, Rms, rows, signal_of
 from polefence.examples import spec_path
 from polefence.plant.spec import loads
-from polefence.proof.exact import FormatError
 from polefence.proof.performance.refutation import prove_refutation
+from polefence.proof.work import FormatError
 from polefence.region.regions import HalfPlane
 from polefence.response.signals import Signal
 from polefence.vehicle import velocity_density

@@ -16,7 +16,7 @@ from polefence.lmi.solve.lyapunov import Proof
 from polefence.plant.family import UncertainPlant
 from polefence.plant.polynomial import bernstein, elevated, times
 from polefence.plant.system import Array
-from polefence.proof import exact
+from polefence.proof import definite, work
 from polefence.region.regions import Region
 
 # Degree and elevation of the Lyapunov polynomial, one after the other.
@@ -61,7 +61,7 @@ def forms(plant: UncertainPlant, law: Law, parts: int = 1) -> Iterator[tuple[int
     for degree, elevation in LADDER:
         blocks = domain.count(degree + 1 + own + elevation)
         unknowns = domain.count(degree) * n * (n + 1) // 2
-        checked = exact.least_work(blocks * parts**2, 2 * n) <= exact.MAX_WORK
+        checked = definite.least_work(blocks * parts**2, 2 * n) <= work.MAX_WORK
         if (degree, elevation) == LADDER[0]:
             if not checked:
                 raise InputError(f"{plant.name}: {blocks} inequalities are more than is checked")

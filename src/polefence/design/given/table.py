@@ -22,7 +22,7 @@ from polefence.plant.family import UncertainPlant
 from polefence.plant.names import unit_text
 from polefence.plant.system import Array
 from polefence.proof import cells as proof
-from polefence.proof import exact
+from polefence.proof import matrices, placement, reading, work
 from polefence.proof.cells import Cell
 from polefence.region.regions import Region, region_of
 from polefence.region.text import digits_down, digits_up
@@ -118,7 +118,7 @@ class TableAnalysis:
         grid = [[_plain(v) for v in self.table.grid[p.name]] for p in self.plant.parameters]
         return {
             "format": proof.FORMAT,
-            "version": exact.VERSION,
+            "version": placement.VERSION,
             "plant": plant_document(self.plant),
             "region": self.region.document(),
             "table": {"grid": grid, "gains": self.table.flat.tolist()},
@@ -195,13 +195,13 @@ def table_plant(path: Path) -> UncertainPlant:
     where, text = _text(path)
     try:
         return plant_from(proof.read(text)[-1]["plant"])
-    except (exact.FormatError, InputError) as error:
+    except (work.FormatError, InputError) as error:
         raise DesignFileError(f"{where}: {error}") from error
 
 
 def _text(path: Path) -> tuple[Path, str]:
     where = path / FILE_NAME if path.is_dir() else path
-    return where, read_text(where, exact.MAX_BYTES, DesignFileError)
+    return where, read_text(where, reading.MAX_BYTES, DesignFileError)
 
 
 def _read(path: Path) -> tuple[TableAnalysis, str]:
@@ -213,7 +213,7 @@ def _read(path: Path) -> tuple[TableAnalysis, str]:
         plant = plant_from(document["plant"])
         region = region_of([(part.kind, part.numbers) for part in parts])
         return TableAnalysis(plant, _table(plant, exactly), region, tuple(cells)), fault
-    except (exact.FormatError, InputError) as error:
+    except (work.FormatError, InputError) as error:
         raise DesignFileError(f"{where}: {error}") from error
 
 
@@ -256,5 +256,5 @@ def _cell_document(cell: Cell) -> dict[str, Any]:
     return entry
 
 
-def _floats(matrix: exact.Rationals) -> list[list[float]]:
+def _floats(matrix: matrices.Rationals) -> list[list[float]]:
     return [[float(e) for e in row] for row in matrix]

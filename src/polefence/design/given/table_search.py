@@ -27,13 +27,14 @@ from polefence.plant.family import UncertainPlant
 from polefence.plant.polynomial import Domain, bernstein, elevated, times
 from polefence.plant.system import Array
 from polefence.proof import cells as proof
-from polefence.proof import exact
+from polefence.proof import matrices, placement, regions, roots
 from polefence.proof.cells import Cell
+from polefence.proof.work import MAX_WORK, FormatError, counted
 from polefence.region.regions import Region
 
 FORMS = ((0, 0), (1, 0))  # degree and elevation of a cell's Lyapunov polynomial
 SHARE = 0.9  # of the work that is checked in a file, after which no more cells are decided
-MOST_OF_A_CELL = exact.MAX_WORK // 100  # by its characteristic polynomial
+MOST_OF_A_CELL = MAX_WORK // 100  # by its characteristic polynomial
 SAMPLES, MOST_SAMPLES = 7, 1000  # along each side of a cell; in a cell
 INSIDE = (0.98, 0.0)
 
@@ -82,7 +83,7 @@ def analyse_table(
         halved = level < depth and len(done) + len(queue) + 2 <= most
         late = halved and deadline.passed
         cell: Cell | None = Cell(low, high, "undecided")
-        if spent < SHARE * exact.MAX_WORK:
+        if spent < SHARE * MAX_WORK:
             cell = work.decided(low, high, last=late or not halved)
         if cell is None:
             queue += [(*half, level + 1) for half in _halves(low, high, work.exactly.axes)]
@@ -113,13 +114,13 @@ class _Work:
     exactly: proof.Table
 
     @cached_property
-    def parts(self) -> tuple[exact.Part, ...]:
-        return exact.read_region(self.question.region.document())
+    def parts(self) -> tuple[regions.Part, ...]:
+        return placement.read_region(self.question.region.document())
 
     @property
     def most_cells(self) -> int:
         each = max(proof.work(self.exactly, *form) for form in FORMS) * len(self.parts)
-        return min(proof.MAX_CELLS, exact.MAX_WORK // each)
+        return min(proof.MAX_CELLS, MAX_WORK // each)
 
     def decided(self, low: proof.Point, high: proof.Point, last: bool) -> Cell | None:
         """Return a cell with its answer, or None where it is to be halved: never the last time."""
@@ -146,7 +147,7 @@ class _Work:
 
     def checked(self, cell: Cell) -> int:
         """Return what it takes to check a cell."""
-        with exact.counted() as count:
+        with counted() as count:
             proof.prove_cell(self.exactly, self.parts, cell)
         return count.spent
 
@@ -155,15 +156,15 @@ class _Work:
         sides = zip(point, low, high, strict=True)
         exactly = tuple(min(max(Fraction(float(v)), lo), hi) for v, lo, hi in sides)
         loop = self.exactly.loop(exactly)
-        by = shown(exact.quotient(loop), self.parts)
+        by = shown(matrices.quotient(loop), self.parts)
         cell = Cell(low, high, "refuted", point=exactly, outside=by)
         if by is not None:
             return cell
-        with exact.counted(MOST_OF_A_CELL), suppress(exact.FormatError):
-            return None if exact.all_inside(loop, self.parts) else cell
+        with counted(MOST_OF_A_CELL), suppress(FormatError):
+            return None if roots.all_inside(loop, self.parts) else cell
         return None
 
-    def _proof(self, low: proof.Point, high: proof.Point) -> tuple[exact.Evidence, ...] | None:
+    def _proof(self, low: proof.Point, high: proof.Point) -> tuple[placement.Evidence, ...] | None:
         """Return evidence for every part of the region, None where one has none."""
         claim = proof.cell_claim(self.exactly, self.parts, low, high, ())
         loop, evidence = _loop(claim), []
@@ -175,7 +176,7 @@ class _Work:
         return tuple(evidence)
 
 
-def _evidence(claim: exact.Claim, loop: Loop, part: Region) -> exact.Evidence | None:
+def _evidence(claim: placement.Claim, loop: Loop, part: Region) -> placement.Evidence | None:
     for form in FORMS:
         for enough in INSIDE:
             with suppress(SolverError):
@@ -183,13 +184,13 @@ def _evidence(claim: exact.Claim, loop: Loop, part: Region) -> exact.Evidence | 
                 if found.r >= 1:
                     break
                 X = [[[Fraction(e) for e in row] for row in Q] for Q in found.Q.tolist()]
-                evidence = exact.Evidence(X, *form)
-                if exact.prove(replace(claim, evidence=(evidence,))).proved:
+                evidence = placement.Evidence(X, *form)
+                if placement.prove(replace(claim, evidence=(evidence,))).proved:
                     return evidence
     return None
 
 
-def _loop(claim: exact.Claim) -> Loop:
+def _loop(claim: placement.Claim) -> Loop:
     A, B, K = (np.array(M, dtype=float) for M in (claim.A, claim.B, claim.law.K))
     q = np.array(claim.weights, dtype=float)
     # weights of many parameters may be far from one; only their ratio matters

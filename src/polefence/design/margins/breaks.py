@@ -14,7 +14,7 @@ from polefence.design.design import Design
 from polefence.design.outside import leaves
 from polefence.plant.parameters import Parameter
 from polefence.plant.system import Array
-from polefence.proof import exact
+from polefence.proof import matrices, placement, work
 from polefence.region.regions import Region
 
 GRID = {1: 65, 2: 13, 3: 6}  # points of each interval, by the number of parameters; else 4
@@ -81,12 +81,12 @@ def _worst(
 
 def _leaves(design: Design, region: Region, own: list[Fraction], estimated: list[Fraction]) -> bool:
     """Whether a pole of A(own) + B(own) K(estimated) is not in the region, exactly."""
-    claim = replace(design.certificate.claim(), region=exact.read_region(region.document()))
-    A, B = exact.mix(own, claim.A), exact.mix(own, claim.B)
+    claim = replace(design.certificate.claim(), region=placement.read_region(region.document()))
+    A, B = matrices.mix(own, claim.A), matrices.mix(own, claim.B)
     frozen = replace(claim, A=[A] * len(claim.A), B=[B] * len(claim.A))
     try:
-        return leaves(exact.fraction_at(frozen, estimated), claim.region)
-    except exact.FormatError:  # more work than is done here
+        return leaves(placement.fraction_at(frozen, estimated), claim.region)
+    except work.FormatError:  # more work than is done here
         return False
 
 

@@ -23,7 +23,7 @@ from polefence.design.margins import given_law as given
 from polefence.design.margins.files import claim_document
 from polefence.design.margins.inequalities import balanced, count_whole
 from polefence.plant.system import Array
-from polefence.proof import exact
+from polefence.proof import placement, work
 from polefence.proof.service import FORMAT, Gain, Range, Subject, prove_service
 from polefence.region.regions import Region
 
@@ -125,7 +125,7 @@ def gain_document(claim: Gain, design: Design) -> dict[str, Any]:
     """
     own = design.certificate.document()
     service = claim_document(claim)
-    return {"format": FORMAT, "version": exact.VERSION, "design": own, "service": service}
+    return {"format": FORMAT, "version": placement.VERSION, "design": own, "service": service}
 
 
 def _positive(values: Any, count: int, what: str) -> Array:
@@ -218,7 +218,7 @@ def _exactly(values: Array) -> tuple[Fraction, ...]:
 def _holds(claim: Gain) -> bool:
     try:
         return prove_service(claim).proved
-    except exact.FormatError:  # more than the checker takes on
+    except work.FormatError:  # more than the checker takes on
         return False
 
 

@@ -14,7 +14,7 @@ from polefence.design.design import says_format
 from polefence.design.statement import errors_text, name_text, range_text, region_text
 from polefence.plant.family import UncertainPlant
 from polefence.plant.names import rate_text, unit_text
-from polefence.proof import exact
+from polefence.proof import reading, work
 from polefence.proof.service import (
     FORMAT,
     Estimate,
@@ -68,7 +68,7 @@ def check_service(path: str | Path) -> Check:
     claim, document = _read(path)
     try:
         verdict = prove_service(claim)
-    except exact.FormatError as error:
+    except work.FormatError as error:
         raise DesignFileError(f"{path}: {error}") from error
     said = (statement(claim, document),)
     return Check("proved" if verdict.proved else "undecided", verdict.reason, claims=said)
@@ -87,10 +87,10 @@ def service_plant(path: str | Path) -> UncertainPlant:
 
 
 def _read(path: str | Path) -> tuple[ServiceClaim, dict[str, Any]]:
-    text = read_text(Path(path), exact.MAX_BYTES, DesignFileError)
+    text = read_text(Path(path), reading.MAX_BYTES, DesignFileError)
     try:
         return read_service(text)
-    except exact.FormatError as error:
+    except work.FormatError as error:
         raise DesignFileError(f"{path}: {error}") from error
 
 

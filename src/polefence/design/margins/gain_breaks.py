@@ -14,8 +14,8 @@ from polefence.design.margins.gain import Scales
 from polefence.design.outside import leaves
 from polefence.plant.polynomial import Domain
 from polefence.plant.system import Array
-from polefence.proof import exact
-from polefence.proof.matrices import product
+from polefence.proof import definite, matrices, placement, work
+from polefence.proof.matrices import rational_product as product
 from polefence.region.regions import Region
 
 CORNERS, INNER = 64, 48  # points of the family that are looked at
@@ -117,7 +117,7 @@ def _leaves(
     error: float,
 ) -> bool:
     """Whether a pole is not in the region, in exact arithmetic, for an exact |D| <= 1."""
-    claim = replace(design.certificate.claim(), region=exact.read_region(region.document()))
+    claim = replace(design.certificate.claim(), region=placement.read_region(region.document()))
     D = [[Fraction(float(d)) * (1 - Fraction(1, 2**30)) for d in row] for row in direction]
     scale = max(row_entry.denominator for row in D for row_entry in row)
     whole = [[int(d * scale) for d in row] for row in D]
@@ -125,7 +125,7 @@ def _leaves(
         [scale**2 * (i == j) - sum(map(int.__mul__, a, b)) for j, b in enumerate(whole)]
         for i, a in enumerate(whole)
     ]
-    if not exact.is_positive_definite(rest):
+    if not definite.is_positive_definite(rest):
         return False
     columns = [Fraction(float(c)) * Fraction(error) for c in scales.columns]
     off = [
@@ -133,9 +133,9 @@ def _leaves(
         for r, row in zip(scales.rows, D, strict=True)
     ]
     try:
-        N, W = exact.fraction_at(claim, alpha)
-        more = product(product(exact.mix(alpha, claim.B), off), W)
+        N, W = placement.fraction_at(claim, alpha)
+        more = product(product(matrices.mix(alpha, claim.B), off), W)
         N = [[x + y for x, y in zip(*rows, strict=True)] for rows in zip(N, more, strict=True)]
         return leaves((N, W), claim.region)
-    except exact.FormatError:  # more work than is done here
+    except work.FormatError:  # more work than is done here
         return False

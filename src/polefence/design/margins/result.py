@@ -12,7 +12,7 @@ from typing import Any
 from polefence.base.files import write_documents
 from polefence.design.design import Design
 from polefence.design.margins.files import claim_document
-from polefence.proof import exact
+from polefence.proof import placement
 from polefence.proof.service import FORMAT, Estimate, ServiceClaim
 from polefence.region.regions import Region
 from polefence.region.text import digits_down, digits_up
@@ -145,7 +145,7 @@ class Service:
             if margin.claim.subject.design.region != design.certificate.claim().region:
                 service["region"] = self.region.document()
         own = design.certificate.document()
-        return {"format": FORMAT, "version": exact.VERSION, "design": own, "service": service}
+        return {"format": FORMAT, "version": placement.VERSION, "design": own, "service": service}
 
     def save(self, directory: str | Path) -> list[Path]:
         """Write one file for each proved margin into a folder; return their paths.

@@ -22,7 +22,7 @@ from polefence.design.margins.result import Margin, Service
 from polefence.law.laws import FixedGain
 from polefence.plant.names import rate_text, unit_text
 from polefence.plant.parameters import Parameter
-from polefence.proof import exact
+from polefence.proof import placement, work
 from polefence.proof.service import (
     Estimate,
     Gain,
@@ -64,9 +64,9 @@ class _Task:
         return () if self.subject is None else balanced(self.subject, self.region)
 
     @cached_property
-    def claim(self) -> exact.Claim:
+    def claim(self) -> placement.Claim:
         own = (self.subject or self.design).certificate.claim()
-        return replace(own, region=exact.read_region(self.region.document()))
+        return replace(own, region=placement.read_region(self.region.document()))
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:
@@ -351,7 +351,7 @@ def _proved(
 def _holds(claim: ServiceClaim) -> bool:
     try:
         return prove_service(claim).proved
-    except exact.FormatError:  # more than the checker takes on
+    except work.FormatError:  # more than the checker takes on
         return False
 
 

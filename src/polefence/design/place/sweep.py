@@ -20,7 +20,8 @@ from polefence.design.design import Design
 from polefence.design.place.limits import Limit, as_finished
 from polefence.lmi.conditions.methods import METHODS, Method, method_label
 from polefence.plant.family import UncertainPlant
-from polefence.proof import exact
+from polefence.proof import placement, work
+from polefence.proof.reading import MAX_BYTES, parse
 from polefence.region.regions import Disk
 
 # What a row keeps of its design: with the plant, its centre and its radius all that proves it.
@@ -130,7 +131,7 @@ def _finished(path: Path, plant: UncertainPlant, gain: bool, asked: Set[Key]) ->
     if not path.exists():
         return {}
     try:
-        document = exact.parse(read_text(path, exact.MAX_BYTES, InputError))
+        document = parse(read_text(path, MAX_BYTES, InputError))
         version, digest = document["polefence"], document["plant"]["digest"]
         rows = {(row["centre"], row["method"]): row for row in document["rows"]}
         proved = [row for row in rows.values() if row["status"] == "proved"]
@@ -145,7 +146,7 @@ def _finished(path: Path, plant: UncertainPlant, gain: bool, asked: Set[Key]) ->
         other = str(version)[:40]
         raise InputError(f"{path}: a sweep by polefence {other}; remove it to start anew")
     found = {}
-    with exact.counted() as count:
+    with work.counted() as count:
         for row in proved:
             if row.get("proof") is not None:
                 key = row["centre"], row["method"]
@@ -154,7 +155,7 @@ def _finished(path: Path, plant: UncertainPlant, gain: bool, asked: Set[Key]) ->
 
 
 def _again(
-    path: Path, row: Row, plant: UncertainPlant, gain: bool, count: exact.Count | None
+    path: Path, row: Row, plant: UncertainPlant, gain: bool, count: work.Count | None
 ) -> Row:
     """Prove a row of a file afresh, and return what of it is proved.
 
@@ -164,17 +165,21 @@ def _again(
     (n, m), N = plant.shape, len(plant.vertices)
     reading = READING * N * n * (n + m)
     if count is not None:
-        count.most += reading * exact.cost(0)
+        count.most += reading * work.cost(0)
     try:
-        exact.spend(reading, 0)
+        work.spend(reading, 0)
         region = Disk(row["centre"], row["radius"])
-        head = {"format": exact.FORMAT, "version": exact.VERSION, "plant": plant_document(plant)}
+        head = {
+            "format": placement.FORMAT,
+            "version": placement.VERSION,
+            "plant": plant_document(plant),
+        }
         own = {key: row["proof"][key] for key in PROOF}
         text = json.dumps(head | {"region": region.document()} | own, allow_nan=False)
         certificate = Certificate.loads(text)
         design = Design(certificate)
         if count is not None:
-            count.most += AGAIN * exact.least(certificate.claim())
+            count.most += AGAIN * placement.least(certificate.claim())
         holds = certificate.prove().proved and design.label == row["method"]
     except (ValueError, KeyError, TypeError) as error:
         raise InputError(f"{where} holds no proof: {error}; remove the file") from error

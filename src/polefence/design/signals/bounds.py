@@ -22,8 +22,9 @@ from polefence.lmi.solve.lyapunov_performance import Point, points_given, work
 from polefence.lmi.solve.smallest import TOLERANCE
 from polefence.plant.family import UncertainPlant
 from polefence.plant.system import Array
-from polefence.proof import exact
+from polefence.proof import matrices, placement
 from polefence.proof.performance import PerformanceClaim, prove_performance
+from polefence.proof.work import FormatError
 from polefence.region.text import digits_up
 
 # Degree and elevation of the Lyapunov polynomial, one after the other.
@@ -37,7 +38,7 @@ MOST_WORK = 3e8  # of one search beyond the first [multiplications an iteration]
 WORTH = 1e-3  # a smaller bound by less than this share ends the climb
 
 
-Known = tuple[exact.Evidence, float]
+Known = tuple[placement.Evidence, float]
 
 
 @dataclass(frozen=True, eq=False)
@@ -118,7 +119,7 @@ def _stepped(
     plant: UncertainPlant,
     law: Law,
     specification: Specification,
-    evidence: exact.Evidence,
+    evidence: placement.Evidence,
     level: float,
 ) -> Bound | None:
     """Return the first step above a level at which evidence is a proof, None if it is at none."""
@@ -162,16 +163,16 @@ def kept_bound(
     return None
 
 
-def own_evidence(law: Law, W: Array, t: float) -> exact.Evidence:
+def own_evidence(law: Law, W: Array, t: float) -> placement.Evidence:
     """Return the evidence that a design leaves of a signal: its own W over t, (count, n, n)."""
     if isinstance(law, FixedGain):
-        return exact.Evidence([_rationals(W[0] / t)])
+        return placement.Evidence([_rationals(W[0] / t)])
     none = [[Fraction(0)] * W.shape[1] for _ in range(W.shape[1])]
-    return exact.Evidence([none], multiple=(Fraction(1 / t),))
+    return placement.Evidence([none], multiple=(Fraction(1 / t),))
 
 
 # Evidence, to rounding and then exactly as it was found, and the r that it proves in floats.
-Points = Iterator[tuple[Iterable[exact.Evidence], float]]
+Points = Iterator[tuple[Iterable[placement.Evidence], float]]
 
 
 def _climb(
@@ -193,7 +194,7 @@ def _norms(plant: UncertainPlant, law: Law, specification: GainNorm, unit: float
     with suppress(SolverError):
         for level, elevation in levels(plant, law, specification):
             if np.isfinite(level):
-                yield [exact.Evidence([], elevation=elevation)], (level / unit) ** 2
+                yield [placement.Evidence([], elevation=elevation)], (level / unit) ** 2
 
 
 def _points(loop: Loop, source: Source, output: Output, form: tuple[int, int]) -> Points:
@@ -219,14 +220,14 @@ def _proved(
     plant: UncertainPlant,
     law: Law,
     specification: Specification,
-    evidence: exact.Evidence,
+    evidence: placement.Evidence,
     level: float,
 ) -> Bound | None:
     on = "box" if len(domain_of(plant, law).sizes) > 1 else "simplex"
     claim = claim_of(plant, exact_law(law), on, specification, evidence, Fraction(level))
     try:
         verdict = prove_performance(claim)
-    except exact.FormatError as error:
+    except FormatError as error:
         raise PlantError(f"{plant.name}: {error}") from error
     if not verdict.proved:
         return None
@@ -236,16 +237,16 @@ def _proved(
     return Bound(specification, level, claim, degree, verdict.reason)
 
 
-def _evidences(found: Point, form: tuple[int, int]) -> Iterator[exact.Evidence]:
+def _evidences(found: Point, form: tuple[int, int]) -> Iterator[placement.Evidence]:
     """Yield Q as floats have it, and as the exact product that it is of what was found."""
     multiple = () if found.multiple is None else tuple(map(Fraction, found.multiple.tolist()))
-    yield exact.Evidence([_rationals(Q) for Q in found.Q], form[0], form[1], multiple)
+    yield placement.Evidence([_rationals(Q) for Q in found.Q], form[0], form[1], multiple)
     left = _rationals(found.left)
     products = [_congruent(left, _rationals((S + S.T) / 2)) for S in found.scaled]
-    yield exact.Evidence(products, form[0], form[1], multiple)
+    yield placement.Evidence(products, form[0], form[1], multiple)
 
 
-def _congruent(left: exact.Rationals, middle: exact.Rationals) -> exact.Rationals:
+def _congruent(left: matrices.Rationals, middle: matrices.Rationals) -> matrices.Rationals:
     """Return left @ middle @ left', exactly."""
     half = [[_dot(row, column) for column in middle] for row in left]  # middle is symmetric
     return [[_dot(row, column) for column in left] for row in half]
@@ -255,14 +256,14 @@ def _dot(a: Sequence[Fraction], b: Sequence[Fraction]) -> Fraction:
     return sum((x * y for x, y in zip(a, b, strict=True)), Fraction(0))
 
 
-def exact_law(law: Law) -> exact.Law:
+def exact_law(law: Law) -> placement.Law:
     """Return a law in exact rationals."""
     if isinstance(law, FixedGain):
-        return exact.Law([_rationals(law.K)])
-    return exact.Law(
+        return placement.Law([_rationals(law.K)])
+    return placement.Law(
         None, [_rationals(W) for W in law.W], [_rationals(Z) for Z in law.Z], law.degree
     )
 
 
-def _rationals(matrix: Array) -> exact.Rationals:
+def _rationals(matrix: Array) -> matrices.Rationals:
     return [[Fraction(x) for x in row] for row in matrix.tolist()]

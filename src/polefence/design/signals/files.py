@@ -18,8 +18,8 @@ from polefence.design.signals.specification import rows
 from polefence.design.statement import ellipsoid_text, impulses_text, output_text, points_text
 from polefence.plant.family import UncertainPlant
 from polefence.plant.names import quoted
-from polefence.proof import exact
-from polefence.proof.exact import Evidence, Rationals
+from polefence.proof import placement, reading, work
+from polefence.proof.matrices import Rationals
 from polefence.proof.performance import (
     FORMAT,
     LAW,
@@ -34,6 +34,7 @@ from polefence.proof.performance import (
     prove_performance,
     read_performance,
 )
+from polefence.proof.placement import Evidence
 from polefence.region.text import digits_down, digits_up
 from polefence.response.signals import Signal, inputs, states
 from polefence.vehicle.vehicle import ride
@@ -65,7 +66,7 @@ def performance_text(certificate: Certificate, claims: Sequence[PerformanceClaim
     """Return the text of a performance file: claims about the loop of a design's certificate."""
     document = {
         "format": FORMAT,
-        "version": exact.VERSION,
+        "version": placement.VERSION,
         "design": certificate.document(),
         "specifications": [claim_document(claim) for claim in claims],
     }
@@ -192,15 +193,15 @@ def check_performance(path: str | Path) -> Check:
                 name = claim.output.name
                 reason = f"the output called {quoted(name)} is another of the plant's"
                 return Check("undecided", reason, claims=(statement(claim, plant),))
-        design, _ = exact.read(json.dumps(document["design"]))
-        with exact.counted():  # one count for the file, however many its claims
+        design, _ = placement.read(json.dumps(document["design"]))
+        with work.counted():  # one count for the file, however many its claims
             return _prove_all(design, claims, plant)
-    except (exact.FormatError, InputError) as error:
+    except (work.FormatError, InputError) as error:
         raise DesignFileError(f"{where}: {error}") from error
 
 
 def _prove_all(
-    design: exact.Claim, claims: Sequence[PerformanceClaim], plant: UncertainPlant
+    design: placement.Claim, claims: Sequence[PerformanceClaim], plant: UncertainPlant
 ) -> Check:
     answer = check_claim(design)
     if not answer.proved:
@@ -328,18 +329,18 @@ def performance_plant(path: str | Path) -> UncertainPlant:
 
 def _read(path: str | Path) -> tuple[Path, list[PerformanceClaim], dict[str, Any]]:
     where = _where(Path(path))
-    text = read_text(where, exact.MAX_BYTES, DesignFileError)
+    text = read_text(where, reading.MAX_BYTES, DesignFileError)
     try:
         return where, *read_performance(text)
-    except exact.FormatError as error:
+    except work.FormatError as error:
         raise DesignFileError(f"{where}: {error}") from error
 
 
 def _same(path: Path, design: Any) -> bool:
     """Whether a design file holds this design, number for number."""
     try:
-        return bool(exact.parse(read_text(path, exact.MAX_BYTES, DesignFileError)) == design)
-    except exact.FormatError as error:
+        return bool(reading.parse(read_text(path, reading.MAX_BYTES, DesignFileError)) == design)
+    except work.FormatError as error:
         raise DesignFileError(f"{path}: no design file: {error}") from error
 
 

@@ -30,9 +30,10 @@ from polefence.lmi.solve.regular import Regular, regular
 from polefence.lmi.solve.regulator import Regulated, heaviest
 from polefence.plant.family import UncertainPlant
 from polefence.plant.system import Array
-from polefence.proof.exact import FormatError, Rationals
+from polefence.proof.matrices import Rationals
 from polefence.proof.performance import Output
 from polefence.proof.performance.refutation import RmsLimit, RmsRefutation, prove_refutation
+from polefence.proof.work import FormatError
 from polefence.region.text import digits_down
 
 # Decay taken off the plant, of its own rates, so that P proves the inequality with a margin; and

@@ -16,7 +16,8 @@ from polefence.plant.family import UncertainPlant
 from polefence.plant.polynomial import Domain, Polynomial
 from polefence.plant.system import Array
 from polefence.proof import performance as proof
-from polefence.proof.exact import Evidence, Law, Rationals
+from polefence.proof.matrices import Rationals
+from polefence.proof.placement import Evidence, Law
 from polefence.region.regions import exactly
 from polefence.response.signals import Signal, inputs, pick, states
 from polefence.response.weighting import WF, WK

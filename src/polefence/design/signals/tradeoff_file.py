@@ -23,7 +23,7 @@ from polefence.design.signals.tradeoff_front import Asked, head
 from polefence.law.laws import FixedGain, Law, ScheduledGain
 from polefence.plant.family import UncertainPlant
 from polefence.plant.system import Array
-from polefence.proof import exact
+from polefence.proof import reading, work
 from polefence.proof.performance import PerformanceClaim, prove_performance, read_performance
 
 SAMPLES = 2000  # points of the family that each law is looked at
@@ -52,11 +52,11 @@ def finished(path: Path, asked: Asked) -> dict[tuple[float, str], Row]:
         return {}
     again = "remove the file to start anew, or name another one"
     try:
-        document = exact.parse(read_text(path, exact.MAX_BYTES, InputError))
+        document = reading.parse(read_text(path, reading.MAX_BYTES, InputError))
         found = {key: document[key] for key in ("polefence", "plant", "question")}
         rows = {(row["value"], row["method"]): row for row in document["rows"]}
         same = found == head(asked)
-        with exact.counted():  # one count for the file, however many its rows
+        with work.counted():  # one count for the file, however many its rows
             proved = {
                 key: _again(row, asked) if same else None
                 for key, row in rows.items()

@@ -14,7 +14,7 @@ from polefence.design.design import Design
 from polefence.plant.family import UncertainPlant
 from polefence.plant.polynomial import Domain
 from polefence.plant.system import Array
-from polefence.proof import exact
+from polefence.proof import placement
 from polefence.response.discrete import held
 
 SHORTEST = 1e-9  # of the loop's fastest time
@@ -76,7 +76,7 @@ def domain_of(plant: UncertainPlant, design: Design) -> Domain:
     """Return where alpha lives: on the box of the parameters where there are any."""
     if plant.parameters:
         return Domain.of("box", len(plant.vertices))
-    return Domain(exact.simplices(design.certificate.claim()))
+    return Domain(placement.simplices(design.certificate.claim()))
 
 
 def cloud(design: Design, count: int) -> Array:

@@ -26,10 +26,11 @@ from polefence.law.laws import FixedGain
 from polefence.lmi.conditions.target import Disks
 from polefence.lmi.solve.lyapunov import least
 from polefence.plant.system import Array
-from polefence.proof.exact import Evidence, FormatError, simplices
+from polefence.proof.placement import Evidence, simplices
 from polefence.proof.sampling import Off, Sampled, loop_claim, prove_sampling, step_error
 from polefence.proof.sampling.error import MAX_TERMS, gain_error, held_size
 from polefence.proof.service import Range
+from polefence.proof.work import FormatError
 from polefence.region.text import digits_down
 
 CENTRAL = 0.5  # of the sampled decay: evidence that proves no more is further from singular

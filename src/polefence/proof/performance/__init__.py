@@ -1,9 +1,9 @@
 """Prove bounds on the signals of a closed loop, in exact arithmetic.
 
 For x' = (A + B K) x + E w, y = C x + D u with one row y, and for every alpha of the simplex or the
-box. Polynomials X(alpha), N = (A + B K) X and Y = (C + D K) X are those of `polefence.proof.exact`:
-X = W of the law K = Z W^-1, or given for each claim. What proves each is, from Boyd et al. (1994),
-chapters 6 and 10, and Scherer, Gahinet & Chilali (1997):
+box. Polynomials X(alpha), N = (A + B K) X and Y = (C + D K) X are those of
+`polefence.proof.placement`: X = W of the law K = Z W^-1, or given for each claim. What proves each
+is, from Boyd et al. (1994), chapters 6 and 10, and Scherer, Gahinet & Chilali (1997):
 
     rms       -(N + N' + S E E') > 0 and [ g^2, Y ; Y', X ] > 0: X is more than the stationary
               covariance for white noise of two-sided intensity S, and Y X^-1 Y' < g^2
@@ -29,14 +29,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from polefence.proof.exact import (
-    Integers,
-    Rationals,
-    Verdict,
-    _is_symmetric,
-    counted,
-    is_positive_definite,
-)
+from polefence.proof.definite import is_positive_definite
+from polefence.proof.matrices import Integers, Rationals, _is_symmetric
 from polefence.proof.performance.checks import is_semidefinite, require_consistent, simplices
 from polefence.proof.performance.claims import (
     LAW,
@@ -54,6 +48,8 @@ from polefence.proof.performance.claims import (
 from polefence.proof.performance.inequalities import inequalities
 from polefence.proof.performance.passive import baseline_loop
 from polefence.proof.performance.reading import FORMAT, read_performance
+from polefence.proof.placement import Verdict
+from polefence.proof.work import counted
 
 __all__ = [
     "FORMAT",

@@ -5,18 +5,9 @@ from __future__ import annotations
 from dataclasses import replace
 from fractions import Fraction
 
-from polefence.proof import exact
-from polefence.proof.exact import (
-    MAX_DEGREE,
-    MAX_WORK,
-    Claim,
-    Evidence,
-    FormatError,
-    Part,
-    Rationals,
-    _number,
-    least_work,
-)
+from polefence.proof import definite, placement
+from polefence.proof.definite import least_work
+from polefence.proof.matrices import LONGEST, Rationals, _denominator, _integers, _is_symmetric
 from polefence.proof.performance.claims import (
     MAX_POINTS,
     EnergyPeak,
@@ -28,11 +19,15 @@ from polefence.proof.performance.claims import (
     Rms,
     Subject,
 )
+from polefence.proof.placement import Claim, Evidence
+from polefence.proof.polynomials import MAX_DEGREE, _number
+from polefence.proof.regions import Part
+from polefence.proof.work import MAX_WORK, FormatError
 
 
 def simplices(subject: Subject) -> tuple[int, ...]:
     """Return the number of corners of each simplex."""
-    return exact.simplices(_design(subject))
+    return placement.simplices(_design(subject))
 
 
 def _design(subject: Subject) -> Claim:
@@ -105,7 +100,7 @@ def _law_and_evidence(subject: Subject, n: int, m: int) -> None:
         raise FormatError("epsilon belongs to designs of the method slack")
     if not evidence.X and (evidence.degree or len(evidence.multiple) > 1):
         raise FormatError("the law's own W has its own degree, and at most one multiple")
-    exact._require_consistent(_design(subject))
+    placement._require_consistent(_design(subject))
 
 
 def _gain_norm(claim: GainNorm, n: int, m: int) -> None:
@@ -130,8 +125,8 @@ def _gain_norm(claim: GainNorm, n: int, m: int) -> None:
 
 def is_semidefinite(matrix: Rationals) -> bool:
     """Whether a symmetric matrix has no negative eigenvalue."""
-    common = exact._denominator([matrix], exact.LONGEST)
-    return exact.is_semidefinite(exact._integers(matrix, common))
+    common = _denominator([matrix], LONGEST)
+    return definite.is_semidefinite(_integers(matrix, common))
 
 
 def _initial(claim: InitialPeak, n: int, q: int) -> None:
@@ -139,7 +134,7 @@ def _initial(claim: InitialPeak, n: int, q: int) -> None:
     if ellipsoid:
         X0 = list(map(list, ellipsoid))
         _shapes([X0], 1, n, n, "ellipsoid")
-        if not exact._is_symmetric(X0) or not is_semidefinite(X0):
+        if not _is_symmetric(X0) or not is_semidefinite(X0):
             raise FormatError("ellipsoid must be symmetric, without negative eigenvalues")
     if not claim.points and not any(claim.impulses) and not any(map(any, ellipsoid)):
         raise FormatError("points and impulses are missing: there is no initial state")
@@ -171,7 +166,7 @@ def _work(claim: PerformanceClaim, size: int) -> int:
     """Return a bound on the work, from degrees that are reached at most."""
     subject, sizes = claim.subject, simplices(claim.subject)
     evidence, blocks, more = subject.evidence, 2, 0
-    natural = exact._degree(_design(subject), replace(evidence, elevation=0))
+    natural = placement._degree(_design(subject), replace(evidence, elevation=0))
     needed = natural
     if isinstance(claim, InitialPeak):
         blocks += len(claim.points) + len(claim.impulses) + bool(claim.ellipsoid)

@@ -10,7 +10,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from fractions import Fraction
 
-from polefence.proof.exact import Evidence, Law, Rationals
+from polefence.proof.matrices import Rationals
+from polefence.proof.placement import Evidence, Law
 
 MAX_POINTS = 64  # initial states of one claim, and impulses
 LAW = "the law"  # what a claim about no signal is about

@@ -8,20 +8,22 @@ from dataclasses import dataclass
 from fractions import Fraction
 from itertools import chain
 
-from polefence.proof.exact import (
+from polefence.proof.matrices import (
     MAX_BITS,
-    Exponent,
     Integers,
-    Polynomial,
     Rationals,
-    _bernstein,
     _denominator,
-    _elevated,
     _integers,
+    _transposed,
+)
+from polefence.proof.polynomials import (
+    Exponent,
+    Polynomial,
+    _bernstein,
+    _elevated,
     _multiple,
     _plus,
     _product,
-    _transposed,
     monomials,
 )
 

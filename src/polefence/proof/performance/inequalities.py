@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from fractions import Fraction
 
-from polefence.proof.exact import MAX_BITS, Exponent, Integers, Law, Rationals, _number
+from polefence.proof.matrices import MAX_BITS, Integers, Rationals
 from polefence.proof.performance.claims import (
     EnergyPeak,
     Gain,
@@ -18,6 +18,8 @@ from polefence.proof.performance.claims import (
     Subject,
 )
 from polefence.proof.performance.forms import Form, affine, bernstein, symmetric_blocks
+from polefence.proof.placement import Law
+from polefence.proof.polynomials import Exponent, _number
 
 _ZERO, _ONE = Fraction(0), Fraction(1)
 

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from fractions import Fraction
 
-from polefence.proof.exact import FormatError, Rationals
+from polefence.proof.matrices import Rationals
 from polefence.proof.performance.claims import Output, Subject
+from polefence.proof.work import FormatError
 
 _Loop = tuple[list[Rationals], list[Rationals], list[Rationals]]
 

@@ -12,25 +12,8 @@ from dataclasses import dataclass, replace
 from fractions import Fraction
 from typing import Any
 
-from polefence.proof import exact
-from polefence.proof.exact import (
-    MAX_SIZE,
-    MAX_VERTICES,
-    Claim,
-    Evidence,
-    FormatError,
-    Rationals,
-    _at,
-    _integer,
-    _list,
-    _matrix,
-    _only,
-    _shape,
-    read_document,
-    read_evidence,
-    read_matrix,
-    read_number,
-)
+from polefence.proof import placement
+from polefence.proof.matrices import Rationals
 from polefence.proof.performance.claims import (
     MAX_POINTS,
     Baseline,
@@ -45,6 +28,20 @@ from polefence.proof.performance.claims import (
     Subject,
 )
 from polefence.proof.performance.passive import baseline_loop
+from polefence.proof.placement import Claim, Evidence, read_document, read_evidence
+from polefence.proof.reading import (
+    MAX_SIZE,
+    MAX_VERTICES,
+    _at,
+    _integer,
+    _list,
+    _matrix,
+    _only,
+    _shape,
+    read_matrix,
+    read_number,
+)
+from polefence.proof.work import FormatError
 
 FORMAT = "polefence-performance"
 MAX_SPECIFICATIONS = 64
@@ -74,7 +71,7 @@ def read_performance(text: str) -> tuple[list[PerformanceClaim], dict[str, Any]]
     _only({"file": document}, "file", known)
     try:
         # the one reader of designs reads this one too
-        design, own = exact.read(json.dumps(_at(document, "design"), allow_nan=False))
+        design, own = placement.read(json.dumps(_at(document, "design"), allow_nan=False))
     except (RecursionError, ValueError) as error:
         raise FormatError(f"design: {error}") from error
     if own["plant"].get("sample_time") is not None:
@@ -154,7 +151,7 @@ def _claim(
     if kind == "gain norm":
         return _gain_norm(entry, design, E, plant.get("parameters"))
     evidence, on = _evidence(entry.below("evidence"), design)
-    exact.require_box(replace(design, on=on), plant.get("parameters"))
+    placement.require_box(replace(design, on=on), plant.get("parameters"))
     table = entry.below("output")
     table.only({"C", "D", "F"} if kind == "gain" else {"C", "D"})
     C = table.rows("C", n, N)
@@ -172,10 +169,10 @@ def _evidence(entry: _Entry, design: Claim) -> tuple[Evidence, str]:
     entry.only(known | {"elevation"} | ({"on"} if fixed else set()))
     on = design.on
     if fixed:
-        on = exact._domain(entry.table.get("on", on), f"{entry.where}.on")
+        on = placement._domain(entry.table.get("on", on), f"{entry.where}.on")
     n = len(design.A[0])
     if not own:
-        sizes = exact.simplices(replace(design, on=on))
+        sizes = placement.simplices(replace(design, on=on))
         return read_evidence(entry.table, entry.where, "X", n, sizes), on
     if entry.table["own"] is not True:
         raise FormatError(f"{entry.where}.own must be true")
@@ -193,8 +190,8 @@ def _gain_norm(entry: _Entry, design: Claim, E: list[Rationals], parameters: Any
     below, fixed, on = entry.below("evidence"), design.law.K is not None, design.on
     below.only({"elevation", "on"} if fixed else {"elevation"})
     if fixed:
-        on = exact._domain(below.table.get("on", on), f"{below.where}.on")
-    exact.require_box(replace(design, on=on), parameters)
+        on = placement._domain(below.table.get("on", on), f"{below.where}.on")
+    placement.require_box(replace(design, on=on), parameters)
     evidence = Evidence([], elevation=_integer(below.table, below.where, "elevation", 0))
     subject = Subject(design.A, design.B, E, design.law, evidence, on)
     n, m = len(design.A[0]), len(design.B[0][0])
@@ -247,7 +244,7 @@ def _relative(subject: Subject, output: Output, entry: _Entry) -> RelativeRms:
     if any(type(j) is not int for j in states):
         raise FormatError(f"{table.where}.states must be whole numbers, 1 the first state")
     A, E, C = baseline_loop(subject, output, K, tuple(j - 1 for j in states))
-    sizes = exact.simplices(
+    sizes = placement.simplices(
         Claim("lyapunov", subject.A, subject.B, (), subject.law, (), subject.on)
     )
     evidence = []

@@ -20,18 +20,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 
-from polefence.proof.exact import (
-    MAX_SIZE,
-    FormatError,
-    Rationals,
-    Verdict,
-    _denominator,
-    _is_symmetric,
-    counted,
-    rational_product,
-)
+from polefence.proof.matrices import Rationals, _denominator, _is_symmetric, rational_product
 from polefence.proof.performance.checks import _shapes, is_semidefinite
 from polefence.proof.performance.claims import Output
+from polefence.proof.placement import Verdict
+from polefence.proof.reading import MAX_SIZE
+from polefence.proof.work import FormatError, counted
 
 
 @dataclass(frozen=True)

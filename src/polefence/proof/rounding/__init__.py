@@ -10,22 +10,16 @@ from __future__ import annotations
 import math
 from fractions import Fraction
 
-from polefence.proof.exact import (
-    MAX_DEGREE,
-    MAX_WORK,
-    FormatError,
-    Verdict,
-    _number,
-    _shape,
-    counted,
-    least_work,
-    simplices,
-)
+from polefence.proof.definite import least_work
+from polefence.proof.placement import Verdict, simplices
+from polefence.proof.polynomials import MAX_DEGREE, _number
+from polefence.proof.reading import _shape
 from polefence.proof.rounding.claims import Code, Rounded, Share
 from polefence.proof.rounding.error import rounding_error
 from polefence.proof.rounding.reading import FORMAT, read_rounded
 from polefence.proof.service import prove_service
 from polefence.proof.service.claims import MAX_BLOCKS
+from polefence.proof.work import MAX_WORK, FormatError, counted
 
 __all__ = [
     "FORMAT",

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from fractions import Fraction
 
-from polefence.proof.exact import Rationals
+from polefence.proof.matrices import Rationals
 from polefence.proof.service.claims import Gain
 
 UNITS = {32: Fraction(1, 2**24), 64: Fraction(1, 2**53)}  # relative error of one operation

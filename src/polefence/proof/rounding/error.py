@@ -28,25 +28,27 @@ from collections.abc import Iterable
 from fractions import Fraction
 from math import prod
 
-from polefence.proof.exact import (
+from polefence.proof.definite import is_positive_definite
+from polefence.proof.matrices import (
     MAX_BITS,
-    FormatError,
     Integers,
     Rationals,
-    _bernstein,
-    _binomial,
     _denominator,
-    _elevated,
     _integers,
     _times,
-    is_positive_definite,
+    norm,
     right_divide,
-    simplices,
+    scaled,
 )
-from polefence.proof.exact import _product as _multiplied
-from polefence.proof.matrices import norm, product, scaled
+from polefence.proof.matrices import (
+    rational_product as product,
+)
+from polefence.proof.placement import simplices
+from polefence.proof.polynomials import _bernstein, _binomial, _elevated
+from polefence.proof.polynomials import _product as _multiplied
 from polefence.proof.rounding.claims import UNITS, Code, Rounded, Share
 from polefence.proof.service.claims import Range
+from polefence.proof.work import FormatError
 
 
 def rounding_error(claim: Rounded) -> Fraction:

@@ -10,22 +10,15 @@ import json
 from fractions import Fraction
 from typing import Any
 
-from polefence.proof.exact import (
-    MAX_COEFFICIENTS,
-    FormatError,
-    Rationals,
-    _at,
-    _integer,
-    _list,
-    _matrix,
-    _only,
-    read_document,
-    read_number,
-)
+from polefence.proof.matrices import Rationals
+from polefence.proof.placement import read_document
+from polefence.proof.polynomials import MAX_COEFFICIENTS
+from polefence.proof.reading import _at, _integer, _list, _matrix, _only, read_number
 from polefence.proof.rounding.claims import Code, Rounded, Share
 from polefence.proof.service import FORMAT as SERVICE
 from polefence.proof.service import Gain, read_service
 from polefence.proof.service.reading import MAX_PARAMETERS
+from polefence.proof.work import FormatError
 
 FORMAT = "polefence-export"
 _TABLES = {

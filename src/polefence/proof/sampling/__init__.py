@@ -15,22 +15,16 @@ from __future__ import annotations
 
 import math
 
-from polefence.proof.exact import (
-    MAX_BITS,
-    FormatError,
-    Rationals,
-    Verdict,
-    _denominator,
-    _shape,
-    counted,
-    simplices,
-)
+from polefence.proof.matrices import MAX_BITS, Rationals, _denominator
+from polefence.proof.placement import Verdict, simplices
+from polefence.proof.reading import _shape
 from polefence.proof.rounding import Rounded, rounding_error
 from polefence.proof.sampling.claims import Off, Sampled
 from polefence.proof.sampling.error import MAX_TERMS, exponential, gain_error, held_size, step_error
 from polefence.proof.sampling.loop import loop_claim
 from polefence.proof.sampling.reading import read_sampling
 from polefence.proof.service import prove_service
+from polefence.proof.work import FormatError, counted
 
 SHORT = 2048  # bits
 

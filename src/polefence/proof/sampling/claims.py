@@ -5,7 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from fractions import Fraction
 
-from polefence.proof.exact import Claim, Evidence, Rationals
+from polefence.proof.matrices import Rationals
+from polefence.proof.placement import Claim, Evidence
 from polefence.proof.service.claims import Range
 
 

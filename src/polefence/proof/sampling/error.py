@@ -18,24 +18,29 @@ from __future__ import annotations
 import math
 from fractions import Fraction
 
-from polefence.proof.exact import (
+from polefence.proof.definite import is_positive_definite
+from polefence.proof.matrices import (
     MAX_BITS,
-    MAX_COEFFICIENTS,
-    FormatError,
     Integers,
+    _denominator,
+    _integers,
+    _times,
+    norm,
+    root,
+)
+from polefence.proof.matrices import (
+    rational_product as product,
+)
+from polefence.proof.polynomials import (
+    MAX_COEFFICIENTS,
     Polynomial,
     _binomial,
-    _denominator,
     _elevated,
-    _integers,
     _number,
     _plus,
     _product,
-    _times,
-    is_positive_definite,
     monomials,
 )
-from polefence.proof.matrices import norm, product, root
 from polefence.proof.sampling.claims import Sampled
 from polefence.proof.sampling.loop import (
     identity,
@@ -45,6 +50,7 @@ from polefence.proof.sampling.loop import (
     transformed_gain,
     vertices,
 )
+from polefence.proof.work import FormatError
 
 BITS = 48  # of entries of M after the point
 MAX_TERMS = 60

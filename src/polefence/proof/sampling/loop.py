@@ -13,10 +13,13 @@ from __future__ import annotations
 
 from fractions import Fraction
 
-from polefence.proof.exact import Claim, FormatError, Law, Part, Rationals, right_divide
-from polefence.proof.matrices import product, scaled
+from polefence.proof.matrices import Rationals, right_divide, scaled
+from polefence.proof.matrices import rational_product as product
+from polefence.proof.placement import Claim, Law
+from polefence.proof.regions import Part
 from polefence.proof.sampling.claims import Sampled
 from polefence.proof.service.claims import Gain, Subject
+from polefence.proof.work import FormatError
 
 ZERO, ONE = Fraction(0), Fraction(1)
 

@@ -6,26 +6,23 @@ from dataclasses import replace
 from fractions import Fraction
 from typing import Any
 
-from polefence.proof.exact import (
+from polefence.proof.matrices import Rationals
+from polefence.proof.placement import Claim, Evidence, read_evidence, simplices
+from polefence.proof.reading import (
     MAX_SIZE,
     MAX_VERTICES,
-    Claim,
-    Evidence,
-    FormatError,
-    Rationals,
     _at,
     _integer,
     _list,
     _only,
-    read_evidence,
     read_matrix,
     read_number,
-    simplices,
 )
 from polefence.proof.sampling.claims import Off, Sampled
 from polefence.proof.sampling.error import MAX_TERMS
 from polefence.proof.sampling.loop import domain
 from polefence.proof.service.claims import Range
+from polefence.proof.work import FormatError
 
 _NUMBERS = ("sample_time", "decay", "radius", "error", "mu", "weight")
 _BOUNDS = ("smallest", "energy")

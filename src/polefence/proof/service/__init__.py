@@ -30,21 +30,11 @@ from __future__ import annotations
 import math
 from fractions import Fraction
 
-from polefence.proof.exact import (
-    MAX_DEGREE,
-    MAX_WORK,
-    Claim,
-    FormatError,
-    Verdict,
-    _characteristic_pairs,
-    _is_symmetric,
-    _number,
-    counted,
-    is_positive_definite,
-    least_work,
-    require_region,
-    simplices,
-)
+from polefence.proof.definite import is_positive_definite, least_work
+from polefence.proof.matrices import _is_symmetric
+from polefence.proof.placement import Claim, Verdict, simplices
+from polefence.proof.polynomials import MAX_DEGREE, _number
+from polefence.proof.regions import _characteristic_pairs, require_region
 from polefence.proof.service.claims import (
     MAX_BLOCKS,
     MAX_PIECES,
@@ -59,6 +49,7 @@ from polefence.proof.service.given import asymmetric, count_given, require_given
 from polefence.proof.service.inequalities import blocks
 from polefence.proof.service.pieces import degree_of, parts_of
 from polefence.proof.service.reading import FORMAT, read_service
+from polefence.proof.work import MAX_WORK, FormatError, counted
 
 __all__ = [
     "FORMAT",

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from fractions import Fraction
 
-from polefence.proof.exact import (
+from polefence.proof.matrices import (
     MAX_BITS,
     Integers,
     Rationals,
@@ -14,9 +14,9 @@ from polefence.proof.exact import (
     _times,
     _transposed,
     bits,
-    spend,
 )
 from polefence.proof.service.claims import Gain
+from polefence.proof.work import spend
 
 
 @dataclass(frozen=True)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from fractions import Fraction
 
-from polefence.proof.exact import Claim
+from polefence.proof.placement import Claim
 
 MAX_PIECES = 64  # of one parameter's interval
 MAX_BLOCKS = 200_000  # inequalities of one claim

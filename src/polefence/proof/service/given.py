@@ -7,29 +7,23 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from polefence.proof import exact
-from polefence.proof.exact import (
-    MAX_BITS,
+from polefence.proof import placement
+from polefence.proof.matrices import MAX_BITS, Integers, _denominator, _is_symmetric
+from polefence.proof.placement import (
     Claim,
     Evidence,
-    FormatError,
-    Integers,
-    Polynomial,
     _block,
-    _characteristic_pairs,
-    _denominator,
-    _elevated,
     _integral,
-    _is_symmetric,
     _loop,
     _name,
-    _number,
     _plant,
-    monomials,
     simplices,
 )
+from polefence.proof.polynomials import Polynomial, _elevated, _number, monomials
+from polefence.proof.regions import _characteristic_pairs
 from polefence.proof.service.border import border_of
 from polefence.proof.service.claims import Gain
+from polefence.proof.work import FormatError
 
 
 def require_given(design: Claim) -> None:
@@ -39,7 +33,7 @@ def require_given(design: Claim) -> None:
     ------
     FormatError
     """
-    exact._require_consistent(design)
+    placement._require_consistent(design)
     if design.weights:
         raise FormatError("plants with weights have no proofs for service")
     if len(design.law.K or [()]) > 1:
@@ -89,7 +83,7 @@ def perturbed(claim: Gain) -> Iterator[tuple[str, Integers]]:
 
 
 def _degree(claim: Gain, evidence: Evidence) -> int:
-    return exact._degree(claim.subject.design, evidence) + claim.subject.elevation
+    return placement._degree(claim.subject.design, evidence) + claim.subject.elevation
 
 
 def _unit(design: Claim, law: int, evidence: Evidence) -> int:

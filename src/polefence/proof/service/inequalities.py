@@ -7,22 +7,18 @@ from collections.abc import Iterator
 from fractions import Fraction
 from itertools import permutations, product
 
-from polefence.proof.exact import (
+from polefence.proof.matrices import Integers, _sum, _times
+from polefence.proof.placement import _block, _integral
+from polefence.proof.polynomials import (
     Exponent,
-    Integers,
-    Part,
     Polynomial,
     _add,
-    _block,
-    _characteristic_pairs,
     _elevated,
-    _integral,
     _multiple,
     _plus,
-    _sum,
-    _times,
     _weighted,
 )
+from polefence.proof.regions import Part, _characteristic_pairs
 from polefence.proof.service.border import border_of
 from polefence.proof.service.claims import Estimate, Gain, Rate, ServiceClaim, Subject
 from polefence.proof.service.given import perturbed

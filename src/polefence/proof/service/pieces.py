@@ -7,32 +7,24 @@ from dataclasses import dataclass
 from fractions import Fraction
 from itertools import pairwise, product
 
-from polefence.proof.exact import (
+from polefence.proof.matrices import MAX_BITS, _denominator, _integers, _times, bits
+from polefence.proof.placement import Claim, _fraction, _multiplier, simplices
+from polefence.proof.polynomials import (
     COORDINATES,
-    MAX_BITS,
-    Claim,
     Exponent,
-    FormatError,
-    Part,
     Polynomial,
     _add,
     _bernstein,
-    _denominator,
-    _fraction,
-    _integers,
     _multiple,
-    _multiplier,
     _plus,
     _product,
     _spend_exponents,
-    _times,
     _weighted,
-    bits,
     monomials,
-    simplices,
-    spend,
 )
+from polefence.proof.regions import Part
 from polefence.proof.service.claims import Estimate, Range, Subject
+from polefence.proof.work import FormatError, spend
 
 _Ends = tuple[Fraction, Fraction]
 

@@ -11,20 +11,11 @@ from dataclasses import replace
 from fractions import Fraction
 from typing import Any
 
-from polefence.proof import exact
-from polefence.proof.exact import (
-    MAX_SIZE,
-    FormatError,
-    _at,
-    _integer,
-    _list,
-    _only,
-    read_document,
-    read_matrix,
-    read_number,
-    read_region,
-)
+from polefence.proof import placement
+from polefence.proof.placement import read_document, read_region
+from polefence.proof.reading import MAX_SIZE, _at, _integer, _list, _only, read_matrix, read_number
 from polefence.proof.service.claims import Estimate, Gain, Range, Rate, ServiceClaim, Subject
+from polefence.proof.work import FormatError
 
 FORMAT = "polefence-service"
 MAX_PARAMETERS = 8
@@ -48,7 +39,7 @@ def read_service(text: str) -> tuple[ServiceClaim, dict[str, Any]]:
     _only({"file": document}, "file", {"format", "version", "polefence", "design", "service"})
     try:
         # the one reader of designs reads this one too
-        design, own = exact.read(json.dumps(_at(document, "design"), allow_nan=False))
+        design, own = placement.read(json.dumps(_at(document, "design"), allow_nan=False))
     except (RecursionError, ValueError) as error:
         raise FormatError(f"design: {error}") from error
     table = _at(document, "service")

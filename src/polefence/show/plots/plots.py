@@ -13,7 +13,7 @@ from polefence.design.design import Design
 from polefence.plant.names import visible
 from polefence.plant.polynomial import Domain
 from polefence.plant.system import Array
-from polefence.proof import exact
+from polefence.proof import placement
 from polefence.region.boundary import View, curves, view_of
 from polefence.region.regions import Disk, Region
 from polefence.region.text import short_text
@@ -123,7 +123,7 @@ def sampled(design: Design) -> tuple[Array, Array]:
 
     The sample is of the domain of the proof: product points where that is a box.
     """
-    domain = Domain(exact.simplices(design.certificate.claim()))
+    domain = Domain(placement.simplices(design.certificate.claim()))
     corners = np.eye(len(design.plant.vertices))
     return design.poles(domain.alpha(sample(domain))), design.poles(corners)
 

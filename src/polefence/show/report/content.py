@@ -191,11 +191,13 @@ def _again(design: Design) -> Section:
             "The file design.json holds the plant (SHA-256 of its vertices "
             f"{design.plant.digest}), the region, the law and everything that the proof rests on. "
             "The first line below proves it; so does the second, with nothing installed but Python "
-            "and one file of the package. The third writes the law as C for a microprocessor and "
+            ""
+            "and the checker alone, which `polefence check --standalone polefence-check.pyz` "
+            "writes. The third writes the law as C for a microprocessor and "
             "proves that its rounding leaves the poles in the region.",
         ),
         code="polefence check design.json --spec SPEC\n"
-        "python exact.py design.json          # polefence/proof/exact.py\n"
+        "python -S polefence-check.pyz design.json\n"
         "polefence export design.json --float 32 -o CODE\n"
         "python -c \"import polefence; print(polefence.Design.load('design.json').law)\"",
     )

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import math
-import shutil
 import subprocess
 import sys
 from dataclasses import replace
@@ -16,7 +15,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from polefence import build
-from polefence.proof import exact
+from polefence.proof import definite, placement, regions, work
+from polefence.proof.roots import _schur_cohn
+from polefence.proof.standalone import archive
 
 integers = st.integers(-9, 9)
 
@@ -26,13 +27,13 @@ def test_positive_definiteness_agrees_with_leading_minors(rows):
     R = np.array(rows)
     M = R @ R.T - 3 * np.eye(4, dtype=int)
     minors = [round(np.linalg.det(M[:k, :k])) for k in range(1, 5)]
-    assert exact.is_positive_definite(M.tolist()) == all(minor > 0 for minor in minors)
+    assert definite.is_positive_definite(M.tolist()) == all(minor > 0 for minor in minors)
 
 
 def test_a_semidefinite_matrix_is_not_positive_definite():
-    assert not exact.is_positive_definite([[1, 1], [1, 1]])
-    assert not exact.is_positive_definite([[0]])
-    assert exact.is_positive_definite([[10**40, 10**40 - 1], [10**40 - 1, 10**40]])
+    assert not definite.is_positive_definite([[1, 1], [1, 1]])
+    assert not definite.is_positive_definite([[0]])
+    assert definite.is_positive_definite([[10**40, 10**40 - 1], [10**40 - 1, 10**40]])
 
 
 @pytest.mark.parametrize("method", ["quadratic", "slack", "scheduled", "right-hand sides"])
@@ -58,7 +59,7 @@ def test_blocks_are_those_of_the_condition_up_to_scale(small_designs, method):
     pencil = build(kind, plant.A, plant.B, region.sigma)
     theirs = pencil.matrices(pencil.pack(values), region.radius)
     theirs.pop("tau", None)
-    ours = list(exact.blocks(certificate.claim()))
+    ours = list(placement.blocks(certificate.claim()))
     assert len(ours) == len(theirs)
     for (_, mine), other in zip(ours, theirs.values(), strict=True):
         mine = np.array(mine, dtype=float)
@@ -76,7 +77,7 @@ def test_schur_cohn_decides_where_the_roots_are(roots):
         ]
     whole = math.lcm(*(a.denominator for a in polynomial))
     integers = [int(a * whole) for a in polynomial]
-    inside = exact.is_positive_definite(exact._schur_cohn(integers))
+    inside = definite.is_positive_definite(_schur_cohn(integers))
     assert inside == all(abs(root) < 1 for root in roots)
 
 
@@ -92,15 +93,15 @@ def test_poles_inside_agrees_with_eigenvalues(small_designs):
             for factor, inside in ((1.001, True), (0.999, False)):
                 radius = Fraction(float(worst * factor))
                 centre = claim.region[0].numbers[0]
-                tried = replace(claim, region=(exact.Part("disk", (centre, radius)),))
-                assert exact.poles_inside(tried, alpha) is inside, name
+                tried = replace(claim, region=(regions.Part("disk", (centre, radius)),))
+                assert placement.poles_inside(tried, alpha) is inside, name
 
 
 def test_alpha_must_be_on_the_simplex(small_designs):
     claim = small_designs["slack"].certificate.claim()
     for alpha in ([Fraction(1)], [Fraction(1), Fraction(1), Fraction(-1)], [Fraction(1, 4)] * 3):
         with pytest.raises(ValueError, match="simplex"):
-            exact.poles_inside(claim, alpha)
+            placement.poles_inside(claim, alpha)
 
 
 def test_the_right_hand_sides_form_is_nonnegative_on_the_simplex():
@@ -117,8 +118,8 @@ def test_the_right_hand_sides_form_is_nonnegative_on_the_simplex():
 
 
 def test_alone_with_a_bare_python(small_designs, tmp_path):
-    """The file is copied out of the project and run by an isolated interpreter."""
-    shutil.copy(exact.__file__, tmp_path)
+    """The application is run by an isolated interpreter."""
+    (tmp_path / "polefence-check.pyz").write_bytes(archive())
     for name, design in small_designs.items():
         design.save(tmp_path / name)
         done = run(tmp_path, f"{name}/design.json")
@@ -138,7 +139,7 @@ def test_alone_with_a_bare_python(small_designs, tmp_path):
 
 
 def run(folder, *words):
-    command = [sys.executable, "-I", "-S", "exact.py", *words]
+    command = [sys.executable, "-I", "-S", "polefence-check.pyz", *words]
     return subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
 
 
@@ -180,15 +181,15 @@ def test_a_malformed_file_is_named(small_designs, fault):
     keys, value, message = FAULTS[fault]
     document = edit(json.loads(small_designs["slack"].certificate.dumps()), *keys, value=value)
     if message is None:
-        exact.read(json.dumps(document))  # an exact string is a number
+        placement.read(json.dumps(document))  # an exact string is a number
         return
-    with pytest.raises(exact.FormatError, match=message):
-        exact.read(json.dumps(document))
+    with pytest.raises(work.FormatError, match=message):
+        placement.read(json.dumps(document))
 
 
 @pytest.mark.parametrize(
     "text", ["", "{", "[]", "null", "[" * 100_000, '{"format": 1, "format": 1}']
 )
 def test_what_is_no_document_is_refused(text):
-    with pytest.raises(exact.FormatError):
-        exact.read(text)
+    with pytest.raises(work.FormatError):
+        placement.read(text)

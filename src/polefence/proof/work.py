@@ -1,0 +1,69 @@
+"""Work that a file may ask for, in counted operations."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from contextvars import ContextVar
+from dataclasses import dataclass
+
+# Bounds on what a file can ask for: work, in products of two words of 30 bits, of which every
+# operation takes `CALL` besides; and what polynomials hold at once [bytes].
+MAX_WORK, CALL, MAX_HELD = 5 * 10**9, 120, 4 * 10**8
+LEAST_WORK = 300 * CALL  # of an inequality of whatever size
+TOO_MUCH = (
+    "its inequalities are more, or larger, or their numbers longer, than is checked here; round "
+    "the numbers, or use a lower degree or elevation"
+)
+
+
+class FormatError(ValueError):
+    """The file is not a design file that this version reads; the message says where."""
+
+
+@dataclass
+class Count:
+    """Work that has begun, of the most that is allowed."""
+
+    most: int
+    spent: int = 0
+
+
+_COUNT: ContextVar[Count | None] = ContextVar("count", default=None)
+
+
+@contextmanager
+def counted(most: int = MAX_WORK) -> Iterator[Count]:
+    """Allow this much work in all that follows; inside another count, what that one allows."""
+    outer = _COUNT.get()
+    if outer is not None:
+        yield outer
+        return
+    count = Count(most)
+    token = _COUNT.set(count)
+    try:
+        yield count
+    finally:
+        _COUNT.reset(token)
+
+
+def spend(operations: int, left: int, right: int = 0) -> None:
+    """Count operations on numbers of so many bits, before they begin.
+
+    Raises
+    ------
+    FormatError
+        If they are more than the count allows.
+    """
+    count = _COUNT.get()
+    if count is None:
+        return
+    amount = operations * cost(left, right)
+    if count.spent + amount > count.most:
+        raise FormatError(TOO_MUCH)
+    count.spent += amount
+
+
+def cost(left: int, right: int = 0) -> int:
+    """Return what one operation on numbers of so many bits costs."""
+    return CALL + (left // 30 + 1) * (right // 30 + 1)

@@ -15,10 +15,11 @@ import pytest
 
 from polefence import Design, load
 from polefence.cli.main import main
-from polefence.design.signals.sampled import sampled, seeded
+from polefence.design.signals.sampled import sampled
 from polefence.design.signals.search import WORTH
 from polefence.design.signals.text import load_specifications
 from polefence.examples import spec_path, spec_text
+from polefence.plant.points import seeded
 from polefence.response.closed import close
 from polefence.response.stationary import lyapunov
 from polefence.vehicle.compare import compare, points

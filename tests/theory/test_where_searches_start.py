@@ -24,10 +24,11 @@ from polefence import (
 )
 from polefence.design.signals.gain_norm import GainNorm
 from polefence.design.signals.optimise import optimise
-from polefence.design.signals.sampled import sampled, seeded
+from polefence.design.signals.sampled import sampled
 from polefence.design.signals.specification import Gain, InitialPeak, Rms
 from polefence.design.signals.text import load_specifications
 from polefence.examples import spec_path
+from polefence.plant.points import seeded
 from polefence.plant.spec import loads
 from polefence.proof.performance import prove_performance
 from polefence.response.signals import Signal

@@ -6,8 +6,8 @@ import pytest
 from polefence import FixedGain, UncertainPlant
 from polefence.base.errors import InputError
 from polefence.cli.main import main
-from polefence.design.signals.sampled import seeded
 from polefence.examples import family, spec_text
+from polefence.plant.points import seeded
 from polefence.response.linear import simulate
 from polefence.vehicle.rest import held_words, rests
 

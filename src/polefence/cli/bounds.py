@@ -15,9 +15,9 @@ from polefence.design.place.sweep import plant_summary
 from polefence.design.signals.bounds import Bound
 from polefence.design.signals.optimise import Optimised
 from polefence.design.signals.retreat import Retreat
-from polefence.design.signals.sampled import AGREED, Sampled, sampled, seeded
+from polefence.design.signals.sampled import AGREED, Sampled, sampled
 from polefence.design.signals.specification import signal_of
-from polefence.plant.points import values_at
+from polefence.plant.points import seeded, values_at
 from polefence.region.regions import HalfPlane
 from polefence.region.text import digits_down, digits_up
 from polefence.response.signals import split

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import suppress
 from fractions import Fraction
@@ -11,50 +12,31 @@ from typing import Any
 import numpy as np
 
 from polefence.base.errors import PlantError
-from polefence.design.outside import leaves
 from polefence.law.laws import right_divide
 from polefence.plant.controllability import fixed_modes
 from polefence.plant.family import UncertainPlant
+from polefence.plant.points import SEED, sample
 from polefence.plant.polynomial import Domain
 from polefence.plant.system import Array
-from polefence.proof import placement, roots, work
-from polefence.proof.matrices import mix
+from polefence.proof import matrices, placement, roots, work
+from polefence.proof.matrices import Rationals, mix
+from polefence.proof.regions import Part
+from polefence.proof.roots import Outside
 from polefence.region.regions import Region, region_of
 
 Measure = Callable[[Any], Array]
 
-SAMPLES = 2000
-EDGE_POINTS = 9
-MOST_POINTS = 20_000
-# What looking at points may cost, all told and in one climb, in cubes of the number of states.
-MOST_CUBES, MOST_CUBES_UP = 2e8, 2e7
+MOST_CUBES_UP = 2e7  # what one climb may cost, in cubes of the number of states
 CHUNK = 2000
 MOST_ENTRIES = 4e6  # of vertices mixed exactly, where fixed modes are looked for
 STARTS = 4
 TIE = 1e-9  # share by which measures differ that rounding does not explain
 ROUNDS = 40
-SEED = 20050801
 
+Side = tuple[Fraction, Fraction, Fraction]
 
-def sample_simplex(N: int, count: int, seed: int = SEED) -> Array:
-    """Points of the simplex, (count, N): uniform, and as many again pressed towards its faces."""
-    random = np.random.default_rng(seed)
-    half = count // 2
-    return np.vstack(
-        [random.dirichlet(np.ones(N), count - half), random.dirichlet(np.full(N, 0.3), half)]
-    )
-
-
-def edges(N: int, points: int = EDGE_POINTS) -> Array:
-    """The vertices and ``points`` interior points of every edge, (count, N)."""
-    return _edges(N, list(combinations(range(N), 2)), points)
-
-
-def _edges(N: int, pairs: list[tuple[int, int]], points: int) -> Array:
-    rows = [np.eye(N)]
-    inner = np.linspace(0, 1, points + 2)[1:-1, None]
-    rows += [inner * np.eye(N)[j] + (1 - inner) * np.eye(N)[k] for j, k in pairs]
-    return np.vstack(rows)
+TRIES = 3
+DIGITS = 20  # binary, of the tangent of half an angle
 
 
 def counterexample(claim: placement.Claim) -> list[Fraction] | None:
@@ -67,7 +49,7 @@ def counterexample(claim: placement.Claim) -> list[Fraction] | None:
     for point, worst in worst_points(claim, lambda poles: region.distance(poles).max(axis=-1)):
         if worst < -1e-6 * region.size:
             continue
-        alpha = _rational(point, placement.simplices(claim))
+        alpha = _alpha(point, placement.simplices(claim), _fine)
         with suppress(work.FormatError):  # more work than is done here: undecided
             if leaves(placement.fraction_at(claim, alpha), claim.region):
                 return alpha
@@ -147,40 +129,25 @@ def _controllability(A: Array, B: Array) -> Array:
 
 def _simple(coordinates: Array, sizes: tuple[int, ...], limit: int = 2) -> list[Fraction]:
     """Return alpha at fractions of a small denominator near a point."""
-    alpha, start = [Fraction(1)], 0
-    for size in sizes:
-        own = [Fraction(float(c)).limit_denominator(limit) for c in coordinates[start:][:size]]
-        total = sum(own) or Fraction(1)
-        own = own if sum(own) else [Fraction(int(k == 0)) for k in range(size)]
+    return _alpha(coordinates, sizes, lambda c: Fraction(c).limit_denominator(limit))
+
+
+def _fine(value: float) -> Fraction:
+    return Fraction(round(value * 2**30), 2**30)
+
+
+def _alpha(
+    coordinates: Array, sizes: tuple[int, ...], rounded: Callable[[float], Fraction]
+) -> list[Fraction]:
+    """Return alpha, exactly on the simplex, or exactly a product, near a point of the domain."""
+    alpha = [Fraction(1)]
+    for part in np.split(coordinates, np.cumsum(sizes)[:-1]):
+        own = [rounded(float(c)) for c in part]
+        total = sum(own)
+        if not total:
+            own, total = [Fraction(int(k == 0)) for k in range(len(part))], Fraction(1)
         alpha = [a * w / total for a in alpha for w in own]
-        start += size
     return alpha
-
-
-def sample(domain: Domain, states: int = 1) -> Array:
-    """Return points of a domain, (count, coordinates): corners, edges and a seeded sample.
-
-    All corners, and of the rest fewer where there are many corners or many states.
-    """
-    most = int(min(MOST_POINTS, MOST_CUBES / states**3))
-    count = min(SAMPLES, max(2, most // 3))
-    random = np.random.default_rng(SEED)
-    if domain.sizes == (1,):
-        return np.ones((1, 1))
-    if len(domain.sizes) == 1:
-        (N,) = domain.sizes
-        pairs = list(combinations(range(N), 2))
-        points = max(1, min(EDGE_POINTS, (most - N - count) // len(pairs)))
-        room = max(0, most - N - count) // points
-        if room < len(pairs):
-            pairs = [pairs[i] for i in np.sort(random.permutation(len(pairs))[:room])]
-        return np.vstack([_edges(N, pairs, points), sample_simplex(N, count)])
-    # on a box: a point of each interval's own sample, and the corners
-    columns = [sample_simplex(size, count, SEED + f) for f, size in enumerate(domain.sizes)]
-    columns = [random.permutation(column) for column in columns]
-    corners = np.array(domain.monomials(1), dtype=float)
-    centres = (corners[:, None] + corners[None, :]).reshape(-1, corners.shape[1]) / 2
-    return np.vstack([corners, np.unique(centres, axis=0)[:count], np.hstack(columns)])
 
 
 class _Family:
@@ -233,13 +200,110 @@ def _climb(family: _Family, point: Array, worst: float) -> tuple[Array, float]:
     return point, worst
 
 
-def _rational(coordinates: Array, sizes: tuple[int, ...]) -> list[Fraction]:
-    """Return alpha, exactly on the simplex, or exactly a product, near a point of the domain."""
-    alpha, start = [Fraction(1)], 0
-    for size in sizes:
-        own = coordinates[start : start + size]
-        weights = [Fraction(round(float(a) * 2**30), 2**30) for a in own]
-        total = sum(weights)
-        alpha = [a * w / total for a in alpha for w in weights]
-        start += size
-    return alpha
+# --- evidence that one pole is outside -----------------------------------------------------------
+
+
+def leaves(loop: tuple[Rationals, Rationals], region: tuple[Part, ...]) -> bool:
+    """Whether a pole of N W^-1, ``loop`` holding N and W, is proved not to lie in the region.
+
+    By a matrix P that floats find (`roots.Outside`); where that fails, as for a pole on the
+    boundary, by the characteristic polynomial. A W that is singular keeps no pole.
+
+    Raises
+    ------
+    FormatError
+        If that is more work than is done here.
+    """
+    with work.counted():
+        if shown(loop, region) is not None:
+            return True
+        closed = matrices.right_divide(*loop)
+        return closed is None or not roots.all_inside(closed, region)
+
+
+def shown(loop: tuple[Rationals, Rationals], region: tuple[Part, ...]) -> Outside | None:
+    """Return evidence that proves a pole outside, None where floats find none."""
+    return next((by for by in evidence(loop, region) if roots.is_outside(loop, region, by)), None)
+
+
+def evidence(loop: tuple[Rationals, Rationals], region: tuple[Part, ...]) -> Iterator[Outside]:
+    """Yield evidence worth deciding that a pole is outside, of the one farthest outside."""
+    from scipy.linalg import matrix_balance, solve_continuous_lyapunov  # deferred: slow to import
+
+    try:
+        N, W = (np.array(M, dtype=float) for M in loop)
+        A, (scale, _) = matrix_balance(right_divide(N, W), permute=False, separate=True)
+        poles = np.linalg.eigvals(A)
+    except (np.linalg.LinAlgError, OverflowError, ValueError):
+        return
+    upper = [complex(z) for z in poles if z.imag >= 0]
+    side, over = max(
+        ((side, _over(side, z)) for z in upper for part in region for side in _sides(part, z)),
+        key=lambda pair: pair[1],
+    )
+    if not over > 0:
+        return
+    p, q, c = side
+    turned = (float(p) - 1j * float(q)) * A if q else float(p) * A
+    for beyond in _between(np.asarray(np.linalg.eigvals(turned).real - float(c))):
+        line = c + Fraction(beyond)
+        R = turned - float(line) * np.eye(len(A))
+        try:
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore")  # of poles nearly opposite: P is decided exactly
+                P = solve_continuous_lyapunov(R.conj().T, -np.eye(len(A)))
+        except (np.linalg.LinAlgError, ValueError):
+            continue
+        with np.errstate(over="ignore", invalid="ignore"):  # only finite numbers are evidence
+            P = np.asarray((P + P.conj().T) / 2 / scale[:, None] / scale)
+        if np.all(np.isfinite(P)):
+            yield Outside(p, q, line, _rational(np.real(P)), _rational(np.imag(P)))
+
+
+def _over(side: Side, z: complex) -> float:
+    """Return how far z lies beyond p x + q y = c."""
+    p, q, c = map(float, side)
+    return (p * z.real + q * z.imag - c) / float(np.hypot(p, q))
+
+
+def _sides(part: Part, z: complex) -> list[Side]:
+    """Return the half-planes p x + q y < c that hold the part and may not hold z, Im z >= 0."""
+    v, zero, one = part.numbers, Fraction(0), Fraction(1)
+    if part.kind == "disk":
+        p, q = _direction(z - float(v[0]))
+        return [(p, q, p * v[0] + v[1])]
+    if part.kind == "ellipse":
+        centre, a, b = v
+        p, q = _direction(complex((z.real - float(centre)) / float(a), z.imag / float(b)))
+        return [(p / a, q / b, 1 + p * centre / a)]
+    if part.kind == "half_plane":
+        return [(one, zero, -v[0])]
+    if part.kind == "sector":
+        return [(v[1], one, zero)]
+    if part.kind == "vertical_strip":
+        return [(one, zero, v[1]), (-one, zero, -v[0])]
+    return [(zero, one, v[0])]
+
+
+def _direction(z: complex) -> tuple[Fraction, Fraction]:
+    """Return a rational point of the unit circle near the direction of z, Im z >= 0."""
+    half = z.imag / (abs(z) + abs(z.real)) if z else 0.0
+    t = Fraction(round(half * 2**DIGITS), 2**DIGITS)
+    cosine, sine = (1 - t**2) / (1 + t**2), 2 * t / (1 + t**2)
+    return (cosine if z.real >= 0 else -cosine), sine
+
+
+def _between(values: Array) -> list[float]:
+    """Return numbers from zero up, below the largest of the values, far from them all."""
+    levels = np.unique(values)
+    lower = np.concatenate([[-np.inf], levels[:-1]])
+    found = []
+    for low, high in zip(lower, levels, strict=True):
+        if high > 0:
+            middle = max(0.0, (low + high) / 2)
+            found.append((min(middle - low, high - middle), middle))
+    return [middle for _, middle in sorted(found, reverse=True)[:TRIES]]
+
+
+def _rational(matrix: Array) -> Rationals:
+    return [[Fraction(x) for x in row] for row in matrix.tolist()]

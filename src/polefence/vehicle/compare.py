@@ -8,17 +8,16 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from itertools import combinations
 from typing import Any
 
 import numpy as np
 
 from polefence.base.errors import InputError, NotProvedError, suggest
-from polefence.design.counterexample import EDGE_POINTS, edges, sample
 from polefence.design.place.placement import place
 from polefence.law.laws import check_alpha
 from polefence.lmi.conditions.methods import METHODS
 from polefence.plant.family import UncertainPlant
+from polefence.plant.points import edges, sample
 from polefence.plant.polynomial import Domain
 from polefence.plant.system import Array
 from polefence.region.regions import Disk
@@ -104,13 +103,8 @@ def points(plant: UncertainPlant) -> Array:
     """
     N = len(plant.vertices)
     domain = Domain.of("box" if plant.parameters else "simplex", N)
-    found = domain.alpha(sample(domain))
-    if not plant.parameters:
-        return found
-    # An edge of the box joins two corners that differ in one parameter: in one bit.
-    inner = edges(N)[N:].reshape(-1, EDGE_POINTS, N)
-    joins = [(j ^ k).bit_count() == 1 for j, k in combinations(range(N), 2)]
-    return np.vstack([found, inner[joins].reshape(-1, N)])
+    between = edges(domain)[N:] if plant.parameters else np.zeros((0, N))
+    return domain.alpha(np.vstack([sample(domain), between]))
 
 
 def standard_laws(

@@ -18,10 +18,11 @@ from polefence.design.signals.augmented import with_weights
 from polefence.design.signals.bounds import best_bound, kept_bound
 from polefence.design.signals.files import check_performance, performance_text
 from polefence.design.signals.optimise import optimise
-from polefence.design.signals.sampled import sampled, seeded
+from polefence.design.signals.sampled import sampled
 from polefence.design.signals.specification import InitialPeak, Rms
 from polefence.design.signals.text import load_specifications, parse_specification
 from polefence.lmi.conditions.performance import Output, Points, design
+from polefence.plant.points import seeded
 from polefence.plant.polynomial import Domain
 from polefence.plant.spec import loads
 from polefence.proof.performance import is_semidefinite, prove_performance, read_performance

@@ -29,12 +29,13 @@ from polefence.design.signals.bounds import best_bound, kept_bound
 from polefence.design.signals.files import check_performance, performance_text, statement
 from polefence.design.signals.gain_norm import GainNorm, levels
 from polefence.design.signals.optimise import optimise
-from polefence.design.signals.sampled import sampled, seeded
+from polefence.design.signals.sampled import sampled
 from polefence.design.signals.specification import InitialPeak, Rms
 from polefence.design.signals.text import load_specifications, parse_specification
 from polefence.examples import spec_path
 from polefence.lmi.conditions.gain_norm import Norm, add_norm, tangents
 from polefence.lmi.conditions.pencil import Builder
+from polefence.plant.points import seeded
 from polefence.plant.polynomial import Domain
 from polefence.plant.spec import loads
 from polefence.proof.performance import blocks, prove_performance, read_performance

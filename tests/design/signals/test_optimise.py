@@ -21,10 +21,11 @@ from polefence.cli.bounds import lines_of, rows_of
 from polefence.design.signals.bounds import known_bound
 from polefence.design.signals.files import check_performance, performance_text
 from polefence.design.signals.optimise import optimise, relaxed
-from polefence.design.signals.sampled import sampled, seeded
+from polefence.design.signals.sampled import sampled
 from polefence.design.signals.search import Origin
 from polefence.design.signals.specification import EnergyPeak, Gain, InitialPeak, RelativeRms, Rms
 from polefence.design.signals.task import Task
+from polefence.plant.points import seeded
 from polefence.plant.spec import loads
 from polefence.proof.performance import read_performance
 from polefence.response.signals import Signal

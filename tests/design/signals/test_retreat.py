@@ -10,8 +10,9 @@ from polefence.cli.bounds import Row, require_agreement
 from polefence.cli.main import main
 from polefence.design.signals.bounds import best_bound
 from polefence.design.signals.optimise import optimise
-from polefence.design.signals.sampled import agreed_bound, sampled, seeded
+from polefence.design.signals.sampled import agreed_bound, sampled
 from polefence.design.signals.specification import Gain, Rms
+from polefence.plant.points import seeded
 from polefence.response.signals import Signal
 
 SERVO = """

@@ -20,6 +20,7 @@ from polefence.design.statement import range_text
 from polefence.law.table import GainTable
 from polefence.plant.family import UncertainPlant
 from polefence.plant.names import unit_text
+from polefence.plant.points import weights_of
 from polefence.plant.system import Array
 from polefence.proof import cells as proof
 from polefence.proof import matrices, placement, reading, work
@@ -103,14 +104,7 @@ class TableAnalysis:
 
     def poles(self, points: Array) -> Array:
         """Closed-loop poles at parameter values (count, parameters), as (count, n) complex."""
-        weights = np.ones((len(points), 1))
-        for p, column in zip(self.plant.parameters, points.T, strict=True):
-            low, high = float(p.low), float(p.high)
-            s0, s1, s = (1 / v if p.inverted else v for v in (low, high, column))
-            t = np.clip((s - s0) / (s1 - s0), 0, 1)
-            pair = np.stack([1 - t, t], axis=1)
-            weights = (weights[:, :, None] * pair[:, None]).reshape(len(points), -1)
-        A, B = self.plant.at(weights)
+        A, B = self.plant.at(weights_of(self.plant.parameters, points))
         return np.asarray(np.linalg.eigvals(A + B @ self.table.at(points)))
 
     def document(self) -> dict[str, Any]:

@@ -17,8 +17,8 @@ from polefence.base.deadline import Deadline
 from polefence.base.errors import InputError, SolverError
 from polefence.base.types import require_type
 from polefence.design.checks import require_region
+from polefence.design.counterexample import shown
 from polefence.design.given.table import TableAnalysis
-from polefence.design.outside import shown
 from polefence.law.table import GainTable
 from polefence.lmi.conditions.lyapunov import Loop
 from polefence.lmi.conditions.target import Around

@@ -9,10 +9,11 @@ from itertools import permutations, product
 
 import numpy as np
 
-from polefence.design.counterexample import sample_simplex
+from polefence.design.counterexample import leaves
 from polefence.design.design import Design
-from polefence.design.outside import leaves
 from polefence.plant.parameters import Parameter
+from polefence.plant.points import inside, weights_of
+from polefence.plant.polynomial import Domain
 from polefence.plant.system import Array
 from polefence.proof import matrices, placement, work
 from polefence.region.regions import Region
@@ -130,7 +131,7 @@ class _Parameters:
         """Return alpha of the parameters and of their estimates."""
         own = self.estimates + t * self.signs * np.array([float(u) for u in self.unit])
         own = np.clip(own, *self.bounds())
-        return _alpha(self.parameters, own), _alpha(self.parameters, self.estimates)
+        return weights_of(self.parameters, own), weights_of(self.parameters, self.estimates)
 
     def exactly(self, t: float, index: int) -> tuple[list[Fraction], list[Fraction], str]:
         """Return both alphas of one pair, and what they are."""
@@ -146,17 +147,6 @@ class _Parameters:
         return own, estimated, ", ".join(words)
 
 
-def _alpha(parameters: Sequence[Parameter], values: Array) -> Array:
-    alpha = np.ones((len(values), 1))
-    for f, p in enumerate(parameters):
-        low, high = (float(p.scheduling(end)) for end in (p.low, p.high))
-        s = 1 / values[:, f] if p.inverted else values[:, f]
-        share = np.clip((s - low) / (high - low), 0, 1)
-        pair = np.stack([1 - share, share], axis=-1)
-        alpha = (alpha[:, :, None] * pair[:, None, :]).reshape(len(values), -1)
-    return alpha
-
-
 @dataclass(frozen=True, eq=False)
 class _Weights:
     """Pairs of points of the simplex that differ by a share t, moved between two vertices."""
@@ -169,7 +159,7 @@ class _Weights:
         """Return all moves at vertices and at a sample of points."""
         N = len(design.plant.vertices)
         ends = np.array(list(permutations(range(N), 2)) or [(0, 0)])
-        points = np.vstack([np.eye(N), sample_simplex(N, max(MOST // len(ends), 8))])
+        points = np.vstack([np.eye(N), inside(Domain((N,)), max(MOST // len(ends), 8))])
         return cls(np.repeat(points, len(ends), axis=0), np.tile(ends, (len(points), 1)))
 
     def near(self, index: int, spread: float, random: np.random.Generator) -> _Weights:

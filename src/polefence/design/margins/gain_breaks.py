@@ -7,11 +7,11 @@ from fractions import Fraction
 
 import numpy as np
 
-from polefence.design.counterexample import sample_simplex
+from polefence.design.counterexample import leaves
 from polefence.design.design import Design
 from polefence.design.margins.breaks import RETRIES, Break, least_break
 from polefence.design.margins.gain import Scales
-from polefence.design.outside import leaves
+from polefence.plant.points import inside
 from polefence.plant.polynomial import Domain
 from polefence.plant.system import Array
 from polefence.proof import definite, matrices, placement, work
@@ -80,7 +80,7 @@ def _places(design: Design) -> list[list[Fraction]]:
     N, q = len(design.plant.vertices), len(design.plant.parameters)
     domain = Domain((2,) * q or (N,))
     corners = [[Fraction(int(j == k)) for j in range(N)] for k in range(min(N, CORNERS))]
-    samples = [sample_simplex(size, INNER, seed) for seed, size in enumerate(domain.sizes)]
+    samples = [inside(Domain((size,)), INNER, seed) for seed, size in enumerate(domain.sizes)]
     for point in zip(*samples, strict=True):
         alpha = [Fraction(1)]
         for own in point:

@@ -24,7 +24,7 @@ from polefence.design.signals.specification import (
     signal_of,
 )
 from polefence.plant.family import UncertainPlant
-from polefence.plant.polynomial import Domain
+from polefence.plant.points import seeded
 from polefence.plant.system import Array
 from polefence.response.closed import close, gains
 from polefence.response.grid import MOST_CHOSEN
@@ -32,8 +32,6 @@ from polefence.response.linear import frequency, simulate
 from polefence.response.signals import Signal
 from polefence.response.stationary import STABLE, stationary
 
-COUNT = 10_000
-SEED = 20051
 # Of a peak: time followed, of the slowest pole's time constant; step, of the fastest's.
 FOLLOWED, STEP = 5.0, 0.25
 # A sample is computed with rounding: it agrees with a bound that it passes by this share.
@@ -63,26 +61,6 @@ class Sampled:
     def worst(self) -> float:
         """The largest value."""
         return float(self.values.max())
-
-
-def seeded(plant: UncertainPlant, count: int = COUNT, seed: int = SEED) -> Array:
-    """Return points of a family as alpha (count, N): its vertices, and others at random.
-
-    Where the plant has parameters the others are uniform in the box of their values; else on the
-    simplex.
-    """
-    N = len(plant.vertices)
-    random, more = np.random.default_rng(seed), max(count - N, 0)
-    if not plant.parameters:
-        return np.vstack([np.eye(N), random.dirichlet(np.ones(N), more)])[:count]
-    columns = []
-    for p in plant.parameters:
-        low, high = float(p.low), float(p.high)
-        value = random.uniform(low, high, more)
-        s0, s1, s = (1 / v if p.inverted else v for v in (low, high, value))
-        t = np.clip((s - s0) / (s1 - s0), 0, 1)
-        columns.append(np.stack([1 - t, t], axis=1))
-    return np.vstack([np.eye(N), Domain.of("box", N).alpha(np.hstack(columns))])[:count]
 
 
 def sampled(

@@ -27,7 +27,7 @@ from polefence.design.signals.bounds import (
 )
 from polefence.design.signals.gain_norm import GainNorm, is_signal
 from polefence.design.signals.retreat import level_of, own_speed
-from polefence.design.signals.sampled import agreed_bound, sampled, seeded
+from polefence.design.signals.sampled import agreed_bound, sampled
 from polefence.design.signals.specification import Gain, RelativeRms, Rms, Specification, output_of
 from polefence.design.signals.task import ROUNDED, Task
 from polefence.law.laws import FixedGain, Law
@@ -37,6 +37,7 @@ from polefence.lmi.solve.radius import typical_rate
 from polefence.lmi.solve.regulated import regulators
 from polefence.lmi.solve.scaling import balanced
 from polefence.lmi.solve.singular import singular_is_failure
+from polefence.plant.points import seeded
 from polefence.region.regions import HalfPlane, Region, Sector
 from polefence.region.speed import bounded, bounds_speed
 from polefence.response.closed import close

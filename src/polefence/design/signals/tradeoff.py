@@ -20,12 +20,13 @@ from polefence.design.signals.augmented import with_weights
 from polefence.design.signals.bounds import best_bound
 from polefence.design.signals.gain_norm import GainNorm
 from polefence.design.signals.optimise import Optimised, optimise
-from polefence.design.signals.sampled import sampled, seeded
+from polefence.design.signals.sampled import sampled
 from polefence.design.signals.specification import Specification, output_of
 from polefence.design.signals.tradeoff_file import SAMPLES, finished, proved_row, write_rows
 from polefence.design.signals.tradeoff_front import Asked, Front, monotone
 from polefence.lmi.conditions.methods import Method, Scheduled, method_label, options
 from polefence.plant.family import UncertainPlant
+from polefence.plant.points import seeded
 from polefence.plant.polynomial import Domain
 from polefence.region.regions import HalfPlane, Region
 from polefence.vehicle.reference_laws import lqr, passive, skyhook

@@ -17,11 +17,12 @@ from polefence.design.certificate import Certificate
 from polefence.design.place.sweep import LABEL, Row
 from polefence.design.signals.bounds import exact_law
 from polefence.design.signals.files import performance_text
-from polefence.design.signals.sampled import sampled, seeded
+from polefence.design.signals.sampled import sampled
 from polefence.design.signals.specification import Specification, claim_of
 from polefence.design.signals.tradeoff_front import Asked, head
 from polefence.law.laws import FixedGain, Law, ScheduledGain
 from polefence.plant.family import UncertainPlant
+from polefence.plant.points import seeded
 from polefence.plant.system import Array
 from polefence.proof import reading, work
 from polefence.proof.performance import PerformanceClaim, prove_performance, read_performance

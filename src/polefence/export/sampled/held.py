@@ -3,22 +3,20 @@
 from __future__ import annotations
 
 import math
-from itertools import combinations
 from typing import Any
 
 import numpy as np
 
 from polefence.base.errors import InputError
-from polefence.design.counterexample import EDGE_POINTS, SEED, edges, sample_simplex
 from polefence.design.design import Design
 from polefence.plant.family import UncertainPlant
+from polefence.plant.points import edges, inside
 from polefence.plant.polynomial import Domain
 from polefence.plant.system import Array
 from polefence.proof import placement
 from polefence.response.discrete import held
 
 SHORTEST = 1e-9  # of the loop's fastest time
-MOST_EDGES = 20_000  # points
 
 
 def require_usable(design: Design, sample_time: Any, delay: int) -> float:
@@ -82,26 +80,4 @@ def domain_of(plant: UncertainPlant, design: Design) -> Domain:
 def cloud(design: Design, count: int) -> Array:
     """Return vertices, points of the edges and ``count`` random points alpha, (points, N)."""
     domain = domain_of(design.plant, design)
-    if len(domain.sizes) == 1:
-        (N,) = domain.sizes
-        return np.vstack([edges(N), sample_simplex(N, count)])
-    random = np.random.default_rng(SEED)
-    columns = [sample_simplex(size, count, SEED + f) for f, size in enumerate(domain.sizes)]
-    inside = np.hstack([random.permutation(column) for column in columns])
-    return domain.alpha(np.vstack([_box_edges(domain), inside]))
-
-
-def _box_edges(domain: Domain) -> Array:
-    """Return the corners of a box and points of its edges, in its own coordinates."""
-    corners = np.array(domain.monomials(1), dtype=float)
-    pairs = np.array(
-        [
-            (i, j)
-            for i, j in combinations(range(len(corners)), 2)
-            if (corners[i] != corners[j]).sum() == 2
-        ]
-    )
-    pairs = pairs[: MOST_EDGES // EDGE_POINTS]
-    share = np.linspace(0, 1, EDGE_POINTS + 2)[1:-1, None, None]
-    between = share * corners[pairs[:, 0]] + (1 - share) * corners[pairs[:, 1]]
-    return np.vstack([corners, between.reshape(-1, corners.shape[1])])
+    return domain.alpha(np.vstack([edges(domain), inside(domain, count)]))

@@ -13,11 +13,11 @@ from typing import Any
 import numpy as np
 
 from polefence.base.errors import InputError
-from polefence.design.counterexample import sample
 from polefence.design.design import Design
 from polefence.design.observer import Observer
 from polefence.export.c99.program import LEAST, MOST
 from polefence.law.laws import ScheduledGain, check_alpha
+from polefence.plant.points import sample
 from polefence.plant.polynomial import Domain
 from polefence.plant.system import Array
 from polefence.response.discrete import held

@@ -13,9 +13,9 @@ from typing import Any
 
 import numpy as np
 
-from polefence.design.counterexample import edges, sample, sample_simplex
 from polefence.design.design import Design
 from polefence.plant.family import UncertainPlant
+from polefence.plant.points import edges, inside, sample
 from polefence.plant.polynomial import Domain
 from polefence.plant.system import Array
 from polefence.response import bands
@@ -67,10 +67,10 @@ class Ride:
 def points(plant: UncertainPlant, count: int = SAMPLES) -> Array:
     """Return vertices, edges and a seeded sample: of the box where there are parameters."""
     N = len(plant.vertices)
+    domain = Domain.of("box" if plant.parameters else "simplex", N)
     if plant.parameters:
-        domain = Domain.of("box", N)
         return domain.alpha(sample(domain)[: N + count])
-    return np.vstack([edges(N, 5), sample_simplex(N, count)])
+    return np.vstack([edges(domain, 5), inside(domain, count)])
 
 
 def ride_of(design: Design) -> Ride:

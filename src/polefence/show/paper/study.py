@@ -17,7 +17,6 @@ from typing import Any
 import numpy as np
 
 from polefence.base.errors import NotProvedError
-from polefence.design.counterexample import edges, sample_simplex
 from polefence.design.design import Design
 from polefence.design.place.limits import Limit, limits
 from polefence.design.place.placement import place
@@ -25,6 +24,8 @@ from polefence.design.place.sweep import Row, sweep
 from polefence.examples import family
 from polefence.lmi.conditions.methods import METHODS
 from polefence.plant.family import UncertainPlant
+from polefence.plant.points import edges, inside
+from polefence.plant.polynomial import Domain
 from polefence.plant.system import Array
 from polefence.region.regions import Disk
 from polefence.vehicle.quarter_car import quarter_car
@@ -109,7 +110,8 @@ def total_rows(centres: Sequence[float] = CENTRES) -> int:
 def cloud(plant: UncertainPlant, poles: Callable[[Array], Array]) -> tuple[Array, Array]:
     """Return closed-loop poles over a seeded sample with all edges, and at the vertices."""
     N = len(plant.vertices)
-    points = np.vstack([edges(N, 60), sample_simplex(N, SAMPLES)])
+    simplex = Domain((N,))
+    points = np.vstack([edges(simplex, 60), inside(simplex, SAMPLES)])
     return poles(points), poles(np.eye(N))
 
 

@@ -7,12 +7,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from polefence.base.errors import InputError
-from polefence.design.counterexample import sample
 from polefence.design.given.analysis import Analysis
 from polefence.design.given.table import KINDS, TableAnalysis
 from polefence.law.given import domain_of
 from polefence.plant.parameters import Parameter
-from polefence.plant.points import values_text
+from polefence.plant.points import sample, values_text
 from polefence.region.text import digits_down, digits_up
 from polefence.show.plots.plots import new_figure, poles_figure
 

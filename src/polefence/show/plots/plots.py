@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from polefence.design.counterexample import sample
 from polefence.design.design import Design
 from polefence.plant.names import visible
+from polefence.plant.points import sample
 from polefence.plant.polynomial import Domain
 from polefence.plant.system import Array
 from polefence.proof import placement

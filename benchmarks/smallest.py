@@ -44,7 +44,7 @@ import numpy as np
 import polefence
 from polefence import METHODS, UncertainPlant
 from polefence.base.errors import PolefenceError
-from polefence.design.place.smallest import tightest_near
+from polefence.design.place.tightest import tightest_near
 from polefence.examples import family
 from polefence.lmi.solve import layout
 from polefence.lmi.solve import radius as radius_module

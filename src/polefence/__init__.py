@@ -23,7 +23,7 @@ from polefence.design.margins import estimation_error, gain_error, in_service, p
 from polefence.design.observer import observe
 from polefence.design.place.limits import Limit, limits
 from polefence.design.place.placement import place
-from polefence.design.place.smallest import tightest
+from polefence.design.place.tightest import tightest
 from polefence.law.laws import FixedGain, ScheduledGain
 from polefence.law.table import GainTable
 from polefence.lmi.conditions.methods import METHODS, Scheduled, Slack, build

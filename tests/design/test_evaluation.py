@@ -26,7 +26,8 @@ from polefence.design.evaluation import (
 )
 from polefence.design.given.analysis import analyse
 from polefence.design.place.limits import Limit
-from polefence.design.place.smallest import _proved
+from polefence.design.place.tightest import _designs
+from polefence.design.search import first
 from polefence.law.coordinates import Coordinates
 from polefence.law.laws import FixedGain, ScheduledGain, right_divide
 from polefence.lmi.solve.radius import smallest_radius
@@ -84,7 +85,7 @@ def sharpest():
     for name, (matrices, N, share, centre) in CASES.items():
         plant = uncertain(matrices, N, share)
         point = smallest_radius(plant.A, plant.B, -centre, "scheduled")
-        found[name] = next(_proved(plant, centre, "scheduled", point))
+        found[name] = first(_designs(plant, centre, "scheduled", point))
     return found
 
 

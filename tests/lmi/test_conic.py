@@ -88,7 +88,7 @@ def break_engine(monkeypatch):
     def fail(*_, **__):
         raise SolverError("no point to start from")
 
-    monkeypatch.setattr("polefence.design.place.smallest.smallest_radius", fail)
+    monkeypatch.setattr("polefence.design.place.tightest.smallest_radius", fail)
 
 
 @pytest.mark.parametrize("method", ["quadratic", "slack", "scheduled"])

@@ -18,8 +18,8 @@ from polefence.cli.common import (
 from polefence.cli.methods import method_arguments, method_of
 from polefence.design.checks import example_centre
 from polefence.design.design import Design
-from polefence.design.place.smallest import tightest
 from polefence.design.place.sweep import plant_summary
+from polefence.design.place.tightest import tightest
 from polefence.plant.spec import load
 from polefence.region.regions import Disk, exactly
 from polefence.region.text import digits_down, digits_up, parse_region, short_text

@@ -18,7 +18,7 @@ from polefence.design.certificate import Check
 from polefence.design.design import Design, check, require_kind
 from polefence.design.measured import dual_plant, read_measured, require_observable, transposed
 from polefence.design.place.placement import place
-from polefence.design.place.smallest import tightest
+from polefence.design.place.tightest import tightest
 from polefence.law.laws import check_alpha
 from polefence.lmi.conditions.methods import Method
 from polefence.plant.family import UncertainPlant

@@ -18,7 +18,8 @@ from polefence.design.checks import (
     usable_centre,
 )
 from polefence.design.design import Design
-from polefence.design.place.smallest import radius_of, tightest_near
+from polefence.design.place.shipped import radius_of
+from polefence.design.place.tightest import tightest_near
 from polefence.lmi.conditions.methods import METHODS, Method, Scheduled, Slack, method_label
 from polefence.lmi.conditions.sizes import fitting
 from polefence.lmi.solve.point import Found

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from contextlib import suppress
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from functools import cached_property
 
 from polefence.base.deadline import Deadline
 from polefence.base.errors import NotProvedError, SolverError
 from polefence.base.types import require_type
+from polefence.design.certificate import Certificate
 from polefence.design.checks import (
     is_checkable,
     require_checkable,
@@ -17,11 +20,12 @@ from polefence.design.checks import (
 )
 from polefence.design.counterexample import unplaceable
 from polefence.design.design import Design
-from polefence.design.place.smallest import radius_of, smallest_disk
-from polefence.design.rounding import proved_at, rounded
+from polefence.design.place.shipped import proved_at, radius_of, rounded, runnable
+from polefence.design.place.tightest import smallest_disk
 from polefence.lmi.conditions.methods import Method, Scheduled, degree_hint, method_label
 from polefence.lmi.conditions.sizes import fitting
 from polefence.lmi.conditions.target import Around
+from polefence.lmi.solve.point import Found
 from polefence.lmi.solve.radius import smallest, smallest_radius, typical_rate
 from polefence.plant.family import UncertainPlant
 from polefence.plant.polynomial import Domain
@@ -80,73 +84,109 @@ def place(
         return _climb(plant, region, method)
     method = fitting(plant, method)
     require_checkable(plant, method, len(region.parts))
-    if not isinstance(region, Disk):
-        return _placed(plant, region, method, allow_unproved)
-    inside = _inside(plant, region, method)
-    if inside is not None and inside.runs:
-        return inside
-    best = smallest_disk(plant, region.centre, method)[0]
-    wider = replace(best.certificate, region=region)
-    if radius_of(best) <= region.radius and wider.prove().proved:
-        proved = Design(wider)
-        return proved if inside is None or proved.runs else inside
-    if inside is not None:
-        return inside
-    if allow_unproved:
-        return Design(wider, proved=False)
-    raise NotProvedError(_refusal(method, region, best), best if best.proved else None)
-
-
-def _inside(plant: UncertainPlant, region: Disk, method: Method) -> Design | None:
-    """Return a proved design for this disk, from the first point found inside it."""
-    with suppress(SolverError):
-        found = smallest_radius(plant.A, plant.B, region.sigma, method, enough=region.radius)
-        return proved_at(plant, region, method, found) if found.radius <= region.radius else None
-    return None
-
-
-def _refusal(method: Method, region: Disk, best: Design) -> str:
-    reached = (
-        f"the smallest radius found there is {digits_up(radius_of(best))} (proved)"
-        if best.proved
-        else "no radius was proved there"
-    )
-    label = method_label(method)
-    if best.lower is not None and best.lower >= region.radius:
-        answer = f"refuted for {label}: its inequalities have no solution for {region}"
+    if isinstance(region, Disk):
+        search: _InDisk | _InRegion = _InDisk(plant, region, method)
     else:
-        answer = f"not proved: {label} gives no proof for {region}"
-    return f"{answer}; {reached}; try a larger disk or another method"
-
-
-def _placed(plant: UncertainPlant, region: Region, method: Method, allow_unproved: bool) -> Design:
-    """Place the poles in a region that is no single disk."""
-    found, error, first = None, None, None
-    rate = max(region.scale, typical_rate(plant.A))
-    speeds = () if bounds_speed(region) else [s * rate for s in SPEEDS if s * rate < FASTEST]
-    for searched in (*(bounded(region, speed) for speed in speeds), region):
-        for enough in INSIDE:
-            try:
-                found = smallest(plant.A, plant.B, Around(searched), method, enough=enough)
-            except SolverError as failure:
-                error = failure
-                break
-            design = proved_at(plant, region, method, found) if found.radius < 1 else None
-            if design is not None and design.runs:
-                return design
-            first = first or design
-            if found.radius >= 1 and found.converged:
-                break
-    if first is not None:  # a law that doubles cannot evaluate, but a law
-        return first
-    if found is None:
-        raise NotProvedError(f"undecided: {method_label(method)}: {error}") from error
+        search = _InRegion(plant, region, method, [])
+    design = runnable(search.designs(), radius_of)
+    if design is not None:
+        return design
     if allow_unproved:
-        return Design(rounded(plant, region, method, found), proved=False)
-    raise NotProvedError(
-        f"not proved: {method_label(method)} gives no proof for {region}; try a wider region, "
-        f"fewer parts{degree_hint(method)}"
-    )
+        return search.unproved
+    raise search.refusal()
+
+
+@dataclass(frozen=True, eq=False)
+class _InDisk:
+    """A point inside a disk; where that has no proof, the smallest disk of the same centre."""
+
+    plant: UncertainPlant
+    region: Disk
+    method: Method
+
+    def designs(self) -> Iterator[Design | None]:
+        """Yield what is proved for the disk."""
+        plant, disk, method = self.plant, self.region, self.method
+        with suppress(SolverError):
+            found = smallest_radius(plant.A, plant.B, disk.sigma, method, enough=disk.radius)
+            yield proved_at(plant, disk, method, found) if found.radius <= disk.radius else None
+        if radius_of(self.best) <= disk.radius and self._wider.prove().proved:
+            yield Design(self._wider)
+
+    @cached_property
+    def best(self) -> Design:
+        """The smallest disk, proved or not."""
+        return smallest_disk(self.plant, self.region.centre, self.method)[0]
+
+    @property
+    def _wider(self) -> Certificate:
+        return replace(self.best.certificate, region=self.region)
+
+    @property
+    def unproved(self) -> Design:
+        """The law of the smallest disk, as one for this disk."""
+        return Design(self._wider, proved=False)
+
+    def refusal(self) -> NotProvedError:
+        """Return why nothing is proved, and what is."""
+        best, label = self.best, method_label(self.method)
+        reached = (
+            f"the smallest radius found there is {digits_up(radius_of(best))} (proved)"
+            if best.proved
+            else "no radius was proved there"
+        )
+        if best.lower is not None and best.lower >= self.region.radius:
+            answer = f"refuted for {label}: its inequalities have no solution for {self.region}"
+        else:
+            answer = f"not proved: {label} gives no proof for {self.region}"
+        said = f"{answer}; {reached}; try a larger disk or another method"
+        return NotProvedError(said, best if best.proved else None)
+
+
+@dataclass(frozen=True, eq=False)
+class _InRegion:
+    """Points of a region that is no single disk, kept as they are found."""
+
+    plant: UncertainPlant
+    region: Region
+    method: Method
+    found: list[Found | SolverError]
+
+    def designs(self) -> Iterator[Design | None]:
+        """Yield what is proved for the region, from points well inside it and of slow poles on."""
+        plant, region, method = self.plant, self.region, self.method
+        rate = max(region.scale, typical_rate(plant.A))
+        speeds = () if bounds_speed(region) else [s * rate for s in SPEEDS if s * rate < FASTEST]
+        for searched in (*(bounded(region, speed) for speed in speeds), region):
+            for enough in INSIDE:
+                try:
+                    found = smallest(plant.A, plant.B, Around(searched), method, enough=enough)
+                except SolverError as failure:
+                    self.found.append(failure)
+                    break
+                self.found.append(found)
+                if found.radius < 1:
+                    yield proved_at(plant, region, method, found)
+                elif found.converged:
+                    break
+
+    @property
+    def unproved(self) -> Design:
+        """The law of the last point."""
+        points = [found for found in self.found if isinstance(found, Found)]
+        if not points:
+            raise self.refusal()
+        return Design(rounded(self.plant, self.region, self.method, points[-1]), proved=False)
+
+    def refusal(self) -> NotProvedError:
+        """Return why nothing is proved."""
+        label = method_label(self.method)
+        if all(isinstance(found, SolverError) for found in self.found):
+            return NotProvedError(f"undecided: {label}: {self.found[-1]}")
+        return NotProvedError(
+            f"not proved: {label} gives no proof for {self.region}; try a wider region, "
+            f"fewer parts{degree_hint(self.method)}"
+        )
 
 
 def _climb(plant: UncertainPlant, region: Region, method: Scheduled) -> Design:

@@ -1,8 +1,11 @@
-"""Law and evidence in the numbers that ship, from a point that a search found, and their proof."""
+"""Law and evidence in the numbers that ship, from a point that a search found; their proof."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import math
+from collections.abc import Callable, Iterable
+from dataclasses import replace
+from operator import attrgetter
 from typing import Any
 
 import numpy as np
@@ -10,6 +13,7 @@ import numpy as np
 from polefence.base.errors import SolverError
 from polefence.design.certificate import Certificate
 from polefence.design.design import Design
+from polefence.design.search import preferred
 from polefence.law.laws import FixedGain, ScheduledGain, right_divide
 from polefence.lmi.conditions.methods import Method, Slack, method_name, normal, options
 from polefence.lmi.solve.point import Found
@@ -26,6 +30,19 @@ def proved_at(plant: UncertainPlant, region: Region, method: Method, found: Foun
     except SolverError:
         return None
     return design if design.certificate.prove().proved else None
+
+
+def runnable(
+    designs: Iterable[Design | None], value: Callable[[Design], float], sign: int = 1
+) -> Design | None:
+    """Return the first design whose law doubles can run, where there is none the first of all.
+
+    A smaller value of the latter, times the sign, is kept as what doubles cannot run.
+    """
+    design, sharpest = preferred(designs, attrgetter("runs"))
+    if design is None or sharpest is None or sign * value(sharpest) >= sign * value(design):
+        return design
+    return replace(design, unrunnable=value(sharpest))
 
 
 def rounded(plant: UncertainPlant, region: Region, method: Method, found: Found) -> Certificate:
@@ -87,3 +104,8 @@ _LAWS: dict[str, Callable[..., tuple[FixedGain | ScheduledGain, _Evidence]]] = {
     "scheduled": _scheduled,
     "slack": _slack,
 }
+
+
+def radius_of(design: Design) -> float:
+    """Return the radius of a design's disk."""
+    return float(getattr(design.region, "radius", math.inf))

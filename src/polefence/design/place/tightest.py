@@ -1,0 +1,385 @@
+"""The smallest region of a kind that a method reaches: disk, decay rate, damping ratio."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from fractions import Fraction
+
+from polefence.base.errors import InputError, NotProvedError, SolverError
+from polefence.base.types import require_type
+from polefence.design.checks import (
+    require_checkable,
+    require_domain,
+    require_movable,
+    require_region,
+    usable_centre,
+)
+from polefence.design.design import Design
+from polefence.design.place.shipped import proved_at, radius_of, rounded, runnable
+from polefence.design.repair import lower_bound
+from polefence.design.search import first
+from polefence.lmi.conditions.methods import (
+    Method,
+    Scheduled,
+    Slack,
+    degree_hint,
+    method_label,
+    method_name,
+    normal,
+)
+from polefence.lmi.conditions.methods import options as options_of
+from polefence.lmi.conditions.sizes import fitting
+from polefence.lmi.conditions.target import FASTEST, Around, Decays, Goal, Sectors
+from polefence.lmi.solve import bisection
+from polefence.lmi.solve.point import Found
+from polefence.lmi.solve.radius import smallest, smallest_radius, typical_rate
+from polefence.plant.family import UncertainPlant
+from polefence.region.regions import Disk, HalfPlane, Region, Sector, damping_of
+from polefence.region.speed import bounded
+
+# How far above the r that a point reaches in floats the exact proof is attempted.
+STEPS = (1e-7, 1e-6, 1e-5, 1e-4)
+
+# A search that stopped before it converged, above this share of sigma, has a second opinion.
+STALLED = 1e-3
+
+# A lower bound farther off than this share of the radius is sought again, with this tolerance.
+GAP, CLOSER = 3e-6, 1e-10
+
+# Where nothing near the infimum is proved, or no law that doubles can run: points for radii this
+# much larger.
+RETREATS = (1e-5, 3e-5, 1e-4, 3e-4, 1e-3, 3e-3, 0.01, 0.03, 0.1, 0.3, 1.0, 10.0, 100.0)
+
+# How far inside a region a point is looked for, as a share of its size.
+INSIDE = 0.98
+
+# How many times the plant's own rates poles may be fast, where nothing else bounds them.
+SPEED = 100.0
+
+# How close the search for decay rates and damping ratios goes. Nearer to the optimum a Lyapunov
+# matrix may be too ill-conditioned to be proved in doubles.
+TOLERANCES = (1e-10, 1e-8, 1e-6)
+
+# Where that fails: values tried, and how far apart the last two may be, relative to them.
+ATTEMPTS, CLOSE = 24, 1e-3
+
+LEAST, MOST = 1e-8, 1 - 1e-9  # damping ratios
+
+
+def tightest(
+    plant: UncertainPlant,
+    centre: float | None = None,
+    method: Method = "scheduled",
+    allow_unproved: bool = False,
+    *,
+    of: str = "disk",
+    within: Region | None = None,
+) -> Design:
+    """Design for the smallest region of a kind that the method reaches, and prove it.
+
+    Parameters
+    ----------
+    centre : float
+        Real coordinate of a disk's centre, negative (-40) [1/s]; for a discrete-time plant inside
+        the unit circle.
+    of : str
+        "disk" about the centre; "half_plane", the largest decay rate; "sector", the largest
+        damping ratio.
+    within : Region, optional
+        For "half_plane" and "sector": a fixed region to hold besides.
+
+    Returns
+    -------
+    Design
+        For a disk ``design.region.radius`` is proved; where ``design.lower`` is not None, that
+        radius is proved to be out of the method's reach, and where ``design.unrunnable`` is not, a
+        smaller one is proved, but only of laws that doubles cannot evaluate. Otherwise
+        ``design.region`` is the `HalfPlane` or `Sector`, with ``within``.
+
+    Raises
+    ------
+    NotProvedError
+        If none could be proved (the solver failed on this problem, or ``within`` is out of reach).
+    UncontrollableError
+        If a vertex has a pole that no gain moves and that is not stable, or not in ``within``.
+    """
+    require_type(plant, UncertainPlant, "plant", "polefence.load(path) reads one")
+    require_domain(plant, method)
+    if of not in ("disk", "half_plane", "sector"):
+        raise InputError(f"of = {of!r} is unknown; use 'disk', 'half_plane' or 'sector'")
+    if options_of(method).degree == "auto":
+        raise InputError("degree = 'auto' is for place; give tightest a number")
+    method = fitting(plant, method)
+    require_checkable(plant, method)
+    if of != "disk":
+        if centre is not None:
+            raise InputError(f"of = {of!r} has no centre; leave it out")
+        return largest(plant, of, method, within)
+    if centre is None or within is not None:
+        raise InputError("the smallest disk needs a centre, and takes no region within")
+    centre = usable_centre(plant, centre)
+    require_movable(plant)
+    best, _ = smallest_disk(plant, centre, method)
+    if not best.proved and not allow_unproved:
+        raise NotProvedError(
+            f"undecided: {method_label(method)} at centre {centre:g} gave no point that could be "
+            "proved; check the plant's units and try another centre"
+        )
+    return best
+
+
+def tightest_near(
+    plant: UncertainPlant, centre: float, method: Method, near: Found | None, bounds: bool = True
+) -> tuple[Design, Found]:
+    """`tightest`, started from a neighbouring centre's point; also the point for the next one.
+
+    Raises
+    ------
+    NotProvedError
+        If no radius could be proved.
+    """
+    best, found = smallest_disk(plant, centre, method, near, bounds)
+    if not best.proved:
+        raise NotProvedError(f"undecided: {method_label(method)} at centre {centre:g}")
+    return best, found
+
+
+def smallest_disk(
+    plant: UncertainPlant,
+    centre: float,
+    method: Method,
+    near: Found | None = None,
+    bounds: bool = True,
+) -> tuple[Design, Found]:
+    """Return the design of the smallest radius, ``proved`` or not, and its point."""
+    found = _least(plant, centre, method, near)
+    design = runnable(_designs(plant, centre, method, found), radius_of)
+    if design is None:
+        try:
+            unproved = rounded(plant, Disk(centre, found.radius), method, found)
+        except SolverError as error:
+            where = f"{method_label(method)} at centre {centre:g}"
+            raise NotProvedError(f"undecided: {where}: {error}") from error
+        return Design(unproved, proved=False), found
+    lower = _bound(plant, -centre, method, found) if bounds else None
+    return replace(design, lower=lower), found
+
+
+def _least(plant: UncertainPlant, centre: float, method: Method, near: Found | None) -> Found:
+    """Return the point of the least radius that a search finds, or a second one."""
+    sigma = -centre
+    try:
+        found = smallest_radius(plant.A, plant.B, sigma, method, near)
+    except SolverError as error:
+        if sigma <= 0:
+            raise NotProvedError(f"undecided: {method_label(method)}: {error}") from error
+        return _second_opinion(plant, centre, method)
+    if sigma > 0 and not found.converged and found.radius > STALLED * sigma:
+        with suppress(NotProvedError):
+            second = _second_opinion(plant, centre, method)
+            return second if second.radius < found.radius else found
+    return found
+
+
+def _designs(
+    plant: UncertainPlant, centre: float, method: Method, found: Found
+) -> Iterator[Design | None]:
+    """Yield proved designs, from the point found outwards, roughly in the order of their radii."""
+
+    def near(point: Found) -> Design | None:
+        disks = (Disk(centre, point.radius * (1 + step)) for step in STEPS)
+        return first(proved_at(plant, disk, method, point) for disk in disks)
+
+    yield near(found)
+    for step in RETREATS:
+        # The point lies too near the boundary for rounding: look farther inside.
+        disk, points = Disk(centre, found.radius * (1 + step)), [found]
+        with suppress(SolverError):
+            inner = smallest_radius(plant.A, plant.B, -centre, method, enough=disk.radius)
+            points = [inner, found]
+            yield near(inner)
+        yield from (proved_at(plant, disk, method, point) for point in points)
+
+
+def _bound(plant: UncertainPlant, sigma: float, method: Method, found: Found) -> float | None:
+    """Return a lower bound, from a closer run where the first one leaves a gap."""
+    lower = _lower(plant, sigma, method, found)
+    if found.radius > sigma or (lower is not None and lower > found.radius * (1 - GAP)):
+        return lower
+    with suppress(SolverError):
+        closer = smallest_radius(plant.A, plant.B, sigma, method, found, tolerance=CLOSER)
+        return max((b for b in (lower, _lower(plant, sigma, method, closer)) if b), default=None)
+    return lower
+
+
+def _second_opinion(plant: UncertainPlant, centre: float, method: Method) -> Found:
+    try:
+        return bisection.smallest_radius(plant.A, plant.B, -centre, method)
+    except SolverError as error:
+        where = f"{method_label(method)} at centre {centre:g}"
+        raise NotProvedError(f"undecided: {where}: {error}") from error
+
+
+def _lower(plant: UncertainPlant, sigma: float, method: Method, found: Found) -> float | None:
+    """Return a radius proved infeasible for the method, None where no proof came of it."""
+    rhs = isinstance(method, Scheduled) and method.right_hand_sides
+    method = normal(method)
+    if found.dual is None or not (isinstance(method, str) or rhs):
+        return None
+    A = [[list(row) for row in v.exact_A] for v in plant.vertices]
+    B = [[list(row) for row in v.exact_B] for v in plant.vertices]
+    Y = found.dual.matrices()
+    bound = lower_bound(method_name(method), A, B, Fraction(sigma), found.radius, Y, rhs)
+    return None if bound is None else float(bound.r)
+
+
+# --- decay rate and damping ratio ----------------------------------------------------------------
+
+
+def largest(plant: UncertainPlant, of: str, method: Method, within: Region | None) -> Design:
+    """Return the design of the largest decay rate ("half_plane") or damping ratio ("sector").
+
+    With nothing to bound the poles' speed a high gain may do ever better, and no optimum be
+    attained. So where ``within`` does not bound it, a disk that reaches to `SPEED` times the
+    plant's rates does. Should the direct search fail, values are tried from region to region.
+
+    Raises
+    ------
+    NotProvedError
+        If nothing was proved.
+    InputError
+        If the method has no such question, or the region does not fit the plant's time.
+    """
+    if isinstance(options_of(method), Slack):
+        raise InputError(f"of = {of!r} goes with the methods quadratic and scheduled")
+    if within is not None:
+        require_type(within, Region, "within", "for example polefence.Disk(-40, 39)")
+    require_region(plant, HalfPlane(0) if within is None else HalfPlane(0) & within, method)
+    require_movable(plant, within)
+    within = bounded(within, SPEED * typical_rate(plant.A))
+    question = (_decay if of == "half_plane" else _damping)(within)
+    design = runnable(_direct(plant, method, question), _value, -1)
+    if design is None or not design.runs:
+        grown = _grown(plant, method, question, running=design is not None)
+        design = runnable((design, grown), _value, -1)
+    if design is None:
+        wanted = "decay rate" if of == "half_plane" else "damping ratio"
+        raise NotProvedError(
+            f"not proved: {method_label(method)} gives no proof of a {wanted} from "
+            f"{question.low:g} up within {within}; try a wider region{degree_hint(method)}"
+        )
+    return design
+
+
+@dataclass(frozen=True, eq=False)
+class _Question:
+    """A value that is to be large.
+
+    Attributes
+    ----------
+    region : callable
+        Value to region.
+    goal : Goal
+        What the direct search minimises.
+    value : callable
+        Of an r and a relative step back, the value.
+    low, high : float
+        Where to look for values.
+    first : float
+        The first value that is tried.
+    base : Region
+        Where a point must lie from which the direct search can start.
+    """
+
+    region: Callable[[float], Region]
+    goal: Goal
+    value: Callable[[float, float], float]
+    low: float
+    high: float
+    first: float
+    base: Region
+
+
+def _decay(within: Region) -> _Question:
+    size = within.scale
+    fastest = FASTEST * size
+
+    def value(r: float, step: float) -> float:
+        decay = fastest - r * (1 + step)
+        return decay - step * abs(decay)
+
+    return _Question(
+        lambda a: HalfPlane(a) & within,
+        Decays(fastest, within),
+        value,
+        -size,
+        fastest,
+        size / 4,
+        within,
+    )
+
+
+def _damping(within: Region) -> _Question:
+    return _Question(
+        lambda zeta: Sector(zeta) & within,
+        Sectors(within.scale, within),
+        lambda r, step: min(max(damping_of(r * (1 + step)), LEAST), MOST),
+        LEAST,
+        MOST,
+        0.1,
+        HalfPlane(0) & within,
+    )
+
+
+def _value(design: Design) -> float:
+    """Return the decay rate or damping ratio of a design."""
+    first = design.region.parts[0]
+    return float(first.decay if isinstance(first, HalfPlane) else first.numbers["damping"])
+
+
+def _direct(plant: UncertainPlant, method: Method, question: _Question) -> Iterator[Design | None]:
+    """Yield what is proved about the least r, while the search comes to its end."""
+    with suppress(SolverError):
+        start = smallest(plant.A, plant.B, Around(question.base), method, enough=INSIDE)
+        if start.radius >= 1:
+            return
+        near = replace(start, radius=0.0)
+        for tolerance in TOLERANCES:
+            found = smallest(plant.A, plant.B, question.goal, method, near, tolerance=tolerance)
+            if not found.converged:
+                return
+            for step in (*STEPS, 1e-3):
+                region = question.region(question.value(found.radius, step))
+                yield proved_at(plant, region, method, found)
+
+
+def _grown(
+    plant: UncertainPlant, method: Method, question: _Question, running: bool = False
+) -> Design | None:
+    """Double the value while its region is proved, then halve the bracket.
+
+    ``running`` asks for laws that doubles can evaluate besides.
+    """
+    low, high, value, best = question.low, question.high, question.first, None
+    bracketed = False
+    for _ in range(ATTEMPTS):
+        design = _attempt(plant, method, question.region(value))
+        if design is None or (running and not design.runs):
+            high, bracketed = value, True
+        else:
+            low, best = value, design
+            if value >= question.high:
+                break
+        value = (low + high) / 2 if bracketed else min(2 * value, question.high)
+        if bracketed and high - low <= CLOSE * abs(high):
+            break
+    return best
+
+
+def _attempt(plant: UncertainPlant, method: Method, region: Region) -> Design | None:
+    with suppress(SolverError):
+        found = smallest(plant.A, plant.B, Around(region), method, enough=INSIDE)
+        return proved_at(plant, region, method, found) if found.radius < 1 else None
+    return None

@@ -1,0 +1,73 @@
+"""Search and prove: candidates in order of promise; the first that is proved, or the best.
+
+A search works in floats and comes close to the edge of what there is; a proof is exact, holds a
+step inside it, and decides. Every ladder of this room is a sequence of candidates, found and proved
+as they are asked for. It ends with its candidates or with the first that will do: by counted work,
+never by the clock.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Iterator
+from typing import TypeVar
+
+T = TypeVar("T")
+
+
+def first(found: Iterable[T | None]) -> T | None:
+    """Return the first that is proved, None where none is."""
+    return next((each for each in found if each is not None), None)
+
+
+def preferred(found: Iterable[T | None], wanted: Callable[[T], bool]) -> tuple[T | None, T | None]:
+    """Return the first that is wanted, where none is the first of all; and the first of all."""
+    kept: T | None = None
+    for each in found:
+        if each is None:
+            continue
+        kept = each if kept is None else kept
+        if wanted(each):
+            return each, kept
+    return kept, kept
+
+
+def rising(found: Iterable[T], value: Callable[[T], float], gain: float) -> Iterator[T]:
+    """Yield what is found while each value is larger than the last one by a share."""
+    last: float | None = None
+    for each in found:
+        own = value(each)
+        if last is not None and own <= last * (1 + gain):
+            return
+        yield each
+        last = own
+
+
+def edge(
+    holds: Callable[[float], bool],
+    low: float,
+    high: float,
+    rounds: int,
+    *,
+    close: float = 0.0,
+    geometric: bool = False,
+) -> tuple[float, float]:
+    """Halve the interval between what holds and what does not.
+
+    Parameters
+    ----------
+    low, high : float
+        What holds and what does not; neither is tried.
+    rounds : int
+        Halvings at most.
+    close : float
+        Share of ``high`` that is close enough.
+    geometric : bool
+        Whether the middle is the root of the product, for positive numbers of unknown magnitude.
+    """
+    for _ in range(rounds):
+        if high - low <= close * abs(high):
+            break
+        middle = math.sqrt(low * high) if geometric else (low + high) / 2
+        low, high = (middle, high) if holds(middle) else (low, middle)
+    return low, high

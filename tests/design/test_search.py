@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from itertools import pairwise
 
 import pytest
 from hypothesis import given
@@ -42,7 +43,7 @@ def test_what_is_preferred_is_the_first_wanted_else_the_first(found):
 def test_a_climb_goes_on_while_it_gains(values, gain):
     kept = list(rising(values, float, gain))
     assert kept == values[: len(kept)]
-    assert all(b > a * (1 + gain) for a, b in zip(kept, kept[1:], strict=False))
+    assert all(b > a * (1 + gain) for a, b in pairwise(kept))
     if len(kept) < len(values):
         assert not values[len(kept)] > kept[-1] * (1 + gain)
 

@@ -16,6 +16,7 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
+from polefence.design.search import first
 from polefence.proof.lower import (
     Infeasible,
     Pairs,
@@ -73,14 +74,9 @@ def lower_bound(
         return None
     start = Infeasible(method, A, B, sigma, Fraction(1), [], right_hand_sides)
     repairs = list(_repairs(start, Y))
-    for shortfall in SHORTFALLS:
-        r = Fraction(upper * (1 - shortfall))
-        for repair in repairs:
-            if r > 0 and repair.plausible(r):
-                claim = repair.claim(r)
-                if prove_infeasible(claim).proved:
-                    return claim
-    return None
+    radii = (Fraction(upper * (1 - shortfall)) for shortfall in SHORTFALLS)
+    pairs = ((repair, r) for r in radii for repair in repairs)
+    return first(repair.proved(r) for repair, r in pairs if r > 0 and repair.plausible(r))
 
 
 def repaired(
@@ -94,11 +90,7 @@ def repaired(
 ) -> Infeasible | None:
     """Return the proof that the method cannot reach ``r``, as `lower_bound` does, or None."""
     start = Infeasible(method, A, B, sigma, r, [], right_hand_sides)
-    for repair in _repairs(start, Y) if r > 0 else ():
-        claim = repair.claim(r)
-        if prove_infeasible(claim).proved:
-            return claim
-    return None
+    return first(repair.proved(r) for repair in _repairs(start, Y)) if r > 0 else None
 
 
 def _repairs(start: Infeasible, Y: Iterable[npt.ArrayLike]) -> Iterator[_Repair]:
@@ -205,6 +197,11 @@ class _Repair:
         for b, block, denominator in self.at(r):
             Y[b] = _over(block, denominator)
         return replace(self.start, r=r, Y=Y)
+
+    def proved(self, r: Fraction) -> Infeasible | None:
+        """Return the claim at this radius where it is proved."""
+        claim = self.claim(r)
+        return claim if prove_infeasible(claim).proved else None
 
     def plausible(self, r: Fraction) -> bool:
         """Whether all blocks are positive definite in floats: cheap, and mostly right."""

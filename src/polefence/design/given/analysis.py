@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from contextlib import suppress
 from dataclasses import dataclass
 from fractions import Fraction
 from typing import Any, overload
@@ -10,7 +9,7 @@ from typing import Any, overload
 import numpy as np
 
 from polefence.base.deadline import Deadline
-from polefence.base.errors import InputError, SolverError
+from polefence.base.errors import InputError
 from polefence.base.types import require_type
 from polefence.design.certificate import Certificate
 from polefence.design.checks import require_region
@@ -22,21 +21,19 @@ from polefence.design.given.closed_loop import (
     forms,
     loop_of,
     placeholder,
+    points_inside,
 )
 from polefence.design.given.table import TableAnalysis
 from polefence.design.given.table_search import analyse_table
+from polefence.design.search import first
 from polefence.law.given import given_law
 from polefence.law.laws import Law
 from polefence.law.table import GainTable
-from polefence.lmi.conditions.target import Around
-from polefence.lmi.solve.lyapunov import least
+from polefence.lmi.solve.lyapunov import Proof
 from polefence.plant.family import UncertainPlant
 from polefence.plant.points import values_at, values_text
 from polefence.plant.system import Array
 from polefence.region.regions import Region
-
-# How far inside a region a proof is looked for first; then as far as the search goes.
-INSIDE = (0.98, 0.0)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -184,19 +181,20 @@ def _part(
     deadline: Deadline,
 ) -> tuple[dict[str, Any] | None, tuple[int, int]]:
     """Return evidence that is proved for one part of a region, and the form tried last."""
-    last = ladder[0]
+    last, loop = ladder[0], loop_of(plant, law)
+
+    def proved(found: Proof) -> dict[str, Any] | None:
+        evidence = evidence_of(found, last)
+        holds = certificate_of(plant, law, part, [evidence]).prove().proved
+        return evidence if holds else None
+
     for form in ladder:
         if form != ladder[0] and deadline.passed:
             break
         last = form
-        for enough in INSIDE:
-            with suppress(SolverError):
-                found = least(loop_of(plant, law), Around(part), *form, enough=enough)
-                if found.r >= 1:
-                    break
-                evidence = evidence_of(found, form)
-                if certificate_of(plant, law, part, [evidence]).prove().proved:
-                    return evidence, form
+        evidence = first(map(proved, points_inside(loop, part, form)))
+        if evidence is not None:
+            return evidence, form
     return None, last
 
 

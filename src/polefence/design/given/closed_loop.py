@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from typing import Any
 
 import numpy as np
 
-from polefence.base.errors import InputError
+from polefence.base.errors import InputError, SolverError
 from polefence.design.certificate import Certificate
 from polefence.law.given import domain_of
 from polefence.law.laws import FixedGain, Law, ScheduledGain
 from polefence.lmi.conditions.lyapunov import Loop
-from polefence.lmi.solve.lyapunov import Proof
+from polefence.lmi.conditions.target import Around
+from polefence.lmi.solve.lyapunov import Proof, least
 from polefence.plant.family import UncertainPlant
 from polefence.plant.polynomial import bernstein, elevated, times
 from polefence.plant.system import Array
@@ -23,6 +25,8 @@ from polefence.region.regions import Region
 LADDER = ((0, 0), (1, 0), (1, 1), (2, 0), (2, 1), (3, 0), (3, 1))
 # What a step of the search may cost, beyond the first form [multiplications].
 MOST_WORK = 1e10
+# How far inside a region a proof is looked for first; then as far as the search goes.
+INSIDE = (0.98, 0.0)
 
 
 def loop_of(plant: UncertainPlant, law: Law) -> Loop:
@@ -68,6 +72,16 @@ def forms(plant: UncertainPlant, law: Law, parts: int = 1) -> Iterator[tuple[int
         elif not checked or blocks * unknowns**2 * (2 * n) ** 2 > MOST_WORK:
             return
         yield degree, elevation
+
+
+def points_inside(loop: Loop, region: Region, form: tuple[int, int]) -> Iterator[Proof]:
+    """Yield Lyapunov polynomials of a form for a region: well inside it, then as far as it goes."""
+    for enough in INSIDE:
+        with suppress(SolverError):
+            found = least(loop, Around(region), *form, enough=enough)
+            if found.r >= 1:
+                return
+            yield found
 
 
 def placeholder(plant: UncertainPlant, law: Law) -> dict[str, Any]:

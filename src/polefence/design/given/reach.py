@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any
@@ -21,10 +21,12 @@ from polefence.design.given.closed_loop import (
     loop_of,
     placeholder,
 )
+from polefence.design.search import first
 from polefence.law.given import domain_of, given_law
 from polefence.law.laws import Law
+from polefence.lmi.conditions.lyapunov import Loop
 from polefence.lmi.conditions.target import Around, Decays, Disks, Goal, Sectors
-from polefence.lmi.solve.lyapunov import least
+from polefence.lmi.solve.lyapunov import Proof, least
 from polefence.lmi.solve.radius import typical_rate
 from polefence.plant.family import UncertainPlant
 from polefence.plant.points import values_at
@@ -176,18 +178,25 @@ def _sector(slope: float) -> Region | None:
 def _tried(
     plant: UncertainPlant, law: Law, question: _Question, form: tuple[int, int]
 ) -> tuple[float, Region, Certificate] | None:
-    loop, near = loop_of(plant, law), None
+    """Return the least r that is proved with polynomials of one form, with its region."""
+
+    def proved(found: Proof, r: float) -> tuple[float, Region, Certificate] | None:
+        region = question.region(r)
+        if region is None:
+            return None
+        certificate = certificate_of(plant, law, region, [evidence_of(found, form)])
+        return (r, region, certificate) if certificate.prove().proved else None
+
+    points = _points(loop_of(plant, law), question, form)
+    return first(proved(found, found.r * (1 + step)) for found in points for step in STEPS)
+
+
+def _points(loop: Loop, question: _Question, form: tuple[int, int]) -> Iterator[Proof]:
+    """Yield points farther and farther from the edge."""
+    near = None
     if question.first is not None:
         with suppress(SolverError):
             near = least(loop, question.first, *form, enough=INSIDE)
     for tolerance in TOLERANCES:
         with suppress(SolverError):
-            found = least(loop, question.goal, *form, tolerance=tolerance, near=near)
-            for step in STEPS:
-                r = found.r * (1 + step)
-                region = question.region(r)
-                if region is not None:
-                    certificate = certificate_of(plant, law, region, [evidence_of(found, form)])
-                    if certificate.prove().proved:
-                        return r, region, certificate
-    return None
+            yield least(loop, question.goal, *form, tolerance=tolerance, near=near)

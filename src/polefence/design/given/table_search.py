@@ -14,15 +14,14 @@ from math import prod
 import numpy as np
 
 from polefence.base.deadline import Deadline
-from polefence.base.errors import InputError, SolverError
+from polefence.base.errors import InputError
 from polefence.base.types import require_type
 from polefence.design.checks import require_region
 from polefence.design.counterexample import shown
+from polefence.design.given.closed_loop import points_inside
 from polefence.design.given.table import TableAnalysis
 from polefence.law.table import GainTable
 from polefence.lmi.conditions.lyapunov import Loop
-from polefence.lmi.conditions.target import Around
-from polefence.lmi.solve.lyapunov import least
 from polefence.plant.family import UncertainPlant
 from polefence.plant.polynomial import Domain, bernstein, elevated, times
 from polefence.plant.system import Array
@@ -36,7 +35,6 @@ FORMS = ((0, 0), (1, 0))  # degree and elevation of a cell's Lyapunov polynomial
 SHARE = 0.9  # of the work that is checked in a file, after which no more cells are decided
 MOST_OF_A_CELL = MAX_WORK // 100  # by its characteristic polynomial
 SAMPLES, MOST_SAMPLES = 7, 1000  # along each side of a cell; in a cell
-INSIDE = (0.98, 0.0)
 
 
 def analyse_table(
@@ -178,15 +176,11 @@ class _Work:
 
 def _evidence(claim: placement.Claim, loop: Loop, part: Region) -> placement.Evidence | None:
     for form in FORMS:
-        for enough in INSIDE:
-            with suppress(SolverError):
-                found = least(loop, Around(part), *form, enough=enough)
-                if found.r >= 1:
-                    break
-                X = [[[Fraction(e) for e in row] for row in Q] for Q in found.Q.tolist()]
-                evidence = placement.Evidence(X, *form)
-                if placement.prove(replace(claim, evidence=(evidence,))).proved:
-                    return evidence
+        for found in points_inside(loop, part, form):
+            X = [[[Fraction(e) for e in row] for row in Q] for Q in found.Q.tolist()]
+            evidence = placement.Evidence(X, *form)
+            if placement.prove(replace(claim, evidence=(evidence,))).proved:
+                return evidence
     return None
 
 

@@ -12,6 +12,7 @@ import numpy as np
 
 from polefence.base.errors import PlantError, SolverError
 from polefence.design.given.closed_loop import loop_with
+from polefence.design.search import first
 from polefence.design.signals.gain_norm import GainNorm, levels
 from polefence.design.signals.specification import Specification, claim_of, output_of
 from polefence.law.given import domain_of
@@ -83,14 +84,10 @@ def best_bound(
     best: Bound | None = None
     root = float if specification.kind == "gain" else math.sqrt
     for points in _climb(plant, law, specification, 1.0):
-        own = next(
-            (
-                bound
-                for evidences, r in points
-                for evidence in evidences
-                if (bound := _stepped(plant, law, specification, evidence, root(r))) is not None
-            ),
-            None,
+        own = first(
+            _stepped(plant, law, specification, evidence, root(r))
+            for evidences, r in points
+            for evidence in evidences
         )
         if own is None:
             continue
@@ -123,10 +120,9 @@ def _stepped(
     level: float,
 ) -> Bound | None:
     """Return the first step above a level at which evidence is a proof, None if it is at none."""
-    if (last := _proved(plant, law, specification, evidence, level * (1 + STEPS[-1]))) is None:
-        return None
+    farthest = _proved(plant, law, specification, evidence, level * (1 + STEPS[-1]))
     nearer = (_proved(plant, law, specification, evidence, level * (1 + s)) for s in STEPS[:-1])
-    return next((bound for bound in nearer if bound is not None), last)
+    return None if farthest is None else first(nearer) or farthest
 
 
 def raised(bound: Bound, level: float) -> Bound | None:

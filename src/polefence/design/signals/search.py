@@ -17,6 +17,7 @@ from polefence.base.deadline import Deadline
 from polefence.base.errors import InputError, RegionError, SolverError
 from polefence.design.certificate import Certificate
 from polefence.design.given.analysis import analyse
+from polefence.design.search import edge
 from polefence.design.signals.bounds import (
     Bound,
     Known,
@@ -242,11 +243,12 @@ class Search:
         best = self.point
         if outside is None or best is None or not outside.lost or self._is_slight(outside):
             return
-        low, high = 0.0, 1.0
-        for _ in range(STEPS):
-            middle = (low + high) / 2
-            own = self._mixed(outside, best, middle)
-            low, high = (middle, high) if own is None or own.lost else (low, middle)
+
+        def loses(share: float) -> bool:
+            own = self._mixed(outside, best, share)
+            return own is None or bool(own.lost)
+
+        _, high = edge(loses, 0.0, 1.0, STEPS)
         for back in BACK:
             own = self._mixed(outside, best, high + back * (1 - high))
             if own is None or own.lost or self._judged(own):
@@ -356,16 +358,16 @@ class Search:
         if not isinstance(task.minimise, Gain):
             return
         own = max(own_speed(task.plant), task.region.scale)
-        low, high = -BAND, BAND
+        one = replace(task, method="quadratic")
         limited = any(isinstance(limit, Gain) for limit in task.limits)
-        for _ in range(BANDS if limited else 1):
-            if self.deadline.passed:
-                return
-            middle = (low + high) / 2
-            noisy = replace(task, method="quadratic").as_noise(own * 2.0**middle)
+
+        def kept(power: float) -> bool:
             # in too narrow a band no law keeps the limits
-            low, high = (low, middle) if self._follows(noisy) is False else (middle, high)
-        if int(options(task.method).degree):
+            noisy = one.as_noise(own * 2.0**power)
+            return self.deadline.passed or self._follows(noisy) is not False
+
+        low, _ = edge(kept, -BAND, BAND, BANDS if limited else 1)
+        if int(options(task.method).degree) and not self.deadline.passed:
             self._follows(task.as_noise(own * 2.0**low))
 
     def _follows(self, noisy: Task) -> bool | None:

@@ -27,9 +27,10 @@ from polefence import (
 from polefence.cli.main import main
 from polefence.design.given.closed_loop import certificate_of
 from polefence.design.margins import gain_error
-from polefence.design.margins.directions import claimed_design, gain_claim, gain_document
+from polefence.design.margins.breaks import gain_break
+from polefence.design.margins.claims import claimed_design
+from polefence.design.margins.directions import gain_claim, gain_document
 from polefence.design.margins.gain import Scales, scales_of
-from polefence.design.margins.gain_breaks import gain_break
 from polefence.law.laws import FixedGain, ScheduledGain
 from polefence.plant.polynomial import Domain
 from polefence.proof.definite import least_work

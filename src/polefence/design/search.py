@@ -15,7 +15,7 @@ from typing import TypeVar
 T = TypeVar("T")
 
 
-def first(found: Iterable[T | None]) -> T | None:
+def first(found: Iterable[T]) -> T | None:
     """Return the first that is proved, None where none is."""
     return next((each for each in found if each is not None), None)
 

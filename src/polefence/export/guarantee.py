@@ -11,7 +11,8 @@ import numpy as np
 from polefence.base.errors import InputError
 from polefence.design.certificate import Check
 from polefence.design.design import Design
-from polefence.design.margins.directions import claimed_design, gain_claim
+from polefence.design.margins.claims import claimed_design
+from polefence.design.margins.directions import gain_claim
 from polefence.export.c99.number import Number
 from polefence.export.c99.program import Fixed, Program, Scheduled, exactly
 from polefence.law.coordinates import Coordinates

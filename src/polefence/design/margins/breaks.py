@@ -5,23 +5,31 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
-from itertools import permutations, product
+from itertools import permutations
+from itertools import product as every_of
+from typing import Protocol
 
 import numpy as np
 
 from polefence.design.counterexample import leaves
 from polefence.design.design import Design
+from polefence.design.margins.gain import Scales
+from polefence.design.search import edge, first
 from polefence.plant.parameters import Parameter
 from polefence.plant.points import inside, weights_of
 from polefence.plant.polynomial import Domain
 from polefence.plant.system import Array
-from polefence.proof import matrices, placement, work
+from polefence.proof import definite, matrices, placement, work
+from polefence.proof.matrices import Rationals
+from polefence.proof.matrices import rational_product as product
 from polefence.region.regions import Region
 
 GRID = {1: 65, 2: 13, 3: 6}  # points of each interval, by the number of parameters; else 4
 NEAR, SPREADS = 64, (0.1, 0.03, 0.01)  # more points about the worst, within shares of the ranges
 MOST = 2000  # of them at all
 ROUNDS = 10  # of bisection
+CORNERS, INNER = 64, 48  # points of the family that are looked at
+TURNS = 3  # times that the directions are chosen, each from where the last ones led
 RETRIES = (1.0, 1.001, 1.01)  # larger errors tried where the exact test does not confirm one
 
 
@@ -33,69 +41,85 @@ class Break:
     example: str
 
 
+class _Errors(Protocol):
+    """Closed loops with errors of a size, one for each direction that is looked at."""
+
+    def at(self, t: float) -> Array:
+        """Return the loops with errors t times their directions, (count, n, n)."""
+
+
+def _distance(errors: _Errors, region: Region, t: float) -> Array:
+    """Return how far the farthest pole of each loop is outside."""
+    return np.asarray(region.distance(np.linalg.eigvals(errors.at(t))).max(axis=-1))
+
+
+def _least(errors: _Errors, region: Region, least: float, most: float = 1.0) -> float | None:
+    """Return a small t, from ``least`` to ``most``, that breaks; None where the latter does not."""
+
+    def kept(t: float) -> bool:
+        return not bool(_distance(errors, region, t).max() > 0)
+
+    if kept(most):
+        return None
+    return edge(kept, max(least, 1e-6), most, ROUNDS, geometric=True)[1]
+
+
+Exactly = Callable[[float], tuple[tuple[Rationals, Rationals] | None, str]]
+
+
+def _confirmed(exactly: Exactly, claim: placement.Claim, errors: Sequence[float]) -> Break | None:
+    """Return the first error of which a pole is outside exactly; ``exactly`` has loop and place."""
+
+    def outside(error: float) -> Break | None:
+        try:
+            loop, example = exactly(error)
+            found = loop is not None and leaves(loop, claim.region)
+        except work.FormatError:  # more work than is done here
+            return None
+        return Break(error, example) if found else None
+
+    return first(map(outside, errors))
+
+
+def _claim(design: Design, region: Region) -> placement.Claim:
+    return replace(design.certificate.claim(), region=placement.read_region(region.document()))
+
+
+# --- errors of the estimate ----------------------------------------------------------------------
+
+
 def estimate_break(
     design: Design, region: Region, unit: Sequence[Fraction], least: float
 ) -> Break | None:
     """Return errors t * ``unit``, ``least`` <= t <= 1, at which a pole is not in the region."""
-    pairs = _Parameters.of(design, unit) if design.plant.parameters else _Weights.of(design)
-    t = least_break(_breaks(design, region, pairs), least)
+    kind = _Parameters if design.plant.parameters else _Weights
+    pairs: _Parameters | _Weights = kind.of(design, unit)
+    t = _least(pairs, region, least)
     if t is None:
         return None
     random = np.random.default_rng(0)
     for spread in SPREADS:
-        closer = pairs.near(_worst(design, region, pairs, t)[1], spread, random)
-        smaller = least_break(_breaks(design, region, closer), least, t)
+        closer = pairs.near(int(_distance(pairs, region, t).argmax()), spread, random)
+        smaller = _least(closer, region, least, t)
         t, pairs = (t, pairs) if smaller is None else (smaller, closer)
-    for larger in (min(t * factor, 1.0) for factor in RETRIES):
-        own, estimated, text = pairs.exactly(larger, _worst(design, region, pairs, larger)[1])
-        if _leaves(design, region, own, estimated):
-            return Break(larger, text)
-    return None
+    claim = _claim(design, region)
 
+    def exactly(error: float) -> tuple[tuple[Rationals, Rationals], str]:
+        """Return the loop of A(own) + B(own) K(estimated)."""
+        worst = int(_distance(pairs, region, error).argmax())
+        own, estimated, example = pairs.exactly(error, worst)
+        A, B = matrices.mix(own, claim.A), matrices.mix(own, claim.B)
+        frozen = replace(claim, A=[A] * len(claim.A), B=[B] * len(claim.A))
+        return placement.fraction_at(frozen, estimated), example
 
-def least_break(breaks: Callable[[float], bool], least: float, most: float = 1.0) -> float | None:
-    """Return a small t, from ``least`` to ``most``, that breaks; None where the latter does not."""
-    low, high = max(least, 1e-6), most
-    if not breaks(high):
-        return None
-    for _ in range(ROUNDS):
-        middle = float(np.sqrt(low * high))
-        low, high = (low, middle) if breaks(middle) else (middle, high)
-    return high
-
-
-def _breaks(
-    design: Design, region: Region, pairs: _Parameters | _Weights
-) -> Callable[[float], bool]:
-    return lambda t: _worst(design, region, pairs, t)[0] > 0
-
-
-def _worst(
-    design: Design, region: Region, pairs: _Parameters | _Weights, t: float
-) -> tuple[float, int]:
-    """Return how far outside the farthest pole is, and of which pair."""
-    plant, law = pairs.alphas(t)
-    A, B = design.plant.at(plant)
-    distance = region.distance(np.linalg.eigvals(A + B @ design.law.gain(law))).max(axis=-1)
-    return float(distance.max()), int(distance.argmax())
-
-
-def _leaves(design: Design, region: Region, own: list[Fraction], estimated: list[Fraction]) -> bool:
-    """Whether a pole of A(own) + B(own) K(estimated) is not in the region, exactly."""
-    claim = replace(design.certificate.claim(), region=placement.read_region(region.document()))
-    A, B = matrices.mix(own, claim.A), matrices.mix(own, claim.B)
-    frozen = replace(claim, A=[A] * len(claim.A), B=[B] * len(claim.A))
-    try:
-        return leaves(placement.fraction_at(frozen, estimated), claim.region)
-    except work.FormatError:  # more work than is done here
-        return False
+    return _confirmed(exactly, claim, [min(t * factor, 1.0) for factor in RETRIES])
 
 
 @dataclass(frozen=True, eq=False)
 class _Parameters:
     """Pairs of parameter values, the estimates and the same off by t * unit * signs."""
 
-    parameters: tuple[Parameter, ...]
+    design: Design
     unit: tuple[Fraction, ...]
     estimates: Array
     signs: Array
@@ -107,11 +131,16 @@ class _Parameters:
         q = len(parameters)
         axes = [np.linspace(float(p.low), float(p.high), GRID.get(q, 4)) for p in parameters]
         points = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, q)
-        every = np.array(list(product(*((-1, 1) if u else (0,) for u in unit))))
+        every = np.array(list(every_of(*((-1, 1) if u else (0,) for u in unit))))
         estimates = np.repeat(points, len(every), axis=0)
         signs = np.tile(every, (len(points), 1))
         kept = np.random.default_rng(0).permutation(len(estimates))[:MOST]
-        return cls(parameters, tuple(unit), estimates[kept], signs[kept])
+        return cls(design, tuple(unit), estimates[kept], signs[kept])
+
+    @property
+    def parameters(self) -> tuple[Parameter, ...]:
+        """The plant's."""
+        return self.design.plant.parameters
 
     def bounds(self) -> tuple[Array, Array]:
         """Return the low and the high ends."""
@@ -127,11 +156,12 @@ class _Parameters:
         signs = np.repeat(self.signs[index : index + 1], NEAR, axis=0)
         return replace(self, estimates=estimates, signs=signs)
 
-    def alphas(self, t: float) -> tuple[Array, Array]:
-        """Return alpha of the parameters and of their estimates."""
+    def at(self, t: float) -> Array:
+        """Return the loops of parameters that are off their estimates."""
         own = self.estimates + t * self.signs * np.array([float(u) for u in self.unit])
         own = np.clip(own, *self.bounds())
-        return weights_of(self.parameters, own), weights_of(self.parameters, self.estimates)
+        plant, law = (weights_of(self.parameters, values) for values in (own, self.estimates))
+        return _closed(self.design, plant, law)
 
     def exactly(self, t: float, index: int) -> tuple[list[Fraction], list[Fraction], str]:
         """Return both alphas of one pair, and what they are."""
@@ -151,29 +181,31 @@ class _Parameters:
 class _Weights:
     """Pairs of points of the simplex that differ by a share t, moved between two vertices."""
 
+    design: Design
     points: Array
     ends: Array
 
     @classmethod
-    def of(cls, design: Design) -> _Weights:
+    def of(cls, design: Design, unit: Sequence[Fraction]) -> _Weights:  # noqa: ARG003
         """Return all moves at vertices and at a sample of points."""
         N = len(design.plant.vertices)
         ends = np.array(list(permutations(range(N), 2)) or [(0, 0)])
         points = np.vstack([np.eye(N), inside(Domain((N,)), max(MOST // len(ends), 8))])
-        return cls(np.repeat(points, len(ends), axis=0), np.tile(ends, (len(points), 1)))
+        return cls(design, np.repeat(points, len(ends), axis=0), np.tile(ends, (len(points), 1)))
 
     def near(self, index: int, spread: float, random: np.random.Generator) -> _Weights:
         """Return a pair, and others about it with the same move."""
         mates = random.dirichlet(np.full(self.points.shape[1], 0.5), NEAR)
         mates[0] = self.points[index]
         points = (1 - spread) * self.points[index] + spread * mates
-        return _Weights(points, np.repeat(self.ends[index : index + 1], NEAR, axis=0))
+        return _Weights(self.design, points, np.repeat(self.ends[index : index + 1], NEAR, axis=0))
 
-    def alphas(self, t: float) -> tuple[Array, Array]:
-        """Return alpha and its estimate."""
+    def at(self, t: float) -> Array:
+        """Return the loops of weights that are off their estimates."""
         corners = np.eye(self.points.shape[1])
         kept = (1 - t) * self.points
-        return kept + t * corners[self.ends[:, 0]], kept + t * corners[self.ends[:, 1]]
+        plant, law = (kept + t * corners[own] for own in self.ends.T)
+        return _closed(self.design, plant, law)
 
     def exactly(self, t: float, index: int) -> tuple[list[Fraction], list[Fraction], str]:
         """Return both points of one pair, and what they are."""
@@ -182,3 +214,116 @@ class _Weights:
         both = [[a + share * (j == k) for j, a in enumerate(kept)] for k in self.ends[index]]
         words = (f"({', '.join(f'{float(a):.4g}' for a in alpha)})" for alpha in both)
         return both[0], both[1], "alpha = {} taken for {}".format(*words)
+
+
+def _closed(design: Design, plant: Array, law: Array) -> Array:
+    """Return the loops of the plant at one alpha and the law at another."""
+    A, B = design.plant.at(plant)
+    return np.asarray(A + B @ design.law.gain(law))
+
+
+# --- errors of the gain --------------------------------------------------------------------------
+
+
+def gain_break(design: Design, region: Region, scales: Scales, least: float) -> Break | None:
+    """Return an error of the gain, from ``least`` to 1, at which a pole is not in the region.
+
+    The directions D are those in which a pole moves outwards fastest, to first order.
+    """
+    alphas = _places(design)
+    points = np.array(alphas, dtype=float)
+    A, B = design.plant.at(points)
+    closed, left = A + B @ design.law.gain(points), B * scales.rows
+    D = _outward(closed, left, scales.columns, region)[1]
+    count = D.shape[1]  # one direction a pole
+    closed, left = np.repeat(closed, count, axis=0), np.repeat(left, count, axis=0)
+    D = D.reshape(-1, *D.shape[2:])
+    best: tuple[float, int, Array] | None = None
+    for _ in range(TURNS):
+        moved = _Moved(closed, left @ (D * scales.columns))
+        t = _least(moved, region, least)
+        if t is None:
+            break
+        if best is None or t < best[0]:
+            worst = int(_distance(moved, region, t).argmax())
+            best = t, worst, D[worst]
+        poles, turned = _outward(moved.at(t), left, scales.columns, region)
+        D = turned[np.arange(len(D)), region.distance(poles).argmax(axis=-1)]
+    if best is None:
+        return None
+    (error, worst, direction), claim = best, _claim(design, region)
+    alpha = alphas[worst // count]
+
+    def exactly(size: float) -> tuple[tuple[Rationals, Rationals] | None, str]:
+        weights = ", ".join(f"{float(a):.4g}" for a in alpha)
+        return _off(claim, scales, alpha, direction, size), f"at alpha = ({weights})"
+
+    return _confirmed(exactly, claim, [error * factor for factor in RETRIES])
+
+
+@dataclass(frozen=True, eq=False)
+class _Moved:
+    """Closed loops, and what errors of the gain of size one add to them."""
+
+    closed: Array
+    moves: Array
+
+    def at(self, t: float) -> Array:
+        """Return the loops with errors t times their directions."""
+        return np.asarray(self.closed + t * self.moves)
+
+
+def _places(design: Design) -> list[list[Fraction]]:
+    """Return corners of the family and points between, alpha in exact weights."""
+    N, q = len(design.plant.vertices), len(design.plant.parameters)
+    domain = Domain((2,) * q or (N,))
+    corners = [[Fraction(int(j == k)) for j in range(N)] for k in range(min(N, CORNERS))]
+    samples = [inside(Domain((size,)), INNER, seed) for seed, size in enumerate(domain.sizes)]
+    for point in zip(*samples, strict=True):
+        alpha = [Fraction(1)]
+        for own in point:
+            shares = [Fraction(round(float(a) * 1024)) for a in own]
+            alpha = [a * share / sum(shares) for a in alpha for share in shares]
+        corners.append(alpha)
+    return corners
+
+
+def _outward(closed: Array, left: Array, right: Array, region: Region) -> tuple[Array, Array]:
+    """Return the poles, (c, n), and for each the D, |D| = 1, that moves it outwards fastest.
+
+    A pole with eigenvectors y' and x, y' x = 1, moves by t y' left D diag(right) x.
+    """
+    poles, X = np.linalg.eig(closed)
+    Y = np.linalg.pinv(X)
+    step = 1e-6 * region.size
+    here = region.distance(poles)
+    slope = region.distance(poles + step) - here - 1j * (region.distance(poles + 1j * step) - here)
+    rows, columns = Y @ left, right[:, None] * X
+    G = np.real(
+        slope[..., None, None] * rows[..., :, None] * columns.swapaxes(-1, -2)[..., None, :]
+    )
+    U, _, V = np.linalg.svd(G, full_matrices=False)
+    return poles, np.asarray(U @ V)
+
+
+def _off(
+    claim: placement.Claim, scales: Scales, alpha: list[Fraction], direction: Array, error: float
+) -> tuple[Rationals, Rationals] | None:
+    """Return the loop whose gain is off, exactly; None where not |D| <= 1 of its direction."""
+    D = [[Fraction(float(d)) * (1 - Fraction(1, 2**30)) for d in row] for row in direction]
+    scale = max(row_entry.denominator for row in D for row_entry in row)
+    whole = [[int(d * scale) for d in row] for row in D]
+    rest = [
+        [scale**2 * (i == j) - sum(map(int.__mul__, a, b)) for j, b in enumerate(whole)]
+        for i, a in enumerate(whole)
+    ]
+    if not definite.is_positive_definite(rest):
+        return None
+    columns = [Fraction(float(c)) * Fraction(error) for c in scales.columns]
+    off = [
+        [Fraction(float(r)) * d * c for d, c in zip(row, columns, strict=True)]
+        for r, row in zip(scales.rows, D, strict=True)
+    ]
+    N, W = placement.fraction_at(claim, alpha)
+    more = product(product(matrices.mix(alpha, claim.B), off), W)
+    return [[x + y for x, y in zip(*rows, strict=True)] for rows in zip(N, more, strict=True)], W

@@ -1,13 +1,16 @@
-"""Error of an estimate: the largest that the design's own W and Z prove."""
+"""Margin of the estimates: how far off the parameters may be that the law is given."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass
+from fractions import Fraction
 from itertools import pairwise, product
 
 import numpy as np
 
+from polefence.design.margins.claims import BOX, SIMPLEX, Ladder, Reached, below
 from polefence.design.margins.inequalities import (
     Balanced,
     Points,
@@ -17,10 +20,13 @@ from polefence.design.margins.inequalities import (
     lattice,
     region_block,
 )
+from polefence.design.search import edge
 from polefence.plant.parameters import Parameter
 from polefence.plant.system import Array
+from polefence.proof.service import Estimate, Subject
 
 LEAST, PRECISION = 1e-6, 1e-3  # of the search: the smallest share of a range, its relative error
+HALVINGS = 20  # at most, of what a quarter more breaks
 
 
 def holds(design: Balanced, points: Points) -> bool:
@@ -91,30 +97,48 @@ def _mislaid(design: Balanced, share: float, degree: int) -> Points:
     return Points(plant, law, np.ones(plant.shape[:2]), coefficients)
 
 
-def largest(
-    design: Balanced,
-    parameters: Sequence[Parameter],
-    unit: Sequence[float],
-    pieces: int,
-    elevation: int,
-) -> float:
-    """Return the largest t in [0, 1] for which errors t * ``unit`` are proved in floats.
+@dataclass(frozen=True, eq=False)
+class Question:
+    """How far the estimates of parameters may be off, together, as a share of a span of each."""
 
-    -1 where not even t = 0 is.
-    """
+    loops: tuple[Balanced, ...]
+    parameters: tuple[Parameter, ...]
+    span: tuple[Fraction, ...]
 
-    def proved(t: float) -> bool:
-        errors = [t * u for u in unit]
-        return holds(design, points_of(design, parameters, errors, pieces, elevation))
+    @property
+    def ladder(self) -> Ladder:
+        """Pieces and elevation that are tried."""
+        return BOX if self.parameters else SIMPLEX
 
-    if proved(1.0):
-        return 1.0
-    low, high = 0.0, 1.0
-    while high > LEAST and not low:
-        low, high = (high / 4, high) if proved(high / 4) else (0.0, high / 4)
-    if not low:
+    def count(self, pieces: int, elevation: int) -> float:
+        """Return how many inequalities there are at most."""
+        errors = self._errors(1.0)
+        return sum(count_blocks(own, errors, pieces, elevation) for own in self.loops)
+
+    def reach(self, pieces: int, elevation: int) -> Reached:
+        """Return the largest share in [0, 1] that is proved in floats; -1 where not even 0 is."""
+        share = min(self._largest(own, pieces, elevation) for own in self.loops)
+        return Reached(share, pieces, elevation)
+
+    def claim(self, subject: Subject, reached: Reached) -> Estimate:
+        """Return the claim of a share, or a little less."""
+        t = reached.value
+        errors = (s if t == 1 else min(below(t * float(s)), s) for s in self.span)
+        return Estimate(subject, tuple(errors))
+
+    def _errors(self, share: float) -> list[float]:
+        return [share * float(s) for s in self.span]
+
+    def _largest(self, loop: Balanced, pieces: int, elevation: int) -> float:
+        def proved(t: float) -> bool:
+            points = points_of(loop, self.parameters, self._errors(t), pieces, elevation)
+            return holds(loop, points)
+
+        if proved(1.0):
+            return 1.0
+        high = 1.0
+        while high > LEAST:
+            if proved(high / 4):
+                return edge(proved, high / 4, high, HALVINGS, close=PRECISION)[0]
+            high /= 4
         return 0.0 if proved(0.0) else -1.0
-    while high - low > PRECISION * high:
-        middle = (low + high) / 2
-        low, high = (middle, high) if proved(middle) else (low, middle)
-    return low

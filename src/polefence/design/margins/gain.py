@@ -1,25 +1,30 @@
-"""Error of the gain: the largest that the design's own W and Z prove."""
+"""Margin of the gain: how far off it may be, in rows and columns of given scales."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from fractions import Fraction
 
 import numpy as np
 
 from polefence.design.design import Design
+from polefence.design.margins.claims import BOX, SIMPLEX, Ladder, Reached, below
 from polefence.design.margins.inequalities import (
     Balanced,
     are_positive,
+    count_whole,
     kron,
     largest_step,
     region_block,
     whole_points,
 )
 from polefence.plant.system import Array
+from polefence.proof.service import Gain, Subject
 from polefence.region.regions import Pair
 
+GIVEN = ((1, 0), (1, 1), (1, 2))  # pieces and elevation that are tried of a law that was given
 ROUNDS = 30  # of the golden section for each mu
 WIDTH = 9.0  # decades of mu that it looks at
 
@@ -54,22 +59,54 @@ def scales_of(design: Design) -> Scales:
     return Scales(np.where(rows > 0, rows, 1.0), columns)
 
 
-def largest(
-    design: Balanced, scales: Scales, pieces: int, elevation: int
-) -> tuple[float, tuple[float, ...]]:
-    """Return the largest error that is proved in floats, -1 where none is, and mu for each L, M."""
-    found = largest_each(design, scales, pieces, elevation)
-    if not found:
-        return -1.0, ()
-    return min(error for error, _ in found), tuple(mu for _, mu in found)
+@dataclass(frozen=True, eq=False)
+class Question:
+    """How far the gain may be off in the directions that scales give."""
 
+    loops: tuple[Balanced, ...]
+    scales: Scales
+    ladder: Ladder
 
-def largest_each(
-    design: Balanced, scales: Scales, pieces: int, elevation: int
-) -> list[tuple[float, float]]:
-    """Return for each L, M the largest error proved in floats, and its mu; empty where none is."""
-    loop = design.loop(whole_points(design, pieces, elevation))
-    return largest_of(design.pairs, not design.disks, loop, design.T, scales)
+    @classmethod
+    def of(cls, loops: tuple[Balanced, ...], scales: Scales, most: int | None = None) -> Question:
+        """Return the question for a design's loops, of at most so many finenesses."""
+        given = loops[0].elevation is not None
+        ladder = GIVEN if given else BOX if loops[0].q else SIMPLEX
+        return cls(loops, scales, ladder[:most])
+
+    def count(self, pieces: int, elevation: int) -> float:
+        """Return how many inequalities there are at most."""
+        return sum(
+            count_whole(own, pieces, elevation)
+            if own.elevation is None
+            else 2.0 * own.domain.count(own.degree + 1 + own.elevation + elevation)
+            for own in self.loops
+        )
+
+    def reach(self, pieces: int, elevation: int) -> Reached:
+        """Return the largest error that is proved in floats, -1 where none is."""
+        found: list[tuple[float, float]] = []
+        for own in self.loops:
+            if own.elevation is None:
+                loop = own.loop(whole_points(own, pieces, elevation))
+            else:
+                loop = own.raised(own.elevation + elevation)
+            each = largest_of(own.pairs, not own.disks, loop, own.T, self.scales)
+            if not each:
+                return Reached(-1.0, pieces, elevation)
+            found += each
+        return Reached(min(error for error, _ in found), pieces, elevation, tuple(found))
+
+    def claim(self, subject: Subject, reached: Reached) -> Gain:
+        """Return the claim of an error, or a little less."""
+        mu = tuple(below(own) for _, own in reached.each)
+        return self.with_mu(subject, below(reached.value), mu)
+
+    def with_mu(self, subject: Subject, error: Fraction, mu: tuple[Fraction, ...]) -> Gain:
+        """Return the claim of an error and multipliers."""
+        rows, columns = self.scales.rows.tolist(), self.scales.columns.tolist()
+        right = (tuple(map(Fraction, c)) if isinstance(c, list) else Fraction(c) for c in columns)
+        return Gain(subject, error, tuple(map(Fraction, rows)), tuple(right), mu)
 
 
 def largest_of(

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from itertools import product
 from typing import Any
@@ -20,7 +20,7 @@ from polefence.base.errors import InputError
 from polefence.design.design import Design
 from polefence.law.coordinates import Coordinates
 from polefence.law.laws import FixedGain, ScheduledGain
-from polefence.plant.polynomial import Domain, bernstein, binomial, elevated, times
+from polefence.plant.polynomial import Domain, Polynomial, bernstein, binomial, elevated, times
 from polefence.plant.system import Array
 from polefence.region.regions import Pair, Region
 
@@ -47,7 +47,7 @@ class Balanced:
     """A design in state coordinates in which W is near to the identity.
 
     ``T`` are those coordinates: x = T y. ``domain`` is where the law's alpha lives, ``q`` the
-    number of parameters.
+    number of parameters. ``elevation`` is that of the evidence of a law that was given.
     """
 
     A: Array
@@ -60,6 +60,7 @@ class Balanced:
     q: int
     pairs: tuple[Pair, ...]
     disks: bool
+    elevation: int | None = None
 
     @property
     def sizes(self) -> tuple[int, ...]:
@@ -82,6 +83,19 @@ class Balanced:
         (A, B), (W, Z) = self.plant(points.plant), self.law(points.law)
         X, N, B = (_coefficients(points, values) for values in (W, A @ W + B @ Z, B))
         return X, N, B
+
+    def raised(self, elevation: int) -> tuple[Array, Array, Array]:
+        """Return the coefficients of X, N and B on the law's own domain, of one degree."""
+        total, domain = self.degree + 1 + elevation, self.domain
+        AB, W = np.concatenate([self.A, self.B], 2), np.concatenate([self.W, self.Z], 1)
+        N = times(bernstein(domain, AB, 1), bernstein(domain, W, self.degree))
+        each = (
+            (bernstein(domain, self.W, self.degree), elevation + 1),
+            (N, elevation),
+            (bernstein(domain, self.B, 1), total - 1),
+        )
+        X, N_, B = (_stacked(elevated(P, domain, power), domain, total)[None] for P, power in each)
+        return X, N_, B
 
 
 def balanced(design: Design, region: Region) -> tuple[Balanced, ...]:
@@ -106,7 +120,8 @@ def balanced(design: Design, region: Region) -> tuple[Balanced, ...]:
         raise InputError(f"nothing is proved for service from a design of method {design.method!r}")
     evidence = design.certificate.evidence["parts"]
     return tuple(
-        _given(design, own, part) for own, part in zip(evidence, region.parts, strict=True)
+        replace(_given(design, own, part), elevation=int(own["elevation"]))
+        for own, part in zip(evidence, region.parts, strict=True)
     )
 
 
@@ -151,7 +166,7 @@ def _given(design: Design, evidence: Mapping[str, Any], part: Region) -> Balance
         V[e] = V[e] + matrix
     both = times(bernstein(domain, np.concatenate([W, Z], axis=1), law.degree), V)
     total = degree + 2 * law.degree
-    WZ = np.array([both[e] / binomial(domain.sizes, e) for e in domain.monomials(total)])
+    WZ = _stacked(both, domain, total)
     X, KX = WZ[:, :n], WZ[:, n:]
     second = Coordinates.whitening(X.mean(axis=0))
     if second is None:
@@ -159,6 +174,11 @@ def _given(design: Design, evidence: Mapping[str, Any], part: Region) -> Balance
     A, B = first.loops(design.plant.A), first.inputs(design.plant.B)
     A, B, X, KX = second.loops(A), second.inputs(B), second.forms(X), second.gains(KX)
     return _value(design, (A, B, X, KX, first.inverse @ second.inverse), (total, domain), part)
+
+
+def _stacked(P: Polynomial, domain: Domain, degree: int) -> Array:
+    """Return Bernstein coefficients."""
+    return np.array([P[e] / binomial(domain.sizes, e) for e in domain.monomials(degree)])
 
 
 def region_block(pair: Pair, X: Array, N: Array) -> Array:

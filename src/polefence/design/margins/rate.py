@@ -1,44 +1,74 @@
-"""Rates of the parameters: the largest that the design's own W proves."""
+"""Margin of the rates: how fast the parameters may change, the law following without error."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
+from dataclasses import dataclass
+from fractions import Fraction
 from itertools import permutations, product
 
 import numpy as np
 
+from polefence.design.margins.claims import BOX, SIMPLEX, Ladder, Reached, below
 from polefence.design.margins.inequalities import (
     Balanced,
     Points,
     alpha_of,
     are_positive,
+    count_whole,
     largest_step,
     whole_points,
 )
 from polefence.plant.parameters import Parameter
 from polefence.plant.polynomial import Domain
 from polefence.plant.system import Array
+from polefence.proof.service import Rate, Subject
+
+FASTEST = 1e9  # rate that is asked for, in ranges per second
 
 
-def largest(
-    design: Balanced,
-    parameters: Sequence[Parameter],
-    unit: Sequence[float],
-    decay: float,
-    pieces: int,
-    elevation: int,
-) -> float:
-    """Return the largest t for which rates t * ``unit`` are proved in floats.
+@dataclass(frozen=True, eq=False)
+class Question:
+    """How fast the parameters may change, together, as a share of a span of each a second.
 
-    -1 where not even t = 0 is, infinite where any rate is.
+    ``part`` is the part of the region whose Lyapunov polynomial the loop has.
     """
-    points = whole_points(design, pieces, elevation)
-    X, N, _ = design.loop(points)
-    still = -(N + N.swapaxes(-1, -2) + 2 * decay * X)
-    if not (are_positive(X) and are_positive(still)):
-        return -1.0
-    slopes = _slopes(design, points, parameters, unit)
-    return min((largest_step(still, slope) for slope in slopes), default=np.inf)
+
+    loop: Balanced
+    part: int
+    parameters: tuple[Parameter, ...]
+    span: tuple[Fraction, ...]
+    decay: float
+
+    @property
+    def ladder(self) -> Ladder:
+        """Pieces and elevation that are tried."""
+        return BOX if self.parameters else SIMPLEX
+
+    def count(self, pieces: int, elevation: int) -> float:
+        """Return how many inequalities there are at most."""
+        N = len(self.loop.A)
+        signs = 2 ** sum(s > 0 for s in self.span) if self.parameters else N * (N - 1)
+        return count_whole(self.loop, pieces, elevation) * signs
+
+    def reach(self, pieces: int, elevation: int) -> Reached:
+        """Return the largest rate proved in floats: -1 where not even 0 is, infinite if any is."""
+        loop, points = self.loop, whole_points(self.loop, pieces, elevation)
+        X, N, _ = loop.loop(points)
+        still = -(N + N.swapaxes(-1, -2) + 2 * self.decay * X)
+        if not (are_positive(X) and are_positive(still)):
+            return Reached(-1.0, pieces, elevation)
+        slopes = _slopes(loop, points, self.parameters, [float(s) for s in self.span])
+        found = min((largest_step(still, slope) for slope in slopes), default=np.inf)
+        # where all W are equal but for rounding, no rate is too large in floats
+        return Reached(min(found, FASTEST) if loop.degree else found, pieces, elevation)
+
+    def claim(self, subject: Subject, reached: Reached) -> Rate:
+        """Return the claim of a rate, or a little less."""
+        t, decay = reached.value, Fraction(self.decay)
+        rates = None if math.isinf(t) else tuple(below(t * float(s)) for s in self.span)
+        return Rate(subject, decay, rates, self.part)
 
 
 def _slopes(

@@ -1,10 +1,10 @@
-"""The largest errors and rates that a design's own matrices prove, each with its exact proof."""
+"""Margins in service: the largest errors and rates that are proved, and errors that do break."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
+from collections.abc import Iterator
+from dataclasses import dataclass
 from fractions import Fraction
 from functools import cached_property
 from typing import Any
@@ -13,46 +13,23 @@ from polefence.base.errors import InputError
 from polefence.design.checks import require_region
 from polefence.design.design import Design, require_kind
 from polefence.design.margins import estimate, gain, rate
-from polefence.design.margins.breaks import estimate_break
-from polefence.design.margins.directions import GIVEN, claimed_design
-from polefence.design.margins.gain_breaks import gain_break
-from polefence.design.margins.given_law import count_given, largest_given
-from polefence.design.margins.inequalities import Balanced, balanced, count_whole
+from polefence.design.margins.breaks import estimate_break, gain_break
+from polefence.design.margins.claims import Question, claimed_design, proved
+from polefence.design.margins.inequalities import Balanced, balanced
 from polefence.design.margins.result import Margin, Service
 from polefence.law.laws import FixedGain
 from polefence.plant.names import rate_text, unit_text
 from polefence.plant.parameters import Parameter
-from polefence.proof import placement, work
-from polefence.proof.service import (
-    Estimate,
-    Gain,
-    Range,
-    Rate,
-    ServiceClaim,
-    Subject,
-    prove_service,
-)
+from polefence.proof.service import Estimate, Gain, Rate, ServiceClaim
 from polefence.region.regions import Region
-
-# Pieces of each parameter's interval and elevation that are tried, while they gain something.
-BOX, SIMPLEX = ((1, 0), (1, 1), (2, 0), (4, 0), (8, 0)), ((1, 0), (1, 1), (1, 2), (1, 3))
-GAIN = 0.01
-# Inequalities of one claim: above the first number no finer proof is tried, above the second none.
-ENOUGH, MOST = 1500, 25_000
-# What is proved of what the search reaches, until a proof succeeds.
-RETREATS = (1.0, 0.999, 0.99, 0.95, 0.8, 0.5)
-FASTEST = 1e9  # rate that is asked for, in ranges per second
-BITS = 16  # of a margin: short numbers make short proofs
-
-Evidence = tuple[float, ...]  # mu, of gains
 
 
 @dataclass(frozen=True, eq=False)
 class _Task:
     """A design, the region to be kept, and what of both every claim needs.
 
-    ``subject`` is the design that claims are made of, None where there is none; ``balanced`` has
-    one value for each of its Lyapunov polynomials.
+    ``subject`` is the design that claims are made of, None where there is none; ``loops`` has
+    one for each of its Lyapunov polynomials.
     """
 
     design: Design
@@ -60,13 +37,8 @@ class _Task:
     subject: Design | None
 
     @cached_property
-    def balanced(self) -> tuple[Balanced, ...]:
+    def loops(self) -> tuple[Balanced, ...]:
         return () if self.subject is None else balanced(self.subject, self.region)
-
-    @cached_property
-    def claim(self) -> placement.Claim:
-        own = (self.subject or self.design).certificate.claim()
-        return replace(own, region=placement.read_region(self.region.document()))
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:
@@ -77,10 +49,6 @@ class _Task:
         law = self.design.law
         return isinstance(law, FixedGain) or not law.degree
 
-    def subject_of(self, pieces: int, elevation: int) -> Subject:
-        ranges = tuple(Range(p.low, p.high, p.inverted) for p in self.parameters)
-        return Subject(self.claim, ranges, (pieces,) * len(ranges), elevation)
-
     def spans(self) -> Iterator[tuple[str, str, tuple[Fraction, ...]]]:
         """Yield name, unit and span: of each parameter alone, and of all at once."""
         spans = [p.high - p.low for p in self.parameters]
@@ -89,6 +57,10 @@ class _Task:
             yield p.name, unit_text(p.unit), own
         if len(spans) != 1:
             yield "", "", tuple(spans) or (Fraction(1),)
+
+    def proved(self, question: Question) -> ServiceClaim | None:
+        """Return the claim of what is proved, if anything is."""
+        return None if self.subject is None else proved(question, self.subject, self.region)
 
     def margin(self, kind: str, name: str, value: float, unit: str, **more: Any) -> Margin:
         return Margin(kind, name, value, unit, design=self.subject, **more)
@@ -173,32 +145,13 @@ def gain_error(design: Design, *, region: Region | None = None) -> Margin:
 
 
 def _gain(task: _Task) -> Margin:
-    scales = gain.scales_of(task.design)
-    rows, columns = (tuple(Fraction(float(v)) for v in x) for x in (scales.rows, scales.columns))
-    given = task.subject is not None and task.subject.method == "lyapunov"
-
-    def find(pieces: int, elevation: int) -> tuple[float, Evidence]:
-        if given and task.subject is not None:
-            each = largest_given(task.subject, scales, elevation)
-        else:
-            each = gain.largest_each(task.balanced[0], scales, pieces, elevation)
-        if not each:
-            return -1.0, ()
-        return min(error for error, _ in each), tuple(mu for _, mu in each)
-
-    def claim(subject: Subject, t: float, mu: Evidence) -> tuple[Gain, float]:
-        error = _short(t)
-        return Gain(subject, error, rows, columns, tuple(map(_short, mu))), float(error)
-
-    def count(pieces: int, elevation: int) -> float:
-        if given and task.subject is not None:
-            return count_given(task.subject, elevation)
-        return count_whole(task.balanced[0], pieces, elevation)
-
-    proved, value = _proved(task, find, claim, count, GIVEN if given else None)
+    scales, claim = gain.scales_of(task.design), None
+    if task.loops:
+        claim = task.proved(gain.Question.of(task.loops, scales))
+    value = float(claim.error) if isinstance(claim, Gain) else 0.0
     found = gain_break(task.design, task.region, scales, value)
     upper, example = (found.value, found.example) if found else (None, "")
-    more = {"upper": upper, "example": example, "claim": proved}
+    more = {"upper": upper, "example": example, "claim": claim}
     return task.margin("gain", "", value, "of each column", **more)
 
 
@@ -240,50 +193,26 @@ def _rates(task: _Task, decay: float) -> tuple[Margin, ...]:
             )
         return ()
     whole = [("", "", tuple(p.high - p.low for p in task.parameters) or (Fraction(1),))]
-    if any(not own.degree for own in task.balanced):  # constant: no rate is too large
+    if any(not own.degree for own in task.loops):  # constant: no rate is too large
         found = _rate(task, decay, *whole[0])
         if math.isinf(found.value):
             return (found,)
-    spans = whole if task.fixed and not task.balanced else task.spans()
+    spans = whole if task.fixed and not task.loops else task.spans()
     return tuple(_rate(task, decay, *each) for each in spans)
 
 
 def _rate(task: _Task, decay: float, name: str, unit: str, span: tuple[Fraction, ...]) -> Margin:
     """Return the largest rate that the Lyapunov polynomial of any part of the region proves."""
-    proved: ServiceClaim | None = None
-    value = 0.0
-    for part in range(len(task.balanced)):
-        other, reached = _rate_of(task, part, decay, name, span)
-        if other is not None and (proved is None or reached > value):
-            proved, value = other, reached
+    best, value = None, 0.0
+    for part, loop in enumerate(task.loops):
+        claim = task.proved(rate.Question(loop, part, task.parameters, span, decay))
+        if isinstance(claim, Rate):
+            reached = math.inf if claim.rates is None else _value(claim.rates, span, name)
+            if best is None or reached > value:
+                best, value = claim, reached
     joint = "" if math.isinf(value) else "ranges/s" if task.parameters else "1/s"
     own = rate_text(unit) if name else joint
-    return task.margin("rate", name, value, own, claim=proved)
-
-
-def _rate_of(
-    task: _Task, part: int, decay: float, name: str, span: tuple[Fraction, ...]
-) -> tuple[ServiceClaim | None, float]:
-    """Return what one Lyapunov polynomial proves."""
-    floats, balanced_ = [float(s) for s in span], task.balanced[part]
-
-    def find(pieces: int, elevation: int) -> tuple[float, Evidence]:
-        found = rate.largest(balanced_, task.parameters, floats, decay, pieces, elevation)
-        # where all W are equal but for rounding, no rate is too large in floats
-        return min(found, FASTEST) if balanced_.degree else found, ()
-
-    def claim(subject: Subject, t: float, _: Evidence) -> tuple[Rate, float]:
-        if math.isinf(t):
-            return Rate(subject, Fraction(decay), None, part), math.inf
-        rates = tuple(_short(t * s) for s in floats)
-        return Rate(subject, Fraction(decay), rates, part), _value(rates, span, name)
-
-    def count(pieces: int, elevation: int) -> float:
-        N = len(balanced_.A)
-        signs = 2 ** sum(s > 0 for s in span) if task.parameters else N * (N - 1)
-        return count_whole(balanced_, pieces, elevation) * signs
-
-    return _proved(task, find, claim, count)
+    return task.margin("rate", name, value, own, claim=best)
 
 
 def _estimates(task: _Task) -> tuple[Margin, ...]:
@@ -291,68 +220,14 @@ def _estimates(task: _Task) -> tuple[Margin, ...]:
 
 
 def _estimate(task: _Task, name: str, unit: str, span: tuple[Fraction, ...]) -> Margin:
-    floats = [float(s) for s in span]
-
-    def find(pieces: int, elevation: int) -> tuple[float, Evidence]:
-        each = (
-            estimate.largest(own, task.parameters, floats, pieces, elevation)
-            for own in task.balanced
-        )
-        return min(each), ()
-
-    def claim(subject: Subject, t: float, _: Evidence) -> tuple[Estimate, float]:
-        shares = zip(floats, span, strict=True)
-        errors = tuple(s if t == 1 else min(_short(t * f), s) for f, s in shares)
-        return Estimate(subject, errors), _value(errors, span, name)
-
-    def count(pieces: int, elevation: int) -> float:
-        return sum(estimate.count_blocks(own, floats, pieces, elevation) for own in task.balanced)
-
-    proved, value = _proved(task, find, claim, count)
-    whole = max(floats) if name else 1.0
+    claim = task.proved(estimate.Question(task.loops, task.parameters, span))
+    value = _value(claim.errors, span, name) if isinstance(claim, Estimate) else 0.0
+    whole = float(max(span)) if name else 1.0
     found = estimate_break(task.design, task.region, span, value / whole)
     upper, example = (found.value * whole, found.example) if found else (None, "")
     joint = "of each range" if task.parameters else "of the weight"
-    more = {"upper": upper, "example": example, "claim": proved}
+    more = {"upper": upper, "example": example, "claim": claim}
     return task.margin("estimate", name, value, unit if name else joint, **more)
-
-
-def _proved(
-    task: _Task,
-    find: Callable[[int, int], tuple[float, Evidence]],
-    claim: Callable[[Subject, float, Evidence], tuple[ServiceClaim, float]],
-    count: Callable[[int, int], float],
-    ladder: tuple[tuple[int, int], ...] | None = None,
-) -> tuple[ServiceClaim | None, float]:
-    """Search at one fineness after another; prove the best, or a little less."""
-    best: tuple[float, Evidence, Subject] | None = None
-    if not task.balanced:
-        return None, 0.0
-    for fineness in ladder or (BOX if task.parameters else SIMPLEX):
-        if count(*fineness) > (ENOUGH if best else MOST):
-            break
-        reached, evidence = find(*fineness)
-        if best and reached <= best[0] * (1 + GAIN):
-            break
-        if reached >= 0:
-            best = reached, evidence, task.subject_of(*fineness)
-        if math.isinf(reached):
-            break
-    if best is None:
-        return None, 0.0
-    reached, evidence, subject = best
-    for retreat in RETREATS:
-        proved, value = claim(subject, reached * retreat, evidence)
-        if _holds(proved):
-            return proved, value
-    return None, 0.0
-
-
-def _holds(claim: ServiceClaim) -> bool:
-    try:
-        return prove_service(claim).proved
-    except work.FormatError:  # more than the checker takes on
-        return False
 
 
 def _value(values: tuple[Fraction, ...], span: tuple[Fraction, ...], name: str) -> float:
@@ -360,9 +235,3 @@ def _value(values: tuple[Fraction, ...], span: tuple[Fraction, ...], name: str) 
     share = max(values) if name else min(v / s for v, s in zip(values, span, strict=True))
     value = float(share)
     return value if Fraction(value) <= share else math.nextafter(value, 0)
-
-
-def _short(value: float) -> Fraction:
-    """Return a number a little below, of few digits."""
-    mantissa, exponent = math.frexp(value)
-    return Fraction(math.floor(mantissa * 2**BITS)) * Fraction(2) ** (exponent - BITS)

@@ -14,10 +14,11 @@ from typing import Any
 
 import numpy as np
 
+from polefence.base.errors import InputError
 from polefence.design.design import Design
 from polefence.design.given.closed_loop import certificate_of
-from polefence.design.margins.gain import Scales
-from polefence.design.margins.given_law import largest_given
+from polefence.design.margins.gain import Scales, largest_of
+from polefence.design.margins.inequalities import balanced
 from polefence.export.sampled.held import cloud
 from polefence.law.given import domain_of, given_law
 from polefence.law.laws import FixedGain, Law, ScheduledGain
@@ -38,6 +39,10 @@ class Coordinates:
 
     T: Array
     scale: Array
+
+
+# Bernstein coefficients of X, N and B, see `polefence.design.margins.inequalities`; coordinates.
+Proof = tuple[tuple[Array, Array, Array], Array]
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,22 +66,28 @@ class Family:
         """The largest Frobenius norm of [A, B] in these coordinates [1/s]."""
         return float(np.linalg.norm(_rates(self.design, self.coordinates), axis=(1, 2)).max())
 
-    def tolerated(
-        self, evidence: dict[str, Any], radius: float, weight: Array
-    ) -> tuple[float, float]:
-        """Return the largest error of the steps that evidence proves in floats, and its mu.
+    def proof(self, evidence: dict[str, Any]) -> Proof | None:
+        """Return what evidence has for the search; None where it is not even a Lyapunov matrix."""
+        certificate = certificate_of(self.plant, self.law, Disk(0.0, 1.0), [evidence])
+        with suppress(InputError):
+            (own,) = balanced(Design(certificate), certificate.region)
+            return own.raised(evidence["elevation"]), own.T
+        return None
 
-        Zero where it does not even prove the poles to lie in the disk. ``weight`` (m,) has the rows
+    def tolerated(self, proof: Proof | None, radius: float, weight: Array) -> tuple[float, float]:
+        """Return the largest error of the steps that is proved in floats, and its mu.
+
+        Zero where not even the poles are proved to lie in the disk. ``weight`` (m,) has the rows
         of v.
         """
         n, width = self.steps.shape[1], self.plant.shape[0]
-        certificate = certificate_of(self.plant, self.law, Disk(0.0, radius), [evidence])
         scales = Scales(np.concatenate([weight, np.ones(n)]), np.ones(width))
-        with np.errstate(invalid="ignore", divide="ignore"), suppress(np.linalg.LinAlgError):
-            found = largest_given(Design(certificate), scales, 0)
-            if found and found[0][0] > 0:
-                return found[0]
-        return 0.0, 1.0  # not even a Lyapunov matrix
+        if proof is not None:
+            with np.errstate(invalid="ignore", divide="ignore"), suppress(np.linalg.LinAlgError):
+                (found,) = largest_of(Disk(0.0, radius).pairs(), False, *proof, scales) or [(0, 1)]
+                if found[0] > 0:
+                    return found
+        return 0.0, 1.0
 
 
 def first_coordinates(design: Design) -> Coordinates:

@@ -10,6 +10,7 @@ import numpy as np
 
 from polefence.base.errors import InputError
 from polefence.design.design import Design
+from polefence.design.search import edge
 from polefence.export.sampled.held import cloud, require_continuous, require_usable, stepped
 from polefence.law.laws import check_alpha
 from polefence.plant.points import values_at
@@ -202,9 +203,7 @@ def _largest(holds: Test, grid: Array, few: Array, many: Array) -> float:
     low = float(grid[fails - 1])
     if fails < len(grid):
         high = float(grid[fails])
-        for _ in range(HALVINGS):
-            middle = float(np.sqrt(low * high))
-            low, high = (middle, high) if holds(middle, few) else (low, middle)
+        low, _ = edge(lambda time: holds(time, few), low, high, HALVINGS, geometric=True)
     while low >= grid[0] and not holds(low, many):  # more points may fail earlier
         low *= SHORTER
     return low if low >= grid[0] else 0.0

@@ -14,10 +14,12 @@ import numpy as np
 from polefence.base.errors import InputError, SolverError
 from polefence.design.design import Design
 from polefence.design.given.closed_loop import evidence_of, forms, loop_of
+from polefence.design.search import edge
 from polefence.export.c99.program import exactly
 from polefence.export.sampled.family import (
     Coordinates,
     Family,
+    Proof,
     family_of,
     first_coordinates,
     next_coordinates,
@@ -58,6 +60,7 @@ class _Candidate:
 
     share: float
     evidence: dict[str, Any]
+    proof: Proof | None
     blank: Sampled
     needed: float
 
@@ -126,8 +129,9 @@ class Search:
             if form not in allowed:
                 return
             for evidence in self._evidence(family, form):
-                share = self._share(family, blank, evidence, needed)
-                yield _Candidate(share, evidence, blank, needed)
+                proof = family.proof(evidence)
+                share = self._share(family, blank, proof, needed)
+                yield _Candidate(share, evidence, proof, blank, needed)
                 if share >= ENOUGH:
                     return
 
@@ -167,22 +171,19 @@ class Search:
         own = float(gain_error(blank)) * LEAST
         return replace(blank, weight=above(own / needed)) if own > LEAST * needed else blank
 
-    def _share(
-        self, family: Family, blank: Sampled, evidence: dict[str, Any], needed: float
-    ) -> float:
+    def _share(self, family: Family, blank: Sampled, proof: Proof | None, needed: float) -> float:
         """Return the largest share of the sampled decay that leaves room for the error."""
-        low, high = 0.0, 1.0
-        for _ in range(HALVINGS):
-            middle = (low + high) / 2
-            radius = math.exp(-self.slowest * middle * self.sample_time)
-            error, _ = family.tolerated(evidence, radius, _rows(blank))
-            low, high = (middle, high) if error >= ROOM * needed else (low, middle)
-        return low
+
+        def leaves_room(share: float) -> bool:
+            radius = math.exp(-self.slowest * share * self.sample_time)
+            return family.tolerated(proof, radius, _rows(blank))[0] >= ROOM * needed
+
+        return edge(leaves_room, 0.0, 1.0, HALVINGS)[0]
 
     def _claim(self, family: Family, found: _Candidate, share: float) -> Sampled | None:
         decay = Fraction(digits_down(share * self.slowest, DIGITS))
         radius = _radius(decay, Fraction(self.sample_time))
-        largest, mu = family.tolerated(found.evidence, float(radius), _rows(found.blank))
+        largest, mu = family.tolerated(found.proof, float(radius), _rows(found.blank))
         if largest <= found.needed:
             return None
         error = math.sqrt(largest * found.needed)

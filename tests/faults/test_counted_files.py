@@ -10,7 +10,7 @@ import pytest
 
 from polefence import UncertainPlant
 from polefence.base.errors import DesignFileError, InputError
-from polefence.design import outside
+from polefence.design import counterexample
 from polefence.design.place.sweep import READING, sweep
 from polefence.design.signals.files import check_performance
 from polefence.proof import cells, placement, polynomials, work
@@ -148,7 +148,7 @@ def test_exponents_of_many_vertices_are_counted():
 def test_evidence_that_overflows_is_no_warning(recwarn):
     tiny = Fraction(1e-320)
     loop = quotient([[Fraction(0), tiny], [Fraction(2), Fraction(1)]])
-    list(outside.evidence(loop, (Part("half_plane", (Fraction(0),)),)))
+    list(counterexample.evidence(loop, (Part("half_plane", (Fraction(0),)),)))
     assert not recwarn.list
 
 

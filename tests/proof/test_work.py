@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from polefence.design import outside
+from polefence.design import counterexample
 from polefence.proof import definite, matrices, placement, roots, work
 from polefence.region.regions import (
     Disk,
@@ -112,9 +112,9 @@ def test_evidence_is_found_where_a_pole_is_outside_and_nowhere_else(kind, n):
         loop = matrices.quotient(rationals(A))
         for factor, beyond in ((1 + 1e-7, False), (1 - 1e-7, True)):
             region = parts_of(GROWING[kind](reach * factor))
-            assert (outside.shown(loop, region) is not None) is beyond
+            assert (counterexample.shown(loop, region) is not None) is beyond
             if n < 12:  # else the polynomial is too much work where there is no evidence
-                assert outside.leaves(loop, region) is beyond
+                assert counterexample.leaves(loop, region) is beyond
     assert seen
 
 
@@ -126,7 +126,7 @@ def test_evidence_about_one_loop_proves_nothing_about_another():
     while len(proofs) < 20 or len(stable) < 20:
         A = 0.7 * random.normal(size=(3, 3)) - 5 * np.eye(3)
         loop = matrices.quotient(rationals(A))
-        found = outside.shown(loop, region)
+        found = counterexample.shown(loop, region)
         if roots.all_inside(loop[0], region):
             assert found is None
             stable.append(loop)
@@ -151,16 +151,16 @@ def test_a_quotient_needs_no_inverse():
     reach = max(np.linalg.eigvals(np.array(A, dtype=float)).real)
     for step, beyond in ((1e-6, True), (-1e-6, False)):
         region = parts_of(HalfPlane(-reach + step))
-        assert outside.leaves((N, W), region) is beyond
+        assert counterexample.leaves((N, W), region) is beyond
     singular = [[W[i][j] * (i > 0 and j > 0) for j in range(4)] for i in range(4)]
-    assert outside.leaves((N, singular), region)
+    assert counterexample.leaves((N, singular), region)
 
 
 def test_a_pole_on_the_boundary_is_outside_and_only_the_polynomial_knows():
     loop = matrices.quotient([[Fraction(0), Fraction(1)], [Fraction(-4), Fraction(0)]])
     region = parts_of(HalfPlane(0))
-    assert outside.shown(loop, region) is None
-    assert outside.leaves(loop, region)
+    assert counterexample.shown(loop, region) is None
+    assert counterexample.leaves(loop, region)
 
 
 def test_work_is_counted_before_it_begins_and_by_length():

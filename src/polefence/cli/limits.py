@@ -90,11 +90,11 @@ def limits_command(options: Any) -> int:
             centres,
             methods,
             path,
-            options.resume,
             options.gain,
-            executor,
-            table.step,
-            table.add,
+            executor=executor,
+            resume=options.resume,
+            on_row=table.step,
+            on_kept=table.add,
         )
     if options.json == STANDARD:
         write_json(STANDARD, {"plant": plant_summary(plant), "rows": rows})

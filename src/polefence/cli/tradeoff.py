@@ -130,10 +130,10 @@ def tradeoff_command(options: Any) -> int:
             limits,
             region,
             methods,
-            executor,
-            progress.show,
-            path,
-            options.resume,
+            executor=executor,
+            on_row=progress.show,
+            path=path,
+            resume=options.resume,
         )
     if options.json == STANDARD:
         write_json(STANDARD, front.document())

@@ -6,9 +6,9 @@ import json
 import math
 import re
 import textwrap
-from collections.abc import Callable, Sequence, Set
+from collections.abc import Callable, Iterable, Sequence, Set
 from concurrent.futures import Executor
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -49,16 +49,67 @@ def plant_summary(plant: UncertainPlant) -> dict[str, Any]:
     }
 
 
+@dataclass(frozen=True, eq=False)
+class Run:
+    """How the rows of a sweep are computed and kept.
+
+    Attributes
+    ----------
+    executor : concurrent.futures.Executor, optional
+        Where to run; without one, here and one after the other.
+    path : Path, optional
+        A JSON file that is kept up to date after every row.
+    resume : bool
+        Keep the proved rows that are in the file already.
+    on_row : callable, optional
+        Called with each row as it is finished.
+    on_kept : callable, optional
+        Called with each row of the file that is kept.
+    """
+
+    executor: Executor | None = None
+    path: Path | None = None
+    resume: bool = False
+    on_row: Callable[[Any], None] | None = None
+    on_kept: Callable[[Row], None] | None = None
+
+    def complete(
+        self,
+        done: dict[Key, Row],
+        order: Sequence[Key],
+        fresh: Iterable[tuple[Key, Row, Any]],
+        write: Callable[[Path, list[Row]], None],
+    ) -> None:
+        """Add rows as they are finished, each written and told of before the next.
+
+        They are written in their order, then any others that are done.
+        """
+        for key, row, told in fresh:
+            done[key] = row
+            self.keep(done, order, write)
+            if self.on_row is not None:
+                self.on_row(told)
+        self.keep(done, order, write)
+
+    def keep(
+        self,
+        done: dict[Key, Row],
+        order: Sequence[Key],
+        write: Callable[[Path, list[Row]], None],
+    ) -> None:
+        """Write the rows that are done, where there is a file."""
+        if self.path is not None:
+            make_folder(self.path.parent)
+            write(self.path, [done[key] for key in dict.fromkeys((*order, *done)) if key in done])
+
+
 def sweep(
     plant: UncertainPlant,
     centres: Sequence[float],
     methods: Sequence[Method],
     path: Path | None = None,
-    resume: bool = False,
     gain: bool = False,
-    executor: Executor | None = None,
-    on_row: Callable[[Limit], None] | None = None,
-    on_kept: Callable[[Row], None] | None = None,
+    **options: Any,
 ) -> list[Row]:
     """Return rows as `limits` has them, as plain data, keeping ``path`` up to date after every row.
 
@@ -75,31 +126,20 @@ def sweep(
         of it is not proved by what it holds.
     """
     named = {method_label(method): method for method in methods}
-    asked = {(c, label) for c in centres for label in named}
-    done = _finished(path, plant, gain, asked) if resume and path is not None else {}
-    labels = list(named)
-    if on_kept is not None:
+    order = [(c, label) for c in centres for label in named]
+    run = Run(path=path, **options)
+    done = _finished(path, plant, gain, set(order)) if path is not None and run.resume else {}
+    if run.on_kept is not None:
         for row in done.values():
-            on_kept(row)
-    tasks = [(c, m) for c in centres for label, m in named.items() if (c, label) not in done]
-    for _, limit in as_finished(plant, tasks, executor):
-        done[limit.centre, limit.method] = limit.as_row(gain) | {"proof": _proof(limit.design)}
-        if path is not None:
-            make_folder(path.parent)
-            write_text(path, _dumps(plant, _ordered(done, centres, labels)))
-        if on_row is not None:
-            on_row(limit)
-    if path is not None:
-        write_text(path, _dumps(plant, _ordered(done, centres, labels)))
-    return [done[c, label] for c in centres for label in labels]
+            run.on_kept(row)
+    tasks = [(c, named[label]) for c, label in order if (c, label) not in done]
+    fresh = (
+        ((own.centre, own.method), own.as_row(gain) | {"proof": _proof(own.design)}, own)
+        for _, own in as_finished(plant, tasks, run.executor)
+    )
 
-
-def _ordered(
-    done: dict[tuple[float, str], Row], centres: Sequence[float], labels: Sequence[str]
-) -> list[Row]:
-    """Return the rows asked for in their order, then any others that the file had."""
-    asked = [(c, label) for c in centres for label in labels if (c, label) in done]
-    return [done[key] for key in [*asked, *(key for key in done if key not in asked)]]
+    run.complete(done, order, fresh, lambda path, rows: write_text(path, _dumps(plant, rows)))
+    return [done[key] for key in order]
 
 
 def _dumps(plant: UncertainPlant, rows: list[Row]) -> str:

@@ -3,19 +3,17 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import Executor
+from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from functools import partial
-from pathlib import Path
 from typing import Any
 
 from polefence.base import workers
 from polefence.base.errors import InputError, PolefenceError
 from polefence.base.types import require_type
 from polefence.design.checks import require_domain, require_movable, require_region
-from polefence.design.place.sweep import Row
+from polefence.design.place.sweep import Row, Run
 from polefence.design.signals.augmented import with_weights
 from polefence.design.signals.bounds import best_bound
 from polefence.design.signals.gain_norm import GainNorm
@@ -44,10 +42,7 @@ def tradeoff(
     subject_to: Sequence[Specification] = (),
     region: Region | None = None,
     methods: Sequence[Method] | None = None,
-    executor: Executor | None = None,
-    on_row: Callable[[Row], None] | None = None,
-    path: Path | None = None,
-    resume: bool = False,
+    **options: Any,
 ) -> Front:
     """Return the least proved bound on one signal for every limit on another.
 
@@ -97,21 +92,17 @@ def tradeoff(
     named = {method_label(method): method for method in methods}
     limits = list(dict.fromkeys(float(value) for value in values))
     _require(asked, limits, list(named.values()))
-    done = finished(path, asked) if resume and path is not None else {}
-    tasks = [(x, m) for x in limits for label, m in named.items() if (x, label) not in done]
+    run = Run(**options)
+    done = finished(run.path, asked) if run.path is not None and run.resume else {}
     order = [(x, label) for x in limits for label in named]
-    for row in workers.as_finished(executor, partial(_row_of, asked), tasks):
-        done[row["value"], row["method"]] = row
-        if path is not None:
-            write_rows(path, asked, [done[key] for key in _ordered(done, order)])
-        if on_row is not None:
-            on_row(row)
-    done = monotone(done)
-    front = Front(asked, tuple(done[key] for key in order), tuple(references(asked)))
-    if path is not None:
-        rows = [done[key] for key in _ordered(done, order)]
-        write_rows(path, asked, rows, front.references)
-    return front
+    tasks = [(x, named[label]) for x, label in order if (x, label) not in done]
+    found = workers.as_finished(run.executor, partial(_row_of, asked), tasks)
+
+    fresh = (((row["value"], row["method"]), row, row) for row in found)
+    run.complete(done, order, fresh, lambda path, rows: write_rows(path, asked, rows))
+    done, laws = monotone(done), tuple(references(asked))
+    run.keep(done, order, lambda path, rows: write_rows(path, asked, rows, laws))
+    return Front(asked, tuple(done[key] for key in order), laws)
 
 
 def references(asked: Asked) -> Iterator[Row]:
@@ -170,12 +161,6 @@ def _require(asked: Asked, values: list[float], methods: list[Method]) -> None:
 
 def _same(one: Specification, other: Specification) -> bool:
     return replace(one, at_most=None) == replace(other, at_most=None)
-
-
-def _ordered(done: dict[tuple[float, str], Row], order: list[tuple[float, str]]) -> list[Any]:
-    """Return the rows asked for in their order, then any others that the file had."""
-    first = [key for key in order if key in done]
-    return [*first, *(key for key in done if key not in first)]
 
 
 def _row_of(asked: Asked, task: tuple[float, Method]) -> Row:

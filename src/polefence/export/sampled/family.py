@@ -19,7 +19,7 @@ from polefence.design.design import Design
 from polefence.design.given.closed_loop import certificate_of
 from polefence.design.margins.gain import Scales, largest_of
 from polefence.design.margins.inequalities import balanced
-from polefence.export.sampled.held import cloud
+from polefence.export.sampled.poles import cloud
 from polefence.law.given import domain_of, given_law
 from polefence.law.laws import FixedGain, Law, ScheduledGain
 from polefence.lmi.solve.lyapunov import start_matrix

@@ -2,19 +2,24 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
+from typing import Any
 
 import numpy as np
 
 from polefence.base.errors import InputError
 from polefence.design.design import Design
 from polefence.design.search import edge
-from polefence.export.sampled.held import cloud, require_continuous, require_usable, stepped
 from polefence.law.laws import check_alpha
-from polefence.plant.points import values_at
+from polefence.plant.family import UncertainPlant
+from polefence.plant.points import edges, inside, values_at
+from polefence.plant.polynomial import Domain
 from polefence.plant.system import Array
+from polefence.proof import placement
+from polefence.response.discrete import held
 
 POINTS = 10_000  # random ones
 SCANNED = 300  # of the scan over sample times
@@ -22,6 +27,7 @@ SHORTEST, LONGEST, PER_DECADE = 1e-5, 1e2, 16  # sample times tried, over the fa
 HALVINGS = 10
 SHORTER = 0.99
 TINY = 1e-300
+SOONEST = 1e-9  # of the loop's fastest time: no sample time is shorter
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,6 +73,70 @@ def sampled_poles(design: Design, alpha: Array, sample_time: float, delay: int =
     alpha = check_alpha(alpha, len(design.plant.vertices))
     z = _eigenvalues(stepped(design, alpha, time, delay))
     return SampledPoles(_equivalent(z, design.plant.shape[0], time), z)
+
+
+def require_usable(design: Design, sample_time: Any, delay: int) -> float:
+    """Return the sample time as a float.
+
+    Raises
+    ------
+    InputError
+        If the plant is a discrete-time one, or the numbers cannot be used.
+    """
+    require_continuous(design, delay)
+    try:
+        value = float(sample_time)
+    except (TypeError, ValueError, OverflowError):
+        value = math.nan
+    if not 0 < value < math.inf:
+        raise InputError(f"sample_time = {sample_time!r} must be a positive number of seconds")
+    fastest = float(np.abs(design.poles(np.eye(len(design.plant.vertices)))).max())
+    if value * fastest < SOONEST:
+        raise InputError(
+            f"sample_time = {value:g} s is too short to be told from none in floating point: the "
+            f"loop's fastest pole is at {fastest:.3g} 1/s"
+        )
+    return value
+
+
+def require_continuous(design: Design, delay: int) -> None:
+    """Refuse discrete-time plants, whose law is sampled by design, and unknown delays."""
+    time = design.plant.sample_time
+    if time is not None:
+        raise InputError(
+            f"{design.plant.name} is a discrete-time plant: its law runs every {float(time):g} s, "
+            "without delay, and the region is proved for just that"
+        )
+    if delay not in (0, 1) or isinstance(delay, bool):
+        raise InputError(f"delay = {delay!r} must be 0 or 1, in samples")
+
+
+def stepped(design: Design, alpha: Array, sample_time: float, delay: int) -> Array:
+    """Return the matrices from one sample to the next, (..., n, n), or with a delay n + m.
+
+    Without delay x+ = (F + G K) x. With a delay of one sample the state is (x, u):
+    x+ = F x + G u, u+ = K x.
+    """
+    (n, m), K = design.plant.shape, design.law.gain(alpha)
+    F, G = held(*design.plant.at(alpha), sample_time)
+    if not delay:
+        return np.asarray(F + G @ K)
+    whole = np.zeros((*F.shape[:-2], n + m, n + m))
+    whole[..., :n, :n], whole[..., :n, n:], whole[..., n:, :n] = F, G, K
+    return whole
+
+
+def domain_of(plant: UncertainPlant, design: Design) -> Domain:
+    """Return where alpha lives: on the box of the parameters where there are any."""
+    if plant.parameters:
+        return Domain.of("box", len(plant.vertices))
+    return Domain(placement.simplices(design.certificate.claim()))
+
+
+def cloud(design: Design, count: int) -> Array:
+    """Return vertices, points of the edges and ``count`` random points alpha, (points, N)."""
+    domain = domain_of(design.plant, design)
+    return domain.alpha(np.vstack([edges(domain), inside(domain, count)]))
 
 
 def _eigenvalues(matrices: Array) -> Array:

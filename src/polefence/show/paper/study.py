@@ -80,7 +80,7 @@ def reproduce(
             centres,
             METHODS,
             folder / f"limits-{name}.json",
-            resume,
+            resume=resume,
             executor=executor,
             on_row=on_row,
         )

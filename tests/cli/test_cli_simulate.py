@@ -21,8 +21,8 @@ from polefence.response.linear import simulate
 from polefence.show.plots.drive import Panel, signals_figure
 from polefence.vehicle.comfort import comfort
 from polefence.vehicle.driving.parts import Jump
-from polefence.vehicle.iso8608 import random_road
 from polefence.vehicle.obstacles import pothole
+from polefence.vehicle.random_road import random_road
 from polefence.vehicle.run import Setup, run, signals
 
 ROAD = ["--road", "C", "--speed", "20", "--duration", "2"]
@@ -274,9 +274,9 @@ def test_any_plant_with_a_road_is_simulated(tmp_path, monkeypatch, capsys):
     Path("p.toml").write_text(dumps(plant))
     out = ran(capsys, "simulate", "p.toml", *ROAD, "-o", "p.csv", "--plot", "p.svg")
     assert "<svg" in Path("p.svg").read_text()
-    assert "comfort: not evaluated (the plant is not known as a quarter car)" in out
+    assert "comfort: not evaluated (the plant is not described as a vehicle)" in out
     assert rows("p.csv")[0][3:] == ["x1", "x2", "u1"]
-    assert "not known as a quarter car" in refused(
+    assert "not described as a vehicle" in refused(
         capsys, "simulate", "p.toml", *ROAD, "--law", "lqr"
     )
 

@@ -8,9 +8,9 @@ import pytest
 
 from polefence import Disk, Parameter, PlantError, UncertainPlant, place
 from polefence.base.errors import ParameterValueError
-from polefence.design.signals.specification import Rms, rows
+from polefence.design.signals.specification import Rms, rows, signal_of
 from polefence.plant.control import from_control, to_control
-from polefence.response.signals import outputs_of
+from polefence.plant.outputs import Output
 
 
 def test_round_trip_keeps_matrices_and_names(physical):
@@ -46,14 +46,32 @@ def test_one_system_is_a_plant():
 
 def test_outputs_are_signals_that_specifications_take():
     names = {"states": ["h"], "inputs": ["u", "w"], "outputs": ["y [V]"]}
-    system = named(**names)
-    (signal,) = outputs_of(system)
-    assert (signal.name, signal.unit) == ("y", "V")
-    plant = from_control(system, disturbances=1)
-    own = Rms(signal, density=1.0)
-    C, D = rows(plant, own.signal)
+    plant = from_control(named(**names), disturbances=1)
+    (output,) = plant.outputs
+    assert output == Output("y", "V", C=[3], D=[0.5])
+    C, D = rows(plant, signal_of(plant, Rms("y", density=1.0)))
     assert (C, D) == ([[[3]]], [[[0.5]]])
-    assert outputs_of(named())[0].name == "output 0"
+    assert from_control(named()).outputs[0].name == "output 0"
+
+
+def test_outputs_come_and_go_with_rows_of_their_own_at_each_vertex():
+    gains = ([[3.0]], [[4.0]])
+    systems = [control.ss([[-1.0]], [[1.0, 2.0]], C, [[0.5, 0.25]], outputs=["y"]) for C in gains]
+    plant = from_control(systems, disturbances=1)
+    assert plant.outputs == (Output("y", C=[[3], [4]], D=[0.5], F=[0.25]),)
+    back = to_control(plant, [0.25, 0.75])
+    assert back.output_labels == ["x1", "y"]
+    assert np.array_equal(back.C, [[1.0], [3.75]])
+    assert np.array_equal(back.D, [[0.0, 0.0], [0.5, 0.25]])
+    assert np.array_equal(to_control(from_control(back, disturbances=1)).C, back.C)
+
+
+def test_an_output_that_is_a_state_is_that_state():
+    twin = control.ss([[-1.0]], [[1.0]], [[1.0]], [[0.0]], states=["h"], outputs=["h"])
+    assert from_control(twin).outputs == ()
+    other = control.ss([[-1.0]], [[1.0]], [[2.0]], [[0.0]], states=["h"], outputs=["h"])
+    with pytest.raises(PlantError, match="output 'h' has the name of a state or an input"):
+        from_control(other)
 
 
 def test_discrete_time_comes_and_goes():

@@ -12,12 +12,19 @@ import scipy.linalg
 import scipy.signal
 
 from polefence import GainTable, InputError, UncertainPlant
+from polefence.plant.outputs import (
+    Output,
+    inputs,
+    output_matrices,
+    rate_of,
+    states,
+    weighted_sum,
+)
 from polefence.response import discrete, grid, measures
 from polefence.response.closed import close, point_text
 from polefence.response.discrete import driven, free, held, ramped
 from polefence.response.exponential import exponential
 from polefence.response.linear import frequency, impulse, simulate, step
-from polefence.response.signals import Signal, inputs, output_matrices, rate_of, states
 from polefence.vehicle.vehicle import ride
 
 CLOSE = 1e-9  # of the largest value of a signal
@@ -37,7 +44,7 @@ def points():
 @pytest.fixture(scope="module")
 def looked_at(as_printed):
     every = (*states(as_printed), *inputs(as_printed))
-    return (*every, rate_of(every[2], "sprung-mass acceleration"))
+    return (*every, rate_of(as_printed, "sprung-mass velocity"))
 
 
 @pytest.fixture(scope="module")
@@ -434,7 +441,7 @@ def test_results_are_read_only_and_say_what_they_are(physical, points):
     with pytest.raises(ValueError, match="read-only"):
         found.values[0, 0, 0] = 1
     assert repr(found) == "<Response of 'quarter car, physical': 5 points, 3 samples, 6 signals>"
-    tones = frequency(physical, None, points, [1.0], Signal("mine", "N", state={0: 2.0}))
+    tones = frequency(physical, None, points, [1.0], Output("mine", "N", C=[2, 0, 0, 0, 0]))
     assert repr(tones).endswith("5 points, 1 frequencies, 1 signals, 1 sources>")
     with pytest.raises(InputError, match="no signal"):
         found.of("mine")
@@ -444,8 +451,10 @@ def test_signals_of_forces_and_rates(physical, points):
     """A rate and an input in one signal, against the state's own derivative."""
     K = np.array([[100.0, -50.0, -400.0, 20.0, -300.0]])
     loops = close(physical, K, points)
-    mixed = Signal("mixed", "", state={1: 2.0}, rate={1: 3.0}, input={0: 0.5})
-    C, D = output_matrices([mixed], loops.closed, loops.E, loops.K)
+    tyre, force = physical.signal("tyre deflection"), physical.signal("actuator force")
+    parts = [(2, tyre), (3, rate_of(physical, "tyre deflection")), (0.5, force)]
+    mixed = weighted_sum("mixed", "", parts)
+    C, D = output_matrices(physical, [mixed], points, loops.K)
     x, w = np.random.default_rng(6).normal(size=(5, 1)), np.array([[0.7]])
     slope = loops.closed @ x + loops.E @ w
     expected = 2 * x[1] + 3 * slope[:, 1] + 0.5 * (loops.K @ x)[:, 0]

@@ -12,10 +12,10 @@ import scipy.stats
 from scipy.integrate import trapezoid
 
 from polefence import InputError, UncertainPlant
+from polefence.plant.outputs import Output, rate_of
 from polefence.response.closed import close
 from polefence.response.discrete import held
 from polefence.response.linear import frequency, simulate
-from polefence.response.signals import Signal, rate_of, states
 from polefence.response.stationary import (
     covariance,
     lyapunov,
@@ -164,7 +164,7 @@ def test_only_the_point_at_fault_is_named():
 
 
 def test_white_noise_itself_has_no_rms(physical, points):
-    tyre = rate_of(states(physical)[1], "tyre rate")
+    tyre = rate_of(physical, "tyre deflection", "tyre rate")
     with pytest.raises(InputError, match="'tyre rate' follows the white disturbance itself"):
         stationary(physical, None, points, ROAD, [tyre])
     # A disturbance of density zero is none.
@@ -174,7 +174,7 @@ def test_white_noise_itself_has_no_rms(physical, points):
 def test_several_independent_disturbances_add_their_squares():
     E = [[1, 2], [0.5, -1]]
     plant = UncertainPlant.from_vertices([[[-1, 0.2], [0, -3]]], [[[1], [0]]], [E])
-    sum_of = Signal("sum", "", state={0: 1.0, 1: 1.0})
+    sum_of = Output("sum", C=[1, 1])
     one, other, both = (
         stationary(plant, None, [1.0], psd, sum_of).rms[0, 0]
         for psd in ([0.3, 0.0], [0.0, 0.7], [0.3, 0.7])

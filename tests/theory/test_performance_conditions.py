@@ -31,8 +31,9 @@ from polefence.lmi.solve.lyapunov_performance import least_given
 from polefence.lmi.solve.performance import Question, fixed, least
 from polefence.lmi.solve.radius import smallest, typical_rate
 from polefence.lmi.solve.scaling import balanced
+from polefence.plant.outputs import Output as Signal
+from polefence.plant.outputs import rate_of
 from polefence.plant.polynomial import Domain
-from polefence.response.signals import Signal
 from polefence.vehicle.quarter_car import quarter_car
 
 FORMS = [
@@ -239,8 +240,8 @@ def single(seed=2, n=3):
     return UncertainPlant.from_vertices([A], [B], [E])
 
 
-OUTPUT = Signal("y", "", {0: 1.0, 2: -0.5}, {}, {0: 0.3})
-FORCE = Signal("u", "", {}, {}, {0: 1.0})
+OUTPUT = Signal("y", C=[1, 0, -0.5], D=[0.3])
+FORCE = Signal("u", D=[1])
 
 
 def mean_square(A, E, C):
@@ -255,8 +256,8 @@ def nominal_car():
 
 
 CAR_LAW = FixedGain([[-2000.0, 500.0, -900.0, 60.0]])
-TYRE = Signal("tyre", "m", {1: 1.0})
-ACCELERATION = Signal("acceleration", "m/s^2", {}, {2: 1.0})
+TYRE = Signal("tyre", "m", C=[0, 1, 0, 0])
+ACCELERATION = rate_of(nominal_car(), "x3", "acceleration", "m/s^2")
 
 
 def channel(plant, law, signal):
@@ -343,7 +344,7 @@ def test_the_gain_is_the_largest_of_the_frequency_response(signal):
 
 def test_the_peak_of_a_first_order_loop_is_its_start():
     plant = UncertainPlant.from_vertices([[[-1.0]]], [[[1.0]]], [[[2.0]]])
-    law, signal = FixedGain([[-1.0]]), Signal("x", "", {0: 1.0})
+    law, signal = FixedGain([[-1.0]]), Signal("x", C=[1])
     assert best_bound(plant, law, InitialPeak(signal, None, ((3.0,),))).level == pytest.approx(3.0)
     assert best_bound(plant, law, InitialPeak(signal, None, (), 0.5)).level == pytest.approx(1.0)
     # the larger of both counts
@@ -379,10 +380,10 @@ def simple(seed=0, N=2, spread=0.25):
 
 # outputs that no stable law makes zero
 SPECIFICATIONS = {
-    "rms": Rms(Signal("y", "", {0: 1.0}, {}, {0: -0.1})),
-    "energy": EnergyPeak(Signal("x2", "", {1: 1.0})),
-    "initial": InitialPeak(Signal("x1", "", {0: 1.0}), None, ((0.3, 1.0),), 0.4),
-    "gain": Gain(Signal("y", "", {0: 1.0}, {}, {0: -0.1})),
+    "rms": Rms(Signal("y", C=[1, 0], D=[-0.1])),
+    "energy": EnergyPeak(Signal("x2", C=[0, 1])),
+    "initial": InitialPeak(Signal("x1", C=[1, 0]), None, ((0.3, 1.0),), 0.4),
+    "gain": Gain(Signal("y", C=[1, 0], D=[-0.1])),
 }
 
 
@@ -465,8 +466,8 @@ def test_bounds_do_not_depend_on_units(kind):
     E = np.array([v.E for v in plant.vertices]) / T[:, None] / rate
     other = UncertainPlant.from_vertices(A, B, E)
     signal = own.signal
-    state = {k: c * T[k] for k, c in signal.state.items()}
-    moved = Signal("y", "", state, {}, {k: d * S for k, d in signal.input.items()})
+    C, D, _ = signal.arrays(plant)
+    moved = Signal("y", C=C * T, D=D * S)
     changes = {"signal": moved}
     if kind == "rms":
         changes["density"] = own.density * rate

@@ -28,10 +28,10 @@ from polefence.design.signals.sampled import sampled
 from polefence.design.signals.specification import Gain, InitialPeak, Rms
 from polefence.design.signals.text import load_specifications
 from polefence.examples import spec_path
+from polefence.plant.outputs import Output
 from polefence.plant.points import seeded
 from polefence.plant.spec import loads
 from polefence.proof.performance import prove_performance
-from polefence.response.signals import Signal
 
 DENSITY = 2.0  # two-sided intensity 1
 DOUBLE_INTEGRATOR = """
@@ -88,11 +88,8 @@ def test_limits_near_those_of_a_regulator_are_reached():
 
     least = math.sqrt(-minimize(dual, [0.0, 0.0], method="Nelder-Mead").fun)
     plant = UncertainPlant.from_vertices([A], [B], [E])
-    bounds = [
-        Rms(Signal(f"u{i}", "", input={i: 1.0}), float(limit), DENSITY)
-        for i, limit in enumerate(limits)
-    ]
-    y = Signal("y", "", state={6: 1.0})
+    bounds = [Rms(f"u{i + 1}", float(limit), DENSITY) for i, limit in enumerate(limits)]
+    y = Output("y", C=np.eye(len(A))[6])
     for method in ("quadratic", None):
         found = optimise(plant, Rms(y, None, DENSITY), bounds, method=method).bounds[0].level
         assert least * (1 - 1e-9) < found < least * (1 + 1e-3)
@@ -179,7 +176,7 @@ def test_a_law_is_no_worse_than_the_regulator_within_its_limits():
     K = -B.T @ solve_continuous_are(A, B, C.T @ C, np.eye(1))
     X = solve_continuous_lyapunov(A + B @ K, -E @ E.T)
     plant = UncertainPlant.from_vertices([A], [B], [E])
-    y, u = Signal("y", "", {0: 1.0}), Signal("u", "", input={0: 1.0})
+    y, u = Output("y", C=[1, 0, 0, 0]), Output("u", D=[1])
     limit = 1.05 * math.sqrt((K @ X @ K.T).item())
     done = optimise(plant, Rms(y, None, DENSITY), [Rms(u, limit, DENSITY)])
     assert done.bounds[0].level <= math.sqrt((C @ X @ C.T).item())
@@ -192,7 +189,7 @@ def test_a_law_for_gains_is_no_worse_than_one_for_rms_values(method):
     A = [["0", "1", "0"], ["0", "-b/J", "1/(20*J)"], ["0", "-5", "-120"]]
     B, E = [["0"], ["0"], ["100"]], [["0"], ["-1/J"], ["0"]]
     motor = UncertainPlant.from_expressions([J, b], A, B, E)
-    angle, voltage = Signal("angle", "", {0: 1.0}), Signal("voltage", "", input={0: 1.0})
+    angle, voltage = Output("angle", C=[1, 0, 0]), Output("voltage", D=[1])
     quiet = [Rms(voltage, 260.0, DENSITY)]
     law = optimise(motor, Rms(angle, None, DENSITY), quiet, method="quadratic").law
     alpha = seeded(motor, 200)

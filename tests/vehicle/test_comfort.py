@@ -16,11 +16,10 @@ from polefence.response import bands as of_bands
 from polefence.response import weighting as of_weighting
 from polefence.response.bands import MOTION, RIDE, Bands, quadrature, stationary_ride, thirds
 from polefence.response.closed import close
+from polefence.response.iso8608 import velocity_density
 from polefence.response.linear import frequency as frequency_response
-from polefence.response.signals import pick, rate_of, states
 from polefence.response.weighting import WF, WK
 from polefence.vehicle import labels
-from polefence.vehicle.iso8608 import velocity_density
 
 of = import_module("polefence.vehicle.comfort")  # the package has the function of that name
 
@@ -325,7 +324,7 @@ def test_stationary_rms_meets_the_augmented_lyapunov_equation(ride):
 def test_gains_of_the_linear_responses_fit(ride):
     system, density, _ = ride
     plant = family("quarter-car-physical")
-    acceleration = rate_of(pick(states(plant), "sprung-mass velocity"))
+    acceleration = plant.signal("sprung-mass acceleration")
     alpha = np.eye(4)
     found = frequency_response(plant, None, alpha, quadrature()[0], [acceleration])
     own = stationary_ride(found.gain[:, :, 0, 0], density)

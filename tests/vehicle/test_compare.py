@@ -10,11 +10,11 @@ import numpy as np
 import pytest
 
 from polefence import Disk, InputError, Scheduled, place
+from polefence.plant.outputs import Output
 from polefence.plant.points import values_at
 from polefence.response.bands import quadrature, stationary_ride
 from polefence.response.closed import close
 from polefence.response.linear import frequency
-from polefence.response.signals import Signal
 from polefence.response.stationary import stationary, velocity_psd
 from polefence.vehicle.compare import NAMES, NoLaw, compare, points, standard_laws
 from polefence.vehicle.comparison import QUANTITIES
@@ -76,7 +76,7 @@ def test_power_is_what_the_damper_does_not_take(physical, laws, found, law):
     """The road brings kt psd / 4, whatever the law; the damper takes c E v^2; the rest is ours."""
     known = require_ride(physical)
     car = masses(physical, known, found.alpha)
-    apart = Signal("apart", "m/s", state={2: 1.0, 3: -1.0})
+    apart = Output("apart", "m/s", C=[0, 0, 1, -1, 0])
     v = stationary(physical, laws[law], found.alpha, ROAD, [apart]).rms[:, 0]
     brought = car.kt * ROAD / 4
     mean = column(found, law, "mean power")
@@ -214,7 +214,7 @@ def test_bad_input(physical, make_random, laws):
             compare(physical, {"passive": None}, **arguments)
     with pytest.raises(InputError, match="none was given"):
         compare(physical, {})
-    with pytest.raises(InputError, match="not known as a quarter car"):
+    with pytest.raises(InputError, match="not described as a vehicle"):
         compare(make_random(3, 2, 1, 2), {"passive": None})
     with pytest.raises(InputError, match="no law 'skyhok'; did you mean 'skyhook'"):
         standard_laws(physical, names=("skyhok",))

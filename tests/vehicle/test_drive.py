@@ -15,7 +15,7 @@ from scipy.signal import lsim
 from polefence import Disk, GainTable, Scheduled, UncertainPlant, place, tightest
 from polefence.base.errors import InputError
 from polefence.design.margins import in_service, parameter_rate
-from polefence.response.signals import rate_of, states
+from polefence.plant.outputs import rate_of
 from polefence.vehicle.driving.drive import drive
 from polefence.vehicle.driving.parts import (
     Actuator,
@@ -28,8 +28,8 @@ from polefence.vehicle.driving.parts import (
     Sensors,
     Sine,
 )
-from polefence.vehicle.iso8608 import random_road
-from polefence.vehicle.quarter_car import quarter_car
+from polefence.vehicle.quarter_car import SIGNALS, quarter_car
+from polefence.vehicle.random_road import random_road
 from polefence.vehicle.recursion import Tuning
 from polefence.vehicle.reference_laws import lqr
 from polefence.vehicle.vehicle import ride
@@ -408,9 +408,7 @@ def test_stops_keep_travel_and_are_in_the_equations(physical, damping):
 
 def test_energy_is_neither_made_nor_lost_in_an_undamped_stop():
     A, B, E = (np.array(M, float) for M in quarter_car(300, 30, 8000, 160000, 0))
-    names = ("suspension deflection [m]", "tyre deflection [m]", "sprung-mass velocity [m/s]",
-             "unsprung-mass velocity [m/s]", "integral of suspension deflection [m s]")  # fmt: skip
-    plant = UncertainPlant.from_vertices([A], [B], [E], states=names)
+    plant = UncertainPlant.from_vertices([A], [B], [E], **SIGNALS)
     stops = BumpStops(0.01, 0.01, 1e5)
     start = [0, 0, -0.8, 0.3, 0]
     ours = drive(plant, None, duration=0.5, step=4e-4, start=start, stops=stops)
@@ -707,7 +705,7 @@ def test_what_needs_a_quarter_car_says_so(make_random):
     plant = make_random(1, 3, 1, 2)
     law = np.zeros((1, 3))
     for part in ({"stops": BumpStops()}, {"gravity": 9.81}, {"scheduling": Estimated()}):
-        with pytest.raises(InputError, match="not known as a quarter car"):
+        with pytest.raises(InputError, match="not described as a vehicle"):
             drive(plant, law, duration=0.1, **part)
     with pytest.raises(InputError, match="says nowhere how a road enters"):
         drive(plant, law, wave, duration=0.1)
@@ -720,7 +718,7 @@ def test_signals_come_by_name(physical, design):
     ours = drive(physical, design, wave, duration=0.05)
     assert np.array_equal(ours.of("suspension deflection"), ours.states[:, :, 0])
     assert np.array_equal(ours.of("actuator force"), ours.applied[:, :, 0])
-    jolt = rate_of(states(physical)[2])
+    jolt = rate_of(physical, "sprung-mass velocity")
     assert np.array_equal(ours.response([jolt]).values[..., 0], ours.rates[..., 2])
     with pytest.raises(InputError, match="no signal 'roll'"):
         ours.of("roll")

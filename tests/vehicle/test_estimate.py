@@ -1,6 +1,7 @@
 """Recursive least squares against batch least squares, brute force, and known cars."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -12,8 +13,8 @@ from polefence.base.errors import InputError
 from polefence.examples import family
 from polefence.response.closed import close
 from polefence.vehicle.estimate import estimate
-from polefence.vehicle.iso8608 import random_road
 from polefence.vehicle.projection import cost, nearest, point, slopes
+from polefence.vehicle.random_road import random_road
 from polefence.vehicle.recursion import Tuning, estimator
 from polefence.vehicle.reference_laws import lqr, passive
 
@@ -176,10 +177,8 @@ def test_prior_is_where_it_begins(physical):
 
 
 def test_a_car_given_by_its_vertices_has_no_parameters_but_m1_c_k(road):
-    from polefence import UncertainPlant
-
     car = family("quarter-car-physical")
-    plant = UncertainPlant(car.vertices, states=car.states)
+    plant = replace(car, parameters=())
     seen = driven(car, lqr(car), road, m1=300, beta=2)
     found = estimate(plant, *seen, STEP)
     assert found.parameters.shape == (1, len(road), 0)
@@ -212,5 +211,5 @@ def test_bad_input_is_refused_in_a_line(physical, change, message):
 
 
 def test_another_plant_is_refused(make_random):
-    with pytest.raises(InputError, match="not known as a quarter car"):
+    with pytest.raises(InputError, match="not described as a vehicle"):
         estimator(make_random(1, 3, 1, 2), STEP)

@@ -9,16 +9,16 @@ from hypothesis import strategies as st
 from scipy import signal
 
 from polefence.base.errors import InputError
-from polefence.vehicle import profile
-from polefence.vehicle.iso8608 import (
+from polefence.response.iso8608 import (
     ROUGHNESS,
     displacement_density,
-    random_road,
     roughness,
     velocity_density,
 )
+from polefence.vehicle import profile
 from polefence.vehicle.obstacles import bump, kerb, pothole
 from polefence.vehicle.profile import measured_road
+from polefence.vehicle.random_road import random_road
 from polefence.vehicle.road import Road
 
 # ISO 8608, table of Gd(n0) [1e-6 m3]: geometric mean and upper limit of every class.

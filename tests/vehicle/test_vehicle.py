@@ -1,4 +1,4 @@
-"""A quarter car known by its states' names; the laws that designs are compared with."""
+"""A plant described as a quarter car; the laws that designs are compared with."""
 
 import math
 from dataclasses import replace
@@ -8,10 +8,11 @@ import pytest
 from scipy.linalg import solve_continuous_lyapunov
 
 from polefence import Parameter, UncertainPlant
-from polefence.base.errors import InputError
+from polefence.base.errors import InputError, PlantError
 from polefence.examples import family
-from polefence.response.signals import output_matrices
-from polefence.vehicle.quarter_car import quarter_car
+from polefence.plant.outputs import Output, output_matrices
+from polefence.plant.vehicle import Vehicle
+from polefence.vehicle.quarter_car import SIGNALS, quarter_car
 from polefence.vehicle.reference_laws import Sizes, lqr, nominal, passive, skyhook
 from polefence.vehicle.vehicle import masses, require_ride, ride
 
@@ -33,6 +34,13 @@ def shuffled() -> UncertainPlant:
             "tire deflection [m]",
         ),
         name="mine",
+        vehicle=Vehicle(
+            tyre_deflection="tire deflection",
+            sprung_velocity="Sprung-Mass Velocity",
+            unsprung_velocity="Unsprung mass velocity",
+            force="u1",
+            road="w1",
+        ),
     )
 
 
@@ -48,9 +56,8 @@ def test_signals_are_those_of_the_physics():
         "tyre force variation [N]",
     ]
     x = np.array([0.3, 0.02, -0.1, 0.004])  # unsprung, suspension, sprung, tyre
-    A, B = plant.at([1.0])
     K = np.array([[1.0, -2000.0, 30.0, 4.0]])
-    C, D = output_matrices(found.signals, A + B @ K, np.zeros((4, 1)), K)
+    C, D = output_matrices(plant, found.signals, np.ones(1), K)
     u = float((K @ x)[0])
     damper = CAR["c"] * (x[0] - x[2])
     up = CAR["k"] * x[1] + damper + u
@@ -70,7 +77,7 @@ def test_signals_are_those_of_the_physics():
 def test_families_that_ship_are_known(name):
     plant = family(name)
     found = ride(plant)
-    assert found.tyre_force.state == {1: 155900.0}
+    assert found.tyre_force == Output("tyre force variation", "N", C=[0, 155900, 0, 0, 0])
     assert found.places == (0, 1, 2, 3)
     car = masses(plant, found, np.eye(4))
     assert car.m1 == pytest.approx([231.12, 231.12, 346.68, 346.68])
@@ -91,39 +98,86 @@ def test_tyre_force_is_missing_where_kt_is_uncertain():
     plant = UncertainPlant.from_function(
         lambda kt: quarter_car(300, 30, 15000, kt, 1200),
         [kt],
-        states=family("quarter-car-physical").states,
+        **SIGNALS,
     )
     found = ride(plant)
     assert found.tyre_force is None
     assert len(found.signals) == 5
 
 
-def test_what_is_no_quarter_car_is_none(physical, make_random):
-    assert ride(make_random(1, 3, 1, 2)) is None
-    assert ride(replace(physical, states=("a", *physical.states[1:]))) is None
-    twice = (physical.states[0], physical.states[0], *physical.states[2:])
-    assert ride(replace(physical, states=twice)) is None
-    with pytest.raises(InputError, match="not known as a quarter car; name four of its states"):
+def test_nothing_is_recognised_by_its_names(physical, make_random):
+    assert ride(replace(physical, vehicle=None)) is None
+    with pytest.raises(InputError, match=r"not described as a vehicle; add a table \[vehicle\]"):
         require_ride(make_random(1, 3, 1, 2))
+
+
+@pytest.mark.parametrize(
+    ("vehicle", "message"),
+    [
+        (Vehicle(force="pull"), "force: no input 'pull'; known: actuator force"),
+        (Vehicle(road="wind"), "road: no disturbance 'wind'"),
+        (Vehicle(sprung_velocity="roll"), "sprung_velocity: no state 'roll'"),
+        (
+            Vehicle(suspension_positive="extension"),
+            r"vertex 1: A\[1\]\[3\] = -1, that",
+        ),
+        (
+            Vehicle(tyre_positive="extension"),
+            r"vertex 1: A\[2\]\[4\] = -1, that",
+        ),
+    ],
+)
+def test_a_description_that_does_not_fit_is_refused(physical, vehicle, message):
+    with pytest.raises(PlantError, match=f"vehicle: {message}") as caught:
+        replace(physical, vehicle=vehicle)
+    assert "\n" not in str(caught.value)
+
+
+def test_senses_are_words():
+    with pytest.raises(PlantError, match="tyre_positive = 'up' is unknown"):
+        Vehicle(tyre_positive="up")
 
 
 def test_the_force_among_several_inputs_goes_by_its_name():
     A, B, E = (np.array(M, dtype=float) for M in quarter_car(**CAR))
     wide = np.hstack([np.eye(5)[:, [4]], B])
-    names = {"states": family("quarter-car-physical").states}
-    plant = UncertainPlant.from_vertices([A], [wide], [E], **names)
-    assert ride(plant) is None
-    named = replace(plant, inputs=("trim", "Actuator force [N]"))
-    assert ride(named).input == 1
-    assert ride(named).force.label == "Actuator force [N]"
+    changes = {"inputs": ("trim", "damper force [N]"), "vehicle": Vehicle(force="damper force")}
+    plant = UncertainPlant.from_vertices([A], [wide], [E], **SIGNALS | changes)
+    assert ride(plant).input == 1
+    assert ride(plant).force.label == "damper force [N]"
 
 
 def test_a_force_of_the_other_sign_is_refused():
     A, B, E = (np.array(M, dtype=float) for M in quarter_car(**CAR))
-    states = family("quarter-car-physical").states
-    plant = UncertainPlant.from_vertices([A], [-B], [E], states=states)
-    with pytest.raises(InputError, match="must act up on the sprung mass"):
-        skyhook(plant)
+    with pytest.raises(PlantError, match="the force acts up on the sprung mass; change its sign"):
+        UncertainPlant.from_vertices([A], [-B], [E], **SIGNALS)
+
+
+@pytest.mark.parametrize(
+    ("place", "factor", "message"),
+    [
+        ((3, 0), 1.02, "spring and damper push both masses alike"),
+        ((3, 2), 1.02, "spring and damper push both masses alike"),
+        ((2, 3), 1.02, "spring and damper push both masses alike"),
+        ((3, 0), 1.009, None),  # digits rounded
+        ((3, 3), 1.2, None),  # a tyre with damping
+    ],
+)
+def test_forces_between_the_masses_are_equal_and_opposite(place, factor, message):
+    A, B, E = (np.array(M, dtype=float) for M in quarter_car(**CAR))
+    A[place] *= factor
+    if message is None:
+        assert ride(UncertainPlant.from_vertices([A], [B], [E], **SIGNALS)).signals
+        return
+    with pytest.raises(PlantError, match=message):
+        UncertainPlant.from_vertices([A], [B], [E], **SIGNALS)
+
+
+def test_the_tyre_does_not_push_the_sprung_mass():
+    A, B, E = (np.array(M, dtype=float) for M in quarter_car(**CAR))
+    A[2, 1] = 1.0
+    with pytest.raises(PlantError, match=r"A\[3\]\[2\] = 1 must be 0"):
+        UncertainPlant.from_vertices([A], [B], [E], **SIGNALS)
 
 
 def test_passive_is_nothing(physical):

@@ -17,12 +17,11 @@ from polefence.design.signals.optimise import Optimised
 from polefence.design.signals.retreat import Retreat
 from polefence.design.signals.sampled import AGREED, Sampled, sampled
 from polefence.design.signals.specification import signal_of
+from polefence.plant.outputs import split
 from polefence.plant.points import seeded, values_at
 from polefence.region.regions import HalfPlane
 from polefence.region.text import digits_down, digits_up
-from polefence.response.signals import split
 from polefence.vehicle.rest import Rest, held_words, rests
-from polefence.vehicle.vehicle import ride
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,7 +66,7 @@ def rows_of(done: Optimised) -> list[Row]:
     plant, alpha, found = done.plant, seeded(done.plant), []
     for bound in done.bounds:
         own, passive = bound.specification, None
-        if ride(plant) is not None:
+        if plant.vehicle is not None:
             with suppress(InputError):  # the plant alone is not stable: nothing to compare with
                 passive = sampled(plant, None, own, alpha)
         unit = "" if own.kind == "relative rms" else signal_of(plant, own).unit

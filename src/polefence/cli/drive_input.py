@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from polefence.base.errors import InputError, ParameterValueError, suggest
 from polefence.plant.family import UncertainPlant
-from polefence.response.signals import split
+from polefence.plant.outputs import split
 
 if TYPE_CHECKING:  # imported where used: with scipy behind them
     from polefence.vehicle.road import Road
@@ -151,8 +151,8 @@ def _road(options: Any) -> tuple[Road, float | None]:
     """Return the road, long enough, and the duration where one is given or chosen."""
     from polefence.response.weighting import positive
     from polefence.vehicle import obstacles
-    from polefence.vehicle.iso8608 import random_road
     from polefence.vehicle.profile import measured_road
+    from polefence.vehicle.random_road import random_road
 
     speed = positive(options.speed, "--speed [m/s]")
     if options.seed is not None and options.road is None:

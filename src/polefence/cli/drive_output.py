@@ -100,7 +100,7 @@ def _comfort(run: Run) -> dict[str, Any]:
 
     known = ride(run.setup.plant)
     if known is None:
-        return {"not evaluated": "the plant is not known as a quarter car"}
+        return {"not evaluated": "the plant is not described as a vehicle"}
     try:
         with np.errstate(over="ignore", invalid="ignore"):
             found = comfort(run.response.of(known.acceleration.name)[0], run.setup.step)

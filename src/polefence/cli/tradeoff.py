@@ -45,7 +45,6 @@ from polefence.plant.family import UncertainPlant
 from polefence.plant.spec import load
 from polefence.region.regions import exactly
 from polefence.region.text import digits_up
-from polefence.vehicle.vehicle import ride
 
 ACCELERATION = "rms of sprung-mass acceleration"
 
@@ -184,7 +183,7 @@ def _specifications(
     first, written = load_specifications(options.spec, road)
     known = densities_of((*written, *([first] if first else [])))
     told = options.minimise is not None or first is not None
-    if not told and ride(plant) is not None:
+    if not told and plant.vehicle is not None:
         options = argparse.Namespace(**vars(options) | {"minimise": ACCELERATION})
     least, limits = asked(plant, options, road)
     if least is None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from fractions import Fraction
 from types import MappingProxyType
 from typing import Any
@@ -16,8 +16,10 @@ from polefence.design.counterexample import counterexample
 from polefence.design.statement import number_text, poles_text
 from polefence.law.laws import FixedGain, Law, ScheduledGain
 from polefence.plant.family import UncertainPlant
+from polefence.plant.outputs import Output
 from polefence.plant.parameters import Parameter
 from polefence.plant.system import Array, Exact
+from polefence.plant.vehicle import Vehicle
 from polefence.proof import placement, reading, work
 from polefence.proof.matrices import Rationals
 from polefence.region.regions import Region, region_of
@@ -247,9 +249,22 @@ def plant_document(plant: UncertainPlant) -> dict[str, Any]:
         "states": list(plant.states),
         "inputs": list(plant.inputs),
         "disturbances": list(plant.disturbances),
+        **_described(plant),
         "parameters": parameters,
         "vertices": vertices,
     }
+
+
+def _described(plant: UncertainPlant) -> dict[str, Any]:
+    """Return outputs and vehicle, where there are any."""
+    found: dict[str, Any] = {}
+    if plant.every_output:
+        found["outputs"] = [
+            {"name": own.name, "unit": own.unit}
+            | {key: _rows(getattr(own, key)) for key in "CDF" if getattr(own, key)}
+            for own in plant.every_output
+        ]
+    return found | ({} if plant.vehicle is None else {"vehicle": asdict(plant.vehicle)})
 
 
 def _rows(matrix: Exact) -> list[list[Any]]:
@@ -285,6 +300,8 @@ def plant_from(data: dict[str, Any]) -> UncertainPlant:
         names: dict[str, Any] = {k: _labels(data, k) for k in ("states", "inputs", "disturbances")}
         if "sample_time" in data:
             names["sample_time"] = reading.read_number(data["sample_time"], "plant.sample_time")
+        names["outputs"] = tuple(Output(**table) for table in data.get("outputs", ()))
+        names["vehicle"] = Vehicle(**data["vehicle"]) if "vehicle" in data else None
         plant = UncertainPlant.from_vertices(As, Bs, Es, name=data["name"], **names)
     except (KeyError, TypeError, AttributeError, ValueError) as error:
         raise DesignFileError(f"plant is malformed: {error}") from error

@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from polefence.base.errors import MissingExtraError, ParameterValueError, PlantError
 from polefence.plant.family import UncertainPlant
+from polefence.plant.outputs import Output, split, stacked
 from polefence.plant.system import System
 
-_NUMBERED = re.compile(r"(sys|[xu])\[\d+\]")  # what python-control calls that which has no name
+_NUMBERED = re.compile(r"(sys|[xuy])\[\d+\]")  # what python-control calls that which has no name
 
 
 def _control() -> Any:
@@ -32,8 +34,8 @@ def from_control(systems: Any, disturbances: int = 0, name: str = "") -> Uncerta
     ----------
     systems : control.StateSpace or sequence of them
         One, or one a vertex: all of one shape, in continuous time or of one sample time. States and
-        inputs keep the names that they were given. For the outputs see
-        `polefence.response.signals.outputs_of`; ``system.C`` is what `observe` takes as measured.
+        inputs keep the names that they were given, and so do the outputs y = C x + D u + F w; those
+        that are one state or one input, or nothing at all, are left out.
     disturbances : int
         How many of the last inputs are disturbances (columns of E) rather than controls.
     name : str
@@ -55,7 +57,7 @@ def from_control(systems: Any, disturbances: int = 0, name: str = "") -> Uncerta
         _require_vertex(control, system, given[0], f"system {j + 1}", disturbances)
     first = given[0]
     m = first.ninputs - disturbances
-    return UncertainPlant.from_vertices(
+    plant = UncertainPlant.from_vertices(
         [s.A for s in given],
         [s.B[:, :m] for s in given],
         [s.B[:, m:] for s in given] if disturbances else None,
@@ -65,6 +67,25 @@ def from_control(systems: Any, disturbances: int = 0, name: str = "") -> Uncerta
         disturbances=_names(first.input_labels[m:]),
         sample_time=first.dt or None,
     )
+    return replace(plant, outputs=tuple(_outputs(plant, given, m)))
+
+
+def _outputs(plant: UncertainPlant, systems: Sequence[Any], m: int) -> Iterator[Output]:
+    """Yield the systems' outputs, under their names, that are no states or inputs."""
+    known = {signal.name: signal for signal in plant.signals}
+    plain = {(signal.C, signal.D, signal.F) for signal in plant.signals}
+    for i, label in enumerate(systems[0].output_labels):
+        own = {"C": [s.C[i] for s in systems], "D": [s.D[i, :m] for s in systems]}
+        own["F"] = [s.D[i, m:] for s in systems if s.D[i, m:].size]
+        if not any(np.any(row) for rows in own.values() for row in rows):
+            continue
+        name, unit = split(re.sub(r"^y\[(\d+)\]$", r"output \1", label))
+        found = Output(name, unit, **own)
+        rows = found.C, found.D, found.F
+        if name in known and rows != (known[name].C, known[name].D, known[name].F):
+            raise PlantError(f"output {name!r} has the name of a state or an input; rename it")
+        if name not in known and rows not in plain:
+            yield found
 
 
 def _require_vertex(control: Any, system: Any, first: Any, where: str, disturbances: int) -> None:
@@ -82,7 +103,9 @@ def _require_vertex(control: Any, system: Any, first: Any, where: str, disturban
             f"{where} has {system.ninputs} inputs; {disturbances} disturbances leave no control "
             "input"
         )
-    for key in ("state_labels", "input_labels"):
+    if system.noutputs != first.noutputs:
+        raise PlantError(f"{where} has {system.noutputs} outputs, system 1 {first.noutputs}")
+    for key in ("state_labels", "input_labels", "output_labels"):
         own, others = getattr(system, key), getattr(first, key)
         if len(own) == len(others) and _names(own) and _names(own) != _names(others):
             raise PlantError(f"{where} names other signals than system 1: {', '.join(own)}")
@@ -111,8 +134,8 @@ def to_control(plant: UncertainPlant | System, alpha: Any = None) -> Any:
     Returns
     -------
     control.StateSpace
-        Inputs [u, w], outputs the states, under the names that `Design.to_control` has too, so that
-        the two interconnect by name.
+        Inputs [u, w], outputs the states and behind them the plant's outputs, under the names that
+        `Design.to_control` has too, so that the two interconnect by name.
 
     Raises
     ------
@@ -124,15 +147,23 @@ def to_control(plant: UncertainPlant | System, alpha: Any = None) -> Any:
     control = _control()
     if isinstance(plant, System):
         plant = UncertainPlant((plant,), name=plant.name)
-    A, B = plant.at(_point(plant, alpha))
+    weights = _point(plant, alpha)
+    A, B = plant.at(weights)
     if plant.vertices[0].E is not None:
-        E = np.tensordot(_point(plant, alpha), [v.E for v in plant.vertices], 1)
+        E = np.tensordot(weights, [v.E for v in plant.vertices], 1)
         B = np.hstack([B, E])
     n, (x, u, w) = len(A), signal_names(plant)
-    labels: dict[str, Any] = {"states": x, "outputs": x, "inputs": [*u, *w]}
+    C, D = np.eye(n), np.zeros((n, B.shape[1]))
+    if plant.every_output:
+        rows = (np.tensordot(weights, M, 1) for M in stacked(plant, plant.every_output))
+        own = np.concatenate(list(rows), axis=1)
+        C, D = np.vstack([C, own[:, :n]]), np.vstack([D, own[:, n:]])
+    names = (output.name for output in plant.every_output)
+    y = valid_names((*u, *w, *x, *names))[len(u) + len(w) :]
+    labels: dict[str, Any] = {"states": x, "outputs": y, "inputs": [*u, *w]}
     dt = 0 if plant.sample_time is None else float(plant.sample_time)
     (name,) = valid_names([plant.name])
-    return control.ss(A, B, np.eye(n), np.zeros((n, B.shape[1])), dt, name=name, **labels)
+    return control.ss(A, B, C, D, dt, name=name, **labels)
 
 
 def _point(plant: UncertainPlant, alpha: Any) -> Any:

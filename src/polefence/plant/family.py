@@ -14,13 +14,16 @@ from typing import Any
 import numpy as np
 
 from polefence.base.errors import InputError, PlantError
+from polefence.plant.outputs import Output, inputs, pick, split, states
 from polefence.plant.parameters import Parameter, check_label, exact, simplex_weights
 from polefence.plant.rational import RationalFunction, counted
 from polefence.plant.symbolic import Scope, corners
 from polefence.plant.system import Array, Exact, System
+from polefence.plant.vehicle import Vehicle
 
 MAX_VERTICES = 256
 MAX_BITS = 20_000  # of the common denominator: the exact checker's bound
+_OUTPUTS = "outputs."
 
 
 @dataclass(frozen=True, repr=False)
@@ -40,6 +43,10 @@ class UncertainPlant:
         For people; signal names carry their SI unit in brackets.
     sample_time : number, optional
         Of a discrete-time plant x(t + sample_time) = A x(t) + B u(t) [s].
+    outputs : tuple of Output
+        What is measured or cared about besides states and inputs, and what a vehicle gives.
+    vehicle : Vehicle, optional
+        Which signals are those of a car.
 
     Raises
     ------
@@ -54,6 +61,8 @@ class UncertainPlant:
     inputs: tuple[str, ...] = ()
     disturbances: tuple[str, ...] = ()
     sample_time: Fraction | None = None
+    outputs: tuple[Output, ...] = ()
+    vehicle: Vehicle | None = None
 
     def __post_init__(self) -> None:
         check_label(self.name, "name")
@@ -92,6 +101,25 @@ class UncertainPlant:
                 raise PlantError(
                     f"{attribute} names {len(given)} signals; the matrices have {width}"
                 )
+        self._read_outputs()
+
+    def _read_outputs(self) -> None:
+        """Leave out those of the vehicle; refuse those that do not fit, and names that repeat."""
+        found = {output.name: output for output in self.outputs}
+        if len(found) < len(self.outputs):
+            raise PlantError("two outputs have one name; rename one")
+        for output in self.vehicle.outputs(self) if self.vehicle else ():
+            if found.pop(output.name, output) != output:
+                raise PlantError(
+                    f"output {output.name!r} differs from that of the vehicle, which has this "
+                    "name; rename it, or leave it out"
+                )
+        for output in found.values():
+            output.exact(self)
+        for signal in (*states(self), *inputs(self)):
+            if signal.name in found:
+                raise PlantError(f"output {signal.name!r} is the name of a state or input; rename")
+        object.__setattr__(self, "outputs", tuple(found.values()))
 
     def __repr__(self) -> str:
         n, m = self.shape
@@ -130,9 +158,13 @@ class UncertainPlant:
         E: Sequence[Sequence[Any]] | None = None,
         constants: Mapping[str, Any] | None = None,
         definitions: Mapping[str, str] | None = None,
+        outputs: Mapping[str, Mapping[str, Sequence[Any]]] | None = None,
         **names: Any,
     ) -> UncertainPlant:
         """Return the family whose entries are expressions (or numbers) in the parameters.
+
+        ``outputs`` holds for each "name [unit]" its rows ``C``, ``D`` and ``F``, as far as they are
+        not zero.
 
         Raises
         ------
@@ -142,6 +174,7 @@ class UncertainPlant:
             If an entry is not multi-affine in the scheduling variables; the entry is named.
         """
         scope = Scope(parameters, constants or {}, definitions or {})
+        matrices = {"A": A, "B": B} if E is None else {"A": A, "B": B, "E": E}
 
         def function(**values: RationalFunction) -> dict[str, Any]:
             scope.bind(values)
@@ -150,8 +183,7 @@ class UncertainPlant:
                     [scope.entry(e, f"{letter}[{i + 1}][{j + 1}]") for j, e in enumerate(row)]
                     for i, row in enumerate(rows)
                 ]
-                for letter, rows in (("A", A), ("B", B), ("E", E))
-                if rows is not None
+                for letter, rows in (matrices | _output_rows(outputs or {})).items()
             }
 
         return cls._from_symbolic(function, parameters, **names)
@@ -162,8 +194,9 @@ class UncertainPlant:
     ) -> UncertainPlant:
         """Return the family of ``function(**parameters) -> (A, B)`` or ``(A, B, E)``.
 
-        The function is called once, with exact rational functions in place of numbers, so it may
-        use ``+ - * /`` and integer powers but no branches and no transcendental functions.
+        It may return outputs behind these, as `from_expressions` takes them. It is called once,
+        with exact rational functions in place of numbers, so it may use ``+ - * /`` and integer
+        powers but no branches and no transcendental functions.
 
         Raises
         ------
@@ -183,11 +216,12 @@ class UncertainPlant:
                     f"the plant function failed on symbolic parameters: {error}; it must return "
                     "A, B or A, B, E and use + - * / ** only"
                 ) from error
-            if len(result) not in (2, 3):
+            if len(result) not in (2, 3, 4):
                 raise PlantError(
                     f"the plant function returns {len(result)} matrices; return A, B or A, B, E"
                 )
-            return {k: M for k, M in zip("ABE", result, strict=False) if M is not None}
+            found = {k: M for k, M in zip("ABE", result[:3], strict=False) if M is not None}
+            return found | _output_rows(result[3] if len(result) == 4 else {})
 
         return cls._from_symbolic(lettered, parameters, **names)
 
@@ -209,6 +243,7 @@ class UncertainPlant:
                 for letter, rows in function(**values).items()
             }
         _require_used(table, parameters)
+        order = list(itertools.product((0, 1), repeat=count))
         vertices = tuple(
             System(
                 table["A"][corner],
@@ -216,14 +251,45 @@ class UncertainPlant:
                 table["E"][corner] if "E" in table else None,
                 f"vertex {j + 1}",
             )
-            for j, corner in enumerate(itertools.product((0, 1), repeat=count))
+            for j, corner in enumerate(order)
         )
-        return cls(vertices, parameters, **names)
+        rows = dict[str, dict[str, Any]]()
+        for where, own in table.items():
+            if where not in ("A", "B", "E"):
+                label, key = where.removeprefix(_OUTPUTS).rsplit(".", 1)
+                rows.setdefault(label, {})[key] = [own[corner][0] for corner in order]
+        outputs = tuple(Output(*split(label), **own) for label, own in rows.items())
+        return cls(vertices, parameters, outputs=outputs, **names)
 
     @property
     def shape(self) -> tuple[int, int]:
         """Numbers of states and inputs (n, m)."""
         return self.vertices[0].shape
+
+    @property
+    def disturbance_count(self) -> int:
+        """Number of disturbances q."""
+        return _width(self.vertices[0].exact_E)
+
+    @cached_property
+    def every_output(self) -> tuple[Output, ...]:
+        """Outputs, those of a vehicle first."""
+        return (*(self.vehicle.outputs(self) if self.vehicle else ()), *self.outputs)
+
+    @cached_property
+    def signals(self) -> tuple[Output, ...]:
+        """States, inputs and outputs."""
+        return (*states(self), *inputs(self), *self.every_output)
+
+    def signal(self, name: str) -> Output:
+        """Return a state, an input or an output by its name without the unit.
+
+        Raises
+        ------
+        InputError
+            If there is none of that name.
+        """
+        return pick(self.signals, name)
 
     @cached_property
     def A(self) -> Array:
@@ -263,6 +329,15 @@ class UncertainPlant:
         return np.tensordot(weights, self.A, 1), np.tensordot(weights, self.B, 1)
 
 
+def _output_rows(outputs: Mapping[str, Mapping[str, Sequence[Any]]]) -> dict[str, Any]:
+    """Return the rows of outputs as matrices of one row, by where they stand."""
+    return {
+        f"{_OUTPUTS}{label}.{key}": [row]
+        for label, rows in outputs.items()
+        for key, row in rows.items()
+    }
+
+
 def _require_used(
     table: Mapping[str, Mapping[tuple[int, ...], Exact]], parameters: Sequence[Parameter]
 ) -> None:
@@ -276,8 +351,8 @@ def _require_used(
         )
         if all(low == high for low, high in pairs):
             raise PlantError(
-                f"parameter {parameter.name} changes no entry of A, B or E, and doubles the "
-                "vertices; leave it out, or make it a constant"
+                f"parameter {parameter.name} changes no entry of A, B, E or an output, and "
+                "doubles the vertices; leave it out, or make it a constant"
             )
 
 

@@ -6,6 +6,7 @@ import math
 import re
 import tomllib
 from collections.abc import Mapping
+from dataclasses import fields
 from decimal import Decimal
 from fractions import Fraction
 from pathlib import Path
@@ -15,7 +16,10 @@ from polefence.base.errors import InputError, SpecError, shown, suggest
 from polefence.base.files import read_text
 from polefence.plant.expression import decimal, evaluate
 from polefence.plant.family import UncertainPlant
+from polefence.plant.outputs import Output, split
 from polefence.plant.parameters import Parameter, exact
+from polefence.plant.system import Exact
+from polefence.plant.vehicle import Vehicle
 
 MAX_BYTES = 1_000_000
 # The parser's work grows with the square of a key's parts (a.b.c), of which ours have two.
@@ -23,8 +27,9 @@ DEEPEST, MOST_QUOTED = 16, 200
 DEEP_KEY = re.compile(rf"(?<![\w\"'-])(?:[\w\"'-]+[ \t]*\.[ \t]*){{{DEEPEST}}}")
 QUOTED_KEY = re.compile(r"[\"'][ \t]*\.")
 _NAMES = ("states", "inputs", "disturbances")
+QUARTER_CAR = "quarter car"  # the one model of a vehicle
 _TOP = {"name", "region", "sample_time", "specification", "road", *_NAMES}
-_TOP |= {"constants", "parameter", "definitions", "matrices", "vertex"}
+_TOP |= {"outputs", "vehicle", "constants", "parameter", "definitions", "matrices", "vertex"}
 
 
 def load(path: str | Path) -> UncertainPlant:
@@ -116,11 +121,13 @@ def _plant(data: Mapping[str, Any]) -> UncertainPlant:
     _asked(data)
     if "sample_time" in data:
         names["sample_time"] = _sample_time(data["sample_time"])
+    if "vehicle" in data:
+        names["vehicle"] = _vehicle(data["vehicle"])
     if "vertex" in data:
         for key in ("constants", "parameter", "definitions", "matrices"):
             if key in data:
                 raise SpecError(f"{key} and vertex exclude each other; keep one")
-        return _from_vertices(data["vertex"], names)
+        return _from_vertices(data["vertex"], names | {"outputs": _outputs(data)})
     if "matrices" not in data:
         raise SpecError("neither [[vertex]] nor [matrices] is given; give A and B in one of them")
     return _from_expressions(data, names)
@@ -139,6 +146,47 @@ def _text(value: Any, key: str) -> str:
     if not isinstance(value, str):
         raise SpecError(f"{key} must be a string")
     return value
+
+
+def _vehicle(table: Any) -> Vehicle:
+    if not isinstance(table, dict):
+        raise SpecError("vehicle must be a table; write [vehicle]")
+    known = {field.name for field in fields(Vehicle)}
+    _known(table, {"model", *known}, "vehicle: ")
+    _need(table, ("model",), "vehicle")
+    model = _text(table["model"], "vehicle.model")
+    if model != QUARTER_CAR:
+        raise SpecError(f"vehicle.model = {shown(model)} is unknown; use {QUARTER_CAR!r}")
+    return Vehicle(**{k: _text(table[k], f"vehicle.{k}") for k in known & set(table)})
+
+
+def _outputs(data: Mapping[str, Any]) -> tuple[Output, ...]:
+    """Return outputs in numbers: one row for all vertices, or one a vertex."""
+    return tuple(
+        Output(*split(label), **{k: _constant_matrix(M, f"outputs.{label}.{k}") for k, M in own})
+        for label, own in ((label, own.items()) for label, own in _output_tables(data).items())
+    )
+
+
+def _output_tables(data: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
+    """Return outputs by their label, with lists of rows."""
+    tables, found = data.get("outputs", {}), dict[str, dict[str, Any]]()
+    if not isinstance(tables, dict):
+        raise SpecError('outputs must be a table; write [outputs], "name [unit]" = {C = [...]}')
+    for label, table in tables.items():
+        where = f"outputs.{shown(label)}"
+        if not isinstance(table, dict):
+            raise SpecError(f"{where} must be a table, {{C = [...], D = [...], F = [...]}}")
+        _known(table, set("CDF"), f"{where}: ")
+        found[label] = {}
+        for key, value in table.items():
+            rows = value if isinstance(value, list) and value and _is_rows(value) else [value]
+            found[label][key] = _rows(rows, f"{where}.{key}")
+    return found
+
+
+def _is_rows(value: list[Any]) -> bool:
+    return all(isinstance(row, list) for row in value)
 
 
 def _from_vertices(tables: Any, names: dict[str, Any]) -> UncertainPlant:
@@ -176,8 +224,18 @@ def _from_expressions(data: Mapping[str, Any], names: dict[str, Any]) -> Uncerta
         _rows(tables["matrices"]["E"], "matrices.E") if "E" in tables["matrices"] else None,
         constants={k: _finite(v, f"constants.{k}") for k, v in tables["constants"].items()},
         definitions=tables["definitions"],
+        outputs={label: _single(label, own) for label, own in _output_tables(data).items()},
         **names,
     )
+
+
+def _single(label: str, rows: Mapping[str, Any]) -> dict[str, Any]:
+    """Return rows of an output whose entries are expressions: one of each letter."""
+    for key, own in rows.items():
+        if len(own) != 1:
+            where = f"outputs.{shown(label)}.{key}"
+            raise SpecError(f"{where} has {len(own)} rows; an output is one row, [...]")
+    return {key: own[0] for key, own in rows.items()}
 
 
 def _parameter(name: str, table: Any) -> Parameter:
@@ -271,9 +329,31 @@ def dumps(plant: UncertainPlant) -> str:
         for letter in "ABE":
             matrix = getattr(vertex, f"exact_{letter}")
             if matrix is not None:
-                rows = (f"[{', '.join(_entry(e) for e in row)}]" for row in matrix)
-                lines.append(f"{letter} = [{', '.join(rows)}]")
-    return "\n".join(lines) + "\n"
+                lines.append(f"{letter} = {_matrix_text(matrix)}")
+    return "\n".join([*lines, *_output_lines(plant), *_vehicle_lines(plant)]) + "\n"
+
+
+def _output_lines(plant: UncertainPlant) -> list[str]:
+    """Return outputs with explicit rows; a vehicle's follow from the matrices."""
+    found = []
+    for output in plant.outputs:
+        rows = {key: getattr(output, key) for key in "CDF" if getattr(output, key)}
+        texts = [f"{key} = {_matrix_text(M)}" for key, M in rows.items()]
+        found.append(f"{_quoted(output.label)} = {{{', '.join(texts)}}}")
+    return ["\n[outputs]", *found] if found else []
+
+
+def _vehicle_lines(plant: UncertainPlant) -> list[str]:
+    if plant.vehicle is None:
+        return []
+    names = ((field.name, getattr(plant.vehicle, field.name)) for field in fields(Vehicle))
+    lines = [f"{key} = {_quoted(value)}" for key, value in names]
+    return ["\n[vehicle]", f"model = {_quoted(QUARTER_CAR)}", *lines]
+
+
+def _matrix_text(matrix: Exact) -> str:
+    rows = (f"[{', '.join(map(_entry, row))}]" for row in matrix)
+    return f"[{', '.join(rows)}]"
 
 
 def _quoted(text: str) -> str:

@@ -5,6 +5,7 @@ import this package. The function `stationary` is named as the module that it is
 is the function.
 """
 
+from polefence.plant.outputs import Output, Signal, inputs, rate_of, states, weighted_sum
 from polefence.response.bands import (
     MOTION,
     RIDE,
@@ -16,7 +17,6 @@ from polefence.response.bands import (
 )
 from polefence.response.linear import frequency, impulse, simulate, step
 from polefence.response.result import Frequency, Response
-from polefence.response.signals import Signal, inputs, rate_of, states
 from polefence.response.stationary import Stationary, stationary, velocity_psd
 from polefence.response.weighting import WF, WK, Weighting
 
@@ -27,6 +27,7 @@ __all__ = [
     "WK",
     "Bands",
     "Frequency",
+    "Output",
     "Response",
     "Signal",
     "Stationary",
@@ -44,4 +45,5 @@ __all__ = [
     "step",
     "thirds",
     "velocity_psd",
+    "weighted_sum",
 ]

@@ -14,16 +14,24 @@ import numpy as np
 
 from polefence.base.errors import InputError, suggest
 from polefence.plant.family import UncertainPlant
+from polefence.plant.outputs import (
+    Output,
+    Signal,
+    choose,
+    disturbances,
+    inputs,
+    output_matrices,
+    stacked,
+)
 from polefence.plant.system import Array
 from polefence.response import grid
 from polefence.response.closed import Loops, close, point_text
 from polefence.response.discrete import BUFFER, driven, free, held, ramped
 from polefence.response.result import Frequency, Response
 from polefence.response.sampling import sampled, started
-from polefence.response.signals import Signal, choose, inputs, output_matrices, split
 from polefence.response.stationary import needed, unstable
 
-Wanted = Sequence[Signal | str] | None
+Wanted = Sequence[Output | str] | None
 
 FAR = 1e-5  # of the state that goes farthest: what its rounding leaves in the others' scale
 
@@ -33,7 +41,7 @@ class _Path:
     """From some sources to signals: x' = closed x + E w, y = C x + D w, batched."""
 
     loops: Loops
-    signals: tuple[Signal, ...]
+    signals: tuple[Output, ...]
     sources: tuple[Signal, ...]
     E: Array
     C: Array
@@ -56,8 +64,8 @@ def step(
     law : None, Law, Design, GainTable or (m, n) array
         None leaves the plant to itself.
     alpha : (count, N) or (N,) array
-    signals : sequence of Signal or str, optional
-        Signals, or names of states and inputs; all states and inputs by default.
+    signals : sequence of Output or str, optional
+        Outputs, or names of the plant's signals; all states and inputs by default.
     source : str, optional
         Where the step enters: name of a disturbance, or of an input u = K x + v for a step in
         v; the first disturbance by default.
@@ -132,8 +140,8 @@ def simulate(
     step : float, optional
         Time between samples [s]; samples must say it. For a function, by default a tenth over
         the size of the fastest pole.
-    signals : sequence of Signal or str, optional
-        Signals, or names of states and inputs; all states and inputs by default.
+    signals : sequence of Output or str, optional
+        Outputs, or names of the plant's signals; all states and inputs by default.
     hold : "linear" or "held"
         Between samples w runs straight to the next one, or stays as it was at the last.
     start : (n,) or (count, n) array, optional
@@ -153,7 +161,7 @@ def simulate(
     asked = choose(plant, signals)
     step, w = sampled(loops, w, step, duration, len(asked))
     grid.require_size(len(w), len(loops.alpha), len(asked))
-    C, D = output_matrices(asked, loops.closed, loops.E, loops.K)
+    C, D = output_matrices(plant, asked, loops.alpha, loops.K)
     first = started(start, *loops.closed.shape[:2])
     if hold == "held":
         Phi, Gamma = held(loops.closed, loops.E, step)
@@ -181,8 +189,8 @@ def frequency(
     alpha : (count, N) or (N,) array
     frequency : (F,) array, optional
         [Hz]; by default 400 from a decade below the slowest pole to one above the fastest.
-    signals : sequence of Signal or str, optional
-        Signals, or names of states and inputs; all states and inputs by default.
+    signals : sequence of Output or str, optional
+        Outputs, or names of the plant's signals; all states and inputs by default.
     source : str, optional
         Name of a disturbance or of an input, as `step` has it; all disturbances by default.
 
@@ -212,13 +220,15 @@ def frequency(
 
 def final(
     plant: UncertainPlant, law: Any, alpha: Any, signals: Wanted = None
-) -> tuple[tuple[Signal, ...], tuple[Signal, ...], Array, Array]:
+) -> tuple[tuple[Signal, ...], tuple[Output, ...], Array, Array]:
     """Return what a unit step of each disturbance leaves in each signal.
 
     Returns
     -------
-    sources, signals : tuple of Signal
-        q disturbances and p signals.
+    sources : tuple of Signal
+        q disturbances.
+    signals : tuple of Output
+        p of them.
     values : (count, p, q) array
         NaN where the signal tends to nothing.
     scale : (p, q) array
@@ -245,15 +255,12 @@ def _path(
     pushes = [s.name for s in inputs(plant)]
     loops = close(plant, law, alpha, disturbed=source not in pushes)
     asked = choose(plant, signals)
-    q = loops.E.shape[-1]
-    names = plant.disturbances or tuple(f"w{i + 1}" for i in range(q))
-    winds = tuple(Signal(*split(name)) for name in names)
-    C, D = output_matrices(asked, loops.closed, loops.E, loops.K)
+    winds = disturbances(plant)
+    C, D = output_matrices(plant, asked, loops.alpha, loops.K)
     if source in pushes:
         j = pushes.index(source)
         B = loops.B[:, :, j : j + 1]
-        _, D = output_matrices(asked, loops.closed, B, loops.K)
-        D = D + np.array([[s.input.get(j, 0.0)] for s in asked])
+        D = np.tensordot(loops.alpha, stacked(plant, asked)[1][:, :, j : j + 1], 1)
         return _Path(loops, asked, (inputs(plant)[j],), B, C, D)
     known = [wind.name for wind in winds]
     if source is not None and source not in known:

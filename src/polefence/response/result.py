@@ -9,9 +9,9 @@ import numpy as np
 import numpy.typing as npt
 
 from polefence.plant.family import UncertainPlant
+from polefence.plant.outputs import Output, Signal, pick
 from polefence.plant.system import Array
 from polefence.response import measures
-from polefence.response.signals import Signal, pick
 
 
 @dataclass(frozen=True, eq=False)
@@ -24,7 +24,7 @@ class Response:
     alpha : (count, N) array
     time : (T,) array
         From 0 in equal steps [s].
-    signals : tuple of Signal
+    signals : tuple of Output
         p of them.
     values : (count, T, p) array
         In the signals' units.
@@ -35,7 +35,7 @@ class Response:
     plant: UncertainPlant
     alpha: Array
     time: Array
-    signals: tuple[Signal, ...]
+    signals: tuple[Output, ...]
     values: Array
     final: Array | None = None
 
@@ -77,7 +77,7 @@ class Frequency:
     alpha : (count, N) array
     frequency : (F,) array
         [Hz].
-    signals : tuple of Signal
+    signals : tuple of Output
         p of them.
     sources : tuple of Signal
         q of them: names and units of what is exciting.
@@ -88,7 +88,7 @@ class Frequency:
     plant: UncertainPlant
     alpha: Array
     frequency: Array
-    signals: tuple[Signal, ...]
+    signals: tuple[Output, ...]
     sources: tuple[Signal, ...]
     gain: npt.NDArray[np.complex128]
 

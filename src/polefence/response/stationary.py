@@ -17,11 +17,11 @@ import numpy.typing as npt
 
 from polefence.base.errors import InputError
 from polefence.plant.family import UncertainPlant
+from polefence.plant.outputs import Output, choose, output_matrices, pick
 from polefence.plant.system import Array
 from polefence.response.closed import Loops, close, point_text
 from polefence.response.discrete import BUFFER
 from polefence.response.exponential import balancing
-from polefence.response.signals import Signal, choose, output_matrices, pick
 from polefence.response.weighting import positive
 
 Numbers = npt.NDArray[np.intp]
@@ -38,7 +38,7 @@ class Stationary:
     ----------
     plant : UncertainPlant
     alpha : (count, N) array
-    signals : tuple of Signal
+    signals : tuple of Output
         p of them.
     psd : (q,) array
         One-sided density of each disturbance [its unit squared per Hz].
@@ -48,7 +48,7 @@ class Stationary:
 
     plant: UncertainPlant
     alpha: Array
-    signals: tuple[Signal, ...]
+    signals: tuple[Output, ...]
     psd: Array
     rms: Array
 
@@ -62,7 +62,7 @@ def stationary(
     law: Any,
     alpha: Any,
     psd: Any,
-    signals: Sequence[Signal | str] | None = None,
+    signals: Sequence[Output | str] | None = None,
 ) -> Stationary:
     """Return the rms that white disturbances keep every signal at.
 
@@ -76,8 +76,8 @@ def stationary(
     psd : float or (q,) array
         One-sided density of each disturbance, independent of one another [unit squared per Hz];
         of a road's velocity, see `velocity_psd`.
-    signals : sequence of Signal or str, optional
-        Signals, or names of states and inputs; all states and inputs by default.
+    signals : sequence of Output or str, optional
+        Outputs, or names of the plant's signals; all states and inputs by default.
 
     Raises
     ------
@@ -88,7 +88,7 @@ def stationary(
     loops = close(plant, law, alpha)
     asked = choose(plant, signals)
     psd = _densities(psd, loops.E.shape[-1])
-    C, D = output_matrices(asked, loops.closed, loops.E, loops.K)
+    C, D = output_matrices(plant, asked, loops.alpha, loops.K)
     white = np.flatnonzero(np.any(D * psd, axis=(0, 2)))
     if len(white):
         raise InputError(
@@ -210,7 +210,7 @@ def _densities(psd: Any, q: int) -> Array:
 
 
 def _refuse_unstable(
-    loops: Loops, row: int, signals: Sequence[Signal], C: Array, pole: complex
+    loops: Loops, row: int, signals: Sequence[Output], C: Array, pole: complex
 ) -> None:
     """Raise for the loop of that row, naming the signals that keep it from being asked."""
     bound = []

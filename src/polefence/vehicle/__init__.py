@@ -4,6 +4,7 @@
 `compare` are named as the modules that they are in: here the name is the function.
 """
 
+from polefence.response.iso8608 import displacement_density, roughness, velocity_density
 from polefence.vehicle.comfort import Comfort, comfort, running_rms
 from polefence.vehicle.compare import NoLaw, compare, points, standard_laws
 from polefence.vehicle.comparison import Comparison, Row
@@ -22,16 +23,18 @@ from polefence.vehicle.driving.parts import (
 )
 from polefence.vehicle.driving.result import Drive
 from polefence.vehicle.estimate import Estimate, estimate
-from polefence.vehicle.iso8608 import displacement_density, random_road, roughness, velocity_density
 from polefence.vehicle.labels import comfort_reading, dose_reading, health_reading
 from polefence.vehicle.obstacles import bump, kerb, pothole
 from polefence.vehicle.profile import measured_road
+from polefence.vehicle.quarter_car import SIGNALS, quarter_car
+from polefence.vehicle.random_road import random_road
 from polefence.vehicle.recursion import Tuning
 from polefence.vehicle.reference_laws import Sizes, lqr, nominal, passive, skyhook
 from polefence.vehicle.road import Road
 from polefence.vehicle.vehicle import Masses, Ride, masses, ride
 
 __all__ = [
+    "SIGNALS",
     "Actuator",
     "BumpStops",
     "Comfort",
@@ -70,6 +73,7 @@ __all__ = [
     "passive",
     "points",
     "pothole",
+    "quarter_car",
     "random_road",
     "ride",
     "roughness",

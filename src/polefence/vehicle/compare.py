@@ -17,16 +17,16 @@ from polefence.design.place.placement import place
 from polefence.law.laws import check_alpha
 from polefence.lmi.conditions.methods import METHODS
 from polefence.plant.family import UncertainPlant
+from polefence.plant.outputs import output_matrices, states, weighted_sum
 from polefence.plant.points import edges, sample
 from polefence.plant.polynomial import Domain
 from polefence.plant.system import Array
 from polefence.region.regions import Disk
 from polefence.response.closed import close, point_text
-from polefence.response.signals import Signal, output_matrices
+from polefence.response.iso8608 import velocity_density
 from polefence.response.stationary import covariance, needed, unstable
 from polefence.response.weighting import WK
 from polefence.vehicle.comparison import Comparison
-from polefence.vehicle.iso8608 import velocity_density
 from polefence.vehicle.reference_laws import lqr, skyhook
 from polefence.vehicle.vehicle import masses, require_ride
 
@@ -54,7 +54,7 @@ def compare(
     Parameters
     ----------
     plant : UncertainPlant
-        A quarter car, known by the names of its states.
+        A quarter car.
     laws : mapping of str to law
         None (passive), a law, a design, a table of gains or an (m, n) array; or `NoLaw`.
     road : str
@@ -156,10 +156,13 @@ def _quantities(plant: UncertainPlant, law: Any, alpha: Array, density: float) -
     if loops.E.shape[-1] != 1:
         raise InputError(f"{plant.name} has {loops.E.shape[-1]} disturbances; a road is one")
     first, second = known.places[2:]
-    relative = Signal("velocity apart", "m/s", state={first: 1.0, second: -1.0})
+    velocities = states(plant)
+    relative = weighted_sum(
+        "velocity apart", "m/s", [(1, velocities[first]), (-1, velocities[second])]
+    )
     asked = (known.acceleration, known.tyre, known.travel, known.force, relative)
-    C, D = output_matrices(asked, loops.closed, loops.E, loops.K)
-    if np.any(D):
+    C, F = output_matrices(plant, asked, loops.alpha, loops.K)
+    if np.any(F):
         raise InputError(f"{plant.name}: the road reaches the acceleration unfiltered; check E")
     keep = needed(C, loops.closed)
     A, E, C = loops.closed[:, keep][:, :, keep], loops.E[:, keep], C[:, :, keep]

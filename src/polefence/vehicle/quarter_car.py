@@ -9,11 +9,28 @@ from __future__ import annotations
 
 from typing import Any
 
+from polefence.plant.vehicle import Vehicle
+
+# What names the plant's signals, and says that it is a car.
+SIGNALS: dict[str, Any] = {
+    "states": (
+        "suspension deflection [m]",
+        "tyre deflection [m]",
+        "sprung-mass velocity [m/s]",
+        "unsprung-mass velocity [m/s]",
+        "integral of suspension deflection [m s]",
+    ),
+    "inputs": ("actuator force [N]",),
+    "disturbances": ("road velocity [m/s]",),
+    "vehicle": Vehicle(),
+}
+
 
 def quarter_car(m1: Any, m2: Any, k: Any, kt: Any, c: Any) -> tuple[Any, Any, Any]:
     """Return A, B, E as nested lists for masses [kg], stiffnesses [N/m], damping [N s/m].
 
-    Works on any numbers that add, multiply and divide: floats, Fractions, rational functions.
+    `SIGNALS` are the names that go with them, as `UncertainPlant` takes them. Works on any numbers
+    that add, multiply and divide: floats, Fractions, rational functions.
     """
     A = [
         [0, 0, -1, 1, 0],

@@ -14,9 +14,8 @@ from typing import Any
 import numpy as np
 
 from polefence.plant.family import UncertainPlant
+from polefence.plant.outputs import Output, Signal, split
 from polefence.response.linear import final
-from polefence.response.signals import Signal, split
-from polefence.vehicle.vehicle import ride
 
 NOTHING = 1e-9  # of what a signal is a sum of: rounding
 GRADE = "a grade of 5 % at 20 m/s"  # of the road's velocity, 1 m/s
@@ -29,14 +28,15 @@ class Rest:
 
     Attributes
     ----------
-    source, signal : Signal
+    source : Signal
+    signal : Output
     low, high : float
         Over the points that were looked at, in the signal's unit; both zero where what is left is
         rounding.
     """
 
     source: Signal
-    signal: Signal
+    signal: Output
     low: float
     high: float
 
@@ -58,7 +58,7 @@ class Rest:
 
 
 def rests(
-    plant: UncertainPlant, law: Any, alpha: Any, signals: Sequence[Signal | str] | None = None
+    plant: UncertainPlant, law: Any, alpha: Any, signals: Sequence[Output | str] | None = None
 ) -> tuple[Rest, ...]:
     """Return where each disturbance leaves each signal; none for those that come to no rest.
 
@@ -67,7 +67,7 @@ def rests(
     law : None, Law, Design, GainTable or (m, n) array
     alpha : (count, N) array
         Points of the family; of a large plant the first of them.
-    signals : sequence of Signal or str, optional
+    signals : sequence of Output or str, optional
         All states and inputs by default.
 
     Raises
@@ -97,4 +97,4 @@ def held_words(plant: UncertainPlant, source: Signal) -> str:
 def is_grade(plant: UncertainPlant) -> bool:
     """Whether the one disturbance is the road's velocity under a car, in m/s."""
     roads = [split(name) for name in plant.disturbances]
-    return roads == [("road velocity", "m/s")] and ride(plant) is not None
+    return plant.vehicle is not None and roads == [(plant.vehicle.road, "m/s")]

@@ -1,6 +1,6 @@
 """A road: a broken line of height over distance, along which a wheel runs at constant speed.
 
-Where roads come from: `iso8608` (random), `obstacles`, `profile` (measured).
+Where roads come from: `random_road`, `obstacles`, `profile` (measured).
 """
 
 from __future__ import annotations

@@ -3,22 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
 
 import numpy as np
 
-from polefence.base.errors import InputError
 from polefence.plant.family import UncertainPlant
+from polefence.plant.outputs import Output, inputs, states
 from polefence.plant.system import Array
 from polefence.region.text import digits_down
 from polefence.response import linear
 from polefence.response.closed import close
 from polefence.response.grid import longest_step
 from polefence.response.result import Response
-from polefence.response.signals import Signal, inputs, states
 from polefence.vehicle.driving.assessment import GRAVITY, RUNS_AWAY
 from polefence.vehicle.driving.drive import drive
 from polefence.vehicle.driving.events import Event, spans, summary
@@ -196,13 +194,9 @@ def run(setup: Setup, law: Any, margins: Any = None) -> Run:
     return Run(setup, done.response(asked), tuple(more), done.events, notes, covered)
 
 
-def signals(plant: UncertainPlant) -> tuple[Signal, ...]:
-    """Return all states and inputs, and of a quarter car what its ride is judged by."""
-    known = ride(plant)
-    if known is None:
-        return (*states(plant), *inputs(plant))
-    tyre = () if known.tyre_force is None else (known.tyre_force,)
-    return (*states(plant), known.acceleration, known.unsprung, *tyre, *inputs(plant))
+def signals(plant: UncertainPlant) -> tuple[Output, ...]:
+    """Return all states, outputs and inputs."""
+    return (*states(plant), *plant.every_output, *inputs(plant))
 
 
 def _slow(setup: Setup, law: Any) -> list[str]:
@@ -221,13 +215,11 @@ def _contact(response: Response) -> list[Event]:
     plant, known = response.plant, ride(response.plant)
     if known is None:
         return []
-    with suppress(InputError):  # a plant of other signs: no masses, no weight
-        car = masses(plant, known, response.alpha)
-        weight = ((car.m1 + car.m2) * GRAVITY)[:, None]
-        force = weight + known.sense[1] * car.kt[:, None] * response.of(known.tyre.name)
-        words = "the tyre leaves the road, which the equations do not know"
-        return spans("road", force < 0, -force, response.time, lambda *_: words)
-    return []
+    car = masses(plant, known, response.alpha)
+    weight = ((car.m1 + car.m2) * GRAVITY)[:, None]
+    force = weight + known.sense[1] * car.kt[:, None] * response.of(known.tyre.name)
+    words = "the tyre leaves the road, which the equations do not know"
+    return spans("road", force < 0, -force, response.time, lambda *_: words)
 
 
 def _lost(response: Response) -> list[Event]:

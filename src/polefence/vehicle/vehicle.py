@@ -1,28 +1,14 @@
-"""A quarter car, known by its states: what its ride is judged by, its physics.
-
-Either sign of a deflection will do. Which one a plant has is read off its kinematic rows, exactly:
-the deflection of the suspension grows like x4 - x3 where compression is positive, like x3 - x4
-where extension is; that of the tyre like w - x4 or x4 - w, w being the road's velocity.
-"""
+"""Quarter cars: the signals by which their ride is judged, and their physics."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
-import numpy as np
-
 from polefence.base.errors import InputError
 from polefence.plant.family import UncertainPlant
+from polefence.plant.outputs import Output, inputs, states
 from polefence.plant.system import Array
-from polefence.response.signals import Signal, inputs, rate_of, split, states
-
-STATES = (
-    "suspension deflection",
-    "tyre deflection",
-    "sprung-mass velocity",
-    "unsprung-mass velocity",
-)
-FORCE = "actuator force"
+from polefence.plant.vehicle import ACCELERATION, TYRE_FORCE, UNSPRUNG
 
 
 @dataclass(frozen=True)
@@ -35,39 +21,40 @@ class Ride:
 
     Attributes
     ----------
-    travel : Signal
+    travel : Output
         Suspension deflection [m].
-    tyre : Signal
+    tyre : Output
         Tyre deflection [m].
-    acceleration : Signal
+    acceleration : Output
         Of the sprung mass [m/s2]: the rate of its velocity.
-    unsprung : Signal
+    unsprung : Output
         Acceleration of the unsprung mass [m/s2].
-    force : Signal
+    force : Output
         Of the actuator, up on the sprung mass and down on the unsprung [N].
-    tyre_force : Signal, optional
+    tyre_force : Output, optional
         Variation of the tyre's force on the road [N], kt times its compression; where the plant's
         matrices say kt, the same at every vertex.
     places : tuple of int
-        Numbers of the four `STATES` in the plant's state.
+        Numbers in the plant's state of suspension deflection, tyre deflection and the velocities of
+        sprung and unsprung mass.
     sense : tuple of int
         Of suspension and tyre: 1 where compression is positive, -1 where extension is.
     input : int
         Number of the actuator force among the inputs.
     """
 
-    travel: Signal
-    tyre: Signal
-    acceleration: Signal
-    unsprung: Signal
-    force: Signal
-    tyre_force: Signal | None
+    travel: Output
+    tyre: Output
+    acceleration: Output
+    unsprung: Output
+    force: Output
+    tyre_force: Output | None
     places: tuple[int, int, int, int]
     sense: tuple[int, int] = (1, 1)
     input: int = 0
 
     @property
-    def signals(self) -> tuple[Signal, ...]:
+    def signals(self) -> tuple[Output, ...]:
         """All of them, the variation of tyre force last and only where it is known."""
         known = (self.travel, self.tyre, self.acceleration, self.unsprung, self.force)
         return known if self.tyre_force is None else (*known, self.tyre_force)
@@ -95,14 +82,23 @@ class Masses:
 
 
 def ride(plant: UncertainPlant) -> Ride | None:
-    """Return the ride signals of a plant that is a quarter car, else None.
-
-    It has states named as `STATES`, with the kinematics of these. Upper and lower case, a hyphen or
-    a blank, "tyre" and "tire" are the same; units in brackets and further states do not matter. The
-    force is the input named "actuator force", or the only input there is.
-    """
-    found = _recognised(plant)
-    return None if isinstance(found, str) else found
+    """Return the ride signals of a plant that is described as a vehicle, else None."""
+    car = plant.vehicle
+    if car is None:
+        return None
+    places, number = car.places(plant), car.input(plant)
+    known = {output.name: output for output in plant.every_output}
+    return Ride(
+        travel=states(plant)[places[0]],
+        tyre=states(plant)[places[1]],
+        acceleration=known[ACCELERATION],
+        unsprung=known[UNSPRUNG],
+        force=inputs(plant)[number],
+        tyre_force=known.get(TYRE_FORCE),
+        places=places,
+        sense=car.sense,
+        input=number,
+    )
 
 
 def require_ride(plant: UncertainPlant) -> Ride:
@@ -111,98 +107,22 @@ def require_ride(plant: UncertainPlant) -> Ride:
     Raises
     ------
     InputError
-        If the plant is no quarter car, with what is missing.
+        If the plant is not described as a vehicle.
     """
-    found = _recognised(plant)
-    if isinstance(found, str):
-        raise InputError(f"{plant.name} is not known as a quarter car; {found}")
+    found = ride(plant)
+    if found is None:
+        raise InputError(
+            f"{plant.name} is not described as a vehicle; add a table [vehicle] with "
+            'model = "quarter car" to its spec'
+        )
     return found
 
 
-def _recognised(plant: UncertainPlant) -> Ride | str:
-    """Return the ride signals, or what is to be mended for them."""
-    names = [_plain(name) for name in plant.states]
-    number = _force_input(plant)
-    if number is None or any(names.count(_plain(wanted)) != 1 for wanted in STATES):
-        states_named = ", ".join(repr(name) for name in STATES)
-        return f"name four of its states {states_named}, and its only input or {FORCE!r}"
-    if plant.sample_time is not None:
-        return "it is in discrete time, and a car's equations are in continuous time"
-    first, second, third, fourth = (names.index(_plain(wanted)) for wanted in STATES)
-    suspension = _sense(plant, first, {third: -1, fourth: 1})
-    if not suspension:
-        return (
-            f"the row of {plant.states[first]!r} in A must be the difference of both velocities: "
-            "1 at one of them, -1 at the other, 0 elsewhere and in B and E"
-        )
-    tyre = _sense(plant, second, {fourth: -1}, road=True)
-    if not tyre:
-        return (
-            f"the row of {plant.states[second]!r} must be the road's velocity less that of the "
-            "unsprung mass: -1 in A there and 1 in E, or both signs the other way, 0 elsewhere"
-        )
-    places, known = (first, second, third, fourth), states(plant)
-    kt, force = _tyre_stiffness(plant, places, tyre, number), None
-    if kt is not None:
-        force = Signal("tyre force variation", "N", state={second: tyre * kt})
-    return Ride(
-        travel=known[first],
-        tyre=known[second],
-        acceleration=rate_of(known[third], "sprung-mass acceleration"),
-        unsprung=rate_of(known[fourth], "unsprung-mass acceleration"),
-        force=inputs(plant)[number],
-        tyre_force=force,
-        places=places,
-        sense=(suspension, tyre),
-        input=number,
-    )
-
-
-def _sense(
-    plant: UncertainPlant, place: int, compression: dict[int, int], road: bool = False
-) -> int:
-    """Return 1 where a deflection's row is that of its compression, -1 of its extension, else 0.
-
-    Exactly, at every vertex. With ``road`` its velocity may enter too, in any unit.
-    """
-    found = set()
-    for vertex in plant.vertices:
-        row, pushed = vertex.exact_A[place], vertex.exact_B[place]
-        entering = () if vertex.exact_E is None else tuple(w for w in vertex.exact_E[place] if w)
-        for sense in (1, -1):
-            wanted = [sense * compression.get(j, 0) for j in range(len(row))]
-            up = all(w * sense > 0 for w in entering) if road else not entering
-            if list(row) == wanted and up and not any(pushed):
-                found.add(sense)
-                break
-        else:
-            return 0
-    return found.pop() if len(found) == 1 else 0
-
-
 def masses(plant: UncertainPlant, known: Ride, alpha: Array) -> Masses:
-    """Return masses, stiffnesses and damping at points alpha (..., N), read off A and B.
-
-    With the force u up on the sprung and down on the unsprung mass,
-
-        m1 dx3/dt = k x1 + c (x4 - x3) + u,     m2 dx4/dt = -k x1 - c (x4 - x3) + kt x2 - u,
-
-    x1 and x2 being compression.
-
-    Raises
-    ------
-    InputError
-        If the force does not act so.
-    """
+    """Return masses, stiffnesses and damping at points alpha (..., N), read off A and B."""
     A, B = plant.at(alpha)
     first, second, third, fourth = known.places
-    up, down = B[..., third, known.input], B[..., fourth, known.input]
-    if not (np.all(up > 0) and np.all(down < 0)):
-        raise InputError(
-            f"{plant.name}: the force must act up on the sprung mass and down on the unsprung; "
-            "change its sign in B"
-        )
-    m1, m2 = 1 / up, -1 / down
+    m1, m2 = 1 / B[..., third, known.input], -1 / B[..., fourth, known.input]
     suspension, tyre = known.sense
     return Masses(
         m1,
@@ -211,28 +131,3 @@ def masses(plant: UncertainPlant, known: Ride, alpha: Array) -> Masses:
         m1 * A[..., third, fourth],
         tyre * m2 * A[..., fourth, second],
     )
-
-
-def _plain(name: str) -> str:
-    return split(name)[0].casefold().replace("-", " ").replace("tire", "tyre")
-
-
-def _force_input(plant: UncertainPlant) -> int | None:
-    names = [_plain(name) for name in plant.inputs]
-    if names.count(_plain(FORCE)) == 1:
-        return names.index(_plain(FORCE))
-    return 0 if plant.shape[1] == 1 else None
-
-
-def _tyre_stiffness(
-    plant: UncertainPlant, places: tuple[int, int, int, int], sense: int, number: int
-) -> float | None:
-    """Return kt = -A[4, 2] / B[4], of compression, where that is one positive number, exactly."""
-    found = set()
-    for vertex in plant.vertices:
-        down = vertex.exact_B[places[3]][number]
-        if not down:
-            return None
-        found.add(-sense * vertex.exact_A[places[3]][places[1]] / down)
-    kt = found.pop()
-    return None if found or kt <= 0 else float(kt)

@@ -22,12 +22,12 @@ from polefence.design.signals.sampled import sampled
 from polefence.design.signals.specification import InitialPeak, Rms
 from polefence.design.signals.text import load_specifications, parse_specification
 from polefence.lmi.conditions.performance import Output, Points, design
+from polefence.plant import outputs
 from polefence.plant.points import seeded
 from polefence.plant.polynomial import Domain
 from polefence.plant.spec import loads
 from polefence.proof.performance import is_semidefinite, prove_performance, read_performance
 from polefence.proof.work import FormatError
-from polefence.response.signals import Signal
 
 STAGE = """
 name = "stage"
@@ -42,7 +42,7 @@ B = [[0], [1]]
 E = [[0], [1]]
 """
 X0 = ((0.04, -0.01), (-0.01, 0.09))
-Y = Signal("y", "", {0: 2.0, 1: -1.0})
+Y = outputs.Output("y", C=[2, -1])
 
 
 @pytest.fixture(scope="module")

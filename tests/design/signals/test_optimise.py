@@ -25,10 +25,10 @@ from polefence.design.signals.sampled import sampled
 from polefence.design.signals.search import Origin
 from polefence.design.signals.specification import EnergyPeak, Gain, InitialPeak, RelativeRms, Rms
 from polefence.design.signals.task import Task
+from polefence.plant.outputs import Output, rate_of
 from polefence.plant.points import seeded
 from polefence.plant.spec import loads
 from polefence.proof.performance import read_performance
-from polefence.response.signals import Signal
 
 ONE = """
 name = "one state"
@@ -82,7 +82,7 @@ def designed(two):
         rms("x", 0.6),
         EnergyPeak("v", 0.9, 1.1),
         InitialPeak("force", 3.0, points=((0.3, 0.0), (0.1, -0.4)), impulse=0.5),
-        Gain(Signal("speed and force", "", {1: 1.0}, {}, {0: 0.125}), 3.0),
+        Gain(Output("speed and force", C=[0, 1], D=[0.125]), 3.0),
     ]
     return optimise(two, rms("force"), limits, HalfPlane(0.3) & Sector(0.2))
 
@@ -257,7 +257,7 @@ def test_samples_are_of_the_family(two):
 
 @pytest.mark.parametrize("method", ["quadratic", Scheduled(2, 0, "box"), Scheduled(1, 1)])
 def test_a_file_holds_the_numbers_that_were_proved(one, method, tmp_path):
-    third = Signal("a third", "", state={0: 1 / 3}, rate={}, input={0: 0.1})
+    third = Output("a third", C=[1 / 3], D=[0.1])
     limits = [
         InitialPeak("x", 2.0, ((0.1,),), 1.0),
         Gain("x", 3.0),
@@ -321,7 +321,7 @@ def test_plants_that_say_too_little_are_refused(one):
     with pytest.raises(InputError, match="an initial state has 1 numbers"):
         optimise(one, rms("force"), [InitialPeak("x", 1.0, ((1.0, 2.0),))])
     with pytest.raises(InputError, match="a disturbance passes straight into 'rate'"):
-        optimise(one, rms(Signal("rate", "", rate={0: 1.0})))
+        optimise(one, rms(rate_of(one, "x", "rate")))
     with pytest.raises(InputError, match="optimise goes with 'quadratic' and Scheduled"):
         optimise(one, rms("force"), method="slack")
 

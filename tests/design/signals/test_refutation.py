@@ -17,11 +17,11 @@ from polefence.design.signals.optimise import optimise
 from polefence.design.signals.refutation import refute_limits
 from polefence.design.signals.specification import Gain, RelativeRms, Rms, rows, signal_of
 from polefence.examples import spec_path
+from polefence.plant.outputs import Output
 from polefence.plant.spec import loads
 from polefence.proof.performance.refutation import prove_refutation
 from polefence.proof.work import FormatError
 from polefence.region.regions import HalfPlane
-from polefence.response.signals import Signal
 from polefence.vehicle import velocity_density
 
 RIDE = spec_path("quarter-car-ride")
@@ -185,12 +185,10 @@ def test_what_some_law_keeps_is_never_refuted(seed):
     if not B.any() or not E.any():
         return
     signals = [
-        Signal(
+        Output(
             f"y{i}",
-            "",
-            {int(random.integers(n)): 1.0},
-            {},
-            {int(random.integers(m)): float(random.integers(0, 2))},
+            C=np.eye(n)[random.integers(n)],
+            D=np.eye(m)[random.integers(m)] * random.integers(0, 2),
         )
         for i in range(3)
     ]

@@ -12,8 +12,8 @@ from polefence.design.signals.bounds import best_bound
 from polefence.design.signals.optimise import optimise
 from polefence.design.signals.sampled import agreed_bound, sampled
 from polefence.design.signals.specification import Gain, Rms
+from polefence.plant.outputs import Output
 from polefence.plant.points import seeded
-from polefence.response.signals import Signal
 
 SERVO = """
 name = "servo"
@@ -66,7 +66,7 @@ def test_a_nearly_optimal_law_is_proved_and_says_how_near():
     # the law, so that 1 is the infimum (maximum principle); only faster and faster laws come near.
     A, B, E = [[0.0, 1.0], [0.0, 0.0]], [[0.0], [1.0]], [[1.0], [0.0]]
     plant = UncertainPlant.from_vertices([A], [B], [E])
-    y = Signal("y", "", state={0: 1.0, 1: -1.0})
+    y = Output("y", C=[1, -1])
     done = optimise(plant, Gain(y))
     assert done.bounds[0].level * (1 + 1e-6) >= 1
     assert done.bounds[0].level <= 1.02

@@ -21,13 +21,13 @@ from polefence.design.signals.specification import (
 )
 from polefence.law.laws import FixedGain, Law
 from polefence.plant.family import UncertainPlant
+from polefence.plant.outputs import Output, inputs, padded, states
 from polefence.plant.system import Exact, System
-from polefence.response.signals import Signal, inputs, states
 
 
 def with_filter(
-    plant: UncertainPlant, signal: Signal, system: Sequence[Any], name: str
-) -> tuple[UncertainPlant, Signal]:
+    plant: UncertainPlant, signal: Output, system: Sequence[Any], name: str
+) -> tuple[UncertainPlant, Output]:
     """Return the plant with a filter on a signal below it, and the filtered signal.
 
     A law designed for it feeds back the filter's states too: the filter runs in the controller, on
@@ -63,11 +63,11 @@ def with_filter(
             System(_matrix(A), _matrix(B), None if E is None else _matrix(E), vertex.name)
         )
     names = (*(s.label for s in states(plant)), *(f"{name} state {i + 1}" for i in range(k)))
-    weights = {n + i: float(x) for i, x in enumerate(c[0])}
     if d[0][0]:
         raise InputError(f"the filter {name} has a direct way through it; give one without")
-    larger = replace(plant, vertices=tuple(vertices), states=names)
-    return larger, Signal(f"{signal.name}, {name}", signal.unit, state=weights)
+    outputs = tuple(padded(output, k) for output in plant.outputs)
+    larger = replace(plant, vertices=tuple(vertices), states=names, outputs=outputs)
+    return larger, Output(f"{signal.name}, {name}", signal.unit, C=[zero] * n + list(c[0]))
 
 
 def with_weights(
@@ -80,7 +80,7 @@ def with_weights(
     InputError
         If the plant has no such signal, or a disturbance passes straight into it.
     """
-    made: dict[tuple[str, str], Signal] = {}
+    made: dict[tuple[str, str], Output] = {}
     found: list[Specification] = []
     n = plant.shape[0]
     for own in specifications:
@@ -154,7 +154,19 @@ def with_actuator(plant: UncertainPlant, bandwidth: float) -> UncertainPlant:
         )
     names = tuple(s.label for s in states(plant)) + tuple(s.label for s in inputs(plant))
     demands = tuple(f"demand of {s.label}" for s in inputs(plant))
-    return replace(plant, vertices=tuple(vertices), states=names, inputs=demands)
+    outputs = []
+    for output in plant.outputs:
+        C, D, _ = output.exact(plant)
+        both = [(*c, *d) for c, d in zip(C, D, strict=True)]
+        outputs.append(replace(output, C=both, D=()))
+    return replace(
+        plant,
+        vertices=tuple(vertices),
+        states=names,
+        inputs=demands,
+        outputs=tuple(outputs),
+        vehicle=None,  # its force is no input any more
+    )
 
 
 def _matrix(lists: list[list[Fraction]]) -> Exact:

@@ -18,6 +18,7 @@ from polefence.design.signals.specification import rows
 from polefence.design.statement import ellipsoid_text, impulses_text, output_text, points_text
 from polefence.plant.family import UncertainPlant
 from polefence.plant.names import quoted
+from polefence.plant.outputs import Output
 from polefence.proof import placement, reading, work
 from polefence.proof.matrices import Rationals
 from polefence.proof.performance import (
@@ -36,8 +37,6 @@ from polefence.proof.performance import (
 )
 from polefence.proof.placement import Evidence
 from polefence.region.text import digits_down, digits_up
-from polefence.response.signals import Signal, inputs, states
-from polefence.vehicle.vehicle import ride
 
 FILE_NAME = "performance.json"
 
@@ -233,22 +232,10 @@ def statements(path: str | Path) -> tuple[str, ...]:
     return answer.claims[1:]  # the first is of the poles
 
 
-def signals_of(plant: UncertainPlant) -> tuple[Signal, ...]:
-    """Return the signals that a plant names: states, inputs, and of a quarter car those of ride."""
-    known = ride(plant)
-    return (*states(plant), *inputs(plant), *(known.signals if known else ()))
-
-
-def _known(plant: UncertainPlant) -> dict[str, Signal]:
+def _known(plant: UncertainPlant) -> dict[str, Output]:
     """Return the plant's signals whose names are no others' too."""
-    every = signals_of(plant)
-    known = {signal.name: signal for signal in every}
-    twice = {s.name for s in every if _weights(s) != _weights(known[s.name])}
-    return {name: signal for name, signal in known.items() if name not in twice}
-
-
-def _weights(signal: Signal) -> tuple[dict[int, float], ...]:
-    return signal.state, signal.rate, signal.input
+    names = [signal.name for signal in plant.signals]
+    return {signal.name: signal for signal in plant.signals if names.count(signal.name) == 1}
 
 
 def _is_named_so(plant: UncertainPlant, claim: PerformanceClaim) -> bool:

@@ -15,10 +15,10 @@ from polefence.law.laws import FixedGain, Law
 from polefence.lmi.conditions import performance as conditions
 from polefence.lmi.conditions.gain_norm import Norm
 from polefence.plant.family import UncertainPlant
+from polefence.plant.outputs import Output, Signal
 from polefence.plant.polynomial import Domain, bernstein, binomial, elevated, times
 from polefence.plant.system import Array
 from polefence.proof import performance as proof
-from polefence.response.signals import Signal
 
 # Of the proof's polynomials, one after the other, and how many coefficients they may have.
 ELEVATIONS, MOST = (0, 1, 2, 4, 8, 16), 3000
@@ -47,7 +47,7 @@ class GainNorm(Specification):
         If the limit or a unit is no positive number.
     """
 
-    signal: str | Signal = field(default_factory=lambda: Signal(proof.LAW, ""), init=False)
+    signal: str | Output | Signal = field(default_factory=lambda: Signal(proof.LAW, ""), init=False)
     at_most: float | None = None
     rows: tuple[float, ...] | None = None
     columns: tuple[float, ...] | None = None

@@ -24,12 +24,12 @@ from polefence.design.signals.specification import (
     signal_of,
 )
 from polefence.plant.family import UncertainPlant
+from polefence.plant.outputs import Output
 from polefence.plant.points import seeded
 from polefence.plant.system import Array
 from polefence.response.closed import close, gains
 from polefence.response.grid import MOST_CHOSEN
 from polefence.response.linear import frequency, simulate
-from polefence.response.signals import Signal
 from polefence.response.stationary import STABLE, stationary
 
 # Of a peak: time followed, of the slowest pole's time constant; step, of the fastest's.
@@ -126,19 +126,22 @@ def agreed_bound(plant: UncertainPlant, law: Any, bound: Bound) -> Bound | None:
 def _parts(plant: UncertainPlant, law: Any, own: Specification, alpha: Array) -> float:
     """Return the largest worst value of the signal's terms, each alone."""
     signal, found = signal_of(plant, own), [0.0]
-    for key in ("state", "rate", "input"):
-        for number, weight in getattr(signal, key).items():
-            one = Signal(signal.name, signal.unit, **{key: {number: weight}})
-            found.append(sampled(plant, law, replace(own, signal=one), alpha).worst)
+    for key in "CD":
+        rows = getattr(signal, key)
+        for k in range(len(rows[0]) if rows else 0):
+            alone = [[x if j == k else 0 for j, x in enumerate(row)] for row in rows]
+            if any(map(any, alone)):
+                one = Output(signal.name, signal.unit, **{key: alone})
+                found.append(sampled(plant, law, replace(own, signal=one), alpha).worst)
     return max(found)
 
 
-def _rms(plant: UncertainPlant, law: Any, own: Rms, signal: Signal, alpha: Array) -> Array:
+def _rms(plant: UncertainPlant, law: Any, own: Rms, signal: Output, alpha: Array) -> Array:
     return np.array(stationary(plant, law, alpha, own.density, [signal]).rms[:, 0])
 
 
 def _peaks(
-    plant: UncertainPlant, law: Any, own: InitialPeak, signal: Signal, alpha: Array
+    plant: UncertainPlant, law: Any, own: InitialPeak, signal: Output, alpha: Array
 ) -> Array:
     if not own.impulse and any(vertex.E is None for vertex in plant.vertices):
         plant = _moved_by_nothing(plant)
@@ -174,7 +177,7 @@ def _moved_by_nothing(plant: UncertainPlant) -> UncertainPlant:
     """Return the plant with a disturbance that does not enter: responses from states need none."""
     zero = tuple((Fraction(0),) for _ in range(plant.shape[0]))
     vertices = tuple(replace(vertex, exact_E=zero) for vertex in plant.vertices)
-    return replace(plant, vertices=vertices, disturbances=())
+    return replace(plant, vertices=vertices, disturbances=(), outputs=(), vehicle=None)
 
 
 def _axes(own: InitialPeak) -> Array:
@@ -188,7 +191,7 @@ def _axes(own: InitialPeak) -> Array:
     return np.asarray((scale[:, None] * vectors * np.sqrt(np.maximum(values, 0.0))).T)
 
 
-def _gains(plant: UncertainPlant, law: Any, signal: Signal, alpha: Array) -> Array:
+def _gains(plant: UncertainPlant, law: Any, signal: Output, alpha: Array) -> Array:
     stationary(plant, law, alpha, 1.0, [signal])  # refuses what is not stable
     poles = np.abs(close(plant, law, alpha).poles())
     low, high = poles[poles > STABLE * poles.max()].min() / 10, 10 * poles.max()

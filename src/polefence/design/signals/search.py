@@ -38,11 +38,11 @@ from polefence.lmi.solve.radius import typical_rate
 from polefence.lmi.solve.regulated import regulators
 from polefence.lmi.solve.scaling import balanced
 from polefence.lmi.solve.singular import singular_is_failure
+from polefence.plant.outputs import inputs
 from polefence.plant.points import seeded
 from polefence.region.regions import HalfPlane, Region, Sector
 from polefence.region.speed import bounded, bounds_speed
 from polefence.response.closed import close
-from polefence.response.signals import inputs
 
 ROUNDS, FINEST = 5, 1 / 64  # of designs for shares of the region's parts; step of such a share
 FINE = 2e-4  # a law outside the region that is better by less shows that nothing is to be gained

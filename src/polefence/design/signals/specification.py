@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 from fractions import Fraction
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 
@@ -13,15 +13,14 @@ from polefence.base.errors import InputError, suggest
 from polefence.design.signals.baseline import Baseline, baseline
 from polefence.lmi.conditions import performance as conditions
 from polefence.plant.family import UncertainPlant
+from polefence.plant.outputs import Output, Signal
 from polefence.plant.polynomial import Domain, Polynomial
 from polefence.plant.system import Array
 from polefence.proof import performance as proof
 from polefence.proof.matrices import Rationals
 from polefence.proof.placement import Evidence, Law
 from polefence.region.regions import exactly
-from polefence.response.signals import Signal, inputs, pick, states
 from polefence.response.weighting import WF, WK
-from polefence.vehicle.vehicle import ride
 
 WEIGHTS = {"Wk": WK, "Wf": WF}
 
@@ -32,8 +31,8 @@ class Specification:
 
     Attributes
     ----------
-    signal : str or Signal
-        A state, an input, or of a quarter car one of its ride signals.
+    signal : str or Output
+        A state, an input or an output.
     at_most : float, optional
         In the signal's unit.
 
@@ -43,7 +42,7 @@ class Specification:
         If the limit is no positive number.
     """
 
-    signal: str | Signal
+    signal: str | Output | Signal
     at_most: float | None = None
 
     def __post_init__(self) -> None:
@@ -84,7 +83,7 @@ class Rms(Specification):
     ----------
     density : float
         One-sided density of the disturbance [its unit squared per Hz]; of a road's velocity see
-        `polefence.vehicle.iso8608.velocity_density`.
+        `polefence.vehicle.velocity_density`.
     weight : str, optional
         "Wk" or "Wf" of ISO 2631-1: the rms of the signal so weighted.
         `polefence.design.signals.optimise` puts the filter into the plant.
@@ -310,7 +309,7 @@ def disturbance(plant: UncertainPlant) -> Array:
     return np.stack([E for E in found if E is not None])
 
 
-def signal_of(plant: UncertainPlant, specification: Specification) -> Signal:
+def signal_of(plant: UncertainPlant, specification: Specification) -> Output:
     """Return the signal that a specification names.
 
     Raises
@@ -318,14 +317,13 @@ def signal_of(plant: UncertainPlant, specification: Specification) -> Signal:
     InputError
         If there is none of that name.
     """
-    if isinstance(specification.signal, Signal):
-        return specification.signal
-    known = ride(plant)
-    every = (*states(plant), *inputs(plant), *(known.signals if known else ()))
-    return pick(every, specification.signal)
+    signal = specification.signal
+    if isinstance(signal, str):
+        return plant.signal(signal)
+    return cast(Output, signal)  # of the norm of a gain a name alone
 
 
-def rows(plant: UncertainPlant, signal: Signal) -> tuple[list[Rationals], list[Rationals]]:
+def rows(plant: UncertainPlant, signal: Output) -> tuple[list[Rationals], list[Rationals]]:
     """Return C and D of the signal at every vertex, exactly.
 
     Raises
@@ -333,20 +331,10 @@ def rows(plant: UncertainPlant, signal: Signal) -> tuple[list[Rationals], list[R
     InputError
         If a disturbance passes straight into it.
     """
-    n, m = plant.shape
-    C, D = list[Rationals](), list[Rationals]()
-    for vertex in plant.vertices:
-        c = [Fraction(signal.state.get(j, 0.0)) for j in range(n)]
-        d = [Fraction(signal.input.get(j, 0.0)) for j in range(m)]
-        for i, weight in signal.rate.items():
-            w = Fraction(weight)
-            c = [x + w * a for x, a in zip(c, vertex.exact_A[i], strict=True)]
-            d = [x + w * b for x, b in zip(d, vertex.exact_B[i], strict=True)]
-            if vertex.exact_E is not None and any(vertex.exact_E[i]):
-                raise InputError(f"a disturbance passes straight into {signal.name!r}")
-        C.append([c])
-        D.append([d])
-    return C, D
+    if signal.F:
+        raise InputError(f"a disturbance passes straight into {signal.name!r}")
+    C, D, _ = signal.exact(plant)
+    return [[list(row)] for row in C], [[list(row)] for row in D]
 
 
 def floats(matrices: list[Rationals]) -> Array:

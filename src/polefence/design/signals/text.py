@@ -22,7 +22,7 @@ from polefence.design.signals.specification import (
 )
 from polefence.plant.spec import specification_tables
 from polefence.proof.performance import LAW
-from polefence.vehicle.iso8608 import velocity_density
+from polefence.response.iso8608 import velocity_density
 
 # The keys that each kind takes besides kind, signal, at_most and minimise.
 KINDS: dict[str, tuple[str, ...]] = {

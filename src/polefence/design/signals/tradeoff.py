@@ -28,7 +28,6 @@ from polefence.plant.points import seeded
 from polefence.plant.polynomial import Domain
 from polefence.region.regions import HalfPlane, Region
 from polefence.vehicle.reference_laws import lqr, passive, skyhook
-from polefence.vehicle.vehicle import ride
 
 MAX_VALUES = 1000
 REFERENCES = {"passive": passive, "skyhook": skyhook, "LQR": lqr}
@@ -107,7 +106,7 @@ def tradeoff(
 
 def references(asked: Asked) -> Iterator[Row]:
     """Yield reference laws of a quarter car, those with bounded values over all the family."""
-    if ride(asked.plant) is None:
+    if asked.plant.vehicle is None:
         return
     alpha = seeded(asked.plant, SAMPLES)
     for name, law_of in REFERENCES.items():

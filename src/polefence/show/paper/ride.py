@@ -15,17 +15,17 @@ import numpy as np
 
 from polefence.design.design import Design
 from polefence.plant.family import UncertainPlant
+from polefence.plant.outputs import Output, states
 from polefence.plant.points import edges, inside, sample
 from polefence.plant.polynomial import Domain
 from polefence.plant.system import Array
 from polefence.response import bands
+from polefence.response.iso8608 import velocity_density
 from polefence.response.linear import frequency, impulse, step
 from polefence.response.result import Frequency, Response
-from polefence.response.signals import Signal, states
 from polefence.response.weighting import WF, WK
 from polefence.show.paper.study import DISK
 from polefence.show.paper.tables import number, table
-from polefence.vehicle.iso8608 import velocity_density
 from polefence.vehicle.vehicle import require_ride
 
 CLASS, SPEED = "C", 20.0  # road class, [m/s]
@@ -94,7 +94,7 @@ def ride_of(design: Design) -> Ride:
     )
 
 
-def _gain(plant: UncertainPlant, law: Any, alpha: Array, acceleration: Signal) -> Array:
+def _gain(plant: UncertainPlant, law: Any, alpha: Array, acceleration: Output) -> Array:
     nodes, _ = bands.quadrature()
     return frequency(plant, law, alpha, nodes, [acceleration]).gain[:, :, 0, 0]  # type: ignore[return-value]
 

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from polefence.plant.outputs import Signal
 from polefence.plant.system import Array
 from polefence.response.result import Frequency, Response
-from polefence.response.signals import Signal
 from polefence.show.plots.plots import new_grid
 
 if TYPE_CHECKING:

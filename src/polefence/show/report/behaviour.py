@@ -10,15 +10,14 @@ import numpy as np
 from polefence.base.errors import InputError
 from polefence.design.design import Design
 from polefence.plant.family import UncertainPlant
+from polefence.plant.outputs import Output, inputs, states
 from polefence.response.linear import step
-from polefence.response.signals import Signal, inputs, states
 from polefence.show.plots.response import responses_figure
 from polefence.show.report.section import Section, Table
 from polefence.vehicle.compare import Comparison, compare, points
 from polefence.vehicle.labels import comfort_reading
 from polefence.vehicle.reference_laws import lqr, skyhook
 from polefence.vehicle.rest import GRADE, is_grade, rests
-from polefence.vehicle.vehicle import ride
 
 SHARES = (0.05, 0.02)
 OURS = "this design"
@@ -27,10 +26,10 @@ TITLE = "Comfort, grip and force on a road"
 
 def responses(design: Design) -> Section | None:
     """Return step responses; None for a plant in discrete time."""
-    plant, known = design.plant, ride(design.plant)
+    plant = design.plant
     if plant.sample_time is not None:
         return None
-    signals = [*states(plant), *inputs(plant)] + ([known.acceleration] if known else [])
+    signals = [*states(plant), *inputs(plant), *plant.every_output]
     source = None if all(v.E is not None for v in plant.vertices) else inputs(plant)[0].name
     alpha = points(plant)
     try:
@@ -59,7 +58,7 @@ def responses(design: Design) -> Section | None:
     )
 
 
-def _left(design: Design, alpha: Any, signals: Sequence[Signal]) -> dict[str, str]:
+def _left(design: Design, alpha: Any, signals: Sequence[Output]) -> dict[str, str]:
     """Return what a unit of the first disturbance leaves of each signal, by name."""
     found = rests(design.plant, design, alpha, signals)
     return {rest.signal.name: rest.span for rest in found if rest.source == found[0].source}
@@ -83,7 +82,7 @@ def _seconds(value: float) -> str:
 def comfort(design: Design, road: str, speed: float) -> Section | None:
     """Return the ride of a quarter car beside other laws; None for any other plant."""
     plant = design.plant
-    if ride(plant) is None or any(v.E is None for v in plant.vertices):
+    if plant.vehicle is None or any(v.E is None for v in plant.vertices):
         return None
     laws = {"passive": None, "skyhook": skyhook(plant), "LQR": lqr(plant), OURS: design}
     found = compare(plant, laws, road, speed)

@@ -16,10 +16,10 @@ from polefence.lmi.conditions.methods import METHODS
 from polefence.plant.family import UncertainPlant
 from polefence.region.regions import Disk
 from polefence.region.text import digits_down, digits_up, short_text
+from polefence.response.iso8608 import velocity_density
 from polefence.show.plots.plots import limits_figure, poles_figure, sampled
 from polefence.show.report.behaviour import OURS, comfort, responses
 from polefence.show.report.section import Section, Table
-from polefence.vehicle.iso8608 import velocity_density
 
 # Centres of the limits curve, as multiples of the design's own.
 CENTRES = tuple(np.geomspace(0.25, 2.5, 13))

@@ -99,8 +99,7 @@ def _contact(model: Model, own: Record) -> list[tuple[str, Any, Array, str]]:
     if known is None or known.tyre_force is None:
         return []
     force = own.mass * GRAVITY
-    for index, kt in known.tyre_force.state.items():
-        force = force + kt * own.states[..., index]
+    force = force + own.states @ known.tyre_force.arrays(model.plant)[0][0]
     text = "the tyre leaves the road, which the equations do not know"
     return [("road", force < 0, -force, text)]
 

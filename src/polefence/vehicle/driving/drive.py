@@ -36,7 +36,7 @@ from polefence.vehicle.driving.setup import multiple, read_grid, read_start, req
 from polefence.vehicle.driving.trajectories import Courses, read_courses
 from polefence.vehicle.estimate import Estimate, collected
 from polefence.vehicle.recursion import estimator
-from polefence.vehicle.vehicle import Ride, masses, require_ride, ride
+from polefence.vehicle.vehicle import Ride, require_ride, ride
 
 ESTIMATOR_PERIOD = 0.005  # [s]
 
@@ -129,8 +129,9 @@ def drive(
     events, notes, covered = judged(model, own, claims, scheduled)
     notes = (*notes, *throughout(model, sampling, learned.learner if learned else None))
     return Drive(
-        plant, grid.times, own.states, own.rates, own.demanded, own.applied, own.stops,
-        own.parameters, own.used, events, notes, covered, learned.estimate() if learned else None,
+        plant, grid.times, own.states, own.rates, own.demanded, own.applied, own.disturbance,
+        own.stops, own.parameters, own.used, events, notes, covered,
+        learned.estimate() if learned else None,
     )  # fmt: skip
 
 
@@ -148,9 +149,7 @@ def _vehicle(plant: UncertainPlant, needed: bool) -> Ride | None:
     """Return the ride of a plant that is a quarter car; refuse another where one is needed."""
     if not needed:
         return ride(plant)
-    known = require_ride(plant)
-    masses(plant, known, np.eye(len(plant.vertices)))  # refuses a force of the other sign
-    return known
+    return require_ride(plant)
 
 
 def _source(

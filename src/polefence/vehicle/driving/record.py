@@ -19,7 +19,8 @@ CHUNK = 4_000_000  # numbers held at once
 class Record:
     """Arrays (count, time, ...) at all instants; see `driving.result.Drive`.
 
-    ``mass`` [kg] is what rests on the tyre of a quarter car, infinite where that is not known.
+    ``disturbance`` (time, q) is that of the step which begins at an instant; ``mass`` [kg] is what
+    rests on the tyre of a car, infinite for any other plant.
     """
 
     states: Array
@@ -30,6 +31,7 @@ class Record:
     parameters: Array
     used: Array
     mass: Array
+    disturbance: Array
 
 
 def record(model: Model, marched: Marched, reading: Reading | None) -> Record:
@@ -69,13 +71,15 @@ def record(model: Model, marched: Marched, reading: Reading | None) -> Record:
             i, sense = model.known.places[0], model.known.sense[0]
             stops[part] = model.stops.force(sense * x[part, :, i], sense * rates[part, :, i])
             rates[part] += stops[part, :, None] * B[..., :, model.known.input]
+    every = np.arange(total)
+    last = np.minimum(every, grid.steps - 1)
+    times = np.where(every > last, grid.steps - INSIDE, every + INSIDE) * grid.step
     arrays = (x, rates, demanded, applied, stops, true, used, mass)
-    return Record(*(np.swapaxes(v, 0, 1) for v in arrays))
+    swapped = [np.swapaxes(v, 0, 1) for v in arrays]
+    return Record(*swapped, grid.disturbance(times, last))
 
 
 def _mass(model: Model, known: Ride, B: Array) -> Array:
     """Return both masses together, as the force's entries in B say them; the first load's."""
     up, down = (B[..., known.places[i], known.input] for i in (2, 3))
-    right = (up > 0) & (down < 0)
-    m1, m2 = (1 / np.where(right, each, 1.0) for each in (up, -down))
-    return np.where(right, (model.first_load if model.gravity else m1) + m2, np.inf)
+    return np.asarray((model.first_load if model.gravity else 1 / up) - 1 / down)

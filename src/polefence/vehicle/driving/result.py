@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 
 from polefence.plant.family import UncertainPlant
+from polefence.plant.outputs import Output, choose, rate_place
 from polefence.plant.system import Array
 from polefence.region.text import digits_down
 from polefence.response.result import Response
-from polefence.response.signals import Signal, choose
 from polefence.vehicle.driving.events import Event, summary
 from polefence.vehicle.driving.trajectories import Space
 from polefence.vehicle.estimate import Estimate
@@ -31,6 +31,8 @@ class Drive:
         x and dx/dt; at an instant where something jumps, just after it.
     demanded, applied : (count, time, m) arrays
         What the law asked of the inputs, and what the actuators gave.
+    disturbance : (time, q) array
+        The road's velocity, or what else was given; over a step that begins there.
     stop_force : (count, time) array
         Of the bump stops, up on the sprung mass [N].
     parameters, used : (count, time, q) arrays
@@ -53,6 +55,7 @@ class Drive:
     rates: Array
     demanded: Array
     applied: Array
+    disturbance: Array
     stop_force: Array
     parameters: Array
     used: Array
@@ -85,10 +88,11 @@ class Drive:
         """Return one state or input as it was applied, by its name, (count, time)."""
         return self.response([name]).values[:, :, 0]
 
-    def response(self, signals: Sequence[Signal | str] | None = None) -> Response:
+    def response(self, signals: Sequence[Output | str] | None = None) -> Response:
         """Return signals over time, states and inputs by default.
 
-        Inputs are the applied ones, rates of change those with the stops in them. The result's
+        Inputs are the applied ones. An output that is the rate of change of a state, such as an
+        acceleration, has the force of stops and the weight of a changed load in it. The result's
         alpha is that of the first instant.
 
         Raises
@@ -97,12 +101,23 @@ class Drive:
             If a name is unknown.
         """
         asked = choose(self.plant, signals)
-        values = np.zeros((*self.states.shape[:2], len(asked)))
-        for p, signal in enumerate(asked):
-            for kind, source in (
-                ("state", self.states), ("rate", self.rates), ("input", self.applied),
-            ):  # fmt: skip
-                for index, weight in getattr(signal, kind).items():
-                    values[..., p] += weight * source[..., index]
+        values = np.stack([self._values(output) for output in asked], axis=-1)
         alpha = Space(self.plant).alpha(self.parameters[:, 0])
         return Response(self.plant, alpha, self.time, asked, values)
+
+    def _values(self, output: Output) -> Array:
+        """Return an output over time, (count, time)."""
+        place = rate_place(self.plant, output)
+        if place is not None:
+            return self.rates[..., place]
+        found, alpha = np.zeros(self.states.shape[:2]), None
+        sources = self.states, self.applied, self.disturbance[None]
+        for rows, own, source in zip(
+            (output.C, output.D, output.F), output.arrays(self.plant), sources, strict=True
+        ):
+            if len(rows) == 1:
+                found += source @ own[0]
+            elif rows:
+                alpha = Space(self.plant).alpha(self.parameters) if alpha is None else alpha
+                found += np.einsum("...j,...j->...", alpha @ own, source)
+        return found

@@ -11,16 +11,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from polefence import Disk, UncertainPlant, place
+from polefence import Disk, load, place
 from polefence.cli.drive_output import panels_of
 from polefence.cli.main import main
 from polefence.examples import spec_text
 from polefence.plant.spec import dumps
 from polefence.response.export import Table, write_table
-from polefence.response.linear import simulate
+from polefence.response.linear import impulse, simulate, step
 from polefence.show.plots.drive import Panel, signals_figure
 from polefence.vehicle.comfort import comfort
 from polefence.vehicle.driving.parts import Jump
+from polefence.vehicle.excitation import on_road
 from polefence.vehicle.obstacles import pothole
 from polefence.vehicle.random_road import random_road
 from polefence.vehicle.run import Setup, run, signals
@@ -66,6 +67,11 @@ def rows(path):
         return list(csv.reader(file))
 
 
+def table(path):
+    """The numbers of a CSV file, without its first row."""
+    return np.array(rows(path)[1:], dtype=float)
+
+
 def test_csv_has_time_and_every_signal_exactly(car, physical, design, capsys):
     words = ["simulate", "car", *ROAD, "--seed", "3", "--set", "m1=300", "--set", "beta = 2"]
     out = ran(capsys, *words, "-o", "out/drive.csv", "--json", "drive.json")
@@ -82,7 +88,7 @@ def test_csv_has_time_and_every_signal_exactly(car, physical, design, capsys):
     theirs = simulate(physical, design, alpha, np.append(w, w[-1]), 1e-3, asked, hold="held")
     size = np.abs(theirs.values[0]).max(axis=0)
     assert np.abs((values[:, 3:] - theirs.values[0]) / size).max() < 1e-12
-    setup = Setup(physical, road, 20.0, duration=2.0, parameters={"m1": 300, "beta": 2})
+    setup = Setup(physical, on_road(physical, road, 20.0, 1e-3, 2.0), {"m1": 300, "beta": 2})
     assert np.array_equal(values[:, 3:], run(setup, design).response.values[0])
     assert np.array_equal(values[:, 0], theirs.time)
     assert np.allclose(np.diff(values[:, 1]), values[:-1, 2] * 1e-3, atol=1e-15)
@@ -175,7 +181,7 @@ def test_estimates_are_told_to_the_law_and_written(car, capsys):
 
 
 def test_estimates_stand_beside_the_truth_in_the_figure(physical, design):
-    setup = Setup(physical, pothole(0.06, 0.4), 8.0, duration=0.1, estimate=True)
+    setup = Setup(physical, on_road(physical, pothole(0.06, 0.4), 8.0, 1e-3, 0.1), estimate=True)
     runs = {"a": run(setup, design), "b": run(setup, None)}
     curves = {panel.label: tuple(panel.curves) for panel in panels_of(setup, runs)}
     assert curves["m1, true and estimated [kg]"] == ("", "a", "b")
@@ -219,7 +225,8 @@ def test_a_loop_that_runs_away_is_written_as_it_is(car, capsys):
 def test_exact_and_stepped_agree_and_see_the_same_contact(physical, design):
     """What is not needed is not solved another way: the equations are the same."""
     for law in (None, design):
-        setup = Setup(physical, pothole(0.06, 0.4, before=0.5, after=20), 8.0, duration=1.0)
+        hole = pothole(0.06, 0.4, before=0.5, after=20)
+        setup = Setup(physical, on_road(physical, hole, 8.0, 1e-3, 1.0))
         exact, stepped = run(setup, law), run(replace(setup, outside=True), law)
         assert setup.exact
         assert not replace(setup, outside=True).exact
@@ -233,12 +240,12 @@ def test_exact_and_stepped_agree_and_see_the_same_contact(physical, design):
 
 
 def test_what_is_not_exact(physical):
-    road = pothole(0.06, 0.4)
-    assert Setup(physical, road, 8.0, parameters={"m1": 250, "beta": 1}).exact
-    moving = Setup(physical, road, 8.0, parameters={"m1": Jump(1, 250, 340), "beta": 1})
+    moved = on_road(physical, pothole(0.06, 0.4), 8.0, 1e-3)
+    assert Setup(physical, moved, {"m1": 250, "beta": 1}).exact
+    moving = Setup(physical, moved, {"m1": Jump(1, 250, 340), "beta": 1})
     assert not moving.exact
     assert not moving.still
-    assert not Setup(physical, road, 8.0, estimate=True).still
+    assert not Setup(physical, moved, estimate=True).still
 
 
 def test_designs_without_a_proof_here_are_said_to_prove_nothing(car, physical, capsys):
@@ -266,34 +273,142 @@ def test_a_plant_of_vertices_takes_weights(tmp_path, physical, monkeypatch, caps
     assert "no parameters that could move" in error
 
 
-def test_any_plant_with_a_road_is_simulated(tmp_path, monkeypatch, capsys):
-    monkeypatch.chdir(tmp_path)
-    plant = UncertainPlant.from_vertices(
-        [[[-1, 2], [-2, -1]], [[-2, 2], [-2, -1]]], [[[0], [1]]] * 2, [[[1], [0]]] * 2
-    )
-    Path("p.toml").write_text(dumps(plant))
-    out = ran(capsys, "simulate", "p.toml", *ROAD, "-o", "p.csv", "--plot", "p.svg")
-    assert "<svg" in Path("p.svg").read_text()
-    assert "comfort: not evaluated (the plant is not described as a vehicle)" in out
-    assert rows("p.csv")[0][3:] == ["x1", "x2", "u1"]
-    assert "not described as a vehicle" in refused(
-        capsys, "simulate", "p.toml", *ROAD, "--law", "lqr"
-    )
+STAGE = """
+name = "stage"
+states = ["x [m]", "v [m/s]"]
+inputs = ["pull [N]"]
+disturbances = ["push [N]", "drift [m/s]"]
+[outputs]
+"acceleration [m/s2]" = {C = ["-k", "-0.4"], D = [1], F = [1, 0]}
+[parameter.k]
+range = [1, 3]
+[matrices]
+A = [[0, 1], ["-k", -0.4]]
+B = [[0], [1]]
+E = [[0, 1], [1, 0]]
+"""
 
 
-def test_a_road_under_what_is_no_car_is_said_to_be_one(tmp_path, monkeypatch, capsys):
+@pytest.fixture
+def stage(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    push = 'states = ["x [m]"]\ninputs = ["u [N]"]\ndisturbances = ["push [N]"]\n'
-    Path("p.toml").write_text(push + "[matrices]\nA = [[-1]]\nB = [[1]]\nE = [[1]]\n")
-    note = "note: a road's velocity in m/s stands for 'push' in N, number for number"
-    assert note in ran(capsys, "simulate", "p.toml", *ROAD)
-    Path("p.toml").write_text(
-        push.replace('N]"]', 'm/s]"]') + "[matrices]\nA = [[-1]]\nB = [[1]]\nE = [[1]]\n"
-    )
-    assert "number for number" not in ran(capsys, "simulate", "p.toml", *ROAD)
-    Path("p.toml").write_text("[matrices]\nA = [[-1]]\nB = [[1]]\nE = [[1, 2]]\n")
-    said = refused(capsys, "simulate", "p.toml", *ROAD)
-    assert "has 2 disturbances, and a road is one" in said
+    Path("stage.toml").write_text(STAGE)
+    return load("stage.toml")
+
+
+def test_steps_impulses_and_initial_states_move_any_plant(stage, capsys):
+    words = ("simulate", "stage.toml", "--set", "k=2", "--duration", "5", "--step", "0.01")
+    K = [[-1.0, -1.0]]
+    alpha = stage.alpha(k=2)
+    said = ran(capsys, *words, "--law", json.dumps(K), "--step-in", "push=2", "-o", "s.csv")
+    assert "step of push" in said
+    assert "comfort" not in said
+    assert rows("s.csv")[0] == [
+        "time [s]", "push [N]", "drift [m/s]", "x [m]", "v [m/s]", "acceleration [m/s2]",
+        "pull [N]",
+    ]  # fmt: skip
+    names = ["x", "v", "acceleration", "pull"]
+    given = {"signals": names, "duration": 5.0, "step": 0.01}
+    found = table("s.csv")
+    theirs = step(stage, np.array(K), alpha, source="push", **given)
+    assert found[:, 3:] == pytest.approx(2 * theirs.values[0], rel=1e-9, abs=1e-12)
+    ran(capsys, *words, "--law", json.dumps(K), "--impulse-in", "drift=0.5", "-o", "i.csv")
+    theirs = impulse(stage, np.array(K), alpha, source="drift", **given)
+    assert table("i.csv")[:, 3:] == pytest.approx(0.5 * theirs.values[0], rel=1e-9, abs=1e-12)
+    ran(capsys, *words, "--law", json.dumps(K), "--initial", "x=0.1", "--initial", "v=-1",
+        "-o", "x.csv")  # fmt: skip
+    still = np.zeros((501, 2))
+    theirs = simulate(stage, np.array(K), alpha, still, 0.01, names, start=[0.1, -1.0])
+    assert table("x.csv")[:, 3:] == pytest.approx(theirs.values[0], rel=1e-9, abs=1e-12)
+    # all of it adds up, for the plant is linear
+    ran(capsys, *words, "--law", json.dumps(K), "--initial", "x=0.1", "--initial", "v=-1",
+        "--step-in", "push=2", "--impulse-in", "drift=0.5", "-o", "all.csv")  # fmt: skip
+    parts = sum(table(f"{name}.csv")[:, 3:] for name in "six")
+    assert table("all.csv")[:, 3:] == pytest.approx(parts, rel=1e-9, abs=1e-12)
+
+
+def test_recorded_disturbances_come_by_name(stage, capsys):
+    Path("push.csv").write_text("time [s],push [N]\n0,0\n0.5,1\n2,1\n")
+    ran(capsys, "simulate", "stage.toml", "--input", "push.csv", "--step", "0.05", "-o", "o.csv")
+    time = 0.05 * np.arange(41)
+    w = np.stack([np.minimum(time / 0.5, 1), 0 * time], axis=1)
+    names = ["x", "v", "acceleration", "pull"]
+    theirs = simulate(stage, None, stage.alpha(k=2), w, 0.05, names)
+    found = table("o.csv")
+    assert found[:, 1:3] == pytest.approx(w, abs=1e-12)
+    assert found[:, 3:] == pytest.approx(theirs.values[0], rel=1e-9, abs=1e-12)
+
+
+def test_what_moves_and_saturates_is_followed_for_any_plant(stage, capsys):
+    said = ran(
+        capsys, "simulate", "stage.toml", "--law", "[[-5, -3]]", "--initial", "x=1", "--duration",
+        "2", "--force-limit", "0.5", "--drift", "k=3@0..1", "-o", "d.csv",
+    )  # fmt: skip
+    assert "demanded of an actuator that gives 0.5" in said
+    x, v, a, u, k = (table("d.csv")[:, i] for i in (3, 4, 5, 6, 8))
+    assert a == pytest.approx(-k * x - 0.4 * v + u, rel=1e-9)
+    assert np.abs(u).max() == 0.5
+
+
+def test_a_plant_without_disturbance_comes_from_its_initial_state(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    Path("p.toml").write_text("[matrices]\nA = [[-1]]\nB = [[1]]\n")
+    said = ran(capsys, "simulate", "p.toml", "--initial", "x1=2", "-o", "p.csv", "--plot", "p.svg")
+    assert "10 s in steps of 0.01 s" in said
+    assert table("p.csv")[:, 1] == pytest.approx(2 * np.exp(-table("p.csv")[:, 0]), rel=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (ROAD, "stage is not described as a vehicle, and a road is for one"),
+        ((), "nothing moves the plant: give --step-in"),
+        (("--step-in", "gust=1"), "no disturbance of stage is called 'gust'; known: drift, push"),
+        (("--initial", "push=1"), "no state of stage is called 'push'; known: v, x"),
+        (("--step-in", "push"), "--step-in 'push'; write NAME=SIZE"),
+        (("--step-in", "push=1", "--step-in", "push=2"), "--step-in: push is given twice"),
+        (("--step-in", "push=1", "--speed", "3"), "--speed belongs to a road"),
+        (("--input", "in.csv", "--initial", "x=1"), "--input says what moves the plant"),
+        (("--step-in", "push=1", "--duration", "-1"), "--duration [s] = -1"),
+        (("--input", "in.csv"), "in.csv: row 1: no disturbance 'gust', or twice"),
+        (("--input", "unit.csv"), "'push [kN]' is in kN; push is in N"),
+        (("--input", "bare.csv"), "row 1 must name the columns, as in: time [s], push [N]"),
+        (("--input", "back.csv"), "row 3: numbers must be finite, and times increase"),
+        (("--input", "nan.csv"), "row 2: numbers must be finite"),
+        (("--input", "short.csv"), "1 rows; a disturbance needs two or more"),
+    ],
+)
+def test_excitation_that_cannot_be_used_is_refused(stage, capsys, words, message):
+    files = {
+        "in.csv": "time,gust\n0,1\n1,1\n",
+        "unit.csv": "time,push [kN]\n0,1\n1,1\n",
+        "bare.csv": "0,1\n1,1\n",
+        "back.csv": "time,push\n0,1\n0,1\n",
+        "nan.csv": "time,push\n0,nan\n1,1\n",
+        "short.csv": "time,push\n0,1\n",
+    }
+    for name, text in files.items():
+        Path(name).write_text(text)
+    assert message in refused(capsys, "simulate", "stage.toml", *words)
+
+
+def test_a_road_moves_a_car_alone(car, capsys):
+    said = refused(capsys, "simulate", "car.toml", *ROAD, "--initial", "suspension deflection=0.1")
+    assert "a road is all that moves a car" in said
+    assert "--speed is missing" in refused(capsys, "simulate", "car.toml", "--kerb", "0.1")
+
+
+def test_other_disturbances_of_a_car_are_still_on_a_road(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    spec = spec_text("quarter-car-ride")
+    Path("one.toml").write_text(spec)
+    spec = spec.replace('["road velocity [m/s]"]', '["wind [N]", "road velocity [m/s]"]')
+    spec = spec.replace("E = [[0], [1], [0], [0]]", 'E = [[0, 0], [0, 1], ["1/m1", 0], [0, 0]]')
+    Path("two.toml").write_text(spec)
+    for name in ("one", "two"):
+        ran(capsys, "simulate", f"{name}.toml", *ROAD, "-o", f"{name}.csv")
+    assert table("two.csv")[:, 4:] == pytest.approx(table("one.csv")[:, 3:], rel=1e-9, abs=1e-15)
+    assert not table("two.csv")[:, 2].any()
 
 
 PROFILES = {
@@ -334,7 +449,7 @@ REFUSED = {
     "duration": (["--road", "C", "--speed", "9", "--duration", "nan"], "--duration [s] = nan"),
     "seed": (["--kerb", "0.1", "--speed", "9", "--seed", "1"], "--seed belongs to --road"),
     "bad seed": ([*ROAD, "--seed", "-1"], "seed = -1; give a whole number"),
-    "no road": (["--speed", "9"], "one of the arguments --road --bump"),
+    "no road": (["--speed", "9"], "nothing moves the plant: give --step-in"),
     "two roads": ([*ROAD, "--kerb", "0.1"], "not allowed with argument --road"),
     "flat bump": (["--bump", "0", "1", "--speed", "9"], "height of the bump [m] = 0"),
     "form of --set": ([*ROAD, "--set", "m1"], "--set 'm1'; write NAME=VALUE"),

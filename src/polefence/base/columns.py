@@ -71,7 +71,7 @@ def read_columns(path: Path, limit: int, remedy: str, names: Sequence[str] = ())
             lines.append(rows.line_num)
     except csv.Error as problem:
         raise InputError(f"{path}: row {rows.line_num}: {problem}") from problem
-    return Columns(labels, np.array(numbers).reshape(len(lines), -1), lines)
+    return Columns(labels, np.array(numbers).reshape(len(lines), len(names)), lines)
 
 
 def _text(path: Path, limit: int, remedy: str) -> str:

@@ -1,11 +1,10 @@
-"""Options of `simulate`: roads, parameters over time, hardware."""
+"""Options of `simulate`: roads and other excitation, parameters over time, hardware."""
 
 from __future__ import annotations
 
 import argparse
 import math
 import re
-from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -14,6 +13,7 @@ from polefence.plant.family import UncertainPlant
 from polefence.plant.outputs import split
 
 if TYPE_CHECKING:  # imported where used: with scipy behind them
+    from polefence.vehicle.excitation import Excitation
     from polefence.vehicle.road import Road
     from polefence.vehicle.run import Setup
 
@@ -23,13 +23,15 @@ JUMP = re.compile(rf"(?P<name>\w+)=(?P<value>{NUMBER})@(?P<begin>{NUMBER})")
 DRIFT = re.compile(rf"{JUMP.pattern}\.\.(?P<end>{NUMBER})")
 LONGEST_STEP = 1e-3  # that is chosen [s]
 RANDOM, OBSTACLE = 10.0, 3.0  # durations that are chosen [s]
+LASTING = 10.0  # time constants that are followed
+STEPS, MARGIN = 1000, 4.0  # of a response at least; of the longest step, over the family
 LEVEL = 0.1  # before an obstacle [s]
 WAVE = 100.0  # the longest that a class of roads is asked for [m]
 
 
-def add_road_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare road, speed and time."""
-    road = parser.add_mutually_exclusive_group(required=True)
+def add_excitation_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare roads, other excitations, and time."""
+    road = parser.add_argument_group("a road, under a vehicle").add_mutually_exclusive_group()
     road.add_argument("--road", metavar="CLASS", help="random, of class A to H of ISO 8608")
     road.add_argument(
         "--bump", type=float, nargs=2, metavar=("HEIGHT", "LENGTH"), help="a cosine bump [m]"
@@ -41,17 +43,35 @@ def add_road_arguments(parser: argparse.ArgumentParser) -> None:
     road.add_argument(
         "--profile", type=Path, metavar="FILE", help="measured: CSV of distance and height [m]"
     )
-    parser.add_argument("--speed", type=float, required=True, metavar="V", help="[m/s]")
+    parser.add_argument("--speed", type=float, metavar="V", help="on a road [m/s]")
+    parser.add_argument("--seed", type=int, metavar="N", help="of a random road; default: 0")
+    other = parser.add_argument_group("what moves any plant; all of it adds up")
+    for name, metavar, text in (
+        ("--step-in", "NAME=SIZE", "a step of a disturbance at time 0"),
+        ("--impulse-in", "NAME=SIZE", "an impulse of a disturbance at time 0 [its unit times s]"),
+        ("--initial", "NAME=VALUE", "a state at time 0; the others are zero"),
+    ):
+        other.add_argument(name, action="append", default=[], metavar=metavar, help=text)
+    other.add_argument(
+        "--input",
+        type=Path,
+        metavar="FILE",
+        help="recorded: CSV of time [s] and disturbances, named in its first row",
+    )
     parser.add_argument(
         "--duration",
         type=float,
         metavar="T",
-        help="[s]; default: 10 on a random road, 3 over an obstacle, all of a profile",
+        help="[s]; default: 10 on a random road, 3 over an obstacle, all of a file, else ten of "
+        "the first law's slowest time constants",
     )
     parser.add_argument(
-        "--step", type=float, metavar="H", help="between instants [s]; default: 0.001 or less"
+        "--step",
+        type=float,
+        metavar="H",
+        help="between instants [s]; default: 0.001 or less; without a road a thousandth of the "
+        "duration, or less",
     )
-    parser.add_argument("--seed", type=int, metavar="N", help="of a random road; default: 0")
 
 
 def add_car_arguments(parser: argparse.ArgumentParser) -> None:
@@ -94,8 +114,13 @@ def add_car_arguments(parser: argparse.ArgumentParser) -> None:
         parser.add_argument(name, type=float, metavar=metavar, help=text)
 
 
-def setup_of(plant: UncertainPlant, options: Any) -> Setup:
-    """Return what the options ask to be driven.
+def setup_of(plant: UncertainPlant, options: Any, law: Any) -> Setup:
+    """Return what the options ask to be followed.
+
+    Parameters
+    ----------
+    law : law
+        Whose loop says how long and how finely, where the options do not.
 
     Raises
     ------
@@ -105,17 +130,12 @@ def setup_of(plant: UncertainPlant, options: Any) -> Setup:
     from polefence.vehicle.driving.parts import Actuator, BumpStops, Sampling
     from polefence.vehicle.run import Setup
 
-    _require_one_disturbance(plant)
-    road, duration = _road(options)
     stops = None
     if options.travel_limit is not None:
         stops = BumpStops(options.travel_limit, options.travel_limit)
     setup = Setup(
         plant,
-        road,
-        options.speed,
-        _step(options),
-        duration,
+        _excitation(plant, options, law),
         _parameters(plant, options),
         options.outside,
         options.estimate,
@@ -130,21 +150,73 @@ def setup_of(plant: UncertainPlant, options: Any) -> Setup:
     return setup
 
 
-def _require_one_disturbance(plant: UncertainPlant) -> None:
-    E = plant.vertices[0].E
-    if E is not None and E.shape[1] != 1:
+def _excitation(plant: UncertainPlant, options: Any, law: Any) -> Excitation:
+    """Return what moves the plant."""
+    from polefence.vehicle import excitation
+
+    roads = (options.road, options.bump, options.pothole, options.kerb, options.profile)
+    others = {key: getattr(options, key) for key in ("step_in", "impulse_in", "initial")}
+    if any(road is not None for road in roads):
+        if any(others.values()) or options.input is not None:
+            raise InputError("a road is all that moves a car; leave out the other excitation")
+        if plant.vehicle is None:
+            raise InputError(
+                f"{plant.name} is not described as a vehicle, and a road is for one; add a table "
+                "[vehicle] to its spec, or use --step-in, --impulse-in, --initial or --input"
+            )
+        if options.speed is None:
+            raise InputError("--speed is missing: a road needs it [m/s]")
+        road, duration = _road(options)
+        return excitation.on_road(plant, road, options.speed, _step(options), duration)
+    if not any(others.values()) and options.input is None:
         raise InputError(
-            f"{plant.name} has {E.shape[1]} disturbances, and a road is one; in Python "
-            "polefence.response.linear.simulate takes a signal for each"
+            "nothing moves the plant: give --step-in, --impulse-in, --initial or --input, or for a "
+            "vehicle a road such as --pothole 0.05 0.4 --speed 10"
         )
+    for key in ("speed", "seed"):
+        if getattr(options, key) is not None:
+            raise InputError(f"--{key} belongs to a road; leave it out")
+    if options.input is not None:
+        if any(others.values()) or options.duration is not None:
+            raise InputError("--input says what moves the plant, and how long; leave the rest out")
+        return excitation.recorded(plant, options.input, options.step)
+    duration, step = _time(plant, options, law)
+    steps, impulses, start = (_sizes(own, key) for key, own in others.items())
+    return excitation.excited(plant, duration, step, steps, impulses, start)
 
 
-def road_note(plant: UncertainPlant) -> Iterator[str]:
-    """Say what a road is to a plant whose disturbance is no velocity in m/s."""
-    for label in plant.disturbances:
-        name, unit = split(label)
-        if unit not in ("", "m/s"):
-            yield f"note: a road's velocity in m/s stands for {name!r} in {unit}, number for number"
+def _sizes(texts: list[str], key: str) -> dict[str, float]:
+    """Return sizes by the names of signals, which may have blanks in them."""
+    option, found = f"--{key.replace('_', '-')}", dict[str, float]()
+    for text in texts:
+        name, equal, value = text.rpartition("=")
+        if not equal or not re.fullmatch(NUMBER, value.strip()):
+            raise InputError(f"{option} {text!r}; write NAME=SIZE, as in {option} 'gust=1.5'")
+        _once(found, name := split(name)[0], option)
+        found[name] = float(value)
+    return found
+
+
+def _time(plant: UncertainPlant, options: Any, law: Any) -> tuple[float, float]:
+    """Return duration and step [s], as the loop at the middle of the family asks for them."""
+    from polefence.response.closed import close
+    from polefence.response.grid import longest_step
+    from polefence.response.weighting import positive
+    from polefence.vehicle.reference_laws import nominal
+
+    loops = close(plant, law, nominal(plant), disturbed=False)
+    duration, step = options.duration, options.step
+    if duration is None:
+        slowest = -float(loops.poles().real.max())
+        if slowest <= 0:
+            raise InputError("--duration is missing: the loop does not come to rest by itself")
+        duration = LASTING / slowest
+    duration = positive(duration, "--duration [s]")
+    if step is None:
+        if options.sampling is not None:
+            return duration, _step(options)
+        step = duration / max(STEPS, math.ceil(duration / longest_step(loops) * MARGIN))
+    return duration, positive(step, "--step [s]")
 
 
 def _road(options: Any) -> tuple[Road, float | None]:

@@ -11,6 +11,7 @@ import numpy as np
 
 from polefence.base.errors import InputError
 from polefence.cli.laws import Named
+from polefence.plant.outputs import disturbances
 from polefence.plant.system import Array
 
 if TYPE_CHECKING:  # imported where used: with scipy behind them
@@ -22,11 +23,17 @@ DEMANDED, ESTIMATED = " demanded", " estimated"  # drawn into the panel of what 
 
 
 def table_of(setup: Setup, runs: Mapping[str, Run]) -> Table:
-    """Return time, road and all signals, in that order; of several laws under the law's name."""
+    """Return time, disturbances and all signals, in that order; of several laws under its name."""
     from polefence.response.export import Table
 
-    labels = ["time [s]", "road height [m]", "road velocity [m/s]"]
-    columns = [setup.time, setup.height, setup.velocity]
+    moved = setup.excitation
+    labels, columns = ["time [s]"], [setup.time]
+    if moved.height is not None:
+        labels.append("road height [m]")
+        columns.append(moved.height)
+    for own, values in zip(disturbances(setup.plant), moved.w.T, strict=True):
+        labels.append(own.label)
+        columns.append(values)
     for name, run in runs.items():
         before = f"{name}: " if len(runs) > 1 else ""
         for signal, unit, values in run.columns:
@@ -36,10 +43,15 @@ def table_of(setup: Setup, runs: Mapping[str, Run]) -> Table:
 
 
 def panels_of(setup: Setup, runs: Mapping[str, Run]) -> list[Panel]:
-    """Return a panel for the road, each signal and each parameter that moves; laws in one panel."""
+    """Return panels for what moves the plant, signals and moving parameters; laws in one panel."""
     from polefence.show.plots.drive import BESIDE, Panel
 
-    found: dict[str, dict[str, Array]] = {"road height [m]": {"": setup.height}}
+    moved, found = setup.excitation, dict[str, dict[str, Array]]()
+    if moved.height is not None:
+        found["road height [m]"] = {"": moved.height}
+    else:
+        pairs = zip(disturbances(setup.plant), moved.w.T, strict=True)
+        found |= {own.label: {"": values} for own, values in pairs if values.any()}
     for law, run in runs.items():
         for name, unit, values in run.columns:
             of = name.removesuffix(DEMANDED).removesuffix(ESTIMATED)
@@ -93,14 +105,14 @@ def _signal(time: Array, name: str, unit: str, values: Array) -> dict[str, Any]:
 
 
 def _comfort(run: Run) -> dict[str, Any]:
-    """Return what ISO 2631-1 makes of the sprung mass's acceleration, or why nothing."""
+    """Return what ISO 2631-1 makes of a car's acceleration, or why nothing; else no entry."""
     from polefence.vehicle.comfort import comfort
     from polefence.vehicle.labels import comfort_reading
     from polefence.vehicle.vehicle import ride
 
     known = ride(run.setup.plant)
     if known is None:
-        return {"not evaluated": "the plant is not described as a vehicle"}
+        return {}
     try:
         with np.errstate(over="ignore", invalid="ignore"):
             found = comfort(run.response.of(known.acceleration.name)[0], run.setup.step)
@@ -118,6 +130,8 @@ def _comfort(run: Run) -> dict[str, Any]:
 
 
 def _comfort_lines(found: Mapping[str, Any]) -> Sequence[str]:
+    if not found:
+        return ()
     if "not evaluated" in found:
         return [f"comfort: not evaluated ({found['not evaluated']})"]
     shocks = "; shocks: the rms says too little" if found["shocks"] else ""

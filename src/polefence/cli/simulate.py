@@ -1,4 +1,4 @@
-"""``polefence simulate``: a car on a road, its signals, and where the guarantee does not hold."""
+"""``polefence simulate``: signals over time, and where the guarantee does not hold."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import numpy as np
 
 from polefence.base.errors import NotProvedError
 from polefence.cli.common import PROVED, check_figure, check_targets, say, write_figure, write_json
-from polefence.cli.drive_input import add_car_arguments, add_road_arguments, road_note, setup_of
+from polefence.cli.drive_input import add_car_arguments, add_excitation_arguments, setup_of
 from polefence.cli.drive_output import panels_of, summary_of, table_of, text_of
 from polefence.cli.laws import Named, distinct, read_law, read_subject
 from polefence.design.margins import estimation_error, parameter_rate
@@ -34,7 +34,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="passive, skyhook, lqr, a design, or a gain as for analyse; repeat for more, beside "
         "that of DESIGN; default for SPEC: passive",
     )
-    add_road_arguments(parser)
+    add_excitation_arguments(parser)
     add_car_arguments(parser)
     parser.add_argument(
         "-o", "--output", type=Path, metavar="FILE", help="write all signals (.csv, .parquet)"
@@ -46,7 +46,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def simulate_command(options: Any) -> int:
-    """Drive a car over a road: signals over time, comfort, and where no guarantee holds."""
+    """Follow a car on a road, or any plant: signals over time, and where no guarantee holds."""
     from polefence.response.export import check_format
     from polefence.vehicle.run import run
 
@@ -57,11 +57,11 @@ def simulate_command(options: Any) -> int:
     plant, own = read_subject(options.subject)
     words = options.law if options.law or own else ["passive"]
     laws = distinct([*([own] if own else []), *(read_law(plant, word) for word in words)])
-    setup = setup_of(plant, options)
+    setup = setup_of(plant, options, laws[0].law)
     runs = {law.name: run(setup, law.law, _margins(setup, law)) for law in laws}
     summaries = [summary_of(law, runs[law.name]) for law in laws]
     _write(setup, runs, summaries, options)
-    say(_head(setup), *road_note(plant))
+    say(_head(setup))
     for summary in summaries:
         say("", *text_of(summary))
     written = [path for path in (options.output, options.plot, options.json) if path is not None]
@@ -101,7 +101,7 @@ def _write(
 
         one = next(iter(runs.values())) if len(runs) == 1 else None
         outside = None if one is None or one.covered is None else ~one.covered
-        title = f"{setup.plant.name}: {setup.road.name}, at {setup.speed:g} m/s"
+        title = f"{setup.plant.name}: {setup.excitation.name}"
         write_figure(
             options.plot, signals_figure(setup.time, panels_of(setup, runs), title, outside)
         )
@@ -110,8 +110,9 @@ def _write(
             options.json,
             {
                 "plant": plant_summary(setup.plant),
-                "road": setup.road.name,
-                "speed": setup.speed,
+                "excitation": setup.excitation.name,
+                "road": setup.excitation.road,
+                "speed": options.speed,
                 "duration": float(setup.time[-1]),
                 "step": setup.step,
                 "parameters": _starting(setup),
@@ -132,6 +133,6 @@ def _head(setup: Setup) -> str:
     shown = ", ".join(f"{name} = {value:.6g} {unit}".rstrip() for (name, value), unit in values)
     moving = "" if setup.courses.constant else " at first"
     return (
-        f"{setup.plant.name}: {setup.road.name}, at {setup.speed:g} m/s, {setup.time[-1]:g} s "
+        f"{setup.plant.name}: {setup.excitation.name}, {setup.time[-1]:g} s "
         f"in steps of {setup.step:g} s; {shown}{moving}"
     )

@@ -178,6 +178,8 @@ def _output_tables(data: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
         if not isinstance(table, dict):
             raise SpecError(f"{where} must be a table, {{C = [...], D = [...], F = [...]}}")
         _known(table, set("CDF"), f"{where}: ")
+        if not table:
+            raise SpecError(f"{where} is empty; give a row C, D or F")
         found[label] = {}
         for key, value in table.items():
             rows = value if isinstance(value, list) and value and _is_rows(value) else [value]

@@ -29,7 +29,7 @@ class Vehicle:
 
     With x1 and x2 the deflections of suspension and tyre, positive in compression, x3 and x4 the
     velocities of sprung and unsprung mass, positive upwards, u the force, up on the sprung mass and
-    down on the unsprung, and w the vertical velocity of the road,
+    down on the unsprung, and w the vertical velocity of the road [m/s],
 
         dx1/dt = x4 - x3,    m1 dx3/dt = k x1 + c (x4 - x3) + u,
         dx2/dt = w - x4,     m2 dx4/dt = -k x1 - c (x4 - x3) + kt x2 - u.
@@ -125,16 +125,17 @@ class Vehicle:
     def _check(self, plant: UncertainPlant) -> None:
         if plant.sample_time is not None:
             raise PlantError("vehicle: the equations of a car are in continuous time")
-        places, force, road = self.places(plant), self.input(plant), self._road(plant)
+        places, force, road = self.places(plant), self.input(plant), self.column(plant)
         for vertex in plant.vertices:
             self._check_kinematics(vertex, places, road)
             _check_forces(vertex, places, force)
 
-    def _road(self, plant: UncertainPlant) -> int:
+    def column(self, plant: UncertainPlant) -> int | None:
+        """Return the number of the road among the disturbances, where the plant has any."""
         names = [own.name for own in disturbances(plant)]
-        return _number(self.road, names, "road: no disturbance") if names else 0
+        return _number(self.road, names, "road: no disturbance") if names else None
 
-    def _check_kinematics(self, vertex: System, places: Sequence[int], road: int) -> None:
+    def _check_kinematics(self, vertex: System, places: Sequence[int], road: int | None) -> None:
         """Refuse rows of the deflections that are not differences of velocities."""
         (x1, x2, x3, x4), (s, t) = places, self.sense
         zero = [Fraction(0)] * max(len(vertex.exact_A), len(vertex.exact_B[0]))
@@ -145,8 +146,7 @@ class Vehicle:
             _require_row(vertex.exact_B[i], zero, f"{vertex.name}: B[{i + 1}]")
         if E is not None:
             _require_row(E[x1], [0] * len(E[x1]), f"{vertex.name}: E[{x1 + 1}]")
-            wanted = [abs(w) * t if k == road else 0 for k, w in enumerate(E[x2])]
-            wanted[road] = wanted[road] or Fraction(t)
+            wanted = [t * int(k == road) for k in range(len(E[x2]))]
             _require_row(E[x2], wanted, f"{vertex.name}: E[{x2 + 1}]")
 
 

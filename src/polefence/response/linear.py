@@ -135,8 +135,8 @@ def simulate(
     law : None, Law, Design, GainTable or (m, n) array
         None leaves the plant to itself.
     alpha : (count, N) or (N,) array
-    w : (T,) or (T, q) array, or function
-        Samples; a function of times (T,) [s] that returns them is sampled.
+    w : (T,) or (T, q) array, function or None
+        Samples; a function of times (T,) [s] that returns them is sampled. None: no disturbance.
     step : float, optional
         Time between samples [s]; samples must say it. For a function, by default a tenth over
         the size of the fastest pole.
@@ -147,7 +147,7 @@ def simulate(
     start : (n,) or (count, n) array, optional
         State at time 0; zero by default.
     duration : float, optional
-        [s]; a function needs it.
+        [s]; a function needs it, and so does None.
 
     Raises
     ------
@@ -157,7 +157,7 @@ def simulate(
     """
     if hold not in ("linear", "held"):
         raise InputError(f"hold = {hold!r}; use 'linear' or 'held'")
-    loops = close(plant, law, alpha)
+    loops = close(plant, law, alpha, disturbed=w is not None)
     asked = choose(plant, signals)
     step, w = sampled(loops, w, step, duration, len(asked))
     grid.require_size(len(w), len(loops.alpha), len(asked))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -25,9 +26,11 @@ def sampled(
         If the step is too long for the fastest pole, the samples do not fit or are not finite.
     """
     q = loops.E.shape[-1]
+    if w is None:
+        w = partial(_nothing, q)
     if callable(w):
         if duration is None:
-            raise InputError("a disturbance given as a function needs a duration [s]")
+            raise InputError("a disturbance that is a function, or none, needs a duration [s]")
         duration = positive(duration, "duration [s]")
         if step is None:
             step = min(grid.CHOSEN / grid.LONGEST * grid.longest_step(loops), duration)
@@ -51,6 +54,10 @@ def sampled(
     if len(bad):
         raise InputError(f"the disturbance is no finite number at sample {bad[0] + 1}; mend it")
     return step, found
+
+
+def _nothing(q: int, time: Array) -> Array:
+    return np.zeros((len(time), q))
 
 
 def _called(w: Callable[[Array], Any], time: Array) -> Any:

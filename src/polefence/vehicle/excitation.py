@@ -1,4 +1,4 @@
-"""Excitation of a plant over time: a road, steps, impulses, initial states, recorded disturbances."""
+"""Excitation of a plant: a road, steps, impulses, initial states, recorded disturbances."""
 
 from __future__ import annotations
 
@@ -38,6 +38,8 @@ class Excitation:
         State at time 0.
     impulse : (q,) array
         Of the disturbances at time 0 [their units times s].
+    road : str, optional
+        Name of the road.
     height : (time,) array, optional
         Of the road under the wheel [m].
     """
@@ -48,6 +50,7 @@ class Excitation:
     start: Array
     impulse: Array
     held: bool = True
+    road: str | None = None
     height: Array | None = None
 
     @property
@@ -81,13 +84,15 @@ def on_road(
         If the plant is not described as a vehicle, or as `Road.velocity` raises.
     """
     column = require_ride(plant).road
+    if column is None:
+        raise InputError(f"{plant.name} says nowhere how a road enters; give E in its spec")
     _, mean = road.velocity(speed, step, duration)
     w = np.zeros((len(mean) + 1, plant.disturbance_count))
     w[:, column] = np.append(mean, mean[-1])
     where = road.distance[0] + speed * step * np.arange(len(w))
     height = np.interp(where, road.distance, road.height)
     found = _nothing(plant, f"{road.name}, at {speed:g} m/s", step, w)
-    return replace(found, height=np.asarray(height))
+    return replace(found, road=road.name, height=np.asarray(height))
 
 
 def _nothing(plant: UncertainPlant, name: str, step: float, w: Array) -> Excitation:

@@ -1,11 +1,11 @@
-"""One car under one law on one road: exact where nothing changes or saturates, else a drive."""
+"""One plant under one law over time: exact where nothing changes or saturates, else a drive."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
@@ -23,7 +23,7 @@ from polefence.vehicle.driving.events import Event, spans, summary
 from polefence.vehicle.driving.integration import LOST
 from polefence.vehicle.driving.parts import Actuator, BumpStops, Estimated, Sampling
 from polefence.vehicle.driving.trajectories import Courses, read_courses
-from polefence.vehicle.road import Road
+from polefence.vehicle.excitation import Excitation
 from polefence.vehicle.vehicle import masses, ride
 
 Column = tuple[str, str, Array]
@@ -31,18 +31,14 @@ Column = tuple[str, str, Array]
 
 @dataclass(frozen=True, eq=False)
 class Setup:
-    """What a car is driven over, how, and with which hardware.
+    """What moves a plant, and with which hardware.
 
     Attributes
     ----------
     plant : UncertainPlant
-    road : Road
-    speed, step : float
-        [m/s], [s]
-    duration : float, optional
-        [s]; as long as the road reaches by default.
+    excitation : Excitation
     parameters : mapping or array, optional
-        As `drive` takes them, for one car.
+        As `drive` takes them, for one plant.
     outside : bool
         Drive on where parameters leave their intervals.
     estimate : bool
@@ -52,10 +48,7 @@ class Setup:
     """
 
     plant: UncertainPlant
-    road: Road
-    speed: float
-    step: float = 1e-3
-    duration: float | None = None
+    excitation: Excitation
     parameters: Mapping[str, Any] | Array | None = None
     outside: bool = False
     estimate: bool = False
@@ -63,25 +56,15 @@ class Setup:
     actuator: Actuator = field(default_factory=Actuator)
     stops: BumpStops | None = None
 
-    @cached_property
+    @property
     def time(self) -> Array:
-        """All instants [s], one more than there are steps."""
-        return np.asarray(self.step * np.arange(len(self.velocity)))
+        """All instants [s]."""
+        return self.excitation.time
 
-    @cached_property
-    def velocity(self) -> Array:
-        """Mean velocity of the road over the step that begins at each instant [m/s].
-
-        At the last instant it is that of the last step.
-        """
-        _, w = self.road.velocity(self.speed, self.step, self.duration)
-        return np.append(w, w[-1])
-
-    @cached_property
-    def height(self) -> Array:
-        """Of the road under the wheel at each instant [m]."""
-        where = self.road.distance[0] + self.speed * self.time
-        return np.asarray(np.interp(where, self.road.distance, self.road.height))
+    @property
+    def step(self) -> float:
+        """Between instants [s]."""
+        return self.excitation.step
 
     @cached_property
     def courses(self) -> Courses:
@@ -89,6 +72,11 @@ class Setup:
         found = read_courses(self.plant, self.parameters, self.time)
         found.check(self.time, self.outside)
         return found
+
+    @cached_property
+    def alpha(self) -> Array:
+        """Weights of the vertices at time 0, (1, N)."""
+        return self.courses.space.alpha(self.courses.at(np.zeros(1))[0])
 
     @property
     def still(self) -> bool:
@@ -149,12 +137,12 @@ class Run:
 
 
 def run(setup: Setup, law: Any, margins: Any = None) -> Run:
-    """Drive one car under one law.
+    """Follow one plant under one law.
 
     Parameters
     ----------
     law : None, Law, Design, GainTable or (m, n) array
-        None leaves the car to itself.
+        None leaves the plant to itself.
     margins : Service, Margin or sequence of Margin, optional
         As `drive` takes them; not looked at where nothing moves and the law is told the truth.
 
@@ -164,15 +152,20 @@ def run(setup: Setup, law: Any, margins: Any = None) -> Run:
         If the step is too long for the fastest pole (the bound is named), parameters leave their
         intervals, or as `linear.simulate` and `drive` raise.
     """
-    plant, asked = setup.plant, signals(setup.plant)
+    plant, asked, moved = setup.plant, signals(setup.plant), setup.excitation
+    start = moved.begin(plant, setup.alpha)
+    hold: Literal["held", "linear"] = "held" if moved.held else "linear"
+    w = moved.w if plant.disturbance_count else None
     if setup.exact:
-        alpha = setup.courses.space.alpha(setup.courses.at(np.zeros(1))[0])
-        found = linear.simulate(plant, law, alpha, setup.velocity, setup.step, asked, hold="held")
+        duration = moved.time[-1] if w is None else None
+        found = linear.simulate(
+            plant, law, setup.alpha, w, moved.step, asked, hold, start, duration
+        )
         return Run(setup, found, events=(*_contact(found), *_lost(found)))
     if setup.still:
         margins = ()
     done = drive(
-        plant, law, setup.road, speed=setup.speed, duration=setup.duration, step=setup.step,
+        plant, law, w, duration=float(moved.time[-1]), step=moved.step, hold=hold, start=start,
         parameters=setup.parameters, outside=setup.outside, sampling=setup.sampling,
         scheduling=Estimated() if setup.estimate else None, actuator=setup.actuator,
         stops=setup.stops, margins=margins,
@@ -204,7 +197,8 @@ def _slow(setup: Setup, law: Any) -> list[str]:
     if setup.sampling is None or law is None:
         return []
     first = setup.courses.space.inside(setup.courses.at(np.zeros(1))[0])
-    bound = longest_step(close(setup.plant, law, setup.courses.space.alpha(first)))
+    alpha = setup.courses.space.alpha(first)
+    bound = longest_step(close(setup.plant, law, alpha, disturbed=False))
     if setup.sampling.period <= bound:
         return []
     return [f"the fastest pole that the law sets asks for a period of at most {bound:.3g} s"]

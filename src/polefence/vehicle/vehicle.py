@@ -41,6 +41,8 @@ class Ride:
         Of suspension and tyre: 1 where compression is positive, -1 where extension is.
     input : int
         Number of the actuator force among the inputs.
+    road : int, optional
+        Number of the road's velocity among the disturbances, where the plant has any.
     """
 
     travel: Output
@@ -52,6 +54,7 @@ class Ride:
     places: tuple[int, int, int, int]
     sense: tuple[int, int] = (1, 1)
     input: int = 0
+    road: int | None = None
 
     @property
     def signals(self) -> tuple[Output, ...]:
@@ -98,6 +101,7 @@ def ride(plant: UncertainPlant) -> Ride | None:
         places=places,
         sense=car.sense,
         input=number,
+        road=car.column(plant),
     )
 
 

@@ -23,6 +23,7 @@ class Record:
     rests on the tyre of a car, infinite for any other plant.
     """
 
+    disturbance: Array
     states: Array
     rates: Array
     demanded: Array
@@ -31,7 +32,6 @@ class Record:
     parameters: Array
     used: Array
     mass: Array
-    disturbance: Array
 
 
 def record(model: Model, marched: Marched, reading: Reading | None) -> Record:
@@ -75,8 +75,7 @@ def record(model: Model, marched: Marched, reading: Reading | None) -> Record:
     last = np.minimum(every, grid.steps - 1)
     times = np.where(every > last, grid.steps - INSIDE, every + INSIDE) * grid.step
     arrays = (x, rates, demanded, applied, stops, true, used, mass)
-    swapped = [np.swapaxes(v, 0, 1) for v in arrays]
-    return Record(*swapped, grid.disturbance(times, last))
+    return Record(grid.disturbance(times, last), *(np.swapaxes(v, 0, 1) for v in arrays))
 
 
 def _mass(model: Model, known: Ride, B: Array) -> Array:

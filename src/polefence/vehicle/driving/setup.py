@@ -15,6 +15,7 @@ from polefence.vehicle.driving.integration import stages
 from polefence.vehicle.driving.model import Model
 from polefence.vehicle.driving.scheduling import Grid
 from polefence.vehicle.driving.trajectories import Courses
+from polefence.vehicle.excitation import on_road
 
 MOST_STEPS = 10_000_000
 LOOKS = 20  # instants at which poles are looked at
@@ -47,8 +48,7 @@ def read_grid(
     if hasattr(road, "velocity"):
         if speed is None:
             raise InputError("give the speed [m/s] at which the road is driven")
-        _, w = road.velocity(speed, step, duration)
-        return _sampled(np.asarray(w), step, None, True, width)
+        return _sampled(on_road(plant, road, speed, step, duration).w[:-1], step, None, True, width)
     if speed is not None:
         raise InputError("speed goes with a Road; samples and functions are in time already")
     if road is None or callable(road):

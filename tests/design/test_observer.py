@@ -362,10 +362,10 @@ def test_another_plants_feedback_is_refused(car_observer, placed):
 @pytest.mark.parametrize(
     ("measured", "message"),
     [
-        (["suspension deflektion"], "unknown state 'suspension deflektion'; did you mean 'susp"),
-        (["suspension deflection [mm]"], "unknown state"),
+        (["suspension deflektion"], "unknown signal 'suspension deflektion'; did you mean 'susp"),
+        (["suspension deflection [mm]"], "unknown signal"),
         (["suspension deflection", "suspension deflection [m]"], "named twice"),
-        (["suspension deflection", [0, 0, 0, 0, 1]], "among state names"),
+        (["suspension deflection", [0, 0, 0, 0, 1]], "among names"),
         ([], "names nothing"),
         (None, "names nothing"),
         (np.array(1.0), "names nothing"),
@@ -400,7 +400,7 @@ def test_other_misuse_is_named(car, car_observer):
         (lambda: observe(car, SENSORS, (-80, 60)), "must be of type Region"),
         (lambda: observe(car, SENSORS, Disk(-80, 60), "kalman"), "kalman"),
         (lambda: observe(nameless, "x", Disk(-3, 1)), "did you mean 'x1'"),
-        (lambda: observe(twins, "x", Disk(-3, 1)), "names 2 states"),
+        (lambda: observe(twins, "x", Disk(-3, 1)), "names 2 signals"),
         (lambda: observe(nameless, [[1]], Disk(-3, 1), Scheduled(1, 1, "box")), "parameters"),
         (lambda: car_observer.gain(), "alpha must be 4"),
         (lambda: car_observer.poles([1, 0, 0]), "alpha must be 4"),

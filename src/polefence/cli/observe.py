@@ -27,8 +27,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--measured",
         action="append",
         required=True,
-        metavar="STATE",
-        help="a measured state's name, with or without its unit; repeat for more",
+        metavar="SIGNAL",
+        help="name of a measured state or output, with or without its unit; repeat for more",
     )
     where = parser.add_mutually_exclusive_group(required=True)
     where.add_argument(

@@ -10,13 +10,14 @@ from polefence.base.errors import InputError, UnobservableError, suggest
 from polefence.design.checks import modes_outside, stable_region
 from polefence.plant.controllability import fixed_modes
 from polefence.plant.family import UncertainPlant
+from polefence.plant.outputs import Output, states
 from polefence.plant.system import Exact, System, read_matrix
 from polefence.region.regions import Region
 
 # Beyond so many states no remedy is sought: every try is an exact rank at every vertex.
 MOST_TRIED = 20
 
-HOW = "give state names, a matrix C of p rows and n columns, or one C a vertex"
+HOW = "give names of states or outputs, a matrix C of p rows and n columns, or one C a vertex"
 
 DUAL = "(dual, observer)"  # how the names of dual plants end
 
@@ -30,22 +31,22 @@ def read_measured(
     ----------
     plant : UncertainPlant
     measured : sequence of str, (p, n) matrix or N of them
-        State names, with or without their unit; numbers, Fractions or strings such as "1/3".
+        Names of states and outputs, with or without their unit; numbers, Fractions or strings such
+        as "1/3".
 
     Raises
     ------
     InputError
-        If a name is unknown or stands twice, a matrix has another shape, an entry is no finite
-        number, or C is zero.
+        If a name is unknown or stands twice, an output has an input in it, a matrix has another
+        shape, an entry is no finite number, or C is zero.
     """
     items = _items([measured] if isinstance(measured, str) else measured)
     if any(isinstance(item, str) for item in items):
-        chosen = [_state(plant, item) for item in items]
+        chosen = [_signal(plant, item) for item in items]
         if len(set(chosen)) < len(chosen):
-            raise InputError("measured: a state is named twice; name each once")
-        n = plant.shape[0]
-        C = tuple(tuple(Fraction(int(i == j)) for j in range(n)) for i in chosen)
-        return (C,) * len(plant.vertices), tuple(_names(plant)[i] for i in chosen)
+            raise InputError("measured: a signal is named twice; name each once")
+        rows = [signal.exact(plant)[0] for signal in chosen]
+        return tuple(zip(*rows, strict=True)), tuple(signal.label for signal in chosen)
     return _matrices(plant, items), ()
 
 
@@ -56,28 +57,24 @@ def _items(value: Any) -> list[Any]:
     return items
 
 
-def _state(plant: UncertainPlant, word: Any) -> int:
-    """Return the number of a state given by its name, or by its name without the unit."""
+def _signal(plant: UncertainPlant, word: Any) -> Output:
+    """Return a state or an output given by its name, or by its name without the unit."""
     if not isinstance(word, str):
-        raise InputError(f"measured: {word!r} among state names; {HOW}")
-    names = _names(plant)
-    plain = [_bare(name) for name in names]
-    for known in (names, plain):
-        found = [i for i, name in enumerate(known) if name == word.strip()]
-        if len(found) == 1:
-            return found[0]
+        raise InputError(f"measured: {word!r} among names; {HOW}")
+    known = (*states(plant), *plant.every_output)
+    for key in ("label", "name"):
+        found = [signal for signal in known if getattr(signal, key) == word.strip()]
+        if len(found) > 1:
+            raise InputError(f"measured: {word!r} names {len(found)} signals; write the unit too")
+        if found and found[0].D:
+            raise InputError(
+                f"measured: {word!r} has an input in it, and an observer takes y = C x; give an "
+                "output without D, or measure a state"
+            )
         if found:
-            raise InputError(f"measured: {word!r} names {len(found)} states; write the unit too")
-    raise InputError(f"measured: unknown state {word!r}; {suggest(word, plain)}")
-
-
-def _names(plant: UncertainPlant) -> tuple[str, ...]:
-    """Return the states' names, x1, x2 and so on where the plant has none."""
-    return plant.states or tuple(f"x{i + 1}" for i in range(plant.shape[0]))
-
-
-def _bare(name: str) -> str:
-    return name.split("[")[0].strip()
+            return found[0]
+    names = [signal.name for signal in known]
+    raise InputError(f"measured: unknown signal {word!r}; {suggest(word, names)}")
 
 
 def _matrices(plant: UncertainPlant, items: list[Any]) -> tuple[Exact, ...]:
@@ -215,5 +212,5 @@ def _remedy(plant: UncertainPlant, C: tuple[Exact, ...]) -> str | None:
         if all(
             not fixed_modes(transposed(v.exact_A), transposed((*c, row))).count for v, c in pairs
         ):
-            return repr(_names(plant)[i])
+            return repr(states(plant)[i].label)
     return None

@@ -30,7 +30,7 @@ def folder(tmp_path_factory):
     return tmp_path_factory.mktemp("page")
 
 
-@pytest.mark.parametrize("block", CONSOLE, ids=["drive", "family", "moving"])
+@pytest.mark.parametrize("block", CONSOLE, ids=["drive", "family", "moving", "servo"])
 def test_the_commands_print_what_the_page_shows(block, folder, monkeypatch, capsys):
     monkeypatch.chdir(folder)
     monkeypatch.setattr(  # drawing is slow, and tested elsewhere

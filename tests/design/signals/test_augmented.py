@@ -32,7 +32,7 @@ def test_a_filter_is_in_series(car):
         assert np.array_equal(vertex.A[4:, 4:], a)
         assert np.allclose(vertex.B[4:], b @ own.B[2:3], rtol=1e-15)
         assert not vertex.E[4:].any()
-    assert [signal.state[4 + i] for i in range(8)] == c[0].tolist()
+    assert [float(x) for x in signal.C[0]] == [0.0] * 4 + c[0].tolist()
     assert ride(larger).places == known.places
 
 
@@ -46,7 +46,7 @@ def test_a_weighted_rms_is_that_of_the_series(car):
         A, B = larger.at(alpha)
         E = larger.vertices[0].E
         X = solve_continuous_lyapunov(A + B @ law.K, -0.5e-3 * E @ E.T)
-        c = np.array([signal.state.get(i, 0.0) for i in range(12)])
+        c = np.array(signal.C[0], dtype=float)
         worst = max(worst, float(np.sqrt(c @ X @ c)))
     assert worst < bound.level < worst * 1.01
 

@@ -103,7 +103,6 @@ class GainNorm(Specification):
     def claim(
         self,
         subject: proof.Subject,
-        output: proof.Output,  # noqa: ARG002
         level: Fraction,
         plant: UncertainPlant,
     ) -> proof.PerformanceClaim:

@@ -64,10 +64,13 @@ class Specification:
         """Return what moves the signal."""
         raise NotImplementedError
 
+    def exact_output(self, plant: UncertainPlant) -> proof.Output:
+        """Return the signal in exact rationals."""
+        return proof.Output(*rows(plant, signal_of(plant, self)), self.name)
+
     def claim(
         self,
         subject: proof.Subject,
-        output: proof.Output,
         level: Fraction,
         plant: UncertainPlant,
     ) -> proof.PerformanceClaim:
@@ -111,12 +114,11 @@ class Rms(Specification):
     def claim(
         self,
         subject: proof.Subject,
-        output: proof.Output,
         level: Fraction,
-        plant: UncertainPlant,  # noqa: ARG002
+        plant: UncertainPlant,
     ) -> proof.PerformanceClaim:
         """Return the claim about the rms."""
-        return proof.Rms(subject, output, level, Fraction(self.density) / 2)
+        return proof.Rms(subject, self.exact_output(plant), level, Fraction(self.density) / 2)
 
 
 @dataclass(frozen=True)
@@ -138,12 +140,13 @@ class RelativeRms(Rms):
         return baseline(plant, on, self.density / 2)
 
     def claim(
-        self, subject: proof.Subject, output: proof.Output, level: Fraction, plant: UncertainPlant
+        self, subject: proof.Subject, level: Fraction, plant: UncertainPlant
     ) -> proof.PerformanceClaim:
         """Return the claim about the ratio."""
         domain = Domain.of(subject.on, len(subject.A))
         stability, covariance = self._baseline(plant, domain).evidence()
         n = len(subject.A[0])
+        output = self.exact_output(plant)
         A, E, C = proof.baseline_loop(subject, output, None, tuple(range(n)))
         base = proof.Baseline(A, E, C, stability, covariance)
         return proof.RelativeRms(subject, output, level, base, Fraction(self.density) / 2)
@@ -174,12 +177,11 @@ class EnergyPeak(Specification):
     def claim(
         self,
         subject: proof.Subject,
-        output: proof.Output,
         level: Fraction,
-        plant: UncertainPlant,  # noqa: ARG002
+        plant: UncertainPlant,
     ) -> proof.PerformanceClaim:
         """Return the claim about the peak."""
-        return proof.EnergyPeak(subject, output, level, Fraction(self.norm))
+        return proof.EnergyPeak(subject, self.exact_output(plant), level, Fraction(self.norm))
 
 
 @dataclass(frozen=True)
@@ -239,16 +241,15 @@ class InitialPeak(Specification):
     def claim(
         self,
         subject: proof.Subject,
-        output: proof.Output,
         level: Fraction,
-        plant: UncertainPlant,  # noqa: ARG002
+        plant: UncertainPlant,
     ) -> proof.PerformanceClaim:
         """Return the claim about the peak."""
         points = tuple(tuple(Fraction(x) for x in point) for point in self.points)
         q = len(subject.E[0][0]) if self.impulse else 0
         impulses = (Fraction(self.impulse),) * q
         X0 = tuple(tuple(Fraction(x) for x in row) for row in self.ellipsoid)
-        return proof.InitialPeak(subject, output, level, points, impulses, X0)
+        return proof.InitialPeak(subject, self.exact_output(plant), level, points, impulses, X0)
 
 
 @dataclass(frozen=True)
@@ -264,12 +265,11 @@ class Gain(Specification):
     def claim(
         self,
         subject: proof.Subject,
-        output: proof.Output,
         level: Fraction,
-        plant: UncertainPlant,  # noqa: ARG002
+        plant: UncertainPlant,
     ) -> proof.PerformanceClaim:
         """Return the claim about the gain."""
-        return proof.Gain(subject, output, level)
+        return proof.Gain(subject, self.exact_output(plant), level)
 
 
 def limit_text(own: Specification) -> str:
@@ -382,6 +382,5 @@ def claim_of(
             [v.exact_E for v in plant.vertices],
         )
     )
-    C, D = rows(plant, signal_of(plant, specification))
     subject = proof.Subject(A, B, E, law, evidence, on)
-    return specification.claim(subject, proof.Output(C, D, specification.name), level, plant)
+    return specification.claim(subject, level, plant)

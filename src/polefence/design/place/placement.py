@@ -4,13 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import suppress
-from dataclasses import dataclass, replace
-from functools import cached_property
+from dataclasses import replace
 
 from polefence.base.deadline import Deadline
 from polefence.base.errors import NotProvedError, SolverError
 from polefence.base.types import require_type
-from polefence.design.certificate import Certificate
 from polefence.design.checks import (
     is_checkable,
     require_checkable,
@@ -85,108 +83,91 @@ def place(
     method = fitting(plant, method)
     require_checkable(plant, method, len(region.parts))
     if isinstance(region, Disk):
-        search: _InDisk | _InRegion = _InDisk(plant, region, method)
-    else:
-        search = _InRegion(plant, region, method, [])
-    design = runnable(search.designs(), radius_of)
+        return _in_disk(plant, region, method, allow_unproved)
+    return _in_region(plant, region, method, allow_unproved)
+
+
+def _in_disk(plant: UncertainPlant, disk: Disk, method: Method, allow_unproved: bool) -> Design:
+    """Place the poles by a point inside a disk, or by the smallest disk of the same centre."""
+    inside: Design | None = None
+    with suppress(SolverError):
+        found = smallest_radius(plant.A, plant.B, disk.sigma, method, enough=disk.radius)
+        if found.radius <= disk.radius:
+            inside = proved_at(plant, disk, method, found)
+    if inside is not None and inside.runs:
+        return inside
+    best = smallest_disk(plant, disk.centre, method)[0]
+    wider = replace(best.certificate, region=disk)
+    holds = radius_of(best) <= disk.radius and wider.prove().proved
+    design = runnable((inside, Design(wider) if holds else None), radius_of)
     if design is not None:
         return design
     if allow_unproved:
-        return search.unproved
-    raise search.refusal()
+        return Design(wider, proved=False)
+    raise NotProvedError(_refusal(method, disk, best), best if best.proved else None)
 
 
-@dataclass(frozen=True, eq=False)
-class _InDisk:
-    """A point inside a disk; where that has no proof, the smallest disk of the same centre."""
-
-    plant: UncertainPlant
-    region: Disk
-    method: Method
-
-    def designs(self) -> Iterator[Design | None]:
-        """Yield what is proved for the disk."""
-        plant, disk, method = self.plant, self.region, self.method
-        with suppress(SolverError):
-            found = smallest_radius(plant.A, plant.B, disk.sigma, method, enough=disk.radius)
-            yield proved_at(plant, disk, method, found) if found.radius <= disk.radius else None
-        if radius_of(self.best) <= disk.radius and self._wider.prove().proved:
-            yield Design(self._wider)
-
-    @cached_property
-    def best(self) -> Design:
-        """The smallest disk, proved or not."""
-        return smallest_disk(self.plant, self.region.centre, self.method)[0]
-
-    @property
-    def _wider(self) -> Certificate:
-        return replace(self.best.certificate, region=self.region)
-
-    @property
-    def unproved(self) -> Design:
-        """The law of the smallest disk, as one for this disk."""
-        return Design(self._wider, proved=False)
-
-    def refusal(self) -> NotProvedError:
-        """Return why nothing is proved, and what is."""
-        best, label = self.best, method_label(self.method)
-        reached = (
-            f"the smallest radius found there is {digits_up(radius_of(best))} (proved)"
-            if best.proved
-            else "no radius was proved there"
-        )
-        if best.lower is not None and best.lower >= self.region.radius:
-            answer = f"refuted for {label}: its inequalities have no solution for {self.region}"
-        else:
-            answer = f"not proved: {label} gives no proof for {self.region}"
-        said = f"{answer}; {reached}; try a larger disk or another method"
-        return NotProvedError(said, best if best.proved else None)
+def _refusal(method: Method, region: Disk, best: Design) -> str:
+    reached = (
+        f"the smallest radius found there is {digits_up(radius_of(best))} (proved)"
+        if best.proved
+        else "no radius was proved there"
+    )
+    label = method_label(method)
+    if best.lower is not None and best.lower >= region.radius:
+        answer = f"refuted for {label}: its inequalities have no solution for {region}"
+    else:
+        answer = f"not proved: {label} gives no proof for {region}"
+    return f"{answer}; {reached}; try a larger disk or another method"
 
 
-@dataclass(frozen=True, eq=False)
-class _InRegion:
-    """Points of a region that is no single disk, kept as they are found."""
+def _in_region(
+    plant: UncertainPlant, region: Region, method: Method, allow_unproved: bool
+) -> Design:
+    """Place the poles in a region that is no single disk."""
+    label, found = method_label(method), list[Found]()
+    points = _points(plant, region, method, found)
+    try:
+        design = runnable((proved_at(plant, region, method, point) for point in points), radius_of)
+    except SolverError as error:
+        raise NotProvedError(f"undecided: {label}: {error}") from error
+    if design is not None:
+        return design
+    if allow_unproved:
+        return Design(rounded(plant, region, method, found[-1]), proved=False)
+    raise NotProvedError(
+        f"not proved: {label} gives no proof for {region}; try a wider region, "
+        f"fewer parts{degree_hint(method)}"
+    )
 
-    plant: UncertainPlant
-    region: Region
-    method: Method
-    found: list[Found | SolverError]
 
-    def designs(self) -> Iterator[Design | None]:
-        """Yield what is proved for the region, from points well inside it and of slow poles on."""
-        plant, region, method = self.plant, self.region, self.method
-        rate = max(region.scale, typical_rate(plant.A))
-        speeds = () if bounds_speed(region) else [s * rate for s in SPEEDS if s * rate < FASTEST]
-        for searched in (*(bounded(region, speed) for speed in speeds), region):
-            for enough in INSIDE:
-                try:
-                    found = smallest(plant.A, plant.B, Around(searched), method, enough=enough)
-                except SolverError as failure:
-                    self.found.append(failure)
-                    break
-                self.found.append(found)
-                if found.radius < 1:
-                    yield proved_at(plant, region, method, found)
-                elif found.converged:
-                    break
+def _points(
+    plant: UncertainPlant, region: Region, method: Method, found: list[Found]
+) -> Iterator[Found]:
+    """Yield points of a region, of slow poles and well inside it first; ``found`` has all of them.
 
-    @property
-    def unproved(self) -> Design:
-        """The law of the last point."""
-        points = [found for found in self.found if isinstance(found, Found)]
-        if not points:
-            raise self.refusal()
-        return Design(rounded(self.plant, self.region, self.method, points[-1]), proved=False)
-
-    def refusal(self) -> NotProvedError:
-        """Return why nothing is proved."""
-        label = method_label(self.method)
-        if all(isinstance(found, SolverError) for found in self.found):
-            return NotProvedError(f"undecided: {label}: {self.found[-1]}")
-        return NotProvedError(
-            f"not proved: {label} gives no proof for {self.region}; try a wider region, "
-            f"fewer parts{degree_hint(self.method)}"
-        )
+    Raises
+    ------
+    SolverError
+        If there is none at all.
+    """
+    failure: SolverError | None = None
+    rate = max(region.scale, typical_rate(plant.A))
+    speeds = () if bounds_speed(region) else [s * rate for s in SPEEDS if s * rate < FASTEST]
+    for searched in (*(bounded(region, speed) for speed in speeds), region):
+        for enough in INSIDE:
+            try:
+                point = smallest(plant.A, plant.B, Around(searched), method, enough=enough)
+            except SolverError as error:
+                failure = error
+                break
+            found.append(point)
+            if point.radius < 1:
+                yield point
+            elif point.converged:
+                break
+    if failure is not None and not found:
+        raise failure
 
 
 def _climb(plant: UncertainPlant, region: Region, method: Scheduled) -> Design:

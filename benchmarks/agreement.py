@@ -20,22 +20,22 @@ from polefence import METHODS, PolefenceError, UncertainPlant
 from polefence.design.place.tightest import tightest_near
 from polefence.lmi.conditions.methods import build
 from polefence.lmi.solve.conic import largest_margin
-from polefence.lmi.solve.point import Found, lyapunov_mean
 from polefence.lmi.solve.radius import FLOOR
 from polefence.lmi.solve.scaling import balanced
+from polefence.lmi.solve.search import Reached, lyapunov_mean
 
 SIDE = 1e-3
 CLEAR = 1e-7  # a margin that means something
 
 
-def second_opinion(plant: UncertainPlant, centre: float, method: str, found: Found) -> str:
+def second_opinion(plant: UncertainPlant, centre: float, method: str, found: Reached) -> str:
     """Compare with Clarabel on both sides of the radius."""
     plain = balanced(plant.A, plant.B, -centre)
     scaling = plain.refined(lyapunov_mean(found.values))
     A, B = scaling.apply(plant.A, plant.B)
     pencil = build(method, A, B, -centre / scaling.rate)
     above, below = (
-        largest_margin(pencil, found.radius * side / scaling.rate) for side in (1 + SIDE, 1 - SIDE)
+        largest_margin(pencil, found.r * side / scaling.rate) for side in (1 + SIDE, 1 - SIDE)
     )
     if above.t < -CLEAR and above.optimal:
         return "Clarabel: infeasible above"
@@ -75,7 +75,7 @@ def main() -> None:
                         flush=True,
                     )
                 # at its floor the search stops short of an infimum of zero
-                sought = found.radius > 2 * FLOOR * -centre
+                sought = found.r > 2 * FLOOR * -centre
                 if sought and seed - options.first < options.clarabel:
                     answer = second_opinion(plant, centre, method, found)
                     count[answer] += 1

@@ -46,11 +46,11 @@ from polefence import METHODS, UncertainPlant
 from polefence.base.errors import PolefenceError
 from polefence.design.place.tightest import tightest_near
 from polefence.examples import family
-from polefence.lmi.solve import layout
-from polefence.lmi.solve import radius as radius_module
-from polefence.lmi.solve.point import Found
+from polefence.lmi.solve import search
+from polefence.lmi.solve import stacked as stacked_module
 from polefence.lmi.solve.radius import smallest_radius
 from polefence.lmi.solve.scaling import balanced
+from polefence.lmi.solve.search import Reached
 from polefence.lmi.solve.stacked import Stacked
 from polefence.plant.system import Array
 
@@ -330,7 +330,7 @@ class Measured:
     first: list[float]
     above: list[float]
     proved: list[float]
-    found: Found
+    found: Reached
     upper: float
     lower: float | None
 
@@ -349,7 +349,7 @@ def measure(
     every = max(ours // peers, 1)
     for engine in ("numpy", "compiled"):
         smallest_radius(A, B, sigma, method, engine=engine)
-    result = Measured([], [], [], [], [], [], Found(0.0, {}), 0.0, None)
+    result = Measured([], [], [], [], [], [], Reached(r=0.0, values={}), 0.0, None)
     for k in range(ours):
         if k % every == 0 and len(result.peers) < peers:
             result.peers.append(run_peer(A, B, sigma, method, limit))
@@ -358,7 +358,7 @@ def measure(
             lambda: smallest_radius(A, B, sigma, method, engine="compiled")
         )
         result.compiled.append(seconds)
-        layout._layout.cache_clear()
+        stacked_module._layout.cache_clear()
         run = clock(lambda: smallest_radius(A, B, sigma, method, engine="compiled"))
         result.first.append(run[0])
         above = clock(lambda: tightest_near(plant, -sigma, method, None, bounds=False))
@@ -416,8 +416,8 @@ def one_radius(quick: bool, limit: float) -> None:
         gap = "-" if r.lower is None else f"{1 - r.lower / r.upper:.1e}"
         peer = r.peers[0]
         reached = "-" if peer.radius is None else f"{peer.radius:.6g}"
-        row(car, method, f"{r.upper:.7g}", f"{r.found.radius:.7g}", lower, gap, reached,
-            off(peer, r.found.radius))  # fmt: skip
+        row(car, method, f"{r.upper:.7g}", f"{r.found.r:.7g}", lower, gap, reached,
+            off(peer, r.found.r))  # fmt: skip
     other_peers(limit)
 
 
@@ -439,7 +439,7 @@ def other_peers(limit: float) -> None:
             row(
                 *(method, label, f"{peer.seconds:.2f}"),
                 *(times(peer.seconds if peer.radius else None, seconds), reached),
-                *(off(peer, found.radius), peer.solves, peer.doubtful),
+                *(off(peer, found.r), peer.solves, peer.doubtful),
             )
 
 
@@ -572,7 +572,7 @@ def grow(method: str, N: int, n: int, seeds: int, limit: float) -> None:
         spent.append(median(turns))
         iterations.append(found.iterations)
         if seed == 0:
-            first = spent[0], found.radius
+            first = spent[0], found.r
     if not spent:
         row(method, N, n, f"{failed} failed", *["-"] * 9)
         return
@@ -622,14 +622,14 @@ def kernel_runs(N: int, n: int, repeats: int) -> tuple[Stacked, list[float], int
     """Return the pencil of a scheduled problem, seconds per iteration of runs, and iterations."""
     A, B = polytope(N, n, 0)
     runs: list[tuple[Stacked, float, int]] = []
-    inner = radius_module.run
+    inner = search.run
 
     def timed(stacked: Stacked, *args: Any) -> Any:
         seconds, outcome = clock(lambda: inner(stacked, *args))
         runs.append((stacked, seconds, outcome.iterations))
         return outcome
 
-    with patch.object(radius_module, "run", timed):
+    with patch.object(search, "run", timed):
         for _ in range(repeats):
             smallest_radius(A, B, 5.0, "scheduled", engine="compiled")
     most = max(stacked.unknowns for stacked, _, _ in runs)

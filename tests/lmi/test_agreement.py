@@ -11,9 +11,8 @@ from polefence import UncertainPlant, build, tightest
 from polefence.base.errors import PlantError, UncontrollableError
 from polefence.design.place.tightest import tightest_near
 from polefence.lmi.solve.conic import largest_margin
-from polefence.lmi.solve.point import lyapunov_mean
-from polefence.lmi.solve.radius import ROUNDS
 from polefence.lmi.solve.scaling import balanced
+from polefence.lmi.solve.search import ROUNDS, lyapunov_mean
 from polefence.lmi.solve.smallest import MAX_ITERATIONS
 from support.paths import FAMILIES
 
@@ -34,7 +33,7 @@ def rows(draw, seed):
         design, point = tightest_near(plant, centre, method, None)
         assert design.certificate.prove().proved
         assert design.region.centre == centre
-        assert point.radius <= design.region.radius <= point.radius * (1 + 2e-4)
+        assert point.r <= design.region.radius <= point.r * (1 + 2e-4)
         assert design.lower is None or 0 < design.lower < design.region.radius
         assert 0 < point.iterations <= MOST
         found[method] = design, point
@@ -44,8 +43,8 @@ def rows(draw, seed):
 def orderings(found):
     """Lemma 1 is a special case of the other two."""
     assert "slack" in found
-    quadratic = found["quadratic"][1].radius
-    assert all(point.radius <= quadratic * (1 + 1e-6) for _, point in found.values())
+    quadratic = found["quadratic"][1].r
+    assert all(point.r <= quadratic * (1 + 1e-6) for _, point in found.values())
 
 
 def clarabel_agrees(plant, centre, point):
@@ -53,12 +52,12 @@ def clarabel_agrees(plant, centre, point):
     scaling = balanced(plant.A, plant.B, -centre).refined(lyapunov_mean(point.values))
     pencil = build("quadratic", *scaling.apply(plant.A, plant.B), -centre / scaling.rate)
     above, below = (
-        largest_margin(pencil, point.radius * side / scaling.rate) for side in (1.001, 0.999)
+        largest_margin(pencil, point.r * side / scaling.rate) for side in (1.001, 0.999)
     )
     assert above.t > 1e-5
     assert below.optimal
     # from sigma on, the strict inequality just fails: its margin is zero below the radius
-    assert below.t < (-1e-5 if point.radius < -centre else 1e-7)
+    assert below.t < (-1e-5 if point.r < -centre else 1e-7)
 
 
 @pytest.mark.parametrize("seed", range(12))
@@ -66,7 +65,7 @@ def test_polytopes(seed):
     plant, centre, found = rows("polytope", seed)
     orderings(found)
     for design, point in found.values():
-        if point.radius > -1e-2 * centre:
+        if point.r > -1e-2 * centre:
             assert point.converged
             assert 1 - design.lower / design.region.radius <= 2e-5
     clarabel_agrees(plant, centre, found["quadratic"][1])

@@ -8,8 +8,7 @@ import pytest
 
 from polefence import build, limits, place, tightest
 from polefence.base.errors import NotProvedError, SolverError
-from polefence.lmi.solve.bisection import smallest_radius
-from polefence.lmi.solve.conic import largest_margin
+from polefence.lmi.solve.conic import largest_margin, smallest_radius
 from polefence.region.regions import Disk
 
 
@@ -70,7 +69,7 @@ def test_ctrl_c_is_not_swallowed(monkeypatch, make_random):
 
 def test_an_occasional_panic_costs_a_retry_and_no_radius(monkeypatch, make_random):
     plant = make_random(1, 2, 1, 3)
-    plain = smallest_radius(plant.A, plant.B, 3.0, "slack").radius
+    plain = smallest_radius(plant.A, plant.B, 3.0, "slack").r
 
     def sometimes(call, inner):
         if call % 3 == 2:
@@ -78,7 +77,7 @@ def test_an_occasional_panic_costs_a_retry_and_no_radius(monkeypatch, make_rando
         return inner.solve()
 
     break_solver(monkeypatch, sometimes)
-    again = smallest_radius(plant.A, plant.B, 3.0, "slack").radius
+    again = smallest_radius(plant.A, plant.B, 3.0, "slack").r
     assert np.isclose(again, plain, rtol=2e-3)
 
 

@@ -196,7 +196,7 @@ def test_rates_are_measured_in_the_unit_given():
             plain.matrices(x, r).items(), scaled.matrices(x, r / unit).values(), strict=True
         )
         for (name, one), other in pairs:
-            if name.startswith("W at"):
+            if name.startswith("X at"):
                 assert np.allclose(one, other)
                 continue
             ratio = np.vdot(one, other) / np.vdot(one, one)

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from polefence.lmi.solve import performance
+from polefence.lmi.conditions.pencil import Variable
+from polefence.lmi.solve import search
 
 
 def blocks(seed):
@@ -22,16 +23,16 @@ def blocks(seed):
 @pytest.mark.parametrize("seed", range(20))
 def test_the_least_power_is_the_first_of_all(seed):
     own = blocks(seed)
-    holds = [performance._positive([r * D - M for D, M in own]) for r in performance.POWERS]
-    first = next((r for r, yes in zip(performance.POWERS, holds, strict=True) if yes), None)
+    holds = [search._positive([r * D - M for D, M in own]) for r in search.POWERS]
+    first = next((r for r, yes in zip(search.POWERS, holds, strict=True) if yes), None)
     assert first is not None
-    assert performance._least_power(own) == first
+    assert search.least_power(own) == first
 
 
 class Line:
     """A pencil of one scalar t, whose only block is never positive: M has a direction without D."""
 
-    variables = ()
+    variables = (Variable("t", (1, 1), rows=""),)
 
     def pack(self, values):
         return np.zeros(1)
@@ -43,7 +44,7 @@ class Line:
 def test_where_there_is_no_point_few_are_tried(monkeypatch):
     """Five of six evaluations in a search of the least gain norm of a large law were these."""
     tried = []
-    positive = performance._positive
-    monkeypatch.setattr(performance, "_positive", lambda own: tried.append(1) or positive(own))
-    assert performance.interior(Line(), Line(), {}, {}) == (None, 0.0)
-    assert len(tried) < performance.HALVINGS * 12
+    positive = search._positive
+    monkeypatch.setattr(search, "_positive", lambda own: tried.append(1) or positive(own))
+    assert search.interior(Line(), Line(), {}, {}) == (None, 0.0)
+    assert len(tried) < search.HALVINGS * 12

@@ -15,11 +15,11 @@ import polefence
 from polefence import Scheduled, build
 from polefence.lmi.solve import engine as module
 from polefence.lmi.solve.engine import run
-from polefence.lmi.solve.nominal import common_point, nominal_start
 from polefence.lmi.solve.radius import smallest_radius
 from polefence.lmi.solve.scaling import balanced
 from polefence.lmi.solve.smallest import least_radius
 from polefence.lmi.solve.stacked import stack
+from polefence.lmi.solve.starts import common_point, nominal_start
 from support.paths import FAMILIES
 
 RIGHT = Scheduled(right_hand_sides=True)
@@ -99,7 +99,7 @@ def test_folds_are_passed_alike(seed):
     ours, theirs = (smallest_radius(A, B, -centre, "quadratic", engine=e) for e in engines)
     assert ours.converged
     assert ours.iterations <= 1.3 * theirs.iterations
-    assert np.isclose(ours.radius, theirs.radius, rtol=1e-8)
+    assert np.isclose(ours.r, theirs.r, rtol=1e-8)
 
 
 def test_without_the_kernel_the_reference_runs(monkeypatch, make_random):
@@ -110,7 +110,7 @@ def test_without_the_kernel_the_reference_runs(monkeypatch, make_random):
     for engine in (None, "numpy", "compiled"):
         found = smallest_radius(plant.A, plant.B, 3.0, "scheduled", engine=engine)
         assert found.converged
-        assert np.isclose(found.radius, usual.radius, rtol=1e-6)
+        assert np.isclose(found.r, usual.r, rtol=1e-6)
 
 
 # --- misuse --------------------------------------------------------------------------------------

@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 
 from polefence import InputError, Scheduled, build
-from polefence.lmi.conditions.linear import Variable
-from polefence.lmi.conditions.pencil import smat, svec
+from polefence.lmi.conditions.pencil import Variable, smat, svec
 
 RANDOM = np.random.default_rng(11)
 SIGMA, R = 3.0, 1.7

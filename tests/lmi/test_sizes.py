@@ -18,8 +18,14 @@ from polefence import (
 )
 from polefence.cli.main import main
 from polefence.design.checks import is_checkable
-from polefence.lmi.conditions.methods import build, method_label
-from polefence.lmi.conditions.sizes import LONG_STEP, blocks, fitting, step_work
+from polefence.lmi.conditions.methods import (
+    LONG_STEP,
+    blocks,
+    build,
+    fitting,
+    method_label,
+    step_work,
+)
 
 METHODS = [
     "quadratic",

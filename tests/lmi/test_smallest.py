@@ -12,12 +12,12 @@ from polefence import Scheduled, build
 from polefence.lmi.solve import smallest as reference
 from polefence.lmi.solve.conic import largest_margin
 from polefence.lmi.solve.engine import run
-from polefence.lmi.solve.nominal import common_point, nominal_start
-from polefence.lmi.solve.point import lyapunov_mean
 from polefence.lmi.solve.radius import smallest_radius
 from polefence.lmi.solve.scaling import balanced
+from polefence.lmi.solve.search import lyapunov_mean
 from polefence.lmi.solve.smallest import least_radius, smallest
 from polefence.lmi.solve.stacked import stack
+from polefence.lmi.solve.starts import common_point, nominal_start
 from support.paths import FAMILIES
 
 METHODS = ["quadratic", "slack", "scheduled", Scheduled(right_hand_sides=True)]
@@ -139,7 +139,7 @@ def test_clarabel_brackets_the_radius(method, seed, n, m, N, make_random):
     pencil = build(method, *scaling.apply(plant.A, plant.B), sigma / scaling.rate)
     for side in (1e-4, 1e-6):
         above, below = (
-            largest_margin(pencil, found.radius * (1 + change) / scaling.rate)
+            largest_margin(pencil, found.r * (1 + change) / scaling.rate)
             for change in (side, -side)
         )
         assert above.optimal
@@ -155,7 +155,7 @@ def test_the_car_at_centre_40(family, method, engine, request):
     digit, infima = CAR[family]
     found = smallest_radius(plant.A, plant.B, 40.0, method, engine=engine)
     assert found.converged
-    assert abs(found.radius - infima[method]) <= digit + 1e-7 * found.radius
+    assert abs(found.r - infima[method]) <= digit + 1e-7 * found.r
 
 
 # --- the path ------------------------------------------------------------------------------------
@@ -171,7 +171,7 @@ def test_folds_of_the_path_are_passed_at_prescribed_radii(seed, monkeypatch):
     plain = smallest_radius(plant.A, plant.B, -centre, "quadratic", engine="numpy")
     assert folded.converged
     assert plain.iterations > 2 * folded.iterations
-    assert plain.radius >= folded.radius * (1 - 1e-6)
+    assert plain.r >= folded.r * (1 - 1e-6)
 
 
 @pytest.mark.parametrize("engine", ENGINES)
@@ -203,7 +203,7 @@ def count(monkeypatch):
         counts.append(outcome.iterations)
         return outcome
 
-    monkeypatch.setattr("polefence.lmi.solve.radius.run", counting)
+    monkeypatch.setattr("polefence.lmi.solve.search.run", counting)
     return counts
 
 
@@ -213,12 +213,12 @@ def test_a_neighbour_is_a_better_start(method, engine, physical, count):
     A, B = physical.A, physical.B
     neighbour = smallest_radius(A, B, 40.0, method, engine=engine)
     # a disk about this centre that holds the neighbour's
-    near = replace(neighbour, radius=neighbour.radius + 1.0)
+    near = replace(neighbour, r=neighbour.r + 1.0)
     count.clear()
     alone = smallest_radius(A, B, 41.0, method, engine=engine)
     alone_count, count[:] = sum(count), []
     led = smallest_radius(A, B, 41.0, method, near, engine=engine)
-    assert np.isclose(led.radius, alone.radius, rtol=1e-6)
+    assert np.isclose(led.r, alone.r, rtol=1e-6)
     assert 0 < sum(count) < alone_count
 
 

@@ -9,10 +9,10 @@ import pytest
 
 from polefence.lmi.conditions.methods import build
 from polefence.lmi.solve import engine, smallest
-from polefence.lmi.solve.nominal import common_point, nominal_start
 from polefence.lmi.solve.radius import smallest_radius
 from polefence.lmi.solve.scaling import balanced
 from polefence.lmi.solve.stacked import stack
+from polefence.lmi.solve.starts import common_point, nominal_start
 from support.paths import ROOT
 
 SHAPES = [
@@ -77,7 +77,7 @@ def test_inputs_without_effect_or_twice_change_nothing(make_random, name):
             twice = np.concatenate([B, extra], axis=2)
             found = smallest_radius(A, twice, 3.0, method, engine=name)
             assert found.converged
-            assert np.isclose(found.radius, plain.radius, rtol=1e-6)
+            assert np.isclose(found.r, plain.r, rtol=1e-6)
 
 
 def test_more_inputs_than_states(make_random):
@@ -89,7 +89,7 @@ def test_more_inputs_than_states(make_random):
             for m in ("quadratic", "scheduled")
         )
         assert lemma.converged
-        assert theorem.radius < 0.01 * lemma.radius
+        assert theorem.r < 0.01 * lemma.r
 
 
 ENGINES_HERE = engine.ENGINES if engine._kernel is not None else ("numpy",)

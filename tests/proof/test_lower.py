@@ -38,7 +38,7 @@ def infimum(method, A, B, sigma):
     found = smallest_radius(
         np.asarray(A, dtype=float), np.asarray(B, dtype=float), sigma, method, engine="numpy"
     )
-    return found.radius, found.dual.matrices()
+    return found.r, found.dual.matrices()
 
 
 def bound(method, A, B, sigma, exact_A=None, exact_B=None):

@@ -13,7 +13,7 @@ from polefence.design.given.closed_loop import loop_with
 from polefence.design.signals.bounds import best_bound, kept_bound
 from polefence.design.signals.specification import Gain, Rms, output_of
 from polefence.law.given import domain_of
-from polefence.lmi.solve.lyapunov_performance import least_given
+from polefence.lmi.solve.lyapunov import least_given
 
 
 def lags(count, coupling=1.0):

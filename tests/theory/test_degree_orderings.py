@@ -12,9 +12,9 @@ import pytest
 from polefence import Parameter, UncertainPlant, check, tightest
 from polefence.lmi.conditions.methods import Scheduled, Slack, build
 from polefence.lmi.solve.conic import largest_margin
-from polefence.lmi.solve.point import lyapunov_mean
 from polefence.lmi.solve.radius import smallest_radius
 from polefence.lmi.solve.scaling import balanced
+from polefence.lmi.solve.search import lyapunov_mean
 from polefence.plant.polynomial import Domain
 
 CENTRE = -3.0
@@ -144,7 +144,7 @@ def test_clarabel_finds_nothing_below(name, on, g, d, request):
     A, B = scaling.apply(plant.A, plant.B)
     pencil = build(method, A, B, 40.0 / scaling.rate)
     below, above = (
-        largest_margin(pencil, found.radius * side / scaling.rate) for side in (0.997, 1.003)
+        largest_margin(pencil, found.r * side / scaling.rate) for side in (0.997, 1.003)
     )
     assert below.optimal
     assert below.t < -1e-7

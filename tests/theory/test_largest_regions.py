@@ -134,7 +134,7 @@ def test_slack_tends_to_quadratic_or_better(region):
     plant = family(9, 2, 1, 3)
     r = {}
     for method in ("quadratic", Slack(epsilon=0.1), Slack(epsilon=1e-2), Slack(epsilon=1e-3)):
-        r[method] = smallest(plant.A, plant.B, Around(region), method).radius
+        r[method] = smallest(plant.A, plant.B, Around(region), method).r
     assert r[Slack(epsilon=1e-3)] <= r["quadratic"] * (1 + 2e-2)
     assert r[Slack(epsilon=1e-2)] <= r["quadratic"] * (1 + 1e-1)
     wider = r["quadratic"] < 0.9

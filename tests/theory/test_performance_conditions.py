@@ -25,10 +25,12 @@ from polefence.design.signals.specification import (
     signal_of,
 )
 from polefence.examples import family
-from polefence.lmi.conditions.performance import Output, Points, Through, design, given, noise
-from polefence.lmi.conditions.target import Around
-from polefence.lmi.solve.lyapunov_performance import least_given
-from polefence.lmi.solve.performance import Question, fixed, least
+from polefence.lmi.conditions.lyapunov import given
+from polefence.lmi.conditions.parameter_dependent import design
+from polefence.lmi.conditions.performance import Demands, Output, Points, Through, noise
+from polefence.lmi.conditions.target import Around, Target, fixed
+from polefence.lmi.solve.lyapunov import least_given
+from polefence.lmi.solve.performance import Question, least
 from polefence.lmi.solve.radius import smallest, typical_rate
 from polefence.lmi.solve.scaling import balanced
 from polefence.plant.outputs import Output as Signal
@@ -171,8 +173,8 @@ def test_design_is_the_inequalities_at_alpha(on, degree, elevation, constant):
         for level, is_fixed in ((2.5, True), (0.6, False))
     )
     d, sources = own.data, tuple(own.sources.values())
-    target = fixed(REGION, 2.0)
-    pencil = design(d["A"], d["B"], sources, outputs, target, own.domain, degree, elevation, MARGIN)
+    demands = Demands(Target(fixed(REGION, 2.0)), sources, outputs, margin=MARGIN)
+    pencil = design(d["A"], d["B"], demands, own.domain, degree, elevation)
     x, r = np.random.default_rng(9).normal(size=pencil.unknowns), 0.37
     values, count = pencil.unpack(x), own.domain.count(degree)
     t = {name: values[f"t {name}"].item() for name in own.sources}
@@ -189,7 +191,7 @@ def test_design_is_the_inequalities_at_alpha(on, degree, elevation, constant):
         expected |= {f"t {name}": r * value * np.eye(1) for name, value in t.items()}
         for number, (L, M) in enumerate(REGION.pairs(2.0)):
             part = np.kron(L, W) + np.kron(M, N) + np.kron(M.T, N.T)
-            expected[f"region, part {number + 1}"] = -part
+            expected[f"part {number + 1}"] = -part
         compare(summed(pencil, x, r, own.domain, coordinates, natural + elevation), expected)
 
 
@@ -207,7 +209,8 @@ def test_given_is_the_inequalities_at_alpha(on, degree, elevation, scheduled, so
         law = ScheduledGain(half + half.swapaxes(1, 2), Z, (), scheduled, domain.sizes)
     loop = loop_with(plant, law, d["C"], d["D"])
     output = own.output(source, 1.7, False)
-    pencil = given(loop, own.sources[source], output, degree, elevation)
+    demands = Demands(sources=(own.sources[source],), outputs=(output,))
+    pencil = given(loop, demands, degree, elevation)
     x, r = random.normal(size=pencil.unknowns), 0.61
     values, count = pencil.unpack(x), domain.count(degree)
     t = {source: values[f"t {source}"].item()}
@@ -400,7 +403,7 @@ def designed(plant, domain, specification, degree, region=None, force=1.0):
     rate = typical_rate(plant.A)
     scaling = balanced(plant.A, plant.B, rate)
     start = smallest(plant.A, plant.B, Around(region or HalfPlane(0)), "quadratic", enough=0.9)
-    assert start.radius < 1
+    assert start.r < 1
     count = domain.count(degree)
     values = {f"{x}{k + 1}": start.values[x] for x in "WZ" for k in range(count)}
     outputs = (limit, output)

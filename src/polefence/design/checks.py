@@ -3,8 +3,15 @@
 from __future__ import annotations
 
 from polefence.base.errors import InputError, RegionError, UncontrollableError
-from polefence.lmi.conditions.methods import Method, method_label, method_name, normal, options
-from polefence.lmi.conditions.sizes import blocks, is_searchable
+from polefence.lmi.conditions.methods import (
+    Method,
+    blocks,
+    is_searchable,
+    method_label,
+    method_name,
+    normal,
+    options,
+)
 from polefence.plant.controllability import FixedModes, modes_text
 from polefence.plant.family import UncertainPlant
 from polefence.proof import definite, placement, roots, work

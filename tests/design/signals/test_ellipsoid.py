@@ -21,7 +21,8 @@ from polefence.design.signals.optimise import optimise
 from polefence.design.signals.sampled import sampled
 from polefence.design.signals.specification import InitialPeak, Rms
 from polefence.design.signals.text import load_specifications, parse_specification
-from polefence.lmi.conditions.performance import Output, Points, design
+from polefence.lmi.conditions.parameter_dependent import design
+from polefence.lmi.conditions.performance import Demands, Output, Points
 from polefence.plant import outputs
 from polefence.plant.points import seeded
 from polefence.plant.polynomial import Domain
@@ -81,7 +82,7 @@ def test_blocks_are_the_inequality_at_alpha(on, degree, elevation, points):
     T = random.normal(size=(3, 3))
     changed = source.changed(np.linalg.inv(T), 3.0)
     assert np.allclose(T @ changed.ellipsoid @ T.T, ball)
-    pencil = design(A, B, (source,), (output,), None, domain, degree, elevation)
+    pencil = design(A, B, Demands(sources=(source,), outputs=(output,)), domain, degree, elevation)
     x = random.normal(size=pencil.unknowns)
     values, blocks = pencil.unpack(x), pencil.matrices(x, 0.4)
     own = [M for name, M in blocks.items() if name.startswith("start of the ellipsoid, ")]

@@ -29,7 +29,7 @@ from polefence.design.search import first
 from polefence.law.given import given_law
 from polefence.law.laws import Law
 from polefence.law.table import GainTable
-from polefence.lmi.solve.lyapunov import Proof
+from polefence.lmi.solve.lyapunov import LyapunovPolynomial
 from polefence.plant.family import UncertainPlant
 from polefence.plant.points import values_at, values_text
 from polefence.plant.system import Array
@@ -183,7 +183,7 @@ def _part(
     """Return evidence that is proved for one part of a region, and the form tried last."""
     last, loop = ladder[0], loop_of(plant, law)
 
-    def proved(found: Proof) -> dict[str, Any] | None:
+    def proved(found: LyapunovPolynomial) -> dict[str, Any] | None:
         evidence = evidence_of(found, last)
         holds = certificate_of(plant, law, part, [evidence]).prove().proved
         return evidence if holds else None

@@ -14,7 +14,7 @@ from polefence.law.given import domain_of
 from polefence.law.laws import FixedGain, Law, ScheduledGain
 from polefence.lmi.conditions.lyapunov import Loop
 from polefence.lmi.conditions.target import Around
-from polefence.lmi.solve.lyapunov import Proof, least
+from polefence.lmi.solve.lyapunov import LyapunovPolynomial, least
 from polefence.plant.family import UncertainPlant
 from polefence.plant.polynomial import bernstein, elevated, times
 from polefence.plant.system import Array
@@ -74,7 +74,9 @@ def forms(plant: UncertainPlant, law: Law, parts: int = 1) -> Iterator[tuple[int
         yield degree, elevation
 
 
-def points_inside(loop: Loop, region: Region, form: tuple[int, int]) -> Iterator[Proof]:
+def points_inside(
+    loop: Loop, region: Region, form: tuple[int, int]
+) -> Iterator[LyapunovPolynomial]:
     """Yield Lyapunov polynomials of a form for a region: well inside it, then as far as it goes."""
     for enough in INSIDE:
         with suppress(SolverError):
@@ -90,7 +92,7 @@ def placeholder(plant: UncertainPlant, law: Law) -> dict[str, Any]:
     return {"X": np.tile(np.eye(n), (count, 1, 1)), "degree": 0, "elevation": 0}
 
 
-def evidence_of(found: Proof, form: tuple[int, int]) -> dict[str, Any]:
+def evidence_of(found: LyapunovPolynomial, form: tuple[int, int]) -> dict[str, Any]:
     """Return what was found as a certificate has it."""
     evidence = {"X": found.Q, "degree": form[0], "elevation": form[1]}
     return evidence if found.multiple is None else evidence | {"multiple": found.multiple}

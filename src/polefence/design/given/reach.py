@@ -26,7 +26,7 @@ from polefence.law.given import domain_of, given_law
 from polefence.law.laws import Law
 from polefence.lmi.conditions.lyapunov import Loop
 from polefence.lmi.conditions.target import Around, Decays, Disks, Goal, Sectors
-from polefence.lmi.solve.lyapunov import Proof, least
+from polefence.lmi.solve.lyapunov import LyapunovPolynomial, least
 from polefence.lmi.solve.radius import typical_rate
 from polefence.plant.family import UncertainPlant
 from polefence.plant.points import values_at
@@ -180,7 +180,7 @@ def _tried(
 ) -> tuple[float, Region, Certificate] | None:
     """Return the least r that is proved with polynomials of one form, with its region."""
 
-    def proved(found: Proof, r: float) -> tuple[float, Region, Certificate] | None:
+    def proved(found: LyapunovPolynomial, r: float) -> tuple[float, Region, Certificate] | None:
         region = question.region(r)
         if region is None:
             return None
@@ -191,7 +191,7 @@ def _tried(
     return first(proved(found, found.r * (1 + step)) for found in points for step in STEPS)
 
 
-def _points(loop: Loop, question: _Question, form: tuple[int, int]) -> Iterator[Proof]:
+def _points(loop: Loop, question: _Question, form: tuple[int, int]) -> Iterator[LyapunovPolynomial]:
     """Yield points farther and farther from the edge."""
     near = None
     if question.first is not None:

@@ -20,9 +20,15 @@ from polefence.design.checks import (
 from polefence.design.design import Design
 from polefence.design.place.shipped import radius_of
 from polefence.design.place.tightest import tightest_near
-from polefence.lmi.conditions.methods import METHODS, Method, Scheduled, Slack, method_label
-from polefence.lmi.conditions.sizes import fitting
-from polefence.lmi.solve.point import Found
+from polefence.lmi.conditions.methods import (
+    METHODS,
+    Method,
+    Scheduled,
+    Slack,
+    fitting,
+    method_label,
+)
+from polefence.lmi.solve.search import Reached
 from polefence.plant.family import UncertainPlant
 
 # Rows that start from one another: at most so many, their centres at most this share apart.
@@ -172,11 +178,11 @@ def chain(plant: UncertainPlant, part: list[Task], bounds: bool) -> list[tuple[i
 
 
 def _chain(plant: UncertainPlant, part: list[Task], bounds: bool) -> Iterator[tuple[int, Limit]]:
-    near: Found | None = None
+    near: Reached | None = None
     for k, (index, centre, method) in enumerate(part):
         if near is not None:
             # a disk about this centre that holds the neighbour's
-            near = replace(near, radius=near.radius + abs(centre - part[k - 1][1]))
+            near = replace(near, r=near.r + abs(centre - part[k - 1][1]))
         start = time.perf_counter()
         design: Design | None = None
         try:

@@ -20,11 +20,10 @@ from polefence.design.counterexample import unplaceable
 from polefence.design.design import Design
 from polefence.design.place.shipped import proved_at, radius_of, rounded, runnable
 from polefence.design.place.tightest import smallest_disk
-from polefence.lmi.conditions.methods import Method, Scheduled, degree_hint, method_label
-from polefence.lmi.conditions.sizes import fitting
+from polefence.lmi.conditions.methods import Method, Scheduled, degree_hint, fitting, method_label
 from polefence.lmi.conditions.target import Around
-from polefence.lmi.solve.point import Found
 from polefence.lmi.solve.radius import smallest, smallest_radius, typical_rate
+from polefence.lmi.solve.search import Reached
 from polefence.plant.family import UncertainPlant
 from polefence.plant.polynomial import Domain
 from polefence.region.regions import Disk, Region
@@ -92,7 +91,7 @@ def _in_disk(plant: UncertainPlant, disk: Disk, method: Method, allow_unproved: 
     inside: Design | None = None
     with suppress(SolverError):
         found = smallest_radius(plant.A, plant.B, disk.sigma, method, enough=disk.radius)
-        if found.radius <= disk.radius:
+        if found.r <= disk.radius:
             inside = proved_at(plant, disk, method, found)
     if inside is not None and inside.runs:
         return inside
@@ -125,7 +124,7 @@ def _in_region(
     plant: UncertainPlant, region: Region, method: Method, allow_unproved: bool
 ) -> Design:
     """Place the poles in a region that is no single disk."""
-    label, found = method_label(method), list[Found]()
+    label, found = method_label(method), list[Reached]()
     points = _points(plant, region, method, found)
     try:
         design = runnable((proved_at(plant, region, method, point) for point in points), radius_of)
@@ -142,8 +141,8 @@ def _in_region(
 
 
 def _points(
-    plant: UncertainPlant, region: Region, method: Method, found: list[Found]
-) -> Iterator[Found]:
+    plant: UncertainPlant, region: Region, method: Method, found: list[Reached]
+) -> Iterator[Reached]:
     """Yield points of a region, of slow poles and well inside it first; ``found`` has all of them.
 
     Raises
@@ -162,7 +161,7 @@ def _points(
                 failure = error
                 break
             found.append(point)
-            if point.radius < 1:
+            if point.r < 1:
                 yield point
             elif point.converged:
                 break

@@ -16,14 +16,16 @@ from polefence.design.design import Design
 from polefence.design.search import preferred
 from polefence.law.laws import FixedGain, ScheduledGain, right_divide
 from polefence.lmi.conditions.methods import Method, Slack, method_name, normal, options
-from polefence.lmi.solve.point import Found
+from polefence.lmi.solve.search import Reached
 from polefence.plant.family import UncertainPlant
 from polefence.plant.polynomial import Domain
 from polefence.plant.system import Array
 from polefence.region.regions import Disk, Region
 
 
-def proved_at(plant: UncertainPlant, region: Region, method: Method, found: Found) -> Design | None:
+def proved_at(
+    plant: UncertainPlant, region: Region, method: Method, found: Reached
+) -> Design | None:
     """Return the design of a point for a region, None where it is not proved."""
     try:
         design = Design(rounded(plant, region, method, found))
@@ -45,7 +47,7 @@ def runnable(
     return replace(design, unrunnable=value(sharpest))
 
 
-def rounded(plant: UncertainPlant, region: Region, method: Method, found: Found) -> Certificate:
+def rounded(plant: UncertainPlant, region: Region, method: Method, found: Reached) -> Certificate:
     """Round a point to the law and evidence that ship; the proof is about these very numbers.
 
     Raises
@@ -71,7 +73,7 @@ def _quadratic(*args: Any) -> tuple[FixedGain, dict[str, Any]]:
 
 
 def _scheduled(
-    plant: UncertainPlant, _: Region, method: Method, found: Found
+    plant: UncertainPlant, _: Region, method: Method, found: Reached
 ) -> tuple[ScheduledGain, dict[str, Any]]:
     o, values = options(method), found.values
     degree, domain = int(o.degree), Domain.of(o.on, len(plant.vertices))
@@ -84,7 +86,7 @@ def _scheduled(
 
 
 def _slack(
-    plant: UncertainPlant, region: Region, method: Method, found: Found
+    plant: UncertainPlant, region: Region, method: Method, found: Reached
 ) -> tuple[FixedGain, dict[str, Any]]:
     method, values = normal(method), found.values
     o = method if isinstance(method, Slack) else Slack()

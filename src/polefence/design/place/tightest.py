@@ -25,16 +25,16 @@ from polefence.lmi.conditions.methods import (
     Scheduled,
     Slack,
     degree_hint,
+    fitting,
     method_label,
     method_name,
     normal,
 )
 from polefence.lmi.conditions.methods import options as options_of
-from polefence.lmi.conditions.sizes import fitting
 from polefence.lmi.conditions.target import FASTEST, Around, Decays, Goal, Sectors
-from polefence.lmi.solve import bisection
-from polefence.lmi.solve.point import Found
+from polefence.lmi.solve import conic
 from polefence.lmi.solve.radius import smallest, smallest_radius, typical_rate
+from polefence.lmi.solve.search import Reached
 from polefence.plant.family import UncertainPlant
 from polefence.region.regions import Disk, HalfPlane, Region, Sector, damping_of
 from polefence.region.speed import bounded
@@ -131,8 +131,8 @@ def tightest(
 
 
 def tightest_near(
-    plant: UncertainPlant, centre: float, method: Method, near: Found | None, bounds: bool = True
-) -> tuple[Design, Found]:
+    plant: UncertainPlant, centre: float, method: Method, near: Reached | None, bounds: bool = True
+) -> tuple[Design, Reached]:
     """`tightest`, started from a neighbouring centre's point; also the point for the next one.
 
     Raises
@@ -150,15 +150,15 @@ def smallest_disk(
     plant: UncertainPlant,
     centre: float,
     method: Method,
-    near: Found | None = None,
+    near: Reached | None = None,
     bounds: bool = True,
-) -> tuple[Design, Found]:
+) -> tuple[Design, Reached]:
     """Return the design of the smallest radius, ``proved`` or not, and its point."""
     found = _least(plant, centre, method, near)
     design = runnable(_designs(plant, centre, method, found), radius_of)
     if design is None:
         try:
-            unproved = rounded(plant, Disk(centre, found.radius), method, found)
+            unproved = rounded(plant, Disk(centre, found.r), method, found)
         except SolverError as error:
             where = f"{method_label(method)} at centre {centre:g}"
             raise NotProvedError(f"undecided: {where}: {error}") from error
@@ -167,7 +167,7 @@ def smallest_disk(
     return replace(design, lower=lower), found
 
 
-def _least(plant: UncertainPlant, centre: float, method: Method, near: Found | None) -> Found:
+def _least(plant: UncertainPlant, centre: float, method: Method, near: Reached | None) -> Reached:
     """Return the point of the least radius that a search finds, or a second one."""
     sigma = -centre
     try:
@@ -176,26 +176,26 @@ def _least(plant: UncertainPlant, centre: float, method: Method, near: Found | N
         if sigma <= 0:
             raise NotProvedError(f"undecided: {method_label(method)}: {error}") from error
         return _second_opinion(plant, centre, method)
-    if sigma > 0 and not found.converged and found.radius > STALLED * sigma:
+    if sigma > 0 and not found.converged and found.r > STALLED * sigma:
         with suppress(NotProvedError):
             second = _second_opinion(plant, centre, method)
-            return second if second.radius < found.radius else found
+            return second if second.r < found.r else found
     return found
 
 
 def _designs(
-    plant: UncertainPlant, centre: float, method: Method, found: Found
+    plant: UncertainPlant, centre: float, method: Method, found: Reached
 ) -> Iterator[Design | None]:
     """Yield proved designs, from the point found outwards, roughly in the order of their radii."""
 
-    def near(point: Found) -> Design | None:
-        disks = (Disk(centre, point.radius * (1 + step)) for step in STEPS)
+    def near(point: Reached) -> Design | None:
+        disks = (Disk(centre, point.r * (1 + step)) for step in STEPS)
         return first(proved_at(plant, disk, method, point) for disk in disks)
 
     yield near(found)
     for step in RETREATS:
         # The point lies too near the boundary for rounding: look farther inside.
-        disk, points = Disk(centre, found.radius * (1 + step)), [found]
+        disk, points = Disk(centre, found.r * (1 + step)), [found]
         with suppress(SolverError):
             inner = smallest_radius(plant.A, plant.B, -centre, method, enough=disk.radius)
             points = [inner, found]
@@ -203,10 +203,10 @@ def _designs(
         yield from (proved_at(plant, disk, method, point) for point in points)
 
 
-def _bound(plant: UncertainPlant, sigma: float, method: Method, found: Found) -> float | None:
+def _bound(plant: UncertainPlant, sigma: float, method: Method, found: Reached) -> float | None:
     """Return a lower bound, from a closer run where the first one leaves a gap."""
     lower = _lower(plant, sigma, method, found)
-    if found.radius > sigma or (lower is not None and lower > found.radius * (1 - GAP)):
+    if found.r > sigma or (lower is not None and lower > found.r * (1 - GAP)):
         return lower
     with suppress(SolverError):
         closer = smallest_radius(plant.A, plant.B, sigma, method, found, tolerance=CLOSER)
@@ -214,15 +214,15 @@ def _bound(plant: UncertainPlant, sigma: float, method: Method, found: Found) ->
     return lower
 
 
-def _second_opinion(plant: UncertainPlant, centre: float, method: Method) -> Found:
+def _second_opinion(plant: UncertainPlant, centre: float, method: Method) -> Reached:
     try:
-        return bisection.smallest_radius(plant.A, plant.B, -centre, method)
+        return conic.smallest_radius(plant.A, plant.B, -centre, method)
     except SolverError as error:
         where = f"{method_label(method)} at centre {centre:g}"
         raise NotProvedError(f"undecided: {where}: {error}") from error
 
 
-def _lower(plant: UncertainPlant, sigma: float, method: Method, found: Found) -> float | None:
+def _lower(plant: UncertainPlant, sigma: float, method: Method, found: Reached) -> float | None:
     """Return a radius proved infeasible for the method, None where no proof came of it."""
     rhs = isinstance(method, Scheduled) and method.right_hand_sides
     method = normal(method)
@@ -231,7 +231,7 @@ def _lower(plant: UncertainPlant, sigma: float, method: Method, found: Found) ->
     A = [[list(row) for row in v.exact_A] for v in plant.vertices]
     B = [[list(row) for row in v.exact_B] for v in plant.vertices]
     Y = found.dual.matrices()
-    bound = lower_bound(method_name(method), A, B, Fraction(sigma), found.radius, Y, rhs)
+    bound = lower_bound(method_name(method), A, B, Fraction(sigma), found.r, Y, rhs)
     return None if bound is None else float(bound.r)
 
 
@@ -343,15 +343,15 @@ def _direct(plant: UncertainPlant, method: Method, question: _Question) -> Itera
     """Yield what is proved about the least r, while the search comes to its end."""
     with suppress(SolverError):
         start = smallest(plant.A, plant.B, Around(question.base), method, enough=INSIDE)
-        if start.radius >= 1:
+        if start.r >= 1:
             return
-        near = replace(start, radius=0.0)
+        near = replace(start, r=0.0)
         for tolerance in TOLERANCES:
             found = smallest(plant.A, plant.B, question.goal, method, near, tolerance=tolerance)
             if not found.converged:
                 return
             for step in (*STEPS, 1e-3):
-                region = question.region(question.value(found.radius, step))
+                region = question.region(question.value(found.r, step))
                 yield proved_at(plant, region, method, found)
 
 
@@ -381,5 +381,5 @@ def _grown(
 def _attempt(plant: UncertainPlant, method: Method, region: Region) -> Design | None:
     with suppress(SolverError):
         found = smallest(plant.A, plant.B, Around(region), method, enough=INSIDE)
-        return proved_at(plant, region, method, found) if found.radius < 1 else None
+        return proved_at(plant, region, method, found) if found.r < 1 else None
     return None

@@ -19,7 +19,7 @@ from polefence.law.given import domain_of
 from polefence.law.laws import FixedGain, Law
 from polefence.lmi.conditions.lyapunov import Loop
 from polefence.lmi.conditions.performance import Output, Source
-from polefence.lmi.solve.lyapunov_performance import Point, points_given, work
+from polefence.lmi.solve.lyapunov import LyapunovPolynomial, points_given, work
 from polefence.lmi.solve.smallest import TOLERANCE
 from polefence.plant.family import UncertainPlant
 from polefence.plant.system import Array
@@ -195,11 +195,11 @@ def _norms(plant: UncertainPlant, law: Law, specification: GainNorm, unit: float
 
 def _points(loop: Loop, source: Source, output: Output, form: tuple[int, int]) -> Points:
     """Yield points farther and farther from the edge of what a form proves, poor ones last."""
-    found: Point | None = None
-    poor = list[Point]()
+    found: LyapunovPolynomial | None = None
+    poor = list[LyapunovPolynomial]()
     for tolerance in NEAR:
         for near in dict.fromkeys((found, None)):
-            points = list[Point]()
+            points = list[LyapunovPolynomial]()
             with suppress(SolverError):
                 points = points_given(loop, source, output, *form, tolerance, near)
             for own in points:
@@ -233,7 +233,7 @@ def _proved(
     return Bound(specification, level, claim, degree, verdict.reason)
 
 
-def _evidences(found: Point, form: tuple[int, int]) -> Iterator[placement.Evidence]:
+def _evidences(found: LyapunovPolynomial, form: tuple[int, int]) -> Iterator[placement.Evidence]:
     """Yield Q as floats have it, and as the exact product that it is of what was found."""
     multiple = () if found.multiple is None else tuple(map(Fraction, found.multiple.tolist()))
     yield placement.Evidence([_rationals(Q) for Q in found.Q], form[0], form[1], multiple)

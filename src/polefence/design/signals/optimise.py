@@ -40,8 +40,7 @@ from polefence.design.signals.specification import Rms, Specification
 from polefence.design.signals.task import Task
 from polefence.law.laws import Law
 from polefence.lmi.conditions.methods import Method, Scheduled, options
-from polefence.lmi.solve.performance import Reached
-from polefence.lmi.solve.singular import singular_is_failure
+from polefence.lmi.solve.search import Reached, singular_is_failure
 from polefence.plant.family import UncertainPlant
 from polefence.region.regions import HalfPlane, Region
 

@@ -26,8 +26,7 @@ from polefence.design.signals.specification import (
     signal_of,
 )
 from polefence.design.statement import number_text
-from polefence.lmi.solve.regular import Regular, regular
-from polefence.lmi.solve.regulator import Regulated, heaviest
+from polefence.lmi.solve.regulator import Regular, Regulated, heaviest, regular
 from polefence.plant.family import UncertainPlant
 from polefence.plant.system import Array
 from polefence.proof.matrices import Rationals

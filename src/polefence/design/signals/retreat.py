@@ -16,7 +16,7 @@ import numpy as np
 from polefence.base.errors import NotProvedError, RegionError, SolverError
 from polefence.design.signals.task import Task
 from polefence.law.laws import Law
-from polefence.lmi.solve.performance import Reached
+from polefence.lmi.solve.search import Reached
 from polefence.plant.family import UncertainPlant
 from polefence.region.speed import bounded, bounds_speed
 from polefence.response.closed import close

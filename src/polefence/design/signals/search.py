@@ -33,11 +33,10 @@ from polefence.design.signals.specification import Gain, RelativeRms, Rms, Speci
 from polefence.design.signals.task import ROUNDED, Task
 from polefence.law.laws import FixedGain, Law
 from polefence.lmi.conditions.methods import options
-from polefence.lmi.solve.performance import Reached
 from polefence.lmi.solve.radius import typical_rate
-from polefence.lmi.solve.regulated import regulators
 from polefence.lmi.solve.scaling import balanced
-from polefence.lmi.solve.singular import singular_is_failure
+from polefence.lmi.solve.search import Reached, singular_is_failure
+from polefence.lmi.solve.starts import regulators
 from polefence.plant.outputs import inputs
 from polefence.plant.points import seeded
 from polefence.region.regions import HalfPlane, Region, Sector
@@ -170,7 +169,7 @@ class Search:
         scaling = balanced(plant.A, plant.B, typical_rate(plant.A))
         with suppress(SolverError), singular_is_failure():
             for values in regulators(task.question(task.region), scaling, FINELY):
-                start = Reached(np.inf, values, {}, False, 0)
+                start = Reached(r=np.inf, values=values)
                 own = self._point(task, self._ones, start)
                 if own is not None and not own.lost:
                     self._judged(own)
@@ -483,7 +482,8 @@ def mixed(task: Task, one: Reached, other: Reached, share: float) -> Reached | N
     a, b = (1 - share) / one.t[names[-1]], share / other.t[names[-1]]
     values = {key: a * X + b * other.values[key] for key, X in one.values.items()}
     t = {key: a * one.t[key] + b * other.t[key] for key in names if key in one.t and key in other.t}
-    return Reached((1 - share) * one.r + share * other.r, values, t, True, 0)
+    r = (1 - share) * one.r + share * other.r
+    return Reached(r=r, values=values, t=t, converged=True)
 
 
 def relaxed(region: Region, shares: Shares) -> Region | None:

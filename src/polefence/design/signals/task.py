@@ -15,12 +15,12 @@ from polefence.design.signals.specification import Gain, Rms, Specification, out
 from polefence.law.laws import FixedGain, Law, ScheduledGain, right_divide
 from polefence.lmi.conditions.methods import Method, options
 from polefence.lmi.conditions.target import Around
-from polefence.lmi.solve.performance import Question, Reached, least
+from polefence.lmi.solve.performance import Question, least
 from polefence.lmi.solve.radius import smallest, typical_rate
-from polefence.lmi.solve.regulated import regulators
 from polefence.lmi.solve.scaling import Scaling, balanced
-from polefence.lmi.solve.singular import singular_is_failure
+from polefence.lmi.solve.search import Reached, singular_is_failure
 from polefence.lmi.solve.smallest import TOLERANCE
+from polefence.lmi.solve.starts import regulators
 from polefence.plant.family import UncertainPlant
 from polefence.plant.polynomial import Domain
 from polefence.plant.system import Array
@@ -179,7 +179,7 @@ class Task:
     def _start(self, inside: Region) -> dict[str, Array]:
         """Return W and Z of a law that keeps a region."""
         start = smallest(self.plant.A, self.plant.B, Around(inside), self.method, enough=INSIDE)
-        if start.radius >= 1:
+        if start.r >= 1:
             raise SolverError(f"no law of this method keeps {inside}")
         values = start.values
         if not int(options(self.method).degree):

@@ -22,7 +22,7 @@ from polefence.design.margins.inequalities import balanced
 from polefence.export.sampled.poles import cloud
 from polefence.law.given import domain_of, given_law
 from polefence.law.laws import FixedGain, Law, ScheduledGain
-from polefence.lmi.solve.lyapunov import start_matrix
+from polefence.lmi.solve.starts import start_matrix
 from polefence.plant.family import UncertainPlant
 from polefence.plant.system import Array
 from polefence.region.regions import Disk

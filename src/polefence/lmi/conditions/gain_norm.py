@@ -17,9 +17,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from polefence.lmi.conditions.linear import Linear, Term, multiple
-from polefence.lmi.conditions.parameter_dependent import block_name
-from polefence.lmi.conditions.pencil import Block, Builder
+from polefence.lmi.conditions.pencil import Block, Builder, Linear, Term, block_name, multiple, put
 from polefence.plant.polynomial import Domain, bernstein, binomial, elevated, times
 from polefence.plant.system import Array
 
@@ -91,24 +89,16 @@ def add_norm(
     x, u = np.split(np.eye(n + m), [n], axis=1)
     R = norm.R / norm.level
     for e in domain.monomials(total):
-        M = _put(multiple(s, square[e] / 2), x, x)
+        M = put(multiple(s, square[e] / 2), x, x)
         for k in range(len(W)):
             if e in left[k]:
-                M += _put(-left[k][e] @ W[k], x, x @ G.T)
+                M += put(-left[k][e] @ W[k], x, x @ G.T)
             if e in below[k]:
-                M += _put(-below[k][e].item() * (R @ Z[k]), u, x @ G.T)
+                M += put(-below[k][e].item() * (R @ Z[k]), u, x @ G.T)
         half = binomial(domain.sizes, e) / 2
-        corner = _put(multiple(s, half * np.eye(m)), u, u)
-        name = f"{norm.name}, {block_name(e, domain, -1, -1)}"
+        corner = put(multiple(s, half * np.eye(m)), u, u)
+        name = f"{norm.name}, {block_name(e, domain)}"
         if norm.fixed:
             M += tuple(Term(t.name, -t.left, t.right) for t in corner)
             corner = ()
         pencil.blocks.append(Block(name, n + m, corner, M))
-
-
-def _put(part: Linear, rows: Array, columns: Array) -> tuple[Term, ...]:
-    """Return the terms of rows @ part @ columns'."""
-    return tuple(
-        Term(t.name, rows @ t.left, columns if t.right is None else columns @ t.right)
-        for t in part.terms
-    )

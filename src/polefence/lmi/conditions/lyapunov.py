@@ -9,16 +9,15 @@ is then asked for is as in `parameter_dependent`.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
 from functools import cache, cached_property
 from operator import add
 
 import numpy as np
 
-from polefence.lmi.conditions.linear import Linear, Term
-from polefence.lmi.conditions.parameter_dependent import block_name
-from polefence.lmi.conditions.pencil import Builder, Pencil
-from polefence.lmi.conditions.target import Target
+from polefence.lmi.conditions.pencil import Builder, Linear, Pencil, Term
+from polefence.lmi.conditions.performance import Demands, Form, assembled, degree_of
 from polefence.plant.polynomial import Domain, Exponent, Polynomial, binomial, elevated
 from polefence.plant.system import Array
 
@@ -29,7 +28,8 @@ class Loop:
 
     Attributes
     ----------
-    E, C : polynomials, n x n, of one degree
+    E, C : polynomials of one degree
+        n x n; C may have rows of outputs below.
     R : polynomial, n x n, optional
     domain : Domain
     """
@@ -42,7 +42,17 @@ class Loop:
     @property
     def degree(self) -> int:
         """Degree of X in each simplex where Q is constant."""
-        return _degree(self.E, self.domain) + (_degree(self.R, self.domain) if self.R else 0)
+        return degree_of(self.E, self.domain) + (degree_of(self.R, self.domain) if self.R else 0)
+
+    @property
+    def middle(self) -> Array:
+        """The closed loop at the middle of the domain, without outputs."""
+        E = sum_of(self.E)
+        return np.asarray(np.linalg.solve(E.T, sum_of(self.C)[: len(E)].T).T, dtype=float)
+
+    def without_outputs(self) -> Loop:
+        """Return the loop alone."""
+        return replace(self, C={e: p[: p.shape[1]] for e, p in self.C.items()})
 
     @cached_property
     def rights(self) -> list[tuple[Exponent, Array | None]]:
@@ -52,11 +62,11 @@ class Loop:
         return [(e, p.T) for e, p in self.R.items()]
 
     def changed(self, T: Array, rate: float) -> Loop:
-        """Return the loop in coordinates x = T x_s, rates in units of ``rate``."""
-        inverse = np.linalg.inv(T)
+        """Return the loop in coordinates x = T x_s, rates in units of ``rate``; outputs stay."""
+        inverse, n = np.linalg.inv(T), len(T)
         right = T if self.R is None else inverse.T
         E = {e: inverse @ p @ right for e, p in self.E.items()}
-        C = {e: inverse @ p @ right / rate for e, p in self.C.items()}
+        C = {e: np.vstack([inverse @ p[:n] / rate, p[n:]]) @ right for e, p in self.C.items()}
         R = self.R and {e: inverse @ p @ inverse.T for e, p in self.R.items()}
         return Loop(E, C, self.domain, R)
 
@@ -67,35 +77,43 @@ class Loop:
         return np.asarray((back + back.T) / 2)
 
 
-def _degree(P: Polynomial, domain: Domain) -> int:
-    return sum(next(iter(P))[: domain.sizes[0]])
+def sum_of(P: Polynomial) -> Array:
+    """Return a homogeneous polynomial's value at the middle, times a power of the sizes."""
+    return np.asarray(sum(P.values()))
 
 
-def lyapunov(loop: Loop, target: Target, degree: int = 0, elevation: int = 0) -> Pencil:
-    """Build the condition for Lyapunov polynomials Q of a degree; see the module's text."""
+def given(loop: Loop, demands: Demands, degree: int = 0, elevation: int = 0) -> Pencil:
+    """Build the condition for a Lyapunov polynomial of a loop that is given.
+
+    Parameters
+    ----------
+    loop : Loop
+        Its C has a row for each output below the n of the dynamics.
+    """
     domain, n = loop.domain, len(next(iter(loop.E.values())))
     pencil = Builder("lyapunov")
-    unknowns = domain.monomials(degree)
-    Q = [pencil.symmetric(f"Q{k + 1}", n) for k in range(len(unknowns))]
+    Q = [pencil.symmetric(f"Q{k + 1}", n) for k in range(domain.count(degree))]
+    natural = loop.degree + degree
+    elevation += max(0, demands.degree(domain) - natural)
     E, C = (elevated(P, domain, elevation) for P in (loop.E, loop.C))
-    X, N = products(E, Q, loop, degree), products(C, Q, loop, degree)
+    X, NY = _products(E, Q, loop, degree), _products(C, Q, loop, degree)
     if loop.R is not None:
-        scalars = [pencil.full(f"s{k + 1}", (1, 1), "") for k in range(len(unknowns))]
-        extra = _degree(loop.R, domain)
-        for total, P in ((X, E), (N, C)):
-            for e, more in multiples(elevated(P, domain, extra), scalars, domain, degree).items():
+        scalars = [pencil.full(f"s{k + 1}", (1, 1), "") for k in range(len(Q))]
+        extra = degree_of(loop.R, domain)
+        for total, P in ((X, E), (NY, C)):
+            for e, more in _multiples(elevated(P, domain, extra), scalars, domain, degree).items():
                 total[e] = total.get(e, Linear()) + more
-    for e in domain.monomials(loop.degree + degree + elevation):
-        name = block_name(e, domain, -1, -1)
-        for number, side in enumerate(target.sides):
-            label = name if len(target.sides) == 1 else f"{name}, part {number + 1}"
-            pencil.region(label, X[e], N[e], side)
-        if target.positive:
-            pencil.positive_definite(f"X at {name}", X[e])
-    return pencil.build()
+    parts = np.split(np.eye(n + len(demands.outputs)), n + np.arange(len(demands.outputs)))
+
+    def forms() -> Iterator[Form]:
+        for e in domain.monomials(natural + elevation):
+            N, *Y = (part @ NY[e] for part in parts) if demands.outputs else (NY[e],)
+            yield Form(e, X[e], N, tuple(Y))
+
+    return assembled(pencil, forms(), demands, domain, natural + elevation)
 
 
-def products(P: Polynomial, Q: list[Linear], loop: Loop, degree: int) -> dict[Exponent, Linear]:
+def _products(P: Polynomial, Q: list[Linear], loop: Loop, degree: int) -> dict[Exponent, Linear]:
     """Return the coefficients of P Q R, linear in Q."""
     found: dict[tuple[Exponent, int, int], Array] = {}
     right = loop.rights
@@ -112,7 +130,7 @@ def products(P: Polynomial, Q: list[Linear], loop: Loop, degree: int) -> dict[Ex
     return result
 
 
-def multiples(
+def _multiples(
     P: Polynomial, scalars: list[Linear], domain: Domain, degree: int
 ) -> dict[Exponent, Linear]:
     """Return the coefficients of P times a scalar polynomial of these unknowns."""

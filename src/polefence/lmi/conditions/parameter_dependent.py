@@ -11,10 +11,14 @@ homogeneous by a free scalar tau in place of 1, which scales with (W, Z) and cha
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from dataclasses import replace
+
 import numpy as np
 
-from polefence.lmi.conditions.linear import Linear, multiple
-from polefence.lmi.conditions.pencil import Builder, Pencil
+from polefence.lmi.conditions.gain_norm import add_norm
+from polefence.lmi.conditions.pencil import Builder, Linear, Pencil, block_name, multiple
+from polefence.lmi.conditions.performance import Demands, Form, Output, assembled
 from polefence.lmi.conditions.target import Target
 from polefence.plant.polynomial import Domain, Exponent
 from polefence.plant.system import Array
@@ -38,7 +42,9 @@ def parameter_dependent(
     right_hand_side : (n, n) array, optional
         The paper's I, in the coordinates of A; without it the right-hand sides are zero.
     """
-    n, m = A.shape[1], 0 if B is None else B.shape[2]
+    n = A.shape[1]
+    B = np.zeros((len(A), n, 0)) if B is None else B
+    m = B.shape[2]
     pencil = Builder("quadratic" if degree == 0 else "scheduled")
     names = [str(k + 1) for k in range(domain.count(degree))] if degree else [""]
     W, Z = list[Linear](), list[Linear]()
@@ -47,45 +53,67 @@ def parameter_dependent(
         if m:
             Z.append(pencil.full(f"Z{name}", (m, n), "u"))
     tau = None if right_hand_side is None else multiple(pencil.positive("tau"), right_hand_side)
-    exponents = domain.monomials(degree + 1 + elevation)
-    tables = domain.pairs(degree, elevation), domain.elevated(degree, 1 + elevation)
-    for exponent, products, sums in zip(exponents, *tables, strict=True):
-        X, N = Linear(), Linear()
+    forms = (
+        replace(
+            form,
+            name=block_name(form.exponent, domain, degree, elevation),
+            floor=None if tau is None else right_hand_share(form.exponent) * tau,
+        )
+        for form in _forms((A, B), (W, Z), (), domain, degree, elevation)
+    )
+    return assembled(pencil, forms, Demands(target), domain, degree + 1 + elevation)
+
+
+def design(
+    A: Array, B: Array, demands: Demands, domain: Domain, degree: int, elevation: int
+) -> Pencil:
+    """Build the condition for a law K = Z W^-1 that keeps all bounds and a region.
+
+    Parameters
+    ----------
+    A, B : (N, n, n), (N, n, m) arrays
+    """
+    n, m = A.shape[1], B.shape[2]
+    pencil = Builder("performance")
+    names = [str(k + 1) for k in range(domain.count(degree))]
+    W = [pencil.symmetric(f"W{name}", n) for name in names]
+    Z = [pencil.full(f"Z{name}", (m, n), "u") for name in names]
+    for norm, near in demands.norms:
+        add_norm(pencil, W, Z, norm, near, domain, degree, elevation)
+    extra = max(degree + 1, demands.degree(domain)) - degree - 1 + elevation
+    forms = _forms((A, B), (W, Z), demands.outputs, domain, degree, extra)
+    return assembled(pencil, forms, demands, domain, degree + 1 + extra)
+
+
+def _forms(
+    plant: tuple[Array, Array],
+    law: tuple[list[Linear], list[Linear]],
+    outputs: tuple[Output, ...],
+    domain: Domain,
+    degree: int,
+    extra: int,
+) -> Iterator[Form]:
+    """Yield the coefficients of X = W, N = A W + B Z and Y = C W + D Z."""
+    (A, B), (W, Z) = plant, law
+    n = A.shape[1]
+    AC = np.concatenate([A, *(o.C for o in outputs)], axis=1)
+    BD = np.concatenate([B, *(o.D for o in outputs)], axis=1)
+    parts = np.split(np.eye(AC.shape[1]), n + np.arange(len(outputs)))
+    tables = domain.pairs(degree, extra), domain.elevated(degree, 1 + extra)
+    for e, pairs, sums in zip(domain.monomials(degree + 1 + extra), *tables, strict=True):
+        X, NY = Linear(), Linear()
         for k, weight in sums.items():
             X = X + float(weight) * W[k]
-        for k in sums:
             # all corners that meet this coefficient, at once
-            weights = {j: w for (j, other), w in products.items() if other == k}
-            N = N + sum(w * A[j] for j, w in weights.items()) @ W[k]
-            if B is not None and m:
-                N = N + sum(w * B[j] for j, w in weights.items()) @ Z[k]
-        name = block_name(exponent, domain, degree, elevation)
-        floor = None if tau is None else right_hand_share(exponent) * tau
-        for number, side in enumerate(target.sides):
-            label = name if len(target.sides) == 1 else f"{name}, part {number + 1}"
-            pencil.region(label, X, N, side, floor)
-        if target.positive:
-            pencil.positive_definite(f"W at {name}", X)
-    return pencil.build()
+            weights = {j: w for (j, other), w in pairs.items() if other == k}
+            NY = NY + sum(w * AC[j] for j, w in weights.items()) @ W[k]
+            if np.any(BD):
+                NY = NY + sum(w * BD[j] for j, w in weights.items()) @ Z[k]
+        N, *Y = (part @ NY for part in parts) if outputs else (NY,)
+        yield Form(e, X, N, tuple(Y))
 
 
 def right_hand_share(exponent: Exponent) -> float:
     """Return what (15), (16), (17) have on their right-hand sides, of I."""
     square = max(len(exponent) - 1, 1) ** 2
     return {3: 1.0, 2: -1 / square, 1: -6 / square}[max(exponent)]
-
-
-def block_name(exponent: Exponent, domain: Domain, degree: int, elevation: int) -> str:
-    """Name a block as the paper does where it has it, else by its monomial."""
-    order = sorted((j for j, p in enumerate(exponent) if p), key=lambda j: (-exponent[j], j))
-    if len(domain.sizes) == 1:
-        number = {(0, 0): "8", (1, 1): str(14 + len(order))}.get((degree, elevation))
-        if number is not None:
-            indices = zip("jkl", order, strict=False)
-            return f"({number}) " + " ".join(f"{letter}={j + 1}" for letter, j in indices)
-    return "alpha^" + "".join(str(p) for p in exponent)
-
-
-def closed_loops(A: Array, B: Array, K: Array) -> Array:
-    """Return A_j + B_j K, (N, n, n)."""
-    return np.asarray(A + B @ K)

@@ -1,4 +1,4 @@
-"""The value every condition builds: a pencil r D(x) - M(x) > 0 in named blocks.
+"""Conditions as data: linear functions of matrix variables, and pencils r D(x) - M(x) > 0 of them.
 
 The smallest disk of a condition is a generalised eigenvalue problem: the least r for which some x
 makes every block of r D(x) - M(x) positive definite. Nothing here solves anything.
@@ -12,15 +12,122 @@ from functools import cached_property, lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
+import numpy.typing as npt
 
-from polefence.lmi.conditions.linear import Index, Linear, Term, Variable
 from polefence.lmi.conditions.target import Side
+from polefence.plant.polynomial import Domain, Exponent
 from polefence.plant.system import Array
 
 if TYPE_CHECKING:
     import scipy.sparse as sp  # imported where used: it would triple the package's import time
 
+Index = npt.NDArray[np.intp]
 SQRT2 = np.sqrt(2.0)
+
+
+@dataclass(frozen=True)
+class Variable:
+    """A matrix unknown.
+
+    Parameters
+    ----------
+    name : str
+    shape : (rows, columns)
+    symmetric : bool
+        Symmetric unknowns count their upper triangle only.
+    rows : str
+        Where the rows live: "x" (states), "u" (inputs), or "" (a scalar). Scaling needs to know.
+    """
+
+    name: str
+    shape: tuple[int, int]
+    symmetric: bool = False
+    rows: str = "x"
+
+    @property
+    def size(self) -> int:
+        """Number of scalar unknowns."""
+        rows, columns = self.shape
+        return rows * (rows + 1) // 2 if self.symmetric else rows * columns
+
+    @property
+    def places(self) -> Index:
+        """For each entry of the matrix (rows, columns), which of its unknowns it is."""
+        rows, columns = self.shape
+        if not self.symmetric:
+            return np.arange(rows * columns, dtype=np.intp).reshape(rows, columns)
+        table = np.zeros((rows, rows), dtype=np.intp)
+        i, j = np.triu_indices(rows)
+        table[i, j] = table[j, i] = np.arange(self.size)
+        return table
+
+    def pack(self, matrix: Array) -> Array:
+        """Return the unknowns of a matrix."""
+        return matrix[np.triu_indices(self.shape[0])] if self.symmetric else matrix.ravel()
+
+    def unpack(self, unknowns: Array) -> Array:
+        """Return the matrix with these unknowns."""
+        return np.asarray(unknowns[self.places])
+
+    def as_linear(self) -> Linear:
+        """Return the variable itself as a linear function."""
+        return Linear((Term(self.name, np.eye(self.shape[0])),))
+
+
+@dataclass(frozen=True, eq=False)
+class Term:
+    """left @ X @ right', X the variable ``name``; without ``right`` left @ X."""
+
+    name: str
+    left: Array
+    right: Array | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Linear:
+    """A sum of terms; those with no ``right`` are collected, one a variable."""
+
+    terms: tuple[Term, ...] = ()
+
+    def __add__(self, other: Linear) -> Linear:
+        sums: dict[object, Term] = {}
+        for t in self.terms + other.terms:
+            if t.right is not None:
+                sums[t] = t
+            elif t.name in sums:
+                sums[t.name] = Term(t.name, sums[t.name].left + t.left)
+            else:
+                sums[t.name] = t
+        return Linear(tuple(sums.values()))
+
+    def __sub__(self, other: Linear) -> Linear:
+        return self + -1.0 * other
+
+    def __rmul__(self, factor: float) -> Linear:
+        return Linear(tuple(Term(t.name, factor * t.left, t.right) for t in self.terms))
+
+    def __rmatmul__(self, left: Array) -> Linear:
+        return Linear(tuple(Term(t.name, left @ t.left, t.right) for t in self.terms))
+
+    # numpy must leave `array @ Linear` to __rmatmul__
+    __array_ufunc__ = None
+
+
+def put(part: Linear, rows: Array, columns: Array) -> tuple[Term, ...]:
+    """Return the terms of rows @ part @ columns'."""
+    return tuple(
+        Term(t.name, rows @ t.left, columns if t.right is None else columns @ t.right)
+        for t in part.terms
+    )
+
+
+def multiple(scalar: Linear, matrix: Array) -> Linear:
+    """Return a scalar unknown times a matrix."""
+    (term,) = scalar.terms
+    columns, units = matrix.T[:, :, None], np.eye(matrix.shape[1])[:, :, None]
+    pairs = zip(columns, units, strict=True)
+    return Linear(tuple(Term(term.name, column, unit) for column, unit in pairs))
+
 
 # A block's part: a linear function at a block row and column. Pieces are of a half, the block being
 # the half plus its transpose.
@@ -211,6 +318,17 @@ class Builder:
     def build(self) -> Pencil:
         """Return the finished value."""
         return Pencil(self.method, tuple(self.variables), tuple(self.blocks))
+
+
+def block_name(exponent: Exponent, domain: Domain, degree: int = -1, elevation: int = -1) -> str:
+    """Name a block as the paper does where it has it, else by its monomial."""
+    order = sorted((j for j, p in enumerate(exponent) if p), key=lambda j: (-exponent[j], j))
+    if len(domain.sizes) == 1:
+        number = {(0, 0): "8", (1, 1): str(14 + len(order))}.get((degree, elevation))
+        if number is not None:
+            indices = zip("jkl", order, strict=False)
+            return f"({number}) " + " ".join(f"{letter}={j + 1}" for letter, j in indices)
+    return "alpha^" + "".join(str(p) for p in exponent)
 
 
 @lru_cache

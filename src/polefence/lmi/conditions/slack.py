@@ -11,9 +11,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from polefence.lmi.conditions.linear import Linear
-from polefence.lmi.conditions.parameter_dependent import block_name
-from polefence.lmi.conditions.pencil import Builder, Pencil, Piece
+from polefence.lmi.conditions.pencil import Builder, Linear, Pencil, Piece, block_name
 from polefence.lmi.conditions.target import Side, Target
 from polefence.plant.polynomial import Domain
 from polefence.plant.system import Array
@@ -51,9 +49,8 @@ def slack(
         N = N + sum(w * B[j] for (j, _), w in products.items()) @ L
         g = total * G
         name = f"(10) j={exponent.index(1) + 1}" if top == 1 and len(domain.sizes) == 1 else ""
-        name = name or block_name(exponent, domain, -1, -1)
-        for number, side in enumerate(target.sides):
-            label = name if len(target.sides) == 1 else f"{name}, part {number + 1}"
+        name = name or block_name(exponent, domain)
+        for label, side in target.named(name):
             if _is_disk(side):
                 _disk(pencil, label, side, (p, N, g))
             else:

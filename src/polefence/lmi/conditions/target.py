@@ -7,6 +7,7 @@ the least r is a generalised eigenvalue problem, whatever the region.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -46,6 +47,14 @@ class Target:
     sides: tuple[Side, ...]
     positive: bool = False
     sigma: float | None = None
+
+    def named(self, name: str) -> Iterator[tuple[str, Side]]:
+        """Yield the inequalities with the names of their blocks."""
+        for number, side in enumerate(self.sides, 1):
+            yield name if len(self.sides) == 1 else f"part {number}, {name}", side
+
+
+NO_REGION = Target(())
 
 
 @dataclass(frozen=True)
@@ -101,7 +110,7 @@ class Decays:
         """Return the inequalities, rates measured in ``rate``."""
         one, none = np.eye(1), np.zeros((1, 1))
         side = Side(2 * self.fastest / rate * one, -2 * one, one, none)
-        return Target((side, *_fixed(self.within, rate)), positive=True)
+        return Target((side, *fixed(self.within, rate)), positive=True)
 
 
 @dataclass(frozen=True)
@@ -121,7 +130,7 @@ class Sectors:
         """Return the inequalities, rates measured in ``rate``."""
         none, turn = np.zeros((2, 2)), np.array([[0.0, 1.0], [-1.0, 0.0]])
         side = Side(none, none, turn, np.eye(2))
-        return Target((side, *_fixed(self.within, rate)), positive=True)
+        return Target((side, *fixed(self.within, rate)), positive=True)
 
 
 Goal = Disks | Around | Decays | Sectors
@@ -141,7 +150,8 @@ def _wider(L: Array, M: Array) -> Side:
     return Side(L + margin, -margin, M, np.zeros_like(M))
 
 
-def _fixed(region: Region | None, rate: float) -> tuple[Side, ...]:
+def fixed(region: Region | None, rate: float) -> tuple[Side, ...]:
+    """Return the inequalities of a region that does not grow with r."""
     if region is None:
         return ()
     return tuple(Side(L, np.zeros_like(L), M, np.zeros_like(M)) for L, M in region.pairs(rate))

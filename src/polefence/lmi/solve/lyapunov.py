@@ -1,44 +1,50 @@
-"""Lyapunov polynomials of a given loop: the least r at which one is found."""
+"""Lyapunov polynomials of a loop that is given: the least r of a region, or of a signal's bound."""
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator
+from contextlib import suppress
 from dataclasses import dataclass
+from itertools import chain
 
 import numpy as np
 
 from polefence.base.errors import SolverError
-from polefence.lmi.conditions.lyapunov import Loop, lyapunov
-from polefence.lmi.conditions.target import Goal
-from polefence.lmi.solve.engine import run
-from polefence.lmi.solve.radius import first_radius
-from polefence.lmi.solve.scaling import power_of_two
-from polefence.lmi.solve.smallest import TOLERANCE
+from polefence.lmi.conditions.lyapunov import Loop, given, sum_of
+from polefence.lmi.conditions.performance import Demands, Output, Source, Through, unit_of
+from polefence.lmi.conditions.target import Around, Goal
+from polefence.lmi.solve.scaling import factor, power_of_two
+from polefence.lmi.solve.search import ROUNDS, Point, attempt, interior, rounds, singular_is_failure
+from polefence.lmi.solve.smallest import TOLERANCE, WIDE, Outcome
 from polefence.lmi.solve.stacked import stack
+from polefence.lmi.solve.starts import covariance, start_matrix
 from polefence.plant.system import Array
+from polefence.region.regions import HalfPlane
 
-FLOOR = 1e-4
-ROUNDS = 3
-DOUBLINGS = 12
-WIDE = 1.3
-LEAST, WORST = 1e-6, 1e8
+FLOOR = 1e-4  # a radius of this share of the goal's scale is as good as zero
+SLIGHT = 1e-6  # of the identity, beside a scheduled law's own W
+STABLE = 0.98  # how wide a half-plane may be for its Lyapunov polynomial to be a start
 
 
-@dataclass(frozen=True, eq=False)
-class Proof:
-    """A Lyapunov polynomial's Bernstein coefficients, original coordinates.
+@dataclass(frozen=True, eq=False, kw_only=True)
+class LyapunovPolynomial(Point):
+    """Bernstein coefficients of a Lyapunov polynomial, in the original coordinates.
 
     Attributes
     ----------
-    r : float
-        At which it holds, in floats.
     Q : (count, n, n) array
+        To rounding ``left`` times ``scaled`` times the transpose of ``left``.
     multiple : (count,) array, optional
         For scheduled laws, see `polefence.lmi.conditions.lyapunov`.
+    left : (n, n) array
+    scaled : (count, n, n) array
+        In the search's own coordinates, in which they are well conditioned.
     """
 
-    r: float
     Q: Array
-    multiple: Array | None = None
+    multiple: Array | None
+    left: Array
+    scaled: Array
 
 
 def least(
@@ -48,13 +54,13 @@ def least(
     elevation: int,
     enough: float = 0.0,
     tolerance: float = TOLERANCE,
-    near: Proof | None = None,
-) -> Proof:
+    near: LyapunovPolynomial | None = None,
+) -> LyapunovPolynomial:
     """Find the least r at which the loop has a Lyapunov polynomial of this degree.
 
     Parameters
     ----------
-    near : Proof, optional
+    near : LyapunovPolynomial, optional
         Of this degree and another goal, to start from.
 
     Raises
@@ -62,121 +68,199 @@ def least(
     SolverError
         If there is no point to start from: the loop's mean is not inside at any r.
     """
-    middle = _middle(loop)
+    middle = loop.middle
     size = max(float(np.abs(np.linalg.eigvals(middle)).max()), goal.scale, 1e-100)
     rate = float(power_of_two(np.array(size)))
-    X = start_matrix(middle / rate) if loop.R is None else sum_of(loop.R)
-    if near is not None and loop.R is None:
-        X = near.Q.mean(axis=0)
-    found: Proof | None = None
-    for _ in range(ROUNDS):
-        try:
-            begin = found or near
-            again = _run(loop, goal, (degree, elevation), rate, X, begin, enough, tolerance)
-        except np.linalg.LinAlgError:
-            again = None
-        if again is None or (found is not None and again[0].r >= found.r * (1 - 1e-6)):
-            break
-        found, converged = again
-        if converged or found.r <= enough or loop.R is not None:
-            break
-        X = found.Q.mean(axis=0)
+    target, zero, one, eye = goal.target(rate), np.zeros(1), np.ones(1), np.eye(len(middle))[None]
+    plain = [(eye, zero)] if loop.R is None else [(SLIGHT * eye, one), (eye, zero)]
+    search = _Search(
+        loop,
+        rate,
+        (degree, elevation),
+        lambda _: Demands(target),
+        lambda: iter(plain),
+        tolerance,
+        max(enough, FLOOR * (goal.scale if goal.rated else 1)),
+        rate if goal.rated else 1.0,
+    )
+    found = search.run(start_matrix(middle / rate) if loop.R is None else sum_of(loop.R), near)
     if found is None:
         raise SolverError("no Lyapunov matrix to start from")
     return found
 
 
-def _run(
+def work(loop: Loop, source: Source, degree: int, elevation: int) -> float:
+    """Return about how many multiplications an iteration of the search takes."""
+    n, domain = len(next(iter(loop.E.values()))), loop.domain
+    size = n + 1 + (source.E.shape[2] if isinstance(source, Through) else 0)
+    # each exponent has one inequality for what moves the loop, and one for its output
+    blocks = 2 * domain.count(loop.degree + degree + elevation)
+    unknowns = domain.count(degree) * (n * (n + 1) // 2 + (loop.R is not None))
+    return float(blocks * (size * unknowns) ** 2)
+
+
+def least_given(
     loop: Loop,
-    goal: Goal,
-    form: tuple[int, int],
-    rate: float,
-    X: Array,
-    near: Proof | None,
-    enough: float,
-    tolerance: float,
-) -> tuple[Proof, bool] | None:
-    T = factor(X)
-    unit = rate if goal.rated else 1.0
-    pencil = lyapunov(loop.changed(T, rate), goal.target(rate), *form)
-    stacked = stack(pencil)
-    count = loop.domain.count(form[0])
-    n = len(T)
-    for Q, s in _starts(loop, T, near, n):
-        values = {f"Q{k + 1}": Q[k % len(Q)] for k in range(count)}
-        values |= {f"s{k + 1}": s[k % len(s)].reshape(1, 1) for k in range(count)}
-        x = pencil.pack(values)
-        r = WIDE * first_radius(stacked, x)
-        if not np.isfinite(r):
-            continue
-        outcome = run(
-            stacked, x, r, max(enough, FLOOR * (goal.scale if goal.rated else 1)) / unit, tolerance
-        )
-        if not (np.isfinite(outcome.r) and np.all(np.isfinite(outcome.x))):
-            continue
-        found = pencil.unpack(outcome.x)
-        back = np.stack([loop.restored(found[f"Q{k + 1}"], T) for k in range(count)])
-        multiple = (
-            None if loop.R is None else np.array([found[f"s{k + 1}"].item() for k in range(count)])
-        )
-        return Proof(unit * outcome.r, back, multiple), outcome.converged
-    return None
+    source: Source,
+    output: Output,
+    degree: int,
+    elevation: int,
+    tolerance: float = TOLERANCE,
+) -> LyapunovPolynomial:
+    """Minimise the bound that a Lyapunov polynomial of a given loop proves for one output.
 
+    Parameters
+    ----------
+    loop : Loop
+        Its C has the output's row below those of the dynamics.
 
-def _starts(loop: Loop, T: Array, near: Proof | None, n: int) -> list[tuple[Array, Array]]:
-    """Return starting points Q, multiple: the last one; a scheduled law's own W; the identity."""
-    zero, one, eye = np.zeros(1), np.ones(1), np.eye(n)[None]
-    starts = [(eye, zero)] if loop.R is None else [(1e-6 * eye, one), (eye, zero)]
-    if near is None:
-        return starts
-    inverse = np.linalg.inv(T) if loop.R is None else T.T
-    again = inverse @ near.Q @ inverse.T
-    return [(again, zero if near.multiple is None else near.multiple), *starts]
+    Returns
+    -------
+    LyapunovPolynomial
+        ``r`` is the square of the bound over the output's level; of a gain the bound over it.
 
-
-def _middle(loop: Loop) -> Array:
-    """Return the closed loop at the middle of the domain."""
-    E, C = sum_of(loop.E), sum_of(loop.C)
-    return np.asarray(np.linalg.solve(E.T, C.T).T)
-
-
-def sum_of(P: dict[tuple[int, ...], Array]) -> Array:
-    """Return a homogeneous polynomial's value at the middle, times a power of the sizes."""
-    return np.asarray(sum(P.values()))
-
-
-def start_matrix(F: Array) -> Array:
-    """Return the Gramian of a loop on a disk about its own modes, as coordinates to begin in.
-
-    Where the modes are close to one multiple mode, on a wider disk: the Gramian must be a usable
-    change of coordinates.
+    Raises
+    ------
+    SolverError
+        If there is no point to start from: the loop is not stable, or has no Lyapunov polynomial of
+        this degree; or if floats cannot carry it.
     """
-    n = len(F)
-    F = F - float(np.real(np.linalg.eigvals(F)).mean()) * np.eye(n)
-    radius = max(1.2 * float(np.abs(np.linalg.eigvals(F)).max()), LEAST)
-    while radius < float(np.abs(F).sum()):
-        W = _gramian(F / radius)
-        if W is not None:
-            return W
-        radius *= 2
-    return np.eye(n)
+    return points_given(loop, source, output, degree, elevation, tolerance)[0]
 
 
-def _gramian(F: Array) -> Array | None:
-    """Return the sum of F^k F'^k, None where it is too ill-conditioned."""
-    W = np.eye(len(F))
-    with np.errstate(over="ignore", invalid="ignore"):
-        for _ in range(DOUBLINGS):
-            W = W + F @ W @ F.T
-            F = F @ F
-        W = (W + W.T) / 2
-        even = W / np.sqrt(np.outer(np.diag(W), np.diag(W)))
-    usable = np.all(np.isfinite(even)) and np.linalg.cond(even) < WORST
-    return W if usable else None
+@singular_is_failure()
+def points_given(
+    loop: Loop,
+    source: Source,
+    output: Output,
+    degree: int,
+    elevation: int,
+    tolerance: float = TOLERANCE,
+    near: LyapunovPolynomial | None = None,
+) -> list[LyapunovPolynomial]:
+    """Return where searches in several coordinates ended, the least r first.
+
+    One that is not the least may still be the one whose exact proof survives rounding. The first to
+    converge is the last that is tried.
+
+    Parameters
+    ----------
+    near : LyapunovPolynomial, optional
+        A point of this degree, to take the coordinates from.
+
+    Raises
+    ------
+    SolverError
+        As `least_given` does.
+    """
+    middle, form = loop.middle, (degree, elevation)
+    rate = float(power_of_two(np.abs(np.linalg.eigvals(middle)).max()))
+
+    def demands(T: Array) -> Demands:
+        moved = source.changed(np.asarray(np.linalg.inv(T), dtype=float), rate)
+        return Demands(sources=(moved,), outputs=(output,))
+
+    def starts() -> Iterator[Start]:
+        n = len(middle)
+        yield (np.zeros((1, n, n)), np.ones(1)) if loop.R else (np.eye(n)[None], np.zeros(1))
+        with suppress(SolverError):
+            stable = least(loop.without_outputs(), Around(HalfPlane(0)), *form, enough=STABLE)
+            if stable.r < 1:
+                yield stable
+
+    search = _Search(loop, rate, form, demands, starts, tolerance)
+    points = list[LyapunovPolynomial]()
+    for X in _coordinates(middle / rate, loop, source, near):
+        found = search.run(X)
+        points += [] if found is None or not found.r > 0 else [found]
+        if found is not None and found.converged:
+            break
+    if not points:
+        raise SolverError("no Lyapunov matrix to start from")
+    return sorted(points, key=lambda found: found.r)
 
 
-def factor(X: Array) -> Array:
-    """Return T with T T' = X, X equilibrated by powers of two first."""
-    scale = power_of_two(1 / np.sqrt(np.maximum(np.diag(X), np.finfo(float).tiny)))
-    factor = np.linalg.cholesky(X * np.outer(scale, scale))
-    return np.asarray(factor / scale[:, None])
+def _coordinates(
+    middle: Array, loop: Loop, source: Source, near: LyapunovPolynomial | None
+) -> Iterator[Array]:
+    """Yield Lyapunov matrices, each to be tried as the identity where the last is not enough."""
+    if loop.R is not None:
+        yield sum_of(loop.R)
+    elif near is not None:
+        yield near.Q.mean(axis=0)
+    else:
+        own, plain = covariance(middle, source.intensity(loop.domain)), start_matrix(middle)
+        first = (plain, own) if isinstance(source, Through) else (own, plain)
+        yield from (X for X in (*first, covariance(middle)) if X is not None)
+
+
+# Q and multiple in the coordinates of a run, or a polynomial in the original ones.
+Start = tuple[Array, Array] | LyapunovPolynomial
+
+
+@dataclass(frozen=True, eq=False)
+class _Search:
+    """A search for a Lyapunov polynomial of one form; ``demands`` are those in x = T x_s."""
+
+    loop: Loop
+    rate: float
+    form: tuple[int, int]
+    demands: Callable[[Array], Demands]
+    starts: Callable[[], Iterator[Start]]
+    tolerance: float
+    enough: float = 0.0
+    unit: float = 1.0
+
+    def run(self, X: Array, near: LyapunovPolynomial | None = None) -> LyapunovPolynomial | None:
+        """Run in rounds, at first from ``near`` or in coordinates in which X is the identity."""
+        most = ROUNDS if self.loop.R is None else 1
+        return rounds(lambda last: self._once(X, last or near), self.enough, most)
+
+    def _once(self, X: Array, last: LyapunovPolynomial | None) -> LyapunovPolynomial | None:
+        own = X if last is None or self.loop.R else last.Q.mean(axis=0)
+        with suppress(SolverError, np.linalg.LinAlgError):
+            return self._in(factor(own), last)
+        return None
+
+    def _in(self, T: Array, last: LyapunovPolynomial | None) -> LyapunovPolynomial | None:
+        """Run from the first start that is one, in coordinates x = T x_s."""
+        demands, count = self.demands(T), self.loop.domain.count(self.form[0])
+        pencil = given(self.loop.changed(T, self.rate), demands, *self.form)
+        stacked = stack(pencil)
+        for start in chain([] if last is None else [last], self.starts()):
+            Q, s = self._moved(start, T) if isinstance(start, LyapunovPolynomial) else start
+            values = {f"Q{k + 1}": Q[k % len(Q)] for k in range(count)}
+            values |= {f"s{k + 1}": s[k % len(s)].reshape(1, 1) for k in range(count)}
+            x, r = interior(pencil, stacked, values, {})
+            if x is None:
+                continue
+            outcome = attempt(stacked, x, WIDE * r, self.enough / self.unit, self.tolerance)
+            if outcome is not None:
+                return self._polynomial(outcome, pencil.unpack(outcome.x), demands, T)
+        return None
+
+    def _moved(self, found: LyapunovPolynomial, T: Array) -> tuple[Array, Array]:
+        inverse = np.asarray(np.linalg.inv(T) if self.loop.R is None else T.T, dtype=float)
+        Q = inverse @ found.Q @ inverse.T
+        return Q, np.zeros(1) if found.multiple is None else found.multiple
+
+    def _polynomial(
+        self, outcome: Outcome, values: dict[str, Array], demands: Demands, T: Array
+    ) -> LyapunovPolynomial:
+        scalars = (
+            values[f"t {own.name}"].item() / unit_of(own, self.rate) for own in demands.sources
+        )
+        t, count = next(scalars, 1.0), self.loop.domain.count(self.form[0])
+        scaled = np.stack([values[f"Q{k + 1}"] / t for k in range(count)])
+        multiple = None
+        if self.loop.R is not None:
+            multiple = np.array([values[f"s{k + 1}"].item() / t for k in range(count)])
+        return LyapunovPolynomial(
+            r=self.unit * outcome.r,
+            converged=outcome.converged,
+            iterations=outcome.iterations,
+            Q=np.stack([self.loop.restored(Q, T) for Q in scaled]),
+            multiple=multiple,
+            left=T if self.loop.R is None else np.asarray(np.linalg.inv(T), dtype=float).T,
+            scaled=scaled,
+        )

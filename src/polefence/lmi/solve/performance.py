@@ -10,54 +10,27 @@ import numpy as np
 
 from polefence.base.errors import SolverError
 from polefence.lmi.conditions.gain_norm import Norm, tangents
+from polefence.lmi.conditions.parameter_dependent import design
 from polefence.lmi.conditions.pencil import Pencil
-from polefence.lmi.conditions.performance import Output, Source, Through, design, unit_of
-from polefence.lmi.conditions.target import Around, Target
-from polefence.lmi.solve.engine import run
-from polefence.lmi.solve.point import lyapunov_mean
+from polefence.lmi.conditions.performance import Demands, Output, Source, Through, unit_of
+from polefence.lmi.conditions.target import Target, fixed
 from polefence.lmi.solve.scaling import Scaling
-from polefence.lmi.solve.smallest import TOLERANCE
-from polefence.lmi.solve.stacked import Stacked, stack
+from polefence.lmi.solve.search import Reached, attempt, interior, lyapunov_mean, rounds
+from polefence.lmi.solve.smallest import TOLERANCE, WIDE
+from polefence.lmi.solve.stacked import stack
 from polefence.plant.polynomial import Domain
 from polefence.plant.system import Array
 from polefence.region.regions import HalfPlane, Region
 
-ROUNDS = 4
 TANGENTS = 3
 # Bounds on the law are tight near the last point only, and a point at the edge of all others hardly
 # moves: each round stops at a share of the gap, less when a round is worth no more than this.
 NORM_ROUNDS, SHARES, WORTH = 30, (0.3, 0.03, 1e-3, 1e-5), (0.03, 3e-3, 1e-4, 1e-5)
 MARGIN = 1e-7  # of the first inequality, in units of the search's own rate
 INSIDE = 0.97  # how far within the limits a point is looked for, as a share of their squares
-WIDE = 1.3
-HALVINGS = 80
-POWERS, STRIDE = [2.0**k for k in range(-14, 60)], 8
 ROOM = (1e3, 1e8)  # that what is minimised has while limits are not kept yet
 
 Bounds = tuple[tuple[Output, ...], tuple[Norm, ...]]
-
-
-@dataclass(frozen=True, eq=False)
-class Reached:
-    """A point of a condition, in the original coordinates.
-
-    Attributes
-    ----------
-    r : float
-        At which it holds in floats.
-    values : dict of str to array
-        W and Z.
-    t : dict of str to float
-        For each source: W / t is its Lyapunov matrix.
-    converged : bool
-    iterations : int
-    """
-
-    r: float
-    values: dict[str, Array]
-    t: dict[str, float]
-    converged: bool
-    iterations: int
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,24 +78,13 @@ class Question:
         region = self.region
         if region is None and not sources:  # nothing else asks for stability
             region = HalfPlane(0)
-        target = None if region is None else fixed(region, scaling.rate)
+        target = Target(fixed(region, scaling.rate), positive=not sources)
         W = np.stack([values[f"W{k + 1}"] for k in range(self.domain.count(self.degree))])
         near = inverse @ W @ inverse.T
         scaled = [norm.changed(scaling.T, scaling.S) for norm in norms]
         own = [(norm, tangents(norm, near)[tangent]) for norm in scaled]
-        form = self.domain, self.degree, self.elevation
-        return design(A, B, sources, changed, target, *form, MARGIN, own)
-
-
-def fixed(region: Region, rate: float) -> Target:
-    """Return a region that does not grow with r."""
-    sides = (
-        replace(side, L1=0 * side.L1, M1=0 * side.M1) for side in Around(region).target(rate).sides
-    )
-    found = []
-    for side, (L, M) in zip(sides, region.pairs(rate), strict=True):
-        found.append(replace(side, L0=L, M0=M))
-    return Target(tuple(found))
+        demands = Demands(target, sources, changed, tuple(own), MARGIN)
+        return design(A, B, demands, self.domain, self.degree, self.elevation)
 
 
 def least(
@@ -149,7 +111,7 @@ def least(
     """
     units = {f"t {source.name}": unit_of(source, scaling.rate) for source in question.sources}
     t = {name: value * units[name] for name, value in (t or {}).items() if name in units}
-    begin = Reached(np.inf, dict(start), t, False, 0)
+    begin = Reached(r=np.inf, values=dict(start), t=t)
     outputs, norms = question.outputs, question.norms
     fixed_ones = [bound.fixed for bound in outputs] + [norm.fixed for norm in norms]
     found: Reached | None = None
@@ -233,24 +195,13 @@ class _Stage:
         SolverError
             If there is no point to start from.
         """
-        found = self._near_norms(begin) if self.bounds[1] else self._near_edge(begin)
+        if self.bounds[1]:
+            found = self._near_norms(begin)
+        else:
+            found = rounds(lambda last: self._once(last or begin, self.tolerance), self.enough)
         if found is None:
             raise SolverError("no point to start from: the numbers are too far apart for doubles")
         return found
-
-    def _near_edge(self, begin: Reached) -> Reached | None:
-        """Go on in the coordinates that were reached until the gap closes."""
-        found: Reached | None = None
-        iterations = 0
-        for _ in range(ROUNDS):
-            again = self._once(begin, self.tolerance)
-            if again is None or (found is not None and again.r >= found.r * (1 - 1e-7)):
-                break
-            iterations += again.iterations
-            found = begin = again
-            if found.converged or found.r <= self.enough:
-                break
-        return None if found is None else replace(found, iterations=iterations)
 
     def _near_norms(self, begin: Reached) -> Reached | None:
         """Go from tangent to tangent, centred at first."""
@@ -293,11 +244,8 @@ def _run(
     x, r = interior(pencil, stacked, scaling.scaled(begin.values, matrices), begin.t)
     if x is None:
         return None
-    try:
-        outcome = run(stacked, x, WIDE * r, enough, tolerance)
-    except np.linalg.LinAlgError:
-        return None
-    if not (np.isfinite(outcome.r) and np.all(np.isfinite(outcome.x))):
+    outcome = attempt(stacked, x, WIDE * r, enough, tolerance)
+    if outcome is None:
         return None
     back = pencil.unpack(outcome.x)
     t = {name: back.pop(name).item() for name in scalars}
@@ -306,56 +254,10 @@ def _run(
     size = max(t.values(), default=float(np.abs(back["W1"]).max()))
     values = scaling.restore({k: v / size for k, v in back.items()}, matrices)
     t = {name: value / size for name, value in t.items()}
-    return Reached(outcome.r, values, t, outcome.converged, outcome.iterations)
-
-
-def interior(
-    pencil: Pencil, stacked: Stacked, values: dict[str, Array], t: dict[str, float]
-) -> tuple[Array | None, float]:
-    """Return x and an r at which it is interior, with the largest scalars t that make it so."""
-    names = [v.name for v in pencil.variables if v.name not in values]
-    x = pencil.pack(values | {name: np.zeros((1, 1)) for name in names})
-    most = pencil.pack(
-        {name: np.zeros_like(X) for name, X in values.items()}
-        | {name: np.full((1, 1), t.get(name, 1.0)) for name in names}
+    return Reached(
+        r=outcome.r,
+        values=values,
+        t=t,
+        converged=outcome.converged,
+        iterations=outcome.iterations,
     )
-    alone, rising = stacked.at(x), stacked.at(most)
-    fixed = [
-        ~np.any([D, dD], axis=(0, 2, 3)) for (D, _), (dD, _) in zip(alone, rising, strict=True)
-    ]
-    pairs = list(zip(alone, rising, fixed, strict=True))
-    plain = [(M[own], dM[own]) for (_, M), (_, dM), own in pairs if own.any()]
-    grown = [
-        (D[~own], dD[~own], M[~own], dM[~own]) for (D, M), (dD, dM), own in pairs if not own.all()
-    ]
-    share = 1.0
-    for _ in range(HALVINGS):
-        if _positive([-M - share * dM for M, dM in plain]):
-            blocks = [(D + share * dD, M + share * dM) for D, dD, M, dM in grown]
-            r = _least_power(blocks)
-            if r is not None:
-                return x + share * most, r
-        share /= 2
-    return None, 0.0
-
-
-def _least_power(blocks: list[tuple[Array, Array]]) -> float | None:
-    """Return the least of `POWERS` at which all r D - M are positive definite.
-
-    D >= 0, so that they only grow with r: one in `STRIDE` is tried, and those below the first.
-    """
-    for start in range(0, len(POWERS), STRIDE):
-        few = POWERS[start : start + STRIDE]
-        if _positive([few[-1] * D - M for D, M in blocks]):
-            below = (r for r in few[:-1] if _positive([r * D - M for D, M in blocks]))
-            return next(below, few[-1])
-    return None
-
-
-def _positive(blocks: list[Array]) -> bool:
-    try:
-        for block in blocks:
-            np.linalg.cholesky(block)
-    except np.linalg.LinAlgError:
-        return False
-    return True

@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from polefence.base.errors import SolverError
-from polefence.lmi.conditions.linear import Variable
+from polefence.lmi.conditions.pencil import Variable
 from polefence.plant.system import Array
 
 
@@ -77,14 +77,25 @@ class Scaling:
         SolverError
             If W is not numerically positive definite.
         """
-        scale = power_of_two(1 / np.sqrt(np.maximum(np.diag(W), np.finfo(float).tiny)))
-        with np.errstate(over="ignore", invalid="ignore"):
-            even = W * np.outer(scale, scale)
-        try:
-            factor = np.linalg.cholesky(even if np.all(np.isfinite(even)) else -np.eye(len(W)))
-        except np.linalg.LinAlgError as error:
-            raise SolverError("a Lyapunov matrix is numerically singular") from error
-        return replace(self, T=factor / scale[:, None])
+        return replace(self, T=factor(W))
+
+
+def factor(W: Array) -> Array:
+    """Return T with T T' = W, which is brought to an even scale by powers of two first.
+
+    Raises
+    ------
+    SolverError
+        If W is not numerically positive definite.
+    """
+    scale = power_of_two(1 / np.sqrt(np.maximum(np.diag(W), np.finfo(float).tiny)))
+    with np.errstate(over="ignore", invalid="ignore"):
+        even = W * np.outer(scale, scale)
+    try:
+        T = np.linalg.cholesky(even if np.all(np.isfinite(even)) else -np.eye(len(W)))
+    except np.linalg.LinAlgError as error:
+        raise SolverError("a Lyapunov matrix is numerically singular") from error
+    return np.asarray(T / scale[:, None])
 
 
 def power_of_two(values: Array) -> Array:

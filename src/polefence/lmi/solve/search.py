@@ -1,0 +1,223 @@
+"""Searches of a condition: an interior point to start from, a run, and again from where it ended.
+
+The state coordinates decide how far floats carry: each run is made in those in which the Lyapunov
+matrix of its start is the identity, and one that stalls goes on in the coordinates it has reached.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field, replace
+from typing import TypeVar
+
+import numpy as np
+
+from polefence.base.errors import SolverError
+from polefence.lmi.conditions.pencil import Pencil
+from polefence.lmi.solve.engine import run
+from polefence.lmi.solve.smallest import TOLERANCE, Outcome
+from polefence.lmi.solve.stacked import Stacked
+from polefence.plant.system import Array
+
+ROUNDS = 4
+WORTH = 1e-7  # a round that lowers r by no more than this share is the last
+HALVINGS = 80
+POWERS, STRIDE = [2.0**k for k in range(-14, 60)], 8
+
+
+@dataclass(frozen=True, eq=False)
+class Dual:
+    """Dual matrices of a condition's disk blocks, about as good as the point they came with.
+
+    Attributes
+    ----------
+    Y : (blocks, 2 n, 2 n) array
+        In the order of the pencil's blocks, in coordinates x = T x_s.
+    T : (n, n) array
+    """
+
+    Y: Array
+    T: Array
+
+    def matrices(self) -> Array:
+        """Return them in the plant's coordinates."""
+        C = np.kron(np.eye(2), np.linalg.inv(self.T))
+        return np.asarray(C.T @ self.Y @ C)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Point:
+    """The end of a search.
+
+    Attributes
+    ----------
+    r : float
+        At which the condition holds, to float rounding; of disks the radius [1/s].
+    converged : bool
+        Whether the search came to its end rather than to its limits.
+    iterations : int
+    """
+
+    r: float
+    converged: bool = False
+    iterations: int = 0
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Reached(Point):
+    """A point of a condition for a law that is sought, in the original coordinates.
+
+    Attributes
+    ----------
+    values : dict of str to array
+        The condition's matrices.
+    t : dict of str to float
+        For each source of motion: W / t is its Lyapunov matrix.
+    dual : Dual, optional
+        Evidence that no radius much smaller is feasible.
+    rate : float
+        Unit of the search's rates [1/s].
+    """
+
+    values: dict[str, Array]
+    t: dict[str, float] = field(default_factory=dict)
+    dual: Dual | None = None
+    rate: float = 1.0
+
+
+def lyapunov_mean(values: dict[str, Array]) -> Array:
+    """Return the mean of a condition's Lyapunov matrices."""
+    return np.asarray(np.mean([X for name, X in values.items() if name[0] in "WP"], axis=0))
+
+
+P = TypeVar("P", bound=Point)
+
+
+def rounds(
+    once: Callable[[P | None], P | None], enough: float = 0.0, most: int = ROUNDS
+) -> P | None:
+    """Run from the point that the last round reached until the gap closes or nothing is gained.
+
+    Parameters
+    ----------
+    once : callable
+        Takes the last point, None at first; returns the next, None if there is none.
+    enough : float
+        The r that ends the search.
+    """
+    found: P | None = None
+    iterations = 0
+    for _ in range(most):
+        again = once(found)
+        if again is None or (found is not None and again.r >= found.r * (1 - WORTH)):
+            break
+        iterations += again.iterations
+        found = again
+        if found.converged or found.r <= enough:
+            break
+    return None if found is None else replace(found, iterations=iterations)
+
+
+def attempt(
+    stacked: Stacked,
+    x: Array,
+    r: float,
+    enough: float = 0.0,
+    tolerance: float = TOLERANCE,
+    engine: str | None = None,
+    widenings: int = 1,
+) -> Outcome | None:
+    """Run the interior point; None where floats were lost, or F(x, r) is not positive definite.
+
+    Parameters
+    ----------
+    widenings : int
+        How often to try, each time at half as large an r again.
+
+    Raises
+    ------
+    SolverError
+        If there is not memory enough.
+    """
+    for _ in range(widenings):
+        try:
+            outcome = run(stacked, x, r, enough, tolerance, engine)
+        except np.linalg.LinAlgError:
+            r *= 1.5
+        except MemoryError as error:
+            raise SolverError("more inequalities than there is memory for") from error
+        else:
+            sound = np.isfinite(outcome.r) and np.all(np.isfinite(outcome.x))
+            return outcome if sound else None
+    return None
+
+
+@contextmanager
+def singular_is_failure() -> Iterator[None]:
+    """Raise `SolverError` in place of NumPy's error of singular matrices; a decorator too.
+
+    Raises
+    ------
+    SolverError
+        If NumPy met a singular matrix, or numbers that are not finite.
+    """
+    try:
+        yield
+    except np.linalg.LinAlgError as error:
+        raise SolverError(f"no answer in floats: {str(error).lower()}") from error
+
+
+def interior(
+    pencil: Pencil, stacked: Stacked, values: dict[str, Array], t: dict[str, float]
+) -> tuple[Array | None, float]:
+    """Return x and an r at which it is interior, with the largest scalars t that make it so."""
+    names = [v.name for v in pencil.variables if v.name not in values]
+    x = pencil.pack(values | {name: np.zeros((1, 1)) for name in names})
+    if not names:
+        r = least_power(stacked.at(x))
+        return (None, 0.0) if r is None else (x, r)
+    most = pencil.pack(
+        {name: np.zeros_like(X) for name, X in values.items()}
+        | {name: np.full((1, 1), t.get(name, 1.0)) for name in names}
+    )
+    alone, rising = stacked.at(x), stacked.at(most)
+    fixed = [
+        ~np.any([D, dD], axis=(0, 2, 3)) for (D, _), (dD, _) in zip(alone, rising, strict=True)
+    ]
+    pairs = list(zip(alone, rising, fixed, strict=True))
+    plain = [(M[own], dM[own]) for (_, M), (_, dM), own in pairs if own.any()]
+    grown = [
+        (D[~own], dD[~own], M[~own], dM[~own]) for (D, M), (dD, dM), own in pairs if not own.all()
+    ]
+    share = 1.0
+    for _ in range(HALVINGS):
+        if _positive([-M - share * dM for M, dM in plain]):
+            blocks = [(D + share * dD, M + share * dM) for D, dD, M, dM in grown]
+            r = least_power(blocks)
+            if r is not None:
+                return x + share * most, r
+        share /= 2
+    return None, 0.0
+
+
+def least_power(blocks: list[tuple[Array, Array]]) -> float | None:
+    """Return the least of `POWERS` at which all r D - M are positive definite, None if none is.
+
+    D >= 0, so that they only grow with r: one in `STRIDE` is tried, and those below the first.
+    """
+    for start in range(0, len(POWERS), STRIDE):
+        few = POWERS[start : start + STRIDE]
+        if _positive([few[-1] * D - M for D, M in blocks]):
+            below = (r for r in few[:-1] if _positive([r * D - M for D, M in blocks]))
+            return next(below, few[-1])
+    return None
+
+
+def _positive(blocks: list[Array]) -> bool:
+    try:
+        for block in blocks:
+            np.linalg.cholesky(block)
+    except np.linalg.LinAlgError:
+        return False
+    return True

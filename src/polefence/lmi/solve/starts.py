@@ -1,0 +1,312 @@
+"""Laws and Lyapunov matrices to start from, without any LMI: regulators, covariances, Gramians.
+
+A Riccati gain of the mean plant meets all three conditions on disks at some radius, which brackets
+the smallest one from above. For signals, in the coordinates of a regulator's covariance limits on
+rms values are all about as tight, however far apart the units are: most searches that begin there
+end in a few steps.
+"""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from polefence.lmi.conditions.gain_norm import Norm
+from polefence.lmi.conditions.pencil import Variable
+from polefence.lmi.conditions.performance import Output
+from polefence.lmi.solve.performance import Question
+from polefence.lmi.solve.scaling import Scaling
+from polefence.plant.system import Array
+from polefence.region.regions import HalfPlane, Region
+
+# Disks to aim at, as fractions of sigma, and weights of the input, until one has a design.
+DOUBLINGS = 7
+DESIGNS = ((0.9, 1.0), (1.0, 1.0), (0.9, 1e-4))
+POWERS, HALVINGS = (-40.0, 40.0), 8  # of two: weights of what is minimised
+CHEAP = 1e-7  # of the weights of inputs or states that nothing else weighs
+SHIFTS = (0.55, 0.75, 1.0, 1.5)  # of the region's decay; a regulator mirrors slower poles there
+# Noise, so that no covariance is singular: of the inputs' own variance, of the mean intensity.
+SHAKEN, EVEN = 1e-3, 1e-6
+# Gramians of a loop on a disk: as wide as its modes, doubled until they are good coordinates.
+SQUARINGS, LEAST, WORST = 12, 1e-6, 1e8
+
+
+@dataclass(frozen=True, eq=False)
+class Start:
+    """A Lyapunov matrix and gain (original coordinates) that hold at ``radius`` on all vertices."""
+
+    W: Array
+    K: Array
+    radius: float
+
+    def values(self, variables: tuple[Variable, ...]) -> dict[str, Array]:
+        """Return the point as values of a condition's variables."""
+        return common_point(self.W, self.K @ self.W, variables)
+
+
+def common_point(W: Array, Z: Array, variables: tuple[Variable, ...]) -> dict[str, Array]:
+    """Return a point of Lemma 1 as a point of any condition: W for every Lyapunov matrix and G."""
+    tiny = np.array([[1e-12 * float(np.linalg.eigvalsh(W)[0])]])
+    return {v.name: {"x": W, "u": Z}.get(v.rows, tiny) for v in variables}
+
+
+def reachability(A: Array, B: Array, sigma: float, scaling: Scaling) -> Array:
+    """Return the reachability Gramian of the mean plant on a disk that is stable by itself."""
+    import scipy.linalg as la  # deferred: slow to import
+
+    As, Bs = scaling.apply(A, B)
+    F, H = As.mean(axis=0) + sigma / scaling.rate * np.eye(A.shape[1]), Bs.mean(axis=0)
+    radius = 2 * max(float(np.abs(np.linalg.eigvals(F)).max()), np.finfo(float).tiny)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # tried last as coordinates, and judged by the margin
+        W = la.solve_discrete_lyapunov(F / radius, H @ H.T / radius**2)
+    return np.asarray(scaling.T @ (W + W.T) / 2 @ scaling.T.T)
+
+
+def nominal_start(
+    A: Array, B: Array, sigma: float, scaling: Scaling, size: float | None = None
+) -> Start:
+    """Return a nominal design and the radius at which it holds on all vertices.
+
+    It aims at radii of about ``size``, by default sigma.
+    """
+    As, Bs = scaling.apply(A, B)
+    s = sigma / scaling.rate
+    aim = (sigma if size is None else size) / scaling.rate
+    n, m = Bs.shape[1:]
+    T = scaling.T
+    for fraction, weight in DESIGNS:
+        F = (As.mean(axis=0) + s * np.eye(n)) / (fraction * aim)
+        H = Bs.mean(axis=0) / (fraction * aim)
+        design = _riccati(F, H, weight)
+        radius = np.inf if design is None else _reach(As, Bs, s, *design)
+        if design is not None and np.isfinite(radius):
+            W, K = design
+            K = scaling.S @ np.linalg.solve(T.T, K.T).T
+            return Start(T @ W @ T.T, K, scaling.rate * radius)
+    # Without control W = I holds at some radius: a start that never fails.
+    W, K = np.eye(n), np.zeros((m, n))
+    return Start(T @ T.T, K, scaling.rate * _reach(As, Bs, s, W, K))
+
+
+def _riccati(F: Array, H: Array, weight: float) -> tuple[Array, Array] | None:
+    """LQR gain and the inverse of the Riccati matrix, in which the closed loop contracts.
+
+    By structure-preserving doubling (Chu, Fan, Lin & Wang, 2004): seven doublings are 128 steps.
+    """
+    n, m = H.shape
+    E, G, X = F, H @ H.T / weight, np.eye(n)
+    try:
+        with np.errstate(all="ignore"):  # overflow shows in the results, judged below
+            for _ in range(DOUBLINGS):
+                left = np.linalg.solve(np.eye(n) + G @ X, np.hstack([E, G]))
+                E, G, X = E @ left[:, :n], G + E @ left[:, n:] @ E.T, X + E.T @ X @ left[:, :n]
+            K = -np.linalg.solve(weight * np.eye(m) + H.T @ X @ H, H.T @ X @ F)
+            W = np.linalg.inv((X + X.T) / 2)
+    except np.linalg.LinAlgError:
+        return None
+    if not (np.all(np.isfinite(W)) and np.all(np.isfinite(K))):
+        return None
+    return np.asarray((W + W.T) / 2), np.asarray(K)
+
+
+def _reach(A: Array, B: Array, s: float, W: Array, K: Array) -> float:
+    """Least radius at which W, K hold at every vertex: the largest |T^-1 (A + BK + sI) T|."""
+    try:
+        T = np.linalg.cholesky(W)
+    except np.linalg.LinAlgError:
+        return np.inf
+    closed = np.linalg.solve(T, (A + B @ K + s * np.eye(A.shape[1])) @ T)
+    return float(np.linalg.norm(closed, 2, axis=(1, 2)).max())
+
+
+def regulators(
+    question: Question, scaling: Scaling, halvings: int = HALVINGS
+) -> Iterator[dict[str, Array]]:
+    """Yield W and Z of regulators of the plant in the middle, in the original coordinates.
+
+    First one that weighs the limits alike, and what is minimised as much as they allow, found in so
+    many halvings; where the region asks for decay, or the law is to be small, ones that reach it
+    with little effort.
+    """
+    A, B = (X.mean(axis=0) for X in scaling.apply(question.A, question.B))
+    inverse = np.asarray(np.linalg.inv(scaling.T), dtype=float)
+    moved = {s.name: inverse @ s.intensity(question.domain) @ inverse.T for s in question.sources}
+    decay = decay_of(question.region) / scaling.rate
+    gains = [_balanced(question.outputs, scaling, (A, B), moved, halvings)]
+    if decay > 0 or question.norms:
+        gains += [_small(question.norms, scaling, A, B, shift * decay) for shift in SHIFTS]
+    M = sum((own / (np.trace(own) or 1.0) for own in moved.values()), np.zeros_like(A))
+    M = M if moved else np.eye(len(A))
+    for K in gains:
+        W = None if K is None else _covariance(A, B, K, M, decay)
+        if K is not None and W is not None:
+            Z = scaling.S @ K @ W @ scaling.T.T
+            W = scaling.T @ W @ scaling.T.T
+            yield {"W1": (W + W.T) / 2, "Z1": Z}
+
+
+def decay_of(region: Region | None) -> float:
+    """Return the decay rate that a region asks for by itself."""
+    parts = () if region is None else region.parts
+    return max((part.decay for part in parts if isinstance(part, HalfPlane)), default=0.0)
+
+
+def _balanced(
+    outputs: Sequence[Output],
+    scaling: Scaling,
+    plant: tuple[Array, Array],
+    moved: dict[str, Array],
+    halvings: int,
+) -> Array | None:
+    """Return the gain that weighs what is minimised as much as the limits allow."""
+    if not outputs:
+        return None
+    A, B = plant
+    rows = [
+        np.hstack([o.C.mean(axis=0) @ scaling.T, o.D.mean(axis=0) @ scaling.S]) / o.level
+        for o in outputs
+    ]
+    fixed = np.array([o.fixed for o in outputs])
+    if fixed.all() or not fixed.any():
+        sizes = [np.sum(row**2) or 1.0 for row in rows]
+        return _regulator(A, B, _weighted(rows, 1 / np.array(sizes)))
+    least, most = POWERS
+    best: Array | None = None
+    for _ in range(halvings):
+        power = (least + most) / 2
+        weights = np.where(fixed, 1.0, 2.0**power)
+        K = _regulator(A, B, _weighted(rows, weights))
+        if K is not None and _kept(outputs, rows, A + B @ K, K, moved):
+            least, best = power, K
+        else:
+            best = K if best is None else best
+            most = power
+    return best
+
+
+def _weighted(rows: list[Array], weights: Array) -> Array:
+    Y = np.vstack(rows)
+    return np.asarray((Y.T * weights) @ Y)
+
+
+def _kept(
+    outputs: Sequence[Output], rows: list[Array], loop: Array, K: Array, moved: dict[str, Array]
+) -> bool:
+    """Whether all fixed bounds are kept, as far as covariances tell."""
+    covariance = {name: _lyapunov(loop, M) for name, M in moved.items()}
+    for output, row in zip(outputs, rows, strict=True):
+        y, X = row[:, : len(loop)] + row[:, len(loop) :] @ K, covariance[output.source]
+        if output.fixed and (X is None or (y @ X @ y.T).item() > 1):
+            return False
+    return True
+
+
+def _small(
+    norms: Sequence[Norm], scaling: Scaling, A: Array, B: Array, shift: float
+) -> Array | None:
+    """Return a gain of little effort that mirrors what decays more slowly at that decay."""
+    n, m = B.shape
+    R = sum(((norm.R @ scaling.S).T @ (norm.R @ scaling.S) for norm in norms), np.zeros((m, m)))
+    whole = np.zeros((n + m, n + m))
+    whole[n:, n:] = R / np.trace(R) if np.trace(R) > 0 else np.eye(m)
+    return _regulator(A + shift * np.eye(n), B, whole)
+
+
+def _regulator(A: Array, B: Array, weights: Array) -> Array | None:
+    """Return the gain of least cost [x; u]' weights [x; u]; None if there is none in floats."""
+    from scipy.linalg import solve_continuous_are  # deferred: slow to import
+
+    n, m = B.shape
+    Q, R, S = weights[:n, :n], weights[n:, n:], weights[:n, n:]
+    size = CHEAP * np.trace(weights) / (n + m)
+    Q = Q + size * np.eye(n)
+    R = R + size * np.eye(m)
+    try:
+        with np.errstate(all="ignore"):
+            P = solve_continuous_are(A, B, Q, R, s=S)
+            K = -np.linalg.solve(R, B.T @ P + S.T)
+    except (np.linalg.LinAlgError, ValueError):
+        return None
+    return np.asarray(K) if np.all(np.isfinite(K)) else None
+
+
+def _covariance(A: Array, B: Array, K: Array, M: Array, decay: float) -> Array | None:
+    """Return the covariance of the loop with less decay, what of it the region leaves over."""
+    loop = A + B @ K
+    own = -float(np.linalg.eigvals(loop).real.max())
+    plain = _lyapunov(loop, M)
+    if not own > decay or plain is None:
+        return None
+    inputs = np.diag(K @ plain @ K.T)
+    inputs = np.maximum(inputs, inputs.max() * CHEAP) + np.finfo(float).tiny
+    more = SHAKEN * float(np.abs(np.linalg.eigvals(loop)).mean())
+    shifted = loop + (own + decay) / 2 * np.eye(len(A))
+    return _lyapunov(shifted, M + more * (B * inputs) @ B.T)
+
+
+def _lyapunov(loop: Array, M: Array) -> Array | None:
+    """Return X of loop X + X loop' + M = 0; None where the loop is not stable."""
+    from scipy.linalg import solve_continuous_lyapunov  # deferred: slow to import
+
+    if not np.linalg.eigvals(loop).real.max() < 0:
+        return None
+    try:
+        with np.errstate(all="ignore"), warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # of what is nearly singular; it is judged by use
+            X = solve_continuous_lyapunov(loop, -M)
+    except (np.linalg.LinAlgError, ValueError):
+        return None
+    return np.asarray((X + X.T) / 2) if np.all(np.isfinite(X)) else None
+
+
+def covariance(F: Array, Q: Array | None = None) -> Array | None:
+    """Return the covariance that noise leaves x' = F x in; None if there is none in floats.
+
+    Parameters
+    ----------
+    F : (n, n) array
+    Q : (n, n) array, optional
+        Intensity of the noise; by default the identity in balanced states.
+    """
+    from scipy.linalg import matrix_balance  # deferred: slow to import
+
+    n = len(F)
+    balanced, (scale, _) = matrix_balance(F, permute=False, separate=True)
+    own = np.asarray(np.eye(n) if Q is None else Q / np.outer(scale, scale), dtype=float)
+    own = own + EVEN * np.trace(own) / n * np.eye(n)
+    X = _lyapunov(np.asarray(balanced, dtype=float), own)
+    return None if X is None else X * np.outer(scale, scale)
+
+
+def start_matrix(F: Array) -> Array:
+    """Return the Gramian of a loop on a disk about its own modes, as coordinates to begin in.
+
+    Where the modes are close to one multiple mode, on a wider disk: the Gramian must be a usable
+    change of coordinates.
+    """
+    n = len(F)
+    F = F - float(np.real(np.linalg.eigvals(F)).mean()) * np.eye(n)
+    radius = max(1.2 * float(np.abs(np.linalg.eigvals(F)).max()), LEAST)
+    while radius < float(np.abs(F).sum()):
+        W = _gramian(F / radius)
+        if W is not None:
+            return W
+        radius *= 2
+    return np.eye(n)
+
+
+def _gramian(F: Array) -> Array | None:
+    """Return the sum of F^k F'^k, None where it is too ill-conditioned."""
+    W = np.eye(len(F))
+    with np.errstate(over="ignore", invalid="ignore"):
+        for _ in range(SQUARINGS):
+            W = W + F @ W @ F.T
+            F = F @ F
+        W = (W + W.T) / 2
+        even = W / np.sqrt(np.outer(np.diag(W), np.diag(W)))
+    usable = np.all(np.isfinite(even)) and np.linalg.cond(even) < WORST
+    return W if usable else None

@@ -110,11 +110,12 @@ def rounds(
     iterations = 0
     for _ in range(most):
         again = once(found)
-        if again is None or (found is not None and again.r >= found.r * (1 - WORTH)):
+        if again is None or (found is not None and again.r >= found.r):
             break
+        worth = found is None or again.r < found.r * (1 - WORTH)
         iterations += again.iterations
         found = again
-        if found.converged or found.r <= enough:
+        if found.converged or found.r <= enough or not worth:
             break
     return None if found is None else replace(found, iterations=iterations)
 

@@ -210,7 +210,9 @@ def _weighted(task: Task, bare: Task, deadline: Deadline) -> Optimised:
     simple: Optimised | None = None
     with suppress(NotProvedError):
         found = _settled(bare, deadline)
-        simple = _kept(task, without_feedback(found.law, task.plant), found.designed)
+        # a law that was designed otherwise
+        law = without_feedback(found.law, task.plant)
+        simple = _bounded(task, candidate(task, law, found.designed))
     if simple is not None and deadline.passed:
         return replace(simple, cut=_cut(deadline))
     try:
@@ -306,15 +308,12 @@ def _together(task: Task, found: Reached | None) -> Optimised | None:
     """Prove everything of a point's law with the point's one W; None where something is not."""
     if found is None:
         return None
-    try:
-        law = task.law(found)
-    except (SolverError, InputError):  # its numbers are none that doubles hold
-        return None
-    proofs = together(task, law, Origin(task, found))
-    if proofs is None:
-        return None
-    certificate, bounds = proofs
-    return Optimised(Design(certificate), bounds, bounds[0].level, task.region)
+    with suppress(SolverError):
+        proofs = together(task, task.law(found), Origin(task, found))
+        if proofs is not None:
+            certificate, bounds = proofs
+            return Optimised(Design(certificate), bounds, bounds[0].level, task.region)
+    return None
 
 
 def _least(task: Task) -> float:
@@ -382,22 +381,15 @@ def _lowest(task: Task, search: Search) -> Optimised | None:
 
 def _proved(task: Task, found: Reached) -> Optimised | None:
     """Prove everything of a law for the whole region; None where something is not."""
-    try:
-        law = task.law(found)
-    except (SolverError, InputError):  # its numbers are none that doubles hold
-        return None
-    own = candidate(task, law, task.region, Origin(task, found))
-    return None if own is None else _bounded(task, own)
+    with suppress(SolverError):
+        return _bounded(task, candidate(task, task.law(found), task.region, Origin(task, found)))
+    return None
 
 
-def _kept(task: Task, law: Law, designed: Region | None) -> Optimised | None:
-    """Prove everything of a law that was designed otherwise; None where something is not."""
-    own = candidate(task, law, designed)
-    return None if own is None else _bounded(task, own)
-
-
-def _bounded(task: Task, own: Candidate) -> Optimised | None:
+def _bounded(task: Task, own: Candidate | None) -> Optimised | None:
     """Prove the bound on what is minimised, where alpha lives there; None where there is none."""
+    if own is None:
+        return None
     if task.minimise is None:
         return Optimised(Design(own.certificate), own.limits, 0.0, own.designed)
     first: Bound | None = None

@@ -284,7 +284,7 @@ class Search:
         """Return a point with what samples say of its law; None where doubles hold none."""
         try:
             law = task.law(found)
-        except (SolverError, InputError) as error:
+        except SolverError as error:
             self.reasons.append(str(error))
             return None
         estimate = self._estimate(law)
@@ -437,26 +437,6 @@ class Search:
         return tuple(found)
 
 
-@singular_is_failure()
-def _proofs(
-    task: Task, law: Law, designed: Region | None, origin: Origin | None, estimate: float
-) -> Candidate | None:
-    """Return what `candidate` does."""
-    certificate = _region(task, law, designed, origin)
-    if certificate is None:
-        return None
-    own = Candidate(certificate, (), designed, estimate, origin)
-    limits: list[Bound] = []
-    for limit in task.limits:
-        # of the certificate's law: its alpha may live on another domain than that of the search
-        bound = kept_bound(task.plant, certificate.law, limit, own.known(limit))
-        # of a law that doubles cannot evaluate a proof is of no use
-        if bound is None or agreed_bound(task.plant, certificate.law, bound) is None:
-            return None
-        limits.append(bound)
-    return replace(own, limits=tuple(limits))
-
-
 def candidate(
     task: Task,
     law: Law,
@@ -465,10 +445,21 @@ def candidate(
     estimate: float = 0.0,
 ) -> Candidate | None:
     """Return proofs of the region and of the limits of a task; None where there is not each."""
-    try:
-        return _proofs(task, law, designed, origin, estimate)
-    except SolverError:
-        return None
+    limits: list[Bound] = []
+    with suppress(SolverError), singular_is_failure():
+        certificate = _region(task, law, designed, origin)
+        if certificate is None:
+            return None
+        own = Candidate(certificate, (), designed, estimate, origin)
+        for limit in task.limits:
+            # of the certificate's law: its alpha may live on another domain than the search's
+            bound = kept_bound(task.plant, certificate.law, limit, own.known(limit))
+            # of a law that doubles cannot evaluate a proof is of no use
+            if bound is None or agreed_bound(task.plant, certificate.law, bound) is None:
+                return None
+            limits.append(bound)
+        return replace(own, limits=tuple(limits))
+    return None
 
 
 def mixed(task: Task, one: Reached, other: Reached, share: float) -> Reached | None:

@@ -193,11 +193,14 @@ class Task:
         Raises
         ------
         SolverError
-            If W is singular in floats.
+            If W is singular in floats, or the law's numbers are none that doubles hold.
         """
         degree = int(options(self.method).degree)
         count = self.domain.count(degree)
         W, Z = (np.stack([found.values[f"{x}{k + 1}"] for k in range(count)]) for x in "WZ")
-        if not degree:
-            return FixedGain(right_divide(Z, W)[0])
-        return ScheduledGain(W, Z, self.plant.parameters, degree, self.domain.sizes)
+        try:
+            if not degree:
+                return FixedGain(right_divide(Z, W)[0])
+            return ScheduledGain(W, Z, self.plant.parameters, degree, self.domain.sizes)
+        except InputError as error:
+            raise SolverError(str(error)) from error

@@ -168,6 +168,7 @@ def test_the_car_rides_rougher_than_without_control(reproduction):
 
 def test_the_command_prints_every_radius(reproduction, capsys, monkeypatch):
     monkeypatch.setattr(paper, "reproduce", lambda *_: reproduction[1])
+    monkeypatch.setattr(paper_report, "write", lambda *_: reproduction[2])
     assert main(["paper", "-o", str(reproduction[0])]) in (0, 1)
     lines = capsys.readouterr().out.splitlines()
     rows = [line for line in lines if " proved " in line]

@@ -41,50 +41,19 @@ from polefence.plant.spec import loads
 from polefence.proof.performance import blocks, prove_performance, read_performance
 from polefence.proof.work import FormatError
 from support.paths import DOCS
+from support.specs import ONE_STATE, TWO_STATES, rms
 
-ONE = """
-name = "one state"
-states = ["x [m]"]
-inputs = ["force [N]"]
-disturbances = ["w [m/s]"]
-[parameter.a]
-range = [0.5, 2]
-[matrices]
-A = [["a"]]
-B = [[1]]
-E = [[1]]
-"""
-TWO = """
-name = "two states"
-states = ["x [m]", "v [m/s]"]
-inputs = ["force [N]"]
-disturbances = ["w [m/s2]"]
-[parameter.m]
-range = [0.8, 1.25]
-through = "1/m"
-[parameter.k]
-range = [1, 3]
-[matrices]
-A = [[0, 1], ["-k/m", "-0.2/m"]]
-B = [[0], ["1/m"]]
-E = [[0], [1]]
-"""
-DENSITY = 2.0  # two-sided intensity 1
 ROWS, COLUMNS = (4.0, 0.5), (0.25, 3.0, 1.0)
-
-
-def rms(signal, at_most=None):
-    return Rms(signal, at_most, DENSITY)
 
 
 @pytest.fixture(scope="module")
 def one():
-    return loads(ONE)
+    return loads(ONE_STATE)
 
 
 @pytest.fixture(scope="module")
 def two():
-    return loads(TWO)
+    return loads(TWO_STATES)
 
 
 @pytest.fixture(scope="module")
@@ -395,7 +364,7 @@ def test_one_gain_is_written_with_its_domain(one, tmp_path):
 
 def test_tables_and_lines(tmp_path):
     spec = tmp_path / "s.toml"
-    spec.write_text(TWO + '[[specification]]\nkind = "gain norm"\nat_most = 2\n')
+    spec.write_text(TWO_STATES + '[[specification]]\nkind = "gain norm"\nat_most = 2\n')
     assert load_specifications(spec) == (None, (GainNorm(2.0),))
     more = 'signal = "the law"\nrows = [2]\ncolumns = [0.5, 1]\n'
     spec.write_text(spec.read_text() + more)
@@ -410,7 +379,9 @@ def test_tables_and_lines(tmp_path):
         "columns = [0, 1]": "must be positive numbers",
         "points = [[1, 2]]": "unknown key points",
     }.items():
-        spec.write_text(TWO + f'[[specification]]\nkind = "gain norm"\nat_most = 2\n{text}\n')
+        spec.write_text(
+            TWO_STATES + f'[[specification]]\nkind = "gain norm"\nat_most = 2\n{text}\n'
+        )
         with pytest.raises(SpecError, match=message):
             load_specifications(spec)
 
@@ -419,7 +390,7 @@ def test_the_command_keeps_it(tmp_path, capsys):
     spec = tmp_path / "s.toml"
     table = '[[specification]]\nkind = "gain norm"\nat_most = 6\ncolumns = [1, 2]\n'
     least = '[[specification]]\nkind = "rms"\nsignal = "x"\ndensity = 2\nminimise = true\n'
-    spec.write_text(TWO + table + least)
+    spec.write_text(TWO_STATES + table + least)
     folder = tmp_path / "new"
     assert main(["optimise", str(spec), "-o", str(folder), "--json", str(tmp_path / "j")]) == 0
     out = capsys.readouterr().out
@@ -440,7 +411,7 @@ def test_the_command_keeps_it(tmp_path, capsys):
     swept = [own for own in row["bounds"] if own["specification"].startswith("gain norm")]
     assert 5.9 < swept[0]["sampled"] < swept[0]["proved"] <= 6
     capsys.readouterr()
-    spec.write_text(TWO + table.replace("[1, 2]", "[1]") + least)
+    spec.write_text(TWO_STATES + table.replace("[1, 2]", "[1]") + least)
     assert main(["optimise", str(spec)]) == 2
     assert "columns of the gain norm holds 1 numbers; two states needs 2" in capsys.readouterr().err
 
@@ -459,7 +430,9 @@ def test_what_does_not_fit_is_refused(two):
 
 
 def test_plants_without_disturbance_are_taken(two):
-    bare = loads(TWO.replace("E = [[0], [1]]", "").replace('disturbances = ["w [m/s2]"]', ""))
+    bare = loads(
+        TWO_STATES.replace("E = [[0], [1]]", "").replace('disturbances = ["w [m/s2]"]', "")
+    )
     start = InitialPeak("x", 1.2, ((1.0, 0.0),))
     done = optimise(bare, GainNorm(), [start])
     assert sampled(bare, done.law, GainNorm(), seeded(bare, 50)).worst <= done.bounds[0].level

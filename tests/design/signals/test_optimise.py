@@ -29,19 +29,8 @@ from polefence.plant.outputs import Output, rate_of
 from polefence.plant.points import seeded
 from polefence.plant.spec import loads
 from polefence.proof.performance import read_performance
+from support.specs import DENSITY, ONE_STATE, rms
 
-ONE = """
-name = "one state"
-states = ["x [m]"]
-inputs = ["force [N]"]
-disturbances = ["w [m/s]"]
-[parameter.a]
-range = [0.5, 2]
-[matrices]
-A = [["a"]]
-B = [[1]]
-E = [[1]]
-"""
 TWO = """
 name = "two states"
 states = ["x [m]", "v [m/s]"]
@@ -58,16 +47,11 @@ A = [[0, 1], ["-k/m", "-0.2/m"]]
 B = [[0], ["1/m"]]
 E = [[0.1, 0], [0, "0.5/m"]]
 """
-DENSITY = 2.0  # two-sided intensity 1
-
-
-def rms(signal, at_most=None):
-    return Rms(signal, at_most, DENSITY)
 
 
 @pytest.fixture(scope="module")
 def one():
-    return loads(ONE)
+    return loads(ONE_STATE)
 
 
 @pytest.fixture(scope="module")
@@ -311,11 +295,11 @@ def test_a_limit_is_a_positive_number(value):
 
 
 def test_plants_that_say_too_little_are_refused(one):
-    bare = loads(ONE.replace("E = [[1]]", "").replace('disturbances = ["w [m/s]"]', ""))
+    bare = loads(ONE_STATE.replace("E = [[1]]", "").replace('disturbances = ["w [m/s]"]', ""))
     with pytest.raises(InputError, match="says nowhere how a disturbance enters; give E"):
         optimise(bare, rms("force"))
     with pytest.raises(InputError, match="is in discrete time"):
-        optimise(loads("sample_time = 1\n" + ONE), rms("force"))
+        optimise(loads("sample_time = 1\n" + ONE_STATE), rms("force"))
     with pytest.raises(InputError, match="give points or an impulse"):
         InitialPeak("x", 1.0)
     with pytest.raises(InputError, match="an initial state has 1 numbers"):

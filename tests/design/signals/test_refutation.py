@@ -23,22 +23,11 @@ from polefence.proof.performance.refutation import prove_refutation
 from polefence.proof.work import FormatError
 from polefence.region.regions import HalfPlane
 from polefence.vehicle import velocity_density
+from support.specs import ONE_STATE
 
 RIDE = spec_path("quarter-car-ride")
 NAMES = ("sprung-mass acceleration", "tyre deflection", "suspension deflection", "actuator force")
 DENSITY = velocity_density("C", 20)
-ONE = """
-name = "one state"
-states = ["x [m]"]
-inputs = ["force [N]"]
-disturbances = ["w [m/s]"]
-[parameter.a]
-range = [0.5, 2]
-[matrices]
-A = [["a"]]
-B = [[1]]
-E = [[1]]
-"""
 
 
 @pytest.fixture(scope="module")
@@ -48,7 +37,7 @@ def car():
 
 @pytest.fixture(scope="module")
 def one():
-    return loads(ONE)
+    return loads(ONE_STATE)
 
 
 def limits(levels, names=NAMES):
@@ -321,8 +310,8 @@ def test_other_kinds_are_left_out(one, car):
     with pytest.raises(InputError, match="no signal 'forze'"):
         refute_limits(one, [Rms("forze", 1.0)])
     with pytest.raises(InputError, match="is in discrete time"):
-        refute_limits(loads("sample_time = 1\n" + ONE), [force])
-    bare = loads(ONE.replace("E = [[1]]", "").replace('disturbances = ["w [m/s]"]', ""))
+        refute_limits(loads("sample_time = 1\n" + ONE_STATE), [force])
+    bare = loads(ONE_STATE.replace("E = [[1]]", "").replace('disturbances = ["w [m/s]"]', ""))
     with pytest.raises(InputError, match="says nowhere how a disturbance enters"):
         refute_limits(bare, [force])
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from fractions import Fraction
+from functools import cache
 from itertools import product
 from typing import TYPE_CHECKING, Any
 
@@ -54,6 +55,7 @@ class Texts:
     delay: int = 0
 
 
+@cache
 def environment() -> Environment:
     """Return the templates, strict about undefined names."""
     from jinja2 import Environment, PackageLoader, StrictUndefined  # deferred: slow to import

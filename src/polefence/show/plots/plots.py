@@ -242,11 +242,11 @@ def render(figure: Figure, kind: str) -> bytes:
     from matplotlib import rc_context
 
     _as_written(figure)
-    if figure.get_layout_engine() is not None:  # laid out once, for all kinds
-        figure.draw_without_rendering()
-        figure.set_layout_engine("none")
     dates: dict[str, dict[str, Any]] = {"svg": {"Date": None}, "pdf": {"CreationDate": None}}
     with rc_context(_STYLE):
+        if figure.get_layout_engine() is not None:  # laid out once, for files of all kinds
+            figure.draw_without_rendering()
+            figure.set_layout_engine("none")
         buffer = io.BytesIO()
         figure.savefig(buffer, format=kind, dpi=160, metadata=dates.get(kind))
     return buffer.getvalue()

@@ -1,0 +1,40 @@
+"""Small plants as specification texts, and white noise of intensity 1 for bounds on them."""
+
+from polefence.design.signals.specification import Rms
+
+DENSITY = 2.0  # one-sided, of two-sided intensity 1
+
+# x' = a x + u + w
+ONE_STATE = """
+name = "one state"
+states = ["x [m]"]
+inputs = ["force [N]"]
+disturbances = ["w [m/s]"]
+[parameter.a]
+range = [0.5, 2]
+[matrices]
+A = [["a"]]
+B = [[1]]
+E = [[1]]
+"""
+# A body on a spring.
+TWO_STATES = """
+name = "two states"
+states = ["x [m]", "v [m/s]"]
+inputs = ["force [N]"]
+disturbances = ["w [m/s2]"]
+[parameter.m]
+range = [0.8, 1.25]
+through = "1/m"
+[parameter.k]
+range = [1, 3]
+[matrices]
+A = [[0, 1], ["-k/m", "-0.2/m"]]
+B = [[0], ["1/m"]]
+E = [[0], [1]]
+"""
+
+
+def rms(signal, at_most=None):
+    """Return the rms of a signal under white noise of intensity 1."""
+    return Rms(signal, at_most, DENSITY)

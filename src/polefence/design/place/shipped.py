@@ -16,10 +16,9 @@ from polefence.design.design import Design
 from polefence.design.search import preferred
 from polefence.law.laws import FixedGain, ScheduledGain, right_divide
 from polefence.lmi.conditions.methods import Method, Slack, method_name, normal, options
-from polefence.lmi.solve.search import Reached
+from polefence.lmi.solve.search import Reached, coefficients
 from polefence.plant.family import UncertainPlant
 from polefence.plant.polynomial import Domain
-from polefence.plant.system import Array
 from polefence.region.regions import Disk, Region
 
 
@@ -63,10 +62,6 @@ def rounded(plant: UncertainPlant, region: Region, method: Method, found: Reache
     return Certificate(plant, region, name, law, evidence)
 
 
-def _stack(values: dict[str, Array], letter: str, count: int) -> Array:
-    return np.stack([values[f"{letter}{k + 1}"] for k in range(count)])
-
-
 def _quadratic(*args: Any) -> tuple[FixedGain, dict[str, Any]]:
     values = args[3].values
     return FixedGain(right_divide(values["Z"], values["W"])), {"W": values["W"]}
@@ -77,8 +72,7 @@ def _scheduled(
 ) -> tuple[ScheduledGain, dict[str, Any]]:
     o, values = options(method), found.values
     degree, domain = int(o.degree), Domain.of(o.on, len(plant.vertices))
-    count = domain.count(degree)
-    W, Z = (_stack(values, letter, count) for letter in "WZ")
+    W, Z = coefficients(values, "W"), coefficients(values, "Z")
     evidence: dict[str, Any] = {"tau": np.array(values["tau"].item() if "tau" in values else 0.0)}
     if o.elevation != 1:
         evidence["elevation"] = o.elevation
@@ -86,12 +80,11 @@ def _scheduled(
 
 
 def _slack(
-    plant: UncertainPlant, region: Region, method: Method, found: Reached
+    _: UncertainPlant, region: Region, method: Method, found: Reached
 ) -> tuple[FixedGain, dict[str, Any]]:
     method, values = normal(method), found.values
     o = method if isinstance(method, Slack) else Slack()
-    count = Domain.of(o.on, len(plant.vertices)).count(o.degree)
-    evidence: dict[str, Any] = {"P": _stack(values, "P", count), "G": values["G"]}
+    evidence: dict[str, Any] = {"P": coefficients(values, "P"), "G": values["G"]}
     if isinstance(method, Slack):
         evidence |= {"degree": o.degree, "elevation": o.elevation, "on": o.on}
     if not isinstance(region, Disk):

@@ -35,7 +35,7 @@ from polefence.law.laws import FixedGain, Law
 from polefence.lmi.conditions.methods import options
 from polefence.lmi.solve.radius import typical_rate
 from polefence.lmi.solve.scaling import balanced
-from polefence.lmi.solve.search import Reached, singular_is_failure
+from polefence.lmi.solve.search import Reached, coefficients, singular_is_failure
 from polefence.lmi.solve.starts import regulators
 from polefence.plant.outputs import inputs
 from polefence.plant.points import seeded
@@ -73,8 +73,7 @@ class Origin:
         t = self.found.t.get(f"t {source.name}", 0.0)
         if not t > 0 or (own.at_most is None and self.task.minimise is not own):
             return None
-        values = self.found.values
-        W = np.stack([values[f"W{k + 1}"] for k in range(len(values) // 2)])
+        W = coefficients(self.found.values, "W")
         return own_evidence(law, W, t), own.at_most or level_of(self.task, self.found)
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from itertools import chain
@@ -18,7 +18,7 @@ from polefence.lmi.conditions.target import Around
 from polefence.lmi.solve.performance import Question, least
 from polefence.lmi.solve.radius import smallest, typical_rate
 from polefence.lmi.solve.scaling import Scaling, balanced
-from polefence.lmi.solve.search import Reached, singular_is_failure
+from polefence.lmi.solve.search import Reached, coefficients, singular_is_failure
 from polefence.lmi.solve.smallest import TOLERANCE
 from polefence.lmi.solve.starts import regulators
 from polefence.plant.family import UncertainPlant
@@ -174,17 +174,15 @@ class Task:
     def _as_scheduled(self, values: dict[str, Array]) -> dict[str, Array]:
         """Return one W and Z as those of a degree: all coefficients are equal."""
         count = self.domain.count(int(options(self.method).degree))
-        return {f"{x}{k + 1}": values[f"{x}1"] for x in "WZ" for k in range(count)}
+        return numbered("W", [values["W1"]] * count) | numbered("Z", [values["Z1"]] * count)
 
     def _start(self, inside: Region) -> dict[str, Array]:
         """Return W and Z of a law that keeps a region."""
         start = smallest(self.plant.A, self.plant.B, Around(inside), self.method, enough=INSIDE)
         if start.r >= 1:
             raise SolverError(f"no law of this method keeps {inside}")
-        values = start.values
-        if not int(options(self.method).degree):
-            values = {"W1": values["W"], "Z1": values["Z"]}
-        return {k: v for k, v in values.items() if k[0] in "WZ"}
+        W, Z = coefficients(start.values, "W"), coefficients(start.values, "Z")
+        return numbered("W", W) | numbered("Z", Z)
 
     @singular_is_failure()
     def law(self, found: Reached) -> Law:
@@ -196,11 +194,15 @@ class Task:
             If W is singular in floats, or the law's numbers are none that doubles hold.
         """
         degree = int(options(self.method).degree)
-        count = self.domain.count(degree)
-        W, Z = (np.stack([found.values[f"{x}{k + 1}"] for k in range(count)]) for x in "WZ")
+        W, Z = coefficients(found.values, "W"), coefficients(found.values, "Z")
         try:
             if not degree:
                 return FixedGain(right_divide(Z, W)[0])
             return ScheduledGain(W, Z, self.plant.parameters, degree, self.domain.sizes)
         except InputError as error:
             raise SolverError(str(error)) from error
+
+
+def numbered(name: str, coefficients: Iterable[Array]) -> dict[str, Array]:
+    """Return matrices under the names that a condition's variables have: W1, W2 and so on."""
+    return {f"{name}{k}": matrix for k, matrix in enumerate(coefficients, 1)}

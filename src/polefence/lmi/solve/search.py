@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
+from itertools import count, takewhile
 from typing import TypeVar
 
 import numpy as np
@@ -87,8 +88,17 @@ class Reached(Point):
 
 
 def lyapunov_mean(values: dict[str, Array]) -> Array:
-    """Return the mean of a condition's Lyapunov matrices."""
-    return np.asarray(np.mean([X for name, X in values.items() if name[0] in "WP"], axis=0))
+    """Return the mean of a condition's Lyapunov matrices, W or, of the slack one, P."""
+    found = coefficients(values, "W")
+    return np.asarray((found if len(found) else coefficients(values, "P")).mean(axis=0))
+
+
+def coefficients(values: dict[str, Array], name: str) -> Array:
+    """Return a polynomial's Bernstein coefficients, (count, ., .): W alone, or W1, W2 and so on."""
+    if name in values:
+        return values[name][None]
+    found = takewhile(lambda own: own is not None, (values.get(f"{name}{k}") for k in count(1)))
+    return np.array(list(found))
 
 
 P = TypeVar("P", bound=Point)

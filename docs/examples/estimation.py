@@ -26,8 +26,9 @@ def estimated():
     law = pf.place(plant, pf.Disk(-40, 31), pf.Scheduled(1, 0, "box"))
     margins = pf.estimation_error(law)
     road = pf.vehicle.random_road("C", SPEED * SECONDS, seed=0)
-    options = {"parameters": COURSES, "scheduling": HOW, "margins": margins}
-    return pf.vehicle.drive(plant, law, road, speed=SPEED, step=STEP, **options), margins
+    moved = pf.vehicle.on_road(plant, road, SPEED, STEP)
+    hardware = pf.vehicle.Hardware(scheduling=HOW)
+    return pf.vehicle.drive(plant, law, moved, COURSES, hardware, margins), margins
 
 
 def settled(time):

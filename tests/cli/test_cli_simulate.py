@@ -20,7 +20,7 @@ from polefence.response.export import Table, write_table
 from polefence.response.linear import impulse, simulate, step
 from polefence.show.plots.drive import Panel, signals_figure
 from polefence.vehicle.comfort import comfort
-from polefence.vehicle.driving.parts import Jump
+from polefence.vehicle.driving.parts import Estimated, Hardware, Jump
 from polefence.vehicle.excitation import on_road
 from polefence.vehicle.obstacles import pothole
 from polefence.vehicle.random_road import random_road
@@ -181,7 +181,11 @@ def test_estimates_are_told_to_the_law_and_written(car, capsys):
 
 
 def test_estimates_stand_beside_the_truth_in_the_figure(physical, design):
-    setup = Setup(physical, on_road(physical, pothole(0.06, 0.4), 8.0, 1e-3, 0.1), estimate=True)
+    setup = Setup(
+        physical,
+        on_road(physical, pothole(0.06, 0.4), 8.0, 1e-3, 0.1),
+        hardware=Hardware(Estimated()),
+    )
     runs = {"a": run(setup, design), "b": run(setup, None)}
     curves = {panel.label: tuple(panel.curves) for panel in panels_of(setup, runs)}
     assert curves["m1, true and estimated [kg]"] == ("", "a", "b")
@@ -245,7 +249,7 @@ def test_what_is_not_exact(physical):
     moving = Setup(physical, moved, {"m1": Jump(1, 250, 340), "beta": 1})
     assert not moving.exact
     assert not moving.still
-    assert not Setup(physical, moved, estimate=True).still
+    assert not Setup(physical, moved, hardware=Hardware(Estimated())).still
 
 
 def test_designs_without_a_proof_here_are_said_to_prove_nothing(car, physical, capsys):

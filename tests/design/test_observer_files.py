@@ -16,7 +16,7 @@ from polefence.design.observer import Observer
 from polefence.law.given import given_law
 from polefence.response.linear import simulate
 from polefence.show.report import html_report
-from polefence.vehicle.driving.drive import drive
+from support.drives import drive
 
 SPEC = """
 name = "stage"

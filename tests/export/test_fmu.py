@@ -30,8 +30,8 @@ from polefence.export.fmi.fmu import fmu
 from polefence.export.fmi.library import platform
 from polefence.export.fmi.variables import plain, split, unique
 from polefence.response.discrete import held
-from polefence.vehicle.driving.drive import drive
 from polefence.vehicle.driving.parts import Sampling
+from support.drives import drive
 
 BOTH = pytest.mark.parametrize("version", ["2.0", "3.0"])
 KINDS = ("parameters", "alpha", "fixed", "limited")

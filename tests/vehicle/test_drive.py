@@ -16,7 +16,6 @@ from polefence import Disk, GainTable, Scheduled, UncertainPlant, place, tightes
 from polefence.base.errors import InputError
 from polefence.design.margins import in_service, parameter_rate
 from polefence.plant.outputs import rate_of
-from polefence.vehicle.driving.drive import drive
 from polefence.vehicle.driving.parts import (
     Actuator,
     BumpStops,
@@ -33,6 +32,7 @@ from polefence.vehicle.random_road import random_road
 from polefence.vehicle.recursion import Tuning
 from polefence.vehicle.reference_laws import lqr
 from polefence.vehicle.vehicle import ride
+from support.drives import drive
 
 H = 1e-3
 
@@ -657,13 +657,12 @@ GOOD = {"road": wave, "duration": 0.1}
         ({"step": 1e-9}, "steps; at most"),
         ({"duration": None}, "give the duration"),
         ({"duration": -1}, r"duration \[s\] = -1"),
-        ({"road": np.array([0, 1, np.nan, 2]), "duration": None}, "road: sample 3 of the velocity"),
-        ({"road": np.zeros((5, 2)), "duration": None}, "samples of the road have shape"),
-        ({"road": np.zeros(5)}, "the road has 4 steps of 0.001 s; 0.1 s need 100"),
-        ({"road": np.zeros(1), "duration": None}, "the road has no step"),
-        ({"road": lambda t: np.full(len(t), np.inf)}, "road: the velocity at 1e-11 s is not"),
-        ({"road": lambda t: np.ones(3)}, "road: the function must take"),
-        ({"speed": 20}, "speed goes with a Road"),
+        ({"road": np.array([0, 1, np.nan, 2]), "duration": None}, "w: sample 3 is not finite"),
+        ({"road": np.zeros((5, 2)), "duration": None}, "samples of w have shape"),
+        ({"road": np.zeros(5)}, "w has 4 steps of 0.001 s; 0.1 s need 100"),
+        ({"road": np.zeros(1), "duration": None}, "w has no step"),
+        ({"road": lambda t: np.full(len(t), np.inf)}, "w at 1e-11 s is not finite"),
+        ({"road": lambda t: np.ones(3)}, "w: the function must take"),
         ({"hold": "cubic"}, "hold = 'cubic'"),
         ({"sampling": Sampling(0.0015)}, "sampling period = 0.0015 s is no multiple of the step"),
         ({"scheduling": Measured(noise={"mass": 1})}, "noise: unknown parameter 'mass'"),
@@ -707,7 +706,7 @@ def test_what_needs_a_quarter_car_says_so(make_random):
     for part in ({"stops": BumpStops()}, {"gravity": 9.81}, {"scheduling": Estimated()}):
         with pytest.raises(InputError, match="not described as a vehicle"):
             drive(plant, law, duration=0.1, **part)
-    with pytest.raises(InputError, match="says nowhere how a road enters"):
+    with pytest.raises(InputError, match="says nowhere how a disturbance enters"):
         drive(plant, law, wave, duration=0.1)
     rest = drive(plant, law, duration=0.01, start=[1, 0, 0])
     assert rest.states[0, 0, 0] == 1

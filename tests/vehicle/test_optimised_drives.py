@@ -8,7 +8,8 @@ import pytest
 from polefence.design.signals.optimise import optimise
 from polefence.design.signals.specification import Rms
 from polefence.examples import family
-from polefence.vehicle import Jump, drive, random_road, ride, velocity_density
+from polefence.vehicle import Jump, random_road, ride, velocity_density
+from support.drives import drive
 
 DENSITY = velocity_density("C", 20.0)
 LIMITS = {"tyre deflection": 4.72e-3, "suspension deflection": 27e-3, "actuator force": 700.0}

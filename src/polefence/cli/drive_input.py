@@ -127,7 +127,7 @@ def setup_of(plant: UncertainPlant, options: Any, law: Any) -> Setup:
     InputError
         Naming the option that cannot be used.
     """
-    from polefence.vehicle.driving.parts import Actuator, BumpStops, Sampling
+    from polefence.vehicle.driving.parts import Actuator, BumpStops, Estimated, Hardware, Sampling
     from polefence.vehicle.run import Setup
 
     stops = None
@@ -138,10 +138,12 @@ def setup_of(plant: UncertainPlant, options: Any, law: Any) -> Setup:
         _excitation(plant, options, law),
         _parameters(plant, options),
         options.outside,
-        options.estimate,
-        None if options.sampling is None else Sampling(options.sampling),
-        Actuator(options.bandwidth, options.force_limit),
-        stops,
+        Hardware(
+            Estimated() if options.estimate else None,
+            None if options.sampling is None else Sampling(options.sampling),
+            Actuator(options.bandwidth, options.force_limit),
+            stops,
+        ),
     )
     try:
         setup.courses.check(setup.time, options.outside)

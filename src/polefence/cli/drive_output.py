@@ -31,7 +31,7 @@ def table_of(setup: Setup, runs: Mapping[str, Run]) -> Table:
     if moved.height is not None:
         labels.append("road height [m]")
         columns.append(moved.height)
-    for own, values in zip(disturbances(setup.plant), moved.w.T, strict=True):
+    for own, values in zip(disturbances(setup.plant), moved.samples.T, strict=True):
         labels.append(own.label)
         columns.append(values)
     for name, run in runs.items():
@@ -50,13 +50,13 @@ def panels_of(setup: Setup, runs: Mapping[str, Run]) -> list[Panel]:
     if moved.height is not None:
         found["road height [m]"] = {"": moved.height}
     else:
-        pairs = zip(disturbances(setup.plant), moved.w.T, strict=True)
+        pairs = zip(disturbances(setup.plant), moved.samples.T, strict=True)
         found |= {own.label: {"": values} for own, values in pairs if values.any()}
     for law, run in runs.items():
         for name, unit, values in run.columns:
             of = name.removesuffix(DEMANDED).removesuffix(ESTIMATED)
             common = name in setup.courses.space.names
-            if setup.estimate and (common or name.endswith(ESTIMATED)):
+            if setup.hardware.learns and (common or name.endswith(ESTIMATED)):
                 of = f"{of}, true and estimated"
             own = found.setdefault(_label(of, unit), {})
             if name.endswith(DEMANDED):

@@ -14,6 +14,7 @@ from polefence.vehicle.driving.parts import (
     Actuator,
     BumpStops,
     Estimated,
+    Hardware,
     Jump,
     Measured,
     Ramp,
@@ -23,6 +24,7 @@ from polefence.vehicle.driving.parts import (
 )
 from polefence.vehicle.driving.result import Drive
 from polefence.vehicle.estimate import Estimate, estimate
+from polefence.vehicle.excitation import Excitation, excited, moved, on_road, recorded
 from polefence.vehicle.labels import comfort_reading, dose_reading, health_reading
 from polefence.vehicle.obstacles import bump, kerb, pothole
 from polefence.vehicle.profile import measured_road
@@ -43,6 +45,8 @@ __all__ = [
     "Estimate",
     "Estimated",
     "Event",
+    "Excitation",
+    "Hardware",
     "Jump",
     "Masses",
     "Measured",
@@ -64,17 +68,21 @@ __all__ = [
     "dose_reading",
     "drive",
     "estimate",
+    "excited",
     "health_reading",
     "kerb",
     "lqr",
     "masses",
     "measured_road",
+    "moved",
     "nominal",
+    "on_road",
     "passive",
     "points",
     "pothole",
     "quarter_car",
     "random_road",
+    "recorded",
     "ride",
     "roughness",
     "running_rms",

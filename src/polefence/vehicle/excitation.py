@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -14,6 +15,7 @@ from polefence.base.errors import InputError, suggest
 from polefence.plant.family import UncertainPlant
 from polefence.plant.outputs import Signal, disturbances, split, states
 from polefence.plant.system import Array
+from polefence.response.weighting import positive
 from polefence.vehicle.road import Road
 from polefence.vehicle.vehicle import require_ride
 
@@ -30,23 +32,26 @@ class Excitation:
     name : str
     step : float
         Between instants [s].
-    w : (time, q) array
-        Disturbances at the instants, the last of which is the end.
+    steps : int
+        One less than there are instants.
+    w : (steps, q) or (steps + 1, q) array, or function
+        Disturbances at the instants; or a function of times (T,) [s] that returns them, (T, q).
     held : bool
         Whether they stay over a step as they are at its beginning; else they run straight.
-    start : (n,) array
+    start : (n,) or (count, n) array
         State at time 0.
     impulse : (q,) array
         Of the disturbances at time 0 [their units times s].
     road : str, optional
         Name of the road.
-    height : (time,) array, optional
+    height : (steps + 1,) array, optional
         Of the road under the wheel [m].
     """
 
     name: str
     step: float
-    w: Array
+    steps: int
+    w: Array | Callable[[Array], Array]
     start: Array
     impulse: Array
     held: bool = True
@@ -54,16 +59,43 @@ class Excitation:
     height: Array | None = None
 
     @property
-    def time(self) -> Array:
+    def times(self) -> Array:
         """All instants [s]."""
-        return np.asarray(self.step * np.arange(len(self.w)))
+        return np.asarray(self.step * np.arange(self.steps + 1))
+
+    @property
+    def samples(self) -> Array:
+        """Disturbances at all instants, at the last one those of the last step."""
+        k = np.minimum(np.arange(self.steps + 1), self.steps - self.held)
+        return self.disturbance(self.times, k)
+
+    def disturbance(self, times: Array, k: Array) -> Array:
+        """Return w (T, q) at times that lie in steps number k."""
+        if callable(self.w):
+            return self.w(times)
+        if self.held:
+            return np.asarray(self.w[k])
+        k = np.minimum(k, self.steps - 1)
+        share = np.clip(times / self.step - k, 0.0, 1.0)[:, None]
+        return np.asarray((1 - share) * self.w[k] + share * self.w[k + 1])
 
     def begin(self, plant: UncertainPlant, alpha: Array) -> Array:
-        """Return the state right after time 0 at points alpha (count, N), (count, n)."""
+        """Return the state right after time 0 at points alpha (count, N), (count, n).
+
+        Raises
+        ------
+        InputError
+            If there is not one state, or one for each point.
+        """
+        try:
+            found = np.array(np.broadcast_to(self.start, (len(alpha), plant.shape[0])))
+        except ValueError as error:
+            n, count = plant.shape[0], len(alpha)
+            raise InputError(f"start must have shape ({n},) or ({count}, {n})") from error
         Es = [v.E for v in plant.vertices if v.E is not None]
-        if not Es or not self.impulse.any():
-            return np.tile(self.start, (len(alpha), 1))
-        return np.asarray(self.start + np.tensordot(alpha, np.stack(Es), 1) @ self.impulse)
+        if Es and self.impulse.any():
+            found += np.tensordot(alpha, np.stack(Es), 1) @ self.impulse
+        return found
 
 
 def on_road(
@@ -87,16 +119,129 @@ def on_road(
     if column is None:
         raise InputError(f"{plant.name} says nowhere how a road enters; give E in its spec")
     _, mean = road.velocity(speed, step, duration)
-    w = np.zeros((len(mean) + 1, plant.disturbance_count))
-    w[:, column] = np.append(mean, mean[-1])
-    where = road.distance[0] + speed * step * np.arange(len(w))
+    w = np.zeros((len(mean), plant.disturbance_count))
+    w[:, column] = mean
+    where = road.distance[0] + speed * step * np.arange(len(w) + 1)
     height = np.interp(where, road.distance, road.height)
     found = _nothing(plant, f"{road.name}, at {speed:g} m/s", step, w)
     return replace(found, road=road.name, height=np.asarray(height))
 
 
-def _nothing(plant: UncertainPlant, name: str, step: float, w: Array) -> Excitation:
-    return Excitation(name, step, w, np.zeros(plant.shape[0]), np.zeros(plant.disturbance_count))
+def _nothing(plant: UncertainPlant, name: str, step: float, w: Any, steps: int = 0) -> Excitation:
+    """Return disturbances, from rest."""
+    rest, quiet = np.zeros(plant.shape[0]), np.zeros(plant.disturbance_count)
+    return Excitation(name, step, steps or len(w), w, rest, quiet)
+
+
+def moved(
+    plant: UncertainPlant,
+    w: Any = None,
+    step: float = 1e-3,
+    duration: float | None = None,
+    hold: str = "linear",
+    start: Any = None,
+) -> Excitation:
+    """Return disturbances as they are given, from an initial state.
+
+    Parameters
+    ----------
+    w : (T,) or (T, q) samples, function of times, or None
+        A function and None need ``duration``; None: only the initial state.
+    step : float
+        Between instants [s].
+    duration : float, optional
+        [s]
+    hold : "linear" or "held"
+        What samples do in between: run straight to the next, or stay.
+    start : (n,) or (count, n) array, optional
+        State at time 0; zero by default.
+
+    Raises
+    ------
+    InputError
+        Naming what is missing, not finite, or of another shape.
+    """
+    step = positive(step, "step [s]")
+    if hold not in ("linear", "held"):
+        raise InputError(f"hold = {hold!r}; use 'linear' or 'held'")
+    if duration is not None:
+        duration = positive(duration, "duration [s]")
+    if w is not None and not plant.disturbance_count:
+        raise InputError(f"{plant.name} says nowhere how a disturbance enters; give E in its spec")
+    if w is None or callable(w):
+        if duration is None:
+            raise InputError("give the duration [s]")
+        own = _function(w, plant.disturbance_count)
+        found = _nothing(plant, "a disturbance", step, own, _steps(duration, step))
+    else:
+        found = _sampled(plant, w, step, duration, hold == "held")
+    return found if start is None else replace(found, start=_start(start))
+
+
+def _start(start: Any) -> Array:
+    try:
+        found = np.asarray(start, dtype=float)
+    except (TypeError, ValueError) as error:
+        raise InputError("start must be numbers, one a state") from error
+    if not np.all(np.isfinite(found)):
+        raise InputError("start is not finite")
+    return found
+
+
+def _sampled(
+    plant: UncertainPlant, given: Any, step: float, duration: float | None, held: bool
+) -> Excitation:
+    try:
+        w = np.asarray(given, dtype=float)
+    except (TypeError, ValueError) as error:
+        raise InputError("w must be samples of the disturbance, or a function") from error
+    w = w[:, None] if w.ndim == 1 else w
+    if w.ndim != 2 or w.shape[1] != plant.disturbance_count:
+        raise InputError(f"samples of w have shape {w.shape}; give (time,) or (time, q)")
+    bad = np.argwhere(~np.isfinite(w))
+    if len(bad):
+        raise InputError(f"w: sample {bad[0][0] + 1} is not finite; mend it")
+    steps = len(w) - (0 if held else 1)
+    if duration is not None:
+        wanted = _steps(duration, step)
+        if wanted > steps:
+            raise InputError(f"w has {steps} steps of {step:g} s; {duration:g} s need {wanted}")
+        steps = wanted
+    if steps < 1:
+        raise InputError("w has no step; give two samples or more")
+    return replace(_nothing(plant, "a disturbance", step, w, steps), held=held)
+
+
+def _function(w: Any, width: int) -> Any:
+    if w is None:
+        return lambda times: np.zeros((len(times), width))
+
+    def values(times: Array) -> Array:
+        try:
+            found = np.asarray(w(times), dtype=float)
+            found = found[:, None] if found.ndim == 1 and len(found) == len(times) else found
+            found = np.broadcast_to(found, (len(times), width))
+        except (TypeError, ValueError, IndexError) as error:
+            raise InputError(
+                f"w: the function must take an array of times and return values ({error})"
+            ) from error
+        if not np.all(np.isfinite(found)):
+            where = times[~np.isfinite(found).all(axis=1)][0]
+            raise InputError(f"w at {where:g} s is not finite")
+        return found
+
+    return values
+
+
+def _steps(duration: float, step: float) -> int:
+    steps = duration / step
+    if steps > MOST_STEPS:
+        raise InputError(
+            f"{steps:.3g} steps; at most {MOST_STEPS} (a longer step, or a shorter drive)"
+        )
+    if round(steps) < 1:
+        raise InputError(f"step = {step:g} s is longer than the duration, {duration:g} s")
+    return round(steps)
 
 
 def excited(
@@ -123,11 +268,8 @@ def excited(
     InputError
         If the plant has no signal of a name, a size is not finite, or there are too many steps.
     """
-    count = duration / step
-    if not 0.5 <= count <= MOST_STEPS:
-        raise InputError(f"{duration:g} s in steps of {step:g} s; give 1 to {MOST_STEPS} steps")
     sources, known = disturbances(plant), states(plant)
-    w = np.zeros((round(count) + 1, len(sources)))
+    w = np.zeros((_steps(duration, step), len(sources)))
     w[:] = _sizes(steps or {}, sources, f"disturbance of {plant.name}")
     words = [f"{kind} of {name}" for kind, own in (("step", steps), ("impulse", impulses))
              for name in own or {}]  # fmt: skip
@@ -188,7 +330,7 @@ def recorded(plant: UncertainPlant, path: str | Path, step: float | None = None)
     instants = time[0] + step * np.arange(len(w))
     for column, place in enumerate(places):
         w[:, place] = np.interp(instants, time, values[:, column])
-    return replace(_nothing(plant, path.name, step, w), held=False)
+    return replace(_nothing(plant, path.name, step, w, len(w) - 1), held=False)
 
 
 def _columns(path: Path, labels: tuple[str, ...], known: tuple[Signal, ...]) -> list[int]:

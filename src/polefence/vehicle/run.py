@@ -21,7 +21,7 @@ from polefence.vehicle.driving.assessment import GRAVITY, RUNS_AWAY
 from polefence.vehicle.driving.drive import drive
 from polefence.vehicle.driving.events import Event, spans, summary
 from polefence.vehicle.driving.integration import LOST
-from polefence.vehicle.driving.parts import Actuator, BumpStops, Estimated, Sampling
+from polefence.vehicle.driving.parts import Actuator, Hardware
 from polefence.vehicle.driving.trajectories import Courses, read_courses
 from polefence.vehicle.excitation import Excitation
 from polefence.vehicle.vehicle import masses, ride
@@ -41,25 +41,20 @@ class Setup:
         As `drive` takes them, for one plant.
     outside : bool
         Drive on where parameters leave their intervals.
-    estimate : bool
-        The law is told what recursive least squares make of the ride, not the truth.
-    sampling, actuator, stops
-        As `drive` takes them.
+    hardware : Hardware
+        As `drive` takes it.
     """
 
     plant: UncertainPlant
     excitation: Excitation
     parameters: Mapping[str, Any] | Array | None = None
     outside: bool = False
-    estimate: bool = False
-    sampling: Sampling | None = None
-    actuator: Actuator = field(default_factory=Actuator)
-    stops: BumpStops | None = None
+    hardware: Hardware = field(default_factory=Hardware)
 
     @property
     def time(self) -> Array:
         """All instants [s]."""
-        return self.excitation.time
+        return self.excitation.times
 
     @property
     def step(self) -> float:
@@ -81,13 +76,12 @@ class Setup:
     @property
     def still(self) -> bool:
         """Whether nothing moves and the law is told the truth."""
-        return self.courses.constant and not self.estimate
+        return self.courses.constant and not self.hardware.learns
 
     @property
     def exact(self) -> bool:
         """Whether the plant is linear and constant throughout, and nothing stands beside it."""
-        plain = self.sampling is None and self.actuator == Actuator() and self.stops is None
-        return plain and self.still and not self.outside
+        return self.hardware == Hardware() and self.still and not self.outside
 
 
 @dataclass(frozen=True, eq=False)
@@ -153,34 +147,30 @@ def run(setup: Setup, law: Any, margins: Any = None) -> Run:
         intervals, or as `linear.simulate` and `drive` raise.
     """
     plant, asked, moved = setup.plant, signals(setup.plant), setup.excitation
-    start = moved.begin(plant, setup.alpha)
-    hold: Literal["held", "linear"] = "held" if moved.held else "linear"
-    w = moved.w if plant.disturbance_count else None
     if setup.exact:
-        duration = moved.time[-1] if w is None else None
+        start = moved.begin(plant, setup.alpha)
+        hold: Literal["held", "linear"] = "held" if moved.held else "linear"
+        w = moved.samples if plant.disturbance_count else None
+        duration = moved.times[-1] if w is None else None
         found = linear.simulate(
             plant, law, setup.alpha, w, moved.step, asked, hold, start, duration
         )
         return Run(setup, found, events=(*_contact(found), *_lost(found)))
     if setup.still:
         margins = ()
-    done = drive(
-        plant, law, w, duration=float(moved.time[-1]), step=moved.step, hold=hold, start=start,
-        parameters=setup.parameters, outside=setup.outside, sampling=setup.sampling,
-        scheduling=Estimated() if setup.estimate else None, actuator=setup.actuator,
-        stops=setup.stops, margins=margins,
-    )  # fmt: skip
+    done = drive(plant, law, moved, setup.parameters, setup.hardware, margins, setup.outside)
     more = list[Column]()
-    if law is not None and (setup.sampling is not None or setup.actuator != Actuator()):
+    parts = setup.hardware
+    if law is not None and (parts.sampling is not None or parts.actuator != Actuator()):
         for j, own in enumerate(inputs(plant)):
             more.append((f"{own.name} demanded", own.unit, done.demanded[0, :, j]))
-    if setup.stops is not None:
+    if setup.hardware.stops is not None:
         more.append(("stop force", "N", done.stop_force[0]))
     if not setup.still:
         space = setup.courses.space
         for i, (name, unit) in enumerate(zip(space.names, space.units, strict=True)):
             more.append((name, unit, done.parameters[0, :, i]))
-            if setup.estimate:
+            if setup.hardware.learns:
                 more.append((f"{name} estimated", unit, done.used[0, :, i]))
     covered = None if setup.still or done.covered is None else done.covered[0]
     notes = (*done.notes, *_slow(setup, law))
@@ -194,12 +184,12 @@ def signals(plant: UncertainPlant) -> tuple[Output, ...]:
 
 def _slow(setup: Setup, law: Any) -> list[str]:
     """Say where a controller samples more slowly than the poles it is to set."""
-    if setup.sampling is None or law is None:
+    if setup.hardware.sampling is None or law is None:
         return []
     first = setup.courses.space.inside(setup.courses.at(np.zeros(1))[0])
     alpha = setup.courses.space.alpha(first)
     bound = longest_step(close(setup.plant, law, alpha, disturbed=False))
-    if setup.sampling.period <= bound:
+    if setup.hardware.sampling.period <= bound:
         return []
     return [f"the fastest pole that the law sets asks for a period of at most {bound:.3g} s"]
 

@@ -15,8 +15,9 @@ from polefence.law.given import given_law
 from polefence.law.laws import FixedGain
 from polefence.law.table import GainTable
 from polefence.plant.system import Array
-from polefence.vehicle.driving.scheduling import INSIDE, Grid
+from polefence.vehicle.driving.scheduling import INSIDE
 from polefence.vehicle.driving.trajectories import Courses, Space
+from polefence.vehicle.excitation import Excitation
 
 # Of the range, within an instant: a jump, at no finite rate. Of the range: nothing but rounding.
 JUMP, TINY = 1e-6, 1e-9
@@ -83,7 +84,7 @@ def is_scheduled(space: Space, law: Any) -> bool:
     return not isinstance(given_law(space.plant, law), FixedGain)
 
 
-def rates_of(courses: Courses, grid: Grid) -> Array:
+def rates_of(courses: Courses, grid: Excitation) -> Array:
     """Return how fast the parameters move in the step after each instant, (count, time, q).
 
     In their units per second; infinite where they jump at the instant.

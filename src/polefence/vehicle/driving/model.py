@@ -9,9 +9,10 @@ import numpy as np
 
 from polefence.plant.family import UncertainPlant
 from polefence.plant.system import Array
-from polefence.vehicle.driving.parts import Actuator, BumpStops
-from polefence.vehicle.driving.scheduling import INSIDE, Gains, Grid, Reading
+from polefence.vehicle.driving.parts import Actuator, BumpStops, Hardware
+from polefence.vehicle.driving.scheduling import INSIDE, Gains, Reading
 from polefence.vehicle.driving.trajectories import Courses
+from polefence.vehicle.excitation import Excitation
 from polefence.vehicle.vehicle import Ride, masses, require_ride
 
 Row = tuple[Array, Array, Array, Array, Array | None]
@@ -46,14 +47,27 @@ class Model:
     """
 
     plant: UncertainPlant
-    grid: Grid
+    grid: Excitation
     courses: Courses
     gains: Gains
     reading: Reading | None
-    actuator: Actuator
-    stops: BumpStops | None
+    hardware: Hardware
     known: Ride | None
-    gravity: float
+
+    @property
+    def actuator(self) -> Actuator:
+        """That of the hardware."""
+        return self.hardware.actuator
+
+    @property
+    def stops(self) -> BumpStops | None:
+        """Those of the hardware."""
+        return self.hardware.stops
+
+    @property
+    def gravity(self) -> float:
+        """That of the hardware [m/s2]."""
+        return self.hardware.gravity
 
     @property
     def width(self) -> int:
@@ -78,10 +92,10 @@ class Model:
         return A, B, g
 
     def entry(self, alpha: Array) -> Array:
-        """Return E at alpha, (..., n, q); zero where the plant has none."""
+        """Return E at alpha, (..., n, q)."""
         Es = [v.E for v in self.plant.vertices if v.E is not None]
         if len(Es) < len(self.plant.vertices):
-            return np.zeros((*alpha.shape[:-1], self.plant.shape[0], 1))
+            return np.zeros((*alpha.shape[:-1], self.plant.shape[0], 0))
         return np.tensordot(alpha, np.stack(Es), 1)
 
     def forcing(self, E: Array, times: Array, k: Array) -> Array:

@@ -246,3 +246,39 @@ class Estimated:
 
 
 Scheduling = Measured | Estimated
+
+
+@dataclass(frozen=True)
+class Hardware:
+    """What stands between law and plant, and beside the plant.
+
+    Attributes
+    ----------
+    scheduling : Measured or Estimated, optional
+        What the law is told of the parameters; by default the truth.
+    sampling : Sampling, optional
+        Of the controller; continuous by default.
+    actuator : Actuator
+    stops : BumpStops, optional
+        Of a car.
+    gravity : float
+        [m/s2] Of a car: deflections then count from the equilibrium of the first load, and a change
+        of load pulls the car down. By default they count from that of the current load, as the
+        plant has them, and a change of load moves nothing that is at rest.
+    """
+
+    scheduling: Scheduling | None = None
+    sampling: Sampling | None = None
+    actuator: Actuator = field(default_factory=Actuator)
+    stops: BumpStops | None = None
+    gravity: float = 0.0
+
+    @property
+    def learns(self) -> bool:
+        """Whether an estimator tells the law the parameters."""
+        return isinstance(self.scheduling, Estimated)
+
+    @property
+    def of_a_car(self) -> bool:
+        """Whether a part of it belongs to a car."""
+        return self.stops is not None or self.gravity != 0 or self.learns

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -15,36 +14,13 @@ from polefence.law.table import GainTable
 from polefence.plant.system import Array
 from polefence.vehicle.driving.parts import Measured
 from polefence.vehicle.driving.trajectories import Courses, Space
+from polefence.vehicle.excitation import Excitation
 
 # Jumps at an instant of the grid belong to the step that begins there: a step is looked at this
 # share of it inside its ends.
 INSIDE = 1e-8
 
 Gains = Callable[[Array], Array]
-
-
-@dataclass(frozen=True, eq=False)
-class Grid:
-    """Instants 0, step, 2 step, ... [s], and the road velocity over each step."""
-
-    step: float
-    steps: int
-    road: Array | Callable[[Array], Array]
-    held: bool
-
-    @property
-    def times(self) -> Array:
-        """All instants, (steps + 1,) [s]."""
-        return np.asarray(self.step * np.arange(self.steps + 1))
-
-    def disturbance(self, times: Array, k: Array) -> Array:
-        """Return w (T, q) at times that lie in steps number k."""
-        if callable(self.road):
-            return self.road(times)
-        if self.held:
-            return np.asarray(self.road[k])
-        share = np.clip(times / self.step - k, 0.0, 1.0)[:, None]
-        return np.asarray((1 - share) * self.road[k] + share * self.road[k + 1])
 
 
 def gains_of(space: Space, law: Any) -> Gains:
@@ -72,7 +48,7 @@ def gains_of(space: Space, law: Any) -> Gains:
 class Reading:
     """What sensors say of the parameters: `Measured`, as a function of time."""
 
-    def __init__(self, courses: Courses, how: Measured, grid: Grid, period: float) -> None:
+    def __init__(self, courses: Courses, how: Measured, grid: Excitation, period: float) -> None:
         self.courses, self.how, self.grid, self.period = courses, how, grid, period
         space, end = courses.space, float(grid.times[-1])
         for name in how.noise:

@@ -20,8 +20,8 @@ from polefence.design.evaluation import (
     TOLERANCE,
     UNIT,
     _Loops,
-    _parts,
     _places,
+    lyapunovs,
     rounding_share,
 )
 from polefence.design.given.analysis import analyse
@@ -137,7 +137,7 @@ def test_what_rounding_is_judged_to_take_it_does(sharpest, name):
     L, M = pair
     for alpha in places(len(law.W)):
         weights = np.array(alpha, dtype=float)
-        ((_, lyapunov),) = _parts(design.certificate)
+        ((_, lyapunov),) = lyapunovs(design.certificate)
         loops = _Loops.of(design.certificate, lyapunov, weights[None])
         judged.append(loops.shares(pair, region)[0])
         off = difference(rationals(law.gain(weights)), exact_gain(law, alpha))

@@ -42,9 +42,9 @@ def rounding_share(certificate: Certificate) -> float:
     `TOLERANCE` of its size. Infinite where the certificate leaves no room in doubles.
     """
     worst = 0.0
-    places = _places(_domain(certificate))
+    places = _places(domain_of(certificate))
     with np.errstate(all="ignore"):
-        for region, lyapunov in _parts(certificate):
+        for region, lyapunov in lyapunovs(certificate):
             try:
                 found = _Loops.of(certificate, lyapunov, places)
                 for pair in region.pairs():
@@ -54,7 +54,7 @@ def rounding_share(certificate: Certificate) -> float:
     return worst
 
 
-def _domain(certificate: Certificate) -> Domain:
+def domain_of(certificate: Certificate) -> Domain:
     """Return where the certificate's polynomials live."""
     law = certificate.law
     if isinstance(law, ScheduledGain):
@@ -73,15 +73,16 @@ def _places(domain: Domain) -> Array:
 
 
 @dataclass(frozen=True, eq=False)
-class _Lyapunov:
+class Lyapunov:
     """X(alpha) = X, or W (multiple + X W) of a law that was given: Bernstein coefficients."""
 
     X: Array
     degree: int
     multiple: Array | None = None
+    elevation: int | None = None  # of the evidence of a law that was given
 
 
-def _parts(certificate: Certificate) -> Iterator[tuple[Region, _Lyapunov]]:
+def lyapunovs(certificate: Certificate) -> Iterator[tuple[Region, Lyapunov]]:
     """Yield each part of the region with the Lyapunov polynomial that proves it."""
     law, evidence, parts = certificate.law, certificate.evidence, certificate.region.parts
     if certificate.method == "lyapunov":
@@ -89,14 +90,14 @@ def _parts(certificate: Certificate) -> Iterator[tuple[Region, _Lyapunov]]:
         for part, own in zip(parts, evidence["parts"], strict=True):
             degree, X = int(own["degree"]), np.asarray(own["X"])
             multiple = np.asarray(own.get("multiple", np.zeros(len(X)))) if scheduled else None
-            yield part, _Lyapunov(X, degree, multiple)
+            yield part, Lyapunov(X, degree, multiple, int(own["elevation"]))
         return
     if isinstance(law, ScheduledGain):
-        found = _Lyapunov(law.W, law.degree)
+        found = Lyapunov(law.W, law.degree)
     elif certificate.method == "slack":
-        found = _Lyapunov(np.asarray(evidence["P"]), int(evidence.get("degree", 1)))
+        found = Lyapunov(np.asarray(evidence["P"]), int(evidence.get("degree", 1)))
     else:
-        found = _Lyapunov(np.asarray(evidence["W"])[None], 0)
+        found = Lyapunov(np.asarray(evidence["W"])[None], 0)
     for part in parts:
         yield part, found
 
@@ -119,8 +120,8 @@ class _Loops:
     terms: tuple[Term, ...]
 
     @classmethod
-    def of(cls, certificate: Certificate, lyapunov: _Lyapunov, places: Array) -> _Loops:
-        law, plant, domain = certificate.law, certificate.plant, _domain(certificate)
+    def of(cls, certificate: Certificate, lyapunov: Lyapunov, places: Array) -> _Loops:
+        law, plant, domain = certificate.law, certificate.plant, domain_of(certificate)
         basis = domain.basis(places, lyapunov.degree)
         if isinstance(law, ScheduledGain):
             coordinates = law.coordinates
@@ -174,7 +175,7 @@ def _middle(X: Array) -> Coordinates:
     return found
 
 
-def _scheduled(coordinates: Coordinates, lyapunov: _Lyapunov, basis: Array, W: Array) -> Array:
+def _scheduled(coordinates: Coordinates, lyapunov: Lyapunov, basis: Array, W: Array) -> Array:
     """Return X(alpha) of a scheduled law in its own coordinates."""
     if lyapunov.multiple is None:
         return W

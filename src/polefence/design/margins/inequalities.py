@@ -8,18 +8,17 @@ Bernstein coefficients follow by one matrix. This shares nothing with the exact 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cache
 from itertools import product
-from typing import Any
 
 import numpy as np
 
 from polefence.base.errors import InputError
 from polefence.design.design import Design
+from polefence.design.evaluation import Lyapunov, domain_of, lyapunovs
 from polefence.law.coordinates import Coordinates
-from polefence.law.laws import FixedGain, ScheduledGain
+from polefence.law.laws import FixedGain
 from polefence.plant.polynomial import Domain, Polynomial, bernstein, binomial, elevated, times
 from polefence.plant.system import Array
 from polefence.region.regions import Pair, Region
@@ -109,71 +108,53 @@ def balanced(design: Design, region: Region) -> tuple[Balanced, ...]:
     InputError
         For designs of the method "slack", which have no Lyapunov matrix of that kind.
     """
-    law = design.law
-    if design.method == "scheduled" and isinstance(law, ScheduledGain):
-        return (_balanced(design, law.W, law.Z, (law.degree, law.domain), region),)
-    if design.method == "quadratic":
-        W = np.asarray(design.certificate.evidence["W"])[None]
-        domain = Domain((len(design.plant.vertices),))
-        return (_balanced(design, W, law.gain(None) @ W, (0, domain), region),)
-    if design.method != "lyapunov":
-        raise InputError(f"nothing is proved for service from a design of method {design.method!r}")
-    evidence = design.certificate.evidence["parts"]
-    return tuple(
-        replace(_given(design, own, part), elevation=int(own["elevation"]))
-        for own, part in zip(evidence, region.parts, strict=True)
-    )
+    if design.method == "slack":
+        raise InputError("nothing is proved for service from a design of method 'slack'")
+    found = list(lyapunovs(design.certificate))
+    if design.method == "lyapunov":
+        pairs = zip((own for _, own in found), region.parts, strict=True)
+        return tuple(_balanced(design, own, part) for own, part in pairs)
+    return (_balanced(design, found[0][1], region),)
 
 
-def _balanced(
-    design: Design, W: Array, Z: Array, form: tuple[int, Domain], region: Region
-) -> Balanced:
-    """Return the value for coefficients of W and Z, of a degree on a domain."""
-    found = Coordinates.whitening(W.mean(axis=0))
-    if found is None:
-        raise InputError("a Lyapunov matrix is not positive definite")
-    A, B = found.loops(design.plant.A), found.inputs(design.plant.B)
-    return _value(design, (A, B, found.forms(W), found.gains(Z), found.inverse), form, region)
-
-
-def _value(
-    design: Design,
-    matrices: tuple[Array, Array, Array, Array, Array],
-    form: tuple[int, Domain],
-    region: Region,
-) -> Balanced:
-    A, B, W, Z, T = matrices
-    q, disks = len(design.plant.parameters), all(part.kind == "disk" for part in region.parts)
-    W = (W + W.swapaxes(1, 2)) / 2
-    return Balanced(A, B, W, Z, T, *form, q, region.pairs(), disks)
-
-
-def _given(design: Design, evidence: Mapping[str, Any], part: Region) -> Balanced:
-    """Return the value for one part of the region, of a law that was given."""
-    law, degree, Q = design.law, int(evidence["degree"]), np.asarray(evidence["X"])
+def _balanced(design: Design, own: Lyapunov, region: Region) -> Balanced:
+    """Return the value for a Lyapunov polynomial of the region."""
+    law, plant, domain = design.law, design.plant, domain_of(design.certificate)
+    A, B, X, degree, first = plant.A, plant.B, own.X, own.degree, None
     if isinstance(law, FixedGain):
-        on = str(design.certificate.evidence.get("on", "simplex"))
-        domain = Domain.of(on, len(design.plant.vertices))
-        return _balanced(design, Q, law.K @ Q, (degree, domain), part)
-    # X = W V, K X = Z V with V = multiple + Q W, in the law's own coordinates first
-    first, domain, n = law.coordinates, law.domain, design.plant.shape[0]
-    W, Z = law.even
-    w = bernstein(domain, W, law.degree)
-    V = times(bernstein(domain, first.duals(Q), degree), w)
-    multiple = np.asarray(evidence.get("multiple", np.zeros(len(Q))))
-    scalars = bernstein(domain, multiple[:, None, None] * np.eye(n), degree)
-    for e, matrix in elevated(scalars, domain, law.degree).items():
-        V[e] = V[e] + matrix
-    both = times(bernstein(domain, np.concatenate([W, Z], axis=1), law.degree), V)
-    total = degree + 2 * law.degree
-    WZ = _stacked(both, domain, total)
-    X, KX = WZ[:, :n], WZ[:, n:]
+        KX: Array = law.K @ X
+    elif own.multiple is None:
+        KX = law.Z
+    else:
+        # X = W V, K X = Z V with V = multiple + Q W, in the law's own coordinates first
+        first, (W, Z) = law.coordinates, law.even
+        n, w = plant.shape[0], bernstein(domain, W, law.degree)
+        V = times(bernstein(domain, first.duals(X), degree), w)
+        scalars = bernstein(domain, own.multiple[:, None, None] * np.eye(n), degree)
+        for e, matrix in elevated(scalars, domain, law.degree).items():
+            V[e] = V[e] + matrix
+        both = times(bernstein(domain, np.concatenate([W, Z], axis=1), law.degree), V)
+        degree += 2 * law.degree
+        WZ = _stacked(both, domain, degree)
+        X, KX = WZ[:, :n], WZ[:, n:]
+        A, B = first.loops(A), first.inputs(B)
     second = Coordinates.whitening(X.mean(axis=0))
     if second is None:
         raise InputError("a Lyapunov matrix is not positive definite")
-    A, B = first.loops(design.plant.A), first.inputs(design.plant.B)
-    A, B, X, KX = second.loops(A), second.inputs(B), second.forms(X), second.gains(KX)
-    return _value(design, (A, B, X, KX, first.inverse @ second.inverse), (total, domain), part)
+    X = second.forms(X)
+    return Balanced(
+        second.loops(A),
+        second.inputs(B),
+        (X + X.swapaxes(1, 2)) / 2,
+        second.gains(KX),
+        second.inverse if first is None else first.inverse @ second.inverse,
+        degree,
+        domain,
+        len(plant.parameters),
+        region.pairs(),
+        all(part.kind == "disk" for part in region.parts),
+        own.elevation,
+    )
 
 
 def _stacked(P: Polynomial, domain: Domain, degree: int) -> Array:

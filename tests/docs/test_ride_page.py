@@ -13,7 +13,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from polefence import Design, load
+import polefence as pf
+from polefence import Design, HalfPlane, Sector, load
 from polefence.cli.main import main
 from polefence.design.signals.sampled import sampled
 from polefence.design.signals.search import WORTH
@@ -132,6 +133,16 @@ def test_the_prose_states_what_is_measured(said):
     X = lyapunov(A[None], least.density / 2 * np.diag([0.0, 1.0, 0.0, 0.0])[None])[0]
     assert np.sqrt(A[2] @ X @ A[2]) == pytest.approx(own.max(), rel=1e-9)
     assert own.max() == pytest.approx(1.02142, rel=OPTIMAL)
+
+
+def test_fewer_limits_are_no_worse(said):
+    """Of the third command's limits all but one are left out."""
+    spec, text = said[0] / "ride.toml", said[1][SHOWN[2][0]][1]
+    (line,) = [line for line in text.splitlines() if line.endswith("minimised")]
+    every = float(NUMBER.findall(line)[0])
+    least, limits = load_specifications(spec)
+    one = pf.optimise(load(spec), least, limits[:1], HalfPlane(1) & Sector(0.15))
+    assert one.bounds[0].level <= every * (1 + 1e-4)
 
 
 def test_the_page_shows_the_tables_of_the_example():

@@ -11,10 +11,11 @@ import pytest
 
 from polefence import Design, Disk, HalfPlane, NotProvedError, UncertainPlant, analyse, place
 from polefence.cli.main import main
-from polefence.examples import family, spec_text
+from polefence.examples import family
 from polefence.response.stationary import stationary, velocity_psd
 from polefence.show.report import html_report
 from polefence.vehicle.vehicle import require_ride
+from support.specs import ONE_STATE
 
 
 class Page(HTMLParser):
@@ -156,19 +157,19 @@ def test_bad_input(car, tmp_path, capsys):
 
 def test_bounds_and_a_front_are_put_in(tmp_path, capsys):
     spec, folder = tmp_path / "car.toml", tmp_path / "law"
-    spec.write_text(spec_text("quarter-car-ride"))
-    words = ["optimise", str(spec), "--method", "quadratic", "--road", "C", "--speed", "20"]
-    words += ["--minimise", "rms of sprung-mass acceleration", "--limit"]
-    assert main([*words, "rms of actuator force <= 300", "-o", str(folder)]) == 0
+    table = '[[specification]]\nkind = "rms"\nsignal = "{}"\ndensity = 2\n{}\n'
+    least, limit = table.format("x", "minimise = true"), table.format("force", "at_most = 3")
+    spec.write_text(ONE_STATE + least + limit)
+    assert main(["optimise", str(spec), "--method", "quadratic", "-o", str(folder)]) == 0
     picture = tmp_path / "front.svg"
     picture.write_text("<svg xmlns='http://www.w3.org/2000/svg'/>")
     assert main(["report", str(folder), "--front", str(picture)]) == 0
     page = Page((folder / "report.html").read_text())
-    assert "rms of 'actuator force' = u1 <= 300" in page.parts["Bounds on signals, proved"]
+    assert "rms of 'force' = u1 <= 3" in page.parts["Bounds on signals, proved"]
     assert sum(tag == "img" for tag, _ in page.tags) == 3
     assert main(["report", str(folder), "--front", str(spec)]) == 2
     document = json.loads((folder / "performance.json").read_text())
-    document["specifications"][-1]["level"] = 1.0  # newton, of 300
+    document["specifications"][-1]["level"] = 1.0  # newton, of 3
     (folder / "performance.json").write_text(json.dumps(document))
     capsys.readouterr()
     assert main(["report", str(folder)]) == 1

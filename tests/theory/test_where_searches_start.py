@@ -140,14 +140,6 @@ def ride():
     return load(spec), *load_specifications(spec)
 
 
-def test_fewer_limits_are_no_worse(ride):
-    plant, least, limits = ride
-    region = HalfPlane(1) & Sector(0.15)
-    every = optimise(plant, least, limits, region).bounds[0].level
-    one = optimise(plant, least, limits[:1], region).bounds[0].level
-    assert one <= every * (1 + 1e-4)
-
-
 def test_fewer_limits_are_no_worse_of_one_gain(ride):
     plant, least, limits = ride
     asked = HalfPlane(2) & Sector(0.3), "quadratic"

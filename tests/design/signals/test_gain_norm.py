@@ -392,7 +392,8 @@ def test_the_command_keeps_it(tmp_path, capsys):
     least = '[[specification]]\nkind = "rms"\nsignal = "x"\ndensity = 2\nminimise = true\n'
     spec.write_text(TWO_STATES + table + least)
     folder = tmp_path / "new"
-    assert main(["optimise", str(spec), "-o", str(folder), "--json", str(tmp_path / "j")]) == 0
+    one = ["optimise", str(spec), "--method", "quadratic", "-o", str(folder)]
+    assert main([*one, "--json", str(tmp_path / "j")]) == 0
     out = capsys.readouterr().out
     assert "gain norm of the law" in out
     bound = json.loads((tmp_path / "j").read_text())["bounds"][1]
@@ -402,7 +403,7 @@ def test_the_command_keeps_it(tmp_path, capsys):
     assert "gain norm of the law <= 6, states in units of 1, 2" in capsys.readouterr().out
     # a line is in the units of the table
     line = "gain norm of the law <= 5"
-    assert main(["optimise", str(spec), "--limit", line, "-o", str(folder)]) == 0
+    assert main([*one, "--limit", line]) == 0
     assert main(["check", str(folder)]) == 0
     assert "gain norm of the law <= 5, states in units of 1, 2" in capsys.readouterr().out
     sweep = ["--over", "gain norm of the law", "--value", "6", "--method", "scheduled"]

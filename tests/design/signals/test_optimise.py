@@ -61,14 +61,14 @@ def two():
 
 @pytest.fixture(scope="module")
 def designed(two):
-    """Every kind of specification, in a region."""
+    """Every kind of specification."""
     limits = [
         rms("x", 0.6),
         EnergyPeak("v", 0.9, 1.1),
         InitialPeak("force", 3.0, points=((0.3, 0.0), (0.1, -0.4)), impulse=0.5),
         Gain(Output("speed and force", C=[0, 1], D=[0.125]), 3.0),
     ]
-    return optimise(two, rms("force"), limits, HalfPlane(0.3) & Sector(0.2))
+    return optimise(two, rms("force"), limits)
 
 
 # --- closed forms: u = -k x has mean squares x^2 = S / (2 (k - a)), u^2 = k^2 x^2 ----------------
@@ -206,9 +206,12 @@ def worst(sample):
     return np.argsort(-sample.values)[:20]
 
 
-def test_the_region_is_proved_as_it_was_asked(designed):
-    assert designed.design.region == HalfPlane(0.3) & Sector(0.2)
-    assert check(designed.design).proved
+def test_the_region_is_proved_as_it_was_asked(designed, one):
+    parts = HalfPlane(0.3) & Sector(0.2)
+    asked = (HalfPlane(0), designed), (parts, optimise(one, rms("force"), [rms("x", 0.4)], parts))
+    for region, done in asked:
+        assert done.design.region == region
+        assert check(done.design).proved
     assert [b.specification.kind for b in designed.bounds] == [
         "rms", "rms", "energy peak", "initial peak", "gain",
     ]  # fmt: skip

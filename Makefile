@@ -4,14 +4,19 @@ VENV   := .venv
 BIN    := $(VENV)/bin
 OUT    ?= paper-results
 OLDEST := build/oldest
+# Rooms whose tests are quick; their coverage is printed.
+COVERED := plant law region response
 PARALLEL := -n auto --dist loadfile --no-loadscope-reorder
+
+# Many processes import the same: what they compile of it is kept.
+unexport PYTHONDONTWRITEBYTECODE
 
 KERNEL := CMakeLists.txt $(wildcard src/kernel/*)
 # The kernel with AddressSanitizer and UndefinedBehaviorSanitizer, and what a plain Python preloads.
 SANITIZED := build/sanitized
 PRELOAD = $(foreach library,asan ubsan stdc++,$(shell $(CXX) -print-file-name=lib$(library).so))
 
-.PHONY: paper test quick kernel oldest sanitize benchmark lint docs clean
+.PHONY: paper test tests checks coverage quick kernel oldest sanitize benchmark lint docs clean
 
 # Another BLAS kernel than this processor's own: it rounds differently.
 OTHER_KERNEL ?= $(if $(shell grep -m1 -o avx512f /proc/cpuinfo 2>/dev/null),Haswell,Nehalem)
@@ -21,14 +26,25 @@ SEARCHES := tests/lmi tests/proof/test_sampling.py tests/design/test_design.py t
 paper: $(VENV)/.installed
 	$(BIN)/polefence paper -o $(OUT)
 
+# Most tests, and all else beside them: much of that keeps one processor busy only.
 test: $(VENV)/.installed-test
+	$(MAKE) --jobs=2 --output-sync=line tests checks
+
+tests: $(VENV)/.installed-test
+	$(BIN)/pytest $(PARALLEL) $(addprefix --ignore=,$(COVERED:%=tests/%))
+
+checks: $(VENV)/.installed-test
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 	$(BIN)/lint-imports
-	$(BIN)/pytest $(PARALLEL)
-	$(MAKE) sanitize
+	$(MAKE) coverage sanitize
 	$(BIN)/sphinx-build -W -q -b html docs docs/_build/html
+
+# How much of some rooms their own tests run. Of all tests it would double their time.
+coverage: $(VENV)/.installed-test
+	$(BIN)/coverage run -m pytest -p no:cacheprovider $(COVERED:%=tests/%)
+	$(BIN)/coverage report
 
 # What takes under a minute.
 quick: $(VENV)/.installed-test

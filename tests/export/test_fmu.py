@@ -26,9 +26,8 @@ from polefence.export.c99.number import number
 from polefence.export.c99.program import program
 from polefence.export.c99.sources import Texts
 from polefence.export.fmi import library as shared_library
-from polefence.export.fmi.fmu import fmu
+from polefence.export.fmi.fmu import fmu, plain, split, unique
 from polefence.export.fmi.library import platform
-from polefence.export.fmi.variables import plain, split, unique
 from polefence.response.discrete import held
 from polefence.vehicle.driving.parts import Sampling
 from support.drives import drive

@@ -137,7 +137,7 @@ def tradeoff_command(options: Any) -> int:
     if options.json == STANDARD:
         write_json(STANDARD, front.document())
     if options.plot is not None:
-        from polefence.show.plots.tradeoff import front_figure
+        from polefence.show.plots.performance import front_figure
 
         write_figure(options.plot, front_figure(front))
     say(*_lines(front))

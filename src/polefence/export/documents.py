@@ -21,9 +21,8 @@ from polefence.export.again import program_again, seen_again, text_document, tex
 from polefence.export.c99.program import Program
 from polefence.export.c99.sources import Texts, sources
 from polefence.export.observer import observer_sources
-from polefence.export.readme import README, own_readme
 from polefence.export.sampled.document import sampling_document
-from polefence.export.statement import Facts, Loop, Seen
+from polefence.export.statement import README, Facts, Loop, Seen, own_readme
 from polefence.plant.family import UncertainPlant
 from polefence.proof import placement, reading, work
 from polefence.proof.matrices import Rationals

@@ -20,8 +20,7 @@ from polefence.export.fmi.fmu import fmu
 from polefence.export.folder import write_folder
 from polefence.export.guarantee import Guarantee, guarantee
 from polefence.export.observer import observer_sources
-from polefence.export.readme import README, own_readme
-from polefence.export.statement import Facts, loop_of, statement
+from polefence.export.statement import README, Facts, loop_of, own_readme, statement
 from polefence.export.timing import Timing, timing
 from polefence.law.laws import FixedGain
 from polefence.plant.parameters import Parameter

@@ -1,4 +1,4 @@
-"""Statement of what is guaranteed of exported code, in lines for its head.
+"""Statement of what is guaranteed of exported code: lines for its head, and its page.
 
 Every sentence is made of what a file about the code holds: claims that are proved, or what was
 sampled and is said to be. So `polefence check` writes the lines again, and compares.
@@ -11,8 +11,12 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from fractions import Fraction
 
+from polefence.design.certificate import Certificate
+from polefence.design.design import Design
 from polefence.design.observer import Observer
 from polefence.design.statement import milliseconds_text
+from polefence.export.c99.program import Program, Scheduled
+from polefence.export.c99.sources import Texts, context, environment
 from polefence.export.timing import Timing, milliseconds
 from polefence.proof.rounding import Rounded, rounding_error
 from polefence.region.regions import Region
@@ -20,11 +24,12 @@ from polefence.region.text import digits_down, digits_up, short_text
 
 WIDTH, NO_BREAK = 88, "\u00a0"
 MOST = 1e29  # a decay without bound [1/s]
+README = "README.md"
 
 
 @dataclass(frozen=True)
 class Seen:
-    """What was found of the sampled loop at sampled parameters, and by trial: no proof.
+    """Findings about the sampled loop at sampled parameters, and by trial: no proof.
 
     Attributes
     ----------
@@ -61,7 +66,7 @@ class Loop:
 
 @dataclass(frozen=True)
 class Facts:
-    """What the lines are made of.
+    """Facts that the lines are made of.
 
     Attributes
     ----------
@@ -171,3 +176,31 @@ def _outside(facts: Facts) -> str:
     missing = ["underflow"] if sampled else ["sampling", "delay", "underflow"]
     without = ", ".join(missing) + (" or limits" if facts.limited else "")
     return f"At constant parameters, without {without}."
+
+
+def own_readme(
+    made: Program,
+    texts: Texts,
+    design: Design | Certificate,
+    observed: bool,
+    proved: bool = True,
+) -> str:
+    """Return the page's text."""
+    facts = {
+        "proved": proved,
+        "discrete": design.plant.sample_time is not None,
+        "bytes": local_bytes(made),
+        "observer": observed,
+    }
+    template = environment().get_template("README.md.j2")
+    return template.render(context(made, texts) | facts)
+
+
+def local_bytes(made: Program) -> int:
+    """Return the bytes of the arrays that an update keeps on the stack."""
+    n, m = made.shape
+    if not isinstance(made, Scheduled):
+        return m * made.number.bits // 8
+    own = len(made.shares) * 2 if made.shares else made.domain.corners
+    count = own + sum(made.domain.sizes) + len(made.W) + (n + 1) * n + m
+    return count * made.number.bits // 8

@@ -127,7 +127,7 @@ class ScheduledGain:
 
     @property
     def domain(self) -> Domain:
-        """Where alpha lives."""
+        """The simplices in which alpha lives."""
         return Domain(self.sizes)
 
     @cached_property

@@ -75,7 +75,7 @@ class Region(ABC):
 
     @property
     def numbers(self) -> dict[str, float]:
-        """What a design file keeps of a part."""
+        """Numbers of a part that a design file keeps."""
         return {f.name: getattr(self, f.name) for f in fields(self)}
 
     @property
@@ -363,7 +363,7 @@ class Ellipse(Region):
 
 @dataclass(frozen=True)
 class Intersection(Region):
-    """Where all parts meet; written ``Disk(-40, 31) & Sector(0.3)``."""
+    """Region in which all parts meet; written ``Disk(-40, 31) & Sector(0.3)``."""
 
     regions: tuple[Region, ...]
     kind: ClassVar[str] = "intersection"
@@ -442,3 +442,22 @@ def exactly(value: float) -> str:
     """Print a float so that it reads back the same: a rounded radius would be another claim."""
     short = f"{value:g}"
     return short if float(short) == value else repr(value)
+
+
+def bounds_speed(region: Region | None) -> bool:
+    """Whether the region bounds the real parts of poles on both sides."""
+    parts = () if region is None else region.parts
+    return any(isinstance(part, Disk | Ellipse | VerticalStrip) for part in parts)
+
+
+def bounded(region: Region | None, fastest: float) -> Region:
+    """Return the region within the disk that touches the imaginary axis and reaches so far.
+
+    A region that bounds the speed of poles itself is returned as it is.
+    """
+    if region is not None and bounds_speed(region):
+        return region
+    # rounded, so that people can read it
+    half = float(f"{fastest / 2:.2g}")
+    disk = Disk(-half, half)
+    return disk if region is None else region & disk

@@ -20,8 +20,7 @@ from polefence.plant.family import UncertainPlant
 from polefence.plant.outputs import Output, choose, output_matrices, pick
 from polefence.plant.system import Array
 from polefence.response.closed import Loops, close, point_text
-from polefence.response.discrete import BUFFER
-from polefence.response.exponential import balancing
+from polefence.response.discrete import BUFFER, balancing
 from polefence.response.weighting import positive
 
 Numbers = npt.NDArray[np.intp]

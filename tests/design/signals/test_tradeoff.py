@@ -26,7 +26,7 @@ from polefence.design.signals.optimise import optimise
 from polefence.design.signals.specification import Gain, Rms
 from polefence.design.signals.tradeoff import tradeoff
 from polefence.design.signals.tradeoff_front import monotone
-from polefence.show.plots.tradeoff import front_figure
+from polefence.show.plots.performance import front_figure
 from polefence.vehicle import velocity_density
 from support.paths import DOCS
 

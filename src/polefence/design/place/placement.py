@@ -26,8 +26,7 @@ from polefence.lmi.solve.radius import smallest, smallest_radius, typical_rate
 from polefence.lmi.solve.search import Reached
 from polefence.plant.family import UncertainPlant
 from polefence.plant.polynomial import Domain
-from polefence.region.regions import Disk, Region
-from polefence.region.speed import bounded, bounds_speed
+from polefence.region.regions import Disk, Region, bounded, bounds_speed
 from polefence.region.text import digits_up
 
 # How far inside a region a point is looked for first; then as far as the search goes.

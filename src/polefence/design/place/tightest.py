@@ -36,8 +36,7 @@ from polefence.lmi.solve import conic
 from polefence.lmi.solve.radius import smallest, smallest_radius, typical_rate
 from polefence.lmi.solve.search import Reached
 from polefence.plant.family import UncertainPlant
-from polefence.region.regions import Disk, HalfPlane, Region, Sector, damping_of
-from polefence.region.speed import bounded
+from polefence.region.regions import Disk, HalfPlane, Region, Sector, bounded, damping_of
 
 # How far above the r that a point reaches in floats the exact proof is attempted.
 STEPS = (1e-7, 1e-6, 1e-5, 1e-4)

@@ -18,7 +18,7 @@ from polefence.design.signals.task import Task
 from polefence.law.laws import Law
 from polefence.lmi.solve.search import Reached
 from polefence.plant.family import UncertainPlant
-from polefence.region.speed import bounded, bounds_speed
+from polefence.region.regions import bounded, bounds_speed
 from polefence.response.closed import close
 
 SPEEDS = (1e1, 1e2, 1e3, 1e4)  # of poles, times the plant's own fastest

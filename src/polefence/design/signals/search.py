@@ -39,8 +39,7 @@ from polefence.lmi.solve.search import Reached, coefficients, singular_is_failur
 from polefence.lmi.solve.starts import regulators
 from polefence.plant.outputs import inputs
 from polefence.plant.points import seeded
-from polefence.region.regions import HalfPlane, Region, Sector
-from polefence.region.speed import bounded, bounds_speed
+from polefence.region.regions import HalfPlane, Region, Sector, bounded, bounds_speed
 from polefence.response.closed import close
 
 ROUNDS, FINEST = 5, 1 / 64  # of designs for shares of the region's parts; step of such a share

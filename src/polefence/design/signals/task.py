@@ -24,8 +24,7 @@ from polefence.lmi.solve.starts import regulators
 from polefence.plant.family import UncertainPlant
 from polefence.plant.polynomial import Domain
 from polefence.plant.system import Array
-from polefence.region.regions import HalfPlane, Region
-from polefence.region.speed import bounded
+from polefence.region.regions import HalfPlane, Region, bounded
 from polefence.response.closed import close
 
 INSIDE = 0.95  # how far inside the region the search begins

@@ -28,7 +28,7 @@ LEAST, MOST = 1e-18, 1e18
 
 @dataclass(frozen=True)
 class Share:
-    """How the code finds where a parameter stands in its interval, 0 at low and 1 at high.
+    """A parameter's place in its interval, 0 at low and 1 at high, as the code finds it.
 
     scale (p - low) where the plant is affine in p, scale (p - low) / p where it is in 1/p.
 

@@ -27,7 +27,7 @@ MARKER = "Written by polefence export; a new export overwrites it."
 
 @dataclass(frozen=True)
 class Texts:
-    """What the code says of itself, and its limits.
+    """Words of the code about itself, and its limits.
 
     Attributes
     ----------

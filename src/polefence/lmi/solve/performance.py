@@ -35,7 +35,7 @@ Bounds = tuple[tuple[Output, ...], tuple[Norm, ...]]
 
 @dataclass(frozen=True, eq=False)
 class Question:
-    """What is asked of a family: see `polefence.lmi.conditions.performance.design`.
+    """Region and bounds that are asked of a family, and the form of the law.
 
     Attributes
     ----------

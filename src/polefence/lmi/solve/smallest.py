@@ -46,7 +46,7 @@ DAMPING, LEAST_DAMPING = 0.7, 1e-4
 
 @dataclass(frozen=True, eq=False)
 class Outcome:
-    """Where a run ended.
+    """End of a run.
 
     Attributes
     ----------

@@ -2,10 +2,9 @@
 
 from polefence.show.plots.analysis import analysis_figure, table_figure
 from polefence.show.plots.drive import signals_figure
-from polefence.show.plots.performance import bounds_figure
+from polefence.show.plots.performance import bounds_figure, front_figure
 from polefence.show.plots.plots import limits_figure, new_figure, new_grid, poles_figure, render
 from polefence.show.plots.response import bands_figure, frequency_figure, responses_figure
-from polefence.show.plots.tradeoff import front_figure
 
 __all__ = [
     "analysis_figure",

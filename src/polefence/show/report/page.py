@@ -11,7 +11,7 @@ from polefence.design.design import Design, check, require_kind
 from polefence.plant.names import visible
 from polefence.region.text import short_text
 from polefence.show.plots.plots import render
-from polefence.show.report.content import sections
+from polefence.show.report.sections import sections
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -57,7 +57,7 @@ from polefence.examples import family
 from polefence.law.laws import Law, right_divide
 from polefence.lmi.conditions.methods import Method
 from polefence.lmi.conditions.target import Around
-from polefence.lmi.solve.performance import Question, least
+from polefence.lmi.solve.performance import Problem, least
 from polefence.lmi.solve.radius import smallest, typical_rate
 from polefence.lmi.solve.scaling import Scaling, balanced
 from polefence.plant.family import UncertainPlant
@@ -214,7 +214,7 @@ class Ours:
     W: Array
 
 
-def searched(case: Case, question: Question) -> Ours:
+def searched(case: Case, question: Problem) -> Ours:
     """Search from the plant on: a law within the region, the limits, and the least rms."""
     plant, inside = case.plant, case.region or HalfPlane(0)
     values = smallest(plant.A, plant.B, Around(inside), case.method, enough=INSIDE).values
@@ -231,12 +231,12 @@ def searched(case: Case, question: Question) -> Ours:
     return Ours(float(np.sqrt(found.r)), law, W)
 
 
-def asked(case: Case) -> Question:
+def asked(case: Case) -> Problem:
     """Return the LMI as polefence has it."""
     plant, domain = case.plant, _domain(case.plant)
     outputs = [output_of(plant, domain, s) for s in LIMITS]
     outputs.append(output_of(plant, domain, COMFORT, 1.0))
-    return Question(
+    return Problem(
         plant.A,
         plant.B,
         (outputs[0][0],),

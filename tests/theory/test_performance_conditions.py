@@ -30,7 +30,7 @@ from polefence.lmi.conditions.parameter_dependent import design
 from polefence.lmi.conditions.performance import Demands, Output, Points, Through, noise
 from polefence.lmi.conditions.target import Around, Target, fixed
 from polefence.lmi.solve.lyapunov import least_given
-from polefence.lmi.solve.performance import Question, least
+from polefence.lmi.solve.performance import Problem, least
 from polefence.lmi.solve.radius import smallest, typical_rate
 from polefence.lmi.solve.scaling import balanced
 from polefence.plant.outputs import Output as Signal
@@ -407,7 +407,7 @@ def designed(plant, domain, specification, degree, region=None, force=1.0):
     count = domain.count(degree)
     values = {f"{x}{k + 1}": start.values[x] for x in "WZ" for k in range(count)}
     outputs = (limit, output)
-    question = Question(plant.A, plant.B, (source,), outputs, region, domain, degree, 0)
+    question = Problem(plant.A, plant.B, (source,), outputs, region, domain, degree, 0)
     return least(question, values, scaling)
 
 

@@ -15,7 +15,7 @@ from polefence.design.signals.specification import Gain, Rms, Specification, out
 from polefence.law.laws import FixedGain, Law, ScheduledGain, right_divide
 from polefence.lmi.conditions.methods import Method, options
 from polefence.lmi.conditions.target import Around
-from polefence.lmi.solve.performance import Question, least
+from polefence.lmi.solve.performance import Problem, least
 from polefence.lmi.solve.radius import smallest, typical_rate
 from polefence.lmi.solve.scaling import Scaling, balanced
 from polefence.lmi.solve.search import Reached, coefficients, singular_is_failure
@@ -70,7 +70,7 @@ class Task:
         limits = tuple(map(rms, self.limits))
         return replace(self, minimise=self.minimise and rms(self.minimise), limits=limits)
 
-    def question(self, region: Region | None) -> Question:
+    def question(self, region: Region | None) -> Problem:
         """Return the condition with one Lyapunov matrix for everything."""
         o, plant = options(self.method), self.plant
         pairs = [output_of(plant, self.domain, s) for s in self.limits if is_signal(s)]
@@ -83,7 +83,7 @@ class Task:
         values = tuple(sources.values())
         norms = as_norms(plant, self.limits, self.minimise)
         form = self.domain, degree, elevation, norms
-        return Question(plant.A, plant.B, values, outputs, region, *form)
+        return Problem(plant.A, plant.B, values, outputs, region, *form)
 
     @singular_is_failure()
     def reached(
@@ -154,7 +154,7 @@ class Task:
         return bool(np.all(kept.distance(poles) < ROUNDED * np.abs(poles).max()))
 
     def _starts(
-        self, question: Question, region: Region | None, scaling: Scaling
+        self, question: Problem, region: Region | None, scaling: Scaling
     ) -> Iterator[tuple[dict[str, Array], dict[str, float]]]:
         """Yield W and Z to start from, and what of W is a Lyapunov matrix, where that is known."""
         if int(options(self.method).degree):

@@ -34,7 +34,7 @@ Bounds = tuple[tuple[Output, ...], tuple[Norm, ...]]
 
 
 @dataclass(frozen=True, eq=False)
-class Question:
+class Problem:
     """Region and bounds that are asked of a family, and the form of the law.
 
     Attributes
@@ -88,7 +88,7 @@ class Question:
 
 
 def least(
-    question: Question,
+    problem: Problem,
     start: dict[str, Array],
     scaling: Scaling,
     tolerance: float = TOLERANCE,
@@ -109,33 +109,33 @@ def least(
     SolverError
         If there is no point to start from, or none that keeps the fixed bounds.
     """
-    units = {f"t {source.name}": unit_of(source, scaling.rate) for source in question.sources}
+    units = {f"t {source.name}": unit_of(source, scaling.rate) for source in problem.sources}
     t = {name: value * units[name] for name, value in (t or {}).items() if name in units}
     begin = Reached(r=np.inf, values=dict(start), t=t)
-    outputs, norms = question.outputs, question.norms
+    outputs, norms = problem.outputs, problem.norms
     fixed_ones = [bound.fixed for bound in outputs] + [norm.fixed for norm in norms]
     found: Reached | None = None
     if not all(fixed_ones) and (t or not any(fixed_ones)):
         with suppress(SolverError):
-            found = _Stage(question, scaling, (outputs, norms), tolerance).run(begin)
+            found = _Stage(problem, scaling, (outputs, norms), tolerance).run(begin)
     if found is None:
-        found = _within(question, begin, scaling, tolerance)
+        found = _within(problem, begin, scaling, tolerance)
         if not all(fixed_ones):
-            found = _Stage(question, scaling, (outputs, norms), tolerance).run(found)
+            found = _Stage(problem, scaling, (outputs, norms), tolerance).run(found)
     return replace(found, t={name: value / units[name] for name, value in found.t.items()})
 
 
-def _within(question: Question, begin: Reached, scaling: Scaling, tolerance: float) -> Reached:
+def _within(problem: Problem, begin: Reached, scaling: Scaling, tolerance: float) -> Reached:
     """Return a point that keeps the fixed bounds: they grow with r, until they are as asked.
 
     What is to be minimised must not run away meanwhile: at first it grows with them.
     """
-    outputs = tuple(replace(o, fixed=False) for o in question.outputs if o.fixed)
-    norms = tuple(replace(norm, fixed=False) for norm in question.norms if norm.fixed)
+    outputs = tuple(replace(o, fixed=False) for o in problem.outputs if o.fixed)
+    norms = tuple(replace(norm, fixed=False) for norm in problem.norms if norm.fixed)
     failure = SolverError("no law was found that keeps the limits and the region")
-    for own in (*_watched(question, begin, scaling, outputs, norms), (outputs, norms)):
+    for own in (*_watched(problem, begin, scaling, outputs, norms), (outputs, norms)):
         try:
-            found = _Stage(question, scaling, own, tolerance, INSIDE).run(begin)
+            found = _Stage(problem, scaling, own, tolerance, INSIDE).run(begin)
         except SolverError as error:
             failure = error
             continue
@@ -145,14 +145,14 @@ def _within(question: Question, begin: Reached, scaling: Scaling, tolerance: flo
 
 
 def _watched(
-    question: Question,
+    problem: Problem,
     begin: Reached,
     scaling: Scaling,
     outputs: tuple[Output, ...],
     norms: tuple[Norm, ...],
 ) -> Iterator[Bounds]:
     """Yield the bounds with one on what is minimised, some way above where the search begins."""
-    more = tuple(o for o in question.outputs if not o.fixed)
+    more = tuple(o for o in problem.outputs if not o.fixed)
     if not more:
         return
     try:
@@ -161,27 +161,27 @@ def _watched(
         return
     first = []
     for bounds in ((outputs, norms), (more, ())):
-        pencil = question.pencil(own, *bounds, begin.values)
+        pencil = problem.pencil(own, *bounds, begin.values)
         matrices = tuple(v for v in pencil.variables if v.rows)
         values = own.scaled(begin.values, matrices)
         first.append(interior(pencil, stack(pencil), values, begin.t)[1])
     if not all(first):
         return
-    power = 0.5 if not isinstance(_source(question, more[0]), Through) else 1.0
+    power = 0.5 if not isinstance(_source(problem, more[0]), Through) else 1.0
     for room in ROOM:
         level = more[0].level * (room * first[1] / first[0]) ** power
         yield (*outputs, replace(more[0], level=level)), norms
 
 
-def _source(question: Question, output: Output) -> Source:
-    return next(source for source in question.sources if source.name == output.source)
+def _source(problem: Problem, output: Output) -> Source:
+    return next(source for source in problem.sources if source.name == output.source)
 
 
 @dataclass(frozen=True, eq=False)
 class _Stage:
     """A search of which only the bounds change: until r is ``enough`` or the gap is closed."""
 
-    question: Question
+    problem: Problem
     scaling: Scaling
     bounds: Bounds
     tolerance: float
@@ -228,7 +228,7 @@ class _Stage:
         except SolverError:
             return None
         for tangent in range(TANGENTS if self.bounds[1] else 1):
-            pencil = self.question.pencil(own, *self.bounds, begin.values, tangent)
+            pencil = self.problem.pencil(own, *self.bounds, begin.values, tangent)
             again = _run(pencil, begin, own, self.enough, tolerance)
             if again is not None:
                 return again

@@ -133,7 +133,7 @@ def smallest(
         step = None
         for shift in SHIFTS:
             with suppress(np.linalg.LinAlgError):  # H is singular in floats
-                arc = _Arc(stacked, x, r, Y, F, D, gap / stacked.order, t, shift)
+                arc = _Arc(stacked, (x, r, Y), (F, D), gap / stacked.order, t, shift)
                 number, step = arc.farthest(number)
             if step is not None:
                 break
@@ -165,28 +165,25 @@ class _Arc:
     def __init__(
         self,
         stacked: Stacked,
-        x: Array,
-        r: float,
-        Y: Blocks,
-        F: Blocks,
-        D: Blocks,
+        point: tuple[Array, float, Blocks],
+        blocks: tuple[Blocks, Blocks],
         mu: float,
         t: Array,
         shift: float,
     ) -> None:
-        self.stacked, self.x, self.r, self.Y, self.F, self.D = stacked, x, r, Y, F, D
-        self.mu, self.t = mu, t
-        self.Q = _inverses(F)
-        P = self._sym(D)
-        H = stacked.hessian(r, Y, self.Q)
+        self.stacked, self.mu, self.t = stacked, mu, t
+        (self.x, self.r, self.Y), (self.F, self.D) = point, blocks
+        self.Q = _inverses(self.F)
+        P = self._sym(self.D)
+        H = stacked.hessian(self.r, self.Y, self.Q)
         # an unknown in no block, of an input without effect say, stays put
         used = np.diag(H) > 0
         self.scale = np.where(used, 1 / np.sqrt(np.where(used, np.diag(H), 1.0)), 0.0)
         scaled = H * np.outer(self.scale, self.scale) + np.diag(np.where(used, shift, 1.0))
         self.inverse = np.linalg.inv(np.linalg.cholesky(scaled))
-        self.g = stacked.adjoint(r, P) - stacked.adjoint(r, Y, only_D=True)
+        self.g = stacked.adjoint(self.r, P) - stacked.adjoint(self.r, self.Y, only_D=True)
         self.Hg, self.Ht = self._solved(self.g), self._solved(t)
-        self.delta = _inner(D, P)
+        self.delta = _inner(self.D, P)
         self.arc = self._directions()
 
     def _directions(self) -> list[_Direction]:

@@ -17,7 +17,7 @@ import numpy as np
 from polefence.lmi.conditions.gain_norm import Norm
 from polefence.lmi.conditions.pencil import Variable
 from polefence.lmi.conditions.performance import Output
-from polefence.lmi.solve.performance import Question
+from polefence.lmi.solve.performance import Problem
 from polefence.lmi.solve.scaling import Scaling
 from polefence.plant.system import Array
 from polefence.region.regions import HalfPlane, Region
@@ -124,7 +124,7 @@ def _reach(A: Array, B: Array, s: float, W: Array, K: Array) -> float:
 
 
 def regulators(
-    question: Question, scaling: Scaling, halvings: int = HALVINGS
+    problem: Problem, scaling: Scaling, halvings: int = HALVINGS
 ) -> Iterator[dict[str, Array]]:
     """Yield W and Z of regulators of the plant in the middle, in the original coordinates.
 
@@ -132,13 +132,13 @@ def regulators(
     many halvings; where the region asks for decay, or the law is to be small, ones that reach it
     with little effort.
     """
-    A, B = (X.mean(axis=0) for X in scaling.apply(question.A, question.B))
+    A, B = (X.mean(axis=0) for X in scaling.apply(problem.A, problem.B))
     inverse = np.asarray(np.linalg.inv(scaling.T), dtype=float)
-    moved = {s.name: inverse @ s.intensity(question.domain) @ inverse.T for s in question.sources}
-    decay = decay_of(question.region) / scaling.rate
-    gains = [_balanced(question.outputs, scaling, (A, B), moved, halvings)]
-    if decay > 0 or question.norms:
-        gains += [_small(question.norms, scaling, A, B, shift * decay) for shift in SHIFTS]
+    moved = {s.name: inverse @ s.intensity(problem.domain) @ inverse.T for s in problem.sources}
+    decay = decay_of(problem.region) / scaling.rate
+    gains = [_balanced(problem.outputs, scaling, (A, B), moved, halvings)]
+    if decay > 0 or problem.norms:
+        gains += [_small(problem.norms, scaling, A, B, shift * decay) for shift in SHIFTS]
     M = sum((own / (np.trace(own) or 1.0) for own in moved.values()), np.zeros_like(A))
     M = M if moved else np.eye(len(A))
     for K in gains:

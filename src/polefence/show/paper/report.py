@@ -100,19 +100,7 @@ def report(results: Mapping[str, Any]) -> str:
         "exact arithmetic from the exact vertices; `polefence check` repeats the proof of the "
         "saved designs.",
         "## Smallest radius at centre -40",
-        table(
-            ("family", "method", "published", "computed, proved", "status"),
-            [
-                (
-                    r["family"],
-                    r["method"],
-                    "" if r["published"] is None else number(r["published"]),
-                    _radius(r["radius"]),
-                    r["status"],
-                )
-                for r in results["radii"]
-            ],
-        ),
+        _radii(results["radii"]),
         "The paper's solver stopped early on Theorem 1: 31 is no limit of the method.",
         _sweeps(results["limits"]),
         *(_figure(name) for name in ("figure-3", "figure-4")),
@@ -141,25 +129,41 @@ def report(results: Mapping[str, Any]) -> str:
         ride.text(results["ride"], results["published"]["claims"]["settling_time_below_s"]),
         *(_figure(f"figure-{k}") for k in (7, 8, 9, 10)),
         '## "Only Theorem 1 below sigma = 13"',
-        table(
-            ("family", "centre", "method", "smallest radius, proved", "d/sigma [%]"),
-            [
-                (
-                    r["family"],
-                    number(r["centre"]),
-                    r["method"],
-                    _radius(r["radius"]),
-                    digits_down(r["d/sigma"], 5),
-                )
-                for r in results["slow centres"]
-            ],
-        ),
+        _slow(results["slow centres"]),
         "A negative ratio: the disk reaches into the right half-plane, the method stabilises "
         "nothing there.",
         "## Where the paper contradicts itself",
         _inconsistencies(results["inconsistencies"]),
     ]
     return "\n\n".join(parts) + "\n"
+
+
+def _radii(rows: Sequence[Mapping[str, Any]]) -> str:
+    cells = [
+        (
+            r["family"],
+            r["method"],
+            "" if r["published"] is None else number(r["published"]),
+            _radius(r["radius"]),
+            r["status"],
+        )
+        for r in rows
+    ]
+    return table(("family", "method", "published", "computed, proved", "status"), cells)
+
+
+def _slow(rows: Sequence[Mapping[str, Any]]) -> str:
+    cells = [
+        (
+            r["family"],
+            number(r["centre"]),
+            r["method"],
+            _radius(r["radius"]),
+            digits_down(r["d/sigma"], 5),
+        )
+        for r in rows
+    ]
+    return table(("family", "centre", "method", "smallest radius, proved", "d/sigma [%]"), cells)
 
 
 def _radius(value: float | None) -> str:

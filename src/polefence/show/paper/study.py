@@ -240,45 +240,44 @@ def _inconsistencies(
         f"{row['gain']} on {row['family']}": row["farthest pole of the published gain"]
         for row in results["gains"]
     }
-    return [
-        {
-            "statement": "Table 1 has k = 10000 N/m, equation (22) has 1000 +- 20 beta; "
+    found: list[tuple[str, dict[str, Any]]] = [
+        (
+            "Table 1 has k = 10000 N/m, equation (22) has 1000 +- 20 beta; "
             "k/m1 at the lightest car is neither in (23)",
-            "computed": ratios,
-        },
-        {
-            "statement": "(23)-(26) follow from c = k = the bounds of m1; the published gains meet "
+            ratios,
+        ),
+        (
+            "(23)-(26) follow from c = k = the bounds of m1; the published gains meet "
             "their disks there and not on the physical family",
-            "computed": {
+            {
                 "printed entries reproduced": printed_entries(plants["as-printed"]),
                 **away,
             },
-        },
-        {
-            "statement": "the nominal gain (27) is that of Table 1, so figure 5 shows it on "
-            "another family",
-            "computed": {
+        ),
+        (
+            "the nominal gain (27) is that of Table 1, so figure 5 shows it on another family",
+            {
                 "(27) from Table 1": results["nominal"]["agrees to all printed digits"],
                 **{
                     f"farthest pole on {name}": s["farthest pole from the centre"]
                     for name, s in results["nominal"]["poles over the family"].items()
                 },
             },
-        },
-        {
-            "statement": '"only Theorem 1 below sigma = 13" holds on the printed vertices; on the '
+        ),
+        (
+            '"only Theorem 1 below sigma = 13" holds on the printed vertices; on the '
             "physical ones Lemma 1 stops between 20 and 25",
-            "computed": {
+            {
                 f"{row['family']}, {row['method']}, sigma = {-row['centre']:g}: d/sigma [%]": row[
                     "d/sigma"
                 ]
                 for row in results["slow centres"]
             },
-        },
-        {
-            "statement": "K(alpha) and Z_j are m x n = 1 x 5, printed as n x m; and W_1, Z_1 are "
+        ),
+        (
+            "K(alpha) and Z_j are m x n = 1 x 5, printed as n x m; and W_1, Z_1 are "
             "printed too coarsely to give K_1 = Z_1 W_1^-1",
-            "computed": {
+            {
                 "shape of Z_1": list(Z.shape),
                 "condition number of W_1 as printed": float(np.linalg.cond(W)),
                 "smallest eigenvalue of W_1 as printed": float(np.linalg.eigvalsh(W)[0]),
@@ -286,8 +285,9 @@ def _inconsistencies(
                     np.linalg.norm(recomputed - K) / np.linalg.norm(K)
                 ),
             },
-        },
+        ),
     ]
+    return [{"statement": statement, "computed": computed} for statement, computed in found]
 
 
 def printed_entries(plant: UncertainPlant) -> str:

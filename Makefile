@@ -16,7 +16,7 @@ KERNEL := CMakeLists.txt $(wildcard src/kernel/*)
 SANITIZED := build/sanitized
 PRELOAD = $(foreach library,asan ubsan stdc++,$(shell $(CXX) -print-file-name=lib$(library).so))
 
-.PHONY: paper test tests checks coverage quick kernel oldest sanitize benchmark lint docs clean
+.PHONY: paper test tests checks coverage quick kernel oldest sanitize benchmark checker lint docs clean
 
 # Another BLAS kernel than this processor's own: it rounds differently.
 OTHER_KERNEL ?= $(if $(shell grep -m1 -o avx512f /proc/cpuinfo 2>/dev/null),Haswell,Nehalem)
@@ -78,6 +78,10 @@ sanitize: $(VENV)/.installed-test
 benchmark: $(VENV)/.installed-test
 	$(BIN)/python -m pip install --quiet --editable '.[benchmark]'
 	$(BIN)/python benchmarks/smallest.py
+
+# The checker alone, as one file that a bare Python runs.
+checker: $(VENV)/.installed
+	$(BIN)/polefence check --standalone polefence-check.pyz
 
 lint: $(VENV)/.installed-test
 	$(BIN)/ruff check --fix .

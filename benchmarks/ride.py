@@ -63,8 +63,8 @@ from polefence.lmi.solve.scaling import Scaling, balanced
 from polefence.plant.family import UncertainPlant
 from polefence.plant.polynomial import Domain
 from polefence.plant.system import Array
-from polefence.proof import placement
-from polefence.proof.performance import prove_performance
+from polefence.proof.claims.base import prove
+from polefence.proof.laws import Evidence
 from polefence.region.regions import Region
 from polefence.response.stationary import velocity_psd
 
@@ -248,17 +248,17 @@ def asked(case: Case) -> Problem:
     )
 
 
-def evidence(ours: Ours) -> placement.Evidence:
+def evidence(ours: Ours) -> Evidence:
     """Return the law's own W: none where the law has it."""
     if isinstance(ours.law, ScheduledGain):
-        return placement.Evidence([])
-    return placement.Evidence([[list(map(Fraction, row)) for row in W] for W in ours.W.tolist()])
+        return Evidence([])
+    return Evidence([[list(map(Fraction, row)) for row in W] for W in ours.W.tolist()])
 
 
 def _is_proved(case: Case, ours: Ours, own: Specification, level: float) -> bool:
     law, X = exact_law(ours.law), evidence(ours)
     claim = claim_of(case.plant, law, "box", own, X, Fraction(level))
-    return prove_performance(claim).proved
+    return prove(claim).proved
 
 
 def bound_proved(case: Case, ours: Ours) -> float:

@@ -106,7 +106,7 @@ def test_check_refuses_other_parameter_ranges(placed, car, tmp_path, capsys):
 def test_check_reports_a_counterexample(small_designs, tmp_path, capsys):
     path = small_designs["slack"].save(tmp_path / "d")
     document = json.loads(path.read_text())
-    document["region"]["radius"] *= 0.5
+    document["claims"][0]["region"]["radius"] *= 0.5
     path.write_text(json.dumps(document))
     answer = tmp_path / "answer.json"
     assert main(["check", str(path), "--json", str(answer)]) == 1
@@ -117,9 +117,9 @@ def test_check_reports_a_counterexample(small_designs, tmp_path, capsys):
 @pytest.mark.parametrize(
     ("content", "message"),
     [
-        ('{"format": "polefence-design", "version": 9}', "version 9"),
+        ('{"format": "polefence-proof", "version": 9}', "version 9"),
         ('{"format"', "cut short"),
-        ("[1, 2]", "not a design file"),
+        ("[1, 2]", "not a file of proofs"),
     ],
 )
 def test_check_names_an_unreadable_file(tmp_path, capsys, content, message):
@@ -215,8 +215,7 @@ def test_the_wrong_kind_of_file_is_named(tmp_path, monkeypatch, capsys):
         ("design", "table", "--disk", "-3", "2"): "table: cannot be read: is a folder; name a file",
         ("service", "table"): "has no design.json; name the folder that `polefence design -o` "
         "wrote; it has table.json",
-        ("service", "table/table.json"): '"format" must be "polefence-design", not '
-        "'polefence-table'",
+        ("service", "table/table.json"): "no claim of it is about a region",
     }
     for words, said in cases.items():
         assert main(list(words)) == 2
@@ -224,4 +223,4 @@ def test_the_wrong_kind_of_file_is_named(tmp_path, monkeypatch, capsys):
         assert (out, err.count("\n")) == ("", 1)
         assert said in err
     assert main(["analyse", "plant.toml", "--gain", "table/table.json", *region]) == 2
-    assert "format = 'polefence-table' is not read here; give a matrix" in capsys.readouterr().err
+    assert "no claim of it is about a region" in capsys.readouterr().err

@@ -176,7 +176,7 @@ def test_limits_alone_and_relative_to_no_control(here, capsys):
     said = "relative rms of 'x' = x1 <= 0.5 of that of {}, at density 2"
     assert said.format("no control") in ran(capsys, "check", "any")
     # of another loop than the plant under no control it is proved too, and said
-    change("any/performance.json", ["specifications", 0, "baseline", "K"], [[1e-9, 0]])
+    change("any/design.json", ["claims", 1, "baseline", "K"], [[1e-9, 0]])
     assert said.format("a loop that the file defines") in ran(capsys, "check", "any")
     error = refused(capsys, "optimise", "bare.toml")
     assert "bare.toml: nothing is asked; give --minimise" in error
@@ -197,49 +197,41 @@ def change(path, keys, value):
 
 
 CHANGES = {
-    "lower level": (["specifications", 0, "level"], 0.05, "rms of 'x' = x1 <= 0.05 at density 2"),
-    "more noise": (["specifications", 1, "intensity"], 40, "= u1 <= 1.5 at density 80"),
-    "evidence": (["specifications", 2, "evidence", "X", 0, 0, 0], -1, "not positive definite"),
-    "asymmetry": (["specifications", 2, "evidence", "X", 0, 0, 1], 1e-3, "is not symmetric"),
-    "another output": (["specifications", 0, "output", "C", 0, 0], "1/2", "output called 'x' is"),
-    "another name": (["specifications", 1, "name"], "v", "output called 'v' is another"),
-    "law": (["design", "law", "Z", 0, 0, 0], 1000.0, "design.json in the folder is not"),
-    "disturbance": (["design", "plant", "vertices", 0, "E", 1, 0], 0.5, "design.json in the"),
+    "lower level": (["claims", 1, "level"], 0.05, "rms of 'x' = x1 <= 0.05 at density 2"),
+    "more noise": (["claims", 2, "intensity"], 40, "= u1 <= 1.5 at density 80"),
+    "evidence": (["claims", 3, "evidence", "X", 0, 0, 0], -1, "not positive definite"),
+    "asymmetry": (["claims", 3, "evidence", "X", 0, 0, 1], 1e-3, "is not symmetric"),
+    "another output": (["claims", 1, "output", "C", 0, 0], "1/2", "output called 'x' is"),
+    "another name": (["claims", 2, "name"], "v", "output called 'v' is another"),
+    "law": (["law", "Z", 0, 0, 0], 1000.0, "refuted: claim 1, region: at alpha = "),
+    "disturbance": (["plant", "vertices", 0, "E", 1, 0], 5, "not positive definite"),
 }  # fmt: skip
 
 
 @pytest.mark.parametrize("case", CHANGES)
 def test_one_number_changed_is_not_proved(here, capsys, case):
     keys, value, message = CHANGES[case]
-    change("stage/performance.json", keys, value)
+    change("stage/design.json", keys, value)
     out = ran(capsys, "check", "stage", status=1)
     assert message in out
     assert ": proved" not in out
 
 
-def test_a_change_of_both_files_is_seen(here, capsys):
-    for path, keys in (("performance", ["design"]), ("design", [])):
-        keys = [*keys, "plant", "vertices", 0, "E", 1, 0]
-        change(f"stage/{path}.json", keys, 0.5)
+def test_another_disturbance_is_seen(here, capsys):
+    change("stage/design.json", ["plant", "vertices", 0, "E", 1, 0], 0.5)
     out = ran(capsys, "check", "stage", "--spec", "stage.toml", status=1)
     assert "other vertices: vertex 1: E[2][1] = 0.5, spec 1" in out
-    shutil.rmtree("stage")
-    assert main(["optimise", "stage.toml", "-o", "stage"]) == 0
-    assert "proved" in ran(capsys, "check", "stage", "--spec", "stage.toml")
-    for path, keys in (("performance", ["design"]), ("design", [])):
-        change(f"stage/{path}.json", [*keys, "law", "Z", 0, 0, 0], 1000.0)
-    assert ": refuted: the design: at alpha = " in ran(capsys, "check", "stage", status=1)
 
 
 def test_what_is_no_performance_file_is_refused(here, capsys):
-    path = Path("stage/performance.json")
+    path = Path("stage/design.json")
     whole = path.read_text()
     path.write_text(whole[:900])
-    assert "performance.json: " in refused(capsys, "check", "stage")
+    assert "design.json: " in refused(capsys, "check", "stage/design.json")
     path.write_text(whole.replace('"rms"', '"rns"', 1))
-    assert "kind must be one of rms" in refused(capsys, "check", "stage")
+    assert "kind must be one of region" in refused(capsys, "check", "stage")
     path.write_text(whole.replace('"level"', '"levels"', 1))
-    assert "unknown key specifications[1].levels" in refused(capsys, "check", path)
+    assert "claims[2].level is missing" in refused(capsys, "check", path)
 
 
 def test_a_line_keeps_the_density_of_the_table_it_replaces():

@@ -254,7 +254,7 @@ def test_what_is_not_exact(physical):
 
 def test_designs_without_a_proof_here_are_said_to_prove_nothing(car, physical, capsys):
     document = json.loads(Path("car/design.json").read_text())
-    document["region"]["radius"] = 20.0
+    document["claims"][0]["region"]["radius"] = 20.0
     Path("false.json").write_text(json.dumps(document))
     out = ran(capsys, "simulate", "false.json", *ROAD)
     assert "proved of this law: nothing: the proof in its file fails" in out

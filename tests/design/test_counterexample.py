@@ -11,7 +11,6 @@ import pytest
 from polefence import Disk, FixedGain, ScheduledGain, UncertainPlant, check
 from polefence.design.certificate import Certificate
 from polefence.design.counterexample import counterexample, first_worst, worst_points
-from polefence.proof import placement
 from polefence.show.paper import study as paper
 
 
@@ -27,7 +26,7 @@ def test_a_pole_that_leaves_inside_an_edge_is_found():
     a, b = answer.alpha
     assert a + b == 1
     assert 9 * float(np.sqrt(float(a * b))) > 1  # the pole -1 + 9 sqrt(ab) leaves the disk
-    assert not placement.poles_inside(certificate.claim(), list(answer.alpha))
+    assert not certificate.claim().poles_inside(list(answer.alpha))
 
 
 def test_published_gains_on_the_physical_car_are_refuted(physical):
@@ -67,10 +66,10 @@ def test_a_law_that_is_singular_somewhere_is_refuted(small_designs):
     law = ScheduledGain([[[1.0]], [[-1.0]]], [[[-2.0]], [[2.0]]])
     certificate = Certificate(plant, Disk(-2, 1), "scheduled", law, {"tau": np.array(0.0)})
     claim = certificate.claim()
-    assert not placement.poles_inside(claim, [Fraction(1, 2), Fraction(1, 2)])
+    assert not claim.poles_inside([Fraction(1, 2), Fraction(1, 2)])
     answer = check(certificate)
     assert answer.answer == "refuted"
-    assert not placement.poles_inside(claim, list(answer.alpha))
+    assert not claim.poles_inside(list(answer.alpha))
 
 
 @pytest.mark.parametrize("seed", range(3))

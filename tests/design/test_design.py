@@ -65,7 +65,7 @@ def test_a_design_file_runs_the_law_from_physical_parameters(placed, tmp_path):
 def test_an_unproved_file_is_loaded_only_by_name(small_designs, tmp_path):
     path = small_designs["slack"].save(tmp_path)
     document = json.loads(path.read_text())
-    document["region"]["radius"] *= 0.99
+    document["claims"][0]["region"]["radius"] *= 0.99
     path.write_text(json.dumps(document))
     with pytest.raises(NotProvedError, match="not proved"):
         Design.load(path)
@@ -78,7 +78,7 @@ def test_an_unproved_file_is_loaded_only_by_name(small_designs, tmp_path):
         lambda d: d["plant"].pop("name"),
         lambda d: d["plant"]["parameters"].append({"name": "p"}),
         lambda d: d["plant"].update(parameters=3),
-        lambda d: d["region"].update(centre=40.0),
+        lambda d: d["claims"][0]["region"].update(centre=40.0),
         lambda d: d["plant"].update(states=["x"]),
     ],
 )
@@ -172,6 +172,6 @@ def test_a_design_is_small_and_readable(placed, tmp_path):
     path = placed.save(tmp_path)
     assert path == Path(tmp_path) / "design.json"
     document = json.loads(path.read_text())
-    assert document["region"] == {"kind": "disk", "centre": -40.0, "radius": 31.0}
+    assert document["claims"][0]["region"] == {"kind": "disk", "centre": -40.0, "radius": 31.0}
     assert document["plant"]["vertices"][0]["A"][4] == [1, 0, 0, 0, 0]
     assert path.stat().st_size < 50_000

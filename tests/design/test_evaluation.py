@@ -95,7 +95,7 @@ def rationals(matrix):
 
 def exact_gain(law, alpha):
     """K(alpha), alpha a list of fractions."""
-    basis = polynomials._basis(polynomials._coordinates(alpha, law.sizes), law.sizes, law.degree)
+    basis = polynomials.basis(polynomials.coordinates(alpha, law.sizes), law.sizes, law.degree)
     W, Z = ([rationals(M) for M in each] for each in (law.W, law.Z))
     return exactly.right_divide(mix(basis, Z), mix(basis, W))
 

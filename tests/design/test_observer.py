@@ -270,7 +270,7 @@ def test_an_observer_survives_its_file(car, car_observer, tmp_path):
     path = car_observer.save(tmp_path)
     assert check(tmp_path).proved
     document = json.loads(path.read_text())
-    assert document["plant"]["name"] == "quarter car, physical (dual, observer)"
+    assert document["plant"]["name"] == "quarter car, physical"
     assert document["plant"]["states"] == list(car.states)
     again = Observer.load(path, car, SENSORS)
     alpha = np.random.default_rng(5).dirichlet(np.ones(4), 3)
@@ -294,9 +294,16 @@ def test_a_file_with_one_number_changed_is_refused_or_another_observer(car, car_
     """No changed number passes unseen: not proved, other plant or sensors, other L or region."""
     path = car_observer.save(tmp_path)
     document = json.loads(path.read_text())
-    places = [p for p in _numbers(document) if p[0][0] != "version"]
+    for key in ("outputs", "vehicle"):  # which say of the vertices what they are
+        del document["plant"][key]
+    path.write_text(json.dumps(document))
+    # no observer's claim is about B and E
+    numbers = [p for p in _numbers(document) if p[0][0] != "version"]
+    places = [p for p in numbers if not {"B", "E"} & {*p[0]}]
     chosen = np.random.default_rng(6).choice(len(places), 40, replace=False)
-    wanted = [i for i, (p, _) in enumerate(places) if p[0] in ("region", "certificate")]
+    wanted = [
+        i for i, (p, _) in enumerate(places) if p[0] == "claims" and {"region", "evidence"} & {*p}
+    ]
     outcomes = set()
     for index in {*chosen.tolist(), *wanted}:
         keys, value = places[index]
@@ -318,13 +325,16 @@ def test_a_file_with_one_number_changed_is_refused_or_another_observer(car, car_
     assert {"NotProvedError", "InputError"} <= outcomes
 
 
-@pytest.mark.parametrize("place_of", [("A", "not an observer's"), ("B", "other measurements")])
+@pytest.mark.parametrize("place_of", [("A", "not an observer's"), ("C", "other measurements")])
 def test_a_proved_file_of_other_matrices_is_refused(car, car_observer, tmp_path, place_of):
     """Changed so little that the proof still holds: then it is about something else."""
     letter, message = place_of
     path = car_observer.save(tmp_path)
     document = json.loads(path.read_text())
-    entry = document["plant"]["vertices"][2][letter]
+    for key in ("outputs", "vehicle"):  # which say of the vertices what they are
+        del document["plant"][key]
+    (claim,) = document["claims"]
+    entry = claim["C"][0] if letter == "C" else document["plant"]["vertices"][2][letter]
     i, j = next((i, j) for i, row in enumerate(entry) for j, e in enumerate(row) if e == 1)
     entry[i][j] = 1.0000001
     path.write_text(json.dumps(document))

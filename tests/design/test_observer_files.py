@@ -43,8 +43,11 @@ def folder(tmp_path_factory):
 
 def test_the_file_says_what_it_is(folder):
     document = json.loads((folder / "seen" / "design.json").read_text())
-    assert document["observer"] is True
-    assert "observer" not in json.loads((folder / "law" / "design.json").read_text())
+    assert [claim["kind"] for claim in document["claims"]] == ["observer"]
+    law = json.loads((folder / "law" / "design.json").read_text())
+    assert [claim["kind"] for claim in law["claims"]] == ["region"]
+    assert "law" not in document  # its claim has one: that of the dual plant
+    assert document["plant"] == law["plant"]
     dual = Design.load(folder / "seen", observer=True)
     assert dual.certificate.observer
     assert json.loads(dual.certificate.dumps()) == document
@@ -127,20 +130,26 @@ def test_check_compares_plant_and_measurements(folder, tmp_path, capsys, what):
 def test_a_signal_under_another_name_is_seen(folder, tmp_path, capsys):
     """The same proof, about what is measured of another state."""
     document = json.loads((folder / "seen" / "design.json").read_text())
-    document["plant"]["inputs"] = ["speed [m/s]"]
+    document["claims"][0]["measured"] = ["speed [m/s]"]
     path = tmp_path / "design.json"
     path.write_text(json.dumps(document))
     assert main(["check", str(path), "--spec", str(folder / "stage.toml")]) == 1
     assert "other measurements: C[1] is not 'speed [m/s]' alone" in capsys.readouterr().out
 
 
-def test_a_mark_that_is_none_is_refused(folder, tmp_path, capsys):
+def test_what_is_measured_is_read_with_care(folder, tmp_path, capsys):
     document = json.loads((folder / "seen" / "design.json").read_text())
-    for value in (1, "yes", None, []):
+    claim = document["claims"][0]
+    for change, message in (
+        ({"C": [[[1]]]}, "is 1 x 1, not 1 x 2"),
+        ({"C": [claim["C"][0]] * 3}, "one matrix, or one a vertex"),
+        ({"measured": ["a", "b"]}, "must name each row of C"),
+        ({"measured": 3}, "must be a list"),
+    ):
         path = tmp_path / "design.json"
-        path.write_text(json.dumps(document | {"observer": value}))
+        path.write_text(json.dumps(document | {"claims": [claim | change]}))
         assert main(["check", str(path)]) == 2
-        assert "observer must be true or false" in capsys.readouterr().err
+        assert message in capsys.readouterr().err
 
 
 def test_no_function_takes_it_for_a_law(folder):

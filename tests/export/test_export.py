@@ -60,7 +60,7 @@ def test_the_folder_is_whole_and_proved(saved, tmp_path, capsys):
     assert run(saved, "--float", 32, "-o", out) == 0  # over an export of its own
     (out / "build").mkdir()
     assert run(saved, "--float", 64, "-o", out) == 0
-    assert json.loads((out / "guarantee.json").read_text())["code"]["bits"] == 64
+    assert json.loads((out / "guarantee.json").read_text())["claims"][0]["code"]["bits"] == 64
 
 
 def test_the_same_design_gives_the_same_bytes():
@@ -70,7 +70,7 @@ def test_the_same_design_gives_the_same_bytes():
 def test_the_constants_of_the_code_are_those_that_are_proved():
     """Read back from the C text, against the file about them."""
     files = exported().files
-    code = json.loads(files["guarantee.json"])["code"]
+    code = json.loads(files["guarantee.json"])["claims"][0]["code"]
     source = files["law.c"].decode()
 
     def table(name):
@@ -253,17 +253,18 @@ def test_a_sample_time_is_proved_with_the_rounding(ran, timed, capsys):
     assert main(["check", str(timed)]) == 0
     assert "run every 2 ms, u one step late" in capsys.readouterr().out
     whole = json.loads((timed / "guarantee.json").read_text())
-    assert whole["sampling"]["off"]["error"] > 0.04  # the code's rounding is in the same proof
+    assert whole["claims"][1]["off"]["error"] > 0.04  # the code's rounding is in the same proof
 
     def answer(**changes):
-        table = whole["sampling"] | changes
-        text = json.dumps(whole | {"sampling": {k: v for k, v in table.items() if v is not None}})
+        rounding, table = whole["claims"]
+        table = {k: v for k, v in (table | changes).items() if v is not None}
+        text = json.dumps(whole | {"claims": [rounding, table]})
         (timed / "guarantee.json").write_text(text)
         return check_guarantee(timed)
 
     assert answer().proved
     assert not answer(off=None).proved
-    less = whole["sampling"]["off"] | {"error": 0.01}
+    less = whole["claims"][1]["off"] | {"error": 0.01}
     assert not answer(off=less).proved
     assert not answer(decay=12.0).proved
     assert not answer(sample_time=0.004).proved
@@ -297,23 +298,24 @@ def test_the_text_cannot_say_another_time_than_the_proof(timed):
     """What the head says of time, region and rounding is written from the claims alone."""
     path = timed / "guarantee.json"
     whole = json.loads(path.read_text())
-    assert whole["text"].keys() == {"name", "limits", "sampled"}
+    assert whole["export"]["text"].keys() == {"name", "limits", "sampled"}
     numbers = dict.fromkeys(("points", "decay", "region", "stable"), 0)
     for table in (
-        whole["text"] | {"sample_time": 0.05},
-        whole["text"] | {"delay": 0},
-        whole["text"] | {"statement": []},
-        whole["text"] | {"sampled": None},
-        whole["text"] | {"sampled": whole["text"]["sampled"] | {"proved": True}},
-        whole["text"] | {"sampled": numbers | {"inside": 1, "observer": None}},
-        whole["text"] | {"sampled": numbers | {"inside": True, "observer": [1, 2.0]}},
+        whole["export"]["text"] | {"sample_time": 0.05},
+        whole["export"]["text"] | {"delay": 0},
+        whole["export"]["text"] | {"statement": []},
+        whole["export"]["text"] | {"sampled": None},
+        whole["export"]["text"]
+        | {"sampled": whole["export"]["text"]["sampled"] | {"proved": True}},
+        whole["export"]["text"] | {"sampled": numbers | {"inside": 1, "observer": None}},
+        whole["export"]["text"] | {"sampled": numbers | {"inside": True, "observer": [1, 2.0]}},
     ):
-        path.write_text(json.dumps(whole | {"text": table}))
+        path.write_text(json.dumps(whole | {"export": whole["export"] | {"text": table}}))
         with pytest.raises(DesignFileError, match="text"):
             check_guarantee(timed)
     # what was sampled may be another's word, and its line says that it is no proof
-    more = whole["text"]["sampled"] | {"decay": 99.0}
-    path.write_text(json.dumps(whole | {"text": whole["text"] | {"sampled": more}}))
+    whole["export"]["text"]["sampled"]["decay"] = 99.0
+    path.write_text(json.dumps(whole))
     assert "law.h" in check_guarantee(timed).reason
     head = re.sub(r"[\s*]+", " ", (timed / "law.h").read_text())
     assert re.search(r"Sampled, not proved: [^.]*\b10040\b", head)
@@ -324,7 +326,7 @@ def test_a_wider_region_kept_is_what_the_head_says(tmp_path):
     exported().save(tmp_path)
     path = tmp_path / "guarantee.json"
     whole = json.loads(path.read_text())
-    whole["service"]["region"] = Disk(-40, 39).document()
+    whole["claims"][0]["gain"]["region"] = Disk(-40, 39).document()
     path.write_text(json.dumps(whole))
     answer = check_guarantee(tmp_path)
     assert not answer.proved  # law.h says disk(-40, 31)
@@ -336,7 +338,7 @@ def test_sampling_of_a_discrete_time_plant_is_not_read(timed):
     path = timed / "guarantee.json"
     whole = json.loads(path.read_text())
     assert check_guarantee(timed).proved
-    whole["design"]["plant"]["sample_time"] = 0.002
+    whole["plant"]["sample_time"] = 0.002
     path.write_text(json.dumps(whole))
     with pytest.raises(DesignFileError, match="continuous"):
         check_guarantee(timed)
@@ -371,7 +373,7 @@ def test_an_observer_is_put_beside_the_law(saved, tmp_path, capsys):
     assert "Observer: proved" in (out / "README.md").read_text()
     capsys.readouterr()
     assert main(["check", str(out)]) == 0
-    assert "poles of its observer's error in disk(-80, 30)" in capsys.readouterr().out
+    assert "poles in disk(-80, 30), of A - L C with -L(alpha)'" in capsys.readouterr().out
     observer_is_proved(out)
     (out / "law_observer.c").write_text("")
     assert main(["check", str(out)]) == 1
@@ -401,17 +403,20 @@ def observer_is_proved(out):
         return check_guarantee(out)
 
     def digest(whole):
-        whole["files"]["law_observer.h"] = hashlib.sha256(told.encode()).hexdigest()
+        whole["export"]["files"]["law_observer.h"] = hashlib.sha256(told.encode()).hexdigest()
 
     assert answer(lambda whole: None).proved
     assert "law_observer.h" in answer(digest, told).reason
-    narrower = answer(lambda whole: whole["observer"]["design"]["region"].update(radius=20.0))
-    assert "not positive definite" in narrower.reason
+    narrower = answer(lambda whole: whole["claims"][-1]["region"].update(radius=20.0))
+    assert narrower.answer == "refuted"
+    assert narrower.reason.startswith("claim 3, observer: at alpha = ")
     for change in (
-        lambda whole: whole.pop("observer"),
-        lambda whole: whole["observer"].update(design=whole["design"]),
-        lambda whole: whole["observer"].update(by_parameters=1),
-        lambda whole: whole["files"].pop("law_observer.c"),
+        lambda whole: whole["claims"].pop(),
+        lambda whole: whole["claims"][-1].update(law=whole["law"]),
+        lambda whole: whole["export"].update(by_parameters=1),
+        lambda whole: whole["export"].pop("by_parameters"),
+        lambda whole: whole["export"]["files"].pop("law_observer.c"),
+        lambda whole: whole.pop("export"),
     ):
         with pytest.raises(DesignFileError):
             answer(change)
@@ -425,8 +430,11 @@ def test_a_guarantee_of_other_code_is_no_guarantee(tmp_path):
     path, source = tmp_path / "guarantee.json", tmp_path / "law.c"
     whole, text = json.loads(path.read_text()), source.read_text()
 
-    def answer(**changes):
-        path.write_text(json.dumps(whole | changes))
+    def answer(gain=None, code=None, **changes):
+        (claim,) = whole["claims"]
+        claim = claim | {"gain": claim["gain"] | (gain or {}), "code": claim["code"] | (code or {})}
+        export = whole["export"] | changes
+        path.write_text(json.dumps(whole | {"claims": [claim], "export": export}))
         return check_guarantee(tmp_path)
 
     assert answer().proved
@@ -436,10 +444,10 @@ def test_a_guarantee_of_other_code_is_no_guarantee(tmp_path):
     with pytest.raises(DesignFileError, match="no file of this export"):
         answer(files={"law.c": hashlib.sha256(source.read_bytes()).hexdigest()})
     source.write_text(text)
-    assert not answer(code=whole["code"] | {"bits": 64}).proved
-    assert not answer(text=whole["text"] | {"limits": [10.0]}).proved
+    assert not answer(code={"bits": 64}).proved
+    assert not answer(text=whole["export"]["text"] | {"limits": [10.0]}).proved
     told = ({"name": 3}, {"name": "../law"}, {"sample_time": 0.001}, {"statement": ["Proved."]})
-    for wrong in ({}, [], *(whole["text"] | each for each in told)):
+    for wrong in ({}, [], *(whole["export"]["text"] | each for each in told)):
         with pytest.raises(DesignFileError):
             answer(text=wrong)
     for name in ("../law.c", "x" * 5000):
@@ -447,9 +455,9 @@ def test_a_guarantee_of_other_code_is_no_guarantee(tmp_path):
             answer(files={name: "0"})
     for key, value in (("error", math.inf), ("error", "1/" + "9" * 290), ("columns", [1.0] * 5)):
         with suppress(DesignFileError):
-            assert not answer(service=whole["service"] | {key: value}).proved
+            assert not answer(gain={key: value}).proved
     with pytest.raises(DesignFileError):
-        answer(code=whole["code"] | {"bits": []})
+        answer(code={"bits": []})
 
 
 def test_what_was_not_proved_leaves_nothing_to_check(saved, tmp_path, capsys):
@@ -457,7 +465,7 @@ def test_what_was_not_proved_leaves_nothing_to_check(saved, tmp_path, capsys):
     assert run(saved, *arguments) == 1
     assert not (tmp_path / "out" / "guarantee.json").exists()
     assert main(["check", str(tmp_path / "out")]) == 2
-    assert "design.json" in capsys.readouterr().err
+    assert "no file of claims" in capsys.readouterr().err
 
 
 def test_a_discrete_time_plant_runs_at_its_own_time(tmp_path):
@@ -514,10 +522,10 @@ def test_a_law_of_one_vertex_is_one_gain(bits, tmp_path):
     assert "static const law_real K[" in found.files["law.c"].decode()
     found.save(tmp_path)
     assert check_guarantee(tmp_path).proved
-    K = np.array(json.loads((tmp_path / "guarantee.json").read_text())["code"]["K"])
+    K = np.array(json.loads((tmp_path / "guarantee.json").read_text())["claims"][0]["code"]["K"])
     assert pytest.approx(made.law.gain([1.0]), rel=1e-6) == K
     path = tmp_path / "guarantee.json"
     whole = json.loads(path.read_text())
-    whole["code"]["K"][0][0] *= 2
+    whole["claims"][0]["code"]["K"][0][0] *= 2
     path.write_text(json.dumps(whole))
     assert not check_guarantee(tmp_path).proved

@@ -15,11 +15,11 @@ from polefence.examples import family
 from polefence.export.c99.number import number
 from polefence.export.c99.program import program
 from polefence.export.guarantee import guarantee
-from polefence.export.sampled.document import sampling_document
 from polefence.export.sampled.poles import largest_sample_time, sampled_poles, sampling
 from polefence.export.sampled.proof import off_by_rounding, prove_decay
-from polefence.proof.sampling import covers_rounding, prove_sampling, read_sampling
+from polefence.proof.claims.base import prove
 from polefence.proof.work import FormatError
+from support.files import only_claim_in
 
 TIME = 0.002
 
@@ -154,17 +154,16 @@ def test_rounding_and_sampling_are_proved_together():
     found = prove_decay(design, TIME, 1, off_by_rounding(rounded))
     assert found.proved
     assert 0.9 * found.sampled < found.decay < found.sampled
-    assert covers_rounding(found.claim, rounded)
-    assert not covers_rounding(proof().claim, rounded)
+    assert found.claim.covers(rounded)
+    assert not proof().claim.covers(rounded)
     less = replace(found.claim, off=replace(found.claim.off, error=found.claim.off.error / 2))
-    assert not covers_rounding(less, rounded)
+    assert not less.covers(rounded)
     other = replace(found.claim, off=replace(found.claim.off, rows=(found.claim.off.rows[0] * 2,)))
-    assert not covers_rounding(other, rounded)
+    assert not other.covers(rounded)
     law = replace(found.claim.design.law, Z=found.claim.design.law.W)
     other = replace(found.claim, design=replace(found.claim.design, law=law))
-    assert not covers_rounding(other, rounded)
-    table = json.loads(json.dumps(sampling_document(found.claim)))
-    assert read_sampling(table, found.claim.design, found.claim.ranges) == found.claim
+    assert not other.covers(rounded)
+    assert again(found.claim, design) == same(found.claim)
 
 
 def test_an_unstable_loop_is_not_proved_and_said_so():
@@ -184,22 +183,37 @@ def test_the_proof_reaches_near_to_the_limit_of_stability():
     assert not prove_decay(integrator(), 1.05 / k, 1).proved
 
 
+def document_of(claim, design=None):
+    certificate = (design or car()).certificate
+    return json.loads(certificate.file([claim]).dumps())
+
+
+def again(claim, design=None):
+    """The claim of its own file."""
+    return only_claim_in(json.dumps(document_of(claim, design)))
+
+
+def same(claim):
+    """The claim as a file has it: of plant and law, no region."""
+    design = replace(claim.design, method="lyapunov", region=(), evidence=())
+    return replace(claim, design=design)
+
+
 def test_the_document_reads_back_the_same():
     claim = proof().claim
-    table = json.loads(json.dumps(sampling_document(claim), allow_nan=False))
-    again = read_sampling(table, car().certificate.claim(), claim.ranges)
-    assert again == claim
-    assert prove_sampling(again).proved
+    assert again(claim) == same(claim)
+    assert prove(again(claim)).proved
     off = replace(claim, delay=0, smallest=claim.mu, energy=claim.error)
-    assert sampling_document(off)["energy"] == float(claim.error)
+    assert off.write()["energy"] == float(claim.error)
 
 
 @pytest.mark.parametrize("key", ["sample_time", "decay", "T", "steps", "evidence", "mu"])
 def test_a_document_that_is_cut_short_is_refused(key):
-    claim, table = proof().claim, sampling_document(proof().claim)
+    document = document_of(proof().claim)
+    (table,) = document["claims"]
     for changed in ({**table, "more": 1}, {k: v for k, v in table.items() if k != key}, [], None):
         with pytest.raises(FormatError):
-            read_sampling(changed, car().certificate.claim(), claim.ranges)
+            only_claim_in(json.dumps(document | {"claims": [changed]}))
 
 
 @pytest.mark.parametrize(
@@ -207,9 +221,10 @@ def test_a_document_that_is_cut_short_is_refused(key):
     [("delay", "1"), ("terms", 1.5), ("T", [[1]]), ("steps", [[[1]]]), ("evidence", {"X": []})],
 )
 def test_a_malformed_document_is_refused(key, value):
-    claim, table = proof().claim, sampling_document(proof().claim)
+    document = document_of(proof().claim)
+    (table,) = document["claims"]
     with pytest.raises(FormatError):
-        read_sampling({**table, key: value}, car().certificate.claim(), claim.ranges)
+        only_claim_in(json.dumps(document | {"claims": [{**table, key: value}]}))
 
 
 @pytest.mark.parametrize("time", [0, -1.0, math.nan, math.inf, "fast", None])

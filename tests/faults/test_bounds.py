@@ -11,7 +11,10 @@ import pytest
 from polefence import PlantError, load
 from polefence.cli.main import main
 from polefence.plant.spec import loads
-from polefence.proof import placement, work
+from polefence.proof import document as files
+from polefence.proof import work
+from polefence.proof.claims.base import prove
+from polefence.proof.laws import Law
 
 CHAIN = "\n".join(f'd{i} = "d{i - 1}*d{i - 1}"' for i in range(1, 60))
 BOMBS = {
@@ -86,8 +89,8 @@ def document(small_designs, **changes):
     ("path", "value", "message"),
     [
         ("law__K", [[1e9]], "unknown key law.K"),
-        ("certificate__W", [], "unknown key certificate.W"),
-        ("region__radii", 3, "unknown key region.radii"),
+        ("claims__0__evidence__W", [], "unknown key claims.1..evidence.W"),
+        ("claims__0__region__radii", 3, "unknown key claims.1..region.radii"),
         ("version", True, "format version True"),
         ("version", 1.0, r"format version 1\.0"),
         ("law__W__0__0__0", "9" * 300 + "1", "finite number"),
@@ -96,7 +99,7 @@ def document(small_designs, **changes):
 )
 def test_what_a_design_file_may_not_hold(small_designs, path, value, message):
     with pytest.raises(work.FormatError, match=message):
-        placement.read(document(small_designs, **{path: value}))
+        files.loads(document(small_designs, **{path: value}))
 
 
 def test_a_design_file_with_endless_denominators_is_refused(small_designs):
@@ -107,13 +110,13 @@ def test_a_design_file_with_endless_denominators_is_refused(small_designs):
     text["plant"]["vertices"][0]["B"] = [[1, 1]] * 40
     text["plant"]["vertices"] = text["plant"]["vertices"][:1]
     with pytest.raises(work.FormatError, match="common denominator"):
-        placement.read(json.dumps(text))
+        files.loads(json.dumps(text))
 
 
 def test_a_centre_on_the_right_is_not_proved(small_designs, tmp_path):
     """A claim about a disk in the right half-plane is no design, whatever its inequalities say."""
     with pytest.raises(work.FormatError, match="centre = 3 must be negative"):
-        placement.read(document(small_designs, region__centre=3.0))
+        files.loads(document(small_designs, claims__0__region__centre=3.0))
 
 
 def test_claims_put_together_by_hand_must_be_consistent(small_designs):
@@ -132,9 +135,9 @@ def test_claims_put_together_by_hand_must_be_consistent(small_designs):
         {"evidence": (replace(evidence, tau=Fraction(1)),)},
         {"evidence": (evidence, evidence)},
         {"evidence": ()},
-        {"law": placement.Law()},
-        {"law": placement.Law(K=K, Z=K)},
-        {"law": placement.Law(K=[*K, *K])},
+        {"law": Law()},
+        {"law": Law(K=K, Z=K)},
+        {"law": Law(K=[*K, *K])},
         {"method": "cubic"},
         {"method": "slack"},
         {"method": "scheduled"},
@@ -146,7 +149,7 @@ def test_claims_put_together_by_hand_must_be_consistent(small_designs):
         {"B": quadratic.B[:1]},
     ):
         with pytest.raises(work.FormatError):
-            placement.prove(replace(quadratic, **damage))
+            prove(replace(quadratic, **damage))
 
 
 def test_spec_files_that_are_not_there(tmp_path):

@@ -11,42 +11,49 @@ import pytest
 from polefence import UncertainPlant
 from polefence.base.errors import DesignFileError, InputError
 from polefence.design import counterexample
+from polefence.design.design import check
 from polefence.design.place.sweep import READING, sweep
-from polefence.design.signals.files import check_performance
-from polefence.proof import cells, placement, polynomials, work
+from polefence.proof import check as check_module
+from polefence.proof import polynomials, work
+from polefence.proof.claims import estimate
+from polefence.proof.claims.base import prove
+from polefence.proof.claims.cells import Axis, Interpolated
+from polefence.proof.claims.estimate import Estimate
+from polefence.proof.claims.margins import Subject, form, unit_rows
+from polefence.proof.claims.poles import Poles
+from polefence.proof.laws import Evidence, Law
 from polefence.proof.matrices import mix, quotient
+from polefence.proof.polynomials import bernstein
 from polefence.proof.reading import MAX_ENTRIES, parse
 from polefence.proof.regions import Part
-from polefence.proof.service import Estimate, Subject, pieces, prove_service
 from polefence.proof.work import FormatError
 
-DESIGN = {
-    "format": "polefence-design",
-    "version": 1,
-    "plant": {
-        "name": "one",
-        "states": ["x"],
-        "inputs": ["u"],
-        "disturbances": ["w"],
-        "parameters": [],
-        "vertices": [{"A": [[-1]], "B": [[1]], "E": [[1]]}],
-    },
+PLANT = {
+    "name": "one",
+    "states": ["x"],
+    "inputs": ["u"],
+    "disturbances": ["w"],
+    "parameters": [],
+    "vertices": [{"A": [[-1]], "B": [[1]], "E": [[1]]}],
+}
+LAW = {"kind": "fixed", "K": [[0]]}
+POLES = {
+    "kind": "region",
     "region": {"kind": "half_plane", "decay": 0},
     "method": "quadratic",
-    "law": {"kind": "fixed", "K": [[0]]},
-    "certificate": {"W": [[1]]},
+    "evidence": {"W": [[1]]},
 }
-RMS = {"kind": "rms", "name": "", "output": {"C": [[1]]}, "level": 2, "evidence": {"own": True}}
+RMS = {"kind": "rms", "name": "", "output": {"C": [[1]]}, "level": 2, "evidence": {"X": [[[1]]]}}
 
 
 def performance(count):
-    head = {"format": "polefence-performance", "version": 1, "design": DESIGN}
-    return json.dumps(head | {"specifications": [RMS] * count})
+    head = {"format": "polefence-proof", "version": 2, "plant": PLANT, "law": LAW}
+    return json.dumps(head | {"claims": [POLES, *[RMS] * count]})
 
 
 def spent(path):
     with work.counted() as count:
-        assert check_performance(path).proved
+        assert check(path).proved
     return count.spent
 
 
@@ -58,11 +65,11 @@ def test_claims_of_one_file_share_one_count(tmp_path, monkeypatch):
     assert whole > 3 * spent(path)
     path.write_text(performance(8))
     enough, little = limited(whole), limited(whole // 2)
-    monkeypatch.setattr(work, "counted", little)
+    monkeypatch.setattr(check_module, "counted", little)
     with pytest.raises(DesignFileError, match="than is checked here"):
-        check_performance(path)
-    monkeypatch.setattr(work, "counted", enough)
-    assert check_performance(path).proved
+        check(path)
+    monkeypatch.setattr(check_module, "counted", enough)
+    assert check(path).proved
 
 
 def limited(most):
@@ -108,9 +115,9 @@ def test_mixing_is_the_sum_and_is_counted():
 
 
 def test_points_of_cells_are_counted():
-    axis = cells.Axis("p", Fraction(0), Fraction(1), False, (Fraction(0), Fraction(1)))
+    axis = Axis("p", Fraction(0), Fraction(1), False, (Fraction(0), Fraction(1)))
     A, B, K = [[[Fraction(-1)]]] * 4, [[[Fraction(1)]]] * 4, [[[Fraction(0)]]] * 4
-    table = cells.Table(A, B, (axis, axis), K)
+    table = Interpolated(A, B, (axis, axis), K)
     short, long = Fraction(1, 3), Fraction(1, 3**500)
     with work.counted() as few:
         table.loop((short, short))
@@ -127,7 +134,7 @@ def test_many_entries_are_refused_before_they_are_rationals():
 @pytest.mark.parametrize(("size", "degree"), [(1, 3), (2, 4), (4, 3), (7, 2)])
 def test_monomials_come_in_the_file_s_order(size, degree):
     found = polynomials.monomials((size,), degree)
-    assert len(set(found)) == len(found) == polynomials._number((size,), degree)
+    assert len(set(found)) == len(found) == polynomials.count_of((size,), degree)
     assert all(sum(e) == degree for e in found)
 
     def rank(e):
@@ -139,9 +146,9 @@ def test_monomials_come_in_the_file_s_order(size, degree):
 
 def test_exponents_of_many_vertices_are_counted():
     """65,536 sums of 256 exponents each take longer than their products of numbers."""
-    P = {e: [[1]] for e in polynomials.monomials((64,), 1)}
+    P = bernstein([[[Fraction(1)], [Fraction(1)]]] * 64, (64,), 1)
     with work.counted() as count:
-        polynomials._product(P, P)
+        P.T * P
     assert count.spent > 64**2 * 64 // polynomials.COORDINATES * work.CALL
 
 
@@ -157,11 +164,11 @@ def mislaid(N, degree, elevation=0):
     A, B = [[[Fraction(-2)]]] * N, [[[Fraction(1)]]] * N
     region, one, none = (Part("half_plane", (Fraction(1),)),), [[Fraction(1)]], [[Fraction(0)]]
     if degree:
-        law = placement.Law(None, [one] * N, [none] * N, degree)
-        design = placement.Claim("scheduled", A, B, region, law, (placement.Evidence([]),))
+        law = Law(None, [one] * N, [none] * N, degree)
+        design = Poles("scheduled", A, B, region, law, (Evidence([]),))
     else:
-        law = placement.Law([none])
-        design = placement.Claim("quadratic", A, B, region, law, (placement.Evidence([one]),))
+        law = Law([none])
+        design = Poles("quadratic", A, B, region, law, (Evidence([one]),))
     return Estimate(Subject(design, (), (), elevation), (Fraction(1, 8),))
 
 
@@ -170,13 +177,13 @@ def test_coordinates_of_mislaid_weights_are_few(monkeypatch, N, degree, most):
     """N^3 of 2 N numbers each were a gigabyte for 256 vertices."""
     held = []
 
-    class Recorded(pieces.Cell):
+    class Recorded(estimate.Cell):
         def __init__(self, *given):
             super().__init__(*given)
-            held.append(sum(map(len, self.plant)) + sum(map(len, self.law)))
+            held.append(sum(len(form.terms) for form in (*self.plant, *self.law)))
 
-    monkeypatch.setattr(pieces, "Cell", Recorded)
-    assert prove_service(mislaid(N, degree)).proved
+    monkeypatch.setattr(estimate, "Cell", Recorded)
+    assert prove(mislaid(N, degree)).proved
     assert len(held) == N
     assert max(held) <= most
 
@@ -184,10 +191,10 @@ def test_coordinates_of_mislaid_weights_are_few(monkeypatch, N, degree, most):
 def test_composing_with_long_exponents_is_counted():
     """The exponents of N vertices count as they do in a product."""
     N = 32
-    unit = [tuple(int(j == k) for j in range(N)) for k in range(N)]
-    P = {e: [[1]] for e in unit}
-    forms = [{e: [[1]] for e in unit} for _ in range(N)]
+    forms = [form(0, row, (N,)) for row in unit_rows(N)]
+    P = bernstein([[[Fraction(1)]]] * N, (N,), 1)
+    sums = [sum(forms[1:], forms[0])] * N
     with work.counted() as count:
-        pieces.composed(P, forms, N)
+        P.composed(sums, (N,))
     products = N * N * N // polynomials.COORDINATES * work.CALL
     assert count.spent > 2 * products  # what is multiplied, and what is added up

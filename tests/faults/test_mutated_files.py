@@ -2,69 +2,20 @@
 
 from __future__ import annotations
 
-import contextlib
 import copy
-import io
 import json
 import tomllib
 
 import numpy as np
 import pytest
 
-from polefence.cli.main import main
+from support.every_file import ASKED, LIMITS, SPEC, TRADEOFF, quiet, write_every_file
 
-SPEC = """name = "mass"
-states = ["x [m]", "v [m/s]"]
-inputs = ["u [N]"]
-disturbances = ["w [N]"]
-region = "disk(-3, 2.5)"
-[constants]
-c = 1
-[parameter.k]
-range = [1, 2]
-unit = "N/m"
-through = "k"
-[definitions]
-s = "k + c"
-[matrices]
-A = [[0, 1], ["-s", "-c"]]
-B = [[0], [1]]
-E = [[0], [1]]
-"""
-ASKED = """[road]
-class = "C"
-speed = 20
-[[specification]]
-kind = "rms"
-signal = "x"
-density = 1
-minimise = true
-[[specification]]
-kind = "initial peak"
-signal = "u"
-at_most = 50
-points = [[1, 0]]
-[[specification]]
-kind = "gain norm"
-at_most = 50
-rows = [1]
-columns = [1, 1]
-"""
 VALUES = (
     None, [], {}, "", True, -1, 0, float("inf"), 1e300, 10**400, "1e999999999", "1/0",
     "x" * 20_000, [[[[[]]]]], {"a": []}, "\n\x1b[2J\ud800",
 )  # fmt: skip
 EVERY = 60  # of all mutations one in so many is tried, so that the test is quick; 1 for all
-
-
-def quiet(words):
-    out, err = io.StringIO(), io.StringIO()
-    with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
-        try:
-            status = main(words)
-        except SystemExit as stop:
-            status = stop.code
-    return status, out.getvalue(), err.getvalue()
 
 
 @pytest.fixture(scope="module")
@@ -73,40 +24,10 @@ def folder(tmp_path_factory):
     made = tmp_path_factory.mktemp("files")
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(made)
-        (made / "plain.toml").write_text(SPEC)
-        (made / "spec.toml").write_text(SPEC + ASKED)
-        knots = {"grid": {"k": [1, 2]}, "gains": [[[-3, -3]], [[-3, -3]]]}
-        (made / "gains.json").write_text(json.dumps(knots))
-        half = ["--region", "half_plane(0.3)"]
-        design = ["design", "plain.toml", "--disk", "-3", "2.5", "--method"]
-        for words in (
-            [*design, "quadratic", "-o", "quadratic"],
-            [*design, "scheduled", "-o", "scheduled"],
-            [*design, "slack", "-o", "slack"],
-            ["analyse", "plain.toml", "--gain", "[[-3, -3]]", *half, "-o", "lyapunov"],
-            ["analyse", "plain.toml", "--gain", "gains.json", *half, "-o", "table"],
-            ["service", "scheduled", "-o", "service"],
-            ["optimise", "spec.toml", "--method", "quadratic", "-o", "performance"],
-            ["export", "quadratic", "-o", "code", "--sample-time", "0.001"],
-            [*OBSERVE, "-o", "observer"],
-            ["export", "scheduled", "-o", "observed", "--observer", "observer", *RUN],
-            LIMITS[:-1],
-            TRADEOFF[:-1],
-        ):
-            assert quiet(words)[0] == 0, words
+        write_every_file(made)
         yield made
 
 
-OBSERVE = ["observe", "plain.toml", "--measured", "x", "--disk", "-6", "5"]
-RUN = ["--sample-time", "0.001", "--float", "32"]
-LIMITS = [
-    "limits", "plain.toml", "--centre", "-3", "--method", "quadratic", "--json", "limits.json",
-    "--resume",
-]  # fmt: skip
-TRADEOFF = [
-    "tradeoff", "spec.toml", "--over", "rms of u with density 1", "--value", "20", "--method",
-    "quadratic", "--json", "tradeoff.json", "--resume",
-]  # fmt: skip
 ANALYSE = ["analyse", "plain.toml", "--gain", "FILE", "--region", "half_plane(0.3)"]
 CHECK = ["check", "FILE", "--spec", "plain.toml"]
 # The file, and the commands that read it.
@@ -120,7 +41,7 @@ KINDS = {
     "estimate": ("service/estimate-k.json", [CHECK]),
     "gain margin": ("service/gain.json", [CHECK]),
     "rate": ("service/rate-k.json", [CHECK]),
-    "performance": ("performance/performance.json", [["check", "FILE", "--spec", "spec.toml"]]),
+    "performance": ("performance/design.json", [["check", "FILE", "--spec", "spec.toml"]]),
     "guarantee": ("code/guarantee.json", [CHECK]),
     "observer": ("observer/design.json", [CHECK]),
     "observed": ("observed/guarantee.json", [CHECK]),
@@ -190,12 +111,27 @@ def test_a_file_with_one_value_of_another_type(kind, folder, monkeypatch):
 
 # Words of which the reader asks whether they are among some that it knows.
 WORDS = {
-    "quadratic": [("format",), ("region", "kind"), ("method",), ("law", "kind")],
-    "slack": [("certificate", "on")],
-    "table": [("format",), ("cells", 0, "answer"), ("plant", "parameters", 0, "through")],
-    "estimate": [("service", "kind"), ("design", "method")],
-    "performance": [("specifications", 0, "kind"), ("specifications", 0, "evidence", "on")],
-    "guarantee": [("service", "kind"), ("code", "bits"), ("text", "given")],
+    "quadratic": [
+        ("format",),
+        ("claims", 0, "kind"),
+        ("claims", 0, "region", "kind"),
+        ("claims", 0, "method"),
+        ("law", "kind"),
+    ],
+    "slack": [("claims", 0, "evidence", "on")],
+    "table": [
+        ("format",),
+        ("claims", 0, "cells", 0, "answer"),
+        ("plant", "parameters", 0, "through"),
+    ],
+    "estimate": [("claims", 0, "kind"), ("claims", 0, "method")],
+    "performance": [("claims", 1, "kind"), ("claims", 1, "evidence", "on")],
+    "guarantee": [
+        ("claims", 0, "kind"),
+        ("claims", 0, "gain", "kind"),
+        ("claims", 0, "code", "bits"),
+        ("export", "text", "given"),
+    ],
     "limits": [("rows", 0, "status"), ("rows", 0, "method"), ("polefence",)],
     "tradeoff": [("rows", 0, "status"), ("rows", 0, "method"), ("polefence",)],
 }

@@ -43,7 +43,7 @@ COMMANDS = {
     ),
     "optimise": (
         ["optimise", "SPEC", "--limit", "gain norm of the law <= 9", "-o", "OUT"],
-        "performance.json",
+        "design.json",
     ),
 }
 

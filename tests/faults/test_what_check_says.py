@@ -12,7 +12,8 @@ import pytest
 
 from polefence import Disk, load, place
 from polefence.cli.main import main
-from polefence.design.statement import (
+from polefence.plant.names import quoted
+from polefence.proof.text import (
     errors_text,
     impulses_text,
     milliseconds_text,
@@ -22,7 +23,6 @@ from polefence.design.statement import (
     range_text,
     sum_text,
 )
-from polefence.plant.names import quoted
 from polefence.region.text import digits_down, digits_up
 
 PLANT = """
@@ -133,13 +133,13 @@ def test_names_swapped_in_a_genuine_file_are_seen(here, capsys):
     level = re.search(r"rms of 'x' = x1 <= (\S+) at", before)[1]
 
     def swap(document):
-        plant = document["design"]["plant"]
+        plant = document["plant"]
         plant["states"] = plant["states"][::-1]
-        document["specifications"][0]["name"] = "v"
-        document["specifications"][1]["name"] = "x"
+        document["claims"][1]["name"] = "v"
+        document["claims"][2]["name"] = "x"
 
-    edited("stage/performance.json", swap)
-    shutil.copy("stage/performance.json", "swapped.json")
+    edited("stage/design.json", swap)
+    shutil.copy("stage/design.json", "swapped.json")
     status, out = said_by(capsys, "check", "swapped.json")
     assert status == 0
     assert f"rms of 'v' = x1 <= {level} at" in out
@@ -159,7 +159,7 @@ OTHERS = {
 
 
 @pytest.mark.parametrize("case", OTHERS)
-@pytest.mark.parametrize("file", ["stage/performance.json", "law/design.json", "table/table.json"])
+@pytest.mark.parametrize("file", ["stage/design.json", "law/design.json", "table/table.json"])
 def test_names_and_units_are_the_specs(here, capsys, case, file):
     keys, value, message = OTHERS[case]
     shutil.copy(file, "copy.json")
@@ -167,7 +167,7 @@ def test_names_and_units_are_the_specs(here, capsys, case, file):
     assert before[0] == 0, before
 
     def change(document):
-        table = document.get("design", document)["plant"]
+        table = document["plant"]
         for key in keys[:-1]:
             table = table[key]
         table[keys[-1]] = value
@@ -186,7 +186,7 @@ def test_the_gain_is_told_in_its_own_numbers(here, capsys):
     line = next(x for x in genuine.splitlines() if "K off by" in x)
 
     def rescale(document):
-        table = document["service"]
+        table = document["claims"][0]
         table["error"] = str(Fraction(table["error"]) * 10**9)
         table["rows"] = ["1/1000000000"]
         table["mu"] = [str(Fraction(mu) * 10**18) for mu in table["mu"]]
@@ -197,7 +197,7 @@ def test_the_gain_is_told_in_its_own_numbers(here, capsys):
     assert line in out.splitlines()
 
     def shift(document):
-        table = document["service"]
+        table = document["claims"][0]
         table["columns"] = [str(Fraction(c) * 1024) for c in table["columns"]]
         table["error"] = str(Fraction(table["error"]) / 1024)
 
@@ -206,7 +206,7 @@ def test_the_gain_is_told_in_its_own_numbers(here, capsys):
     assert status == 0
     assert line in out.splitlines()
     # and it is what the design's own gain bears: T over K is what `service` printed
-    law = json.loads(Path("margins/gain.json").read_text())["design"]["law"]
+    law = json.loads(Path("margins/gain.json").read_text())["law"]
     assert law["kind"] == "scheduled"
     T = [float(x) for x in re.search(r"T = diag\((.*)\), poles", line)[1].split(", ")]
     _, table = said_by(capsys, "service", "law")
@@ -220,32 +220,30 @@ def test_the_gain_is_told_in_its_own_numbers(here, capsys):
 def test_each_impulse_is_told(here, capsys):
     _, out = said_by(capsys, "check", "stage")
     assert "from an impulse 5 in w1 or an impulse 5 in w2, on the" in out
-    edited("stage/performance.json", lambda d: d["specifications"][1].update(impulses=[5, 0]))
+    edited("stage/design.json", lambda d: d["claims"][2].update(impulses=[5, 0]))
     _, out = said_by(capsys, "check", "stage")
     assert "from an impulse 5 in w1, on the" in out
-    edited("stage/performance.json", lambda d: d["specifications"][1].update(impulses=[0, -0.5]))
+    edited("stage/design.json", lambda d: d["claims"][2].update(impulses=[0, -0.5]))
     _, out = said_by(capsys, "check", "stage")
     assert "from an impulse 0.5 in w2, on the" in out
 
 
 def test_initial_states_are_told(here, capsys):
     points = [[1e-3, 0], ["1/3", 2]]
-    edited("stage/performance.json", lambda d: d["specifications"][1].update(points=points))
+    edited("stage/design.json", lambda d: d["claims"][2].update(points=points))
     _, out = said_by(capsys, "check", "stage")
     assert "from x(0) = (0.001, 0) or (1/3, 2), or from an impulse 5 in w1" in out
     X0 = [[1e-6, 0], [0, "1/16"]]
     own = {"points": [[0, 0.1]] * 30, "ellipsoid": X0}
-    edited("stage/performance.json", lambda d: d["specifications"][1].update(own))
+    edited("stage/design.json", lambda d: d["claims"][2].update(own))
     _, out = said_by(capsys, "check", "stage")
     assert " or 22 more of the file, or from" in out
     assert "x(0)' X0^-1 x(0) <= 1, X0 = diag(1e-06, 0.0625)" in out
 
 
 def test_two_states_of_one_name_name_neither(here, capsys):
-    edited(
-        "stage/performance.json", lambda d: d["design"]["plant"].update(states=["x [m]", "x [m]"])
-    )
-    shutil.copy("stage/performance.json", "twice.json")
+    edited("stage/design.json", lambda d: d["plant"].update(states=["x [m]", "x [m]"]))
+    shutil.copy("stage/design.json", "twice.json")
     _, out = said_by(capsys, "check", "twice.json")
     assert "rms of 'x' (as the file defines it) = x1 <= " in out
 
@@ -254,7 +252,7 @@ FORGED = "x' = x2 <= 1e-9 at density 2, on the box"
 
 
 def test_a_name_does_not_leave_its_quotes(here, capsys):
-    edited("stage/performance.json", lambda d: d["specifications"][0].update(name=FORGED))
+    edited("stage/design.json", lambda d: d["claims"][1].update(name=FORGED))
     _, out = said_by(capsys, "check", "stage")
     assert f"rms of {quoted(FORGED)} (as the file defines it) = x1 <= " in out
     assert quoted(FORGED)[0] == '"'
@@ -265,7 +263,7 @@ def test_a_unit_says_nothing_more(here, capsys):
     for file in ("margins/estimate-k.json", "margins/rate-k.json", "table/table.json"):
 
         def change(document):
-            table = document.get("design", document)["plant"]
+            table = document["plant"]
             table["parameters"][0]["unit"] = forged
 
         edited(file, change)
@@ -275,7 +273,7 @@ def test_a_unit_says_nothing_more(here, capsys):
 
 
 def test_a_decay_is_rounded_down(here, capsys):
-    edited("margins/rate-k.json", lambda d: d["service"].update(decay=0.249999999))
+    edited("margins/rate-k.json", lambda d: d["claims"][0].update(decay=0.249999999))
     status, out = said_by(capsys, "check", "margins/rate-k.json")
     assert status == 0
     assert "decay rate 0.2499 1/s" in out
@@ -285,7 +283,7 @@ def test_a_decay_is_rounded_down(here, capsys):
 
 def test_ranges_are_told_inwards(here, capsys):
     def widen(document):
-        document["design"]["plant"]["parameters"][0]["range"] = [
+        document["plant"]["parameters"][0]["range"] = [
             "1000000049/1000000000",
             2.99999999,
         ]
@@ -296,8 +294,8 @@ def test_ranges_are_told_inwards(here, capsys):
 
 
 def test_an_answer_that_is_not_proved_proves_nothing(here, capsys):
-    edited("law/design.json", lambda d: d["region"].update(radius=1.0))
-    edited("stage/performance.json", lambda d: d["specifications"][0].update(level=1e-3))
+    edited("law/design.json", lambda d: d["claims"][0]["region"].update(radius=1.0))
+    edited("stage/design.json", lambda d: d["claims"][1].update(level=1e-3))
     for file in ("law", "stage"):
         status, out = said_by(capsys, "check", file)
         assert status == 1

@@ -13,7 +13,11 @@ import pytest
 
 from polefence import GainTable, HalfPlane, Parameter, Sector, UncertainPlant, analyse
 from polefence.design.given.table_search import _exact_table
-from polefence.proof import cells, placement, roots, work
+from polefence.proof import roots, work
+from polefence.proof.claims import cells
+from polefence.proof.claims.base import prove
+from polefence.proof.claims.cells import Cell, _untiled, cell_claim
+from support.files import first, only_claim_in
 
 
 def spring(low="1", high="4"):
@@ -36,26 +40,30 @@ def document():
     """A file with proved, refuted and undecided cells, of regions with two parts."""
     plant = spring()
     found = analyse(plant, gains_for(plant), HalfPlane(1.3) & Sector(0.88), depth=3)
-    text = json.loads(json.dumps(found.document()))
-    refuted = next(c for c in text["cells"] if c["answer"] == "refuted")
+    text = json.loads(found.file().dumps())
+    refuted = next(c for c in first(text)["cells"] if c["answer"] == "refuted")
     refuted["answer"] = "undecided"
     del refuted["at"]
     refuted.pop("outside", None)
-    assert {c["answer"] for c in text["cells"]} == {"proved", "refuted", "undecided"}
+    assert {c["answer"] for c in first(text)["cells"]} == {"proved", "refuted", "undecided"}
     return text
 
 
 def summary(document):
-    table, region, found, _ = cells.read(json.dumps(document))
-    return cells.summarise(table, region, found)
+    return prove(only_claim_in(json.dumps(document)))
+
+
+def claim_of(document):
+    return only_claim_in(json.dumps(document))
 
 
 def test_an_honest_file_is_checked(document):
-    found = summary(document)
-    assert not found.fault
-    assert found.proved + found.refuted + found.undecided == 1
-    assert 0 < found.proved < 1
-    assert found.refuted > 0 < found.undecided
+    found, shares = summary(document), claim_of(document).shares
+    assert found.answer == "refuted"
+    assert found.note
+    assert sum(shares.values()) == 1
+    assert 0 < shares["proved"] < 1
+    assert shares["refuted"] > 0 < shares["undecided"]
 
 
 @pytest.mark.parametrize("bounds", [("1", "4"), ("-4", "-1")])
@@ -69,7 +77,7 @@ def test_a_cells_claim_is_the_loop_itself_exactly(bounds):
     dice = random.Random(3)
     low = tuple(axis.knots[0] for axis in table.axes)
     high = tuple((axis.knots[0] + axis.knots[1]) / 2 for axis in table.axes)
-    claim = cells.cell_claim(table, (), low, high, ())
+    claim = cell_claim(table, (), low, high, ())
     assert all(q > 0 for q in claim.weights)
     for _ in range(10):
         t = [Fraction(dice.randrange(0, 101), 100) for _ in low]
@@ -78,7 +86,7 @@ def test_a_cells_claim_is_the_loop_itself_exactly(bounds):
             for corner in product((0, 1), repeat=len(t))
         ]
         p = tuple(a + x * (b - a) for a, x, b in zip(low, t, high, strict=True))
-        assert placement.closed_loop(claim, alpha) == table.loop(p)
+        assert claim.closed_loop(alpha) == table.loop(p)
     # and that loop is the physical one: m x'' = -k x + K
     m, k = (float(v) for v in p)
     (K,) = table.gain(p)
@@ -97,13 +105,13 @@ def test_a_point_on_a_knot_has_one_gain():
 
 
 def pick(document, answer, index=0):
-    return [c for c in document["cells"] if c["answer"] == answer][index]
+    return [c for c in first(document)["cells"] if c["answer"] == answer][index]
 
 
 def inner_edge(document):
     """A cell with an upper bound of its mass that is no knot, and the mass halfway beyond."""
-    knots = document["table"]["grid"][0]
-    for cell in document["cells"]:
+    knots = document["law"]["grid"][0]
+    for cell in first(document)["cells"]:
         if cell["high"][0] not in knots:
             beyond = min(k for k in knots if k > cell["high"][0])
             return cell, (cell["high"][0] + beyond) / 2
@@ -121,7 +129,9 @@ def shrunk(document):
 
 
 def across(document):
-    cell = next(c for c in document["cells"] if c["high"][0] == document["table"]["grid"][0][1])
+    cell = next(
+        c for c in first(document)["cells"] if c["high"][0] == document["law"]["grid"][0][1]
+    )
     cell["high"][0] += 0.1
 
 
@@ -138,7 +148,7 @@ def reversed_corners(document):
 
 
 def swapped(document):
-    for cell in document["cells"]:
+    for cell in first(document)["cells"]:
         cell.get("parts", []).reverse()
 
 
@@ -162,7 +172,7 @@ def renamed(answer, new):
 
 
 def removed(answer):
-    return lambda document: document["cells"].remove(pick(document, answer))
+    return lambda document: first(document)["cells"].remove(pick(document, answer))
 
 
 # What a fault is answered with: the words of an error of form, or of a fault of substance.
@@ -172,55 +182,59 @@ FORM = {
     "reversed corners": (reversed_corners, "outside the range of m, or is empty"),
     "range narrowed": (entry(["plant", "parameters", 0, "range", 1], 3.5), "outside the range"),
     "range beyond the knots": (entry(["plant", "parameters", 0, "range", 1], 5), "cover the range"),
-    "range across zero": (entry(["plant", "parameters", 0, "range", 0], -1), "no value at zero"),
-    "knots not rising": (entry(["table", "grid", 0], lambda g: [g[0], g[2], g[1]]), "must rise"),
-    "a knot less": (entry(["table", "grid", 0], lambda g: g[::2]), "9 gains; the grid needs 6"),
-    "a grid less": (entry(["table", "grid"], lambda g: g[:1]), "one list of knots a parameter"),
-    "a gain less": (entry(["table", "gains"], lambda g: g[1:]), "8 gains; the grid needs 9"),
-    "gain of other shape": (entry(["table", "gains", 0], [[1]]), "is 1 x 1, not 1 x 2"),
-    "gain not a number": (entry(["table", "gains", 0, 0, 0], float("nan")), "finite"),
-    "vertex less": (entry(["plant", "vertices"], lambda v: v[:2]), "one list of knots"),
-    "through nothing": (entry(["plant", "parameters", 0, "through"], "sqrt(m)"), "no parameter"),
-    "key of a cell": (cell_entry("proved", ["at"], [1, 1]), "must have answer, high, low, parts"),
-    "key of the table": (entry(["table", "clamp"], True), "must have grid and gains"),
-    "key of the region": (entry(["region", "margin"], 1), "unknown key"),
-    "key of evidence": (cell_entry("proved", ["parts", 0, "tau"], 1), "X, degree and elevation"),
-    "proved for nothing": (renamed("refuted", "proved"), "a cell proved must have"),
-    "refuted for nothing": (renamed("undecided", "refuted"), "a cell refuted must have"),
-    "no such answer": (renamed("refuted", "safe"), "must be proved, refuted or undecided"),
-    "an answer that is a list": (renamed("refuted", ["refuted"]), "must be proved, refuted"),
-    "too many cells": (entry(["cells"], lambda c: [c[0]] * 2001), "1 to 2000 entries"),
-    "no cells": (entry(["cells"], []), "1 to 2000 entries"),
+    "range across zero": (entry(["plant", "parameters", 0, "range", 0], -1), "touches zero"),
+    "knots not rising": (entry(["law", "grid", 0], lambda g: [g[0], g[2], g[1]]), "must rise"),
+    "a knot less": (entry(["law", "grid", 0], lambda g: g[::2]), "9 gains; the grid needs 6"),
+    "a grid less": (entry(["law", "grid"], lambda g: g[:1]), "one list of knots a parameter"),
+    "a gain less": (entry(["law", "gains"], lambda g: g[1:]), "8 gains; the grid needs 9"),
+    "gain of other shape": (entry(["law", "gains", 0], [[1]]), "is 1 x 1, not 1 x 2"),
+    "gain not a number": (entry(["law", "gains", 0, 0, 0], float("nan")), "finite"),
+    "vertex less": (entry(["plant", "vertices"], lambda v: v[:2]), "span the vertices"),
+    "through nothing": (entry(["plant", "parameters", 0, "through"], "sqrt(m)"), "through must be"),
+    "key of a cell": (cell_entry("proved", ["at"], [1, 1]), "unknown key .*at"),
+    "key of the table": (entry(["law", "clamp"], True), "unknown key law.clamp"),
+    "key of the region": (entry(["claims", 0, "region", "margin"], 1), "unknown key"),
+    "key of evidence": (cell_entry("proved", ["parts", 0, "tau"], 1), "unknown key .*tau"),
+    "proved for nothing": (renamed("refuted", "proved"), "parts is missing"),
+    "refuted for nothing": (renamed("undecided", "refuted"), "at is missing"),
+    "no such answer": (renamed("refuted", "safe"), "must be one of proved, refuted, undecided"),
+    "an answer that is a list": (renamed("refuted", ["refuted"]), "must be one of proved, refuted"),
+    "too many cells": (entry(["claims", 0, "cells"], lambda c: [c[0]] * 2001), "1 to 2000 entries"),
+    "no cells": (entry(["claims", 0, "cells"], []), "1 to 2000 entries"),
     "a part less": (cell_entry("proved", ["parts"], lambda p: p[:1]), "do not belong to method"),
     "degree without matrices": (cell_entry("proved", ["parts", 0, "degree"], 3), "needs"),
     "short corner": (cell_entry("proved", ["low"], [1]), "2 numbers"),
-    "version": (entry(["version"], 2), "version 2"),
-    "format": (entry(["format"], "polefence-design"), "not a design file"),
+    "version": (entry(["version"], 3), "version 3"),
+    "format": (entry(["format"], "polefence-table"), "is a format of polefence 0.1"),
 }
 SUBSTANCE = {
     "a cell grown": (grown, "overlap|inequality|two cells"),
     "a cell shrunk": (shrunk, "do not fill the box"),
     "an undecided cell less": (removed("undecided"), "do not fill the box"),
     "a proved cell less": (removed("proved"), "do not fill the box"),
-    "a cell twice": (entry(["cells"], lambda c: [*c, c[0]]), "overlap"),
+    "a cell twice": (entry(["claims", 0, "cells"], lambda c: [*c, c[0]]), "overlap"),
     "X changed": (cell_entry("proved", ["parts", 1, "X", 0, 0, 0], lambda x: -x), "not positive"),
     "X asymmetric": (cell_entry("proved", ["parts", 0, "X", 0, 0, 1], 0.123), "not symmetric"),
     "parts swapped": (swapped, "not positive definite"),
-    "knot moved": (entry(["table", "grid", 0, 0], 0.2), "not positive definite|all in the region"),
-    "gain changed": (entry(["table", "gains", 0, 0, 1], 9.0), "not positive definite"),
+    "knot moved": (entry(["law", "grid", 0, 0], 0.2), "not positive definite|all in the region"),
+    "gain changed": (entry(["law", "gains", 0, 0, 1], 9.0), "not positive definite"),
     "plant changed": (entry(["plant", "vertices", 0, "A", 1, 0], 50), "not positive definite"),
-    "decay raised": (entry(["region", "parts", 0, "decay"], 30), "not positive definite"),
-    "decay lowered": (entry(["region"], HalfPlane(0).document()), ""),
+    "decay raised": (
+        entry(["claims", 0, "region", "parts", 0, "decay"], 30),
+        "not positive definite",
+    ),
+    "decay lowered": (entry(["claims", 0, "region"], HalfPlane(0).document()), ""),
     "through p": (entry(["plant", "parameters", 0, "through"], "m"), "positive|in the region"),
 }
 
 
 def moved_inside(document):
     """The counterexample moved to a point of its cell where all poles are in the region."""
-    table, region, found, _ = cells.read(json.dumps(document))
-    for cell, plain in zip(found, document["cells"], strict=True):
+    claim = claim_of(document)
+    for cell, plain in zip(claim.cells, first(document)["cells"], strict=True):
         for corner in product(*zip(cell.low, cell.high, strict=True)):
-            if cell.answer == "refuted" and roots.all_inside(table.loop(corner), region):
+            inside = roots.all_inside(claim.table.loop(corner), claim.region)
+            if cell.answer == "refuted" and inside:
                 plain["at"] = [str(v) for v in corner]
                 return plain
     raise LookupError
@@ -261,7 +275,7 @@ SUBSTANCE["evidence not symmetric"] = changed(S=lambda S: [[1, 2], [3, *S[1][1:]
 SUBSTANCE["a line that cuts the region"] = changed(line=lambda v: [v[0], v[1], -50]), SHOWS
 SUBSTANCE["a line upside down"] = changed(line=lambda v: [-v[0], -v[1], v[2]]), SHOWS
 FORM["evidence of another shape"] = changed(S=lambda S: S[:1]), "outside.S is 1 x 2"
-FORM["a line of two numbers"] = changed(line=lambda v: v[:2]), "line must have 3 numbers"
+FORM["a line of two numbers"] = changed(line=lambda v: v[:2]), "line must hold 3 numbers"
 FORM["a key of the evidence"] = changed(line=lambda v: {"a": v}), "line must be a list"
 SUBSTANCE["counterexample moved away"] = moved_outside, "outside its cell"
 
@@ -284,8 +298,10 @@ def test_a_fault_of_substance_is_named(document, name):
         with pytest.raises(work.FormatError, match="do not belong"):
             summary(broken)
         return
-    fault = summary(broken).fault
-    assert fault
+    verdict = summary(broken)
+    fault = verdict.reason
+    assert verdict.answer == "undecided"
+    assert not verdict.note
     assert any(word in fault for word in message.split("|")), fault
 
 
@@ -296,10 +312,10 @@ def test_what_only_weakens_a_claim_is_let_through_and_reported(document):
     cell["answer"] = "undecided"
     del cell["at"]
     cell.pop("outside", None)
-    before, after = summary(document), summary(weaker)
-    assert not after.fault
-    assert after.refuted < before.refuted
-    assert after.proved == before.proved
+    before, after = claim_of(document).shares, claim_of(weaker).shares
+    assert summary(weaker).note
+    assert after["refuted"] < before["refuted"]
+    assert after["proved"] == before["proved"]
 
 
 def test_work_is_bounded(document, monkeypatch):
@@ -312,10 +328,10 @@ def test_many_cells_are_compared_in_reasonable_time():
     """2000 cells: overlap is looked for along one side, not in all pairs."""
     sides = [Fraction(k, 40) for k in range(41)]
     tiles = [
-        cells.Cell((sides[i], sides[j]), (sides[i + 1], sides[j + 1]), "undecided")
+        Cell((sides[i], sides[j]), (sides[i + 1], sides[j + 1]), "undecided")
         for i in range(40)
         for j in range(40)
     ]
-    assert not cells._untiled(tiles, 1)
-    wide = cells.Cell(tiles[5].low, (sides[3], tiles[5].high[1]), "undecided")
-    assert cells._untiled([*tiles[:5], wide, *tiles[6:]], 1) == "two cells overlap"
+    assert not _untiled(tiles, 1)
+    wide = Cell(tiles[5].low, (sides[3], tiles[5].high[1]), "undecided")
+    assert _untiled([*tiles[:5], wide, *tiles[6:]], 1) == "two cells overlap"

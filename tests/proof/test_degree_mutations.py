@@ -17,7 +17,9 @@ import pytest
 from polefence import Certificate, Disk, Parameter, UncertainPlant, check, place
 from polefence.base.errors import RegionError
 from polefence.lmi.conditions.methods import Scheduled, Slack
-from polefence.proof import placement, regions, work
+from polefence.proof import regions, work
+from polefence.proof.claims.base import prove
+from polefence.proof.document import loads
 from polefence.region.regions import (
     Ellipse,
     HalfPlane,
@@ -26,6 +28,7 @@ from polefence.region.regions import (
     VerticalStrip,
     region_of,
 )
+from support.files import first, poles_in
 
 CHANGES = 20
 ENTRIES = 6  # of a file, in turn spoiled for good
@@ -102,8 +105,9 @@ def entries(found):
         elif type(value) in (int, float) and path[-1] not in ("degree", "elevation"):
             paths.append(path)
 
-    for section in ("region", "law", "certificate"):
-        walk(found[section], (section,))
+    walk(found["law"], ("law",))
+    for section in ("region", "evidence"):
+        walk(first(found)[section], ("claims", 0, section))
     for j, vertex in enumerate(found["plant"]["vertices"]):
         walk({k: vertex[k] for k in "AB"}, ("plant", "vertices", j))
     return paths
@@ -121,14 +125,14 @@ def changed(found, path, factor, shift):
 def is_proved(found):
     """What the checker says; where it refuses the claim as inconsistent, it is not proved."""
     try:
-        return placement.prove(placement.read(json.dumps(found))[0]).proved
+        return prove(poles_in(json.dumps(found))).proved
     except work.FormatError:
         return False
 
 
 def is_region(found):
     """Whether the numbers make one; what is none is bad input."""
-    parts = found["region"].get("parts", [found["region"]])
+    parts = first(found)["region"].get("parts", [first(found)["region"]])
     try:
         region_of([(p["kind"], [p[key] for key in regions.KINDS[p["kind"]]]) for p in parts])
     except RegionError:
@@ -138,18 +142,18 @@ def is_region(found):
 
 def truth(found):
     """Least eigenvalue of all blocks, each scaled to unit diagonal; -1 where one is malformed."""
-    if found["certificate"].get("tau"):  # of Theorem 1 alone is there one, and not here
+    if first(found)["evidence"].get("tau"):  # of Theorem 1 alone is there one, and not here
         return -1.0
     if not is_region(found):
         with pytest.raises(work.FormatError, match="region"):
-            placement.read(json.dumps(found))
+            loads(json.dumps(found))
         return -1.0
-    claim, _ = placement.read(json.dumps(found))
+    claim = poles_in(json.dumps(found))
     symmetric = [X for e in claim.evidence for X in e.X] + list(claim.law.W or [])
     if any([list(row) for row in zip(*X, strict=True)] != X for X in symmetric):
         return -1.0
     least = np.inf
-    for _, block in placement.blocks(claim):
+    for _, block in claim.blocks():
         top = max(abs(e) for row in block for e in row)
         M = np.array([[e / top for e in row] for row in block])
         diagonal = np.diag(M)
@@ -181,7 +185,7 @@ def test_every_number_matters(documents, kind):
     original = documents[kind]
     places = entries(original)
     # the region's and the evidence's few, and some of the many of law and plant
-    few = [path for path in places if path[0] == "region" or len(path) < 3]
+    few = [path for path in places if path[2] == "region" or len(path) < 5]
     for path in few + random.Random(kind).sample(places, ENTRIES):
         for factor, shift in ((1, 1e4), (1, -1e4), (0, -50), (-1, 0)):
             tried = changed(original, path, factor, shift)
@@ -207,7 +211,7 @@ def test_a_broken_claim_is_refuted_only_where_a_pole_is_out(documents, kind):
     original = documents[kind]
     for factor in (0.9, 0.5, 0.1):
         tried = copy.deepcopy(original)
-        for part in tried["region"].get("parts", [tried["region"]]):
+        for part in first(tried)["region"].get("parts", [first(tried)["region"]]):
             narrow(part, factor)
         verdict = check(Certificate.loads(json.dumps(tried)))
         if verdict.answer == "refuted":

@@ -15,7 +15,10 @@ from polefence.lmi.conditions.methods import Scheduled, Slack, build
 from polefence.lmi.conditions.parameter_dependent import parameter_dependent
 from polefence.lmi.conditions.target import Around
 from polefence.plant.polynomial import Domain
-from polefence.proof import placement, polynomials, regions
+from polefence.proof import polynomials, regions
+from polefence.proof.claims.poles import Poles
+from polefence.proof.laws import Evidence, Law
+from polefence.proof.regions import parts_of
 from polefence.region.regions import (
     Disk,
     Ellipse,
@@ -61,19 +64,19 @@ def alike(mine, theirs):
 
 
 def claim(method, A, B, region, law, evidence, on, weights=()):
-    parts = placement.read_region(region.document())
+    parts = parts_of(region.document())
     As, Bs = ([rationals(X) for X in group] for group in (A, B))
     q = tuple(Fraction(float(w)) for w in weights)
-    return placement.Claim(method, As, Bs, parts, law, evidence, on, q)
+    return Poles(method, As, Bs, parts, law, evidence, on, q)
 
 
 def compared(pencil, values, claimed):
     """All of the pencil's blocks are among the checker's, and those besides are coefficients."""
     theirs = pencil.matrices(pencil.pack(values), 1.0)
-    blocks = list(placement.blocks(claimed))
-    positive = [b for name, b in blocks if name.startswith("of ")]
-    others = [b for name, b in blocks if not name.startswith("of ")]
-    pairs = sum(len(regions._characteristic_pairs(part)) for part in claimed.region)
+    blocks = list(claimed.blocks())
+    positive = [b for place, b in blocks if str(place).startswith("of ")]
+    others = [b for place, b in blocks if not str(place).startswith("of ")]
+    pairs = sum(len(regions.characteristic_pairs(part)) for part in claimed.region)
     asked = [X for name, X in theirs.items() if " at " in name]
     wanted = [X for name, X in theirs.items() if " at " not in name]
     assert len(others) == len(wanted)
@@ -99,8 +102,8 @@ def test_scheduled(region, degree, elevation, on):
     W, Z = draw(count, n, n, symmetric=True), draw(count, m, n)
     pencil = build(Scheduled(degree, elevation, on), A, B, Around(region).target(1.0))
     values = {f"W{k + 1}": W[k] for k in range(count)} | {f"Z{k + 1}": Z[k] for k in range(count)}
-    law = placement.Law(None, [rationals(X) for X in W], [rationals(X) for X in Z], degree)
-    claimed = claim("scheduled", A, B, region, law, (placement.Evidence([], 0, elevation),), on)
+    law = Law(None, [rationals(X) for X in W], [rationals(X) for X in Z], degree)
+    claimed = claim("scheduled", A, B, region, law, (Evidence([], 0, elevation),), on)
     positive = compared(pencil, values, claimed)
     only_disks = all(part.kind == "disk" for part in region.parts)
     assert len(positive) == (0 if only_disks else Domain.of(on, N).count(degree + 1 + elevation))
@@ -110,7 +113,7 @@ def test_scheduled(region, degree, elevation, on):
 def test_quadratic(region):
     A, B, (W,), (K,) = draw(3, n, n), draw(3, n, m), draw(1, n, n, symmetric=True), draw(1, m, n)
     pencil = build("quadratic", A, B, Around(region).target(1.0))
-    law, evidence = placement.Law([rationals(K)]), (placement.Evidence([rationals(W)]),)
+    law, evidence = Law([rationals(K)]), (Evidence([rationals(W)]),)
     compared(
         pencil, {"W": W, "Z": K @ W}, claim("quadratic", A, B, region, law, evidence, "simplex")
     )
@@ -128,10 +131,10 @@ def test_slack(degree, elevation, on, region):
     (G,), (K,) = draw(1, n, n), draw(1, m, n)
     pencil = build(Slack(degree, elevation, on, epsilon), A, B, Around(region).target(1.0))
     values = {f"P{k + 1}": P[k] for k in range(count)} | {"G": G, "L": K @ G}
-    evidence = placement.Evidence(
+    evidence = Evidence(
         [rationals(X) for X in P], degree, elevation, G=rationals(G), epsilon=Fraction(epsilon)
     )
-    law = placement.Law([rationals(K)])
+    law = Law([rationals(K)])
     compared(pencil, values, claim("slack", A, B, region, law, (evidence,), on))
 
 
@@ -145,17 +148,17 @@ def test_a_given_gain_is_analysis_of_its_closed_loop(on):
     evidence, Xs = [], []
     for degree, elevation in forms:
         Xs.append(draw(domain.count(degree), n, n, symmetric=True))
-        evidence.append(placement.Evidence([rationals(X) for X in Xs[-1]], degree, elevation))
-    law = placement.Law([rationals(K)])
+        evidence.append(Evidence([rationals(X) for X in Xs[-1]], degree, elevation))
+    law = Law([rationals(K)])
     claimed = claim("lyapunov", A, B, ALL, law, tuple(evidence), on)
-    blocks = list(placement.blocks(claimed))
+    blocks = list(claimed.blocks())
     for part, (degree, elevation), X in zip(ALL.parts, forms, Xs, strict=True):
         target = Around(part).target(1.0)
         pencil = parameter_dependent(A + B @ K, None, target, domain, degree, elevation)
         names = [f"W{k + 1}" for k in range(len(X))] if degree else ["W"]
         theirs = pencil.matrices(pencil.pack(dict(zip(names, X, strict=True))), 1.0)
         count = domain.count(degree + 1 + elevation)
-        pairs = len(regions._characteristic_pairs(placement.read_region(part.document())[0]))
+        pairs = len(regions.characteristic_pairs(parts_of(part.document())[0]))
         positive = 0 if part.kind == "disk" else count
         own, blocks = blocks[: positive + pairs * count], blocks[positive + pairs * count :]
         wanted = [X for name, X in theirs.items() if " at " not in name]
@@ -184,12 +187,10 @@ def against_matrices(claimed, domain, expected):
 
     ``expected(number, c, alpha)`` is N and X of one part's evidence.
     """
-    blocks = list(placement.blocks(claimed))
+    blocks = list(claimed.blocks())
     for number, (part, evidence) in enumerate(zip(claimed.region, claimed.evidence, strict=True)):
-        exponents = np.array(
-            polynomials.monomials(domain.sizes, placement._degree(claimed, evidence))
-        )
-        pairs = regions._characteristic_pairs(part)
+        exponents = np.array(polynomials.monomials(domain.sizes, claimed.degree(evidence)))
+        pairs = regions.characteristic_pairs(part)
         positive = [] if part.kind == "disk" else [None]
         for pair in (*positive, *pairs):
             own, blocks = blocks[: len(exponents)], blocks[len(exponents) :]
@@ -229,10 +230,9 @@ def test_gains_at_the_corners_and_a_common_denominator(on, weighted):
     forms = [(0, 0), (1, 1), (2, 0), (1, 0), (0, 1), (1, 0)]
     Xs = [draw(domain.count(degree), n, n, symmetric=True) for degree, _ in forms]
     evidence = tuple(
-        placement.Evidence([rationals(x) for x in X], *form)
-        for X, form in zip(Xs, forms, strict=True)
+        Evidence([rationals(x) for x in X], *form) for X, form in zip(Xs, forms, strict=True)
     )
-    law = placement.Law([rationals(k) for k in K])
+    law = Law([rationals(k) for k in K])
     weights = q if weighted else ()
     claimed = claim("lyapunov", A, B, ALL, law, evidence, on, weights)
 
@@ -255,11 +255,10 @@ def test_one_gain(on, weighted):
     region = HalfPlane(1.5) & Disk(-3, 2) & VerticalStrip(-4, -1)
     Xs = [draw(domain.count(degree), n, n, symmetric=True) for degree, _ in forms]
     evidence = tuple(
-        placement.Evidence([rationals(x) for x in X], *form)
-        for X, form in zip(Xs, forms, strict=True)
+        Evidence([rationals(x) for x in X], *form) for X, form in zip(Xs, forms, strict=True)
     )
     weights = q if weighted else ()
-    claimed = claim("lyapunov", A, B, region, placement.Law([rationals(K)]), evidence, on, weights)
+    claimed = claim("lyapunov", A, B, region, Law([rationals(K)]), evidence, on, weights)
 
     def expected(number, c, alpha):
         X = polynomial(domain, forms[number][0], Xs[number], c)
@@ -284,14 +283,14 @@ def test_a_scheduled_law_given(on, degree, multiple):
     Qs = [draw(domain.count(g), n, n, symmetric=True) for g, _ in forms]
     s = [RANDOM.normal(size=domain.count(g)).round(6) for g, _ in forms]
     evidence = tuple(
-        placement.Evidence(
+        Evidence(
             [rationals(q) for q in Q],
             *form,
             tuple(Fraction(float(v)) for v in own) if multiple else (),
         )
         for Q, own, form in zip(Qs, s, forms, strict=True)
     )
-    law = placement.Law(None, [rationals(X) for X in W], [rationals(X) for X in Z], degree)
+    law = Law(None, [rationals(X) for X in W], [rationals(X) for X in Z], degree)
     claimed = claim("lyapunov", A, B, region, law, evidence, on)
 
     def expected(number, c, alpha):

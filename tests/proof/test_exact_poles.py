@@ -11,7 +11,8 @@ import pytest
 from polefence import NotProvedError, Parameter, UncertainPlant, place
 from polefence.lmi.conditions.methods import Scheduled, Slack
 from polefence.plant.polynomial import Domain
-from polefence.proof import placement, regions, roots
+from polefence.proof import regions, roots
+from polefence.proof.regions import parts_of
 from polefence.region.regions import (
     Disk,
     Ellipse,
@@ -50,7 +51,7 @@ def threshold(grow, poles):
 
 def inside(matrix, region):
     rational = [[Fraction(float(e)) for e in row] for row in matrix]
-    return roots.all_inside(rational, placement.read_region(region.document()))
+    return roots.all_inside(rational, parts_of(region.document()))
 
 
 def short(x):
@@ -113,7 +114,7 @@ def test_a_pole_at_the_origin_or_at_one_is_no_special_case():
     assert inside([[1.0, 0], [0, -2]], HalfPlane(-1.5))
     assert not inside([[0.0, 0], [0, -2]], Sector(0.5))
     assert inside([[0.0]], HorizontalStrip(1e-9))
-    assert roots.all_inside([], placement.read_region(HalfPlane(0).document()))
+    assert roots.all_inside([], parts_of(HalfPlane(0).document()))
 
 
 # --- what is proved, holds -----------------------------------------------------------------------
@@ -218,5 +219,5 @@ def test_poles_inside_of_a_claim_agrees_with_its_sampled_poles(on):
         wider = CORNER if "ellipse" in kind else 1.0
         for factor, answer in ((1 + 1e-4, True), (1 / (wider * (1 + 1e-4)), False)):
             if t is not None:
-                parts = placement.read_region(grow(short(t * factor)).document())
-                assert placement.poles_inside(replace(claim, region=parts), alpha) is answer
+                parts = parts_of(grow(short(t * factor)).document())
+                assert replace(claim, region=parts).poles_inside(alpha) is answer

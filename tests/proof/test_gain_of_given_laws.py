@@ -29,14 +29,17 @@ from polefence.design.given.closed_loop import certificate_of
 from polefence.design.margins import gain_error
 from polefence.design.margins.breaks import gain_break
 from polefence.design.margins.claims import claimed_design
-from polefence.design.margins.directions import gain_claim, gain_document
+from polefence.design.margins.directions import gain_claim, gain_file
 from polefence.design.margins.gain import Scales, scales_of
 from polefence.law.laws import FixedGain, ScheduledGain
 from polefence.plant.polynomial import Domain
+from polefence.proof.claims.base import prove
+from polefence.proof.claims.gain_error import GainError
+from polefence.proof.claims.margins import Subject
 from polefence.proof.definite import least_work
-from polefence.proof.service import Gain, Range, Subject, prove_service, read_service
-from polefence.proof.service.inequalities import blocks
+from polefence.proof.plant import Range
 from polefence.proof.work import FormatError
+from support.files import only_claim_in
 
 REGION = HalfPlane(0.5) & Sector(0.2) & VerticalStrip(-12, -0.4) & Ellipse(-4, 5, 4)
 
@@ -101,14 +104,14 @@ def test_the_inequalities_are_those_of_petersen(form, full):
     right = tuple(tuple(map(Fraction, t)) for t in T) if full else tuple(map(Fraction, columns))
     ranges = tuple(Range(p.low, p.high, p.inverted) for p in parameters)
     subject = Subject(certificate.claim(), ranges, (1, 1), extra)
-    claim = Gain(
+    claim = GainError(
         subject, Fraction(1, 8), tuple(map(Fraction, rows)), right, tuple(map(Fraction, mu))
     )
     coordinates = (
         np.array([0.1, 0.2, 0.3, 0.4]) if on == "simplex" else np.array([0.3, 0.7, 0.6, 0.4])
     )
     alpha = domain.alpha(coordinates)
-    found = list(blocks(claim))
+    found = list(claim.blocks())
     A, B = plant.at(alpha)
     closed, numbers = A + B @ law.gain(alpha), iter(mu)
     for part, evidence in zip(REGION.parts, parts, strict=True):
@@ -194,7 +197,7 @@ def points(design, count):
 def test_what_is_proved_is_true(claims, name):
     design, scales, largest, claim = claims[name]
     assert 0.99 * largest <= claim.error <= largest * (1 + 1e-3)
-    assert prove_service(claim).proved
+    assert prove(claim).proved
     random, alpha = np.random.default_rng(5), points(design, 60)
     A, B = design.plant.at(alpha)
     closed, left = A + B @ design.law.gain(alpha), B * scales.rows
@@ -223,7 +226,7 @@ def test_nearly_all_is_proved_and_nothing_that_breaks(claims, name):
     for error in (largest * 1.02, broken.value):
         for factor in np.geomspace(0.05, 20, 9):
             mu = tuple(Fraction(float(m) * factor) for m in claim.mu)
-            assert not prove_service(replace(claim, error=Fraction(error), mu=mu)).proved
+            assert not prove(replace(claim, error=Fraction(error), mu=mu)).proved
     # and so says the search
     assert gain_claim(design, scales.rows, scales.columns, largest * 1.02) == (largest, None)
 
@@ -235,10 +238,10 @@ def test_a_tiny_error_is_proved_where_there_is_room(claims, name, needed):
     again, claim = gain_claim(design, scales.rows, scales.columns, needed * largest)
     assert again == largest
     assert needed * largest <= claim.error <= 1.001 * max(np.sqrt(needed), 1e-12) * largest
-    assert prove_service(claim).proved
+    assert prove(claim).proved
     for factor in (1 / 3, 3):  # far from where it fails
         mu = tuple(m * Fraction(factor) for m in claim.mu)
-        assert prove_service(replace(claim, mu=mu)).proved
+        assert prove(replace(claim, mu=mu)).proved
 
 
 @pytest.mark.parametrize("name", ["quadratic", "scheduled"])
@@ -282,10 +285,10 @@ def test_any_matrix_may_stand_on_the_right(claims, name):
     assert design.region.contains(np.linalg.eigvals(off))
     turned = np.linalg.qr(random.normal(size=(n, n)))[0] @ T  # D Q is a D
     assert gain_claim(design, scales.rows, turned, 0.0)[0] == pytest.approx(largest, rel=1e-6)
-    document = json.loads(json.dumps(gain_document(claim, claimed_design(design))))
-    assert read_service(json.dumps(document))[0] == claim
+    document = json.loads(gain_file(claim, claimed_design(design)).dumps())
+    assert only_claim_in(json.dumps(document)) == claim
     larger = [[1.1 * value for value in row] for row in T.tolist()]
-    assert not answer(changed(document, "service", "columns", value=larger))
+    assert not answer(changed(document, "claims", 0, "columns", value=larger))
 
 
 def test_slack_designs_are_proved_anew(designs):
@@ -305,8 +308,8 @@ def test_slack_designs_are_proved_anew(designs):
 
 
 def answer(document):
-    claim, _ = read_service(json.dumps(document))
-    return prove_service(claim).proved
+    claim = only_claim_in(json.dumps(document))
+    return prove(claim).proved
 
 
 def changed(document, *keys, value):
@@ -320,22 +323,22 @@ def changed(document, *keys, value):
 
 def document_of(claims, name):
     design, _, _, claim = claims[name]
-    return json.loads(json.dumps(gain_document(claim, claimed_design(design))))
+    return json.loads(gain_file(claim, claimed_design(design)).dumps())
 
 
-EVIDENCE = ("design", "certificate", "parts", 0)
+EVIDENCE = ("claims", 0, "evidence", "parts", 0)
 
 
 @pytest.mark.parametrize("name", GIVEN)
 def test_one_fault_at_a_time(claims, name):
     document = document_of(claims, name)
     assert answer(document)
-    assert not answer(changed(document, "service", "error", value=lambda v: v * 1.05))
+    assert not answer(changed(document, "claims", 0, "error", value=lambda v: v * 1.05))
     for key in ("rows", "columns"):
-        wider = changed(document, "service", key, value=lambda v: [x * 1.1 for x in v])
+        wider = changed(document, "claims", 0, key, value=lambda v: [x * 1.1 for x in v])
         assert not answer(wider)
     for factor in (0.01, 100):
-        worse = changed(document, "service", "mu", value=lambda v, f=factor: [x * f for x in v])
+        worse = changed(document, "claims", 0, "mu", value=lambda v, f=factor: [x * f for x in v])
         assert not answer(worse)
     tilted = changed(document, *EVIDENCE, "X", 0, 0, 1, value=lambda v: v * (1 + 1e-12) + 1e-300)
     assert not answer(tilted)  # not symmetric
@@ -344,15 +347,15 @@ def test_one_fault_at_a_time(claims, name):
         other = changed(document, *EVIDENCE, "X", 0, 0, 0, value=lambda v, f=factor: v * f)
         faults.append(not answer(other))
     assert any(faults)
-    vertex = ("design", "plant", "vertices", 1)
+    vertex = ("plant", "vertices", 1)
     for place_ in ((*vertex, "A", 1, 1), (*vertex, "B", 1, 0)):
         faults = [
             not answer(changed(document, *place_, value=lambda v, f=f: float(Fraction(v)) * f))
             for f in (-40, 40)
         ]
         assert any(faults), place_
-    for index in range(len(document["service"]["mu"])):
-        fewer = changed(document, "service", "mu", value=lambda v, i=index: v[:i] + v[i + 1 :])
+    for index in range(len(document["claims"][0]["mu"])):
+        fewer = changed(document, "claims", 0, "mu", value=lambda v, i=index: v[:i] + v[i + 1 :])
         with pytest.raises(FormatError, match="mu must"):
             answer(fewer)
 
@@ -362,8 +365,7 @@ def test_faults_of_scheduled_laws(claims, name):
     document = document_of(claims, name)
     for keys in (("law", "W", 0, 0, 0), ("law", "Z", 1, 0, 1)):
         faults = [
-            not answer(changed(document, "design", *keys, value=lambda v, f=f: v * f))
-            for f in (-30, 0.1, 30)
+            not answer(changed(document, *keys, value=lambda v, f=f: v * f)) for f in (-30, 0.1, 30)
         ]
         assert any(faults), keys
     for factor in (-1, 0):
@@ -371,25 +373,25 @@ def test_faults_of_scheduled_laws(claims, name):
             document, *EVIDENCE, "multiple", value=lambda v, f=factor: [f * x for x in v]
         )
         assert not answer(none)
-    asymmetric = changed(document, "design", "law", "W", 0, 0, 1, value=lambda v: v * (1 + 1e-12))
+    asymmetric = changed(document, "law", "W", 0, 0, 1, value=lambda v: v * (1 + 1e-12))
     assert not answer(asymmetric)
 
 
 SHAPES = {
     "degree": ((*EVIDENCE, "degree"), 1, "its degree needs"),
     "elevation of the evidence": ((*EVIDENCE, "elevation"), 17, "0 to 16"),
-    "elevation": (("service", "elevation"), 17, "0 to 16"),
-    "pieces": (("service", "pieces"), [2, 1], "pieces must be 1"),
-    "no rows": (("service", "rows"), [1, 1], "rows must hold 1"),
-    "zero row": (("service", "rows"), [0], "rows must be positive"),
-    "mu": (("service", "mu"), [1, 1, 1, -1], "mu must be positive"),
-    "error": (("service", "error"), -1, "error must be zero or more"),
-    "columns": (("service", "columns"), [1, 2, 3], "columns must hold 2"),
-    "columns of a matrix": (("service", "columns"), [[1, 2]], "service.columns"),
-    "mixed columns": (("service", "columns"), [[1, 2], 3], "service.columns"),
-    "parts": (("design", "certificate", "parts"), lambda v: v[:2], "law and evidence"),
-    "region": (("service", "region"), {"kind": "half_plane", "decay": 0}, "law and evidence"),
-    "multiple": ((*EVIDENCE, "multiple"), [1, 1], "one number a matrix"),
+    "elevation": (("claims", 0, "elevation"), 17, "0 to 16"),
+    "pieces": (("claims", 0, "pieces"), [2, 1], "pieces must be 1"),
+    "no rows": (("claims", 0, "rows"), [1, 1], "rows must hold 1"),
+    "zero row": (("claims", 0, "rows"), [0], "rows must be positive"),
+    "mu": (("claims", 0, "mu"), [1, 1, 1, -1], "mu must be positive"),
+    "error": (("claims", 0, "error"), -1, "error must be zero or more"),
+    "columns": (("claims", 0, "columns"), [1, 2, 3], "columns must hold 2"),
+    "columns of a matrix": (("claims", 0, "columns"), [[1, 2]], "columns"),
+    "mixed columns": (("claims", 0, "columns"), [[1, 2], 3], "columns"),
+    "parts": (("claims", 0, "evidence", "parts"), lambda v: v[:2], "law and evidence"),
+    "region": (("claims", 0, "region"), {"kind": "half_plane", "decay": 0}, "law and evidence"),
+    "multiple": ((*EVIDENCE, "multiple"), [1, 1], "one number a matrix|1 entries"),
 }
 
 
@@ -417,23 +419,23 @@ def test_the_elevation_counts():
     largest, claim = gain_claim(design, scales.rows, scales.columns, 0.0)
     assert claim.subject.elevation == 0  # where there is room the short proof is taken
     _, claim = gain_claim(design, scales.rows, scales.columns, 0.99 * largest)
-    document = json.loads(json.dumps(gain_document(claim, design)))
-    own = document["service"]["elevation"]
+    document = json.loads(gain_file(claim, design).dumps())
+    own = document["claims"][0]["elevation"]
     assert own > 0
     assert answer(document)
-    assert answer(changed(document, "service", "elevation", value=own + 1))
-    assert not answer(changed(document, "service", "elevation", value=0))
+    assert answer(changed(document, "claims", 0, "elevation", value=own + 1))
+    assert not answer(changed(document, "claims", 0, "elevation", value=0))
 
 
 def test_weights_and_tables_are_refused(claims):
     _, _, _, claim = claims["one gain"]
     design = replace(claim.subject.design, weights=(Fraction(1),) * 3)
     with pytest.raises(FormatError, match="weights"):
-        prove_service(replace(claim, subject=replace(claim.subject, design=design)))
+        prove(replace(claim, subject=replace(claim.subject, design=design)))
     design = claim.subject.design
     several = replace(design, law=replace(design.law, K=[*(design.law.K or [])] * 3))
     with pytest.raises(FormatError, match="tables of gains"):
-        prove_service(replace(claim, subject=replace(claim.subject, design=several)))
+        prove(replace(claim, subject=replace(claim.subject, design=several)))
 
 
 def test_a_region_kept_may_be_another(claims):
@@ -441,7 +443,7 @@ def test_a_region_kept_may_be_another(claims):
     document = document_of(claims, "disk")
     for radius, proved in ((2.4, True), (2.2, False)):
         region = {"kind": "disk", "centre": -3, "radius": radius}
-        kept = changed(document, "service", value=lambda t, r=region: t | {"region": r})
+        kept = changed(document, "claims", 0, value=lambda t, r=region: t | {"region": r})
         assert answer(kept) is proved
 
 
@@ -450,13 +452,13 @@ def test_files_are_checked_afresh(claims, name, tmp_path, capsys):
     document = document_of(claims, name)
     path = tmp_path / "gain.json"
     path.write_text(json.dumps(document))
-    claim, _ = read_service(path.read_text())
+    claim = only_claim_in(path.read_text())
     assert claim == claims[name][3]
     assert main(["check", str(path)]) == 0
     assert "K off by " in capsys.readouterr().out
-    path.write_text(json.dumps(changed(document, "service", "error", value=lambda v: v * 1.1)))
+    path.write_text(json.dumps(changed(document, "claims", 0, "error", value=lambda v: v * 1.1)))
     assert main(["check", str(path)]) == 1
-    path.write_text(json.dumps(changed(document, "service", "mu", value=[])))
+    path.write_text(json.dumps(changed(document, "claims", 0, "mu", value=[])))
     assert main(["check", str(path)]) == 2
 
 
@@ -490,11 +492,11 @@ def test_work_is_bounded(claims, monkeypatch):
     degree = 1 + 2 + claim.subject.elevation  # with those of the evidence, both zero
     assert all(e.degree + e.elevation == 0 for e in claim.subject.design.evidence)
     work = least_work(4 * (degree + 1) ** 2, 2 * (2 * 2 + 1))
-    monkeypatch.setattr("polefence.proof.service.MAX_WORK", work)
-    assert prove_service(claim).proved
-    monkeypatch.setattr("polefence.proof.service.MAX_WORK", work - 1)
+    monkeypatch.setattr("polefence.proof.claims.base.MAX_WORK", work)
+    assert prove(claim).proved
+    monkeypatch.setattr("polefence.proof.claims.base.MAX_WORK", work - 1)
     with pytest.raises(FormatError, match="more inequalities"):
-        prove_service(claim)
+        prove(claim)
     largest, claim = gain_claim(design, scales.rows, scales.columns, 0.0)
     assert largest > 0
     assert claim is None

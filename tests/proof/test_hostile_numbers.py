@@ -10,8 +10,11 @@ import numpy as np
 import pytest
 
 from polefence.design.certificate import check_claim
-from polefence.proof import cells, definite, placement, roots, work
-from polefence.proof.placement import Claim, Evidence, Law
+from polefence.proof import definite, roots, work
+from polefence.proof.claims.base import prove
+from polefence.proof.claims.cells import Axis, Cell, Cells, Interpolated
+from polefence.proof.claims.poles import Poles
+from polefence.proof.laws import Evidence, Law
 from polefence.proof.regions import Part
 from polefence.proof.work import FormatError
 
@@ -32,7 +35,7 @@ def diagonal(n, value):
 def fixed(A, K, X):
     """The claim that u = K x places all poles of one plant with B = [1, 0, ...]'."""
     B = [[ONE if i == 0 else ZERO] for i in range(len(A))]
-    return Claim("quadratic", [A], [B], DISK, Law([K]), (Evidence([X]),))
+    return Poles("quadratic", [A], [B], DISK, Law([K]), (Evidence([X]),))
 
 
 def long_numbers(n):
@@ -50,19 +53,19 @@ def long_numbers(n):
 def test_coprime_denominators_are_proved_at_the_cost_of_their_length():
     claim = long_numbers(12)
     with work.counted() as count:
-        assert placement.prove(claim).proved
+        assert prove(claim).proved
     short = fixed(diagonal(12, Fraction(-40)), [[ZERO] * 12], diagonal(12, ONE))
     with work.counted() as other:
-        assert placement.prove(short).proved
+        assert prove(short).proved
     assert count.spent > 100 * other.spent
 
 
 def test_a_file_of_long_numbers_that_is_too_much_work_is_refused_before_it_is_done():
     claim = long_numbers(12)
     with work.counted() as count:
-        placement.prove(claim)
+        prove(claim)
     with work.counted(count.spent - 1) as less, pytest.raises(FormatError, match="numbers longer"):
-        placement.prove(claim)
+        prove(claim)
     assert less.spent < count.spent
 
 
@@ -88,7 +91,7 @@ def test_sixty_states_of_doubles_are_refuted(scheduled):
         W = [[Fraction(int(i == j)) + Fraction(0.01) for j in range(n)] for i in range(n)]
         B = [[ONE if i == 0 else ZERO] for i in range(n)]
         law = Law(None, [W], [K], 1)
-        claim = Claim("scheduled", [A], [B], DISK, law, (Evidence([]),))
+        claim = Poles("scheduled", [A], [B], DISK, law, (Evidence([]),))
     else:
         claim = fixed(A, K, diagonal(n, ONE))
     assert check_claim(claim).answer == "refuted"
@@ -100,11 +103,11 @@ def test_refuted_cells_without_evidence_are_counted_before_the_first_is_decided(
     source = random.Random(7)
     A = [[Fraction(source.random()) for _ in range(n)] for _ in range(n)]
     B = [[ONE] for _ in range(n)]
-    axis = cells.Axis("p", ZERO, ONE, False, (ZERO, ONE))
+    axis = Axis("p", ZERO, ONE, False, (ZERO, ONE))
     K = [[Fraction(source.random()) for _ in range(n)]]
-    table = cells.Table([A, A], [B, B], (axis,), [K, K])
+    table = Interpolated([A, A], [B, B], (axis,), [K, K])
     ends = [Fraction(k, 1009) for k in range(1010)]
-    found = [cells.Cell((a,), (b,), "refuted", point=((a + b) / 2,)) for a, b in pairwise(ends)]
+    found = [Cell((a,), (b,), "refuted", point=((a + b) / 2,)) for a, b in pairwise(ends)]
     region = (Part("half_plane", (ONE,)),)
 
     def never(*_):
@@ -112,15 +115,15 @@ def test_refuted_cells_without_evidence_are_counted_before_the_first_is_decided(
 
     monkeypatch.setattr(roots, "characteristic", never)
     with pytest.raises(FormatError, match="more inequalities, or larger, than are checked"):
-        cells.summarise(table, region, found)
+        prove(Cells(table, region, tuple(found)))
 
 
 def test_many_large_inequalities_are_refused_before_any_work(monkeypatch):
     n, N = 60, 256
     matrix, B = diagonal(n, Fraction(-40)), [[ONE]] * n
-    claim = Claim(
+    claim = Poles(
         "quadratic", [matrix] * N, [B] * N, DISK, Law([[[ZERO] * n]]), (Evidence([matrix]),)
     )
-    monkeypatch.setattr(placement, "blocks", lambda claim: 1 / 0)
+    monkeypatch.setattr(Poles, "inequalities", lambda claim: 1 / 0)
     with pytest.raises(FormatError, match="256 inequalities of this size"):
-        placement.prove(claim)
+        prove(claim)

@@ -24,9 +24,14 @@ from polefence import (
 from polefence.cli.main import main
 from polefence.design.certificate import check_claim
 from polefence.lmi.conditions.methods import Scheduled, Slack
-from polefence.proof import placement, regions, work
+from polefence.proof import regions, work
 from polefence.proof.__main__ import main as alone
+from polefence.proof.claims.base import prove
+from polefence.proof.claims.poles import Poles
+from polefence.proof.document import loads
+from polefence.proof.laws import Evidence, Law
 from polefence.region.regions import HalfPlane, Sector
+from support.files import poles_in
 
 SECONDS = 3.0  # a second each, on a machine that is shared
 
@@ -92,31 +97,31 @@ def drop(*keys):
 
 
 def region(kind, **numbers):
-    return put("region", value={"kind": kind} | numbers)
+    return put("claims", 0, "region", value={"kind": kind} | numbers)
 
 
 def parts(count, **part):
-    return put("region", value={"kind": "intersection", "parts": [part] * count})
+    return put("claims", 0, "region", value={"kind": "intersection", "parts": [part] * count})
 
 
 HALF = {"kind": "half_plane", "decay": 0}
 
 REFUSED = {
     "unknown kind": ("quadratic", region("annulus", centre=-1, radius=1)),
-    "kind is a list": ("quadratic", put("region", "kind", value=["disk"])),
-    "kind is a table": ("quadratic", put("region", "kind", value={})),
-    "no kind": ("quadratic", drop("region", "kind")),
-    "region is a list": ("quadratic", put("region", value=[HALF])),
+    "kind is a list": ("quadratic", put("claims", 0, "region", "kind", value=["disk"])),
+    "kind is a table": ("quadratic", put("claims", 0, "region", "kind", value={})),
+    "no kind": ("quadratic", drop("claims", 0, "region", "kind")),
+    "region is a list": ("quadratic", put("claims", 0, "region", value=[HALF])),
     "missing number": ("quadratic", region("ellipse", centre=-3, real=2)),
     "no slope": ("quadratic", region("sector", damping=0.5)),
     "extra number": ("quadratic", region("half_plane", decay=0, height=1)),
-    "extra key in a part": ("quadratic", put("region", "parts", 0, "name", value="x")),
-    "extra key beside parts": ("quadratic", put("region", "radius", value=1)),
-    "part without kind": ("quadratic", drop("region", "parts", 1, "kind")),
+    "extra key in a part": ("quadratic", put("claims", 0, "region", "parts", 0, "name", value="x")),
+    "extra key beside parts": ("quadratic", put("claims", 0, "region", "radius", value=1)),
+    "part without kind": ("quadratic", drop("claims", 0, "region", "parts", 1, "kind")),
     "nested intersections": ("quadratic", parts(1, kind="intersection", parts=[HALF])),
     "no parts": ("quadratic", parts(0)),
     "too many parts": ("quadratic", parts(17, **HALF)),
-    "parts are a table": ("quadratic", put("region", "parts", value={"0": HALF})),
+    "parts are a table": ("quadratic", put("claims", 0, "region", "parts", value={"0": HALF})),
     "decay in words": ("quadratic", region("half_plane", decay="fast")),
     "decay of a true value": ("quadratic", region("half_plane", decay=True)),
     "decay is null": ("quadratic", region("half_plane", decay=None)),
@@ -142,8 +147,8 @@ REFUSED = {
     "a part twice": ("quadratic", parts(2, **HALF)),
     "on a ball": ("scheduled", put("law", "on", value="ball")),
     "on a list": ("scheduled", put("law", "on", value=["box"])),
-    "on null": ("slack", put("certificate", "on", value=None)),
-    "on of a fixed law": ("quadratic", put("certificate", "on", value="box")),
+    "on null": ("slack", put("claims", 0, "evidence", "on", value=None)),
+    "on of a fixed law": ("quadratic", put("claims", 0, "evidence", "on", value="box")),
     "degree too low": ("scheduled", put("law", "degree", value=1)),
     "degree too high": ("scheduled", put("law", "degree", value=3)),
     "degree is gone": ("scheduled", drop("law", "degree")),
@@ -152,46 +157,52 @@ REFUSED = {
     "degree in decimals": ("scheduled", put("law", "degree", value=2.0)),
     "degree true": ("scheduled", put("law", "degree", value=True)),
     "huge degree": ("scheduled", put("law", "degree", value=10**9)),
-    "huge degree of P": ("slack", put("certificate", "degree", value=10**30)),
-    "degree of P": ("slack", put("certificate", "degree", value=1)),
-    "huge elevation": ("scheduled", put("certificate", "elevation", value=17)),
-    "elevation negative": ("slack", put("certificate", "elevation", value=-1)),
+    "huge degree of P": ("slack", put("claims", 0, "evidence", "degree", value=10**30)),
+    "degree of P": ("slack", put("claims", 0, "evidence", "degree", value=1)),
+    "huge elevation": ("scheduled", put("claims", 0, "evidence", "elevation", value=17)),
+    "elevation negative": ("slack", put("claims", 0, "evidence", "elevation", value=-1)),
     "simplex for a box": ("scheduled", drop("law", "on")),
     "one Z less": ("scheduled", lambda found: found["law"]["Z"].pop()),
     "one W and Z less": ("scheduled", lambda f: (f["law"]["Z"].pop(), f["law"]["W"].pop())),
-    "one P less": ("slack", lambda found: found["certificate"]["P"].pop()),
-    "no G": ("slack", drop("certificate", "G")),
-    "epsilon in words": ("slack", put("certificate", "epsilon", value="small")),
-    "parts in quadratic": ("quadratic", put("certificate", "parts", value=[])),
-    "no parts of evidence": ("lyapunov", drop("certificate", "parts")),
-    "a part is no table": ("lyapunov", put("certificate", "parts", 0, value=3)),
-    "a part has another key": ("lyapunov", put("certificate", "parts", 0, "P", value=1)),
-    "degree of a part": ("lyapunov", put("certificate", "parts", 1, "degree", value=1)),
-    "too many multiples": ("lyapunov", put("certificate", "parts", 1, "multiple", value=[1, 1])),
-    "multiple is a number": ("lyapunov", put("certificate", "parts", 1, "multiple", value=1)),
-    "method of another law": ("lyapunov", put("method", value="scheduled")),
+    "one P less": ("slack", lambda found: found["claims"][0]["evidence"]["P"].pop()),
+    "no G": ("slack", drop("claims", 0, "evidence", "G")),
+    "epsilon in words": ("slack", put("claims", 0, "evidence", "epsilon", value="small")),
+    "parts in quadratic": ("quadratic", put("claims", 0, "evidence", "parts", value=[])),
+    "no parts of evidence": ("lyapunov", drop("claims", 0, "evidence", "parts")),
+    "a part is no table": ("lyapunov", put("claims", 0, "evidence", "parts", 0, value=3)),
+    "a part has another key": ("lyapunov", put("claims", 0, "evidence", "parts", 0, "P", value=1)),
+    "degree of a part": ("lyapunov", put("claims", 0, "evidence", "parts", 1, "degree", value=1)),
+    "too many multiples": (
+        "lyapunov",
+        put("claims", 0, "evidence", "parts", 1, "multiple", value=[1, 1]),
+    ),
+    "multiple is a number": (
+        "lyapunov",
+        put("claims", 0, "evidence", "parts", 1, "multiple", value=1),
+    ),
+    "method of another law": ("lyapunov", put("claims", 0, "method", value="scheduled")),
 }
 
 NOT_PROVED = {
-    "epsilon zero": ("slack", put("certificate", "epsilon", value=0)),
-    "epsilon negative": ("slack", put("certificate", "epsilon", value=-0.03)),
-    "epsilon gone": ("slack", drop("certificate", "epsilon")),
+    "epsilon zero": ("slack", put("claims", 0, "evidence", "epsilon", value=0)),
+    "epsilon negative": ("slack", put("claims", 0, "evidence", "epsilon", value=-0.03)),
+    "epsilon gone": ("slack", drop("claims", 0, "evidence", "epsilon")),
 }
 
 # Refused by the checker only after it has read the file.
 INCONSISTENT = {
-    "tau on a box": ("scheduled", put("certificate", "tau", value=1)),
+    "tau on a box": ("scheduled", put("claims", 0, "evidence", "tau", value=1)),
     "tau for other regions": ("theorem 1", region("half_plane", decay=0)),
-    "tau and elevation": ("theorem 1", put("certificate", "elevation", value=2)),
-    "a part of evidence less": ("lyapunov", lambda f: f["certificate"]["parts"].pop()),
+    "tau and elevation": ("theorem 1", put("claims", 0, "evidence", "elevation", value=2)),
+    "a part of evidence less": ("lyapunov", lambda f: f["claims"][0]["evidence"]["parts"].pop()),
     "multiples for one gain": (
         "lyapunov",
-        put("certificate", "parts", 0, "multiple", value=[1]),
+        put("claims", 0, "evidence", "parts", 0, "multiple", value=[1]),
     ),
     "work without end": (
         "theorem 1",
         lambda f: (
-            f["certificate"].update(elevation=16),
+            f["claims"][0]["evidence"].update(elevation=16),
             f["plant"].update(vertices=f["plant"]["vertices"] * 8, parameters=[]),
             f["law"].update(W=f["law"]["W"] * 8, Z=f["law"]["Z"] * 8),
         ),
@@ -220,7 +231,7 @@ def test_what_is_no_design_is_refused(documents, tmp_path, capsys, fault):
     assert set(answers(path)) == {"refused"}
     assert time.perf_counter() - begin < SECONDS
     with pytest.raises(work.FormatError):
-        placement.read(path.read_text())
+        loads(path.read_text())
 
 
 @pytest.mark.parametrize("fault", NOT_PROVED)
@@ -236,7 +247,7 @@ def inconsistent(documents, tmp_path, fault):
 
     def edited(found):
         if fault.startswith("tau"):
-            found["certificate"]["tau"] = 1
+            found["claims"][0]["evidence"]["tau"] = 1
         edit(found)
 
     return written(documents, tmp_path, name, edited)
@@ -253,7 +264,7 @@ def test_and_is_never_proved(documents, tmp_path, fault):
     path = inconsistent(documents, tmp_path, fault)
     begin = time.perf_counter()
     with pytest.raises(work.FormatError):
-        placement.prove(placement.read(path.read_text())[0])
+        prove(poles_in(path.read_text()))
     assert time.perf_counter() - begin < SECONDS
 
 
@@ -266,13 +277,13 @@ def test_a_law_of_no_kind_is_refused(documents, tmp_path, capsys):
 def test_a_small_file_asks_for_no_more_than_seconds_of_work(tmp_path):
     """Eight scalar vertices and elevation 16: two kilobytes, within all limits there are."""
     one = [[[Fraction(1)]]] * 8
-    law = placement.Law(None, one, [[[Fraction(0)]]] * 8, 1)
+    law = Law(None, one, [[[Fraction(0)]]] * 8, 1)
     disk = (regions.Part("disk", (Fraction(-3), Fraction(1))),)
-    evidence = (placement.Evidence([], elevation=16),)
-    claim = placement.Claim("scheduled", [[[Fraction(-3)]]] * 8, one, disk, law, evidence)
+    evidence = (Evidence([], elevation=16),)
+    claim = Poles("scheduled", [[[Fraction(-3)]]] * 8, one, disk, law, evidence)
     begin = time.perf_counter()
     with pytest.raises(work.FormatError):
-        placement.prove(claim)
+        prove(claim)
     assert time.perf_counter() - begin < SECONDS
 
 
@@ -280,26 +291,26 @@ def test_a_small_file_asks_for_no_more_than_seconds_of_work(tmp_path):
 
 ONE, ZERO = [[Fraction(1)]], [[Fraction(0)]]
 HALF_PLANE = regions.Part("half_plane", (Fraction(1, 2),))
-FIXED = placement.Law([ZERO])
-SCHEDULED = placement.Law(None, [ONE] * 3, [ZERO] * 3, 1)
-EVIDENCE = placement.Evidence([ONE])
+FIXED = Law([ZERO])
+SCHEDULED = Law(None, [ONE] * 3, [ZERO] * 3, 1)
+EVIDENCE = Evidence([ONE])
 
 
 def scalars(method="lyapunov", law=FIXED, evidence=(EVIDENCE,), N=3, **others):
     """x' = -x, N times: every pole is -1, every certificate that is one proves it."""
     A, B = [[[Fraction(-1)]]] * N, [ONE] * N
-    return placement.Claim(method, A, B, (HALF_PLANE,), law, tuple(evidence), **others)
+    return Poles(method, A, B, (HALF_PLANE,), law, tuple(evidence), **others)
 
 
-SLACK = placement.Evidence([ONE] * 3, 1, G=ONE, epsilon=Fraction(1, 10))
+SLACK = Evidence([ONE] * 3, 1, G=ONE, epsilon=Fraction(1, 10))
 GOOD = {
     "one gain": scalars(),
     "one gain, quadratic": scalars("quadratic"),
-    "gains at the corners": scalars(law=placement.Law([ZERO] * 3)),
+    "gains at the corners": scalars(law=Law([ZERO] * 3)),
     "weights": scalars(weights=(Fraction(1), Fraction(1, 2), Fraction(3, 2))),
-    "scheduled": scalars("scheduled", SCHEDULED, [placement.Evidence([])]),
+    "scheduled": scalars("scheduled", SCHEDULED, [Evidence([])]),
     "scheduled, given": scalars(
-        law=SCHEDULED, evidence=[placement.Evidence([ZERO], multiple=(Fraction(1),))]
+        law=SCHEDULED, evidence=[Evidence([ZERO], multiple=(Fraction(1),))]
     ),
     "slack": scalars("slack", evidence=[SLACK]),
     "a box": scalars(N=4, on="box"),
@@ -313,66 +324,64 @@ BAD = {
     "vertices of B": replace(scalars(), B=[ONE]),
     "three corners of a box": scalars(on="box"),
     "a ball": scalars(on="ball"),
-    "no law": scalars(law=placement.Law()),
+    "no law": scalars(law=Law()),
     "two laws": scalars(law=replace(SCHEDULED, K=[ZERO])),
-    "two gains for three corners": scalars(law=placement.Law([ZERO] * 2)),
-    "no gain": scalars(law=placement.Law([])),
-    "gains at the corners, quadratic": scalars("quadratic", placement.Law([ZERO] * 3)),
-    "gains at the corners, slack": scalars("slack", placement.Law([ZERO] * 3), [SLACK]),
+    "two gains for three corners": scalars(law=Law([ZERO] * 2)),
+    "no gain": scalars(law=Law([])),
+    "gains at the corners, quadratic": scalars("quadratic", Law([ZERO] * 3)),
+    "gains at the corners, slack": scalars("slack", Law([ZERO] * 3), [SLACK]),
     "scheduled law, quadratic": scalars("quadratic", SCHEDULED),
-    "one gain, scheduled": scalars("scheduled", evidence=[placement.Evidence([])]),
-    "W too few": scalars("scheduled", replace(SCHEDULED, W=[ONE] * 2), [placement.Evidence([])]),
-    "Z too few": scalars("scheduled", replace(SCHEDULED, Z=[ZERO] * 2), [placement.Evidence([])]),
-    "degree of the law": scalars(
-        "scheduled", replace(SCHEDULED, degree=2), [placement.Evidence([])]
-    ),
+    "one gain, scheduled": scalars("scheduled", evidence=[Evidence([])]),
+    "W too few": scalars("scheduled", replace(SCHEDULED, W=[ONE] * 2), [Evidence([])]),
+    "Z too few": scalars("scheduled", replace(SCHEDULED, Z=[ZERO] * 2), [Evidence([])]),
+    "degree of the law": scalars("scheduled", replace(SCHEDULED, degree=2), [Evidence([])]),
     "X of a scheduled law": scalars("scheduled", SCHEDULED),
-    "degree of X": scalars(evidence=[placement.Evidence([ONE], 1)]),
-    "X too few": scalars(evidence=[placement.Evidence([])]),
-    "degree, quadratic": scalars("quadratic", evidence=[placement.Evidence([ONE] * 3, 1)]),
-    "negative elevation": scalars(evidence=[placement.Evidence([ONE], elevation=-1)]),
-    "huge elevation": scalars(evidence=[placement.Evidence([ONE], elevation=17)]),
+    "degree of X": scalars(evidence=[Evidence([ONE], 1)]),
+    "X too few": scalars(evidence=[Evidence([])]),
+    "degree, quadratic": scalars("quadratic", evidence=[Evidence([ONE] * 3, 1)]),
+    "negative elevation": scalars(evidence=[Evidence([ONE], elevation=-1)]),
+    "huge elevation": scalars(evidence=[Evidence([ONE], elevation=17)]),
     "weights too few": scalars(weights=(Fraction(1),)),
     "weights, quadratic": scalars("quadratic", weights=(Fraction(1),) * 3),
     "weights, scheduled": replace(GOOD["scheduled, given"], weights=(Fraction(1),) * 3),
     "multiples too many": scalars(
-        law=SCHEDULED, evidence=[placement.Evidence([ZERO], multiple=(Fraction(1),) * 3)]
+        law=SCHEDULED, evidence=[Evidence([ZERO], multiple=(Fraction(1),) * 3)]
     ),
-    "multiples of one gain": scalars(evidence=[placement.Evidence([ONE], multiple=(Fraction(1),))]),
+    "multiples of one gain": scalars(evidence=[Evidence([ONE], multiple=(Fraction(1),))]),
     "no G": scalars("slack", evidence=[replace(SLACK, G=None)]),
-    "G, quadratic": scalars("quadratic", evidence=[placement.Evidence([ONE], G=ONE)]),
-    "tau": scalars(evidence=[placement.Evidence([ONE], tau=Fraction(1))]),
+    "G, quadratic": scalars("quadratic", evidence=[Evidence([ONE], G=ONE)]),
+    "tau": scalars(evidence=[Evidence([ONE], tau=Fraction(1))]),
 }
 WRONG = {
     "weight zero": scalars(weights=(Fraction(1), Fraction(0), Fraction(1))),
     "weight negative": scalars(weights=(Fraction(-1),) * 3),
-    "X negative": scalars(evidence=[placement.Evidence([[[Fraction(-1)]]])]),
-    "X zero": scalars(evidence=[placement.Evidence([ZERO])]),
+    "X negative": scalars(evidence=[Evidence([[[Fraction(-1)]]])]),
+    "X zero": scalars(evidence=[Evidence([ZERO])]),
     "W negative": scalars(
-        "scheduled", replace(SCHEDULED, W=[[[Fraction(-1)]]] * 3), [placement.Evidence([])]
+        "scheduled", replace(SCHEDULED, W=[[[Fraction(-1)]]] * 3), [Evidence([])]
     ),
     "multiple negative": scalars(
-        law=SCHEDULED, evidence=[placement.Evidence([ZERO], multiple=(Fraction(-1),))]
+        law=SCHEDULED, evidence=[Evidence([ZERO], multiple=(Fraction(-1),))]
     ),
     "G negative": scalars("slack", evidence=[replace(SLACK, G=[[Fraction(-1)]])]),
-    "gain of a corner": scalars(law=placement.Law([ZERO, ZERO, ONE])),
+    "gain of a corner": scalars(law=Law([ZERO, ZERO, ONE])),
 }
 
 
 @pytest.mark.parametrize("claim", GOOD)
 def test_claims_without_a_file_are_proved(claim):
-    assert placement.prove(GOOD[claim]).proved
+    assert prove(GOOD[claim]).proved
 
 
 @pytest.mark.parametrize("claim", BAD)
 def test_claims_that_do_not_fit_together_are_refused(claim):
     with pytest.raises(work.FormatError):
-        placement.prove(BAD[claim])
+        prove(BAD[claim])
 
 
 @pytest.mark.parametrize("claim", WRONG)
 def test_claims_whose_numbers_are_wrong_are_not_proved(claim):
-    assert not placement.prove(WRONG[claim]).proved
+    assert not prove(WRONG[claim]).proved
 
 
 NO_REGIONS = [
@@ -390,9 +399,9 @@ def test_numbers_that_make_no_region_are_neither_proved_nor_refuted(part):
     for W in (1, -1):
         claim = certified(part, W)
         for decide in (
-            placement.prove,
+            prove,
             check_claim,
-            lambda c: placement.poles_inside(c, [Fraction(1)]),
+            lambda c: c.poles_inside([Fraction(1)]),
         ):
             with pytest.raises(work.FormatError, match=r"region\.(centre|radius|slope|d)"):
                 decide(claim)
@@ -400,6 +409,6 @@ def test_numbers_that_make_no_region_are_neither_proved_nor_refuted(part):
 
 def certified(part, W):
     """x' = -x with no gain at all and the Lyapunov matrix W."""
-    law, evidence = placement.Law([[[Fraction(0)]]]), placement.Evidence([[[Fraction(W)]]])
+    law, evidence = Law([[[Fraction(0)]]]), Evidence([[[Fraction(W)]]])
     A, B = [[[Fraction(-1)]]], [[[Fraction(1)]]]
-    return placement.Claim("quadratic", A, B, (part,), law, (evidence,))
+    return Poles("quadratic", A, B, (part,), law, (evidence,))

@@ -10,21 +10,15 @@ import numpy as np
 import pytest
 
 from polefence.plant.polynomial import Domain
-from polefence.proof.performance import (
-    Baseline,
-    EnergyPeak,
-    Gain,
-    InitialPeak,
-    Output,
-    RelativeRms,
-    Rms,
-    Subject,
-    baseline_loop,
-    prove_performance,
-)
-from polefence.proof.performance.checks import require_consistent, simplices
-from polefence.proof.performance.inequalities import inequalities
-from polefence.proof.placement import Evidence, Law
+from polefence.proof.claims.base import prove
+from polefence.proof.claims.energy_peak import EnergyPeak
+from polefence.proof.claims.gain import Gain
+from polefence.proof.claims.initial_peak import InitialPeak
+from polefence.proof.claims.relative_rms import Baseline, RelativeRms, baseline_loop
+from polefence.proof.claims.rms import Rms
+from polefence.proof.claims.signal import Subject
+from polefence.proof.laws import Evidence, Law
+from polefence.proof.plant import Output
 from polefence.proof.work import FormatError
 
 KINDS = ["rms", "energy", "initial", "gain", "relative"]
@@ -180,14 +174,13 @@ def points(domain, count=2, seed=0):
 @pytest.mark.parametrize("kind", KINDS)
 def test_the_inequalities_are_those_of_the_theorem(kind, form, constant):
     example = Example(kind, form, constant=constant)
-    sizes = simplices(example.claim.subject)
-    assert sizes == example.domain.sizes
-    found = inequalities(example.claim, sizes)
+    assert example.claim.subject.sizes == example.domain.sizes
+    found = list(example.claim.inequalities())
     for coordinates, alpha in points(example.domain):
         expected = example.expected(alpha)
         assert [each.name for each in found] == list(expected)
         for each in found:
-            order = example.domain.monomials(each.degree)
+            order = example.domain.monomials(each.degrees[0])
             weights = [np.prod(coordinates ** np.array(e)) for e in order]
             matrices = [np.array(m, dtype=object) for _, m in each.blocks()]
             assert len(matrices) == each.count == len(order)
@@ -201,15 +194,15 @@ def test_the_inequalities_are_those_of_the_theorem(kind, form, constant):
 
 def test_degrees_are_the_least_that_are_needed():
     one, own = FORMS[0], FORMS[4]
-    assert [i.degree for i in of(Example("rms", one))] == [2, 2]  # E E'
-    assert [i.degree for i in of(Example("rms", one, constant=True))] == [1, 1]
-    assert [i.degree for i in of(Example("gain", one))] == [1, 1]
-    assert [i.degree for i in of(Example("rms", own))] == [3, 3]
-    assert [i.degree for i in of(Example("relative", one))] == [4, 4, 2, 3, 3]
+    assert [i.degrees[0] for i in of(Example("rms", one))] == [2, 2]  # E E'
+    assert [i.degrees[0] for i in of(Example("rms", one, constant=True))] == [1, 1]
+    assert [i.degrees[0] for i in of(Example("gain", one))] == [1, 1]
+    assert [i.degrees[0] for i in of(Example("rms", own))] == [3, 3]
+    assert [i.degrees[0] for i in of(Example("relative", one))] == [4, 4, 2, 3, 3]
 
 
 def of(example):
-    return inequalities(example.claim, simplices(example.claim.subject))
+    return list(example.claim.inequalities())
 
 
 # --- one state -----------------------------------------------------------------------------------
@@ -261,10 +254,10 @@ def test_first_order_loops_have_their_closed_forms_as_bounds(kind):
     least = rational_root(square)
     for share in (Fraction(1, 50), Fraction(1, 1000)):
         level = least * (1 + share)
-        assert prove_performance(first_order(kind, level, X * (1 + share / 3))).proved
+        assert prove(first_order(kind, level, X * (1 + share / 3))).proved
     trials = [X * Fraction(k, 100) for k in range(1, 400, 2)]
     trials += [X, *(X * Fraction(100 + s, 100) for s in (-1, 1))]
-    assert not any(prove_performance(first_order(kind, least * WITHIN, x)).proved for x in trials)
+    assert not any(prove(first_order(kind, least * WITHIN, x)).proved for x in trials)
 
 
 def test_what_passes_straight_through_adds_to_the_gain():
@@ -273,10 +266,7 @@ def test_what_passes_straight_through_adds_to_the_gain():
         args = {"f": Fraction(f)}
         trials = [Fraction(k, 60) for k in range(1, 90)]
         proved = [
-            any(
-                prove_performance(first_order("gain", least * share, x, **args)).proved
-                for x in trials
-            )
+            any(prove(first_order("gain", least * share, x, **args)).proved for x in trials)
             for share in (Fraction(101, 100), WITHIN)
         ]
         assert proved == [True, False]
@@ -296,8 +286,8 @@ def test_the_oscillator():
 
 
 def bracket(claim, true, tolerance):
-    assert prove_performance(claim(Fraction(true * (1 + tolerance)))).proved
-    assert not prove_performance(claim(Fraction(true * (1 - 1e-9)))).proved
+    assert prove(claim(Fraction(true * (1 + tolerance)))).proved
+    assert not prove(claim(Fraction(true * (1 - 1e-9)))).proved
 
 
 def lyapunov(A, Q):
@@ -469,13 +459,13 @@ def test_what_is_proved_is_what_the_lyapunov_matrix_bounds(on, law, kind):
     alphas = [*np.eye(4), *(alpha for _, alpha in points(family.domain, 12))]
     true = max(map(family.truth, alphas))
     if kind == "gain":
-        assert prove_performance(family.claim(1.6 * true)).proved
-        assert not prove_performance(family.claim(0.9999 * true)).proved
+        assert prove(family.claim(1.6 * true)).proved
+        assert not prove(family.claim(0.9999 * true)).proved
         return
     bound = max(map(family.bound, alphas))
     assert true < bound
-    assert prove_performance(family.claim(1.002 * bound)).proved
-    assert not prove_performance(family.claim(0.9999 * bound)).proved
+    assert prove(family.claim(1.002 * bound)).proved
+    assert not prove(family.claim(0.9999 * bound)).proved
 
 
 # --- faults --------------------------------------------------------------------------------------
@@ -499,7 +489,7 @@ def shortened(value, where=""):
 @pytest.mark.parametrize("law", ["one", "corners", "own", "given"])
 def test_a_claim_with_an_entry_missing_is_refused(law, kind):
     claim = Family("simplex", law, kind).claim(20)
-    assert prove_performance(claim).proved
+    assert prove(claim).proved
     if law == "given":
         own = replace(claim.subject.evidence, multiple=(Fraction(0),))
         claim = replace(claim, subject=replace(claim.subject, evidence=own))
@@ -509,10 +499,10 @@ def test_a_claim_with_an_entry_missing_is_refused(law, kind):
             continue  # less is claimed, nothing is a number
         seen.add(path)
         if law == "given" and path == ".subject.evidence.X":  # X = 0 W is what is left
-            assert not prove_performance(fault).proved
+            assert not prove(fault).proved
             continue
         with pytest.raises(FormatError):
-            prove_performance(fault)
+            prove(fault)
     wanted = {".subject.A", ".subject.A[3]", ".subject.B[3][2]", ".output.C[3][0]", ".output.D"}
     assert wanted <= seen
     assert len(seen) > 15
@@ -547,11 +537,11 @@ def test_one_number_wrong_is_one_too_many(on, law, kind):
     else:
         level = 1.002 * max(family.bound(alpha) for alpha in np.eye(4))
     claim = family.claim(level)
-    assert prove_performance(claim).proved
+    assert prove(claim).proved
     for path in TIGHT[kind]:
         down = path[-1] == -1
         fault = changed(claim, path[:1], lambda v, d=down: v / 2 if d else v * 2)
-        assert not prove_performance(fault).proved, path
+        assert not prove(fault).proved, path
     paths = [("output", "C", 1, 0, 0), ("output", "D", 2, 0, 0), ("subject", "A", 0, 0, 1)]
     paths += [("subject", "B", 3, 2, 0), ("subject", "E", 1, 0, 1)]
     paths += {
@@ -568,8 +558,7 @@ def test_one_number_wrong_is_one_too_many(on, law, kind):
         paths += [("F", 1, 0, 1)]
     for path in paths:
         answers = [
-            prove_performance(changed(claim, path, lambda v, more=more: v + more)).proved
-            for more in (-50, 50)
+            prove(changed(claim, path, lambda v, more=more: v + more)).proved for more in (-50, 50)
         ]
         assert not all(answers), path  # another number may be as good, not every other
 
@@ -580,10 +569,10 @@ def test_what_is_not_symmetric_proves_nothing(law):
     places = [("baseline", "stability", "X", 0), ("baseline", "covariance", "X", 1)]
     places += [("subject", "evidence", "X", 0)] if law != "own" else []
     places += [("subject", "law", "W", 1)] if law != "one" else []
-    assert prove_performance(claim).proved
+    assert prove(claim).proved
     for path in places:
         fault = changed(claim, (*path, 1, 0), lambda v: v * (1 + Fraction(1, 2**52)))
-        verdict = prove_performance(fault)
+        verdict = prove(fault)
         assert not verdict.proved
         assert "not symmetric" in verdict.reason
 
@@ -614,7 +603,7 @@ def test_a_claim_that_is_not_consistent_is_named(fault):
     path, value, message = FAULTS[fault]
     claim = Family("simplex", "one", "relative").claim(20)
     with pytest.raises(FormatError, match=message):
-        prove_performance(changed(claim, path, lambda _: value))
+        prove(changed(claim, path, lambda _: value))
 
 
 @pytest.mark.parametrize("kind", ["rms", "initial", "relative"])
@@ -623,17 +612,17 @@ def test_work_out_of_all_proportion_is_refused(kind):
     for name, letters in (("subject", "ABE"), ("output", "CD"), ("baseline", "AEC")):
         for letter in letters if hasattr(claim, name) else "":
             claim = changed(claim, (name, letter), lambda matrices: matrices * N)
-    assert prove_performance(claim).proved
+    assert prove(claim).proved
     elevation = ("subject", "evidence", "elevation")
     with pytest.raises(FormatError, match="more than is checked"):
-        prove_performance(changed(claim, elevation, lambda _: 5))
+        prove(changed(claim, elevation, lambda _: 5))
     for each in ("stability", "covariance") if kind == "relative" else ():
         with pytest.raises(FormatError, match="than are checked"):
-            prove_performance(changed(claim, ("baseline", each, "elevation"), lambda _: 5))
+            prove(changed(claim, ("baseline", each, "elevation"), lambda _: 5))
     if kind == "initial":  # one block a point
         raised = changed(claim, elevation, lambda _: 3)
         with pytest.raises(FormatError, match="than are checked"):
-            prove_performance(replace(raised, points=claim.points * 32))
+            prove(replace(raised, points=claim.points * 32))
 
 
 def test_products_of_what_varies_are_part_of_the_work():
@@ -643,17 +632,17 @@ def test_products_of_what_varies_are_part_of_the_work():
         for letter in letters:
             claim = changed(claim, (name, letter), lambda matrices: matrices * 60)
     claim = changed(claim, ("subject", "evidence", "elevation"), lambda _: 2)
-    require_consistent(claim)
+    claim.require()
     for name, letter in (("subject", "E"), ("baseline", "C")):
         with pytest.raises(FormatError, match="than are checked"):
-            require_consistent(changed(claim, (name, letter, 7, 0, 0), lambda x: x / 2))
+            changed(claim, (name, letter, 7, 0, 0), lambda x: x / 2).require()
 
 
 def test_the_laws_own_matrix_has_its_own_degree_and_one_multiple():
     claim = Family("simplex", "own", "rms").claim(20)
     for key, value in (("degree", 1), ("multiple", (Fraction(1),) * 2)):
         with pytest.raises(FormatError, match="own degree"):
-            prove_performance(changed(claim, ("subject", "evidence", key), lambda _, v=value: v))
+            prove(changed(claim, ("subject", "evidence", key), lambda _, v=value: v))
 
 
 def test_points_and_impulses_are_needed():
@@ -665,9 +654,9 @@ def test_points_and_impulses_are_needed():
         (claim.points * 40, (), "more than 64"),
     ):
         with pytest.raises(FormatError, match=message):
-            prove_performance(replace(claim, points=points_, impulses=impulses))
+            prove(replace(claim, points=points_, impulses=impulses))
     bare = replace(claim, subject=replace(claim.subject, E=[]), impulses=())
-    assert prove_performance(bare).proved  # nothing is driven
+    assert prove(bare).proved  # nothing is driven
 
 
 def test_the_passive_loop_is_what_is_left_without_its_integral():

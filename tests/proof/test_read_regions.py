@@ -13,8 +13,9 @@ import pytest
 
 from polefence.base.errors import RegionError
 from polefence.cli.main import main
-from polefence.proof import placement, regions, work
+from polefence.proof import regions, work
 from polefence.proof.__main__ import main as alone
+from polefence.proof.regions import parts_of
 from polefence.region.regions import CLASSES, Ellipse, HalfPlane, Sector, region_of
 
 NUMBERS = [
@@ -29,7 +30,7 @@ def read(kind, numbers):
     """The part that the checker reads, None where it refuses."""
     table = {"kind": kind} | dict(zip(regions.KINDS[kind], numbers, strict=True))
     try:
-        return placement.read_region(json.loads(json.dumps(table)))
+        return parts_of(json.loads(json.dumps(table)))
     except work.FormatError as error:
         return None if FAULT.fullmatch(str(error)) else str(error)
 
@@ -57,7 +58,7 @@ def test_every_sector_is_read():
     """The checker's own rounding of the slope is that of the region, which rounds it down."""
     dice = np.random.default_rng(13)
     for damping in [*dice.uniform(1e-8, 1, 2000), *10 ** dice.uniform(-8, 0, 2000)]:
-        (part,) = placement.read_region(Sector(float(damping)).document())
+        (part,) = parts_of(Sector(float(damping)).document())
         ratio, slope = part.numbers
         steeper = slope * (1 + Fraction(1, 2**50))
         assert ratio**2 * (1 + slope**2) <= 1 < ratio**2 * (1 + steeper**2)
@@ -65,24 +66,29 @@ def test_every_sector_is_read():
 
 def test_regions_of_all_kinds_are_read_in_an_intersection():
     whole = HalfPlane(1) & Sector(0.3) & Ellipse(-9, 8, 7)
-    assert len(placement.read_region(whole.document())) == 3
+    assert len(parts_of(whole.document())) == 3
     assert set(CLASSES) == set(regions.KINDS)
 
 
 def scalar(path, pole, region):
     """A design file of x' = pole x, with no control, that claims a region."""
     document = {
-        "format": "polefence-design",
-        "version": 1,
+        "format": "polefence-proof",
+        "version": 2,
         "plant": {
             "name": "x",
             **{key: [] for key in ("states", "inputs", "disturbances", "parameters")},
             "vertices": [{"A": [[pole]], "B": [[1]]}],
         },
-        "region": region,
-        "method": "quadratic",
         "law": {"kind": "fixed", "K": [[0]]},
-        "certificate": {"W": [[1]]},
+        "claims": [
+            {
+                "kind": "region",
+                "region": region,
+                "method": "quadratic",
+                "evidence": {"W": [[1]]},
+            }
+        ],
     }
     path.write_text(json.dumps(document))
     return path

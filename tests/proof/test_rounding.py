@@ -13,9 +13,14 @@ from polefence.export.c99.number import number
 from polefence.export.c99.program import Scheduled as Code
 from polefence.export.c99.program import program
 from polefence.export.guarantee import code_of, guarantee, scales
-from polefence.proof.placement import Claim, Law
+from polefence.proof.claims.base import prove
+from polefence.proof.claims.gain_error import GainError
+from polefence.proof.claims.margins import Subject
+from polefence.proof.claims.poles import Poles
+from polefence.proof.claims.rounding import Code as Constants
+from polefence.proof.claims.rounding import Rounded, rounding_error
+from polefence.proof.laws import Evidence, Law
 from polefence.proof.regions import Part
-from polefence.proof.rounding import prove_rounding, rounding_error
 from polefence.proof.work import FormatError
 
 CASES = {
@@ -155,7 +160,7 @@ def faults():
 @pytest.mark.parametrize("fault", dict(faults()))
 def test_a_fault_is_not_proved(fault):
     _, _, found = made("parameters")
-    assert not prove_rounding(dict(faults())[fault](found.claim)).proved
+    assert not prove(dict(faults())[fault](found.claim)).proved
 
 
 def malformed():
@@ -229,7 +234,7 @@ def malformed():
 def test_what_does_not_fit_together_is_refused(fault):
     _, _, found = made("parameters")
     with pytest.raises(FormatError):
-        prove_rounding(dict(malformed())[fault](found.claim))
+        prove(dict(malformed())[fault](found.claim))
 
 
 def test_an_error_a_trifle_too_small_is_not_proved():
@@ -238,23 +243,22 @@ def test_an_error_a_trifle_too_small_is_not_proved():
     error = rounding_error(found.claim)
     for share, proved in ((1, True), (1 - Fraction(1, 2**70), False)):
         gain = replace(found.claim.gain, error=error * share)
-        assert prove_rounding(replace(found.claim, gain=gain)).proved is proved
+        assert prove(replace(found.claim, gain=gain)).proved is proved
 
 
 def test_a_small_file_cannot_ask_for_hours():
     many = [[[Fraction(-1)]]] * 16
-    from polefence.proof.rounding import Code as Constants
-    from polefence.proof.rounding import Rounded
-    from polefence.proof.service import Gain, Subject
 
     one = [[Fraction(1)]]
     law = Law(W=[one] * 16, Z=[one] * 16, degree=1)
     disk = Part("disk", (Fraction(-3), Fraction(2)))
-    design = Claim("scheduled", many, [one] * 16, (disk,), law, ())
-    gain = Gain(Subject(design), Fraction(1, 10), (Fraction(1),), ((Fraction(1),),), (Fraction(1),))
+    design = Poles("scheduled", many, [one] * 16, (disk,), law, (Evidence([]),))
+    gain = GainError(
+        Subject(design), Fraction(1, 10), (Fraction(1),), ((Fraction(1),),), (Fraction(1),)
+    )
     code = Constants(32, None, one, (one,) * 16, (one,) * 16)
     with pytest.raises(FormatError, match="more inequalities"):
-        prove_rounding(Rounded(gain, code, Fraction(1, 2), Fraction(2), 16))
+        prove(Rounded(gain, code, Fraction(1, 2), Fraction(2), 16))
 
 
 def test_a_share_clamped_inside_its_interval_is_not_proved():
@@ -262,7 +266,7 @@ def test_a_share_clamped_inside_its_interval_is_not_proved():
     code = found.claim.code
     inside = replace(code.shares[0], low=code.shares[0].low + 1)
     claim = replace(found.claim, code=replace(code, shares=(inside, code.shares[1])))
-    assert "clamped inside" in prove_rounding(claim).reason
+    assert "clamped inside" in prove(claim).reason
 
 
 def test_too_little_margin_is_refused_for_float32_and_proved_for_float64():

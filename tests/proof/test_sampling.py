@@ -13,9 +13,9 @@ from polefence import Disk, HalfPlane, Sector, UncertainPlant, place
 from polefence.design.design import Design
 from polefence.export.sampled.proof import prove_decay
 from polefence.plant.parameters import Parameter
-from polefence.proof.placement import closed_loop, simplices
-from polefence.proof.sampling import Off, loop_claim, prove_sampling, step_error
-from polefence.proof.sampling.error import exponential, held_size
+from polefence.proof.claims.base import prove
+from polefence.proof.claims.sampled import Off, loop_claim
+from polefence.proof.claims.steps import exponential, held_size, step_error
 from polefence.proof.work import FormatError
 
 TIME = 0.02
@@ -100,7 +100,7 @@ def by_expm(own, alpha, time, delay):
 @pytest.mark.parametrize("kind", ["box", "corners"])
 def test_the_error_of_the_steps_is_bounded_and_not_by_far(kind):
     claim = proof(kind).claim
-    bound = float(step_error(claim, simplices(loop_claim(claim).subject.design)))
+    bound = float(step_error(claim, loop_claim(claim).subject.design.sizes))
     T, S = np.array(claim.T, dtype=float), np.diag(np.array(claim.scale, dtype=float))
     steps, worst = np.array(claim.steps, dtype=float), 0.0
     for a in points(kind, 200):
@@ -115,7 +115,7 @@ def test_the_error_of_the_steps_is_bounded_and_not_by_far(kind):
 def test_the_loop_of_the_claim_is_that_of_design_and_steps(delay):
     claim = proof("box", delay).claim
     alpha = [Fraction(a) for a in ("1/5", "3/10", "1/5", "3/10")]
-    exact = np.array(closed_loop(loop_claim(claim).subject.design, alpha), dtype=float)
+    exact = np.array(loop_claim(claim).subject.design.closed_loop(alpha), dtype=float)
     z = np.sort_complex(np.linalg.eigvals(exact))
     own = by_expm(design("box"), np.array(alpha, dtype=float), TIME, delay)
     # they differ by the steps' error, which is small
@@ -146,7 +146,7 @@ def test_an_error_of_the_gain_is_tolerated_besides():
     assert other.decay < one.decay < proof("box").decay
     assert one.check().proved
     # that much is not covered by the claim without
-    assert not prove_sampling(replace(proof("box").claim, off=small)).proved
+    assert not prove(replace(proof("box").claim, off=small)).proved
     # and a gain that is off by so much keeps the decay
     C, random = np.array(columns, dtype=float), np.random.default_rng(2)
     for a in points("box", 30):
@@ -222,8 +222,8 @@ FAULTS = {
 @pytest.mark.parametrize("name", FAULTS)
 def test_a_fault_is_found(name):
     claim = proof("box").claim
-    assert prove_sampling(claim).proved
-    assert not prove_sampling(FAULTS[name](claim)).proved
+    assert prove(claim).proved
+    assert not prove(FAULTS[name](claim)).proved
 
 
 REFUSED = {
@@ -253,7 +253,7 @@ REFUSED = {
 @pytest.mark.parametrize("name", REFUSED)
 def test_what_does_not_fit_is_refused(name):
     with pytest.raises(FormatError):
-        prove_sampling(REFUSED[name](proof("box").claim))
+        prove(REFUSED[name](proof("box").claim))
 
 
 WITHOUT = {
@@ -267,4 +267,4 @@ WITHOUT = {
 @pytest.mark.parametrize("name", WITHOUT)
 def test_a_fault_without_delay_is_found(name):
     claim = proof("box", 0).claim
-    assert not prove_sampling(WITHOUT[name](claim)).proved
+    assert not prove(WITHOUT[name](claim)).proved

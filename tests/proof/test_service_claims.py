@@ -15,12 +15,16 @@ from polefence import Certificate, Parameter, Scheduled, UncertainPlant, place
 from polefence.design.margins import in_service
 from polefence.law.laws import FixedGain, ScheduledGain
 from polefence.plant.polynomial import Domain
-from polefence.proof import service
-from polefence.proof.service import Estimate, Gain, Range, Rate, Subject, prove_service
-from polefence.proof.service.inequalities import _order, blocks
-from polefence.proof.service.pieces import cells, estimates, family_of
+from polefence.proof.claims.base import prove
+from polefence.proof.claims.estimate import Estimate
+from polefence.proof.claims.gain_error import GainError
+from polefence.proof.claims.margins import Subject, cells
+from polefence.proof.claims.rate import Rate
+from polefence.proof.document import loads
+from polefence.proof.plant import Range
 from polefence.proof.work import FormatError
 from polefence.region.regions import Disk, Ellipse, HalfPlane, Sector, VerticalStrip
+from support.files import only_claim_in
 
 REGIONS = {
     "disk": Disk(-3, 2),
@@ -84,16 +88,16 @@ def subject_of(certificate, pieces, elevation=0) -> Subject:
 
 
 def evaluated(claim, coordinates):
-    """For each piece the value of every polynomial at these coordinates, names by kind of block."""
-    family = family_of(claim.subject)
-    found = list(blocks(claim))
-    for cell in estimates(claim) if isinstance(claim, Estimate) else cells(claim.subject):
-        order = _order(family, cell, claim.subject)
-        weights = np.array([np.prod(np.power(coordinates, e)) for e in order])
-        mine = [found.pop(0) for _ in range(len(found)) if found[0][0].endswith(cell.name)]
+    """For each piece the value of every polynomial at these coordinates."""
+    found = list(claim.inequalities())
+    for cell in claim.cells() if isinstance(claim, Estimate) else cells(claim.subject):
         values = []
-        for start in range(0, len(mine), len(order)):
-            matrices = np.array([m for _, m in mine[start : start + len(order)]], dtype=float)
+        while found and found[0].piece == cell.name:
+            blocks = list(found.pop(0).blocks())
+            weights = np.array(
+                [np.prod(np.power(coordinates, place.powers)) for place, _ in blocks]
+            )
+            matrices = np.array([m for _, m in blocks], dtype=float)
             values.append(np.tensordot(weights, matrices, 1))
         yield values
     assert not found
@@ -176,7 +180,9 @@ def test_gains_have_petersens_schur_complement(degree, on, region, boxed):
     rows, columns = (1.0, 0.5), (3.0, 0.25)
     mu = tuple(0.5 + k for k in range(len(region.pairs())))
     fractions = (tuple(map(Fraction, values)) for values in (rows, columns, mu))
-    claim = Gain(subject_of(certificate, (2, 1) if boxed else (), 1), Fraction(1, 8), *fractions)
+    claim = GainError(
+        subject_of(certificate, (2, 1) if boxed else (), 1), Fraction(1, 8), *fractions
+    )
     if boxed:
         tau = np.array([0.3, 0.6])
         coordinates = np.stack([1 - tau, tau], axis=1).ravel()
@@ -288,15 +294,15 @@ def proved():
     design = place(plant, Disk(-3, 2.2), Scheduled(1, 1, "box"))
     found = in_service(design, 0.1)
     assert found.proved
-    return {margin.name: found.document(margin) for margin in found}
+    return {margin.name: json.loads(found.file(margin).dumps()) for margin in found}
 
 
 NAMES = ["estimate-m", "estimate-k", "estimate", "gain", "rate-m", "rate-k", "rate"]
 
 
 def answer(document):
-    claim, _ = service.read_service(json.dumps(document))
-    return prove_service(claim).proved
+    claim = only_claim_in(json.dumps(document))
+    return prove(claim).proved
 
 
 def changed(document, *keys, value):
@@ -312,18 +318,18 @@ def changed(document, *keys, value):
 def test_what_is_proved_is_nearly_all_that_is(proved, name):
     document = proved[name]
     assert answer(document)
-    table = document["service"]
-    key = {"estimate": "errors", "gain": "error", "rate": "rates"}[table["kind"]]
+    table = document["claims"][0]
+    key = {"estimate": "errors", "gain error": "error", "rate": "rates"}[table["kind"]]
     more = (lambda v: v * 1.01) if key == "error" else (lambda v: [x * 1.01 for x in v])
     less = (lambda v: v * 0.5) if key == "error" else (lambda v: [x * 0.5 for x in v])
-    assert not answer(changed(document, "service", key, value=more))
-    assert answer(changed(document, "service", key, value=less))
+    assert not answer(changed(document, "claims", 0, key, value=more))
+    assert answer(changed(document, "claims", 0, key, value=less))
 
 
 @pytest.mark.parametrize("name", NAMES)
 def test_one_fault_in_the_design_at_a_time(proved, name):
     document = proved[name]
-    law, vertex = ("design", "law"), ("design", "plant", "vertices", 3)
+    law, vertex = ("law",), ("plant", "vertices", 3)
     tilted = changed(document, *law, "W", 0, 0, 1, value=lambda v: v * (1 + 1e-12))
     assert not answer(tilted)  # W is not symmetric
     for place_ in (
@@ -342,13 +348,13 @@ def test_one_fault_in_the_design_at_a_time(proved, name):
 @pytest.mark.parametrize("name", NAMES)
 def test_the_ranges_are_part_of_the_claim(proved, name):
     """Other intervals, or 1/m in place of m, make other numbers of the same claim."""
-    document, kind = proved[name], proved[name]["service"]["kind"]
-    parameters = ("design", "plant", "parameters")
+    document, kind = proved[name], proved[name]["claims"][0]["kind"]
+    parameters = ("plant", "parameters")
     narrow = changed(document, *parameters, 0, "range", value=[1, 1.2])
     narrow = changed(narrow, *parameters, 1, "range", value=[1, 1.2])
     number, through = (0, "m") if name.endswith("m") else (1, "1/k")
     flipped = changed(document, *parameters, number, "through", value=through)
-    if kind == "gain":  # which is about alpha alone
+    if kind == "gain error":  # which is about alpha alone
         assert answer(narrow)
         assert answer(flipped)
         return
@@ -361,30 +367,30 @@ def test_the_ranges_are_part_of_the_claim(proved, name):
 def test_faults_of_single_claims(proved):
     gain, rate, estimate = proved["gain"], proved["rate"], proved["estimate"]
     for factor in (0.01, 100):
-        mu = changed(gain, "service", "mu", value=lambda v, f=factor: [x * f for x in v])
+        mu = changed(gain, "claims", 0, "mu", value=lambda v, f=factor: [x * f for x in v])
         assert not answer(mu)
     for key in ("rows", "columns"):
-        wider = changed(gain, "service", key, value=lambda v: [x * 1.1 for x in v])
+        wider = changed(gain, "claims", 0, key, value=lambda v: [x * 1.1 for x in v])
         assert not answer(wider)
-    assert not answer(changed(rate, "service", "decay", value=3))
-    assert not answer(changed(gain, "design", "region", "radius", value=2.0))
-    assert not answer(changed(estimate, "design", "region", "radius", value=2.0))
+    assert not answer(changed(rate, "claims", 0, "decay", value=3))
+    assert not answer(changed(gain, "claims", 0, "region", "radius", value=2.0))
+    assert not answer(changed(estimate, "claims", 0, "region", "radius", value=2.0))
     with pytest.raises(FormatError, match="radius"):
-        answer(changed(estimate, "design", "region", "radius", value=-1))
-    assert answer(changed(rate, "design", "region", "radius", value=2.0))  # rates are of motion
+        answer(changed(estimate, "claims", 0, "region", "radius", value=-1))
+    assert answer(changed(rate, "claims", 0, "region", "radius", value=2.0))  # rates are of motion
     wide, narrow = ({"kind": "disk", "centre": -3, "radius": r} for r in (2.5, 2.0))
     for document in (gain, estimate):
-        assert answer(changed(document, "service", value=lambda t: t | {"region": wide}))
-        assert not answer(changed(document, "service", value=lambda t: t | {"region": narrow}))
+        assert answer(changed(document, "claims", 0, value=lambda t: t | {"region": wide}))
+        assert not answer(changed(document, "claims", 0, value=lambda t: t | {"region": narrow}))
 
 
 def test_a_sector_is_what_its_damping_says(proved):
     sector = Sector(0.05).document()
-    claimed = changed(proved["estimate"], "service", value=lambda t: t | {"region": sector})
+    claimed = changed(proved["estimate"], "claims", 0, value=lambda t: t | {"region": sector})
     assert answer(claimed)
     for damping in (0.01, 0.99):
         with pytest.raises(FormatError, match="slope"):
-            answer(changed(claimed, "service", "region", "damping", value=damping))
+            answer(changed(claimed, "claims", 0, "region", "damping", value=damping))
 
 
 def test_finer_proofs_prove_more():
@@ -399,7 +405,7 @@ def test_finer_proofs_prove_more():
                 certificate, _ = random_claim(plant, 2, "box", HalfPlane(middle), seed)
                 subject = subject_of(certificate, (fineness[0],) * 2, fineness[1])
                 claim = Estimate(subject, (Fraction(0), Fraction(0)))
-                low, high = (middle, high) if prove_service(claim).proved else (low, middle)
+                low, high = (middle, high) if prove(claim).proved else (low, middle)
             reached[fineness] = low
         assert reached[3, 0] >= reached[1, 0] <= reached[1, 2]
         won += reached[3, 0] > reached[1, 0]
@@ -407,29 +413,29 @@ def test_finer_proofs_prove_more():
 
 
 FAULTS = {
-    "kind": (("service", "kind"), "delay", "must be one of"),
-    "other kind": (("service", "kind"), "gain", "unknown key service.errors"),
-    "unknown key": (("service", "margin"), 1, "unknown key service.margin"),
-    "unknown top": (("note",), 1, "unknown key file.note"),
-    "version": (("version",), 2, "version 2"),
-    "format": (("format",), "polefence-design", "polefence-service"),
-    "no design": (("design",), None, "design"),
-    "design of another format": (("design", "format"), "x", "design"),
-    "errors missing": (("service", "errors"), [0], "errors must hold 2"),
-    "negative": (("service", "errors"), [0, -1], "zero or more"),
-    "word": (("service", "errors"), [0, "x"], "not a finite number"),
-    "pieces": (("service", "pieces"), [1], "one whole number a parameter"),
-    "no pieces": (("service", "pieces"), [0, 1], "1 to 64"),
-    "many pieces": (("service", "pieces"), [65, 1], "1 to 64"),
-    "half a piece": (("service", "pieces"), [1.5, 1], "whole numbers"),
-    "work": (("service",), None, "more inequalities"),
-    "elevation": (("service", "elevation"), 17, "0 to 16"),
-    "parameters": (("design", "plant", "parameters"), [], "parameters holds 0"),
-    "range": (("design", "plant", "parameters", 0, "range"), [2, 1], "empty"),
-    "zero": (("design", "plant", "parameters", 0, "range"), [-1, 1], "touches zero"),
-    "one bound": (("design", "plant", "parameters", 0, "range"), [1], "two numbers"),
-    "through": (("design", "plant", "parameters", 0, "through"), "m**2", "through"),
-    "name": (("design", "plant", "parameters", 0, "name"), "k", "through"),
+    "kind": (("claims", 0, "kind"), "delay", "must be one of"),
+    "other kind": (("claims", 0, "kind"), "gain error", "is missing|unknown key"),
+    "unknown key": (("claims", 0, "margin"), 1, "unknown key .*margin"),
+    "unknown top": (("note",), 1, "unknown key note"),
+    "version": (("version",), 3, "version 3"),
+    "format": (("format",), "polefence-service", "polefence-proof|polefence 0.1"),
+    "no design": (("plant",), None, "plant must be a table"),
+    "law of another kind": (("law", "kind"), "x", "must be"),
+    "errors missing": (("claims", 0, "errors"), [0], "errors must hold 2"),
+    "negative": (("claims", 0, "errors"), [0, -1], "zero or more"),
+    "word": (("claims", 0, "errors"), [0, "x"], "not a finite number"),
+    "pieces": (("claims", 0, "pieces"), [1], "list of 2 entries"),
+    "no pieces": (("claims", 0, "pieces"), [0, 1], "1 to 64"),
+    "many pieces": (("claims", 0, "pieces"), [65, 1], "1 to 64"),
+    "half a piece": (("claims", 0, "pieces"), [1.5, 1], "whole numbers"),
+    "work": (("claims", 0), None, "more inequalities"),
+    "elevation": (("claims", 0, "elevation"), 17, "0 to 16"),
+    "parameters": (("plant", "parameters"), [], "parameters holds 0"),
+    "range": (("plant", "parameters", 0, "range"), [2, 1], "empty"),
+    "zero": (("plant", "parameters", 0, "range"), [-1, 1], "touches zero"),
+    "one bound": (("plant", "parameters", 0, "range"), [1], "list of 2 entries"),
+    "through": (("plant", "parameters", 0, "through"), "m**2", "through"),
+    "name": (("plant", "parameters", 0, "name"), "k", "through"),
 }
 
 
@@ -438,7 +444,7 @@ def test_a_malformed_file_is_named(proved, fault):
     keys, value, message = FAULTS[fault]
     if fault == "work":
         large = {"pieces": [64, 64], "elevation": 16}
-        document = changed(proved["estimate"], "service", value=lambda t: t | large)
+        document = changed(proved["estimate"], "claims", 0, value=lambda t: t | large)
     else:
         holder = copy.deepcopy(proved["estimate"])
         place_ = holder
@@ -453,16 +459,16 @@ def test_a_malformed_file_is_named(proved, fault):
 def test_claims_that_do_not_fit_together(proved):
     rate, gain = proved["rate"], proved["gain"]
     with pytest.raises(FormatError, match="only one W"):
-        answer(changed(rate, "service", "rates", value="any"))
+        answer(changed(rate, "claims", 0, "rates", value="any"))
     with pytest.raises(FormatError, match="rows must hold 1"):
-        answer(changed(gain, "service", "rows", value=[1, 1]))
+        answer(changed(gain, "claims", 0, "rows", value=[1, 1]))
     with pytest.raises(FormatError, match="mu must be positive"):
-        answer(changed(gain, "service", "mu", value=[0]))
+        answer(changed(gain, "claims", 0, "mu", value=[0]))
     with pytest.raises(FormatError, match="continuous time"):
-        answer(changed(rate, "design", "plant", value=lambda t: t | {"sample_time": 0.1}))
-    with pytest.raises(FormatError, match="no proofs for service"):
+        answer(changed(rate, "plant", value=lambda t: t | {"sample_time": 0.1}))
+    with pytest.raises(FormatError, match="no proofs of margins"):
         slack, _ = random_claim(plant_of(), 0, "fixed", REGIONS["disk"])
         claim = replace(slack.claim(), method="slack")
-        prove_service(Rate(Subject(claim), Fraction(0), None))
+        prove(Rate(Subject(claim), Fraction(0), None))
     with pytest.raises(FormatError, match="cut short"):
-        service.read_service(json.dumps(rate)[:-9])
+        loads(json.dumps(rate)[:-9])

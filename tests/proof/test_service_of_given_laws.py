@@ -29,12 +29,14 @@ from polefence.design.given.analysis import analyse
 from polefence.design.margins import in_service
 from polefence.law.laws import FixedGain, ScheduledGain
 from polefence.plant.polynomial import Domain
-from polefence.proof.regions import _characteristic_pairs
-from polefence.proof.service import Estimate, Rate, prove_service
-from polefence.proof.service.inequalities import _order, blocks
-from polefence.proof.service.pieces import cells, estimates, family_of, parts_of
+from polefence.proof.claims.base import prove
+from polefence.proof.claims.estimate import Estimate
+from polefence.proof.claims.margins import cells
+from polefence.proof.claims.rate import Rate
+from polefence.proof.regions import characteristic_pairs
 from polefence.proof.work import FormatError
 from polefence.region.regions import Disk
+from support.files import first
 
 # law's degree (None: one gain), domain, degrees of the parts' own polynomials
 GIVEN = [
@@ -81,23 +83,22 @@ def law_at(certificate, domain, part, alpha):
 
 def evaluated(claim, coordinates):
     """For each part and piece the number of the part, and the values of its polynomials."""
-    found, design = list(blocks(claim)), claim.subject.design
-    for number, parts in parts_of(design):
+    found, subject = list(claim.inequalities()), claim.subject
+    for number, (part,) in subject.parts:
         if isinstance(claim, Rate) and number != claim.part:
             continue
-        family, (part,) = family_of(claim.subject, number), parts
-        for cell in estimates(claim) if isinstance(claim, Estimate) else cells(claim.subject):
-            order = _order(family, cell, claim.subject)
-            weights = np.array([np.prod(np.power(coordinates, e)) for e in order])
-            kinds = (part.kind != "disk") + len(_characteristic_pairs(part))
+        for cell in claim.cells() if isinstance(claim, Estimate) else cells(subject):
+            kinds = (part.kind != "disk") + len(characteristic_pairs(part))
             if isinstance(claim, Rate):
-                kinds = 1 + (4 if family.degree else 1)
+                kinds = 1 + (4 if subject.degree(number) else 1)
             values = []
             for _ in range(kinds):
-                mine, found = found[: len(order)], found[len(order) :]
-                assert all(name.endswith(cell.name) for name, _ in mine)
-                matrices = [np.array(m, dtype=float) for _, m in mine]
-                values.append(np.tensordot(weights, np.array(matrices), 1))
+                mine = found.pop(0)
+                assert mine.piece == cell.name
+                blocks = list(mine.blocks())
+                weights = [np.prod(np.power(coordinates, place.powers)) for place, _ in blocks]
+                matrices = np.array([m for _, m in blocks], dtype=float)
+                values.append(np.tensordot(weights, matrices, 1))
             yield number, values
     assert not found
 
@@ -181,7 +182,7 @@ def proved():
     design = place(plant, Disk(-3, 2.2), Scheduled(1, 1, "box"))
     found = in_service(analyse(plant, design.law, design.region).design, 0.1)
     assert found.proved
-    return {margin.name: found.document(margin) for margin in found}
+    return {margin.name: json.loads(found.file(margin).dumps()) for margin in found}
 
 
 NAMES = ["estimate-m", "estimate-k", "estimate", "rate-m", "rate-k", "rate"]
@@ -191,23 +192,23 @@ NAMES = ["estimate-m", "estimate-k", "estimate", "rate-m", "rate-k", "rate"]
 def test_what_is_proved_is_nearly_all_that_is(proved, name):
     document = proved[name]
     assert answer(document)
-    key = {"estimate": "errors", "rate": "rates"}[document["service"]["kind"]]
-    assert not answer(changed(document, "service", key, value=lambda v: [x * 1.01 for x in v]))
-    assert answer(changed(document, "service", key, value=lambda v: [x * 0.5 for x in v]))
+    key = {"estimate": "errors", "rate": "rates"}[document["claims"][0]["kind"]]
+    assert not answer(changed(document, "claims", 0, key, value=lambda v: [x * 1.01 for x in v]))
+    assert answer(changed(document, "claims", 0, key, value=lambda v: [x * 0.5 for x in v]))
 
 
 @pytest.mark.parametrize("name", NAMES)
 def test_one_fault_in_the_design_at_a_time(proved, name):
     document = proved[name]
-    law, own = ("design", "law"), ("design", "certificate", "parts", 0)
+    law, own = ("law",), ("claims", 0, "evidence", "parts", 0)
     for tilted in ((*law, "W", 0, 0, 1), (*own, "X", 0, 0, 1)):
         # no longer symmetric
         assert not answer(changed(document, *tilted, value=lambda v: v * (1 + 1e-9) + 1e-12))
     for place_ in (
         (*law, "W", 0, 0, 0),
         (*law, "Z", 3, 0, 1),
-        ("design", "plant", "vertices", 3, "A", 1, 1),
-        ("design", "plant", "vertices", 3, "B", 1, 0),
+        ("plant", "vertices", 3, "A", 1, 1),
+        ("plant", "vertices", 3, "B", 1, 0),
     ):
         refused = [
             not answer(changed(document, *place_, value=lambda v, f=f: eval(str(v)) * f))
@@ -231,15 +232,15 @@ def scaled(value, factor):
 
 def test_decays_and_parts_belong_to_the_claim(proved):
     document = proved["rate-m"]
-    assert not answer(changed(document, "service", "decay", value=1.5))
+    assert not answer(changed(document, "claims", 0, "decay", value=1.5))
     for part in (0, 2, "1", 1.0, True):
         with pytest.raises(FormatError, match="part must be"):
-            answer(changed(document, "service", value=lambda t, p=part: t | {"part": p}))
+            answer(changed(document, "claims", 0, value=lambda t, p=part: t | {"part": p}))
     # no constant Lyapunov matrix: not any rate
     with pytest.raises(FormatError, match="any rate"):
-        answer(changed(document, "service", "rates", value="any"))
+        answer(changed(document, "claims", 0, "rates", value="any"))
     with pytest.raises(FormatError, match="unknown key"):
-        answer(changed(proved["estimate"], "service", value=lambda t: t | {"part": 1}))
+        answer(changed(proved["estimate"], "claims", 0, value=lambda t: t | {"part": 1}))
 
 
 def test_a_part_is_taken_of_the_region_that_is_kept(proved):
@@ -247,18 +248,18 @@ def test_a_part_is_taken_of_the_region_that_is_kept(proved):
     document = proved["estimate-m"]
     for radius, holds in ((2.3, True), (2.0, False)):
         region = {"kind": "disk", "centre": -3, "radius": radius}
-        kept = changed(document, "service", value=lambda t, r=region: t | {"region": r})
+        kept = changed(document, "claims", 0, value=lambda t, r=region: t | {"region": r})
         assert answer(kept) is holds
     two = {"kind": "intersection", "parts": [region, {"kind": "half_plane", "decay": 0.1}]}
     with pytest.raises(FormatError, match="law and evidence"):
-        answer(changed(document, "service", value=lambda t: t | {"region": two}))
+        answer(changed(document, "claims", 0, value=lambda t: t | {"region": two}))
 
 
 def test_slack_itself_has_no_proofs(proved):
     claim = json.loads(json.dumps(proved["rate"]))
-    assert claim["design"]["method"] == "lyapunov"
+    assert first(claim)["method"] == "lyapunov"
     certificate, _ = given_claim(plant_of(), None, "simplex", (0,), REGIONS["disk"])
     design = replace(certificate.claim(), method="slack")
     subject = replace(subject_of(certificate, (1, 1)), design=design)
     with pytest.raises(FormatError, match="slack has no proofs"):
-        prove_service(Rate(subject, Fraction(0), None))
+        prove(Rate(subject, Fraction(0), None))

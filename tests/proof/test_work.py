@@ -11,7 +11,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from polefence.design import counterexample
-from polefence.proof import definite, matrices, placement, roots, work
+from polefence.proof import definite, matrices, roots, work
+from polefence.proof.matrices import product
+from polefence.proof.regions import parts_of
 from polefence.region.regions import (
     Disk,
     Ellipse,
@@ -35,10 +37,6 @@ GROWING = {
 
 def rationals(matrix):
     return [[Fraction(float(x)) for x in row] for row in matrix]
-
-
-def parts_of(region):
-    return placement.read_region(region.document())
 
 
 def gram(rows):
@@ -111,7 +109,7 @@ def test_evidence_is_found_where_a_pole_is_outside_and_nowhere_else(kind, n):
         seen += 1
         loop = matrices.quotient(rationals(A))
         for factor, beyond in ((1 + 1e-7, False), (1 - 1e-7, True)):
-            region = parts_of(GROWING[kind](reach * factor))
+            region = parts_of((GROWING[kind](reach * factor)).document())
             assert (counterexample.shown(loop, region) is not None) is beyond
             if n < 12:  # else the polynomial is too much work where there is no evidence
                 assert counterexample.leaves(loop, region) is beyond
@@ -121,7 +119,7 @@ def test_evidence_is_found_where_a_pole_is_outside_and_nowhere_else(kind, n):
 def test_evidence_about_one_loop_proves_nothing_about_another():
     """For loops whose poles are inside, no evidence of any other loop is taken."""
     random = np.random.default_rng(3)
-    region = parts_of(Disk(-5, 2) & HalfPlane(3.5))
+    region = parts_of((Disk(-5, 2) & HalfPlane(3.5)).document())
     proofs, stable = [], []
     while len(proofs) < 20 or len(stable) < 20:
         A = 0.7 * random.normal(size=(3, 3)) - 5 * np.eye(3)
@@ -145,12 +143,12 @@ def test_a_quotient_needs_no_inverse():
     random = np.random.default_rng(5)
     A = rationals(np.round(16 * random.normal(size=(4, 4))) / 16 - 3 * np.eye(4))
     W = rationals(np.round(random.normal(size=(4, 4)) * 64) / 64)
-    W = matrices.rational_product(W, [list(c) for c in zip(*W, strict=True)])
-    N = matrices.rational_product(A, W)
+    W = product(W, [list(c) for c in zip(*W, strict=True)])
+    N = product(A, W)
     assert matrices.right_divide(N, W) == A
     reach = max(np.linalg.eigvals(np.array(A, dtype=float)).real)
     for step, beyond in ((1e-6, True), (-1e-6, False)):
-        region = parts_of(HalfPlane(-reach + step))
+        region = parts_of((HalfPlane(-reach + step)).document())
         assert counterexample.leaves((N, W), region) is beyond
     singular = [[W[i][j] * (i > 0 and j > 0) for j in range(4)] for i in range(4)]
     assert counterexample.leaves((N, singular), region)
@@ -158,7 +156,7 @@ def test_a_quotient_needs_no_inverse():
 
 def test_a_pole_on_the_boundary_is_outside_and_only_the_polynomial_knows():
     loop = matrices.quotient([[Fraction(0), Fraction(1)], [Fraction(-4), Fraction(0)]])
-    region = parts_of(HalfPlane(0))
+    region = parts_of((HalfPlane(0)).document())
     assert counterexample.shown(loop, region) is None
     assert counterexample.leaves(loop, region)
 
@@ -166,15 +164,15 @@ def test_a_pole_on_the_boundary_is_outside_and_only_the_polynomial_knows():
 def test_work_is_counted_before_it_begins_and_by_length():
     short, long = ([[1 << bits, 1], [1, 1 << bits]] for bits in (60, 60_000))
     with work.counted() as count:
-        matrices._matrix_product(short, short)
+        matrices.multiplied(short, short)
         first = count.spent
-        matrices._matrix_product(long, long)
+        matrices.multiplied(long, long)
         assert count.spent - first > 1000 * first
     with (
         work.counted(count.spent - first - 1) as less,
         pytest.raises(work.FormatError, match="numbers longer"),
     ):
-        matrices._matrix_product(long, long)
+        matrices.multiplied(long, long)
     assert not less.spent
     with work.counted(10) as outer, work.counted() as inner:
         assert inner is outer  # a count within a count has no more than that

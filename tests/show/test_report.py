@@ -146,7 +146,7 @@ def test_bad_input(car, tmp_path, capsys):
         assert error.count("\n") == 1
     assert main(["report", str(tmp_path)]) == 2
     document = json.loads((folder / "design.json").read_text())
-    document["region"]["radius"] = 28.0
+    document["claims"][0]["region"]["radius"] = 28.0
     (tmp_path / "design.json").write_text(json.dumps(document))
     assert main(["report", str(tmp_path)]) == 1
     assert not (tmp_path / "report.html").exists()
@@ -168,9 +168,9 @@ def test_bounds_and_a_front_are_put_in(tmp_path, capsys):
     assert "rms of 'force' = u1 <= 3" in page.parts["Bounds on signals, proved"]
     assert sum(tag == "img" for tag, _ in page.tags) == 3
     assert main(["report", str(folder), "--front", str(spec)]) == 2
-    document = json.loads((folder / "performance.json").read_text())
-    document["specifications"][-1]["level"] = 1.0  # newton, of 3
-    (folder / "performance.json").write_text(json.dumps(document))
+    document = json.loads((folder / "design.json").read_text())
+    document["claims"][-1]["level"] = 1.0  # newton, of 3
+    (folder / "design.json").write_text(json.dumps(document))
     capsys.readouterr()
     assert main(["report", str(folder)]) == 1
     assert "undecided" in capsys.readouterr().err

@@ -31,7 +31,7 @@ from polefence.examples import spec_path
 from polefence.plant.outputs import Output
 from polefence.plant.points import seeded
 from polefence.plant.spec import loads
-from polefence.proof.performance import prove_performance
+from polefence.proof.claims.base import prove
 
 DENSITY = 2.0  # two-sided intensity 1
 DOUBLE_INTEGRATOR = """
@@ -189,7 +189,7 @@ def test_a_law_for_gains_is_no_worse_than_one_for_rms_values(method):
     assert sampled(motor, law, Gain(voltage), alpha).worst < 40.0
     done = optimise(motor, Gain(angle), [Gain(voltage, 40.0)], method=method)
     assert done.bounds[0].level <= level
-    assert all(prove_performance(bound.claim).proved for bound in done.bounds)
+    assert all(prove(bound.claim).proved for bound in done.bounds)
 
 
 def test_no_answer_hangs_on_the_clock(ride, monkeypatch):
@@ -206,7 +206,7 @@ def test_no_answer_hangs_on_the_clock(ride, monkeypatch):
     assert "the budget of 1 s is spent" in cut.cut
     assert cut.bounds[0].level > found.bounds[0].level
     claims = [bound.claim for bound in cut.bounds]
-    assert all(prove_performance(claim).proved for claim in claims)
+    assert all(prove(claim).proved for claim in claims)
 
 
 def test_limits_alone_find_what_minimising_finds():

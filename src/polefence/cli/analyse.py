@@ -39,9 +39,11 @@ from polefence.law.table import GainTable, table_from
 from polefence.plant.family import UncertainPlant
 from polefence.plant.points import values_text
 from polefence.plant.spec import load
-from polefence.proof import placement, reading, work
-from polefence.proof.cells import Cell
-from polefence.region.regions import Region, exactly
+from polefence.proof import reading, work
+from polefence.proof.claims.cells import Cell
+from polefence.proof.document import FORMAT
+from polefence.proof.text import exactly
+from polefence.region.regions import Region
 from polefence.region.text import digits_down, digits_up, load_region, parse_region
 
 WANTED = 'give a matrix, a design.json, or a table {"grid": {name: knots}, "gains": nested lists}'
@@ -144,7 +146,7 @@ def read_gain(plant: UncertainPlant, what: str) -> Law | GainTable:
     except work.FormatError as error:
         raise InputError(f"{name}: {error}") from error
     try:
-        if isinstance(data, dict) and data.get("format") == placement.FORMAT:
+        if isinstance(data, dict) and data.get("format") == FORMAT:
             certificate = Certificate.loads(text)
             require_kind(certificate)
             return given_law(plant, certificate.law)

@@ -1,82 +1,34 @@
-"""``polefence check``: a saved design, its margins or bounds, or an analysed table, afresh."""
+"""``polefence check``: files of claims, or the folder of any command, proved afresh."""
 
 from __future__ import annotations
 
 import argparse
 import hashlib
-from collections.abc import Callable
-from dataclasses import dataclass, replace
 from fractions import Fraction
 from pathlib import Path
 from typing import Any
 
 from polefence.base.errors import DesignFileError, InputError
-from polefence.base.files import read_bytes, read_text, write_bytes
+from polefence.base.files import read_bytes, write_bytes
 from polefence.cli.common import NOT_PROVED, PROVED, say, write_json
-from polefence.design.certificate import Check
-from polefence.design.design import FILE_NAME, Design, check, says_format
-from polefence.design.given.table import FILE_NAME as TABLE
-from polefence.design.given.table import check_table, is_table_file, table_plant
-from polefence.design.margins import check_service, is_service_file, service_plant
-from polefence.design.measured import read_measured, transposed
-from polefence.design.observer import check_observer
+from polefence.design.certificate import plant_of
+from polefence.design.design import check_document, is_proof_file, read_document
+from polefence.design.measured import read_measured
 from polefence.design.signals.augmented import with_weights
-from polefence.design.signals.files import FILE_NAME as PERFORMANCE
-from polefence.design.signals.files import check_performance, is_performance_file, performance_plant
 from polefence.design.signals.text import RoadSpectrum, load_specifications
-from polefence.export import check_guarantee, guarantee_plant, is_guarantee_file
-from polefence.export.documents import FILE_NAME as GUARANTEE
+from polefence.export import check_guarantee
 from polefence.plant.family import UncertainPlant
 from polefence.plant.names import quoted
 from polefence.plant.spec import load
-from polefence.plant.system import System
-from polefence.proof.placement import FORMAT
-from polefence.proof.reading import MAX_BYTES, parse
+from polefence.proof.claims.observer import Observer
+from polefence.proof.claims.rounding import Rounded
+from polefence.proof.document import Document
+from polefence.proof.reading import MAX_BYTES
 from polefence.proof.standalone import archive
 
 NAMES_ARE_ITS_OWN = (
     "note: about the plant in the file. Its vertices, names, units and ranges are compared with",
     "your plant's by --spec SPEC; x1, u1, w1 are its first state, input and disturbance",
-)
-
-
-def _plant(path: Path) -> UncertainPlant:
-    return Design.load(path, allow_unproved=True).plant
-
-
-@dataclass(frozen=True)
-class Kind:
-    """A kind of file: what knows it, what proves it, what reads its plant.
-
-    ``name`` is that of the file in a folder; ``letters`` the matrices that its claims are about.
-    """
-
-    is_mine: Callable[[Path], bool]
-    proves: Callable[[Path], Check]
-    plant: Callable[[Path], UncertainPlant]
-    name: str
-    letters: str = "AB"
-
-
-def _is_observer(path: Path) -> bool:
-    where = path / FILE_NAME if path.is_dir() else path
-    if not says_format(where, FORMAT):
-        return False
-    return parse(read_text(where, MAX_BYTES, DesignFileError)).get("observer") is True
-
-
-def _observed(path: Path) -> UncertainPlant:
-    return Design.load(path, allow_unproved=True, observer=True).plant
-
-
-# The last is the rest.
-KINDS = (
-    Kind(is_service_file, check_service, service_plant, ""),
-    Kind(is_table_file, check_table, table_plant, TABLE),
-    Kind(is_guarantee_file, check_guarantee, guarantee_plant, GUARANTEE),
-    Kind(is_performance_file, check_performance, performance_plant, PERFORMANCE, "ABE"),
-    Kind(_is_observer, check_observer, _observed, FILE_NAME, "AC"),
-    Kind(lambda _: True, check, _plant, FILE_NAME),
 )
 
 
@@ -87,7 +39,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         type=Path,
         nargs="?",
         metavar="FILE",
-        help="design.json, table.json or performance.json, or the folder with it",
+        help="a file of claims that a command wrote, or the folder with it",
     )
     parser.add_argument("--spec", metavar="SPEC", help="also require that it is about this plant")
     parser.add_argument("--json", type=Path, metavar="FILE", help="write the answer; -: stdout")
@@ -100,7 +52,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def check_command(options: Any) -> int:
-    """Prove a saved design or analysis afresh, in exact arithmetic."""
+    """Prove files of claims afresh, in exact arithmetic."""
     if options.standalone is not None:
         write_bytes(options.standalone, archive())
         say(f"{options.standalone}: the checker alone; run it as python -S PYZ FILE")
@@ -108,40 +60,81 @@ def check_command(options: Any) -> int:
             return PROVED
     if options.file is None:
         raise InputError("check: name a FILE, or a folder with one")
-    kind = next(kind for kind in KINDS if kind.is_mine(options.file))
-    answer = kind.proves(options.file)
-    path = options.file / kind.name if options.file.is_dir() else options.file
-    digest = hashlib.sha256(read_bytes(path, MAX_BYTES, DesignFileError)).hexdigest()
-    difference = None
-    if options.spec is not None:
-        plant = load(options.spec)
-        if "E" in kind.letters:
-            plant = _weighted(plant, options.spec)
-        compare = _observer_difference if "C" in kind.letters else _difference
-        difference = compare(kind.plant(options.file), plant, kind.letters)
+    plant = None if options.spec is None else load(options.spec)
+    documents = {path: _read(path) for path in _files(options.file)}
+    alone, rows = len(documents) == 1, list[dict[str, Any]]()
+    for path, document in documents.items():
+        name = options.file if alone else path
+        rows.append(_row(name, path, document, plant, options.spec))
+        _say(rows[-1], options.spec)
     if options.json is not None:
-        write_json(options.json, _document(options.file, answer, difference, digest))
-    say(f"{options.file}: {answer.answer}: {answer.reason}")
-    label = "" if answer.proved else "claimed, not proved: "
-    say(*(f"  {label}{claim}" for claim in answer.claims))
+        write_json(options.json, rows[0] if alone else {"file": str(options.file), "files": rows})
     if options.spec is None:
-        say(*NAMES_ARE_ITS_OWN, f"SHA-256 of the file: {digest}")
-    if difference is not None:
-        say(f"{options.file}: but NOT about {options.spec}: {difference}")
-        return NOT_PROVED
-    return PROVED if answer.proved else NOT_PROVED
+        say(*NAMES_ARE_ITS_OWN)
+        for path, row in zip(documents, rows, strict=True):
+            say(f"SHA-256 of {'the file' if alone else path.name}: {row['sha256']}")
+    about = all(row["differs from the spec"] is None for row in rows)
+    return PROVED if about and all(row["answer"] == "proved" for row in rows) else NOT_PROVED
 
 
-def _document(path: Path, answer: Check, difference: str | None, digest: str) -> dict[str, Any]:
+def _files(path: Path) -> list[Path]:
+    """Return a file, or those of claims in a folder."""
+    if not path.is_dir():
+        return [path]
+    found = [each for each in sorted(path.glob("*.json")) if is_proof_file(each)]
+    if not found:
+        others = sorted(other.name for other in path.glob("*.json"))[:3]
+        has = f"; it has {', '.join(others)}" if others else ""
+        raise DesignFileError(
+            f"{path}: has no file of claims; name the folder that `polefence design -o` wrote{has}"
+        )
+    return found
+
+
+def _read(path: Path) -> Document:
+    if path.suffix == ".toml" and path.is_file():
+        raise DesignFileError(
+            f"{path}: a spec, where a design is meant: `polefence design -o DIR` writes one"
+        )
+    return read_document(path)
+
+
+def _row(
+    name: Path, path: Path, document: Document, plant: UncertainPlant | None, spec: str | None
+) -> dict[str, Any]:
+    """Prove one file, and compare it with the plant of a spec."""
+    exported = document.first(Rounded) is not None
+    answer = check_guarantee(path) if exported else check_document(document, path)
     return {
-        "file": str(path),
-        "sha256": digest,
+        "file": str(name),
+        "sha256": hashlib.sha256(read_bytes(path, MAX_BYTES, DesignFileError)).hexdigest(),
         "answer": answer.answer,
         "reason": answer.reason,
+        "inequalities": sum(verdict.count for verdict in answer.verdicts),
         "claims": list(answer.claims),
         "alpha": None if answer.alpha is None else [str(a) for a in answer.alpha],
-        "differs from the spec": difference,
+        "differs from the spec": None if plant is None else _against(document, plant, str(spec)),
     }
+
+
+def _say(row: dict[str, Any], spec: str | None) -> None:
+    say(f"{row['file']}: {row['answer']}: {row['reason']}")
+    label = "" if row["answer"] == "proved" else "claimed, not proved: "
+    say(*(f"  {label}{claim}" for claim in row["claims"]))
+    if row["differs from the spec"] is not None:
+        say(f"{row['file']}: but NOT about {spec}: {row['differs from the spec']}")
+
+
+def _against(document: Document, plant: UncertainPlant, spec: str) -> str | None:
+    """Say how the plant of a file differs from a spec's in what the file's claims are about."""
+    letters = "".join(sorted({letter for claim in document.claims for letter in claim.letters}))
+    if "E" in letters:
+        plant = _weighted(plant, spec)
+    difference = _difference(plant_of(document.plant), plant, letters)
+    for claim in document.claims:
+        if difference is None and isinstance(claim, Observer):
+            difference = _other_measured(claim, plant)
+    return difference
 
 
 def _weighted(plant: UncertainPlant, spec: str) -> UncertainPlant:
@@ -174,27 +167,18 @@ def _difference(found: UncertainPlant, plant: UncertainPlant, letters: str = "AB
     return _other_name(found, plant)
 
 
-def _observer_difference(dual: UncertainPlant, plant: UncertainPlant, _: str) -> str | None:
-    """Say how the plant observed, or what is measured of it, differs from a spec's."""
-    if (len(dual.vertices), dual.shape[0]) != (len(plant.vertices), plant.shape[0]):
-        return "other vertices: their number or their shapes differ"
-    pairs = zip(dual.vertices, plant.vertices, strict=True)
-    vertices = tuple(
-        System(transposed(own.exact_A), v.exact_B, v.exact_E, v.name) for own, v in pairs
-    )
-    inputs, disturbances = plant.inputs, plant.disturbances
-    found = replace(dual, vertices=vertices, inputs=inputs, disturbances=disturbances)
-    difference = _difference(found, plant, "A")
-    if difference is not None or not dual.inputs:
-        return difference
+def _other_measured(observer: Observer, plant: UncertainPlant) -> str | None:
+    """Say how what an observer measures differs from the states of those names."""
+    if not observer.measured:
+        return None
     try:
-        expected = read_measured(plant, dual.inputs)[0]
+        expected = read_measured(plant, observer.measured)[0]
     except InputError as error:
         return f"other measurements: {error}"
-    for own, C in zip(dual.vertices, expected, strict=True):
-        for k, (row, state) in enumerate(zip(transposed(own.exact_B), C, strict=True)):
-            if row != state:
-                return f"other measurements: C[{k + 1}] is not {quoted(dual.inputs[k])} alone"
+    for own, C in zip(observer.C, expected, strict=True):
+        for k, (row, state) in enumerate(zip(own, C, strict=True)):
+            if tuple(row) != state:
+                return f"other measurements: C[{k + 1}] is not {quoted(observer.measured[k])} alone"
     return None
 
 

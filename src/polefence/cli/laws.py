@@ -9,11 +9,10 @@ from typing import Any
 
 from polefence.base.errors import InputError, suggest
 from polefence.cli.analyse import read_gain
-from polefence.design.design import FILE_NAME, Design, says_format
+from polefence.design.design import FILE_NAME, Design, is_proof_file
 from polefence.law.given import given_law
 from polefence.plant.family import UncertainPlant
 from polefence.plant.spec import load
-from polefence.proof import placement
 
 WORDS = ("passive", "skyhook", "lqr")
 
@@ -70,7 +69,7 @@ def read_law(plant: UncertainPlant, what: str) -> Named:
     path = Path(what)
     if not path.exists():
         raise InputError(f"no law and no file {what!r}; {suggest(what, WORDS)}")
-    if path.is_dir() or says_format(path, placement.FORMAT):
+    if path.is_dir() or is_proof_file(path):
         design = Design.load(path, allow_unproved=True)
         given_law(plant, design)
         return _of_design(plant, design, path)

@@ -36,7 +36,7 @@ from polefence.design.place.sweep import plant_summary, sweep
 from polefence.lmi.conditions.methods import METHODS, Method, blocks, fitting, method_label
 from polefence.plant.family import UncertainPlant
 from polefence.plant.spec import load
-from polefence.region.regions import exactly
+from polefence.proof.text import exactly
 from polefence.region.text import digits_down, digits_up
 
 

@@ -20,7 +20,7 @@ from polefence.cli.common import (
     write_json,
 )
 from polefence.cli.methods import method_of
-from polefence.design.signals.files import FILE_NAME
+from polefence.design.design import FILE_NAME
 from polefence.design.signals.gain_norm import GainNorm
 from polefence.design.signals.optimise import Optimised, optimise
 from polefence.design.signals.specification import (

@@ -10,7 +10,7 @@ from polefence.base.errors import InputError
 from polefence.base.files import make_folder, write_text
 from polefence.cli.common import PROVED, say
 from polefence.design.design import Design
-from polefence.design.signals.files import is_performance_file, statements
+from polefence.design.signals.files import statements
 
 MAX_BYTES = 20_000_000  # of a figure
 
@@ -61,7 +61,7 @@ def report_command(options: Any) -> int:
         raise InputError(f"{target}: a report ends in .html")
     front = None if options.front is None else _figure(options.front)
     design = Design.load(options.design)
-    bounds = statements(options.design) if is_performance_file(options.design) else ()
+    bounds = statements(options.design)
     text = html_report(design, options.road, options.speed, bounds, front)
     make_folder(target.parent)
     write_text(target, text)

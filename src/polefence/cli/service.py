@@ -12,7 +12,7 @@ from polefence.cli.common import NOT_PROVED, PROVED, check_targets, say, write_j
 from polefence.design.design import Design
 from polefence.design.given.analysis import analyse
 from polefence.design.margins import Margin, Service, in_service
-from polefence.region.regions import exactly
+from polefence.proof.text import exactly
 from polefence.region.text import digits_up, parse_region
 
 EDGE = 1e-9  # of an interval: a margin so near to its width is all of it

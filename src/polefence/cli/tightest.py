@@ -21,7 +21,8 @@ from polefence.design.design import Design
 from polefence.design.place.sweep import plant_summary
 from polefence.design.place.tightest import tightest
 from polefence.plant.spec import load
-from polefence.region.regions import Disk, exactly
+from polefence.proof.text import exactly
+from polefence.region.regions import Disk
 from polefence.region.text import digits_down, digits_up, parse_region, short_text
 
 KINDS = ("disk", "half_plane", "sector")

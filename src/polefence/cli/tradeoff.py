@@ -43,7 +43,7 @@ from polefence.design.signals.tradeoff_front import Front
 from polefence.lmi.conditions.methods import Method
 from polefence.plant.family import UncertainPlant
 from polefence.plant.spec import load
-from polefence.region.regions import exactly
+from polefence.proof.text import exactly
 from polefence.region.text import digits_up
 
 ACCELERATION = "rms of sprung-mass acceleration"

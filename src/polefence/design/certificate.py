@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from fractions import Fraction
 from types import MappingProxyType
@@ -12,16 +11,25 @@ from typing import Any
 import numpy as np
 
 from polefence.base.errors import DesignFileError, InputError, PlantError
+from polefence.base.version import VERSION
 from polefence.design.counterexample import counterexample
-from polefence.design.statement import number_text, poles_text
+from polefence.design.measured import dual_plant
 from polefence.law.laws import FixedGain, Law, ScheduledGain
 from polefence.plant.family import UncertainPlant
 from polefence.plant.outputs import Output
 from polefence.plant.parameters import Parameter
-from polefence.plant.system import Array, Exact
+from polefence.plant.system import Array
 from polefence.plant.vehicle import Vehicle
-from polefence.proof import placement, reading, work
+from polefence.proof import plant as files
+from polefence.proof.claims.base import Claim, Verdict, prove
+from polefence.proof.claims.observer import Observer
+from polefence.proof.claims.poles import Poles
+from polefence.proof.document import Document, loads
+from polefence.proof.laws import read_law
 from polefence.proof.matrices import Rationals
+from polefence.proof.reading import Table
+from polefence.proof.text import number_text, region_text
+from polefence.proof.work import FormatError, counted
 from polefence.region.regions import Region, region_of
 
 
@@ -38,12 +46,15 @@ class Check:
         A point of the simplex at which a pole does not lie in the region.
     claims : tuple of str
         What the answer is about, a line each, rounded so that it says no more.
+    verdicts : tuple of Verdict
+        Of each claim of a file as far as they were looked at: its count, the place that fails.
     """
 
     answer: str
     reason: str
     alpha: tuple[Fraction, ...] | None = None
     claims: tuple[str, ...] = ()
+    verdicts: tuple[Verdict, ...] = ()
 
     @property
     def proved(self) -> bool:
@@ -72,8 +83,8 @@ class Certificate:
         those of Lemma 2 ``degree``, ``elevation``, ``on``, ``epsilon``; scheduled: ``tau`` and
         ``elevation``; lyapunov: ``on``, and ``parts``, for each part of the region ``X``,
         ``degree``, ``elevation``, and for a scheduled law ``multiple``.
-    observer : bool
-        Whether the plant is the dual of one that is observed, and the law -L': no law of a plant.
+    observed : UncertainPlant, optional
+        The plant whose dual ``plant`` is, where the law is -L' of an observer: no law of a plant.
     """
 
     plant: UncertainPlant
@@ -81,17 +92,22 @@ class Certificate:
     method: str
     law: Law
     evidence: Mapping[str, Any]
-    observer: bool = False
+    observed: UncertainPlant | None = None
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "evidence", MappingProxyType(dict(self.evidence)))
 
     def __reduce__(self) -> tuple[Any, ...]:
         # A mapping proxy does not travel between processes.
-        own = self.plant, self.region, self.method, self.law, dict(self.evidence), self.observer
+        own = self.plant, self.region, self.method, self.law, dict(self.evidence), self.observed
         return Certificate, own
 
-    def claim(self) -> placement.Claim:
+    @property
+    def observer(self) -> bool:
+        """Whether the law is that of an observer."""
+        return self.observed is not None
+
+    def claim(self) -> Poles:
         """Return the claim in exact rationals: that of the design file, a float being a rational.
 
         Raises
@@ -99,16 +115,24 @@ class Certificate:
         PlantError
             If the checker does not take such a claim.
         """
-        A = [[list(row) for row in v.exact_A] for v in self.plant.vertices]
-        B = [[list(row) for row in v.exact_B] for v in self.plant.vertices]
+        plant = _bare_plant(self.plant)
         try:
-            claim = placement.claim_of(self._claimed(), A, B)
-            placement.require_box(claim, self.plant.parameters)
-            return claim
-        except work.FormatError as error:
+            law, on = read_law(Table.of(self._law(), "law"), plant.n, plant.m)
+            own = {"region": self.region.document(), "method": self.method}
+            table = Table.of(own | {"evidence": _plain_data(self.evidence)})
+            return Poles.read(table, plant, law, plant.domain(on) if on else "")
+        except FormatError as error:
             raise PlantError(f"{self.plant.name}: {error}") from error
 
-    def prove(self) -> placement.Verdict:
+    def _law(self) -> dict[str, Any]:
+        law = self.law
+        if isinstance(law, FixedGain):
+            return {"kind": "fixed", "K": law.K.tolist()}
+        on = "box" if len(law.sizes) > 1 else "simplex"
+        table = {"kind": "scheduled", "W": law.W.tolist(), "Z": law.Z.tolist()}
+        return table | {"degree": law.degree, "on": on}
+
+    def prove(self) -> Verdict:
         """Decide in exact arithmetic whether the evidence proves the claim.
 
         Raises
@@ -117,35 +141,26 @@ class Certificate:
             If there are more inequalities than the checker takes on.
         """
         try:
-            return placement.prove(self.claim())
-        except work.FormatError as error:
+            return prove(self.claim())
+        except FormatError as error:
             raise PlantError(f"{self.plant.name}: {error}") from error
+
+    def file(self, claims: Sequence[Claim] | None = None) -> Document:
+        """Return the file of claims about this plant and law: by default of the certificate's."""
+        own = self.claim()
+        if self.observed is not None:
+            plant, observer = file_plant(self.observed), Observer(own, self.plant.inputs)
+            return Document(plant, None, (observer,), polefence=VERSION)
+        found = (own,) if claims is None else tuple(claims)
+        return Document(file_plant(self.plant), own.law, found, own.on, polefence=VERSION)
 
     def document(self) -> dict[str, Any]:
         """Return the design file as plain data for JSON."""
-        head = {"format": placement.FORMAT, "version": placement.VERSION}
-        mark = {"observer": True} if self.observer else {}
-        return head | mark | {"plant": plant_document(self.plant)} | self._claimed()
-
-    def _claimed(self) -> dict[str, Any]:
-        if isinstance(self.law, ScheduledGain):
-            law = {"kind": "scheduled", "W": self.law.W.tolist(), "Z": self.law.Z.tolist()}
-            if self.law.degree != 1:
-                law["degree"] = self.law.degree
-            if len(self.law.sizes) > 1:
-                law["on"] = "box"
-        else:
-            law = {"kind": "fixed", "K": self.law.K.tolist()}
-        return {
-            "region": self.region.document(),
-            "method": self.method,
-            "law": law,
-            "certificate": _plain_data(self.evidence),
-        }
+        return self.file().write()
 
     def dumps(self) -> str:
         """Return the text of the design file."""
-        return json.dumps(self.document(), indent=1, allow_nan=False) + "\n"
+        return self.file().dumps()
 
     @classmethod
     def loads(cls, text: str) -> Certificate:
@@ -154,45 +169,60 @@ class Certificate:
         Raises
         ------
         DesignFileError
-            If the text is no design file of this version, or its shapes do not fit.
+            If the text is no file of a design, or of another version, or its shapes do not fit.
         """
         try:
-            claim, document = placement.read(text)
-            plant = plant_from(document["plant"])
-            region = region_of([(part.kind, part.numbers) for part in claim.region])
-            law: Law
-            if claim.law.K is not None:
-                law = FixedGain(_floats(claim.law.K)[0])
-            else:
-                W, Z = _floats(claim.law.W or []), _floats(claim.law.Z or [])
-                sizes = placement.simplices(claim)
-                law = ScheduledGain(W, Z, plant.parameters, claim.law.degree, sizes)
-            evidence = _evidence(claim, document["certificate"])
-            observer = document.get("observer", False)
-            if type(observer) is not bool:
-                raise DesignFileError("observer must be true or false")
-        except (work.FormatError, InputError) as error:
+            return cls.of(loads(text))
+        except (FormatError, InputError) as error:
             raise DesignFileError(str(error)) from error
-        return cls(plant, region, claim.method, law, evidence, observer)
+
+    @classmethod
+    def of(cls, document: Document) -> Certificate:
+        """Return the design that a file holds: its first claim about a region, or an observer's.
+
+        Raises
+        ------
+        DesignFileError
+            If there is none.
+        """
+        observer: Observer | None = document.first(Observer)
+        claim: Poles | None = document.first(Poles)
+        plant, observed = plant_of(document.plant), None
+        if claim is None and observer is not None:
+            claim, observed = observer.dual, plant
+            C = tuple(tuple(map(tuple, matrix)) for matrix in observer.C)
+            plant = dual_plant(plant, C, observer.measured)
+        if claim is None:
+            raise DesignFileError("no claim of it is about a region; name a design's file")
+        region = region_of([(part.kind, part.numbers) for part in claim.region])
+        law: Law
+        if claim.law.K is not None:
+            law = FixedGain(_floats(claim.law.K)[0])
+        else:
+            W, Z = _floats(claim.law.W or []), _floats(claim.law.Z or [])
+            law = ScheduledGain(W, Z, plant.parameters, claim.law.degree, claim.sizes)
+        return cls(plant, region, claim.method, law, _evidence(claim), observed)
 
 
-def _evidence(claim: placement.Claim, table: dict[str, Any]) -> dict[str, Any]:
-    """Return the evidence of a file: matrices in floats, words and whole numbers as they are."""
+def _evidence(claim: Poles) -> dict[str, Any]:
+    """Return evidence in floats, words and whole numbers as they are."""
     first = claim.evidence[0]
-    plain = {k: v for k, v in table.items() if k in ("degree", "elevation", "on")}
     if claim.method == "quadratic":
         return {"W": _floats(first.X)[0]}
     if claim.method == "scheduled":
-        return plain | {"tau": np.array(float(first.tau))}
+        elevation = {"elevation": first.elevation} if first.elevation != 1 else {}
+        return elevation | {"tau": np.array(float(first.tau))}
     if claim.method == "slack":
-        epsilon = {"epsilon": float(first.epsilon)} if first.epsilon else {}
-        return plain | epsilon | {"P": _floats(first.X), "G": _floats([first.G or []])[0]}
+        form = {"degree": first.degree, "elevation": first.elevation, "on": claim.on}
+        own = form if form != {"degree": 1, "elevation": 0, "on": "simplex"} else {}
+        own |= {"epsilon": float(first.epsilon)} if first.epsilon else {}
+        return own | {"P": _floats(first.X), "G": _floats([first.G or []])[0]}
     parts = []
     for each in claim.evidence:
         part = {"X": _floats(each.X), "degree": each.degree, "elevation": each.elevation}
         multiple = {"multiple": np.array([float(v) for v in each.multiple])}
         parts.append(part | multiple if each.multiple else part)
-    return plain | {"parts": tuple(parts)}
+    return ({"on": claim.on} if claim.law.fixed else {}) | {"parts": tuple(parts)}
 
 
 def _plain_data(value: Any) -> Any:
@@ -204,116 +234,95 @@ def _plain_data(value: Any) -> Any:
     return value.tolist() if isinstance(value, np.ndarray) else value
 
 
-def check_claim(claim: placement.Claim) -> Check:
+def check_claim(claim: Poles) -> Check:
     """Prove a claim, refute it by an exact counterexample, or leave it undecided."""
-    with work.counted():  # what the proof leaves of it, a counterexample may take
-        return _decided(claim)
+    verdict, alpha = decide(claim)
+    said = f"poles in {region_text(claim.region)}, of A + B K with {claim.under}"
+    return Check(verdict.answer, verdict.reason, alpha, (said,))
 
 
-def _decided(claim: placement.Claim) -> Check:
-    verdict, said = placement.prove(claim), (poles_text(claim),)
+def decide(claim: Poles) -> tuple[Verdict, tuple[Fraction, ...] | None]:
+    """Prove a claim, or refute it by an alpha, or leave it undecided."""
+    with counted():  # what the proof leaves of it, a counterexample may take
+        verdict = prove(claim)
+        alpha = None if verdict.proved else counterexample(claim)
     if verdict.proved:
-        return Check("proved", verdict.reason, claims=said)
-    alpha = counterexample(claim)
-    if alpha is not None:
-        weights = ", ".join(map(number_text, alpha))
-        reason = f"at alpha = ({weights}) a pole is not in the region"
-        return Check("refuted", reason, tuple(alpha), said)
-    reason = f"{verdict.reason}, but no counterexample was found either"
-    return Check("undecided", reason, claims=said)
+        return verdict, None
+    if alpha is None:
+        reason = f"{verdict.reason}, but no counterexample was found either"
+        return replace(verdict, reason=reason), None
+    weights = ", ".join(map(number_text, alpha))
+    reason = f"at alpha = ({weights}) a pole is not in the region"
+    return replace(verdict, answer="refuted", reason=reason), tuple(alpha)
 
 
 def _floats(matrices: list[Rationals]) -> Array:
     return np.array([[[float(e) for e in row] for row in matrix] for matrix in matrices])
 
 
-def plant_document(plant: UncertainPlant) -> dict[str, Any]:
-    """Return a plant as a design file has it."""
-    parameters = [
-        {
-            "name": p.name,
-            "range": [_plain(p.low), _plain(p.high)],
-            "unit": p.unit,
-            "through": p.through,
-        }
-        for p in plant.parameters
-    ]
-    vertices = []
-    for vertex in plant.vertices:
-        matrices = {"A": vertex.exact_A, "B": vertex.exact_B, "E": vertex.exact_E}
-        vertices.append({k: _rows(M) for k, M in matrices.items() if M is not None})
-    time = plant.sample_time
-    return {
-        "name": plant.name,
-        **({} if time is None else {"sample_time": _plain(time)}),
-        "states": list(plant.states),
-        "inputs": list(plant.inputs),
-        "disturbances": list(plant.disturbances),
-        **_described(plant),
-        "parameters": parameters,
-        "vertices": vertices,
-    }
+def file_plant(plant: UncertainPlant) -> files.Plant:
+    """Return a plant as files have it, with its names."""
+    return replace(
+        _bare_plant(plant),
+        name=plant.name,
+        states=plant.states,
+        inputs=plant.inputs,
+        disturbances=plant.disturbances,
+        outputs=tuple(_file_output(plant, own) for own in plant.every_output),
+        vehicle=None if plant.vehicle is None else asdict(plant.vehicle),
+    )
 
 
-def _described(plant: UncertainPlant) -> dict[str, Any]:
-    """Return outputs and vehicle, where there are any."""
-    found: dict[str, Any] = {}
-    if plant.every_output:
-        found["outputs"] = [
-            {"name": own.name, "unit": own.unit}
-            | {key: _rows(getattr(own, key)) for key in "CDF" if getattr(own, key)}
-            for own in plant.every_output
-        ]
-    return found | ({} if plant.vehicle is None else {"vehicle": asdict(plant.vehicle)})
+def _bare_plant(plant: UncertainPlant) -> files.Plant:
+    A, B, E = (
+        [list(map(list, M)) for v in plant.vertices if (M := getattr(v, key)) is not None]
+        for key in ("exact_A", "exact_B", "exact_E")
+    )
+    return files.Plant(A, B, E, ranges_of(plant), sample_time=plant.sample_time)
 
 
-def _rows(matrix: Exact) -> list[list[Any]]:
-    return [[_plain(entry) for entry in row] for row in matrix]
+def ranges_of(plant: UncertainPlant) -> tuple[files.Range, ...]:
+    """Return the parameters of a plant as files have them."""
+    return tuple(files.Range(p.low, p.high, p.inverted, p.name, p.unit) for p in plant.parameters)
 
 
-def _plain(value: Fraction) -> float | int | str:
-    """A number where a double holds the value exactly, else the string "p/q"."""
-    if value.denominator == 1 and abs(value.numerator) < 2**53:
-        return value.numerator
-    return float(value) if _is_double(value) else f"{value.numerator}/{value.denominator}"
+def _file_output(plant: UncertainPlant, own: Output) -> files.Output:
+    C, D, F = ([[list(row)] for row in rows] for rows in own.exact(plant))
+    driven = tuple(F) if any(any(f[0]) for f in F) else ()
+    return files.Output(C, D, own.name, driven, own.unit)
 
 
-def _is_double(value: Fraction) -> bool:
-    try:
-        return Fraction(float(value)) == value
-    except OverflowError:
-        return False
-
-
-def plant_from(data: dict[str, Any]) -> UncertainPlant:
-    """Return the plant of a design file.
+def plant_of(plant: files.Plant) -> UncertainPlant:
+    """Return the plant of a file.
 
     Raises
     ------
     DesignFileError
-        If it is malformed.
+        If its names or numbers make none.
     """
     try:
-        parameters = tuple(_parameter(p) for p in data["parameters"])
-        As, Bs = ([v[key] for v in data["vertices"]] for key in "AB")
-        Es = [v["E"] for v in data["vertices"]] if "E" in data["vertices"][0] else None
-        names: dict[str, Any] = {k: _labels(data, k) for k in ("states", "inputs", "disturbances")}
-        if "sample_time" in data:
-            names["sample_time"] = reading.read_number(data["sample_time"], "plant.sample_time")
-        names["outputs"] = tuple(Output(**table) for table in data.get("outputs", ()))
-        names["vehicle"] = Vehicle(**data["vehicle"]) if "vehicle" in data else None
-        plant = UncertainPlant.from_vertices(As, Bs, Es, name=data["name"], **names)
-    except (KeyError, TypeError, AttributeError, ValueError) as error:
+        outputs = tuple(
+            Output(
+                own.name, own.unit, *([row for (row,) in rows] for rows in (own.C, own.D, own.F))
+            )
+            for own in plant.outputs
+        )
+        found = UncertainPlant.from_vertices(
+            plant.A,
+            plant.B,
+            plant.E or None,
+            name=plant.name,
+            states=plant.states,
+            inputs=plant.inputs,
+            disturbances=plant.disturbances,
+            sample_time=plant.sample_time,
+            outputs=outputs,
+            vehicle=None if plant.vehicle is None else Vehicle(**plant.vehicle),
+        )
+        parameters = tuple(
+            Parameter(p.name, p.low, p.high, p.unit, f"1/{p.name}" if p.inverted else p.name)
+            for p in plant.ranges
+        )
+        return replace(found, parameters=parameters)
+    except (TypeError, ValueError) as error:
         raise DesignFileError(f"plant is malformed: {error}") from error
-    return replace(plant, parameters=parameters)
-
-
-def _labels(data: dict[str, Any], key: str) -> tuple[Any, ...]:
-    if not isinstance(data[key], list):
-        raise TypeError(f"{key} must be a list of names")
-    return tuple(data[key])
-
-
-def _parameter(data: dict[str, Any]) -> Parameter:
-    low, high = (reading.read_number(b, "parameter range") for b in data["range"])
-    return Parameter(data["name"], low, high, data["unit"], data["through"])

@@ -14,7 +14,8 @@ from polefence.lmi.conditions.methods import (
 )
 from polefence.plant.controllability import FixedModes, modes_text
 from polefence.plant.family import UncertainPlant
-from polefence.proof import definite, placement, roots, work
+from polefence.proof import definite, roots, work
+from polefence.proof.regions import parts_of
 from polefence.region.regions import Disk, HalfPlane, Region, check_centre
 
 
@@ -138,7 +139,7 @@ def modes_outside(fixed: FixedModes, region: Region) -> str | None:
     """Name fixed modes that are not in a region, None where all are, or too much work to tell."""
     if not fixed.count:
         return None
-    parts = placement.read_region(region.document())
+    parts = parts_of(region.document())
     try:
         with work.counted():
             if roots.roots_inside(list(fixed.polynomial), parts, fixed.whole):

@@ -18,9 +18,10 @@ from polefence.plant.family import UncertainPlant
 from polefence.plant.points import SEED, sample
 from polefence.plant.polynomial import Domain
 from polefence.plant.system import Array
-from polefence.proof import matrices, placement, roots, work
+from polefence.proof import matrices, roots, work
+from polefence.proof.claims.poles import Poles
 from polefence.proof.matrices import Rationals, mix
-from polefence.proof.regions import Part
+from polefence.proof.regions import Part, parts_of
 from polefence.proof.roots import Outside
 from polefence.region.regions import Region, region_of
 
@@ -39,7 +40,7 @@ TRIES = 3
 DIGITS = 20  # binary, of the tangent of half an angle
 
 
-def counterexample(claim: placement.Claim) -> list[Fraction] | None:
+def counterexample(claim: Poles) -> list[Fraction] | None:
     """Return an alpha at which a pole does not lie in the region, or None if none was found.
 
     A float search over corners, edges and a seeded sample, refined around the worst points; the
@@ -49,14 +50,14 @@ def counterexample(claim: placement.Claim) -> list[Fraction] | None:
     for point, worst in worst_points(claim, lambda poles: region.distance(poles).max(axis=-1)):
         if worst < -1e-6 * region.size:
             continue
-        alpha = _alpha(point, placement.simplices(claim), _fine)
+        alpha = _alpha(point, claim.sizes, _fine)
         with suppress(work.FormatError):  # more work than is done here: undecided
-            if leaves(placement.fraction_at(claim, alpha), claim.region):
+            if leaves(claim.fraction_at(alpha), claim.region):
                 return alpha
     return None
 
 
-def worst_points(claim: placement.Claim, measure: Measure) -> Iterator[tuple[Array, float]]:
+def worst_points(claim: Poles, measure: Measure) -> Iterator[tuple[Array, float]]:
     """Yield points of the domain where a measure of the poles is large, and its value, in floats.
 
     Parameters
@@ -64,7 +65,7 @@ def worst_points(claim: placement.Claim, measure: Measure) -> Iterator[tuple[Arr
     measure : callable
         Of poles (..., n), the larger the worse; infinite where the law has no value.
     """
-    domain = Domain(placement.simplices(claim))
+    domain = Domain(claim.sizes)
     family = _Family(claim, domain, measure)
     points = sample(domain, len(claim.A[0]))
     values = np.concatenate(
@@ -104,7 +105,7 @@ def unplaceable(plant: UncertainPlant, region: Region, on: str) -> str | None:
         for c, d in combinations(corners[:16], 2)
     ]
     tried += [_simple(points[i], domain.sizes, limit) for i in nearest for limit in (2, 4, 10, 100)]
-    parts = placement.read_region(region.document())
+    parts = parts_of(region.document())
     n, m = plant.shape
     for alpha in tried[: int(MOST_ENTRIES / (n * (n + m) * len(plant.vertices)))]:
         matrices = ([getattr(v, f"exact_{x}") for v in plant.vertices] for x in "AB")
@@ -153,7 +154,7 @@ def _alpha(
 class _Family:
     """The claim's closed loops as floats, and a measure of their poles."""
 
-    def __init__(self, claim: placement.Claim, domain: Domain, measure: Measure) -> None:
+    def __init__(self, claim: Poles, domain: Domain, measure: Measure) -> None:
         self.A, self.B = (np.array(M, dtype=float) for M in (claim.A, claim.B))
         self.domain, self.law, self.measure = domain, claim.law, measure
         self.K = None if claim.law.K is None else np.array(claim.law.K[0], dtype=float)

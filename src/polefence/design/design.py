@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from fractions import Fraction
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -12,13 +13,19 @@ import numpy as np
 
 from polefence.base.errors import DesignFileError, InputError, NotProvedError
 from polefence.base.files import read_text, write_documents
-from polefence.design.certificate import Certificate, Check, check_claim
+from polefence.design.certificate import Certificate, Check, check_claim, decide, plant_of
 from polefence.design.evaluation import rounding_share
 from polefence.law.laws import Law, ScheduledGain
 from polefence.lmi.conditions.methods import Scheduled, Slack, method_label
 from polefence.plant.family import UncertainPlant
 from polefence.plant.system import Array
-from polefence.proof import placement, reading, work
+from polefence.proof.check import check as check_claims
+from polefence.proof.claims.base import Claim, Verdict, prove
+from polefence.proof.claims.observer import Observer
+from polefence.proof.claims.poles import Poles
+from polefence.proof.document import Document, loads, says_proof
+from polefence.proof.reading import MAX_BYTES
+from polefence.proof.work import FormatError
 from polefence.region.regions import Region
 
 FILE_NAME = "design.json"
@@ -187,9 +194,9 @@ class Design:
             If its claim is not proved, unless ``allow_unproved``.
         """
         where = _design_path(path)
-        text = read_text(where, reading.MAX_BYTES, DesignFileError)
+        document = read_document(where)
         try:
-            certificate = Certificate.loads(text)
+            certificate = Certificate.of(document)
             require_kind(certificate, observer)
             verdict = certificate.prove()
         except InputError as error:
@@ -200,7 +207,12 @@ class Design:
 
 
 def check(source: str | Path | Certificate | Design) -> Check:
-    """Prove a design file, a certificate or a design afresh, in exact arithmetic.
+    """Prove a file of claims, a certificate or a design afresh, in exact arithmetic.
+
+    Parameters
+    ----------
+    source : path, Certificate or Design
+        A path may be that of a folder with a ``design.json``.
 
     Returns
     -------
@@ -210,19 +222,58 @@ def check(source: str | Path | Certificate | Design) -> Check:
     Raises
     ------
     DesignFileError
-        If the file cannot be read as a design.
+        If the file cannot be read as one of claims.
     """
     if isinstance(source, Certificate):
         source = Design(source)
     if isinstance(source, Design):
         return _noted(check_claim(source.certificate.claim()), source)
     path = _design_path(source)
-    text = read_text(path, reading.MAX_BYTES, DesignFileError)
+    return check_document(read_document(path), path)
+
+
+def read_document(path: Path) -> Document:
+    """Read a file of claims; proves nothing.
+
+    Raises
+    ------
+    DesignFileError
+        If it cannot be read as one.
+    """
+    text = read_text(path, MAX_BYTES, DesignFileError)
     try:
-        claim, _ = placement.read(text)
-        answer = check_claim(claim)
-        return _noted(answer, Design(Certificate.loads(text))) if answer.proved else answer
-    except (work.FormatError, InputError) as error:
+        return loads(text)
+    except FormatError as error:
+        raise DesignFileError(f"{path}: {error}") from error
+
+
+def check_document(document: Document, path: Path) -> Check:
+    """Prove every claim of a file; look for a counterexample where poles are not proved.
+
+    Raises
+    ------
+    DesignFileError
+        If a claim is inconsistent, or they are more work than is done.
+    """
+    alphas = list[tuple[Fraction, ...]]()
+
+    def decided(claim: Claim) -> Verdict:
+        poles = claim.dual if isinstance(claim, Observer) else claim
+        if not isinstance(poles, Poles):
+            return prove(claim)
+        verdict, alpha = decide(poles)
+        alphas.extend([alpha] if alpha else [])
+        return verdict
+
+    try:
+        plant_of(document.plant)  # a plant that is none is no plant of a claim
+        found = check_claims(document, decided)
+        alpha = alphas[0] if alphas else None
+        answer = Check(found.answer, found.reason, alpha, found.claims, found.verdicts)
+        if not answer.proved or document.first(Poles) is None:
+            return answer
+        return _noted(answer, Design(Certificate.of(document)))
+    except (FormatError, InputError) as error:
         raise DesignFileError(f"{path}: {error}") from error
 
 
@@ -253,16 +304,14 @@ def require_kind(certificate: Certificate, observer: bool = False) -> None:
         )
 
 
-def says_format(path: Path, name: str) -> bool:
-    """Whether a file says that it is of a format of ours; what cannot be read says nothing."""
+def is_proof_file(path: Path) -> bool:
+    """Whether a file says that it is one of claims; what cannot be read says nothing."""
     if not path.is_file():
         return False
     try:
-        text = read_text(path, reading.MAX_BYTES, DesignFileError)
-        document = reading.parse(text) if f'"{name}"' in text else None
-    except ValueError:
+        return says_proof(read_text(path, MAX_BYTES, DesignFileError))
+    except DesignFileError:
         return False
-    return isinstance(document, dict) and document.get("format") == name
 
 
 def _design_path(path: str | Path) -> Path:

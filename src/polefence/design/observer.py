@@ -14,15 +14,13 @@ from typing import Any
 import numpy as np
 
 from polefence.base.errors import InputError, NotProvedError
-from polefence.design.certificate import Check
-from polefence.design.design import Design, check, require_kind
+from polefence.design.design import Design, require_kind
 from polefence.design.measured import dual_plant, read_measured, require_observable, transposed
 from polefence.design.place.placement import place
 from polefence.design.place.tightest import tightest
 from polefence.law.laws import check_alpha
 from polefence.lmi.conditions.methods import Method
 from polefence.plant.family import UncertainPlant
-from polefence.plant.names import quoted
 from polefence.plant.system import Array, Exact
 from polefence.region.regions import Region
 
@@ -73,16 +71,16 @@ def observe(
     dual = dual_plant(plant, C, names)
     try:
         if region is None:
-            return Observer(plant, _marked(tightest(dual, centre, method)))
-        return Observer(plant, _marked(place(dual, region, method)))
+            return Observer(plant, _marked(tightest(dual, centre, method), plant))
+        return Observer(plant, _marked(place(dual, region, method), plant))
     except NotProvedError as answer:
-        best = None if answer.best is None else Observer(plant, _marked(answer.best))
+        best = None if answer.best is None else Observer(plant, _marked(answer.best, plant))
         raise NotProvedError(str(answer), best) from answer
 
 
-def _marked(design: Design) -> Design:
-    """Return the design of the dual plant as an observer's."""
-    return replace(design, certificate=replace(design.certificate, observer=True))
+def _marked(design: Design, plant: UncertainPlant) -> Design:
+    """Return the design of the dual plant as that of the plant's observer."""
+    return replace(design, certificate=replace(design.certificate, observed=plant))
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -164,11 +162,10 @@ class Observer:
         return self.design.poles(check_alpha(alpha, len(self.plant.vertices)))
 
     def save(self, directory: str | Path) -> Path:
-        """Write the dual design's ``design.json`` into a folder, made if need be; return its path.
+        """Write ``design.json`` into a folder, made if need be; return its path.
 
-        ``polefence check`` proves it afresh. It holds A', C' and -L': the plant's name ends in
-        "(dual, observer)", the states keep their names, the inputs are the measured signals, and
-        ``"observer": true`` says that it is no law.
+        ``polefence check`` proves it afresh. It holds the plant, and a claim of kind "observer":
+        what is measured, and the law -L' of the plant (A', C').
 
         Raises
         ------
@@ -313,27 +310,6 @@ def _closed_loop(A: Any, B: Any, C: Any, K: Any, L: Any) -> Any:
     """Assemble plant and compensator; of floats, batched, or of rationals."""
     Ac, Bc, Cc = _compensator(A, B, C, K, L)
     return np.block([[A, B @ Cc], [Bc @ C, Ac]])
-
-
-def check_observer(path: str | Path) -> Check:
-    """Prove an observer's file afresh, as `polefence.design.design.check` does a design's.
-
-    Raises
-    ------
-    DesignFileError
-        If the file cannot be read.
-    """
-    answer = check(path)
-    dual = Design.load(path, allow_unproved=True, observer=True)
-    measured = ", ".join(map(quoted, dual.plant.inputs)) or "C as in the file"
-    said = tuple(
-        claim.replace("A + B K with one gain K", "A - L C with one gain L").replace(
-            "A + B K with K(alpha)", "A - L C with -L(alpha)'"
-        )
-        + f"; an observer, measured {measured}"
-        for claim in answer.claims
-    )
-    return replace(answer, claims=said)
 
 
 def _same_parameters(one: UncertainPlant, other: UncertainPlant) -> bool:

@@ -25,13 +25,11 @@ from polefence.proof.lower import (
     _Plant,
     _plus,
     _products,
-    _times,
-    _transposed,
     _weights,
     block_pairs,
     prove_infeasible,
 )
-from polefence.proof.matrices import Integers, Rationals
+from polefence.proof.matrices import Integers, Rationals, times, transposed
 from polefence.proof.work import FormatError
 
 Floats = npt.NDArray[np.float64]
@@ -164,8 +162,8 @@ class _Repair:
             Y,
             scale,
             [[j] for j in range(N) if any(map(any, Y[j]))] if several else [list(range(N))],
-            [_times(-plant.denominator, w) for w in weights],
-            [_plus(v, _transposed(v)) for v in V],
+            [times(-plant.denominator, w) for w in weights],
+            [_plus(v, transposed(v)) for v in V],
             plant.denominator,
         )
 
@@ -175,11 +173,11 @@ class _Repair:
         for anchors in self.anchors:
             k = anchors[0] if self.start.method == "scheduled" else 0
             excess = _plus(
-                _times(r.numerator, self.constant[k]), _times(r.denominator, self.slope[k])
+                times(r.numerator, self.constant[k]), times(r.denominator, self.slope[k])
             )
             factor = 2 * len(anchors) * self.denominator * r.numerator
             for b in anchors:
-                block = _times(factor, self.Y[b])
+                block = times(factor, self.Y[b])
                 for i, row in enumerate(excess):
                     for c, value in enumerate(row):
                         block[i][c] += value
@@ -332,7 +330,7 @@ class _System:
         if solved is None:
             return None
         values, scale = solved
-        Y = [_times(scale, block) for block in Y]
+        Y = [times(scale, block) for block in Y]
         for u, row in zip(chosen, values, strict=True):
             b, i, where = self.unknowns[u][0]
             for c, value in zip(range(n)[where], row, strict=True):

@@ -1,6 +1,6 @@
 """A law on a microprocessor: C99, FMU, MATLAB; what rounding and sampling leave of the claim."""
 
-from polefence.export.documents import check_guarantee, guarantee_plant, is_guarantee_file
+from polefence.export.documents import check_guarantee
 from polefence.export.exported import Exported, export_c99, with_fmus
 from polefence.export.guarantee import Guarantee
 
@@ -9,7 +9,5 @@ __all__ = [
     "Guarantee",
     "check_guarantee",
     "export_c99",
-    "guarantee_plant",
-    "is_guarantee_file",
     "with_fmus",
 ]

@@ -17,7 +17,7 @@ from polefence.export.c99.sources import Texts
 from polefence.export.statement import Facts, Seen, statement
 from polefence.law.laws import FixedGain, Law, ScheduledGain
 from polefence.plant.family import UncertainPlant
-from polefence.proof.rounding import Code
+from polefence.proof.claims.rounding import Code
 
 
 def require_law(design: Design) -> None:

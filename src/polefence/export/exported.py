@@ -24,7 +24,7 @@ from polefence.export.statement import README, Facts, loop_of, own_readme, state
 from polefence.export.timing import Timing, timing
 from polefence.law.laws import FixedGain
 from polefence.plant.parameters import Parameter
-from polefence.proof.rounding import FORMAT
+from polefence.proof.document import FORMAT
 
 GIVEN = ("parameters", "alpha")
 BESIDE = (".c", ".h", ".fmu")  # what runs beside the law

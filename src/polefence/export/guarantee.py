@@ -9,7 +9,7 @@ from math import inf
 import numpy as np
 
 from polefence.base.errors import InputError
-from polefence.design.certificate import Check
+from polefence.design.certificate import Check, ranges_of
 from polefence.design.design import Design
 from polefence.design.margins.claims import claimed_design
 from polefence.design.margins.directions import gain_claim
@@ -19,8 +19,10 @@ from polefence.law.coordinates import Coordinates
 from polefence.law.laws import FixedGain
 from polefence.plant.polynomial import Domain, Polynomial, bernstein, binomial, elevated, times
 from polefence.plant.system import Array
-from polefence.proof.rounding import Code, Rounded, Share, prove_rounding, rounding_error
-from polefence.proof.service import Gain, Range, Subject
+from polefence.proof.claims.base import prove
+from polefence.proof.claims.gain_error import GainError
+from polefence.proof.claims.margins import Subject
+from polefence.proof.claims.rounding import Code, Rounded, Share, rounding_error
 from polefence.proof.work import FormatError
 from polefence.region.text import digits_down, digits_up
 
@@ -78,7 +80,7 @@ class Guarantee:
         """Prove the claim afresh."""
         if self.claim is None:
             return Check("undecided", self.reason)
-        verdict = prove_rounding(self.claim)
+        verdict = prove(self.claim)
         return Check("proved" if verdict.proved else "undecided", verdict.reason)
 
 
@@ -100,7 +102,7 @@ def guarantee(design: Design, program: Program) -> Guarantee:
         reason = _refusal(program.number, needed, tolerated)
         return Guarantee(own, needed, tolerated, None, reason)
     claim = replace(claim, gain=gain)
-    verdict = prove_rounding(claim)
+    verdict = prove(claim)
     if not verdict.proved:
         return Guarantee(own, needed, tolerated, None, verdict.reason)
     return Guarantee(own, needed, tolerated, claim)
@@ -152,12 +154,12 @@ def _short(values: Array) -> Array:
     return np.asarray(np.ldexp(np.round(mantissa * 2.0**BITS), exponent - BITS))
 
 
-def _blank(design: Design, rows: Array, columns: Array) -> Gain:
+def _blank(design: Design, rows: Array, columns: Array) -> GainError:
     """Return a claim of no error, for what of it the bound on rounding needs."""
-    ranges = tuple(Range(p.low, p.high, p.inverted) for p in design.plant.parameters)
+    ranges = ranges_of(design.plant)
     subject = Subject(design.certificate.claim(), ranges, (1,) * len(ranges))
     right = tuple(map(tuple, exactly(columns))) if columns.ndim == 2 else _exact(columns)
-    return Gain(subject, Fraction(0), _exact(rows), right, ())
+    return GainError(subject, Fraction(0), _exact(rows), right, ())
 
 
 def _exact(values: Array) -> tuple[Fraction, ...]:

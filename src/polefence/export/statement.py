@@ -14,11 +14,11 @@ from fractions import Fraction
 from polefence.design.certificate import Certificate
 from polefence.design.design import Design
 from polefence.design.observer import Observer
-from polefence.design.statement import milliseconds_text
 from polefence.export.c99.program import Program, Scheduled
 from polefence.export.c99.sources import Texts, context, environment
 from polefence.export.timing import Timing, milliseconds
-from polefence.proof.rounding import Rounded, rounding_error
+from polefence.proof.claims.rounding import Rounded, rounding_error
+from polefence.proof.text import milliseconds_text
 from polefence.region.regions import Region
 from polefence.region.text import digits_down, digits_up, short_text
 

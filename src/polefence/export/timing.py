@@ -8,7 +8,6 @@ from fractions import Fraction
 from polefence.base.errors import InputError
 from polefence.design.design import Design
 from polefence.design.observer import Observer
-from polefence.design.statement import milliseconds_text
 from polefence.export.guarantee import Guarantee
 from polefence.export.sampled.observer_loop import SampledLoop, judge_sampled_loop
 from polefence.export.sampled.poles import (
@@ -18,6 +17,7 @@ from polefence.export.sampled.poles import (
     sampling,
 )
 from polefence.export.sampled.proof import SampledProof, off_by_rounding, prove_decay
+from polefence.proof.text import milliseconds_text
 from polefence.region.text import digits_down
 
 

@@ -6,32 +6,39 @@ Exit status: 0 proved, 1 not proved, 2 the file cannot be read.
 from __future__ import annotations
 
 import sys
+from typing import TextIO
 
-from polefence.proof.placement import prove, read
+from polefence.proof.check import check
+from polefence.proof.document import loads
 from polefence.proof.reading import MAX_BYTES
+from polefence.proof.text import visible
 from polefence.proof.work import FormatError
+
+PROVED, NOT_PROVED, BAD_INPUT = 0, 1, 2
 
 
 def main(arguments: list[str]) -> int:
-    """Check one design file; see the module's text."""
-    if len(arguments) != 1:
-        print("usage: polefence-check.pyz design.json", file=sys.stderr)
-        return 2
+    """Check one file; see the module's text."""
+    if len(arguments) != 1 or arguments[0].startswith("-"):
+        print("usage: polefence-check.pyz FILE", file=sys.stderr)
+        return BAD_INPUT
+    (path,) = arguments
     try:
-        with open(arguments[0], encoding="utf-8") as file:
-            claim, _ = read(file.read(MAX_BYTES + 1))
-        verdict = prove(claim)
+        with open(path, encoding="utf-8-sig") as file:
+            found = check(loads(file.read(MAX_BYTES + 1)))
     except (OSError, UnicodeDecodeError, FormatError) as error:
-        print(f"{arguments[0]}: {error}", file=sys.stderr)
-        return 2
-    region = " & ".join(
-        f"{part.kind}({', '.join(f'{float(v):.17g}' for v in part.numbers)})"
-        for part in claim.region
-    )
-    answer = "proved" if verdict.proved else "not proved"
-    where = "simplex of the vertices" if claim.on == "simplex" else "box of the parameters"
-    print(f"{answer}: {claim.method}, {region}, on the {where}: {verdict.reason}")
-    return 0 if verdict.proved else 1
+        _say(f"{path}: {error}", sys.stderr)
+        return BAD_INPUT
+    answer = "not proved" if found.answer == "undecided" else found.answer
+    _say(f"{path}: {answer}: {found.reason}")
+    for claim in found.claims:
+        _say(f"  {'' if found.proved else 'claimed, not proved: '}{claim}")
+    return PROVED if found.proved else NOT_PROVED
+
+
+def _say(text: str, file: TextIO | None = None) -> None:
+    line = visible(" ".join(text.split()) if file else text)
+    print(line.encode("utf-8", "backslashreplace").decode(), file=file or sys.stdout)
 
 
 if __name__ == "__main__":

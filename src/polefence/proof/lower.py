@@ -25,9 +25,18 @@ from itertools import combinations, permutations
 from operator import mul
 from typing import Any
 
+from polefence.proof.claims.base import Verdict, undecided
 from polefence.proof.definite import is_positive_definite, least_work
-from polefence.proof.matrices import MAX_BITS, Integers, Rationals, _denominator, _integers, bits
-from polefence.proof.placement import Verdict
+from polefence.proof.matrices import (
+    MAX_BITS,
+    Integers,
+    Rationals,
+    bits,
+    common_denominator,
+    times,
+    transposed,
+    whole_numbers,
+)
 from polefence.proof.work import MAX_WORK, FormatError, counted, spend
 
 METHODS = ("quadratic", "slack", "scheduled")
@@ -80,35 +89,35 @@ def prove_infeasible(claim: Infeasible) -> Verdict:
         try:
             return _proved(claim)
         except FormatError as error:  # more work than is done here
-            return Verdict(False, str(error))
+            return undecided(str(error))
 
 
 def _proved(claim: Infeasible) -> Verdict:
     fault = _malformed(claim)
     if fault:
-        return Verdict(False, fault)
+        return undecided(fault)
     try:
         plant = _Plant.of(claim.A, claim.B, claim.sigma)
-        own = [_denominator([Y], 2 * MAX_BITS) for Y in claim.Y]
+        own = [common_denominator([Y], 2 * MAX_BITS) for Y in claim.Y]
     except FormatError as error:
-        return Verdict(False, str(error))
-    blocks = [_integers(Y, d) for Y, d in zip(claim.Y, own, strict=True)]
+        return undecided(str(error))
+    blocks = [whole_numbers(Y, d) for Y, d in zip(claim.Y, own, strict=True)]
     nonzero = 0
     for b, block in enumerate(blocks):
         if any(block[i][j] != block[j][i] for i in range(len(block)) for j in range(i)):
-            return Verdict(False, f"dual matrix {b + 1} is not symmetric")
+            return undecided(f"dual matrix {b + 1} is not symmetric")
         if any(map(any, block)):
             if not is_positive_definite(block):
-                return Verdict(False, f"dual matrix {b + 1} is not positive definite")
+                return undecided(f"dual matrix {b + 1} is not positive definite")
             nonzero += 1
     if not nonzero:
-        return Verdict(False, "all dual matrices are zero")
+        return undecided("all dual matrices are zero")
     common = math.lcm(*own)
-    scaled = [_times(common // d, block) for d, block in zip(own, blocks, strict=True)]
+    scaled = [times(common // d, block) for d, block in zip(own, blocks, strict=True)]
     fault = _unbalanced(claim, plant, scaled)
     if fault:
-        return Verdict(False, fault)
-    return Verdict(True, f"{nonzero} dual matrices positive definite and balanced exactly")
+        return undecided(fault)
+    return Verdict("proved", f"{nonzero} dual matrices positive definite and balanced exactly")
 
 
 def _malformed(claim: Infeasible) -> str:
@@ -151,8 +160,8 @@ def _unbalanced(claim: Infeasible, plant: _Plant, Y: list[Integers]) -> str:
     for k, (V, residual) in enumerate(_products(plant, pairs, X)):
         if any(map(any, residual)):
             return f"the equation of Z or L, number {k + 1}, does not hold"
-        right = _plus(V, V if claim.method == "slack" else _transposed(V))
-        if _times(top, weights[k]) != _times(bottom, right):
+        right = _plus(V, V if claim.method == "slack" else transposed(V))
+        if times(top, weights[k]) != times(bottom, right):
             return f"the equation of W or G, number {k + 1}, does not hold"
     if claim.right_hand_sides and _bracket(N, [_trace(p) for p in P]) < 0:
         return "the inequality of tau does not hold"
@@ -176,12 +185,12 @@ class _Plant:
 
     @classmethod
     def of(cls, A: list[Rationals], B: list[Rationals], sigma: Fraction) -> _Plant:
-        common = _denominator([*A, *B, [[sigma]]])
-        S = [_integers(a, common) for a in A]
+        common = common_denominator([*A, *B, [[sigma]]])
+        S = [whole_numbers(a, common) for a in A]
         for s in S:
             for i, row in enumerate(s):
                 row[i] += int(sigma * common)
-        return cls(S, [_integers(b, common) for b in B], common, len(A[0]))
+        return cls(S, [whole_numbers(b, common) for b in B], common, len(A[0]))
 
     @cached_property
     def columns(self) -> list[list[int]]:
@@ -189,7 +198,7 @@ class _Plant:
         rows = [
             s + b for S, B in zip(self.A, self.B, strict=True) for s, b in zip(S, B, strict=True)
         ]
-        return _transposed(rows)
+        return transposed(rows)
 
 
 def _products(
@@ -206,7 +215,7 @@ def _products(
     spend(n * len(plant.columns) * n * sum(map(len, pairs)), *long)
     for k in range(1 + max(k for _, k in at)):
         rows = [row for j in range(len(plant.A)) for row in _plus(*at.get((j, k), [none]))]
-        right = _transposed(rows)
+        right = transposed(rows)
         both = [[sum(map(mul, column, x)) for x in right] for column in plant.columns]
         products.append((both[:n], both[n:]))
     return products
@@ -231,14 +240,6 @@ def _plus(*matrices: Integers) -> Integers:
     if len(matrices) == 1:
         return matrices[0]
     return [list(map(sum, zip(*rows, strict=True))) for rows in zip(*matrices, strict=True)]
-
-
-def _times(factor: int, matrix: Integers) -> Integers:
-    return [[factor * entry for entry in row] for row in matrix]
-
-
-def _transposed(matrix: Integers) -> Integers:
-    return [list(column) for column in zip(*matrix, strict=True)]
 
 
 def _trace(matrix: Integers) -> int:

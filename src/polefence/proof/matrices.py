@@ -3,18 +3,22 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from fractions import Fraction
 from math import isqrt
 from operator import mul
 
 from polefence.proof.work import FormatError, spend
 
-MAX_BITS = 20000
+MAX_BITS, LONGEST = 20_000, 10**6  # of a common denominator: of what is read; of what is computed
+BITS = 64  # of a square root
+
 Rationals = list[list[Fraction]]
 Integers = list[list[int]]
 
 
-def _is_symmetric(X: Rationals) -> bool:
+def is_symmetric(X: Rationals) -> bool:
+    """Whether a matrix is its own transpose."""
     return all(X[i][j] == X[j][i] for i in range(len(X)) for j in range(i))
 
 
@@ -23,19 +27,29 @@ def bits(matrix: Integers) -> int:
     return max((max(map(int.bit_length, row), default=0) for row in matrix), default=0)
 
 
-def _times(factor: int, matrix: Integers) -> Integers:
+def times(factor: int, matrix: Integers) -> Integers:
+    """Return a multiple of a matrix."""
     return matrix if factor == 1 else [[factor * entry for entry in row] for row in matrix]
 
 
-def _sum(X: Integers, Y: Integers) -> Integers:
+def plus(X: Integers, Y: Integers) -> Integers:
+    """Return the sum of two matrices."""
     return [list(map(int.__add__, x, y)) for x, y in zip(X, Y, strict=True)]
 
 
-def _transposed(matrix: Integers) -> Integers:
+def transposed(matrix: Integers) -> Integers:
+    """Return the transpose."""
     return [list(column) for column in zip(*matrix, strict=True)]
 
 
-def _denominator(matrices: list[Rationals], limit: int = MAX_BITS) -> int:
+def common_denominator(matrices: Iterable[Rationals], limit: int = MAX_BITS) -> int:
+    """Return the least common denominator of all entries.
+
+    Raises
+    ------
+    FormatError
+        If it has more bits than the limit.
+    """
     common = 1
     for denominator in {entry.denominator for M in matrices for row in M for entry in row}:
         length = common.bit_length()
@@ -46,32 +60,30 @@ def _denominator(matrices: list[Rationals], limit: int = MAX_BITS) -> int:
     return common
 
 
-def _integers(matrix: Rationals, denominator: int) -> Integers:
+def whole_numbers(matrix: Rationals, denominator: int) -> Integers:
+    """Return a matrix times a multiple of its denominators."""
     length = denominator.bit_length()
     spend(2 * len(matrix) * len(matrix[0] if matrix else []), length, min(length, 1000))
     return [[e.numerator * (denominator // e.denominator) for e in row] for row in matrix]
 
 
-LONGEST = 10**6  # bits of a common denominator there
-
-
 def quotient(matrix: Rationals) -> tuple[Rationals, Rationals]:
     """Return a matrix as N W^-1: N and W = I."""
-    n = len(matrix)
-    return matrix, [[Fraction(int(i == j)) for j in range(n)] for i in range(n)]
+    return matrix, identity(len(matrix))
 
 
-def _matrix_product(P: Integers, Q: Integers) -> Integers:
+def multiplied(P: Integers, Q: Integers) -> Integers:
+    """Return the product of two matrices."""
     spend(len(P) * len(Q) * len(Q[0]), bits(P), bits(Q))
-    columns = _transposed(Q)
+    columns = transposed(Q)
     return [[sum(map(mul, row, column)) for column in columns] for row in P]
 
 
 def mix(weights: list[Fraction], matrices: list[Rationals]) -> Rationals:
     """Return the sum of weights times matrices."""
-    own, whole = _denominator([[weights]], LONGEST), _denominator(matrices, LONGEST)
-    (factors,) = _integers([weights], own)
-    integers = [_integers(M, whole) for M in matrices]
+    own, whole = common_denominator([[weights]], LONGEST), common_denominator(matrices, LONGEST)
+    (factors,) = whole_numbers([weights], own)
+    integers = [whole_numbers(M, whole) for M in matrices]
     spend(sum(len(M) * len(M[0]) for M in matrices), bits([factors]), max(map(bits, integers)))
     return [
         [
@@ -85,8 +97,8 @@ def mix(weights: list[Fraction], matrices: list[Rationals]) -> Rationals:
 def right_divide(Z: Rationals, W: Rationals) -> Rationals | None:
     """Return Z W^-1 by fraction-free Gauss-Jordan elimination on columns, None for a singular W."""
     n = len(W)
-    common = _denominator([Z, W], LONGEST)
-    table = _transposed(_integers(W, common) + _integers(Z, common))
+    common = common_denominator([Z, W], LONGEST)
+    table = transposed(whole_numbers(W, common) + whole_numbers(Z, common))
     length = n * bits(table)
     spend(n * n * len(table[0]), length, length)
     previous = 1
@@ -107,14 +119,11 @@ def right_divide(Z: Rationals, W: Rationals) -> Rationals | None:
     return [[Fraction(table[i][n + q], table[i][i]) for i in range(n)] for q in range(len(Z))]
 
 
-def rational_product(left: Rationals, right: Rationals) -> Rationals:
+def product(left: Rationals, right: Rationals) -> Rationals:
     """Return the product of two matrices."""
-    one, other = (_denominator([M], LONGEST) for M in (left, right))
-    both = _matrix_product(_integers(left, one), _integers(right, other))
+    one, other = (common_denominator([M], LONGEST) for M in (left, right))
+    both = multiplied(whole_numbers(left, one), whole_numbers(right, other))
     return [[Fraction(e, one * other) for e in row] for row in both]
-
-
-BITS = 64  # of a square root
 
 
 def scaled(matrix: Rationals, rows: tuple[Fraction, ...]) -> Rationals:
@@ -122,11 +131,30 @@ def scaled(matrix: Rationals, rows: tuple[Fraction, ...]) -> Rationals:
     return [[value / s for value in row] for row, s in zip(matrix, rows, strict=True)]
 
 
+def identity(n: int) -> Rationals:
+    """Return I."""
+    return [[Fraction(int(i == j)) for j in range(n)] for i in range(n)]
+
+
+def inverse(T: Rationals, name: str) -> Rationals:
+    """Return the inverse.
+
+    Raises
+    ------
+    FormatError
+        If the matrix, of this name, is singular.
+    """
+    found = right_divide(identity(len(T)), T)
+    if found is None:
+        raise FormatError(f"{name} is singular")
+    return found
+
+
 def norm(matrix: Rationals) -> Fraction:
     """Return a little more than the Frobenius norm."""
-    common = _denominator([matrix], LONGEST)
+    common = common_denominator([matrix], LONGEST)
     spend(sum(map(len, matrix)), common.bit_length(), common.bit_length())
-    whole = sum(value * value for row in _integers(matrix, common) for value in row)
+    whole = sum(value * value for row in whole_numbers(matrix, common) for value in row)
     return root(Fraction(whole, common**2))
 
 

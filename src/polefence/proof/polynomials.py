@@ -1,38 +1,236 @@
-"""Matrix polynomials on products of simplices."""
+"""Matrix polynomials on products of simplices, homogeneous in each, held in whole numbers."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from fractions import Fraction
-from itertools import combinations_with_replacement, product
+from itertools import chain, combinations_with_replacement, product
 from typing import Any
 
-from polefence.proof.matrices import Integers, _sum, _times, _transposed, bits
+from polefence.proof.matrices import (
+    MAX_BITS,
+    Integers,
+    Rationals,
+    bits,
+    common_denominator,
+    plus,
+    times,
+    transposed,
+    whole_numbers,
+)
 from polefence.proof.work import MAX_HELD, FormatError, spend
 
-MAX_COEFFICIENTS = 20_000
 MAX_DEGREE = 16  # of any polynomial, in each simplex
 COORDINATES = 2  # of an exponent, which are added at the cost of one operation
+
 Exponent = tuple[int, ...]
-Polynomial = dict[Exponent, Integers]  # homogeneous in each simplex, coefficients of monomials
+Sizes = tuple[int, ...]  # corners of each simplex
+Terms = dict[Exponent, Integers]
 
 
-def _longest(P: Polynomial) -> int:
-    return max(map(bits, P.values()), default=0)
+@dataclass(frozen=True)
+class Polynomial:
+    """A matrix polynomial: ``terms`` are its monomials' coefficients times ``whole`` > 0.
+
+    ``sizes`` has the corners of each simplex, ``degrees`` the degree in each. Exponents of all
+    simplices stand one after the other; a monomial without a term has the coefficient zero.
+    """
+
+    terms: Terms
+    sizes: Sizes
+    degrees: tuple[int, ...]
+    whole: int = 1
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Rows and columns."""
+        matrix = next(iter(self.terms.values()))
+        return len(matrix), len(matrix[0])
+
+    def __mul__(self, other: Polynomial) -> Polynomial:
+        """Return the product; a polynomial of one entry multiplies matrices of any shape."""
+        multiply = _weighted if self.shape == (1, 1) else _product
+        return self._with(
+            multiply(self.terms, other.terms),
+            tuple(map(int.__add__, self.degrees, other.degrees)),
+            self.whole * other.whole,
+        )
+
+    def __add__(self, other: Polynomial) -> Polynomial:
+        degrees, whole = joint([self, other]), math.lcm(self.whole, other.whole)
+        one, two = (each.raised(degrees).over(whole) for each in (self, other))
+        return self._with(_sum(one, two), degrees, whole)
+
+    def __neg__(self) -> Polynomial:
+        return self.times(-1)
+
+    def __sub__(self, other: Polynomial) -> Polynomial:
+        return self + -other
+
+    @property
+    def T(self) -> Polynomial:
+        """The transpose."""
+        return self._with({e: transposed(matrix) for e, matrix in self.terms.items()})
+
+    def times(self, factor: Fraction | int) -> Polynomial:
+        """Return a multiple."""
+        factor = Fraction(factor)
+        terms = _multiple(factor.numerator, self.terms)
+        return self._with(terms, whole=self.whole * factor.denominator)
+
+    def part(self, rows: slice, columns: slice = slice(None)) -> Polynomial:
+        """Return some rows and columns."""
+        return self._with(
+            {e: [row[columns] for row in matrix[rows]] for e, matrix in self.terms.items()}
+        )
+
+    def beside(self, M: Rationals) -> Polynomial:
+        """Return the Kronecker product M (x) P with a constant matrix."""
+        unit = common_denominator([M], 2 * MAX_BITS)
+        left = whole_numbers(M, unit)
+        entries = len(left) * len(left[0]) * math.prod(self.shape) * len(self.terms)
+        spend(entries, bits(left), self.bits)
+        terms = {
+            e: [[m * x for m in ms for x in xs] for ms in left for xs in matrix]
+            for e, matrix in self.terms.items()
+        }
+        return self._with(terms, whole=self.whole * unit)
+
+    def raised(self, degrees: tuple[int, ...]) -> Polynomial:
+        """Return the same polynomial times powers of the sums of coordinates, of these degrees."""
+        terms, start = self.terms, 0
+        for size, own, wanted in zip(self.sizes, self.degrees, degrees, strict=True):
+            for _ in range(wanted - own):
+                terms = _elevated(terms, range(start, start + size))
+            start += size
+        return self._with(terms, degrees)
+
+    def elevated(self, by: int) -> Polynomial:
+        """Return the same polynomial, raised by so much in each simplex."""
+        return self.raised(tuple(degree + by for degree in self.degrees))
+
+    def over(self, whole: int) -> Terms:
+        """Return the terms times a multiple of ``self.whole``."""
+        return _multiple(whole // self.whole, self.terms)
+
+    def derivative(self, coordinate: int) -> Polynomial:
+        """Return the derivative by a coordinate, of one degree less in its simplex."""
+        terms: Terms = {}
+        for e, matrix in self.terms.items():
+            if e[coordinate]:
+                lower = (*e[:coordinate], e[coordinate] - 1, *e[coordinate + 1 :])
+                _add(terms, lower, times(e[coordinate], matrix))
+        ends = [sum(self.sizes[: f + 1]) for f in range(len(self.sizes))]
+        own = next(f for f, end in enumerate(ends) if coordinate < end)
+        return self._with(terms, tuple(d - (f == own) for f, d in enumerate(self.degrees)))
+
+    def composed(self, forms: Sequence[Polynomial], sizes: Sizes) -> Polynomial:
+        """Return it with forms (1 x 1, in each simplex of one degree) in place of coordinates.
+
+        They are polynomials on simplices of ``sizes``; of degree zero none is needed.
+        """
+        whole, start = self.whole, 0
+        own, degrees = list[Terms](), (0,) * len(sizes)
+        for size, degree in zip(self.sizes, self.degrees, strict=True):
+            each, start = forms[start : start + size], start + size
+            common = math.lcm(*(form.whole for form in each))
+            own += [form.over(common) for form in each] or [{}] * size
+            if degree:
+                pairs = zip(degrees, each[0].degrees, strict=True)
+                degrees = tuple(a + degree * b for a, b in pairs)
+                whole *= common**degree
+        return Polynomial(_composed(self.terms, own, sum(sizes)), sizes, degrees, whole)
+
+    @property
+    def bits(self) -> int:
+        """Length of the longest entry."""
+        return _longest(self.terms)
+
+    def _with(
+        self, terms: Terms, degrees: tuple[int, ...] | None = None, whole: int | None = None
+    ) -> Polynomial:
+        degrees = self.degrees if degrees is None else degrees
+        return Polynomial(terms, self.sizes, degrees, self.whole if whole is None else whole)
 
 
-def _hold(matrices: int, entries: int, length: int) -> None:
-    if matrices * entries * (36 + length // 7) > MAX_HELD:
-        raise FormatError("its polynomials are larger than is checked here; use a lower degree")
+def bernstein(
+    coefficients: Sequence[Rationals], sizes: Sizes, degree: int, limit: int = 2 * MAX_BITS
+) -> Polynomial:
+    """Return the polynomial with these Bernstein coefficients, in the order of `monomials`."""
+    whole = common_denominator(coefficients, limit)
+    pairs = zip(monomials(sizes, degree), coefficients, strict=True)
+    terms = {e: times(multinomial(e, sizes), whole_numbers(c, whole)) for e, c in pairs}
+    return Polynomial(terms, sizes, (degree,) * len(sizes), whole)
 
 
-def monomials(sizes: tuple[int, ...], degree: int) -> list[Exponent]:
+def affine(vertices: Sequence[Rationals], sizes: Sizes) -> Polynomial:
+    """Return what has these values at the vertices: of degree 1, or 0 if all are the same."""
+    if all(each == vertices[0] for each in vertices):
+        return constant(vertices[0], sizes)
+    return bernstein(vertices, sizes, 1)
+
+
+def constant(matrix: Rationals, sizes: Sizes) -> Polynomial:
+    """Return a matrix as a polynomial of degree zero."""
+    return bernstein([matrix], sizes, 0)
+
+
+def number(value: Fraction | int, sizes: Sizes) -> Polynomial:
+    """Return a number as a polynomial of one entry."""
+    return constant([[Fraction(value)]], sizes)
+
+
+def diagonal(values: Sequence[Fraction], sizes: Sizes) -> Polynomial:
+    """Return a diagonal matrix."""
+    zero = Fraction(0)
+    rows = [[v if i == j else zero for j in range(len(values))] for i, v in enumerate(values)]
+    return constant(rows, sizes)
+
+
+def joint(polynomials: Sequence[Polynomial]) -> tuple[int, ...]:
+    """Return the least degrees that all can be raised to."""
+    return tuple(map(max, zip(*(each.degrees for each in polynomials), strict=True)))
+
+
+def symmetric(
+    rows: list[list[Polynomial]], degrees: tuple[int, ...]
+) -> Iterator[tuple[Exponent, Integers]]:
+    """Yield each coefficient of a symmetric matrix of blocks, times one positive integer.
+
+    ``rows`` holds the blocks on the diagonal and to its right; all are raised to ``degrees``.
+    """
+    whole = math.lcm(*(each.whole for row in rows for each in row))
+    shapes = [[each.shape for each in row] for row in rows]
+    upper = [[each.raised(degrees).over(whole) for each in row] for row in rows]
+
+    def at(e: Exponent, i: int, k: int) -> Integers:
+        high, wide = shapes[i][k]
+        return upper[i][k].get(e) or [[0] * wide for _ in range(high)]
+
+    for e in monomials_of(rows[0][0].sizes, degrees):
+        matrix: Integers = []
+        for i, row in enumerate(rows):
+            left = [transposed(at(e, k, i - k)) for k in range(i)]
+            both = [*left, *(at(e, i, k) for k in range(len(row)))]
+            matrix += [list(chain(*parts)) for parts in zip(*both, strict=True)]
+        yield e, matrix
+
+
+def monomials(sizes: Sizes, degree: int) -> list[Exponent]:
     """Return the exponents of the monomials of a degree in each simplex, in the file's order.
 
     Fewest corners first, then by exponents from the largest down, then by corners; in a product
     the first simplex varies slowest.
     """
-    return [sum(parts, ()) for parts in product(*(_simplex(size, degree) for size in sizes))]
+    return monomials_of(sizes, (degree,) * len(sizes))
+
+
+def monomials_of(sizes: Sizes, degrees: tuple[int, ...]) -> list[Exponent]:
+    """Return the exponents of the monomials of these degrees."""
+    each = (_simplex(size, degree) for size, degree in zip(sizes, degrees, strict=True))
+    return [sum(parts, ()) for parts in product(*each)]
 
 
 def _simplex(size: int, degree: int) -> list[Exponent]:
@@ -51,11 +249,14 @@ def _simplex(size: int, degree: int) -> list[Exponent]:
     return powers
 
 
-def _number(sizes: tuple[int, ...], degree: int) -> int:
-    return math.prod(math.comb(size - 1 + degree, degree) for size in sizes)
+def count_of(sizes: Sizes, degrees: int | tuple[int, ...]) -> int:
+    """Return the number of monomials."""
+    each = (degrees,) * len(sizes) if isinstance(degrees, int) else degrees
+    pairs = zip(sizes, each, strict=True)
+    return math.prod(math.comb(size - 1 + degree, degree) for size, degree in pairs)
 
 
-def _binomial(exponent: Exponent, sizes: tuple[int, ...]) -> int:
+def multinomial(exponent: Exponent, sizes: Sizes) -> int:
     """Return the multinomial coefficient of a monomial, the product over the simplices."""
     value, start = 1, 0
     for size in sizes:
@@ -67,86 +268,14 @@ def _binomial(exponent: Exponent, sizes: tuple[int, ...]) -> int:
     return value
 
 
-def _bernstein(coefficients: list[Integers], sizes: tuple[int, ...], degree: int) -> Polynomial:
-    return {
-        e: _times(_binomial(e, sizes), c)
-        for e, c in zip(monomials(sizes, degree), coefficients, strict=True)
-    }
+def coordinates(alpha: list[Fraction], sizes: Sizes) -> list[Fraction]:
+    """Return the coordinates in each simplex, one after the other, of weights of the vertices.
 
-
-def _product(P: Polynomial, Q: Polynomial) -> Polynomial:
-    """Multiply matrix polynomials."""
-    result: Polynomial = {}
-    columns = {e: _transposed(q) for e, q in Q.items()}
-    left, right = _longest(P), _longest(Q)
-    none: Integers = [[]]
-    one, other = next(iter(P.values()), none), next(iter(columns.values()), none)
-    spend(len(P) * len(Q) * len(one) * len(other) * len(one[0]), left, right)
-    _spend_exponents(len(P) * len(Q), P)
-    for d, p in P.items():
-        for e, c in columns.items():
-            both = [[sum(map(int.__mul__, row, column)) for column in c] for row in p]
-            _add(result, tuple(map(int.__add__, d, e)), both)
-        _hold(len(result), len(one) * len(other), left + right)
-    return result
-
-
-def _spend_exponents(count: int, P: Polynomial) -> None:
-    spend(count * len(next(iter(P), ())) // COORDINATES, 0)
-
-
-def _add(P: Polynomial, exponent: Exponent, matrix: Integers) -> None:
-    P[exponent] = _sum(P[exponent], matrix) if exponent in P else matrix
-
-
-def _plus(P: Polynomial, Q: Polynomial) -> Polynomial:
-    result = dict(P)
-    for e, matrix in Q.items():
-        _add(result, e, matrix)
-    return result
-
-
-def _multiple(factor: int, P: Polynomial) -> Polynomial:
-    spend(
-        sum(len(matrix) * len(matrix[0]) for matrix in P.values()), factor.bit_length(), _longest(P)
-    )
-    return P if factor == 1 else {e: _times(factor, matrix) for e, matrix in P.items()}
-
-
-def _elevated(P: Polynomial, sizes: tuple[int, ...], times: int) -> Polynomial:
-    """Multiply by (sum of a simplex's coordinates)^times, for every simplex."""
-    for _ in range(times):
-        start, length = 0, _longest(P)
-        for size in sizes:
-            one = next(iter(P.values()))
-            spend(len(P) * size * len(one) * len(one[0]), length)
-            _spend_exponents(len(P) * size, P)
-            _hold(len(P) * size, len(one) * len(one[0]), length)
-            result: Polynomial = {}
-            for e, matrix in P.items():
-                for j in range(start, start + size):
-                    _add(result, (*e[:j], e[j] + 1, *e[j + 1 :]), matrix)
-            P, start = result, start + size
-    return P
-
-
-def _weighted(weights: Polynomial, X: Polynomial) -> Polynomial:
-    result: Polynomial = {}
-    entries = sum(len(matrix) * len(matrix[0]) for matrix in X.values())
-    spend(len(weights) * entries, _longest(weights), _longest(X))
-    _spend_exponents(len(weights) * len(X), X)
-    for d, q in weights.items():
-        for e, matrix in X.items():
-            _add(result, tuple(map(int.__add__, d, e)), _times(q[0][0], matrix))
-    return result
-
-
-def _starts(sizes: tuple[int, ...]) -> list[int]:
-    return [sum(sizes[:f]) for f in range(len(sizes))]
-
-
-def _coordinates(alpha: list[Fraction], sizes: tuple[int, ...]) -> list[Fraction]:
-    """Return the point's coordinates in each simplex, one after the other."""
+    Raises
+    ------
+    ValueError
+        If they are those of no point of the product.
+    """
     if len(sizes) == 1:
         return alpha
     found: list[Fraction] = []
@@ -160,10 +289,108 @@ def _coordinates(alpha: list[Fraction], sizes: tuple[int, ...]) -> list[Fraction
     return found
 
 
-def _basis(coordinates: list[Fraction], sizes: tuple[int, ...], degree: int) -> list[Fraction]:
-    """Return the values of the Bernstein polynomials."""
+def basis(at: list[Fraction], sizes: Sizes, degree: int) -> list[Fraction]:
+    """Return the values of the Bernstein polynomials at coordinates."""
     return [
-        math.prod((x**p for x, p in zip(coordinates, e, strict=True)), start=Fraction(1))
-        * _binomial(e, sizes)
+        math.prod((x**p for x, p in zip(at, e, strict=True)), start=Fraction(1))
+        * multinomial(e, sizes)
         for e in monomials(sizes, degree)
     ]
+
+
+# --- terms ---------------------------------------------------------------------------------------
+
+
+def _longest(P: Terms) -> int:
+    return max(map(bits, P.values()), default=0)
+
+
+def _hold(matrices: int, entries: int, length: int) -> None:
+    if matrices * entries * (36 + length // 7) > MAX_HELD:
+        raise FormatError("its polynomials are larger than is checked here; use a lower degree")
+
+
+def _spend_exponents(count: int, P: Terms) -> None:
+    spend(count * len(next(iter(P), ())) // COORDINATES, 0)
+
+
+def _add(P: Terms, exponent: Exponent, matrix: Integers) -> None:
+    P[exponent] = plus(P[exponent], matrix) if exponent in P else matrix
+
+
+def _sum(P: Terms, Q: Terms) -> Terms:
+    result = dict(P)
+    for e, matrix in Q.items():
+        _add(result, e, matrix)
+    return result
+
+
+def _multiple(factor: int, P: Terms) -> Terms:
+    if factor == 1:
+        return P
+    entries = sum(len(matrix) * len(matrix[0]) for matrix in P.values())
+    spend(entries, factor.bit_length(), _longest(P))
+    return {e: times(factor, matrix) for e, matrix in P.items()}
+
+
+def _product(P: Terms, Q: Terms) -> Terms:
+    """Multiply matrix polynomials."""
+    result: Terms = {}
+    columns = {e: transposed(q) for e, q in Q.items()}
+    left, right = _longest(P), _longest(Q)
+    none: Integers = [[]]
+    one, other = next(iter(P.values()), none), next(iter(columns.values()), none)
+    spend(len(P) * len(Q) * len(one) * len(other) * len(one[0]), left, right)
+    _spend_exponents(len(P) * len(Q), P)
+    for d, p in P.items():
+        for e, c in columns.items():
+            both = [[sum(map(int.__mul__, row, column)) for column in c] for row in p]
+            _add(result, tuple(map(int.__add__, d, e)), both)
+        _hold(len(result), len(one) * len(other), left + right)
+    return result
+
+
+def _weighted(weights: Terms, X: Terms) -> Terms:
+    """Multiply by a polynomial of one entry."""
+    result: Terms = {}
+    entries = sum(len(matrix) * len(matrix[0]) for matrix in X.values())
+    spend(len(weights) * entries, _longest(weights), _longest(X))
+    _spend_exponents(len(weights) * len(X), X)
+    for d, ((weight,),) in weights.items():
+        for e, matrix in X.items():
+            _add(result, tuple(map(int.__add__, d, e)), times(weight, matrix))
+    return result
+
+
+def _elevated(P: Terms, simplex: range) -> Terms:
+    """Multiply by the sum of a simplex's coordinates."""
+    none: Integers = [[]]
+    one, length = next(iter(P.values()), none), _longest(P)
+    spend(len(P) * len(simplex) * len(one) * len(one[0]), length)
+    _spend_exponents(len(P) * len(simplex), P)
+    _hold(len(P) * len(simplex), len(one) * len(one[0]), length)
+    result: Terms = {}
+    for e, matrix in P.items():
+        for j in simplex:
+            _add(result, (*e[:j], e[j] + 1, *e[j + 1 :]), matrix)
+    return result
+
+
+def _composed(P: Terms, forms: list[Terms], length: int) -> Terms:
+    """Put forms in place of coordinates; ``length`` is that of the result's exponents."""
+    products: dict[Exponent, Terms] = {(0,) * len(forms): {(0,) * length: [[1]]}}
+
+    def monomial(e: Exponent) -> Terms:
+        if e not in products:
+            j = next(j for j, power in enumerate(e) if power)
+            products[e] = _product(forms[j], monomial((*e[:j], e[j] - 1, *e[j + 1 :])))
+        return products[e]
+
+    result: Terms = {}
+    for e, matrix in P.items():
+        values, entries = monomial(e), len(matrix) * len(matrix[0])
+        spend(len(values) * entries, max(map(bits, values.values()), default=0), bits(matrix))
+        _spend_exponents(len(values), values)
+        for d, ((value,),) in values.items():
+            _add(result, d, times(value, matrix))
+    return result

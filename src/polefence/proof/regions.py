@@ -6,11 +6,22 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 from fractions import Fraction
+from typing import Any
 
-from polefence.proof.matrices import Rationals
-from polefence.proof.work import FormatError
+from polefence.proof.matrices import (
+    Integers,
+    Rationals,
+    bits,
+    common_denominator,
+    transposed,
+    whole_numbers,
+)
+from polefence.proof.polynomials import Polynomial
+from polefence.proof.reading import Table, is_double, shown
+from polefence.proof.work import FormatError, spend
 
 MAX_PARTS = 16
+TANGENTS = 32  # of an ellipse, in the upper half-plane
 # Parts of regions: their kinds and the numbers that each has.
 KINDS = {
     "disk": ("centre", "radius"),
@@ -83,7 +94,7 @@ def _short(value: Fraction) -> str:
     return repr(float(value)).removesuffix(".0")
 
 
-def _characteristic_pairs(part: Part) -> list[tuple[Rationals, Rationals]]:
+def characteristic_pairs(part: Part) -> list[tuple[Rationals, Rationals]]:
     """Return L and M of { z : L + M z + M' conj(z) < 0 }; a strip has two."""
     v, one = part.numbers, Fraction(1)
     zero = one - one
@@ -102,10 +113,7 @@ def _characteristic_pairs(part: Part) -> list[tuple[Rationals, Rationals]]:
     return [([[-b, -c * b / a], [-c * b / a, -b]], M)]
 
 
-TANGENTS = 32  # of an ellipse, in the upper half-plane
-
-
-def _holds(part: Part, p: Fraction, q: Fraction, c: Fraction) -> bool:
+def holds(part: Part, p: Fraction, q: Fraction, c: Fraction) -> bool:
     """Whether the part lies in the half-plane p x + q y <= c."""
     v, flat = part.numbers, not q
     if part.kind in ("disk", "ellipse"):
@@ -121,7 +129,7 @@ def _holds(part: Part, p: Fraction, q: Fraction, c: Fraction) -> bool:
     return not p and abs(q) * v[0] <= c
 
 
-def _sides(part: Part) -> Iterator[tuple[Fraction, Fraction, Fraction]]:
+def sides(part: Part) -> Iterator[tuple[Fraction, Fraction, Fraction]]:
     """Yield p, q, c of half-planes p x + q |y| < c of which the part is the intersection."""
     v, zero, one = part.numbers, Fraction(0), Fraction(1)
     if part.kind == "half_plane":
@@ -140,3 +148,70 @@ def _sides(part: Part) -> Iterator[tuple[Fraction, Fraction, Fraction]]:
             cosine, sine = (1 - s**2) / (1 + s**2), 2 * s / (1 + s**2)
             for sign in (1, -1):
                 yield sign * cosine / a, sine / b, 1 + sign * cosine * c / a
+
+
+Region = tuple[Part, ...]
+
+
+def read_region(table: Table) -> Region:
+    """Read the parts of a region: doubles, so that what is printed of them is what is proved."""
+    if table.word("kind", (*KINDS, "intersection")) != "intersection":
+        found: Region = (_part(table),)
+    else:
+        found = tuple(map(_part, table.tables("parts", MAX_PARTS)))
+        for k, part in enumerate(found):
+            if part in found[:k]:
+                raise FormatError(
+                    f"{table.path('parts')}[{k + 1}] stands there twice; leave one out"
+                )
+    require_region(found)
+    return found
+
+
+def parts_of(document: dict[str, Any]) -> Region:
+    """Return the parts of a region from plain data."""
+    return read_region(Table.of(document, "region"))
+
+
+def _part(table: Table) -> Part:
+    kind = table.word("kind", KINDS)
+    numbers = tuple(table.number(key) for key in KINDS[kind])
+    for key, value in zip(KINDS[kind], numbers, strict=True):
+        if not is_double(value):
+            given = shown(table.at(key))
+            raise FormatError(f"{table.path(key)} = {given} is no double; give a decimal")
+    return Part(kind, numbers)
+
+
+def write_region(region: Region) -> dict[str, Any]:
+    """Return a region as a file has it."""
+    parts = [
+        {"kind": part.kind} | dict(zip(KINDS[part.kind], map(float, part.numbers), strict=True))
+        for part in region
+    ]
+    return parts[0] if len(parts) == 1 else {"kind": "intersection", "parts": parts}
+
+
+def lyapunov(L: Rationals, M: Rationals, X: Polynomial, N: Polynomial) -> Polynomial:
+    """Return -(L (x) X + M (x) N + M' (x) N')."""
+    X = X.raised(N.degrees)
+    whole, unit = math.lcm(X.whole, N.whole), common_denominator([L, M])
+    L_, M_ = whole_numbers(L, unit), whole_numbers(M, unit)
+    x, n = X.over(whole), N.over(whole)
+    zero = [[0] * len(row) for row in next(iter(n.values()))]
+    terms = {e: _block(L_, M_, x.get(e, zero), n.get(e, zero)) for e in x.keys() | n.keys()}
+    return Polynomial(terms, N.sizes, N.degrees, whole * unit)
+
+
+def _block(L: Integers, M: Integers, X: Integers, N: Integers) -> Integers:
+    T = transposed(N)
+    rows: Integers = []
+    spend(3 * (len(L) * len(X)) ** 2, max(bits(L), bits(M)), max(bits(X), bits(N)))
+    for a in range(len(L)):
+        for i in range(len(X)):
+            row: list[int] = []
+            for b in range(len(L)):
+                p, q, r = L[a][b], M[a][b], M[b][a]
+                row += [-(p * x + q * y + r * z) for x, y, z in zip(X[i], N[i], T[i], strict=True)]
+            rows.append(row)
+    return rows

@@ -11,14 +11,14 @@ from polefence.proof.matrices import (
     LONGEST,
     Integers,
     Rationals,
-    _denominator,
-    _integers,
-    _is_symmetric,
-    _matrix_product,
-    _transposed,
     bits,
+    common_denominator,
+    is_symmetric,
+    multiplied,
+    transposed,
+    whole_numbers,
 )
-from polefence.proof.regions import Part, _holds, _sides
+from polefence.proof.regions import Part, holds, sides
 from polefence.proof.work import cost, spend
 
 
@@ -45,18 +45,20 @@ def is_outside(loop: tuple[Rationals, Rationals], region: tuple[Part, ...], by: 
     """
     n = len(loop[0])
     shapes = all(len(M) == n and all(len(row) == n for row in M) for M in (by.S, by.T))
-    if not shapes or not any(_holds(part, by.p, by.q, by.c) for part in region):
+    if not shapes or not any(holds(part, by.p, by.q, by.c) for part in region):
         return False
-    if not _is_symmetric(by.S) or any(
+    if not is_symmetric(by.S) or any(
         by.T[i][j] != -by.T[j][i] for i in range(n) for j in range(i + 1)
     ):
         return False
-    p, q, c = _integers([[by.p, by.q, by.c]], _denominator([[[by.p, by.q, by.c]]], LONGEST))[0]
-    N, W = (_integers(M, _denominator(list(loop), LONGEST)) for M in loop)
-    S, T = (_integers(M, _denominator([by.S, by.T], LONGEST)) for M in (by.S, by.T))
-    left = _transposed(W)
+    p, q, c = whole_numbers(
+        [[by.p, by.q, by.c]], common_denominator([[[by.p, by.q, by.c]]], LONGEST)
+    )[0]
+    N, W = (whole_numbers(M, common_denominator(list(loop), LONGEST)) for M in loop)
+    S, T = (whole_numbers(M, common_denominator([by.S, by.T], LONGEST)) for M in (by.S, by.T))
+    left = transposed(W)
     SN, TN, SW, TW = (
-        _matrix_product(left, _matrix_product(*pair)) for pair in ((S, N), (T, N), (S, W), (T, W))
+        multiplied(left, multiplied(*pair)) for pair in ((S, N), (T, N), (S, W), (T, W))
     )
     ahead = [
         [p * a + q * b for a, b in zip(*rows, strict=True)] for rows in zip(SN, TN, strict=True)
@@ -80,14 +82,14 @@ def _embedded(real: Integers, skew: Integers) -> Integers:
 
 def all_inside(matrix: Rationals, region: tuple[Part, ...]) -> bool:
     """Decide whether all eigenvalues lie in the region, as `poles_inside` does."""
-    whole = _denominator([matrix], LONGEST)
-    polynomial = characteristic(_integers(matrix, whole))
+    whole = common_denominator([matrix], LONGEST)
+    polynomial = characteristic(whole_numbers(matrix, whole))
     return roots_inside(polynomial, region, whole)
 
 
 def inside_work(matrix: Rationals) -> int:
     """Return about what `all_inside` costs."""
-    n, length = len(matrix), bits(_integers(matrix, _denominator([matrix], LONGEST)))
+    n, length = len(matrix), bits(whole_numbers(matrix, common_denominator([matrix], LONGEST)))
     return n**4 * cost(n * length // 2, length)
 
 
@@ -98,12 +100,12 @@ def roots_inside(polynomial: list[int], region: tuple[Part, ...], whole: int = 1
     """
     for part in region:
         if part.kind == "disk":
-            own = _denominator([[list(part.numbers)]], LONGEST)
+            own = common_denominator([[list(part.numbers)]], LONGEST)
             centre, radius = (int(v * own) * whole for v in part.numbers)
             moved = _shifted(_scaled(polynomial, own), centre)
             if not _in_unit_disk([a * radius**k for k, a in enumerate(reversed(moved))][::-1]):
                 return False
-        elif not all(_in_half_plane(polynomial, whole, *side) for side in _sides(part)):
+        elif not all(_in_half_plane(polynomial, whole, *side) for side in sides(part)):
             return False
     return True
 
@@ -115,7 +117,7 @@ def characteristic(matrix: Integers) -> list[int]:
     coefficients = [1]
     power = [[int(i == j) for j in range(n)] for i in range(n)]
     for k in range(1, n + 1):
-        columns = _transposed(power)
+        columns = transposed(power)
         power = [[sum(map(mul, row, column)) for column in columns] for row in matrix]
         coefficients.append(-sum(power[i][i] for i in range(n)) // k)  # divides exactly
         for i in range(n):
@@ -151,7 +153,7 @@ def _in_half_plane(
     The numbers z (p - i q) and their conjugates have real parts p x + q y and p x - q y; the left
     half-plane is the unit disk by s = (w + 1) / (w - 1).
     """
-    own = _denominator([[[p, q, c]]], LONGEST)
+    own = common_denominator([[[p, q, c]]], LONGEST)
     P, Q, C = int(p * own), int(q * own), int(c * own) * whole
     rotated = _scaled(polynomial, P)
     if Q:

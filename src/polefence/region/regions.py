@@ -17,6 +17,7 @@ import numpy as np
 
 from polefence.base.errors import RegionError
 from polefence.plant.system import Array
+from polefence.proof.text import exactly
 
 Pair = tuple[Array, Array]  # L, M
 
@@ -436,12 +437,6 @@ def damping_of(slope: float) -> float:
     while damping > 0 and slope_of(damping) < slope:
         damping = math.nextafter(damping, 0)
     return damping
-
-
-def exactly(value: float) -> str:
-    """Print a float so that it reads back the same: a rounded radius would be another claim."""
-    short = f"{value:g}"
-    return short if float(short) == value else repr(value)
 
 
 def bounds_speed(region: Region | None) -> bool:

@@ -4,16 +4,16 @@ from __future__ import annotations
 
 import re
 from dataclasses import astuple, fields
-from decimal import ROUND_CEILING, ROUND_FLOOR, Context, Decimal
-from fractions import Fraction
 from pathlib import Path
 
 from polefence.base.errors import RegionError, suggest
 from polefence.plant.spec import region_text
-from polefence.region.regions import CLASSES, Intersection, Region, exactly
+from polefence.proof.text import digits_down, digits_up, exactly
+from polefence.region.regions import CLASSES, Intersection, Region
+
+__all__ = ["digits_down", "digits_up", "load_region", "parse_region", "short_text"]
 
 MAX_LENGTH, MAX_PARTS = 1000, 16
-LARGEST = 10**308  # of a double, nearly
 
 EXAMPLE = "for example disk(-40, 31) & sector(0.3)"
 _PART = re.compile(r"\s*([A-Za-z][\w-]*)\s*\(([^()&]*)\)\s*", re.ASCII)
@@ -67,35 +67,6 @@ def load_region(path: str | Path) -> Region | None:
         return None if text is None else parse_region(text)
     except RegionError as error:
         raise RegionError(f"{path}: {error}") from error
-
-
-def digits_up(value: float | Fraction, digits: int = 6) -> str:
-    """Print with so many digits, rounded up: for what is proved to be no larger.
-
-    A double that so many digits read back as is printed so; any other number is rounded.
-    """
-    return _digits(value, digits, ROUND_CEILING)
-
-
-def digits_down(value: float | Fraction, digits: int = 6) -> str:
-    """Print with so many digits, rounded down: for what is proved to be no smaller."""
-    return _digits(value, digits, ROUND_FLOOR)
-
-
-def _digits(value: float | Fraction, digits: int, direction: str) -> str:
-    if not isinstance(value, Fraction) or _is_double(value):
-        short = f"{float(value):.{digits}g}"
-        if float(short) == value:  # reads back the same: nothing was rounded
-            return short
-    # correctly rounded, once: first to a double would be a second time
-    top, bottom = value.as_integer_ratio()
-    rounded = Context(prec=digits, rounding=direction).divide(Decimal(top), Decimal(bottom))
-    plain = rounded == 0 or -5 <= rounded.adjusted() < 12
-    return f"{rounded:f}" if plain else f"{rounded:e}"
-
-
-def _is_double(value: Fraction) -> bool:
-    return abs(value) < LARGEST and Fraction(float(value)) == value
 
 
 def short_text(region: Region) -> str:

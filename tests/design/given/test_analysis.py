@@ -28,7 +28,9 @@ from polefence import (
 from polefence.cli.main import main
 from polefence.law.given import given_law
 from polefence.plant.points import values_at
-from polefence.proof import placement, work
+from polefence.proof import work
+from polefence.proof.claims.base import prove
+from support.files import poles_in
 
 # Leite & Peres (2005), Lemma 2 at (-40, 33.6): holds for the vertices as printed, on no real car.
 PUBLISHED = [[52930, 59680, -5150, 2560, 181210]]
@@ -339,36 +341,38 @@ def saved(tmp_path_factory):
 
 
 MUTATIONS = {
-    "decay": lambda d: d["region"]["parts"][0].update(decay=0.26),
-    "damping": lambda d: d["region"]["parts"][1].update(Sector(0.2).document()),
+    "decay": lambda d: d["claims"][0]["region"]["parts"][0].update(decay=0.26),
+    "damping": lambda d: d["claims"][0]["region"]["parts"][1].update(Sector(0.2).document()),
     "K": lambda d: d["law"]["K"][0].__setitem__(1, 0.5),
     "A": lambda d: d["plant"]["vertices"][1]["A"][1].__setitem__(1, 0.5),
-    "X": lambda d: d["certificate"]["parts"][0]["X"][0][0].__setitem__(0, -1),
-    "asymmetric": lambda d: d["certificate"]["parts"][0]["X"][0][0].__setitem__(1, 9),
-    "swapped": lambda d: d["certificate"]["parts"].reverse(),
-    "degree": lambda d: d["certificate"]["parts"][0].update(degree=2),
-    "elevation": lambda d: d["certificate"]["parts"][0].update(elevation=-1),
-    "missing part": lambda d: d["certificate"]["parts"].pop(),
-    "extra part": lambda d: d["certificate"]["parts"].append(d["certificate"]["parts"][0]),
-    "extra key": lambda d: d["certificate"].update(W=[[1]]),
-    "key of a part": lambda d: d["certificate"]["parts"][0].update(tau=1),
-    "multiple": lambda d: d["certificate"]["parts"][0].update(multiple=[1, 1]),
+    "X": lambda d: d["claims"][0]["evidence"]["parts"][0]["X"][0][0].__setitem__(0, -1),
+    "asymmetric": lambda d: d["claims"][0]["evidence"]["parts"][0]["X"][0][0].__setitem__(1, 9),
+    "swapped": lambda d: d["claims"][0]["evidence"]["parts"].reverse(),
+    "degree": lambda d: d["claims"][0]["evidence"]["parts"][0].update(degree=2),
+    "elevation": lambda d: d["claims"][0]["evidence"]["parts"][0].update(elevation=-1),
+    "missing part": lambda d: d["claims"][0]["evidence"]["parts"].pop(),
+    "extra part": lambda d: d["claims"][0]["evidence"]["parts"].append(
+        d["claims"][0]["evidence"]["parts"][0]
+    ),
+    "extra key": lambda d: d["claims"][0]["evidence"].update(W=[[1]]),
+    "key of a part": lambda d: d["claims"][0]["evidence"]["parts"][0].update(tau=1),
+    "multiple": lambda d: d["claims"][0]["evidence"]["parts"][0].update(multiple=[1, 1]),
     "method": lambda d: d.update(method="quadratic"),
-    "domain": lambda d: d["certificate"].update(on="ball"),
-    "nan": lambda d: d["certificate"]["parts"][0]["X"][0][0].__setitem__(0, float("nan")),
+    "domain": lambda d: d["claims"][0]["evidence"].update(on="ball"),
+    "nan": lambda d: d["claims"][0]["evidence"]["parts"][0]["X"][0][0].__setitem__(0, float("nan")),
 }
 
 
 @pytest.mark.parametrize("name", MUTATIONS)
 def test_a_certificate_with_one_fault_is_refused(saved, name):
     text = json.dumps(saved)
-    claim, _ = placement.read(text)
-    assert placement.prove(claim).proved
+    claim = poles_in(text)
+    assert prove(claim).proved
     broken = json.loads(text)
     MUTATIONS[name](broken)
     try:
-        claim, _ = placement.read(json.dumps(broken))
-        proved = placement.prove(claim).proved
+        claim = poles_in(json.dumps(broken))
+        proved = prove(claim).proved
     except work.FormatError:
         proved = False
     assert not proved
@@ -378,21 +382,21 @@ def test_evidence_about_a_scheduled_law_with_one_fault_is_refused():
     design = place(oscillator(2.2), Disk(-2, 1.5), "scheduled")
     found = analyse(oscillator(2.2), design, Disk(-2, 1.5))
     text = found.certificate.dumps()
-    assert placement.prove(placement.read(text)[0]).proved
+    assert prove(poles_in(text)).proved
     for keys, change in (
         (("law", "Z", 0, 0, 0), lambda z: z + 10),
         (("law", "W", 1, 0, 0), lambda w: -w),
-        (("certificate", "parts", 0, "multiple", 0), lambda s: s - 100),
-        (("certificate", "parts", 0, "X", 0, 0, 0), lambda x: x - 1e3),
-        (("certificate", "parts", 0, "X", 0, 0, 1), lambda x: x + 1),
-        (("region", "radius"), lambda r: r / 3),
+        (("claims", 0, "evidence", "parts", 0, "multiple", 0), lambda s: s - 100),
+        (("claims", 0, "evidence", "parts", 0, "X", 0, 0, 0), lambda x: x - 1e3),
+        (("claims", 0, "evidence", "parts", 0, "X", 0, 0, 1), lambda x: x + 1),
+        (("claims", 0, "region", "radius"), lambda r: r / 3),
     ):
         broken = json.loads(text)
         place_of = broken
         for key in keys[:-1]:
             place_of = place_of[key]
         place_of[keys[-1]] = change(place_of[keys[-1]])
-        assert not placement.prove(placement.read(json.dumps(broken))[0]).proved, keys
+        assert not prove(poles_in(json.dumps(broken))).proved, keys
 
 
 @pytest.fixture
@@ -464,7 +468,7 @@ def test_the_command_answers(car_spec, capsys):
 )
 def test_bad_input_is_one_line(car_spec, capsys, arguments, message):
     (car_spec / "bad.json").write_text('{"gain": [[1, 2, 3, 4, 5]]}')
-    (car_spec / "design.json").write_text('{"format": "polefence-design", "version": 1}')
+    (car_spec / "design.json").write_text('{"format": "polefence-proof", "version": 2}')
     (car_spec / "a.json").write_text("")
     gain = [] if "--gain" in arguments else ["--gain", json.dumps(PUBLISHED)]
     assert main(["analyse", "car.toml", *gain, *arguments]) == 2

@@ -258,7 +258,7 @@ def test_a_saved_analysis_is_checked_and_loaded(tmp_path, capsys):
     text = path.read_text().replace('"undecided"', '"proved"').replace('"refuted"', '"undecided"')
     path.write_text(text)
     assert main(["check", str(path)]) == 2
-    assert "must have" in capsys.readouterr().err
+    assert "unknown key" in capsys.readouterr().err
     document = json.loads((tmp_path / "table.json").read_text())
     document["cells"][0]["parts"][0]["X"][0][0][0] *= -1
     (tmp_path / "table.json").write_text(json.dumps(document))

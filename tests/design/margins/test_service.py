@@ -13,9 +13,9 @@ from scipy.optimize import minimize
 from polefence import InputError, Parameter, Scheduled, UncertainPlant, place, tightest
 from polefence.base.errors import DesignFileError
 from polefence.cli.main import main
+from polefence.design.design import check
 from polefence.design.given.analysis import analyse
 from polefence.design.margins import (
-    check_service,
     estimation_error,
     gain_error,
     in_service,
@@ -336,8 +336,8 @@ def test_another_region_is_proved_anew_of_a_law_that_was_given(services):
         assert stable["gain"].design.region == HalfPlane(0)
         assert stable["rate"].value == own["rate"].value
         document = stable.document(stable["gain"])
-        assert document["design"]["region"]["kind"] == "half_plane"
-        assert "region" not in document["service"]
+        assert document["claims"][0]["region"]["kind"] == "half_plane"
+        assert "region" not in document["claims"][0]
         refused = in_service(own.design, 0.05, region=Disk(-3, 0.05))
         assert refused["gain"].status == "undecided"
         assert refused["gain"].upper is not None
@@ -376,22 +376,22 @@ def test_files_are_proved_afresh(services, tmp_path):
         paths = service.save(tmp_path / name)
         assert [path.stem for path in paths] == [margin.name for margin in service]
         for path in paths:
-            assert check_service(path).proved
-            assert "nothing" not in str(check_service(path))
+            assert check(path).proved
+            assert "nothing" not in str(check(path))
     path = tmp_path / "box" / "estimate-m.json"
     document = json.loads(path.read_text())
-    document["service"]["errors"][0] *= 1.05
+    document["claims"][0]["errors"][0] *= 1.05
     path.write_text(json.dumps(document))
-    assert check_service(path).answer == "undecided"
+    assert check(path).answer == "undecided"
     path.write_text("{")
     with pytest.raises(DesignFileError, match="cut short"):
-        check_service(path)
+        check(path)
 
 
 def test_the_command(services, tmp_path, capsys):
     design = services["box"].design.save(tmp_path)
     out, summary = tmp_path / "out", tmp_path / "summary.json"
-    words = ["service", str(design), "--decay", "0.05", "-o", str(out), "--json", str(summary)]
+    words = ["claims", 0, str(design), "--decay", "0.05", "-o", str(out), "--json", str(summary)]
     assert main(words) == 0
     printed = capsys.readouterr().out
     rows = json.loads(summary.read_text())["margins"]
@@ -407,13 +407,13 @@ def test_the_command(services, tmp_path, capsys):
     spec.write_text(SPEC.replace("9]", "8]"))
     assert main(["check", str(path), "--spec", str(spec)]) == 1
     document = json.loads(path.read_text())
-    document["service"]["rates"] = [1000, 1000]
+    document["claims"][0]["rates"] = [1000, 1000]
     path.write_text(json.dumps(document))
     assert main(["check", str(path)]) == 1
-    assert main(["service", str(design), "--decay", "50", "--region", "half_plane(0)"]) == 1
-    assert main(["service", str(design), "--decay", "-1"]) == 2
-    assert main(["service", str(path)]) == 2
-    document["service"]["surprise"] = 1
+    assert main(["claims", 0, str(design), "--decay", "50", "--region", "half_plane(0)"]) == 1
+    assert main(["claims", 0, str(design), "--decay", "-1"]) == 2
+    assert main(["claims", 0, str(path)]) == 2
+    document["claims"][0]["surprise"] = 1
     path.write_text(json.dumps(document))
     assert main(["check", str(path)]) == 2
 

@@ -153,10 +153,10 @@ EDITED = {
     "another degree": lambda row: row.update(method="scheduled(2, 1)"),
     "another centre": lambda row: row.update(centre=-2.5, lower=None),
     "another law": lambda row: row["proof"]["law"]["Z"][0][0].__setitem__(0, 9.0),
-    "another certificate": lambda row: row["proof"].update(certificate={"tau": 0, "elevation": 9}),
-    "no certificate": lambda row: row["proof"].pop("certificate"),
+    "another certificate": lambda row: row["proof"].update(evidence={"tau": 0, "elevation": 9}),
+    "no certificate": lambda row: row["proof"].pop("evidence"),
     "no table": lambda row: row.update(proof=[1]),
-    "numbers without end": lambda row: row["proof"].update(certificate={"tau": "1" * 400}),
+    "numbers without end": lambda row: row["proof"].update(evidence={"tau": "1" * 400}),
 }
 
 

@@ -14,9 +14,10 @@ from scipy.linalg import expm
 
 from polefence import FixedGain, HalfPlane, InputError, UncertainPlant
 from polefence.base.errors import SpecError
+from polefence.design.design import check
 from polefence.design.signals.augmented import with_weights
 from polefence.design.signals.bounds import best_bound, kept_bound
-from polefence.design.signals.files import check_performance, performance_text
+from polefence.design.signals.files import bounds_file
 from polefence.design.signals.optimise import optimise
 from polefence.design.signals.sampled import sampled
 from polefence.design.signals.specification import InitialPeak, Rms
@@ -27,8 +28,10 @@ from polefence.plant import outputs
 from polefence.plant.points import seeded
 from polefence.plant.polynomial import Domain
 from polefence.plant.spec import loads
-from polefence.proof.performance import is_semidefinite, prove_performance, read_performance
+from polefence.proof.claims.base import prove
+from polefence.proof.claims.initial_peak import is_semidefinite
 from polefence.proof.work import FormatError
+from support.files import bounds_in
 
 STAGE = """
 name = "stage"
@@ -185,16 +188,16 @@ def test_points_and_an_ellipsoid_are_both_kept(stage):
 
 def document_of(designed):
     claims = [bound.claim for bound in designed.bounds]
-    return json.loads(performance_text(designed.design.certificate, claims)), claims
+    return json.loads(bounds_file(designed.design.certificate, claims).dumps()), claims
 
 
 def test_a_file_holds_the_ellipsoid(designed, tmp_path):
     document, claims = document_of(designed)
-    found, _ = read_performance(json.dumps(document))
+    found = bounds_in(json.dumps(document))
     assert found == claims
     assert found[1].ellipsoid == tuple(tuple(map(Fraction, row)) for row in X0)
     designed.save(tmp_path)
-    answer = check_performance(tmp_path)
+    answer = check(tmp_path)
     assert answer.proved
     (said,) = (claim for claim in answer.claims if claim.startswith("initial peak of 'force' = "))
     assert " <= 0.6 from x(0)' X0^-1 x(0) <= 1, X0 = " in said
@@ -212,22 +215,22 @@ def test_a_file_holds_the_ellipsoid(designed, tmp_path):
 )
 def test_what_is_no_ellipsoid_is_named(designed, value, message):
     document, _ = document_of(designed)
-    document["specifications"][1]["ellipsoid"] = value
+    document["claims"][2]["ellipsoid"] = value
     with pytest.raises(FormatError, match=message):
-        [prove_performance(claim) for claim in read_performance(json.dumps(document))[0]]
+        [prove(claim) for claim in bounds_in(json.dumps(document))]
 
 
 def test_a_larger_ellipsoid_is_not_proved(designed):
     claim = designed.bounds[1].claim
-    assert prove_performance(claim).proved
+    assert prove(claim).proved
     for i in range(2):
         larger = [list(row) for row in claim.ellipsoid]
         larger[i][i] *= 20
-        verdict = prove_performance(replace(claim, ellipsoid=tuple(map(tuple, larger))))
+        verdict = prove(replace(claim, ellipsoid=tuple(map(tuple, larger))))
         assert not verdict.proved
         assert "of the ellipsoid" in verdict.reason
     smaller = tuple(tuple(x / 2 for x in row) for row in claim.ellipsoid)
-    assert prove_performance(replace(claim, ellipsoid=smaller)).proved
+    assert prove(replace(claim, ellipsoid=smaller)).proved
 
 
 @settings(max_examples=60, deadline=None)

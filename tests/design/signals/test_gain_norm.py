@@ -24,9 +24,11 @@ from polefence import (
 )
 from polefence.base.errors import SpecError
 from polefence.cli.main import main
+from polefence.design.certificate import file_plant
+from polefence.design.design import check
 from polefence.design.signals.augmented import with_weights
 from polefence.design.signals.bounds import best_bound, kept_bound
-from polefence.design.signals.files import check_performance, performance_text, statement
+from polefence.design.signals.files import bounds_file
 from polefence.design.signals.gain_norm import GainNorm, levels
 from polefence.design.signals.optimise import optimise
 from polefence.design.signals.sampled import sampled
@@ -38,8 +40,9 @@ from polefence.lmi.conditions.pencil import Builder
 from polefence.plant.points import seeded
 from polefence.plant.polynomial import Domain
 from polefence.plant.spec import loads
-from polefence.proof.performance import blocks, prove_performance, read_performance
+from polefence.proof.claims.base import prove
 from polefence.proof.work import FormatError
+from support.files import bounds_in
 from support.paths import DOCS
 from support.specs import ONE_STATE, TWO_STATES, rms
 
@@ -155,7 +158,7 @@ def test_the_inequality_is_that_of_the_theorem(kind):
     claim = replace(bound.claim, level=Fraction(7, 3))
     degree = 2 * getattr(law, "degree", 0)
     domain = Domain(getattr(law, "sizes", (4,)))
-    found = [np.array(M, dtype=object) for _, M in blocks(claim)]
+    found = [np.array(M, dtype=object) for _, M in claim.blocks()]
     order = domain.monomials(degree)
     assert len(found) == len(order)
     for coordinates, alpha in points(domain):
@@ -187,8 +190,8 @@ def test_levels_are_bracketed_on_both_sides(kind):
         evidence = replace(subject.evidence, elevation=elevation)
         claim = replace(best.claim, subject=replace(subject, evidence=evidence))
         above, below = (replace(claim, level=Fraction(level * (1 + s))) for s in (1e-9, -1e-9))
-        assert prove_performance(above).proved
-        assert not prove_performance(below).proved
+        assert prove(above).proved
+        assert not prove(below).proved
     assert kept_bound(plant, law, replace(own, at_most=worst * 0.999)) is None
     kept = kept_bound(plant, law, replace(own, at_most=best.level))
     assert kept.level == best.level
@@ -197,7 +200,7 @@ def test_levels_are_bracketed_on_both_sides(kind):
 @pytest.mark.parametrize("kind", ["one", "simplex 1", "box 2"])
 def test_one_fault_at_a_time(kind):
     claim = best_bound(a_plant(), a_law(kind), GainNorm(None, ROWS, COLUMNS)).claim
-    assert prove_performance(claim).proved
+    assert prove(claim).proved
     law = claim.subject.law
     faults = [replace(claim, level=claim.level * Fraction(9, 10))]
     for key, factor in (("rows", Fraction(4, 5)), ("columns", Fraction(3, 2))):
@@ -210,16 +213,16 @@ def test_one_fault_at_a_time(kind):
             fault = replace(claim.subject, law=replace(law, **{letter: M}))
             faults.append(replace(claim, subject=fault))
     for fault in faults:
-        verdict = prove_performance(fault)
+        verdict = prove(fault)
         assert not verdict.proved
         assert "of the gain's norm" in verdict.reason
     for units in ((Fraction(1),), (Fraction(1), Fraction(0)), (Fraction(1), Fraction(-1))):
         with pytest.raises(FormatError, match="rows must hold 2 positive numbers"):
-            prove_performance(replace(claim, rows=units))
+            prove(replace(claim, rows=units))
     with pytest.raises(FormatError, match="columns must hold 3 positive numbers"):
-        prove_performance(replace(claim, columns=claim.columns[:2]))
+        prove(replace(claim, columns=claim.columns[:2]))
     with pytest.raises(FormatError, match="level"):
-        prove_performance(replace(claim, level=Fraction(-1)))
+        prove(replace(claim, level=Fraction(-1)))
     for change, message in (
         ({"elevation": 17}, "degrees must be"),
         ({"X": [[[Fraction(1)]]]}, "nothing but an elevation"),
@@ -227,15 +230,15 @@ def test_one_fault_at_a_time(kind):
     ):
         evidence = replace(claim.subject.evidence, **change)
         with pytest.raises(FormatError, match=message):
-            prove_performance(replace(claim, subject=replace(claim.subject, evidence=evidence)))
+            prove(replace(claim, subject=replace(claim.subject, evidence=evidence)))
     if law.W is not None:
         short = replace(law, W=law.W[:-1])
         with pytest.raises(FormatError, match="missing"):
-            prove_performance(replace(claim, subject=replace(claim.subject, law=short)))
+            prove(replace(claim, subject=replace(claim.subject, law=short)))
         uneven = [[list(row) for row in M] for M in law.W]
         uneven[0][0][1] += Fraction(1, 10**6)
         wrong = replace(claim.subject, law=replace(law, W=uneven))
-        assert "not symmetric" in prove_performance(replace(claim, subject=wrong)).reason
+        assert "not symmetric" in prove(replace(claim, subject=wrong)).reason
 
 
 # --- designs --------------------------------------------------------------------------------------
@@ -320,16 +323,16 @@ def test_the_study_is_as_the_page_says():
 
 def test_a_file_holds_what_was_proved(designed, tmp_path):
     claims = [bound.claim for bound in designed.bounds]
-    text = performance_text(designed.design.certificate, claims)
-    assert read_performance(text)[0] == claims
+    text = bounds_file(designed.design.certificate, claims).dumps()
+    assert bounds_in(text) == claims
     designed.save(tmp_path)
-    answer = check_performance(tmp_path)
+    answer = check(tmp_path)
     assert answer.proved
     units = "states in units of 0.5, 1 and inputs in units of 2"
     said = f"gain norm of the law <= 2.5, {units}"
-    assert answer.claims[3] == statement(claims[2], designed.design.plant) == said
+    assert answer.claims[3] == claims[2].statement(file_plant(designed.design.plant)) == said
     document = json.loads(text)
-    own = document["specifications"][2]
+    own = document["claims"][3]
     assert set(own) == {"kind", "name", "level", "rows", "columns", "evidence"}
     faults = {
         "rows": ([1, 2], "must hold 1 numbers"),
@@ -339,13 +342,13 @@ def test_a_file_holds_what_was_proved(designed, tmp_path):
         "level": (-1, "zero or more"),
     }
     for key, (value, message) in faults.items():
-        document["specifications"][2] = own | {key: value}
+        document["claims"][3] = own | {key: value}
         with pytest.raises(FormatError, match=message):
-            [prove_performance(claim) for claim in read_performance(json.dumps(document))[0]]
+            [prove(claim) for claim in bounds_in(json.dumps(document))]
     for key, value in {"level": 2.2, "rows": [1.5], "columns": [1, 1]}.items():
-        document["specifications"][2] = own | {key: value}
-        (tmp_path / "performance.json").write_text(json.dumps(document))
-        answer = check_performance(tmp_path / "performance.json")
+        document["claims"][3] = own | {key: value}
+        (tmp_path / "design.json").write_text(json.dumps(document))
+        answer = check(tmp_path / "design.json")
         assert answer.answer == "undecided"
         assert "gain norm of the law" in answer.claims[0]
 
@@ -353,10 +356,10 @@ def test_a_file_holds_what_was_proved(designed, tmp_path):
 def test_one_gain_is_written_with_its_domain(one, tmp_path):
     done = optimise(one, rms("x"), [GainNorm(5.0)], method="quadratic")
     claims = [bound.claim for bound in done.bounds]
-    text = performance_text(done.design.certificate, claims)
-    assert read_performance(text)[0] == claims
+    text = bounds_file(done.design.certificate, claims).dumps()
+    assert bounds_in(text) == claims
     done.save(tmp_path)
-    poles, rms_of_x, norm = check_performance(tmp_path).claims
+    poles, rms_of_x, norm = check(tmp_path).claims
     assert poles.startswith("poles in half_plane(0), of A + B K with one gain K, on the ")
     assert rms_of_x.startswith("rms of 'x' = x1 <= 0.40")
     assert norm == "gain norm of the law <= 5"

@@ -19,7 +19,7 @@ from polefence import (
 )
 from polefence.cli.bounds import lines_of, rows_of
 from polefence.design.signals.bounds import known_bound
-from polefence.design.signals.files import check_performance, performance_text
+from polefence.design.signals.files import bounds_file
 from polefence.design.signals.optimise import optimise, relaxed
 from polefence.design.signals.sampled import sampled
 from polefence.design.signals.search import Origin
@@ -28,7 +28,7 @@ from polefence.design.signals.task import Task
 from polefence.plant.outputs import Output, rate_of
 from polefence.plant.points import seeded
 from polefence.plant.spec import loads
-from polefence.proof.performance import read_performance
+from support.files import bounds_in
 from support.specs import DENSITY, ONE_STATE, rms
 
 TWO = """
@@ -198,7 +198,7 @@ def test_the_ratio_to_no_control_is_met_point_by_point(two):
     assert found.values == pytest.approx(np.array(ratios), rel=1e-9)
     assert found.worst < done.bounds[0].level < 1
     claims = [bound.claim for bound in done.bounds]
-    read, _ = read_performance(performance_text(done.design.certificate, claims))
+    read = bounds_in(bounds_file(done.design.certificate, claims).dumps())
     assert read == claims
 
 
@@ -252,10 +252,10 @@ def test_a_file_holds_the_numbers_that_were_proved(one, method, tmp_path):
     ]
     done = optimise(one, rms("force"), limits, method=method)
     claims = [bound.claim for bound in done.bounds]
-    found, _ = read_performance(performance_text(done.design.certificate, claims))
+    found = bounds_in(bounds_file(done.design.certificate, claims).dumps())
     assert found == claims
     done.save(tmp_path / "new")
-    answer = check_performance(tmp_path / "new")
+    answer = check(tmp_path / "new")
     assert answer.proved
     poles, force, initial, gain, peak = answer.claims
     assert poles.startswith("poles in half_plane(0), of A + B K with ")

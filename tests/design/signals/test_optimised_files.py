@@ -6,13 +6,14 @@ import pytest
 
 from polefence import UncertainPlant
 from polefence.cli.main import main
-from polefence.design.signals.files import check_performance, performance_text
+from polefence.design.design import check
+from polefence.design.signals.files import bounds_file
 from polefence.design.signals.optimise import optimise
 from polefence.design.signals.specification import Rms
 from polefence.lmi.conditions.methods import Scheduled
 from polefence.plant.spec import load
-from polefence.proof.performance import read_performance
 from polefence.region.regions import HalfPlane, Sector
+from support.files import bounds_in
 
 SPEC = """
 name = "stage of two parameters"
@@ -46,8 +47,8 @@ def test_the_file_claims_what_was_proved(plant, tmp_path, on, elevation, region)
     asked = Rms("x", density=2.0), [Rms("force", at_most=2.0, density=2.0)]
     found = optimise(plant, *asked, region, Scheduled(1, elevation, on))
     proved = [bound.claim for bound in found.bounds]
-    read, _ = read_performance(performance_text(found.design.certificate, proved))
+    read = bounds_in(bounds_file(found.design.certificate, proved).dumps())
     assert read == proved
     assert {claim.subject.on for claim in read} == {found.design.certificate.claim().on}
-    assert check_performance(found.save(tmp_path)).proved
+    assert check(found.save(tmp_path)).proved
     assert main(["check", str(tmp_path)]) == 0

@@ -19,7 +19,7 @@ from polefence.design.signals.specification import Gain, RelativeRms, Rms, rows,
 from polefence.examples import spec_path
 from polefence.plant.outputs import Output
 from polefence.plant.spec import loads
-from polefence.proof.performance.refutation import prove_refutation
+from polefence.proof.refutation import prove_refutation
 from polefence.proof.work import FormatError
 from polefence.region.regions import HalfPlane
 from polefence.vehicle import velocity_density

@@ -21,7 +21,7 @@ from scipy.linalg import solve_continuous_lyapunov
 from polefence import NotProvedError, Parameter, Scheduled, UncertainPlant, load
 from polefence.base.errors import InputError
 from polefence.cli.main import main
-from polefence.design.signals.files import check_performance
+from polefence.design.design import check
 from polefence.design.signals.optimise import optimise
 from polefence.design.signals.specification import Gain, Rms
 from polefence.design.signals.tradeoff import tradeoff
@@ -105,7 +105,7 @@ def test_the_snippet_runs_and_what_it_saves_is_proved(page, monkeypatch, capsys)
     exec(snippet, {})
     proved, kept = map(float, capsys.readouterr().out.split())
     assert (proved, kept) == (pytest.approx(1.25041, rel=1e-4), pytest.approx(114.32, rel=1e-3))
-    answer = check_performance("law")
+    answer = check("law")
     assert answer.proved
     assert any(claim.startswith("rms of 'actuator force' = u1 <= ") for claim in answer.claims)
 
@@ -333,14 +333,14 @@ FAULTS = {
     "no method": _first(lambda row: row.update(method="magic")),
     "no bounds": _first(lambda row: row.update(bounds=[])),
     "no proof": _first(lambda row: row.update(performance=None)),
-    "another law": _first(lambda row: row["performance"]["design"]["law"].update(K=[[-1.0, -1.0]])),
+    "another law": _first(lambda row: row["performance"]["law"].update(K=[[-1.0, -1.0]])),
     "another signal": _first(
-        lambda row: row["performance"]["specifications"][0]["output"].update(C=[[[0.5, 0]]])
+        lambda row: row["performance"]["claims"][1]["output"].update(C=[[[0.5, 0]]])
     ),
-    "another density": _first(
-        lambda row: row["performance"]["specifications"][0].update(intensity=0.4)
+    "another density": _first(lambda row: row["performance"]["claims"][1].update(intensity=0.4)),
+    "another region": _first(
+        lambda row: row["performance"]["claims"][0]["region"].update(decay=-1.0)
     ),
-    "another region": _first(lambda row: row["performance"]["design"]["region"].update(decay=-1.0)),
     "another version": lambda document: document.update(polefence="0.0.0"),
     "another plant": lambda document: document["plant"].update(digest="0"),
     "no rows": lambda document: document.pop("rows"),
@@ -365,12 +365,8 @@ EDITS = {
     "a bound's limit": _first(lambda row: row["bounds"][0].update(at_most=1e-9)),
     "a reason": _first(lambda row: row.update(reason="best of all")),
     "more": _first(lambda row: row.update(note="best of all")),
-    "another plant's name": _first(
-        lambda row: row["performance"]["design"]["plant"].update(name="ship")
-    ),
-    "other names of states": _first(
-        lambda row: row["performance"]["design"]["plant"]["states"].reverse()
-    ),
+    "another plant's name": _first(lambda row: row["performance"]["plant"].update(name="ship")),
+    "other names of states": _first(lambda row: row["performance"]["plant"]["states"].reverse()),
 }
 
 

@@ -25,9 +25,22 @@ from polefence.lmi.conditions.lyapunov import Loop
 from polefence.plant.family import UncertainPlant
 from polefence.plant.polynomial import Domain, bernstein, elevated, times
 from polefence.plant.system import Array
-from polefence.proof import cells as proof
-from polefence.proof import matrices, placement, regions, roots
-from polefence.proof.cells import Cell
+from polefence.proof import matrices, regions, roots
+from polefence.proof.claims.base import prove
+from polefence.proof.claims.cells import (
+    MAX_CELLS,
+    MAX_PARAMETERS,
+    Axis,
+    Cell,
+    Interpolated,
+    Point,
+    cell_claim,
+    cell_work,
+    prove_cell,
+)
+from polefence.proof.claims.poles import Poles
+from polefence.proof.laws import Evidence
+from polefence.proof.regions import parts_of
 from polefence.proof.work import MAX_WORK, FormatError, counted
 from polefence.region.regions import Region
 
@@ -98,8 +111,8 @@ def _require_fit(plant: UncertainPlant, table: GainTable) -> None:
     require_type(plant, UncertainPlant, "plant", "polefence.load(path) reads one")
     if tuple(table.parameters) != tuple(plant.parameters):
         raise InputError(f"the table's parameters, or their ranges, are not those of {plant.name}")
-    if len(table.parameters) > proof.MAX_PARAMETERS:
-        count, most = len(table.parameters), proof.MAX_PARAMETERS
+    if len(table.parameters) > MAX_PARAMETERS:
+        count, most = len(table.parameters), MAX_PARAMETERS
         raise InputError(f"the table has {count} parameters; at most {most} are checked")
     (n, m), shape = plant.shape, table.gains.shape[-2:]
     if shape != (m, n):
@@ -109,18 +122,18 @@ def _require_fit(plant: UncertainPlant, table: GainTable) -> None:
 @dataclass(frozen=True, eq=False)
 class _Work:
     question: TableAnalysis
-    exactly: proof.Table
+    exactly: Interpolated
 
     @cached_property
     def parts(self) -> tuple[regions.Part, ...]:
-        return placement.read_region(self.question.region.document())
+        return parts_of(self.question.region.document())
 
     @property
     def most_cells(self) -> int:
-        each = max(proof.work(self.exactly, *form) for form in FORMS) * len(self.parts)
-        return min(proof.MAX_CELLS, MAX_WORK // each)
+        each = max(cell_work(self.exactly, *form) for form in FORMS) * len(self.parts)
+        return min(MAX_CELLS, MAX_WORK // each)
 
-    def decided(self, low: proof.Point, high: proof.Point, last: bool) -> Cell | None:
+    def decided(self, low: Point, high: Point, last: bool) -> Cell | None:
         """Return a cell with its answer, or None where it is to be halved: never the last time."""
         points, distance = self._sampled(low, high)
         some = bool(distance.min() < 0)
@@ -135,7 +148,7 @@ class _Work:
             return Cell(low, high, "undecided") if last else None
         return Cell(low, high, "proved", evidence)
 
-    def _sampled(self, low: proof.Point, high: proof.Point) -> tuple[Array, Array]:
+    def _sampled(self, low: Point, high: Point) -> tuple[Array, Array]:
         """Return points of a cell and how far outside the region their worst poles are."""
         a, b = (np.array([float(v) for v in side]) for side in (low, high))
         count = max(2, min(SAMPLES, round(MOST_SAMPLES ** (1 / len(a)))))
@@ -146,10 +159,10 @@ class _Work:
     def checked(self, cell: Cell) -> int:
         """Return what it takes to check a cell."""
         with counted() as count:
-            proof.prove_cell(self.exactly, self.parts, cell)
+            prove_cell(self.exactly, self.parts, cell)
         return count.spent
 
-    def _counterexample(self, point: Array, low: proof.Point, high: proof.Point) -> Cell | None:
+    def _counterexample(self, point: Array, low: Point, high: Point) -> Cell | None:
         """Return a refuted cell if a pole is not in the region at a point of it, exactly."""
         sides = zip(point, low, high, strict=True)
         exactly = tuple(min(max(Fraction(float(v)), lo), hi) for v, lo, hi in sides)
@@ -162,9 +175,9 @@ class _Work:
             return None if roots.all_inside(loop, self.parts) else cell
         return None
 
-    def _proof(self, low: proof.Point, high: proof.Point) -> tuple[placement.Evidence, ...] | None:
+    def _proof(self, low: Point, high: Point) -> tuple[Evidence, ...] | None:
         """Return evidence for every part of the region, None where one has none."""
-        claim = proof.cell_claim(self.exactly, self.parts, low, high, ())
+        claim = cell_claim(self.exactly, self.parts, low, high, ())
         loop, evidence = _loop(claim), []
         for region, part in zip(self.question.region.parts, self.parts, strict=True):
             found = _evidence(replace(claim, region=(part,)), loop, region)
@@ -174,17 +187,17 @@ class _Work:
         return tuple(evidence)
 
 
-def _evidence(claim: placement.Claim, loop: Loop, part: Region) -> placement.Evidence | None:
+def _evidence(claim: Poles, loop: Loop, part: Region) -> Evidence | None:
     for form in FORMS:
         for found in points_inside(loop, part, form):
             X = [[[Fraction(e) for e in row] for row in Q] for Q in found.Q.tolist()]
-            evidence = placement.Evidence(X, *form)
-            if placement.prove(replace(claim, evidence=(evidence,))).proved:
+            evidence = Evidence(X, *form)
+            if prove(replace(claim, evidence=(evidence,))).proved:
                 return evidence
     return None
 
 
-def _loop(claim: placement.Claim) -> Loop:
+def _loop(claim: Poles) -> Loop:
     A, B, K = (np.array(M, dtype=float) for M in (claim.A, claim.B, claim.law.K))
     q = np.array(claim.weights, dtype=float)
     # weights of many parameters may be far from one; only their ratio matters
@@ -196,15 +209,15 @@ def _loop(claim: placement.Claim) -> Loop:
     return Loop(elevated(bernstein(domain, q[:, None, None] * eye, 1), domain, 1), C, domain)
 
 
-def _cells(axes: tuple[proof.Axis, ...]) -> list[tuple[proof.Point, proof.Point]]:
+def _cells(axes: tuple[Axis, ...]) -> list[tuple[Point, Point]]:
     """Return the boxes between neighbouring knots, inside the parameters' intervals."""
     sides = []
     for axis in axes:
         inner = [k for k in axis.knots if axis.low < k < axis.high]
         sides.append(list(pairwise([axis.low, *inner, axis.high])))
     count = prod(len(side) for side in sides)
-    if count > proof.MAX_CELLS:
-        raise InputError(f"the grid has {count} cells; at most {proof.MAX_CELLS} are checked")
+    if count > MAX_CELLS:
+        raise InputError(f"the grid has {count} cells; at most {MAX_CELLS} are checked")
     found = []
     for choice in product(*sides):
         low, high = zip(*choice, strict=True)
@@ -212,9 +225,7 @@ def _cells(axes: tuple[proof.Axis, ...]) -> list[tuple[proof.Point, proof.Point]
     return found
 
 
-def _halves(
-    low: proof.Point, high: proof.Point, axes: tuple[proof.Axis, ...]
-) -> list[tuple[proof.Point, proof.Point]]:
+def _halves(low: Point, high: Point, axes: tuple[Axis, ...]) -> list[tuple[Point, Point]]:
     """Halve a cell along the side that is longest as a share of its parameter's interval."""
     shares = [(b - a) / (x.high - x.low) for a, b, x in zip(low, high, axes, strict=True)]
     i = shares.index(max(shares))
@@ -225,12 +236,11 @@ def _halves(
     ]
 
 
-def _exact_table(plant: UncertainPlant, table: GainTable) -> proof.Table:
+def _exact_table(plant: UncertainPlant, table: GainTable) -> Interpolated:
     axes = tuple(
-        proof.Axis(p.name, p.low, p.high, p.inverted, tuple(table.grid[p.name]))
-        for p in plant.parameters
+        Axis(p.name, p.low, p.high, p.inverted, tuple(table.grid[p.name])) for p in plant.parameters
     )
     A = [[list(row) for row in v.exact_A] for v in plant.vertices]
     B = [[list(row) for row in v.exact_B] for v in plant.vertices]
     gains = [[[Fraction(e) for e in row] for row in K] for K in table.flat.tolist()]
-    return proof.Table(A, B, axes, gains)
+    return Interpolated(A, B, axes, gains)

@@ -1,17 +1,13 @@
 """Margins in service: wrong estimates, a wrong gain, moving parameters; proved."""
 
-from polefence.design.margins.files import check_service, is_service_file, service_plant
 from polefence.design.margins.result import Margin, Service
 from polefence.design.margins.search import estimation_error, gain_error, in_service, parameter_rate
 
 __all__ = [
     "Margin",
     "Service",
-    "check_service",
     "estimation_error",
     "gain_error",
     "in_service",
-    "is_service_file",
     "parameter_rate",
-    "service_plant",
 ]

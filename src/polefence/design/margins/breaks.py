@@ -19,9 +19,10 @@ from polefence.plant.parameters import Parameter
 from polefence.plant.points import inside, weights_of
 from polefence.plant.polynomial import Domain
 from polefence.plant.system import Array
-from polefence.proof import definite, matrices, placement, work
-from polefence.proof.matrices import Rationals
-from polefence.proof.matrices import rational_product as product
+from polefence.proof import definite, matrices, work
+from polefence.proof.claims.poles import Poles
+from polefence.proof.matrices import Rationals, product
+from polefence.proof.regions import parts_of
 from polefence.region.regions import Region
 
 GRID = {1: 65, 2: 13, 3: 6}  # points of each interval, by the number of parameters; else 4
@@ -67,7 +68,7 @@ def _least(errors: _Errors, region: Region, least: float, most: float = 1.0) -> 
 Exactly = Callable[[float], tuple[tuple[Rationals, Rationals] | None, str]]
 
 
-def _confirmed(exactly: Exactly, claim: placement.Claim, errors: Sequence[float]) -> Break | None:
+def _confirmed(exactly: Exactly, claim: Poles, errors: Sequence[float]) -> Break | None:
     """Return the first error of which a pole is outside exactly; ``exactly`` has loop and place."""
 
     def outside(error: float) -> Break | None:
@@ -81,8 +82,8 @@ def _confirmed(exactly: Exactly, claim: placement.Claim, errors: Sequence[float]
     return first(map(outside, errors))
 
 
-def _claim(design: Design, region: Region) -> placement.Claim:
-    return replace(design.certificate.claim(), region=placement.read_region(region.document()))
+def _claim(design: Design, region: Region) -> Poles:
+    return replace(design.certificate.claim(), region=parts_of(region.document()))
 
 
 # --- errors of the estimate ----------------------------------------------------------------------
@@ -110,7 +111,7 @@ def estimate_break(
         own, estimated, example = pairs.exactly(error, worst)
         A, B = matrices.mix(own, claim.A), matrices.mix(own, claim.B)
         frozen = replace(claim, A=[A] * len(claim.A), B=[B] * len(claim.A))
-        return placement.fraction_at(frozen, estimated), example
+        return frozen.fraction_at(estimated), example
 
     return _confirmed(exactly, claim, [min(t * factor, 1.0) for factor in RETRIES])
 
@@ -307,7 +308,7 @@ def _outward(closed: Array, left: Array, right: Array, region: Region) -> tuple[
 
 
 def _off(
-    claim: placement.Claim, scales: Scales, alpha: list[Fraction], direction: Array, error: float
+    claim: Poles, scales: Scales, alpha: list[Fraction], direction: Array, error: float
 ) -> tuple[Rationals, Rationals] | None:
     """Return the loop whose gain is off, exactly; None where not |D| <= 1 of its direction."""
     D = [[Fraction(float(d)) * (1 - Fraction(1, 2**30)) for d in row] for row in direction]
@@ -324,6 +325,6 @@ def _off(
         [Fraction(float(r)) * d * c for d, c in zip(row, columns, strict=True)]
         for r, row in zip(scales.rows, D, strict=True)
     ]
-    N, W = placement.fraction_at(claim, alpha)
+    N, W = claim.fraction_at(alpha)
     more = product(product(matrices.mix(alpha, claim.B), off), W)
     return [[x + y for x, y in zip(*rows, strict=True)] for rows in zip(N, more, strict=True)], W

@@ -8,11 +8,14 @@ from dataclasses import dataclass, replace
 from fractions import Fraction
 from typing import Protocol
 
+from polefence.design.certificate import ranges_of
 from polefence.design.design import Design
 from polefence.design.given.analysis import analyse
 from polefence.design.search import first, rising
-from polefence.proof import placement, work
-from polefence.proof.service import Range, ServiceClaim, Subject, prove_service
+from polefence.proof import work
+from polefence.proof.claims.base import prove
+from polefence.proof.claims.margins import MarginClaim, Subject
+from polefence.proof.regions import parts_of
 from polefence.region.regions import Region
 
 # Pieces of each parameter's interval and elevation that are tried, while they gain something.
@@ -54,7 +57,7 @@ class Question(Protocol):
     def reach(self, pieces: int, elevation: int) -> Reached:
         """Return the largest value that is proved in floats, below zero where none is."""
 
-    def claim(self, subject: Subject, reached: Reached) -> ServiceClaim:
+    def claim(self, subject: Subject, reached: Reached) -> MarginClaim:
         """Return the claim of a value, or a little less: numbers of few digits."""
 
 
@@ -76,7 +79,7 @@ def climb(question: Question) -> Iterator[Reached]:
     return rising(every(), lambda reached: reached.value, GAIN)
 
 
-def proved(question: Question, design: Design, region: Region) -> ServiceClaim | None:
+def proved(question: Question, design: Design, region: Region) -> MarginClaim | None:
     """Return the claim of the largest value reached, or of a little less; None if none is proved.
 
     Parameters
@@ -90,7 +93,7 @@ def proved(question: Question, design: Design, region: Region) -> ServiceClaim |
     best = reached[-1]
     subject = subject_of(design, region, best)
 
-    def attempt(share: float) -> ServiceClaim | None:
+    def attempt(share: float) -> MarginClaim | None:
         claim = question.claim(subject, replace(best, value=best.value * share))
         return claim if holds(claim) else None
 
@@ -100,15 +103,15 @@ def proved(question: Question, design: Design, region: Region) -> ServiceClaim |
 def subject_of(design: Design, region: Region, reached: Reached) -> Subject:
     """Return what a claim is about: a design and a region, and how finely it is proved."""
     own = design.certificate.claim()
-    ranges = tuple(Range(p.low, p.high, p.inverted) for p in design.plant.parameters)
-    claim = replace(own, region=placement.read_region(region.document()))
+    ranges = ranges_of(design.plant)
+    claim = replace(own, region=parts_of(region.document()))
     return Subject(claim, ranges, (reached.pieces,) * len(ranges), reached.elevation)
 
 
-def holds(claim: ServiceClaim) -> bool:
+def holds(claim: MarginClaim) -> bool:
     """Whether a claim is proved in exact arithmetic."""
     try:
-        return prove_service(claim).proved
+        return prove(claim).proved
     except work.FormatError:  # more than the checker takes on
         return False
 

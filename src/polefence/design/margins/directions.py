@@ -26,11 +26,11 @@ from polefence.design.margins.claims import (
     holds,
     subject_of,
 )
-from polefence.design.margins.files import claim_document
 from polefence.design.margins.inequalities import balanced
 from polefence.plant.system import Array
-from polefence.proof import placement
-from polefence.proof.service import FORMAT, Gain, Subject
+from polefence.proof.claims.gain_error import GainError
+from polefence.proof.claims.margins import Subject
+from polefence.proof.document import Document
 
 FINEST = 4  # finenesses that are tried
 LEAST = 2.0**-80  # of the largest error: what is smaller is proved as this
@@ -39,7 +39,7 @@ ROOM = 10  # times what is needed: so much makes a coarser proof, which is short
 
 def gain_claim(
     design: Design, rows: Array, columns: Array, needed: float
-) -> tuple[float, Gain | None]:
+) -> tuple[float, GainError | None]:
     """Return how far the gain may be off for these rows and columns, and a proof of so much.
 
     All poles of A + B (K + error S D T) lie in the design's region for all D of norm at most one,
@@ -89,17 +89,15 @@ def gain_claim(
     return largest, None
 
 
-def gain_document(claim: Gain, design: Design) -> dict[str, Any]:
-    """Return the service file of a claim as plain data for JSON.
+def gain_file(claim: GainError, design: Design) -> Document:
+    """Return the file of a claim.
 
     Parameters
     ----------
     design : Design
         The one that the claim is of, `claimed_design`.
     """
-    own = design.certificate.document()
-    service = claim_document(claim)
-    return {"format": FORMAT, "version": placement.VERSION, "design": own, "service": service}
+    return design.certificate.file([claim])
 
 
 def _positive(values: Any, count: int, what: str) -> Array:
@@ -128,7 +126,9 @@ def _targets(needed: float, largest: float) -> Iterator[Fraction]:
         yield above(least)
 
 
-def _claim(question: gain.Question, subject: Subject, reached: Reached, error: Fraction) -> Gain:
+def _claim(
+    question: gain.Question, subject: Subject, reached: Reached, error: Fraction
+) -> GainError:
     """Return the claim, with mu that leaves the most room.
 
     F - mu E E' - error^2 H H' / mu is positive definite at the largest error for its mu. With both

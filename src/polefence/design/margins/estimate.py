@@ -23,7 +23,8 @@ from polefence.design.margins.inequalities import (
 from polefence.design.search import edge
 from polefence.plant.parameters import Parameter
 from polefence.plant.system import Array
-from polefence.proof.service import Estimate, Subject
+from polefence.proof.claims.estimate import Estimate
+from polefence.proof.claims.margins import Subject
 
 LEAST, PRECISION = 1e-6, 1e-3  # of the search: the smallest share of a range, its relative error
 HALVINGS = 20  # at most, of what a quarter more breaks

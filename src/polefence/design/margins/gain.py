@@ -21,7 +21,8 @@ from polefence.design.margins.inequalities import (
     whole_points,
 )
 from polefence.plant.system import Array
-from polefence.proof.service import Gain, Subject
+from polefence.proof.claims.gain_error import GainError
+from polefence.proof.claims.margins import Subject
 from polefence.region.regions import Pair
 
 GIVEN = ((1, 0), (1, 1), (1, 2))  # pieces and elevation that are tried of a law that was given
@@ -97,16 +98,16 @@ class Question:
             found += each
         return Reached(min(error for error, _ in found), pieces, elevation, tuple(found))
 
-    def claim(self, subject: Subject, reached: Reached) -> Gain:
+    def claim(self, subject: Subject, reached: Reached) -> GainError:
         """Return the claim of an error, or a little less."""
         mu = tuple(below(own) for _, own in reached.each)
         return self.with_mu(subject, below(reached.value), mu)
 
-    def with_mu(self, subject: Subject, error: Fraction, mu: tuple[Fraction, ...]) -> Gain:
+    def with_mu(self, subject: Subject, error: Fraction, mu: tuple[Fraction, ...]) -> GainError:
         """Return the claim of an error and multipliers."""
         rows, columns = self.scales.rows.tolist(), self.scales.columns.tolist()
         right = (tuple(map(Fraction, c)) if isinstance(c, list) else Fraction(c) for c in columns)
-        return Gain(subject, error, tuple(map(Fraction, rows)), tuple(right), mu)
+        return GainError(subject, error, tuple(map(Fraction, rows)), tuple(right), mu)
 
 
 def largest_of(

@@ -23,7 +23,8 @@ from polefence.design.margins.inequalities import (
 from polefence.plant.parameters import Parameter
 from polefence.plant.polynomial import Domain
 from polefence.plant.system import Array
-from polefence.proof.service import Rate, Subject
+from polefence.proof.claims.margins import Subject
+from polefence.proof.claims.rate import Rate
 
 FASTEST = 1e9  # rate that is asked for, in ranges per second
 

@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 from polefence.base.files import write_documents
 from polefence.design.design import Design
-from polefence.design.margins.files import claim_document
-from polefence.proof import placement
-from polefence.proof.service import FORMAT, Estimate, ServiceClaim
+from polefence.proof.claims.estimate import Estimate
+from polefence.proof.claims.margins import MarginClaim
+from polefence.proof.document import Document
 from polefence.region.regions import Region
 from polefence.region.text import digits_down, digits_up
 
@@ -42,7 +40,7 @@ class Margin:
         found. For rates, none is looked for.
     example : str
         Where it does.
-    claim : polefence.proof.service.Estimate, Gain or Rate, optional
+    claim : Estimate, GainError or Rate of `polefence.proof.claims`, optional
         What was proved; None where nothing was.
     design : Design, optional
         The one that the claim is of: for a law whose own proof does not serve, the same law, proved
@@ -55,7 +53,7 @@ class Margin:
     unit: str
     upper: float | None = None
     example: str = ""
-    claim: ServiceClaim | None = None
+    claim: MarginClaim | None = None
     design: Design | None = None
 
     def __repr__(self) -> str:
@@ -137,15 +135,10 @@ class Service:
         """Whether every margin is proved."""
         return all(margin.proved for margin in self.margins)
 
-    def document(self, margin: Margin) -> dict[str, Any]:
-        """Return a proved margin's service file as plain data for JSON."""
-        design, service = margin.design or self.design, dict[str, Any]()
-        if margin.claim is not None:
-            service = claim_document(margin.claim)
-            if margin.claim.subject.design.region != design.certificate.claim().region:
-                service["region"] = self.region.document()
-        own = design.certificate.document()
-        return {"format": FORMAT, "version": placement.VERSION, "design": own, "service": service}
+    def file(self, margin: Margin) -> Document:
+        """Return the file of a margin that is proved."""
+        design = margin.design or self.design
+        return design.certificate.file([margin.claim] if margin.claim else [])
 
     def save(self, directory: str | Path) -> list[Path]:
         """Write one file for each proved margin into a folder; return their paths.
@@ -156,9 +149,8 @@ class Service:
             If the folder cannot be written; nothing is left half-written.
         """
         documents = {
-            f"{margin.name}.json": json.dumps(self.document(margin), indent=1, allow_nan=False)
+            f"{margin.name}.json": self.file(margin).dumps()
             for margin in self.margins
             if margin.proved
         }
-        ended = {name: text + "\n" for name, text in documents.items()}
-        return write_documents(Path(directory), ended)
+        return write_documents(Path(directory), documents)

@@ -20,7 +20,10 @@ from polefence.design.margins.result import Margin, Service
 from polefence.law.laws import FixedGain
 from polefence.plant.names import rate_text, unit_text
 from polefence.plant.parameters import Parameter
-from polefence.proof.service import Estimate, Gain, Rate, ServiceClaim
+from polefence.proof.claims.estimate import Estimate
+from polefence.proof.claims.gain_error import GainError
+from polefence.proof.claims.margins import MarginClaim
+from polefence.proof.claims.rate import Rate
 from polefence.region.regions import Region
 
 
@@ -58,7 +61,7 @@ class _Task:
         if len(spans) != 1:
             yield "", "", tuple(spans) or (Fraction(1),)
 
-    def proved(self, question: Question) -> ServiceClaim | None:
+    def proved(self, question: Question) -> MarginClaim | None:
         """Return the claim of what is proved, if anything is."""
         return None if self.subject is None else proved(question, self.subject, self.region)
 
@@ -148,7 +151,7 @@ def _gain(task: _Task) -> Margin:
     scales, claim = gain.scales_of(task.design), None
     if task.loops:
         claim = task.proved(gain.Question.of(task.loops, scales))
-    value = float(claim.error) if isinstance(claim, Gain) else 0.0
+    value = float(claim.error) if isinstance(claim, GainError) else 0.0
     found = gain_break(task.design, task.region, scales, value)
     upper, example = (found.value, found.example) if found else (None, "")
     more = {"upper": upper, "example": example, "claim": claim}

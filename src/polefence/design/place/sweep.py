@@ -15,17 +15,18 @@ from typing import Any
 from polefence.base.errors import InputError
 from polefence.base.files import make_folder, read_text, write_text
 from polefence.base.version import VERSION
-from polefence.design.certificate import Certificate, plant_document
+from polefence.design.certificate import Certificate, file_plant
 from polefence.design.design import Design
 from polefence.design.place.limits import Limit, as_finished
 from polefence.lmi.conditions.methods import METHODS, Method, method_label
 from polefence.plant.family import UncertainPlant
-from polefence.proof import placement, work
+from polefence.proof import document, work
+from polefence.proof.claims.poles import Poles
 from polefence.proof.reading import MAX_BYTES, parse
 from polefence.region.regions import Disk
 
 # What a row keeps of its design: with the plant, its centre and its radius all that proves it.
-PROOF = ("method", "law", "certificate")
+PROOF = ("method", "evidence")
 
 # As `method_label` writes them: "slack", "scheduled(2, 1, box)".
 LABEL = re.compile(rf"({'|'.join(METHODS)})(\(\d, \d(, box)?\))?")
@@ -113,7 +114,7 @@ def sweep(
 ) -> list[Row]:
     """Return rows as `limits` has them, as plain data, keeping ``path`` up to date after every row.
 
-    Each row has its ``proof`` besides: method, law and certificate as a design file has them.
+    Each row has its ``proof`` besides: law, method and evidence as a design file has them.
     Methods of one label are one method. With ``resume``, rows already in the file are kept and not
     computed again: those whose proof holds, proved afresh. A ``lower`` of theirs is the file's,
     which ``lower_from_file`` says: it is not proved again. ``on_kept`` is called with each of them,
@@ -159,8 +160,9 @@ def _proof(design: Design | None) -> dict[str, Any] | None:
     """Return what proves a row again, beside the plant and its own centre and radius."""
     if design is None:
         return None
-    document = design.certificate.document()
-    return {key: document[key] for key in PROOF}
+    written = design.certificate.document()
+    (claim,) = written["claims"]
+    return {"law": written["law"]} | {key: claim[key] for key in PROOF}
 
 
 def _finished(path: Path, plant: UncertainPlant, gain: bool, asked: Set[Key]) -> dict[Key, Row]:
@@ -171,9 +173,9 @@ def _finished(path: Path, plant: UncertainPlant, gain: bool, asked: Set[Key]) ->
     if not path.exists():
         return {}
     try:
-        document = parse(read_text(path, MAX_BYTES, InputError))
-        version, digest = document["polefence"], document["plant"]["digest"]
-        rows = {(row["centre"], row["method"]): row for row in document["rows"]}
+        whole = parse(read_text(path, MAX_BYTES, InputError))
+        version, digest = whole["polefence"], whole["plant"]["digest"]
+        rows = {(row["centre"], row["method"]): row for row in whole["rows"]}
         proved = [row for row in rows.values() if row["status"] == "proved"]
         sound = all(_sound(row, plant) for row in proved)
     except (ValueError, KeyError, TypeError, OverflowError) as error:
@@ -209,17 +211,14 @@ def _again(
     try:
         work.spend(reading, 0)
         region = Disk(row["centre"], row["radius"])
-        head = {
-            "format": placement.FORMAT,
-            "version": placement.VERSION,
-            "plant": plant_document(plant),
-        }
-        own = {key: row["proof"][key] for key in PROOF}
-        text = json.dumps(head | {"region": region.document()} | own, allow_nan=False)
-        certificate = Certificate.loads(text)
+        own, claim = row["proof"], {"kind": Poles.kind, "region": region.document()}
+        claim |= {key: own[key] for key in PROOF}
+        head = {"format": document.FORMAT, "version": document.VERSION}
+        parts = {"plant": file_plant(plant).write(), "law": own["law"], "claims": [claim]}
+        certificate = Certificate.of(document.from_plain(head | parts))
         design = Design(certificate)
         if count is not None:
-            count.most += AGAIN * placement.least(certificate.claim())
+            count.most += AGAIN * certificate.claim().least
         holds = certificate.prove().proved and design.label == row["method"]
     except (ValueError, KeyError, TypeError) as error:
         raise InputError(f"{where} holds no proof: {error}; remove the file") from error

@@ -18,7 +18,7 @@ from polefence.base.errors import InputError
 from polefence.plant.family import UncertainPlant
 from polefence.plant.polynomial import Domain, Polynomial, bernstein, elevated, times
 from polefence.plant.system import Array
-from polefence.proof.placement import Evidence
+from polefence.proof.laws import Evidence
 
 DEGREES = (2, 3, 4, 5, 6)  # of P and X
 CLOSE = 2e-4  # of X taken off: closer is not worth a higher degree

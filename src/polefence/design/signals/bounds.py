@@ -23,8 +23,10 @@ from polefence.lmi.solve.lyapunov import LyapunovPolynomial, points_given, work
 from polefence.lmi.solve.smallest import TOLERANCE
 from polefence.plant.family import UncertainPlant
 from polefence.plant.system import Array
-from polefence.proof import matrices, placement
-from polefence.proof.performance import PerformanceClaim, prove_performance
+from polefence.proof import laws, matrices
+from polefence.proof.claims.base import prove
+from polefence.proof.claims.gain_norm import BoundClaim
+from polefence.proof.laws import Evidence
 from polefence.proof.work import FormatError
 from polefence.region.text import digits_up
 
@@ -39,7 +41,7 @@ MOST_WORK = 3e8  # of one search beyond the first [multiplications an iteration]
 WORTH = 1e-3  # a smaller bound by less than this share ends the climb
 
 
-Known = tuple[placement.Evidence, float]
+Known = tuple[Evidence, float]
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,7 +63,7 @@ class Bound:
 
     specification: Specification
     level: float
-    claim: PerformanceClaim
+    claim: BoundClaim
     degree: int
     reason: str
 
@@ -116,7 +118,7 @@ def _stepped(
     plant: UncertainPlant,
     law: Law,
     specification: Specification,
-    evidence: placement.Evidence,
+    evidence: Evidence,
     level: float,
 ) -> Bound | None:
     """Return the first step above a level at which evidence is a proof, None if it is at none."""
@@ -128,7 +130,7 @@ def _stepped(
 def raised(bound: Bound, level: float) -> Bound | None:
     """Return the bound with a higher level, proved with the same evidence."""
     claim = replace(bound.claim, level=Fraction(level))
-    verdict = prove_performance(claim)
+    verdict = prove(claim)
     if not verdict.proved:
         return None
     return replace(bound, level=level, claim=claim, reason=verdict.reason)
@@ -159,16 +161,16 @@ def kept_bound(
     return None
 
 
-def own_evidence(law: Law, W: Array, t: float) -> placement.Evidence:
+def own_evidence(law: Law, W: Array, t: float) -> Evidence:
     """Return the evidence that a design leaves of a signal: its own W over t, (count, n, n)."""
     if isinstance(law, FixedGain):
-        return placement.Evidence([_rationals(W[0] / t)])
+        return Evidence([_rationals(W[0] / t)])
     none = [[Fraction(0)] * W.shape[1] for _ in range(W.shape[1])]
-    return placement.Evidence([none], multiple=(Fraction(1 / t),))
+    return Evidence([none], multiple=(Fraction(1 / t),))
 
 
 # Evidence, to rounding and then exactly as it was found, and the r that it proves in floats.
-Points = Iterator[tuple[Iterable[placement.Evidence], float]]
+Points = Iterator[tuple[Iterable[Evidence], float]]
 
 
 def _climb(
@@ -190,7 +192,7 @@ def _norms(plant: UncertainPlant, law: Law, specification: GainNorm, unit: float
     with suppress(SolverError):
         for level, elevation in levels(plant, law, specification):
             if np.isfinite(level):
-                yield [placement.Evidence([], elevation=elevation)], (level / unit) ** 2
+                yield [Evidence([], elevation=elevation)], (level / unit) ** 2
 
 
 def _points(loop: Loop, source: Source, output: Output, form: tuple[int, int]) -> Points:
@@ -216,13 +218,13 @@ def _proved(
     plant: UncertainPlant,
     law: Law,
     specification: Specification,
-    evidence: placement.Evidence,
+    evidence: Evidence,
     level: float,
 ) -> Bound | None:
     on = "box" if len(domain_of(plant, law).sizes) > 1 else "simplex"
     claim = claim_of(plant, exact_law(law), on, specification, evidence, Fraction(level))
     try:
-        verdict = prove_performance(claim)
+        verdict = prove(claim)
     except FormatError as error:
         raise PlantError(f"{plant.name}: {error}") from error
     if not verdict.proved:
@@ -233,13 +235,13 @@ def _proved(
     return Bound(specification, level, claim, degree, verdict.reason)
 
 
-def _evidences(found: LyapunovPolynomial, form: tuple[int, int]) -> Iterator[placement.Evidence]:
+def _evidences(found: LyapunovPolynomial, form: tuple[int, int]) -> Iterator[Evidence]:
     """Yield Q as floats have it, and as the exact product that it is of what was found."""
     multiple = () if found.multiple is None else tuple(map(Fraction, found.multiple.tolist()))
-    yield placement.Evidence([_rationals(Q) for Q in found.Q], form[0], form[1], multiple)
+    yield Evidence([_rationals(Q) for Q in found.Q], form[0], form[1], multiple)
     left = _rationals(found.left)
     products = [_congruent(left, _rationals((S + S.T) / 2)) for S in found.scaled]
-    yield placement.Evidence(products, form[0], form[1], multiple)
+    yield Evidence(products, form[0], form[1], multiple)
 
 
 def _congruent(left: matrices.Rationals, middle: matrices.Rationals) -> matrices.Rationals:
@@ -252,11 +254,11 @@ def _dot(a: Sequence[Fraction], b: Sequence[Fraction]) -> Fraction:
     return sum((x * y for x, y in zip(a, b, strict=True)), Fraction(0))
 
 
-def exact_law(law: Law) -> placement.Law:
+def exact_law(law: Law) -> laws.Law:
     """Return a law in exact rationals."""
     if isinstance(law, FixedGain):
-        return placement.Law([_rationals(law.K)])
-    return placement.Law(
+        return laws.Law([_rationals(law.K)])
+    return laws.Law(
         None, [_rationals(W) for W in law.W], [_rationals(Z) for Z in law.Z], law.degree
     )
 

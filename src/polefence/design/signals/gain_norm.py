@@ -18,7 +18,7 @@ from polefence.plant.family import UncertainPlant
 from polefence.plant.outputs import Output, Signal
 from polefence.plant.polynomial import Domain, bernstein, binomial, elevated, times
 from polefence.plant.system import Array
-from polefence.proof import performance as proof
+from polefence.proof import claims as proof
 
 # Of the proof's polynomials, one after the other, and how many coefficients they may have.
 ELEVATIONS, MOST = (0, 1, 2, 4, 8, 16), 3000
@@ -105,7 +105,7 @@ class GainNorm(Specification):
         subject: proof.Subject,
         level: Fraction,
         plant: UncertainPlant,
-    ) -> proof.PerformanceClaim:
+    ) -> proof.BoundClaim:
         """Return the claim about the gain's norm."""
         rows, columns = (tuple(map(Fraction, own)) for own in self.units(plant))
         return proof.GainNorm(subject, level, rows, columns)

@@ -25,13 +25,13 @@ from polefence.design.signals.specification import (
     rows,
     signal_of,
 )
-from polefence.design.statement import number_text
 from polefence.lmi.solve.regulator import Regular, Regulated, heaviest, regular
 from polefence.plant.family import UncertainPlant
 from polefence.plant.system import Array
 from polefence.proof.matrices import Rationals
-from polefence.proof.performance import Output
-from polefence.proof.performance.refutation import RmsLimit, RmsRefutation, prove_refutation
+from polefence.proof.plant import Output
+from polefence.proof.refutation import RmsLimit, RmsRefutation, prove_refutation
+from polefence.proof.text import number_text
 from polefence.proof.work import FormatError
 from polefence.region.text import digits_down
 

@@ -16,10 +16,10 @@ from polefence.plant.family import UncertainPlant
 from polefence.plant.outputs import Output, Signal
 from polefence.plant.polynomial import Domain, Polynomial
 from polefence.plant.system import Array
-from polefence.proof import performance as proof
+from polefence.proof import claims as proof
+from polefence.proof.laws import Evidence, Law
 from polefence.proof.matrices import Rationals
-from polefence.proof.placement import Evidence, Law
-from polefence.region.regions import exactly
+from polefence.proof.text import exactly
 from polefence.response.weighting import WF, WK
 
 WEIGHTS = {"Wk": WK, "Wf": WF}
@@ -73,7 +73,7 @@ class Specification:
         subject: proof.Subject,
         level: Fraction,
         plant: UncertainPlant,
-    ) -> proof.PerformanceClaim:
+    ) -> proof.BoundClaim:
         """Return the claim that the bound is kept."""
         raise NotImplementedError
 
@@ -116,7 +116,7 @@ class Rms(Specification):
         subject: proof.Subject,
         level: Fraction,
         plant: UncertainPlant,
-    ) -> proof.PerformanceClaim:
+    ) -> proof.BoundClaim:
         """Return the claim about the rms."""
         return proof.Rms(subject, self.exact_output(plant), level, Fraction(self.density) / 2)
 
@@ -141,7 +141,7 @@ class RelativeRms(Rms):
 
     def claim(
         self, subject: proof.Subject, level: Fraction, plant: UncertainPlant
-    ) -> proof.PerformanceClaim:
+    ) -> proof.BoundClaim:
         """Return the claim about the ratio."""
         domain = Domain.of(subject.on, len(subject.A))
         stability, covariance = self._baseline(plant, domain).evidence()
@@ -179,7 +179,7 @@ class EnergyPeak(Specification):
         subject: proof.Subject,
         level: Fraction,
         plant: UncertainPlant,
-    ) -> proof.PerformanceClaim:
+    ) -> proof.BoundClaim:
         """Return the claim about the peak."""
         return proof.EnergyPeak(subject, self.exact_output(plant), level, Fraction(self.norm))
 
@@ -243,7 +243,7 @@ class InitialPeak(Specification):
         subject: proof.Subject,
         level: Fraction,
         plant: UncertainPlant,
-    ) -> proof.PerformanceClaim:
+    ) -> proof.BoundClaim:
         """Return the claim about the peak."""
         points = tuple(tuple(Fraction(x) for x in point) for point in self.points)
         q = len(subject.E[0][0]) if self.impulse else 0
@@ -267,7 +267,7 @@ class Gain(Specification):
         subject: proof.Subject,
         level: Fraction,
         plant: UncertainPlant,
-    ) -> proof.PerformanceClaim:
+    ) -> proof.BoundClaim:
         """Return the claim about the gain."""
         return proof.Gain(subject, self.exact_output(plant), level)
 
@@ -372,7 +372,7 @@ def claim_of(
     specification: Specification,
     evidence: Evidence,
     level: Fraction,
-) -> proof.PerformanceClaim:
+) -> proof.BoundClaim:
     """Return a specification of a law as a claim, in exact rationals."""
     A, B, E = (
         [[list(row) for row in M] for M in matrices if M is not None]

@@ -21,7 +21,7 @@ from polefence.design.signals.specification import (
     Specification,
 )
 from polefence.plant.spec import specification_tables
-from polefence.proof.performance import LAW
+from polefence.proof.claims.gain_norm import LAW
 from polefence.response.iso8608 import velocity_density
 
 # The keys that each kind takes besides kind, signal, at_most and minimise.

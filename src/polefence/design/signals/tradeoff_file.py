@@ -16,7 +16,7 @@ from polefence.base.version import VERSION
 from polefence.design.certificate import Certificate
 from polefence.design.place.sweep import LABEL, Row
 from polefence.design.signals.bounds import exact_law
-from polefence.design.signals.files import performance_text
+from polefence.design.signals.files import bounds_file
 from polefence.design.signals.sampled import sampled
 from polefence.design.signals.specification import Specification, claim_of
 from polefence.design.signals.tradeoff_front import Asked, head
@@ -25,7 +25,9 @@ from polefence.plant.family import UncertainPlant
 from polefence.plant.points import seeded
 from polefence.plant.system import Array
 from polefence.proof import reading, work
-from polefence.proof.performance import PerformanceClaim, prove_performance, read_performance
+from polefence.proof.claims.base import prove
+from polefence.proof.claims.gain_norm import BoundClaim
+from polefence.proof.document import from_plain
 
 SAMPLES = 2000  # points of the family that each law is looked at
 
@@ -84,8 +86,9 @@ def _again(row: Row, asked: Asked) -> Row | None:
     own = row["own"] is None or row["own"] >= row["proved"]
     if not (real and own and LABEL.fullmatch(row["method"])):
         return None
-    claims, document = read_performance(json.dumps(row["performance"]))
-    certificate = _of_plant(Certificate.loads(json.dumps(document["design"])), asked.plant)
+    document = from_plain(row["performance"])
+    claims = [claim for claim in document.claims if isinstance(claim, BoundClaim)]
+    certificate = _of_plant(Certificate.of(document), asked.plant)
     fixed = isinstance(certificate.law, FixedGain)
     if not _proves(row, asked, certificate, claims) or (row["method"] == "quadratic" and not fixed):
         return None
@@ -106,9 +109,7 @@ def _same(certificate: Certificate, plant: UncertainPlant) -> bool:
     return certificate.plant.digest == plant.digest
 
 
-def _proves(
-    row: Row, asked: Asked, certificate: Certificate, claims: list[PerformanceClaim]
-) -> bool:
+def _proves(row: Row, asked: Asked, certificate: Certificate, claims: list[BoundClaim]) -> bool:
     """Prove the region and every bound of a row, as being about this plant and these signals."""
     if not _same(certificate, asked.plant) or certificate.region != asked.region:
         return False
@@ -121,13 +122,13 @@ def _proves(
     for claim, own, level in zip(claims, wanted, levels, strict=True):
         subject = claim.subject
         same = claim_of(asked.plant, law, subject.on, own, subject.evidence, Fraction(level))
-        if claim != same or not prove_performance(claim).proved:
+        if claim != same or not prove(claim).proved:
             return False
     return certificate.prove().proved
 
 
 def proved_row(
-    asked: Asked, certificate: Certificate, claims: Sequence[PerformanceClaim], value: float
+    asked: Asked, certificate: Certificate, claims: Sequence[BoundClaim], value: float
 ) -> Row:
     """Return what a row says of a law: what is proved, and its worst at sampled parameters."""
     plant, law, alpha = asked.plant, certificate.law, seeded(asked.plant, SAMPLES)
@@ -151,7 +152,7 @@ def proved_row(
         "law_of": value,
         "own": levels[0],
         "reason": None,
-        "performance": json.loads(performance_text(certificate, claims)),
+        "performance": bounds_file(certificate, claims).write(),
     }
 
 

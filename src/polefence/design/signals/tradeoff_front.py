@@ -12,13 +12,12 @@ from polefence.base.errors import InputError
 from polefence.base.files import write_documents
 from polefence.base.version import VERSION
 from polefence.design.certificate import Certificate
-from polefence.design.design import FILE_NAME as DESIGN_NAME
-from polefence.design.design import Design
+from polefence.design.design import FILE_NAME, Design
 from polefence.design.place.sweep import Row, plant_summary
-from polefence.design.signals.files import FILE_NAME
 from polefence.design.signals.specification import Specification, signal_of
 from polefence.lmi.conditions.methods import Method, method_label
 from polefence.plant.family import UncertainPlant
+from polefence.proof.document import Document, from_plain
 from polefence.region.regions import Region
 
 # Of a row whose law is taken over for another limit.
@@ -132,10 +131,10 @@ class Front:
         InputError
             If there is no such row, or it is not proved.
         """
-        return Design(Certificate.loads(json.dumps(self._document(value, method)["design"])))
+        return Design(Certificate.of(self.file(value, method)))
 
     def save(self, value: float, method: Method | str, directory: str | Path) -> Path:
-        """Write a row's ``performance.json``, and ``design.json`` beside it; return the first.
+        """Write a row's ``design.json``, with its bounds, into a folder; return its path.
 
         Raises
         ------
@@ -144,19 +143,20 @@ class Front:
         OutputError
             If the folder cannot be written.
         """
-        document = self._document(value, method)
-        documents = {
-            FILE_NAME: json.dumps(document, indent=1, allow_nan=False) + "\n",
-            DESIGN_NAME: self.design(value, method).certificate.dumps(),
-        }
-        return write_documents(Path(directory), documents)[0]
+        return write_documents(Path(directory), {FILE_NAME: self.file(value, method).dumps()})[0]
 
-    def _document(self, value: float, method: Method | str) -> dict[str, Any]:
+    def file(self, value: float, method: Method | str) -> Document:
+        """Return the file of a row: the law, its region and its bounds.
+
+        Raises
+        ------
+        InputError
+            If there is no such row, or it is not proved.
+        """
         row = self.row(value, method)
         if row["performance"] is None:
             raise InputError(f"nothing is proved at {value:g}: {row['reason']}")
-        found: dict[str, Any] = row["performance"]
-        return found
+        return from_plain(row["performance"])
 
     def document(self) -> dict[str, Any]:
         """Return everything as plain data."""

@@ -18,7 +18,6 @@ from polefence.plant.family import UncertainPlant
 from polefence.plant.points import edges, inside, values_at
 from polefence.plant.polynomial import Domain
 from polefence.plant.system import Array
-from polefence.proof import placement
 from polefence.response.discrete import held
 
 POINTS = 10_000  # random ones
@@ -130,7 +129,7 @@ def domain_of(plant: UncertainPlant, design: Design) -> Domain:
     """Return where alpha lives: on the box of the parameters where there are any."""
     if plant.parameters:
         return Domain.of("box", len(plant.vertices))
-    return Domain(placement.simplices(design.certificate.claim()))
+    return Domain(design.certificate.claim().sizes)
 
 
 def cloud(design: Design, count: int) -> Array:

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from polefence.base.errors import InputError, SolverError
-from polefence.design.certificate import Check
+from polefence.design.certificate import Check, ranges_of
 from polefence.design.design import Design
 from polefence.design.given.closed_loop import evidence_of, forms, loop_of
 from polefence.design.search import edge
@@ -31,11 +31,11 @@ from polefence.law.laws import FixedGain
 from polefence.lmi.conditions.target import Disks
 from polefence.lmi.solve.lyapunov import least
 from polefence.plant.system import Array
-from polefence.proof.placement import Evidence, simplices
-from polefence.proof.rounding import Rounded, rounding_error
-from polefence.proof.sampling import Off, Sampled, loop_claim, prove_sampling, step_error
-from polefence.proof.sampling.error import MAX_TERMS, gain_error, held_size
-from polefence.proof.service import Range
+from polefence.proof.claims.base import prove
+from polefence.proof.claims.rounding import Rounded, rounding_error
+from polefence.proof.claims.sampled import MAX_TERMS, Off, Sampled, loop_claim
+from polefence.proof.claims.steps import gain_error, held_size, step_error
+from polefence.proof.laws import Evidence
 from polefence.proof.work import FormatError
 from polefence.region.text import digits_down
 
@@ -99,7 +99,7 @@ class SampledProof:
         """Prove the claim afresh, in exact arithmetic."""
         if self.claim is None:
             return Check("undecided", self.reason)
-        verdict = prove_sampling(self.claim)
+        verdict = prove(self.claim)
         return Check("proved" if verdict.proved else "undecided", verdict.reason)
 
 
@@ -182,7 +182,7 @@ class _Search:
             if claim is None:
                 continue
             try:
-                verdict = prove_sampling(claim)
+                verdict = prove(claim)
             except FormatError as problem:
                 return None, f"not proved: {problem}"
             if verdict.proved:
@@ -209,7 +209,7 @@ class _Search:
     def _candidates(self, family: Family) -> Iterator[_Candidate]:
         """Yield the best of one degree after another, until one is good enough."""
         blank = self._blank(family)
-        sizes = simplices(loop_claim(blank).subject.design)
+        sizes = loop_claim(blank).subject.design.sizes
         needed = float(step_error(blank, sizes))
         blank = self._weighted(blank, needed)
         if not self.delay:
@@ -239,10 +239,9 @@ class _Search:
     def _blank(self, family: Family) -> Sampled:
         """Return a claim of no error, for what of it the bounds need."""
         own, claim = family.coordinates, self.design.certificate.claim()
-        parameters = self.design.plant.parameters
         return Sampled(
             design=claim,
-            ranges=tuple(Range(p.low, p.high, p.inverted) for p in parameters),
+            ranges=ranges_of(self.design.plant),
             sample_time=Fraction(self.sample_time),
             delay=self.delay,
             decay=Fraction(0),

@@ -8,10 +8,11 @@ import numpy as np
 
 from polefence.base.errors import InputError
 from polefence.design.given.analysis import Analysis
-from polefence.design.given.table import KINDS, TableAnalysis
+from polefence.design.given.table import TableAnalysis
 from polefence.law.given import domain_of
 from polefence.plant.parameters import Parameter
 from polefence.plant.points import sample, values_text
+from polefence.proof.claims.cells import ANSWERS
 from polefence.region.text import digits_down, digits_up
 from polefence.show.plots.plots import new_figure, poles_figure
 
@@ -45,7 +46,7 @@ def table_figure(analysis: TableAnalysis) -> Figure:
         )
     flat = len(parameters) == 1
     figure, (ax,) = new_figure(1, 6.2, 2.4 if flat else 4.9)
-    handles = [_cells(ax, analysis, kind) for kind in KINDS if analysis.shares[kind] > 0]
+    handles = [_cells(ax, analysis, kind) for kind in ANSWERS if analysis.shares[kind] > 0]
     knots = np.meshgrid(*analysis.table.axes, indexing="ij")
     handles += ax.plot(
         knots[0].ravel(),

@@ -13,7 +13,6 @@ from polefence.plant.names import visible
 from polefence.plant.points import sample
 from polefence.plant.polynomial import Domain
 from polefence.plant.system import Array
-from polefence.proof import placement
 from polefence.region.boundary import View, curves, view_of
 from polefence.region.regions import Disk, Region
 from polefence.region.text import short_text
@@ -123,7 +122,7 @@ def sampled(design: Design) -> tuple[Array, Array]:
 
     The sample is of the domain of the proof: product points where that is a box.
     """
-    domain = Domain(placement.simplices(design.certificate.claim()))
+    domain = Domain(design.certificate.claim().sizes)
     corners = np.eye(len(design.plant.vertices))
     return design.poles(domain.alpha(sample(domain))), design.poles(corners)
 

@@ -20,10 +20,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 
-from polefence.proof.matrices import Rationals, _denominator, _is_symmetric, rational_product
-from polefence.proof.performance.checks import _shapes, is_semidefinite
-from polefence.proof.performance.claims import Output
-from polefence.proof.placement import Verdict
+from polefence.proof.claims.base import Verdict, undecided
+from polefence.proof.claims.initial_peak import is_semidefinite
+from polefence.proof.claims.signal import require_shapes
+from polefence.proof.matrices import Rationals, common_denominator, is_symmetric, product
+from polefence.proof.plant import Output
 from polefence.proof.reading import MAX_SIZE
 from polefence.proof.work import FormatError, counted
 
@@ -79,13 +80,13 @@ def prove_refutation(claim: RmsRefutation) -> Verdict:
 
 
 def _proved(claim: RmsRefutation) -> Verdict:
-    if not _is_symmetric(claim.P):
-        return Verdict(False, "P is not symmetric")
+    if not is_symmetric(claim.P):
+        return undecided("P is not symmetric")
     if min(claim.weights) < 0:
-        return Verdict(False, "a weight is negative")
+        return undecided("a weight is negative")
     block = _block(claim)
     if not is_semidefinite(block):
-        return Verdict(False, "the block is not positive semidefinite")
+        return undecided("the block is not positive semidefinite")
     E = claim.E[claim.vertex]
     least = sum(_form(claim.P, column) for column in zip(*E, strict=True))
     allowed = sum(
@@ -93,9 +94,9 @@ def _proved(claim: RmsRefutation) -> Verdict:
         for a, limit in zip(claim.weights, claim.limits, strict=True)
     )
     if not least > claim.factor**2 * allowed:
-        return Verdict(False, "the limits allow as much as every law has")
+        return undecided("the limits allow as much as every law has")
     return Verdict(
-        True,
+        "proved",
         f"at vertex {claim.vertex + 1} no law keeps {len(claim.limits)} limits at once: a block of "
         f"{len(block)} rows positive semidefinite in exact arithmetic",
     )
@@ -106,7 +107,7 @@ def _block(claim: RmsRefutation) -> Rationals:
     A, B, P = claim.A[claim.vertex], claim.B[claim.vertex], claim.P
     n, m = len(A), len(B[0])
     F = [[*a, *b] for a, b in zip(A, B, strict=True)]
-    PF = rational_product(P, F)
+    PF = product(P, F)
     PF += [[Fraction(0)] * (n + m) for _ in range(m)]
     block = [[PF[i][j] + PF[j][i] for j in range(n + m)] for i in range(n + m)]
     for a, limit in zip(claim.weights, claim.limits, strict=True):
@@ -130,22 +131,22 @@ def _require_consistent(claim: RmsRefutation) -> None:
     N, n, m = len(claim.A), len(claim.A[0]), len(claim.B[0][0])
     if n + m > 2 * MAX_SIZE:
         raise FormatError(f"{n} states and {m} inputs are more than is checked here")
-    _shapes(claim.A, N, n, n, "A")
-    _shapes(claim.B, N, n, m, "B")
-    _shapes(claim.E, N, n, len(claim.E[0][0]) if claim.E[0] else 0, "E")
-    _shapes([claim.P], 1, n, n, "P")
+    require_shapes(claim.A, N, n, n, "A")
+    require_shapes(claim.B, N, n, m, "B")
+    require_shapes(claim.E, N, n, len(claim.E[0][0]) if claim.E[0] else 0, "E")
+    require_shapes([claim.P], 1, n, n, "P")
     if type(claim.vertex) is not int or not 0 <= claim.vertex < N:
         raise FormatError(f"vertex {claim.vertex!r} is not one of 0 to {N - 1}")
     if not claim.limits or len(claim.weights) != len(claim.limits):
         raise FormatError("there must be limits, and one weight for each")
     for limit in claim.limits:
-        _shapes(limit.output.C, N, 1, n, "C")
-        _shapes(limit.output.D, N, 1, m, "D")
+        require_shapes(limit.output.C, N, 1, n, "C")
+        require_shapes(limit.output.D, N, 1, m, "D")
         if limit.level < 0 or limit.intensity <= 0:
             raise FormatError("a limit must be zero or more, an intensity more than zero")
     if claim.factor < 1:
         raise FormatError("factor must be 1 or more")
     numbers = [[[*claim.weights, claim.factor]], claim.P, *claim.A, *claim.B, *claim.E]
-    _denominator(
+    common_denominator(
         [*numbers, *(M for limit in claim.limits for M in (*limit.output.C, *limit.output.D))]
     )

@@ -6,22 +6,95 @@ no proof is about. A number that is rounded in what it defines has a ~ before it
 
 from __future__ import annotations
 
+import re
+import unicodedata
 from collections.abc import Iterable, Sequence
-from decimal import Decimal
+from decimal import ROUND_CEILING, ROUND_FLOOR, Context, Decimal
 from fractions import Fraction
 
-from polefence.plant.names import quoted
-from polefence.proof import placement, regions
 from polefence.proof.matrices import Rationals
-from polefence.proof.placement import Claim
-from polefence.proof.regions import Part
-from polefence.region.regions import exactly
-from polefence.region.text import LARGEST, digits_down, digits_up
+from polefence.proof.regions import KINDS, Part
 
+LARGEST = 10**308  # of a double, nearly
+LONGEST = 80  # characters of a name in a sentence
 MOST_VERTICES = 8  # whose rows are written out
 MOST_POINTS = 8  # initial states that are
 MOST_ROWS = 6  # of a matrix
 SHORT, SHORT_FRACTION = 12, 5  # characters of a number that is not rounded
+
+# Of Unicode's categories those that draw nothing of their own, but move, hide or end a line.
+_HIDDEN = {"Cc", "Cf", "Cs", "Co", "Cn", "Zl", "Zp"}
+# Products of powers of units that are in use: kg, N s/m, m/s^2, 1/s, %, m/s per m/s2.
+_SYMBOLS = (
+    "m g s A K mol cd rad sr Hz N Nm Pa J W Wh C V VA F Ω Ohm ohm S Wb T H lm lx Bq L l t bar eV "
+    "rev deg degC min h d in ft lb psi mph"
+)
+_PREFIX = "(?:da|[YZEPTGMkhdcmµμunpfazy])?"
+_WORD = (
+    rf"(?:{_PREFIX}(?:{'|'.join(_SYMBOLS.split())})|%|°C?|rpm|per)(?:\^?[-+]?\d(?:\.\d)?|⁻?[¹²³⁴])?"
+)
+_UNIT = re.compile(rf"(?:1/)?\(?{_WORD}(?:[ /*·]\(?{_WORD}\)?){{0,7}}|/s|")
+
+
+def digits_up(value: float | Fraction, digits: int = 6) -> str:
+    """Print with so many digits, rounded up: for what is proved to be no larger.
+
+    A double that so many digits read back as is printed so; any other number is rounded.
+    """
+    return _digits(value, digits, ROUND_CEILING)
+
+
+def digits_down(value: float | Fraction, digits: int = 6) -> str:
+    """Print with so many digits, rounded down: for what is proved to be no smaller."""
+    return _digits(value, digits, ROUND_FLOOR)
+
+
+def _digits(value: float | Fraction, digits: int, direction: str) -> str:
+    if not isinstance(value, Fraction) or _is_double(value):
+        short = f"{float(value):.{digits}g}"
+        if float(short) == value:  # reads back the same: nothing was rounded
+            return short
+    # correctly rounded, once: first to a double would be a second time
+    top, bottom = value.as_integer_ratio()
+    rounded = Context(prec=digits, rounding=direction).divide(Decimal(top), Decimal(bottom))
+    plain = rounded == 0 or -5 <= rounded.adjusted() < 12
+    return f"{rounded:f}" if plain else f"{rounded:e}"
+
+
+def _is_double(value: Fraction) -> bool:
+    return abs(value) < LARGEST and Fraction(float(value)) == value
+
+
+def exactly(value: float) -> str:
+    """Print a float so that it reads back the same: a rounded radius would be another claim."""
+    short = f"{value:g}"
+    return short if float(short) == value else repr(value)
+
+
+def visible(text: str) -> str:
+    r"""Return text that stays on its line: what is no letter, sign or space as ``\n``, ``\x1b``."""
+    if text.isascii() and text.isprintable():
+        return text
+    return "".join(
+        c.encode("unicode_escape").decode() if unicodedata.category(c) in _HIDDEN else c
+        for c in text
+    )
+
+
+def quoted(name: str) -> str:
+    """Return a name in quotes, which it does not leave, cut short where it is endless."""
+    short = name if len(name) <= LONGEST else f"{name[: LONGEST - 3]}..."
+    return repr(short)
+
+
+def unit_text(unit: str) -> str:
+    """Return a unit as it is, or in quotes where it might be read as more than one."""
+    return unit if _UNIT.fullmatch(unit) else quoted(unit)
+
+
+def rate_text(unit: str) -> str:
+    """Return a printable unit per second: "1/s" of none, "(N s/m)/s" of a quotient."""
+    return f"({unit})/s" if "/" in unit else f"{unit or 1}/s"
 
 
 def region_text(parts: Sequence[Part]) -> str:
@@ -30,20 +103,9 @@ def region_text(parts: Sequence[Part]) -> str:
 
 
 def _numbers(part: Part) -> Iterable[str]:
-    for key, value in zip(regions.KINDS[part.kind], part.numbers, strict=True):
+    for key, value in zip(KINDS[part.kind], part.numbers, strict=True):
         if key != "slope":  # that of the damping
             yield exactly(float(value)) if Fraction(float(value)) == value else str(value)
-
-
-def poles_text(claim: Claim) -> str:
-    """Say where a design claims all poles to be, under which law, for which alpha."""
-    domain = f"the simplex of {len(claim.A)} vertices"
-    if claim.on == "box":
-        domain = f"the box of {len(placement.simplices(claim))} parameters"
-    law, by = "one gain K", f"method {claim.method}"
-    if claim.law.K is None:
-        law = f"K(alpha) = Z W^-1 of degree {claim.law.degree}"
-    return f"poles in {region_text(claim.region)}, of A + B K with {law}, on {domain}, {by}"
 
 
 def name_text(name: str) -> str:

@@ -1,0 +1,39 @@
+"""Claims that files make, one kind a file."""
+
+from polefence.proof.claims.base import Claim, Verdict, prove
+from polefence.proof.claims.energy_peak import EnergyPeak
+from polefence.proof.claims.estimate import Estimate
+from polefence.proof.claims.gain import Gain
+from polefence.proof.claims.gain_error import GainError
+from polefence.proof.claims.gain_norm import LAW, BoundClaim, GainNorm
+from polefence.proof.claims.initial_peak import InitialPeak, is_semidefinite
+from polefence.proof.claims.poles import Poles
+from polefence.proof.claims.rate import Rate
+from polefence.proof.claims.relative_rms import Baseline, RelativeRms, baseline_loop
+from polefence.proof.claims.rms import Rms
+from polefence.proof.claims.signal import SignalClaim, Subject
+from polefence.proof.plant import Output
+
+__all__ = [
+    "LAW",
+    "Baseline",
+    "BoundClaim",
+    "Claim",
+    "EnergyPeak",
+    "Estimate",
+    "Gain",
+    "GainError",
+    "GainNorm",
+    "InitialPeak",
+    "Output",
+    "Poles",
+    "Rate",
+    "RelativeRms",
+    "Rms",
+    "SignalClaim",
+    "Subject",
+    "Verdict",
+    "baseline_loop",
+    "is_semidefinite",
+    "prove",
+]

@@ -1,0 +1,219 @@
+"""Claims: values that read and write themselves, and the one way in which they are proved."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from typing import Any, ClassVar, Self
+
+from polefence.proof.definite import is_positive_definite
+from polefence.proof.laws import Law
+from polefence.proof.matrices import Integers, Rationals, is_symmetric
+from polefence.proof.plant import Plant
+from polefence.proof.polynomials import Exponent, Polynomial, Sizes, count_of, joint, symmetric
+from polefence.proof.reading import Table
+from polefence.proof.work import MAX_WORK, FormatError, counted
+
+MAX_BLOCKS = 200_000  # inequalities of one claim
+
+
+@dataclass(frozen=True)
+class Place:
+    """A coefficient of an inequality: of which, at which monomial, in which piece."""
+
+    inequality: str
+    powers: Exponent
+    sizes: Sizes
+    piece: str = ""
+    own: str = ""  # name, where the theorem has one for it
+
+    def __str__(self) -> str:
+        if self.own:
+            return self.own
+        before = f"{self.inequality} at " if self.inequality else "at "
+        return before + _monomial(self.powers, self.sizes) + self.piece
+
+
+def _monomial(e: Exponent, sizes: Sizes) -> str:
+    if len(sizes) == 1:
+        support = sorted((j for j, p in enumerate(e) if p), key=lambda j: (-e[j], j))
+        if sum(e) == 1:
+            return f"vertex {support[0] + 1}"
+        return " ".join(f"alpha{j + 1}^{e[j]}" for j in support) or "every alpha"
+    places = [f"{'abcdefgh'[f]}{j + 1}" for f, size in enumerate(sizes) for j in range(size)]
+    named = " ".join(f"{place}^{p}" for place, p in zip(places, e, strict=True) if p)
+    return named or "every alpha"
+
+
+@dataclass(frozen=True)
+class Inequality:
+    """A symmetric matrix polynomial that is to be positive: every coefficient of it.
+
+    ``rows`` holds its blocks on the diagonal and to its right, ``degrees`` what it is raised to.
+    """
+
+    name: str
+    rows: list[list[Polynomial]]
+    degrees: tuple[int, ...]
+    piece: str = ""
+
+    @classmethod
+    def raised(
+        cls, name: str, rows: list[list[Polynomial]], by: int = 0, piece: str = ""
+    ) -> Inequality:
+        """Return it at the least degrees that its blocks have, and so much more."""
+        least = joint([block for row in rows for block in row])
+        return cls(name, rows, tuple(degree + by for degree in least), piece)
+
+    @property
+    def size(self) -> int:
+        """Number of rows of a coefficient."""
+        return sum(row[0].shape[0] for row in self.rows)
+
+    @property
+    def count(self) -> int:
+        """Number of coefficients."""
+        return count_of(self.rows[0][0].sizes, self.degrees)
+
+    def blocks(self) -> Iterator[tuple[Place, Integers]]:
+        """Yield each coefficient's place, and it times a positive integer."""
+        sizes = self.rows[0][0].sizes
+        for e, matrix in symmetric(self.rows, self.degrees):
+            yield Place(self.name, e, sizes, self.piece), matrix
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """What is decided of a claim.
+
+    Attributes
+    ----------
+    answer : str
+        "proved"; "undecided", which does not refute it; or "refuted".
+    reason : str
+        How, or why not, in words.
+    count : int
+        Inequalities that are positive definite.
+    place : Place, optional
+        The coefficient that is not.
+    claim : int
+        Number of the claim in its file, from 1; 0 of a claim alone.
+    note : str
+        What the reason says besides the count.
+    """
+
+    answer: str
+    reason: str
+    count: int = 0
+    place: Place | None = None
+    claim: int = 0
+    note: str = ""
+
+    @property
+    def proved(self) -> bool:
+        """Whether the answer is "proved"."""
+        return self.answer == "proved"
+
+    def unless(self, fault: str) -> Verdict:
+        """Return the verdict of a claim that has another condition; a fault says how it fails."""
+        return replace(self, answer="undecided", reason=fault, note="") if fault else self
+
+    def noted(self, note: str) -> Verdict:
+        """Return the verdict with a further reason."""
+        return replace(self, reason=f"{self.reason}; {note}", note=note)
+
+
+def undecided(reason: str) -> Verdict:
+    """Return that nothing is proved."""
+    return Verdict("undecided", reason)
+
+
+def counting(count: int) -> str:
+    """Say how many inequalities hold."""
+    return f"{count} inequalities positive definite in exact arithmetic"
+
+
+class Claim:
+    """One claim about a plant, or about a loop that a law closes around it.
+
+    A kind of claim is a frozen dataclass with these methods; `document.KINDS` lists it.
+    """
+
+    kind: ClassVar[str]  # in a file
+    letters: ClassVar[str] = "AB"  # the matrices of the plant that it is about
+
+    @classmethod
+    def read(cls, table: Table, plant: Plant, law: Any, on: str) -> Self:
+        """Read a claim; what is malformed or missing is a FormatError. Proves nothing.
+
+        ``on`` is the domain of a scheduled law, "" for a gain.
+        """
+        raise NotImplementedError
+
+    def write(self) -> dict[str, Any]:
+        """Return what `read` reads."""
+        raise NotImplementedError
+
+    def require(self) -> None:
+        """Refuse what is incomplete, inconsistent, or more work than is done."""
+        raise NotImplementedError
+
+    def inequalities(self) -> Iterator[Inequality]:
+        """Yield what proves the claim."""
+        raise NotImplementedError
+
+    def statement(self, plant: Plant) -> str:
+        """Say in a line what is claimed, rounded so that it says no more than is proved."""
+        raise NotImplementedError
+
+    def fault_in(self, plant: Plant, claims: Sequence[Claim]) -> str:  # noqa: ARG002
+        """Say what the rest of the file has that contradicts the claim; "" where nothing does."""
+        return ""
+
+    def symmetric(self) -> Iterator[tuple[str, Rationals]]:
+        """Yield the names of matrices that ought to be symmetric, and them."""
+        yield from ()
+
+    def blocks(self) -> Iterator[tuple[Place, Integers]]:
+        """Yield each coefficient's place, and its matrix times a positive integer."""
+        for inequality in self.inequalities():
+            yield from inequality.blocks()
+
+    def decided(self) -> Verdict:
+        """Prove a claim that is consistent."""
+        for name, own in self.symmetric():
+            if not is_symmetric(own):
+                return undecided(f"{name} is not symmetric")
+        count = 0
+        for place, matrix in self.blocks():
+            if not is_positive_definite(matrix):
+                reason = f"inequality {place} is not positive definite"
+                return Verdict("undecided", reason, count, place)
+            count += 1
+        return Verdict("proved", counting(count), count)
+
+
+def prove(claim: Claim) -> Verdict:
+    """Decide in exact arithmetic whether its evidence proves a claim.
+
+    Raises
+    ------
+    FormatError
+        If the claim is incomplete or inconsistent, or asks for work out of all proportion.
+    """
+    with counted():
+        claim.require()
+        return claim.decided()
+
+
+def require_work(least: int) -> None:
+    """Refuse, before any is done, more work than is done here."""
+    if least > MAX_WORK:
+        raise FormatError("these are more inequalities, or larger ones, than are checked here")
+
+
+def require_law(law: Any, kind: str) -> Law:
+    """Return the law of a file."""
+    if not isinstance(law, Law):
+        raise FormatError(f"law: a claim of kind {kind} needs a law, fixed or scheduled")
+    return law

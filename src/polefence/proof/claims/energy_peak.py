@@ -1,0 +1,50 @@
+"""Peak of a signal from rest, under disturbances of bounded energy.
+
+-(N + N' + E E') > 0 and [ g^2, e Y ; e Y', X ] > 0: x' X^-1 x is at most the integral of |w|^2 so
+far.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from fractions import Fraction
+from typing import Any, ClassVar
+
+from polefence.proof.claims.signal import Rows, SignalClaim, Subject, noise
+from polefence.proof.plant import Output
+from polefence.proof.polynomials import Polynomial, number
+from polefence.proof.reading import Table, plain
+from polefence.proof.text import digits_down
+
+
+@dataclass(frozen=True)
+class EnergyPeak(SignalClaim):
+    """|y(t)| stays within ``level``, from rest, for all w whose L2 norm is at most ``norm``."""
+
+    kind: ClassVar[str] = "energy peak"
+
+    norm: Fraction = Fraction(1)
+
+    @classmethod
+    def read_own(cls, table: Table, subject: Subject, output: Output) -> dict[str, Any]:  # noqa: ARG003
+        """Read the norm."""
+        return {"norm": table.number("norm", 1)}
+
+    def write_own(self) -> dict[str, Any]:
+        """Return the norm."""
+        return {"norm": plain(self.norm)}
+
+    def rows(self, X: Polynomial, minus: Polynomial, Y: Polynomial) -> Rows:
+        """Return what bounds the state, and the output in it."""
+        driven = minus - noise(self.subject.E, Fraction(1), X.sizes)
+        # the norm times Y: level / norm would not be there for a norm of zero
+        corner = number(self.level**2, X.sizes)
+        return {
+            "of the noise": [[driven]],
+            "of the output": [[corner, Y.times(self.norm)], [X]],
+        }
+
+    @property
+    def under(self) -> str:
+        """The disturbances."""
+        return f" at norm {digits_down(self.norm, 4)}"

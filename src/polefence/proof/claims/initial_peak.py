@@ -1,0 +1,127 @@
+"""Peak of a signal from initial states.
+
+-(N + N') > 0, [ 1, x0' ; x0, X ] > 0 for each initial state and [ g^2, Y ; Y', X ] > 0: x' X^-1 x
+stays below 1. For all initial states of an ellipsoid x0' X0^-1 x0 <= 1, X - X0 > 0.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from fractions import Fraction
+from typing import Any, ClassVar
+
+from polefence.proof import definite
+from polefence.proof.claims.signal import Rows, SignalClaim, Subject, require_shapes
+from polefence.proof.matrices import (
+    LONGEST,
+    Rationals,
+    common_denominator,
+    is_symmetric,
+    whole_numbers,
+)
+from polefence.proof.plant import Output
+from polefence.proof.polynomials import Polynomial, Sizes, affine, constant, number
+from polefence.proof.reading import Table, as_matrix, plain
+from polefence.proof.text import ellipsoid_text, impulses_text, points_text
+from polefence.proof.work import FormatError
+
+MAX_POINTS = 64  # initial states of one claim, and impulses
+
+
+@dataclass(frozen=True)
+class InitialPeak(SignalClaim):
+    """|y(t)| stays within ``level`` from each initial state, w = 0.
+
+    And so from the convex hull of the initial states and their negatives. They are ``points`` (n
+    numbers each); s E_k, which an impulse of s in column k of w leaves: ``impulses`` holds one
+    s a column, or nothing; and X0 v, v' X0 v <= 1, X0 = ``ellipsoid`` (n x n, positive
+    semidefinite, or nothing), which are x0' X0^-1 x0 <= 1 where X0 has an inverse.
+    """
+
+    kind: ClassVar[str] = "initial peak"
+    driven: ClassVar[bool] = False
+
+    points: tuple[tuple[Fraction, ...], ...] = ()
+    impulses: tuple[Fraction, ...] = ()
+    ellipsoid: tuple[tuple[Fraction, ...], ...] = ()
+
+    @classmethod
+    def read_own(cls, table: Table, subject: Subject, output: Output) -> dict[str, Any]:  # noqa: ARG003
+        """Read the initial states."""
+        n, found = subject.n, dict[str, Any]()
+        if "points" in table:
+            rows, where = table.items("points", MAX_POINTS), table.path("points")
+            found["points"] = tuple(tuple(as_matrix([row], where, 1, n)[0]) for row in rows)
+        if "impulses" in table:
+            if not subject.E:
+                raise FormatError(f"{table.path('impulses')}: the plant has no E")
+            found["impulses"] = table.numbers("impulses", subject.q)
+        if "ellipsoid" in table:
+            found["ellipsoid"] = tuple(map(tuple, table.matrix("ellipsoid", n, n)))
+        return found
+
+    def write_own(self) -> dict[str, Any]:
+        """Return the initial states."""
+        keys = ("points", "impulses", "ellipsoid")
+        return {key: plain(getattr(self, key)) for key in keys if getattr(self, key)}
+
+    def require_own(self) -> None:
+        """Refuse initial states that are none, or too many."""
+        n, q, ellipsoid = self.subject.n, self.subject.q, self.ellipsoid
+        if ellipsoid:
+            X0 = list(map(list, ellipsoid))
+            require_shapes([X0], 1, n, n, "ellipsoid")
+            if not is_symmetric(X0) or not is_semidefinite(X0):
+                raise FormatError("ellipsoid must be symmetric, without negative eigenvalues")
+        if not self.points and not any(self.impulses) and not any(map(any, ellipsoid)):
+            raise FormatError("points and impulses are missing: there is no initial state")
+        if any(len(point) != n for point in self.points):
+            raise FormatError(f"points must hold {n} numbers each")
+        if self.impulses and len(self.impulses) != q:
+            raise FormatError(f"impulses must hold {q} numbers, one a column of E")
+        if len(self.points) + len(self.impulses) > MAX_POINTS:
+            raise FormatError(f"there are more than {MAX_POINTS} points and impulses")
+
+    @property
+    def blocks_at_most(self) -> int:
+        """Two, and one for each initial state."""
+        return 2 + len(self.points) + len(self.impulses) + bool(self.ellipsoid)
+
+    @property
+    def least_degree(self) -> int:
+        """None."""
+        return 0
+
+    def rows(self, X: Polynomial, minus: Polynomial, Y: Polynomial) -> Rows:
+        """Return the decrease, the initial states, and the output."""
+        one = number(1, X.sizes)
+        found = {"of the decrease": [[minus]]}
+        found |= {name: [[one, x.T], [X]] for name, x in self._starts(X.sizes)}
+        if self.ellipsoid:
+            X0 = constant(list(map(list, self.ellipsoid)), X.sizes)
+            found["of the ellipsoid"] = [[X - X0]]
+        return found | {"of the output": [[number(self.level**2, X.sizes), Y], [X]]}
+
+    def _starts(self, sizes: Sizes) -> Iterator[tuple[str, Polynomial]]:
+        """Yield the initial states, as columns."""
+        for k, point in enumerate(self.points):
+            yield f"of point {k + 1}", constant([[x] for x in point], sizes)
+        for k, size in enumerate(self.impulses):
+            if size:
+                E = affine(self.subject.E, sizes)
+                yield f"of impulse {k + 1}", E.part(slice(None), slice(k, k + 1)).times(size)
+
+    @property
+    def under(self) -> str:
+        """The initial states."""
+        starts = [points_text(self.points)] * bool(self.points)
+        starts += [impulses_text(self.impulses)] * any(self.impulses)
+        starts += [ellipsoid_text(self.ellipsoid)] * bool(self.ellipsoid)
+        return f" from {', or from '.join(starts)}"
+
+
+def is_semidefinite(matrix: Rationals) -> bool:
+    """Whether a symmetric matrix has no negative eigenvalue."""
+    common = common_denominator([matrix], LONGEST)
+    return definite.is_semidefinite(whole_numbers(matrix, common))

@@ -1,0 +1,423 @@
+"""All poles in a region: the claim of a design.
+
+All eigenvalues of A(alpha) + B(alpha) K(alpha) lie in the region, for every alpha of the simplex;
+or, on a box, for every product alpha of points of the parameters' own intervals. A region is an
+intersection of parts { z : L + M z + M' conj(z) < 0 }. With X(alpha) > 0 and
+N(alpha) = (A + B K) X, both polynomials, it is enough (Chilali-Gahinet) that
+
+    F(alpha) = -( L (x) X(alpha) + M (x) N(alpha) + M' (x) N(alpha)' ) > 0     for every part,
+
+and for that, that every coefficient of F(alpha) (sum of alpha)^d is > 0 (Polya). The methods are
+
+    quadratic   X constant, K constant
+    scheduled   X = W(alpha), K = Z(alpha) W(alpha)^-1, of any degree; at degree 1 and d = 1 and
+                for a disk this is Leite & Peres (2005), (15)-(17), there with tau times a form
+                that is nonnegative on the simplex
+    lyapunov    K given, constant or scheduled, and X for each part: a polynomial, for a scheduled
+                law W (multiple + X W), so that N is a polynomial too
+    slack       K constant, P(alpha) and one G (not symmetric): for the disk |z + sigma| < r
+                [ r P, M ; M', r (G + G' - P) ] > 0 with M = (A + B K + sigma I) G; for other parts
+                F + [ e ] bordered, see `_slack`
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from fractions import Fraction
+from typing import Any, ClassVar, Self
+
+from polefence.proof.claims.base import Claim, Inequality, Place, Verdict, require_law, undecided
+from polefence.proof.definite import least_work
+from polefence.proof.laws import (
+    DOMAINS,
+    Evidence,
+    Law,
+    degree_of,
+    lifted,
+    read_evidence,
+)
+from polefence.proof.matrices import (
+    LONGEST,
+    MAX_BITS,
+    Integers,
+    Rationals,
+    common_denominator,
+    identity,
+    mix,
+    multiplied,
+    right_divide,
+    whole_numbers,
+)
+from polefence.proof.plant import Plant, sizes_of
+from polefence.proof.polynomials import (
+    MAX_DEGREE,
+    Exponent,
+    Polynomial,
+    Sizes,
+    basis,
+    bernstein,
+    constant,
+    coordinates,
+    count_of,
+    monomials,
+)
+from polefence.proof.reading import Table, plain
+from polefence.proof.regions import (
+    MAX_PARTS,
+    Part,
+    characteristic_pairs,
+    lyapunov,
+    read_region,
+    require_region,
+    write_region,
+)
+from polefence.proof.roots import all_inside
+from polefence.proof.text import region_text
+from polefence.proof.work import MAX_WORK, FormatError
+
+METHODS = ("quadratic", "slack", "scheduled", "lyapunov")
+ONE = Fraction(1)
+
+
+@dataclass(frozen=True)
+class Poles(Claim):
+    """All poles of every plant of the family lie in the region, by this law and evidence.
+
+    ``evidence`` has one entry, for "lyapunov" one a part of the region. ``on`` is "simplex" or
+    "box". With ``weights`` the plant is A(alpha) / q(alpha), B(alpha) / q(alpha), q > 0
+    multi-affine with these values at the corners.
+    """
+
+    kind: ClassVar[str] = "region"
+
+    method: str
+    A: list[Rationals]
+    B: list[Rationals]
+    region: tuple[Part, ...]
+    law: Law
+    evidence: tuple[Evidence, ...]
+    on: str = "simplex"
+    weights: tuple[Fraction, ...] = ()
+
+    @property
+    def sizes(self) -> Sizes:
+        """Corners of each simplex."""
+        return sizes_of(len(self.A), self.on)
+
+    @classmethod
+    def read(cls, table: Table, plant: Plant, law: Any, on: str) -> Self:
+        """Read region, method and evidence."""
+        law, region = require_law(law, cls.kind), read_region(table.table("region"))
+        method, below = table.word("method", METHODS), table.table("evidence")
+        allowed = {"scheduled": law.scheduled, "lyapunov": True}.get(method, law.fixed)
+        if not allowed:
+            raise FormatError(f"law.kind does not belong to method {method!r}")
+        if law.fixed:
+            free = method in ("lyapunov", "slack")
+            on = below.word("on", DOMAINS, "simplex") if free else "simplex"
+        blank = cls(method, plant.A, plant.B, region, law, (), plant.domain(on))
+        if law.W is not None and len(law.W) != count_of(blank.sizes, law.degree):
+            count = count_of(blank.sizes, law.degree)
+            raise FormatError(f"law.W holds {len(law.W)} matrices; the plant needs {count}")
+        claim = replace(blank, evidence=_EVIDENCE[method](below, blank, plant.n))
+        claim.require()
+        return claim
+
+    def write(self) -> dict[str, Any]:
+        """Return region, method and evidence."""
+        first, free = self.evidence[0], {"on": self.on} if self.on != "simplex" else {}
+        if self.method == "quadratic":
+            table = {"W": plain(first.X[0])}
+        elif self.method == "scheduled":
+            table = {"tau": plain(first.tau)}
+            table |= {"elevation": first.elevation} if first.elevation != 1 else {}
+        elif self.method == "slack":
+            table = {"P": plain(first.X), "G": plain(first.G)}
+            if (first.degree, first.elevation) != (1, 0):
+                table |= {"degree": first.degree, "elevation": first.elevation}
+            table |= ({"epsilon": plain(first.epsilon)} if first.epsilon else {}) | free
+        else:
+            table = {"parts": [each.write() for each in self.evidence]}
+            table |= free if self.law.fixed else {}
+        region = write_region(self.region)
+        return {"kind": self.kind, "region": region, "method": self.method, "evidence": table}
+
+    def statement(self, plant: Plant) -> str:  # noqa: ARG002
+        """Say where all poles are, under which law, for which alpha."""
+        return f"poles in {region_text(self.region)}, of A + B K with {self.under}"
+
+    @property
+    def under(self) -> str:
+        """The law, the domain and the method in words."""
+        law = "one gain K" if self.law.fixed else f"K(alpha) = Z W^-1 of degree {self.law.degree}"
+        domain = f"the simplex of {len(self.A)} vertices"
+        if self.on == "box":
+            domain = f"the box of {len(self.sizes)} parameters"
+        return f"{law}, on {domain}, method {self.method}"
+
+    def require(self) -> None:
+        """Refuse law and evidence that do not belong to the method, or do not fit."""
+        N, law = len(self.A), self.law
+        if self.method not in METHODS:
+            raise FormatError(f"method {self.method!r} is not one of {', '.join(METHODS)}")
+        if not self.A or len(self.B) != N or not self.region:
+            raise FormatError("vertices or the region are missing")
+        require_region(self.region)
+        if self.on not in DOMAINS or (self.on == "box" and N & (N - 1)):
+            raise FormatError(f"{N} vertices do not make a {self.on}")
+        belongs = {"scheduled": law.scheduled, "lyapunov": law.scheduled or law.fixed}
+        wanted = len(self.region) if self.method == "lyapunov" else 1
+        if not belongs.get(self.method, law.fixed) or len(self.evidence) != wanted:
+            raise FormatError(f"law and evidence do not belong to method {self.method!r}")
+        if any((e.G is not None) != (self.method == "slack") for e in self.evidence):
+            raise FormatError(f"G does not belong to method {self.method!r}")
+        weighted = self.weights
+        if weighted and (len(weighted) != N or self.method != "lyapunov" or law.scheduled):
+            raise FormatError("weights do not belong here")
+        if law.K is not None and len(law.K) not in ((1, N) if self.method == "lyapunov" else (1,)):
+            raise FormatError("a fixed law has one K")
+        self._require_counts()
+        if self.least > MAX_WORK:
+            raise FormatError(
+                f"{self.count} inequalities of this size are more than is checked here"
+            )
+
+    def _require_counts(self) -> None:
+        """Refuse degrees and numbers of matrices that do not fit."""
+        law, sizes, first = self.law, self.sizes, self.evidence[0]
+        counts = [(law.degree, len(law.W or [])), (law.degree, len(law.Z or []))]
+        counts = counts if law.scheduled else []
+        counts += [(e.degree, len(e.X)) for e in self.evidence if self.method != "scheduled"]
+        counts += [(e.degree, len(e.multiple)) for e in self.evidence if e.multiple]
+        degrees = [law.degree, *(d for e in self.evidence for d in (e.degree, e.elevation))]
+        if any(not 0 <= degree <= MAX_DEGREE for degree in degrees):
+            raise FormatError(f"degrees must be 0 to {MAX_DEGREE}")
+        if any(count != count_of(sizes, degree) for degree, count in counts):
+            raise FormatError("matrices are missing: one W, Z, P or X a coefficient")
+        if self.method == "quadratic" and first.degree:
+            raise FormatError("one Lyapunov matrix is what the method quadratic has")
+        if self.method == "scheduled" and (first.X or first.multiple):
+            raise FormatError("the method scheduled has no Lyapunov matrices but W")
+        multiples = law.scheduled and self.method == "lyapunov"
+        if any(e.multiple for e in self.evidence) and not multiples:
+            raise FormatError("multiples belong to scheduled laws given")
+        if any(e.tau for e in self.evidence) and not self._is_theorem_1:
+            raise FormatError("tau belongs to the right-hand sides of Theorem 1")
+
+    @property
+    def least(self) -> int:
+        """The least that it takes to prove, whatever its numbers."""
+        sides = 2 * len(self.A[0]) * (2 if self.method == "slack" else 1)
+        return least_work(self.count * len(self.region), sides)
+
+    @property
+    def count(self) -> int:
+        """Number of coefficients of the inequalities of a part of the region."""
+        return sum(count_of(self.sizes, self.degree(each)) for each in self.evidence)
+
+    def degree(self, evidence: Evidence) -> int:
+        """Return the degree of the inequalities' polynomials in each simplex."""
+        if self.method == "slack":
+            return max(evidence.degree, 1) + evidence.elevation
+        return degree_of(self.law, evidence) + 1 + evidence.elevation
+
+    @property
+    def _is_theorem_1(self) -> bool:
+        shape = self.law.degree, self.evidence[0].elevation, self.on
+        disk = [part.kind for part in self.region] == ["disk"]
+        return self.method == "scheduled" and shape == (1, 1, "simplex") and disk
+
+    def symmetric(self) -> Iterator[tuple[str, Rationals]]:
+        """Yield the Lyapunov matrices."""
+        for evidence in self.evidence:
+            for k, X in enumerate(evidence.X):
+                yield f"Lyapunov matrix {k + 1}", X
+        for k, W in enumerate(self.law.W or []):
+            yield f"W {k + 1}", W
+
+    def decided(self) -> Verdict:
+        """Prove it, where tau and the weights are those of a proof."""
+        if any(evidence.tau < 0 for evidence in self.evidence):
+            return undecided("tau is negative")
+        if any(q <= 0 for q in self.weights):
+            return undecided("a weight is not positive")
+        return super().decided()
+
+    def inequalities(self) -> Iterator[Inequality]:
+        """Yield X > 0 and F > 0 of every part of the region."""
+        AB = plant_form(self.A, self.B, self.sizes)
+        for number, evidence in enumerate(self.evidence):
+            mine = self.region if self.method != "lyapunov" else self.region[number : number + 1]
+            each = self._slack if self.method == "slack" else self._lyapunov
+            yield from each(AB, evidence, mine)
+
+    def _lyapunov(
+        self, AB: Polynomial, evidence: Evidence, parts: tuple[Part, ...]
+    ) -> Iterator[Inequality]:
+        sizes, n = self.sizes, len(self.A[0])
+        XKX = lifted(self.law, evidence, sizes)
+        X, N = XKX.part(slice(n)), AB * XKX
+        if self.weights:
+            X = bernstein([[[q]] for q in self.weights], sizes, 1) * X
+        degrees = tuple(degree + evidence.elevation for degree in N.degrees)
+        if any(part.kind != "disk" for part in parts):
+            yield Inequality("of X", [[X]], degrees)
+        for part in parts:
+            for L, M in characteristic_pairs(part):
+                F = lyapunov(L, M, X, N)
+                if evidence.tau:
+                    F = F - _floor(evidence.tau, n, sizes)
+                name = part.kind if len(self.region) > 1 else ""
+                kind = _Theorem1 if self._is_theorem_1 else Inequality
+                yield kind(name, [[F]], degrees)
+
+    def _slack(
+        self, AB: Polynomial, evidence: Evidence, parts: tuple[Part, ...]
+    ) -> Iterator[Inequality]:
+        """Yield the inequalities with slack, for other parts than a disk these.
+
+        -[ L (x) P + M' (x) N + *, M (x) (P - G') + e I (x) N ; *, -e I (x) (G + G') ] > 0.
+
+        It implies L (x) P + M' (x) A_c P + M (x) P A_c' < 0, of which the region is the same as
+        with M and M' exchanged: multiply by [ I, I (x) A_c ] from the left and by its transpose.
+        """
+        sizes, e = self.sizes, evidence.epsilon
+        P, G = (
+            bernstein(each, sizes, d)
+            for each, d in ((evidence.X, evidence.degree), ([evidence.G or []], 0))
+        )
+        N = AB * (self.law.form(sizes) * G)
+        degrees = (self.degree(evidence),) * len(sizes)
+        N, P, G = (each.raised(degrees) for each in (N, P, G))
+        for part in parts:
+            for L, M in characteristic_pairs(part):
+                if part.kind == "disk":
+                    centre, r = part.numbers
+                    upper = N.times(-1) + G.times(centre)
+                    rows = [[P.times(r), upper], [(G + G.T - P).times(r)]]
+                else:
+                    eye, T = identity(len(L)), [list(row) for row in zip(*M, strict=True)]
+                    corner = (P - G.T).beside(M) + N.beside(eye).times(e)
+                    last = (G + G.T).beside(eye).times(e)
+                    rows = [[lyapunov(L, T, P, N), -corner], [last]]
+                yield Inequality(part.kind if len(self.region) > 1 else "", rows, degrees)
+        if any(part.kind != "disk" for part in parts):
+            yield Inequality("of P", [[P]], degrees)
+
+    # --- one alpha -------------------------------------------------------------------------------
+
+    def fraction_at(self, alpha: list[Fraction]) -> tuple[Rationals, Rationals]:
+        """Return N and W of the closed loop N W^-1 at one alpha; W = I for a fixed law.
+
+        Raises
+        ------
+        ValueError
+            If alpha is not a point of the simplex, or for a box no product.
+        """
+        if len(alpha) != len(self.A) or min(alpha) < 0 or sum(alpha) != 1:
+            raise ValueError("alpha is not a point of the simplex")
+        A, B = mix(alpha, self.A), mix(alpha, self.B)
+        law, at = self.law, coordinates(alpha, self.sizes)
+        if law.K is not None:
+            W = identity(len(A))
+            Z = law.K[0] if len(law.K) == 1 else mix(alpha, law.K)
+        else:
+            values = basis(at, self.sizes, law.degree)
+            W, Z = mix(values, law.W or []), mix(values, law.Z or [])
+        weights = self.weights or (ONE,) * len(alpha)
+        q = sum((a * w for a, w in zip(alpha, weights, strict=True)), Fraction(0))
+        whole, own = (common_denominator(each, LONGEST) for each in ((A, B), (W, Z)))
+        pairs = zip(whole_numbers(A, whole), whole_numbers(B, whole), strict=True)
+        N = multiplied([a + b for a, b in pairs], whole_numbers(W, own) + whole_numbers(Z, own))
+        return [[Fraction(e, whole * own) for e in row] for row in N], [
+            [q * e for e in r] for r in W
+        ]
+
+    def closed_loop(self, alpha: list[Fraction]) -> Rationals | None:
+        """Return A + B K at one alpha, None where the law is undefined."""
+        N, W = self.fraction_at(alpha)
+        if self.law.K is None:
+            return right_divide(N, W)
+        return [[e / W[0][0] for e in row] for row in N]
+
+    def poles_inside(self, alpha: list[Fraction]) -> bool:
+        """Decide exactly whether all poles at one alpha lie in the region; False is always right.
+
+        An ellipse is replaced by the polygon of its tangents, which contains it. A law that is
+        undefined at alpha keeps no pole anywhere.
+
+        Raises
+        ------
+        ValueError
+            If alpha is not a point of the simplex, or for a box no product; or the numbers of the
+            region make none.
+        FormatError
+            If a count of the work says that it is too much.
+        """
+        require_region(self.region)
+        closed = self.closed_loop(alpha)
+        return closed is not None and all_inside(closed, self.region)
+
+
+class _Theorem1(Inequality):
+    """Inequalities that the paper numbers."""
+
+    def blocks(self) -> Iterator[tuple[Place, Integers]]:
+        """Yield (15) to (17)."""
+        for place, matrix in super().blocks():
+            yield replace(place, own=_numbered(place.powers)), matrix
+
+
+def _numbered(e: Exponent) -> str:
+    support = sorted((j for j, p in enumerate(e) if p), key=lambda j: (-e[j], j))
+    pairs = zip("jkl", support, strict=False)
+    return f"({14 + len(support)}) " + " ".join(f"{letter}={j + 1}" for letter, j in pairs)
+
+
+def plant_form(A: list[Rationals], B: list[Rationals], sizes: Sizes) -> Polynomial:
+    """Return [A, B]."""
+    both = [[a + b for a, b in zip(*pair, strict=True)] for pair in zip(A, B, strict=True)]
+    return bernstein(both, sizes, 1, MAX_BITS)
+
+
+def _floor(tau: Fraction, n: int, sizes: Sizes) -> Polynomial:
+    """Return what (15) has to exceed, and (16), (17) need less for: in the first block tau times.
+
+    sum a_j^3 - (sum a_j^2 a_k + 6 sum a_j a_k a_l) / (N-1)^2 >= 0.
+    """
+    square = max(sizes[0] - 1, 1) ** 2
+    share = {3: ONE, 2: Fraction(-1, square), 1: Fraction(-6, square)}
+    # the coefficient of a monomial, whatever multinomial is in it
+    terms = {e: share[max(e)] * tau for e in monomials(sizes, 3)}
+    whole = common_denominator([[list(terms.values())]])
+    block = constant([[ONE * (i == j < n) for j in range(2 * n)] for i in range(2 * n)], sizes)
+    form = {e: [[int(value * whole)]] for e, value in terms.items()}
+    return Polynomial(form, sizes, (3,), whole) * block
+
+
+# --- evidence of each method ---------------------------------------------------------------------
+
+
+def _quadratic(table: Table, _: Poles, n: int) -> tuple[Evidence, ...]:
+    return (Evidence([table.matrix("W", n, n)]),)
+
+
+def _scheduled(table: Table, _: Poles, n: int) -> tuple[Evidence, ...]:  # noqa: ARG001
+    return (Evidence([], elevation=table.whole("elevation", 1), tau=table.number("tau")),)
+
+
+def _slack(table: Table, blank: Poles, n: int) -> tuple[Evidence, ...]:
+    own, G = read_evidence(table, n, blank.sizes, "P", 1), table.matrix("G", n, n)
+    return (replace(own, G=G, epsilon=table.number("epsilon", 0)),)
+
+
+def _given(table: Table, blank: Poles, n: int) -> tuple[Evidence, ...]:
+    multiple = blank.law.scheduled
+    return tuple(
+        read_evidence(part, n, blank.sizes, multiple=multiple)
+        for part in table.tables("parts", MAX_PARTS)
+    )
+
+
+_EVIDENCE = {"quadratic": _quadratic, "scheduled": _scheduled, "slack": _slack, "lyapunov": _given}

@@ -1,0 +1,207 @@
+"""Rms of a signal as a share of that of another loop under the same noise.
+
+As for the rms, with g^2 C0 P C0' in place of g^2, where A0 P + P A0' + S E0 E0' > 0 for a baseline
+that X0 > 0, -(A0 X0 + X0 A0') > 0 show to be stable, so that P is less than its covariance.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from fractions import Fraction
+from typing import Any, ClassVar
+
+from polefence.proof.claims.base import Inequality
+from polefence.proof.claims.signal import (
+    Rows,
+    SignalClaim,
+    Subject,
+    noise,
+    require_shapes,
+    varies,
+)
+from polefence.proof.definite import least_work
+from polefence.proof.laws import Evidence, read_evidence
+from polefence.proof.matrices import Rationals
+from polefence.proof.plant import Output
+from polefence.proof.polynomials import MAX_DEGREE, Polynomial, affine, bernstein, count_of
+from polefence.proof.reading import MAX_SIZE, Table, plain
+from polefence.proof.text import digits_down
+from polefence.proof.work import FormatError
+
+
+@dataclass(frozen=True)
+class Baseline:
+    """Another loop x' = A x + E w, y = C x on the same domain, under the same noise.
+
+    ``stability`` holds X(alpha) > 0 with -(A X + X A') > 0; ``covariance`` in its X a symmetric
+    P(alpha) with A P + P A' + intensity E E' > 0, which is less than the loop's covariance.
+    """
+
+    A: list[Rationals]
+    E: list[Rationals]
+    C: list[Rationals]
+    stability: Evidence
+    covariance: Evidence
+
+
+@dataclass(frozen=True)
+class RelativeRms(SignalClaim):
+    """The rms of y is less than ``level`` times that of the baseline, at every alpha."""
+
+    kind: ClassVar[str] = "relative rms"
+
+    baseline: Baseline
+    intensity: Fraction = Fraction(1)
+
+    @classmethod
+    def read_own(cls, table: Table, subject: Subject, output: Output) -> dict[str, Any]:
+        """Read the baseline: a gain and the states that are kept, and its evidence."""
+        below, n, m = table.table("baseline"), subject.n, subject.m
+        K = below.matrix("K", m, n) if "K" in below else None
+        states = below.items("states", MAX_SIZE) if "states" in below else list(range(1, n + 1))
+        if any(type(j) is not int for j in states):
+            raise FormatError(f"{below.path('states')} must be whole numbers, 1 the first state")
+        A, E, C = baseline_loop(subject, output, K, tuple(j - 1 for j in states))
+        evidence = [
+            read_evidence(below.table(key), len(A[0]), subject.sizes, letter)
+            for key, letter in (("stability", "X"), ("covariance", "P"))
+        ]
+        intensity = table.number("intensity", 1)
+        return {"baseline": Baseline(A, E, C, *evidence), "intensity": intensity}
+
+    def write_own(self) -> dict[str, Any]:
+        """Return the baseline's evidence, and the intensity."""
+        if not self.without_control:
+            raise FormatError(f"{self.output.name}: only no control is written as a baseline")
+        own = self.baseline
+        table = {"stability": own.stability.write("X"), "covariance": own.covariance.write("P")}
+        return {"intensity": plain(self.intensity), "baseline": table}
+
+    @property
+    def without_control(self) -> bool:
+        """Whether the baseline is the same plant under no control."""
+        base, states = self.baseline, tuple(range(self.subject.n))
+        own = baseline_loop(self.subject, self.output, None, states)
+        return own == (base.A, base.E, base.C)
+
+    def require_own(self) -> None:
+        """Refuse a baseline that does not fit."""
+        baseline, N, q = self.baseline, len(self.subject.A), self.subject.q
+        if not baseline.A or not baseline.A[0]:
+            raise FormatError("the baseline is missing")
+        n = len(baseline.A[0])
+        require_shapes(baseline.A, N, n, n, "the baseline's A")
+        require_shapes(baseline.E, N, n, q, "the baseline's E")
+        require_shapes(baseline.C, N, 1, n, "the baseline's C")
+        for name, each in (("X", baseline.stability), ("P", baseline.covariance)):
+            if any(not 0 <= degree <= MAX_DEGREE for degree in (each.degree, each.elevation)):
+                raise FormatError(f"degrees must be 0 to {MAX_DEGREE}")
+            if replace(each, X=[], degree=0, elevation=0) != Evidence([]):
+                raise FormatError(f"the baseline's {name} is a polynomial and no more")
+            count = count_of(self.subject.sizes, each.degree)
+            require_shapes(each.X, count, n, n, f"the baseline's {name}")
+
+    @property
+    def least_degree(self) -> int:
+        """That of E E' and of C0 P C0'."""
+        own = self.baseline.covariance.degree + 2 * varies(self.baseline.C)
+        return max(super().least_degree, own)
+
+    @property
+    def more_work(self) -> int:
+        """Work on the baseline's inequalities."""
+        stability, covariance = self.baseline.stability, self.baseline.covariance
+        degrees = [stability.degree + 1 + stability.elevation] * 2
+        degrees.append(max(covariance.degree + 1, 2) + covariance.elevation)
+        count = sum(count_of(self.subject.sizes, degree) for degree in degrees)
+        return least_work(count, len(self.baseline.A[0]) + self.subject.q)
+
+    def symmetric(self) -> Iterator[tuple[str, Rationals]]:
+        """Yield the baseline's matrices too."""
+        yield from super().symmetric()
+        for name, each in (("X", self.baseline.stability), ("P", self.baseline.covariance)):
+            for k, matrix in enumerate(each.X):
+                yield f"the baseline's {name} {k + 1}", matrix
+
+    def rows(self, X: Polynomial, minus: Polynomial, Y: Polynomial) -> Rows:
+        """Return what bounds the covariance, and the output's variance."""
+        sizes, P = X.sizes, self.baseline.covariance
+        C = affine(self.baseline.C, sizes)
+        lower = C * bernstein(P.X, sizes, P.degree) * C.T
+        driven = minus - noise(self.subject.E, self.intensity, sizes)
+        corner = lower.times(self.level**2)
+        return {"of the noise": [[driven]], "of the output": [[corner, Y], [X]]}
+
+    def inequalities(self) -> Iterator[Inequality]:
+        """Yield that the baseline is stable, and that P is less than its covariance, too."""
+        yield from super().inequalities()
+        baseline, sizes = self.baseline, self.subject.sizes
+        stability, covariance = baseline.stability, baseline.covariance
+        A = affine(baseline.A, sizes)
+        X, P = (bernstein(each.X, sizes, each.degree) for each in (stability, covariance))
+        N, M = A * X, A * P
+        driven = M + M.T + noise(baseline.E, self.intensity, sizes)
+        for name, F, by in (
+            ("X", X, stability.elevation),
+            ("decrease", (N + N.T).times(-1), stability.elevation),
+            ("noise", driven, covariance.elevation),
+        ):
+            yield Inequality.raised(f"of the baseline's {name}", [[F]], by)
+
+    @property
+    def under(self) -> str:
+        """The baseline, and the noise."""
+        other = "no control" if self.without_control else "a loop that the file defines"
+        return f" of that of {other}, at density {digits_down(2 * self.intensity, 4)}"
+
+
+def baseline_loop(
+    subject: Subject, output: Output, K: Rationals | None, states: tuple[int, ...]
+) -> tuple[list[Rationals], list[Rationals], list[Rationals]]:
+    """Return A, E, C of the subject's plant with u = K x, of these states alone.
+
+    Parameters
+    ----------
+    subject : Subject
+        Its law and evidence are not used.
+    output : Output
+    K : (m, n) rationals, optional
+        None: u = 0, the passive plant.
+    states : tuple of int
+        Those that are kept, counted from 0.
+
+    Raises
+    ------
+    FormatError
+        If a state that is kept, or y, depends on one that is not: what is left would be another
+        loop.
+    """
+    n = subject.n
+    if sorted(set(states)) != list(states) or not states or states[0] < 0 or states[-1] >= n:
+        raise FormatError(f"states must be some of the {n}, in their order")
+    left = [j for j in range(n) if j not in states]
+    As, Es, Cs = list[Rationals](), list[Rationals](), list[Rationals]()
+    for k in range(len(subject.A)):
+        A = _closed(subject.A[k], subject.B[k], K)
+        C = _closed(output.C[k], output.D[k], K)
+        if any(row[j] for row in ([A[i] for i in states] + C) for j in left):
+            raise FormatError(f"vertex {k + 1}: the baseline depends on a state left out")
+        As.append([[A[i][j] for j in states] for i in states])
+        Es.append([subject.E[k][i] for i in states])
+        Cs.append([[row[j] for j in states] for row in C])
+    return As, Es, Cs
+
+
+def _closed(A: Rationals, B: Rationals, K: Rationals | None) -> Rationals:
+    """Return A + B K."""
+    if K is None:
+        return A
+    columns = list(zip(*K, strict=True))
+    return [
+        [
+            a + sum((b * k for b, k in zip(bs, column, strict=True)), Fraction(0))
+            for a, column in zip(row, columns, strict=True)
+        ]
+        for row, bs in zip(A, B, strict=True)
+    ]

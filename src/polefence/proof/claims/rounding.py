@@ -1,0 +1,374 @@
+"""Poles in a region with the gain as code computes it, in float32 or float64.
+
+The design tolerates an error of the gain (kind "gain error"); the rounding of the code, for every
+parameter value and every state, stays below it.
+
+The computed u is (K(alpha) + S D C) x for some D, which may depend on x, with S and C the scales of
+the claim about the gain; here is a bound on the norm of D. Operations round to nearest with
+relative errors of at most u, underflow apart; g(k) = k u / (1 - k u) bounds k of them in a row.
+
+A fixed gain: each entry is off by its own rounding and by g(n) of itself.
+
+A scheduled one, where C = T (and S is left out here): with W' = T W T', Z' = Z T', K' = Z' W'^-1,
+so that K = K' T, the code computes
+
+    u = (Z' + dZ) (W' + dW)^-1 (T + dT) x,
+
+    |dW| <= g(3 n + 4) trace(W'), from L D L' (an error g(n + 2) of |L| D |L'|, whose entries are at
+            most those of sqrt(w_ii w_jj)), its forward and its backward substitution, backwards;
+            and the errors of the constants, of the polynomials' values and of their sums,
+    |dZ|    likewise, and g(n) of the last product,
+    |dT| <= g(n) |T|, entry by entry;
+
+    D = (dZ - K' dW) (W' + dW)^-1 (I + dT T^-1) + K' dT T^-1.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass
+from fractions import Fraction
+from math import prod
+from typing import Any, ClassVar, Self
+
+from polefence.proof.claims.base import Claim, Inequality, Verdict, require_work
+from polefence.proof.claims.gain_error import GainError
+from polefence.proof.definite import is_positive_definite, least_work
+from polefence.proof.matrices import (
+    MAX_BITS,
+    Rationals,
+    inverse,
+    norm,
+    product,
+    right_divide,
+    scaled,
+)
+from polefence.proof.plant import MAX_PARAMETERS, Plant, Range
+from polefence.proof.polynomials import (
+    MAX_DEGREE,
+    Polynomial,
+    bernstein,
+    count_of,
+    diagonal,
+    multinomial,
+)
+from polefence.proof.reading import Table, plain, require_shape
+from polefence.proof.text import region_text
+from polefence.proof.work import FormatError
+
+DIGITS = {32: 24, 64: 53}  # binary digits of a number
+# Constants of the code, and how near W' and its bound are to one: far from underflow and overflow.
+LEAST, MOST, SMALLEST = Fraction(1, 10**18), Fraction(10**18), Fraction(1, 10**6)
+UNITS = {32: Fraction(1, 2**24), 64: Fraction(1, 2**53)}  # relative error of one operation
+
+
+@dataclass(frozen=True)
+class Share:
+    """The code's constants for a parameter p: scale (p - low), over p where it enters as 1/p."""
+
+    low: Fraction
+    high: Fraction
+    scale: Fraction
+
+
+@dataclass(frozen=True)
+class Code:
+    """The constants of the code, with the bits of its numbers.
+
+    One gain, that of one vertex too, has ``K`` alone. ``shares`` has one entry a parameter, none
+    where the code is given alpha itself. W and Z are Bernstein coefficients.
+    """
+
+    bits: int
+    K: Rationals | None = None
+    T: Rationals | None = None
+    W: tuple[Rationals, ...] = ()
+    Z: tuple[Rationals, ...] = ()
+    shares: tuple[Share, ...] = ()
+
+
+@dataclass(frozen=True)
+class Rounded(Claim):
+    """All poles lie in the region with the gain that the code computes.
+
+    ``gain`` is what the design tolerates. For scheduled laws ``smallest`` and ``size`` are bounds,
+    W' > smallest I and |Z' W'^-1| < size, which the coefficients at ``elevation`` prove.
+    """
+
+    kind: ClassVar[str] = "rounding"
+
+    gain: GainError
+    code: Code
+    smallest: Fraction = Fraction(0)
+    size: Fraction = Fraction(0)
+    elevation: int = 0
+
+    @classmethod
+    def read(cls, table: Table, plant: Plant, law: Any, on: str) -> Self:
+        """Read what the gain tolerates, and the constants of the code."""
+        below, own = table.table("gain"), table.table("code")
+        below.word("kind", [GainError.kind])
+        gain = GainError.read(below, plant, law, on)
+        K, T = (own.matrix(key) if key in own else None for key in ("K", "T"))
+        W, Z = (tuple(own.matrices(key, None, None)) if key in own else () for key in ("W", "Z"))
+        code = Code(own.at("bits"), K, T, W, Z, _read_shares(own))
+        smallest, size = (own.number(key, 0) for key in ("smallest", "size"))
+        return cls(gain, code, smallest, size, own.whole("elevation", 0))
+
+    def write(self) -> dict[str, Any]:
+        """Return what `read` reads."""
+        code = self.code
+        table: dict[str, Any] = {"bits": code.bits}
+        if code.K is not None:
+            return {
+                "kind": self.kind,
+                "gain": self.gain.write(),
+                "code": table | {"K": plain(code.K)},
+            }
+        table |= {key: plain(getattr(code, key)) for key in ("T", "W", "Z")}
+        if code.shares:
+            keys = ("low", "high", "scale")
+            table["shares"] = [{key: plain(getattr(s, key)) for key in keys} for s in code.shares]
+        table |= {"smallest": plain(self.smallest), "size": plain(self.size)}
+        table["elevation"] = self.elevation
+        return {"kind": self.kind, "gain": self.gain.write(), "code": table}
+
+    def statement(self, plant: Plant) -> str:  # noqa: ARG002
+        """Say where the poles are, of which code."""
+        region = region_text(self.gain.subject.design.region)
+        return f"poles in {region} with the gain as the float{self.code.bits} code computes it"
+
+    def require(self) -> None:
+        """Refuse constants that do not fit, or lead out of the numbers' range."""
+        self.gain.require()
+        code, gain = self.code, self.gain
+        design = gain.subject.design
+        m, n, law = len(design.B[0][0]), len(design.A[0]), design.law
+        if type(code.bits) is not int or code.bits not in DIGITS:
+            raise FormatError("code.bits must be 32 or 64")
+        _require_numbers(code)
+        if code.K is not None:
+            own = law.K if law.K is not None else law.W or []  # of one vertex K = Z W^-1
+            if len(own) != 1 or code.T is not None or code.W or code.Z:
+                raise FormatError("code: the law and its constants do not belong together")
+            if not all(isinstance(column, Fraction) for column in gain.columns):
+                raise FormatError("columns must be numbers for one gain")
+            require_shape(code.K, m, n, "code.K")
+            return
+        if law.W is None or law.Z is None or code.T is None or not law.degree:
+            raise FormatError("code: the law and its constants do not belong together")
+        sizes = design.sizes
+        count = count_of(sizes, law.degree)
+        if len(code.W) != count or len(code.Z) != count:
+            raise FormatError(f"code: {count} matrices W and Z are needed, one a coefficient")
+        for name, rows, matrices in (("T", n, [code.T]), ("W", n, code.W), ("Z", m, code.Z)):
+            for matrix in matrices:
+                require_shape(matrix, rows, n, f"code.{name}")
+        if any(w[i][j] != w[j][i] for w in code.W for i in range(n) for j in range(i)):
+            raise FormatError("code.W is not symmetric")
+        if code.shares and len(code.shares) != len(gain.subject.ranges):
+            raise FormatError("code.shares must hold one entry a parameter")
+        if not 0 <= self.elevation <= MAX_DEGREE or self.size <= 0:
+            raise FormatError("size must be positive, elevation from 0")
+        if (
+            self.smallest < SMALLEST
+            or max(abs(v) for w in code.W for r in w for v in r) > 1 / SMALLEST
+        ):
+            raise FormatError(
+                f"smallest and code.W must lie between {float(SMALLEST):g} and its inverse"
+            )
+        if gain.columns != tuple(map(tuple, code.T)):
+            raise FormatError("the columns of the gain's error must be those of T")
+        number = count_of(sizes, 2 * law.degree + self.elevation)
+        require_work(least_work(number, n + m))
+
+    def decided(self) -> Verdict:
+        """Prove what the gain tolerates, and that rounding is no more."""
+        verdict = self.gain.decided()
+        if not verdict.proved:
+            return verdict
+        try:
+            error = rounding_error(self)
+        except FormatError as problem:
+            return verdict.unless(str(problem))
+        if error > self.gain.error:
+            return verdict.unless("rounding may be more than what is allowed")
+        share = float(error / self.gain.error) if error else 0.0
+        percent = math.ceil(1000 * share) / 10
+        return verdict.noted(f"rounding at most {percent:g} % of what these allow")
+
+
+def _read_shares(table: Table) -> tuple[Share, ...]:
+    rows = table.tables("shares", MAX_PARAMETERS) if "shares" in table else []
+    return tuple(Share(*(row.number(key) for key in ("low", "high", "scale"))) for row in rows)
+
+
+def _require_numbers(code: Code) -> None:
+    """Refuse constants that the code cannot hold, or that lead out of its numbers' range."""
+    shares = [[s.low, s.high, s.scale] for s in code.shares]
+    for matrix in [code.K or [], code.T or [], *code.W, *code.Z, shares]:
+        for row in matrix:
+            for value in row:
+                if value and not (LEAST <= abs(value) <= MOST and _is_held(value, code.bits)):
+                    raise FormatError(
+                        f"code: a constant is no float{code.bits} from {float(LEAST):g} to "
+                        f"{float(MOST):g}"
+                    )
+
+
+def _is_held(value: Fraction, bits: int) -> bool:
+    top, bottom = abs(value.numerator), value.denominator
+    odd = top // (top & -top)
+    return bottom & (bottom - 1) == 0 and odd.bit_length() <= DIGITS[bits]
+
+
+def rounding_error(claim: Rounded) -> Fraction:
+    """Return a bound on the norm of D.
+
+    Raises
+    ------
+    FormatError
+        If a bound that the claim rests on does not hold.
+    """
+    if claim.code.K is not None:
+        return _fixed(claim)
+    return _scheduled(claim)
+
+
+def in_a_row(code: Code, k: int) -> Fraction:
+    """Return the largest relative error of k operations."""
+    u = UNITS[code.bits]
+    if 2 * k * u >= 1:
+        raise FormatError("code: too many operations for its numbers")
+    return k * u / (1 - k * u)
+
+
+def _fixed(claim: Rounded) -> Fraction:
+    code, gain = claim.code, claim.gain
+    K, own = _gain(claim), code.K or []
+    gamma = in_a_row(code, len(K[0]))
+    columns = [c for c in gain.columns if isinstance(c, Fraction)]
+    return norm(
+        [
+            [(abs(a - b) + gamma * abs(b)) / s / t for a, b, t in zip(k, o, columns, strict=True)]
+            for k, o, s in zip(K, own, gain.rows, strict=True)
+        ]
+    )
+
+
+def _gain(claim: Rounded) -> Rationals:
+    """Return the one gain of the design; of one vertex Z W^-1."""
+    law = claim.gain.subject.design.law
+    K = law.K[0] if law.K else right_divide((law.Z or [])[0], (law.W or [])[0])
+    if K is None:
+        raise FormatError("W is singular")
+    return K
+
+
+def _scheduled(claim: Rounded) -> Fraction:
+    code, rows, T = claim.code, claim.gain.rows, claim.code.T or []
+    n, u = len(T), UNITS[code.bits]
+    W, Z = transformed(claim)
+    own_Z = [scaled(z, rows) for z in code.Z]
+    terms = in_a_row(code, len(W))
+    formed = (1 + terms) * (1 + weight_error(claim)) - 1  # of sizes of the coefficients
+    of_W = formed * _largest(code.W) + _largest(map(_difference, code.W, W))
+    of_Z = formed * _largest(own_Z) + _largest(map(_difference, own_Z, Z))
+    of_L = in_a_row(code, 3 * n + 4) / (1 - in_a_row(code, n + 2))
+    of_W += of_L * (_require_bounds(claim, W, Z) + n * of_W)
+    of_Z += in_a_row(code, n) * (1 + formed) * _largest(own_Z)
+    if of_W >= claim.smallest:
+        raise FormatError(f"rounding with u = {float(u):.0e} may make W singular")
+    size = claim.size
+    error = (of_Z + size * of_W) / (claim.smallest - of_W)
+    of_T = in_a_row(code, n) * norm(product(_absolute(T), _absolute(_inverse(T))))
+    return error * (1 + of_T) + size * of_T
+
+
+def _require_bounds(claim: Rounded, W: list[Rationals], Z: list[Rationals]) -> Fraction:
+    """Prove W' > smallest I and, by W'^2 > Z'^T Z' / size^2, |K'| < size; bound W's trace."""
+    design, n, m = claim.gain.subject.design, len(W[0]), len(Z[0])
+    sizes, degree, by = design.sizes, design.law.degree, claim.elevation
+    limit = 8 * MAX_BITS
+    P, Q = (bernstein(each, sizes, degree, limit) for each in (W, Z))
+    raised = P.elevated(by)
+    trace = Fraction(0)
+    for e, own in raised.terms.items():
+        count = multinomial(e, sizes)
+        trace = max(trace, Fraction(sum(own[i][i] for i in range(n)), count * raised.whole))
+    above = P - diagonal([claim.smallest] * n, sizes)
+    _require_positive([[above]], by, "W' is not proved to be above the bound given")
+    corner = diagonal([claim.size**2] * m, sizes)
+    _require_positive(
+        [[P * P, Q.T], [corner]], by, "Z' W'^-1 is not proved to be below the bound given"
+    )
+    return trace
+
+
+def _require_positive(rows: list[list[Polynomial]], by: int, fault: str) -> None:
+    for _, matrix in Inequality.raised("", rows, by).blocks():
+        if not is_positive_definite(matrix):
+            raise FormatError(fault)
+
+
+def transformed(claim: Rounded) -> tuple[list[Rationals], list[Rationals]]:
+    """Return T W T' and S^-1 Z T' of the design's law."""
+    law, T = claim.gain.subject.design.law, claim.code.T or []
+    right = [list(column) for column in zip(*T, strict=True)]
+    W = [product(product(T, w), right) for w in law.W or []]
+    return W, [product(scaled(z, claim.gain.rows), right) for z in law.Z or []]
+
+
+def weight_error(claim: Rounded) -> Fraction:
+    """Return a bound on the sum of the errors of the Bernstein polynomials' values."""
+    code, subject = claim.code, claim.gain.subject
+    sizes, degree = subject.design.sizes, subject.design.law.degree
+    corners = len(subject.design.A)
+    products = in_a_row(code, len(sizes) * degree + 1)  # a large multinomial is rounded too
+    if not code.shares:  # cut, summed, scaled, and for a box summed again
+        own = in_a_row(code, 2 * corners + 2)
+        return (1 + own) ** (degree * len(sizes)) * (1 + products) - 1
+    pairs = zip(code.shares, subject.ranges, strict=True)
+    each = [2 * share_error(code, share, given) + UNITS[code.bits] for share, given in pairs]
+    total = prod((1 + error for error in each), start=Fraction(1))
+    if len(sizes) == 1 < len(each):  # alpha, the product of the parameters' weights
+        total *= 1 + in_a_row(code, len(each) - 1)
+    return total**degree * (1 + products) - 1
+
+
+def share_error(code: Code, share: Share, given: Range) -> Fraction:
+    """Return how far the share of one parameter may be off."""
+    width = given.high - given.low
+    scale = given.high / width if given.inverted else 1 / width
+    if not (share.low <= given.low < given.high <= share.high):
+        raise FormatError("a parameter is clamped inside its interval")
+    if given.inverted and share.low <= 0 <= share.high:
+        raise FormatError("a parameter's bounds in the code touch zero")
+    least = min(abs(share.low), abs(share.high)) if given.inverted else Fraction(1)
+    own = share.high - share.low
+    constants = abs(share.scale - scale) * own + abs(scale) * (given.low - share.low)
+    return (constants + in_a_row(code, 3) * abs(share.scale) * own) / least
+
+
+# --- matrices ------------------------------------------------------------------------------------
+
+
+def _difference(left: Rationals, right: Rationals) -> Rationals:
+    return [[a - b for a, b in zip(p, q, strict=True)] for p, q in zip(left, right, strict=True)]
+
+
+def _absolute(matrix: Rationals) -> Rationals:
+    return [[abs(value) for value in row] for row in matrix]
+
+
+def _inverse(lower: Rationals) -> Rationals:
+    """Return the inverse of a lower triangular matrix."""
+    n = len(lower)
+    if any(lower[i][j] for i in range(n) for j in range(i + 1, n)):
+        raise FormatError("code.T must be lower triangular")
+    return inverse(lower, "code.T")
+
+
+def _largest(matrices: Iterable[Rationals]) -> Fraction:
+    return max(map(norm, matrices))

@@ -1,0 +1,172 @@
+"""The one file of proofs: a plant, a law, and claims about them.
+
+``{"format": "polefence-proof", "version": 2, "plant": {...}, "law": {...}, "claims": [...]}``, each
+claim with its ``kind`` and its evidence. ``law`` is left out where claims bring their own.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+from typing import Any
+
+from polefence.proof.claims.base import Claim
+from polefence.proof.claims.cells import Cells, Interpolated, read_interpolated
+from polefence.proof.claims.energy_peak import EnergyPeak
+from polefence.proof.claims.estimate import Estimate
+from polefence.proof.claims.gain import Gain
+from polefence.proof.claims.gain_error import GainError
+from polefence.proof.claims.gain_norm import GainNorm
+from polefence.proof.claims.initial_peak import InitialPeak
+from polefence.proof.claims.observer import Observer
+from polefence.proof.claims.poles import Poles
+from polefence.proof.claims.rate import Rate
+from polefence.proof.claims.relative_rms import RelativeRms
+from polefence.proof.claims.rms import Rms
+from polefence.proof.claims.rounding import Rounded
+from polefence.proof.claims.sampled import Sampled
+from polefence.proof.laws import Law, read_law
+from polefence.proof.plant import Plant
+from polefence.proof.reading import Table, parse, require_shallow, shown
+from polefence.proof.work import FormatError
+
+FORMAT, VERSION = "polefence-proof", 2
+# What earlier versions wrote.
+EARLIER = tuple(
+    f"polefence-{name}" for name in ("design", "performance", "service", "table", "export")
+)
+MAX_CLAIMS = 64
+
+KINDS: Mapping[str, type[Claim]] = MappingProxyType(
+    {
+        own.kind: own
+        for own in (
+            Poles,
+            Observer,
+            Rms,
+            RelativeRms,
+            EnergyPeak,
+            InitialPeak,
+            Gain,
+            GainNorm,
+            Estimate,
+            GainError,
+            Rate,
+            Sampled,
+            Rounded,
+            Cells,
+        )
+    }
+)
+
+
+@dataclass(frozen=True)
+class Document:
+    """What a file holds.
+
+    Attributes
+    ----------
+    plant : Plant
+    law : Law or Interpolated, optional
+    claims : tuple of Claim
+    on : str
+        Domain of a scheduled law, "simplex" or "box".
+    export : mapping, optional
+        What exported code says of itself beside what is proved; no proof reads it.
+    polefence : str
+        The version that wrote it.
+    """
+
+    plant: Plant
+    law: Law | Interpolated | None
+    claims: tuple[Claim, ...]
+    on: str = "simplex"
+    export: Mapping[str, Any] | None = None
+    polefence: str = ""
+
+    def first(self, kind: type[Any]) -> Any:
+        """Return the first claim of a kind, None where there is none."""
+        return next((claim for claim in self.claims if isinstance(claim, kind)), None)
+
+    def write(self) -> dict[str, Any]:
+        """Return the file as plain data for JSON."""
+        table: dict[str, Any] = {"format": FORMAT, "version": VERSION}
+        table |= {"polefence": self.polefence} if self.polefence else {}
+        table["plant"] = self.plant.write()
+        if self.law is not None:
+            table["law"] = self.law.write(self.on)
+        table["claims"] = [claim.write() for claim in self.claims]
+        return table | ({} if self.export is None else {"export": dict(self.export)})
+
+    def dumps(self, indent: int | None = 1) -> str:
+        """Return the text of the file."""
+        return json.dumps(self.write(), indent=indent, allow_nan=False) + "\n"
+
+
+def loads(text: str) -> Document:
+    """Read the text of a file; proves nothing.
+
+    Raises
+    ------
+    FormatError
+        If it is no JSON, cut short, of another format or version, or malformed; saying where.
+    """
+    return from_plain(parse(text), parsed=True)
+
+
+def from_plain(data: Any, parsed: bool = False) -> Document:
+    """Read a file from plain data; see `loads`."""
+    _require_format(data)
+    table = Table.of(data if parsed else require_shallow(data))
+    for key in ("format", "version"):
+        table.at(key)
+    plant = Plant.read(table.table("plant"))
+    law, on = _read_law(table.table("law"), plant) if "law" in table else (None, "")
+    claims = list[Claim]()
+    for row in table.tables("claims", MAX_CLAIMS):
+        claims.append(KINDS[row.word("kind", KINDS)].read(row, plant, law, on))
+    export = table.at("export") if "export" in table else None
+    if export is not None and not isinstance(export, dict):
+        raise FormatError("export must be a table")
+    document = Document(plant, law, tuple(claims), on, export, table.text("polefence", ""))
+    table.done()
+    return document
+
+
+def _require_format(data: Any) -> None:
+    found = data.get("format") if isinstance(data, dict) else None
+    if found in EARLIER:
+        raise FormatError(
+            f"{found} is a format of polefence 0.1, which is not read any more; "
+            "design or export it again, and save that"
+        )
+    if found != FORMAT:
+        other = f", not {shown(found)}" if isinstance(found, str) else ""
+        raise FormatError(f'not a file of proofs: "format" must be "{FORMAT}"{other}')
+    if type(data.get("version")) is not int or data["version"] != VERSION:
+        raise FormatError(
+            f"format version {shown(data.get('version'))} is not {VERSION}, the one read here; "
+            "use a later release of polefence"
+        )
+
+
+def _read_law(table: Table, plant: Plant) -> tuple[Law | Interpolated, str]:
+    kind = table.word("kind", ("fixed", "scheduled", "table"))
+    if kind == "table":
+        return read_interpolated(table, plant), ""
+    law, on = read_law(table, plant.n, plant.m)
+    return law, plant.domain(on) if on else ""
+
+
+def says_proof(text: str) -> bool:
+    """Whether a text says that it is a file of proofs, of this version or an earlier one."""
+    if not any(f'"{name}"' in text for name in (FORMAT, *EARLIER)):
+        return False
+    try:
+        data = parse(text)
+    except FormatError:
+        return False
+    found = data.get("format") if isinstance(data, dict) else None
+    return found == FORMAT or found in EARLIER

@@ -1,0 +1,209 @@
+"""Plants as files have them: vertices and parameters, which proofs are about, and names."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from fractions import Fraction
+from typing import Any
+
+from polefence.proof.matrices import Rationals, common_denominator
+from polefence.proof.polynomials import Sizes
+from polefence.proof.reading import MAX_VERTICES, Table, as_number, plain, plain_rows, require_shape
+from polefence.proof.work import FormatError
+
+MAX_PARAMETERS, MAX_OUTPUTS = 8, 1000
+
+
+@dataclass(frozen=True)
+class Range:
+    """A parameter's interval; ``inverted`` where the plant is affine in 1/p."""
+
+    low: Fraction
+    high: Fraction
+    inverted: bool = False
+    name: str = ""
+    unit: str = ""
+
+
+@dataclass(frozen=True)
+class Output:
+    """y = C x + D u: at every vertex C (1 x n) and D (1 x m); in some places F (1 x q) of w."""
+
+    C: list[Rationals]
+    D: list[Rationals]
+    name: str = ""
+    F: tuple[Rationals, ...] = ()
+    unit: str = ""
+
+
+@dataclass(frozen=True)
+class Plant:
+    """x' = A x + B u + E w, or x(t + sample_time) = ..., at the vertices, with names.
+
+    ``E`` is empty where no disturbance acts. ``ranges`` has one entry a parameter, none for a plant
+    given by its vertices. ``vehicle`` is plain data that no proof reads.
+    """
+
+    A: list[Rationals]
+    B: list[Rationals]
+    E: list[Rationals]
+    ranges: tuple[Range, ...] = ()
+    name: str = ""
+    states: tuple[str, ...] = ()
+    inputs: tuple[str, ...] = ()
+    disturbances: tuple[str, ...] = ()
+    outputs: tuple[Output, ...] = ()
+    sample_time: Fraction | None = None
+    vehicle: Any = None
+
+    @property
+    def n(self) -> int:
+        """Number of states."""
+        return len(self.A[0])
+
+    @property
+    def m(self) -> int:
+        """Number of inputs."""
+        return len(self.B[0][0])
+
+    @property
+    def q(self) -> int:
+        """Number of disturbances."""
+        return len(self.E[0][0]) if self.E else 0
+
+    def domain(self, on: str) -> str:
+        """Return where alpha lives; a box belongs to parameters that span the vertices."""
+        if on == "box" and 2 ** len(self.ranges) != len(self.A):
+            raise FormatError(
+                f'"box" belongs to plants whose parameters span the vertices: plant.parameters '
+                f"holds {len(self.ranges)}, for {len(self.A)} vertices"
+            )
+        return on
+
+    def require_continuous(self, what: str) -> None:
+        """Refuse what is about plants in continuous time where this is none."""
+        if self.sample_time is not None:
+            raise FormatError(f"{what}: is for plants in continuous time")
+
+    def signal(self, name: str) -> Output | None:
+        """Return the state, input or output of a name that no other has."""
+        zero = Fraction(0)
+        found = [output for output in self.outputs if output.name == name]
+        for labels, letter, count in ((self.states, "x", self.n), (self.inputs, "u", self.m)):
+            names = [split(label)[0] for label in labels]
+            for i, own in enumerate(names or [f"{letter}{k + 1}" for k in range(count)]):
+                if own == name and i < count:
+                    unit = [Fraction(int(i == j)) for j in range(count)]
+                    C = unit if letter == "x" else [zero] * self.n
+                    D = unit if letter == "u" else [zero] * self.m
+                    found.append(Output([[C]] * len(self.A), [[D]] * len(self.A), name))
+        return found[0] if len(found) == 1 else None
+
+    @classmethod
+    def read(cls, table: Table) -> Plant:
+        """Read a plant.
+
+        Raises
+        ------
+        FormatError
+        """
+        vertices = table.tables("vertices", MAX_VERTICES)
+        A = [vertex.matrix("A") for vertex in vertices]
+        B = [vertex.matrix("B") for vertex in vertices]
+        driven = [vertex for vertex in vertices if "E" in vertex]
+        E = [vertex.matrix("E") for vertex in (vertices if driven else [])]
+        n, m, q = len(A[0]), len(B[0][0]), len(E[0][0]) if E else 0
+        for j in range(len(A)):
+            shapes = (("A", A, n), ("B", B, m), *([("E", E, q)] if E else []))
+            for letter, matrices, columns in shapes:
+                require_shape(matrices[j], n, columns, f"vertex {j + 1}: {letter}")
+        common_denominator([*A, *B, *E])
+        plant = cls(
+            A,
+            B,
+            E,
+            _ranges(table),
+            table.text("name"),
+            table.texts("states"),
+            table.texts("inputs"),
+            table.texts("disturbances"),
+            _outputs(table, (n, m, q), len(A)),
+            table.number("sample_time") if "sample_time" in table else None,
+            table.at("vehicle") if "vehicle" in table else None,
+        )
+        if plant.sample_time is not None and plant.sample_time <= 0:
+            raise FormatError(f"{table.path('sample_time')} must be positive")
+        return plant
+
+    def write(self) -> dict[str, Any]:
+        """Return the plant as a file has it."""
+        each = zip("ABE", (self.A, self.B, self.E), strict=True)
+        columns = [(key, matrices) for key, matrices in each if matrices]
+        table: dict[str, Any] = {"name": self.name}
+        if self.sample_time is not None:
+            table["sample_time"] = plain(self.sample_time)
+        table |= {key: list(getattr(self, key)) for key in ("states", "inputs", "disturbances")}
+        if self.outputs:
+            table["outputs"] = [
+                {"name": own.name, "unit": own.unit}
+                | {key: plain_rows(getattr(own, key)) for key in "CDF" if getattr(own, key)}
+                for own in self.outputs
+            ]
+        if self.vehicle is not None:
+            table["vehicle"] = self.vehicle
+        table["parameters"] = [
+            {
+                "name": own.name,
+                "range": plain([own.low, own.high]),
+                "unit": own.unit,
+                "through": f"1/{own.name}" if own.inverted else own.name,
+            }
+            for own in self.ranges
+        ]
+        table["vertices"] = [
+            {key: plain(matrices[j]) for key, matrices in columns} for j in range(len(self.A))
+        ]
+        return table
+
+
+def split(label: str) -> tuple[str, str]:
+    """Return name and unit of "name [unit]"; the unit is empty where none is given."""
+    name, bracket, rest = label.strip().partition("[")
+    unit, closed, more = rest.partition("]")
+    return (name.rstrip(), unit) if bracket and closed and not more else (label.strip(), "")
+
+
+def _ranges(table: Table) -> tuple[Range, ...]:
+    found = list[Range]()
+    rows = table.tables("parameters", MAX_PARAMETERS) if table.entries.get("parameters") else []
+    if "parameters" in table and not rows:
+        table.items("parameters", 0, 0)
+    for row in rows:
+        name = row.text("name")
+        through = row.text("through", name)
+        if name in [own.name for own in found] or through not in (name, f"1/{name}"):
+            raise FormatError(f"{row.where}: through must be its own name, or 1/name")
+        bounds, where = row.items("range", 2, 2), row.path("range")
+        low, high = (as_number(value, where) for value in bounds)
+        if low >= high or (through != name and low <= 0 <= high):
+            raise FormatError(f"{where} is empty, or touches zero where 1/{name} is used")
+        found.append(Range(low, high, through != name, name, row.text("unit", "")))
+    return tuple(found)
+
+
+def _outputs(table: Table, shape: tuple[int, int, int], count: int) -> tuple[Output, ...]:
+    rows = table.tables("outputs", MAX_OUTPUTS) if "outputs" in table else []
+    found = []
+    for row in rows:
+        C, D, F = (
+            row.rows(key, width, count) if key in row else [[[Fraction(0)] * width]] * count
+            for key, width in zip("CDF", shape, strict=True)
+        )
+        own = tuple(F) if any(any(f[0]) for f in F) else ()
+        found.append(Output(C, D, row.text("name"), own, row.text("unit", "")))
+    return tuple(found)
+
+
+def sizes_of(count: int, on: str) -> Sizes:
+    """Return the corners of each simplex: one with all vertices, or two a parameter."""
+    return (count,) if on == "simplex" or count == 1 else (2,) * (count.bit_length() - 1)

@@ -1,0 +1,106 @@
+"""One file of every kind that the commands write, of a small plant."""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import json
+from pathlib import Path
+
+from polefence.cli.main import main
+
+SPEC = """name = "mass"
+states = ["x [m]", "v [m/s]"]
+inputs = ["u [N]"]
+disturbances = ["w [N]"]
+region = "disk(-3, 2.5)"
+[constants]
+c = 1
+[parameter.k]
+range = [1, 2]
+unit = "N/m"
+through = "k"
+[definitions]
+s = "k + c"
+[matrices]
+A = [[0, 1], ["-s", "-c"]]
+B = [[0], [1]]
+E = [[0], [1]]
+"""
+ASKED = """[road]
+class = "C"
+speed = 20
+[[specification]]
+kind = "rms"
+signal = "x"
+density = 1
+minimise = true
+[[specification]]
+kind = "initial peak"
+signal = "u"
+at_most = 50
+points = [[1, 0]]
+[[specification]]
+kind = "gain norm"
+at_most = 50
+rows = [1]
+columns = [1, 1]
+"""
+OBSERVE = ["observe", "plain.toml", "--measured", "x", "--disk", "-6", "5"]
+EVERY_KIND = [
+    word
+    for limit in (
+        "rms of u <= 50 with density 1",
+        "relative rms of x <= 0.95 with density 1",
+        "energy peak of v <= 20 with norm 1",
+        "initial peak of x <= 5 with impulse 1",
+        "gain of v <= 10",
+    )
+    for word in ("--limit", limit)
+]
+RUN = ["--sample-time", "0.001", "--float", "32"]
+LIMITS = [
+    "limits", "plain.toml", "--centre", "-3", "--method", "quadratic", "--json", "limits.json",
+    "--resume",
+]  # fmt: skip
+TRADEOFF = [
+    "tradeoff", "spec.toml", "--over", "rms of u with density 1", "--value", "20", "--method",
+    "quadratic", "--json", "tradeoff.json", "--resume",
+]  # fmt: skip
+
+
+def quiet(words):
+    """The exit status of a command, and what it said."""
+    out, err = io.StringIO(), io.StringIO()
+    with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
+        try:
+            status = main(words)
+        except SystemExit as stop:
+            status = stop.code
+    return status, out.getvalue(), err.getvalue()
+
+
+def write_every_file(made: Path) -> None:
+    """Write the files into the working folder, each of them proved."""
+    (made / "plain.toml").write_text(SPEC)
+    (made / "spec.toml").write_text(SPEC + ASKED)
+    knots = {"grid": {"k": [1, 2]}, "gains": [[[-3, -3]], [[-3, -3]]]}
+    (made / "gains.json").write_text(json.dumps(knots))
+    half = ["--region", "half_plane(0.3)"]
+    design = ["design", "plain.toml", "--disk", "-3", "2.5", "--method"]
+    for words in (
+        [*design, "quadratic", "-o", "quadratic"],
+        [*design, "scheduled", "-o", "scheduled"],
+        [*design, "slack", "-o", "slack"],
+        ["analyse", "plain.toml", "--gain", "[[-3, -3]]", *half, "-o", "lyapunov"],
+        ["analyse", "plain.toml", "--gain", "gains.json", *half, "-o", "table"],
+        ["service", "scheduled", "-o", "service"],
+        ["optimise", "spec.toml", "--method", "quadratic", "-o", "performance"],
+        ["optimise", "plain.toml", "--method", "quadratic", *EVERY_KIND, "-o", "signals"],
+        ["export", "quadratic", "-o", "code", "--sample-time", "0.001"],
+        [*OBSERVE, "-o", "observer"],
+        ["export", "scheduled", "-o", "observed", "--observer", "observer", *RUN],
+        LIMITS[:-1],
+        TRADEOFF[:-1],
+    ):
+        assert quiet(words)[0] == 0, words

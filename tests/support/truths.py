@@ -1,0 +1,381 @@
+"""What files of claims say, held against samples in floats: nothing here is of the checker.
+
+`false` looks for a plain contradiction of any claim of a file, at many alphas. Where it finds none,
+the claim may be false all the same; where it finds one, by more than rounding, it is.
+"""
+
+from __future__ import annotations
+
+from itertools import product
+from math import comb, factorial, prod
+
+import numpy as np
+from scipy.linalg import expm, solve_continuous_lyapunov
+
+SLACK = 1e-6  # relative, of what counts as more than rounding
+
+
+def number(value):
+    if isinstance(value, str):
+        top, _, bottom = value.partition("/")
+        return float(int(top) / int(bottom or 1))
+    return float(value)
+
+
+def array(value):
+    if isinstance(value, list):
+        return np.array([array(each) for each in value], dtype=float)
+    return number(value)
+
+
+class Plant:
+    """Vertices and parameters."""
+
+    def __init__(self, table, seed=0):
+        self.A, self.B = (np.stack([array(v[k]) for v in table["vertices"]]) for k in "AB")
+        given = "E" in table["vertices"][0]
+        self.E = np.stack([array(v["E"]) for v in table["vertices"]]) if given else None
+        self.ranges = [
+            (*map(number, p["range"]), p.get("through", p["name"]) != p["name"])
+            for p in table.get("parameters", [])
+        ]
+        self.random = np.random.default_rng(seed)
+
+    def alpha(self, values):
+        pairs = []
+        for (low, high, inverted), v in zip(self.ranges, values, strict=True):
+            s0, s1, s = (1 / x if inverted else x for x in (low, high, v))
+            pairs.append((1 - (s - s0) / (s1 - s0), (s - s0) / (s1 - s0)))
+        return np.array([prod(choice) for choice in product(*pairs)])
+
+    def values(self, count=12):
+        """Parameter values: the corners, and some between."""
+        if not self.ranges:
+            return []
+        corners = list(product(*((low, high) for low, high, _ in self.ranges)))
+        lows, highs = (np.array([r[k] for r in self.ranges]) for k in (0, 1))
+        inner = lows + (highs - lows) * self.random.random((count, len(lows)))
+        return [*map(np.array, corners), *inner]
+
+    def alphas(self, on, count=12):
+        """Points of the domain."""
+        N = len(self.A)
+        if on == "box" and self.ranges:
+            return [self.alpha(v) for v in self.values(count)]
+        return [*np.eye(N), *self.random.dirichlet(np.ones(N), count)]
+
+
+def order(size, degree):
+    """Exponents on a simplex, in the file's order."""
+    found = [e for e in product(range(degree + 1), repeat=size) if sum(e) == degree]
+
+    def rank(e):
+        support = sorted((j for j in range(size) if e[j]), key=lambda j: (-e[j], j))
+        return len(support), [-e[j] for j in support], support
+
+    return sorted(found, key=rank)
+
+
+def basis(coordinates, sizes, degree):
+    """Bernstein polynomials of a product of simplices, at coordinates one simplex after another."""
+    values, start = [1.0], 0
+    for size in sizes:
+        x = coordinates[start : start + size]
+        start += size
+        own = [
+            factorial(degree) / prod(map(factorial, e)) * float(np.prod(np.power(x, e)))
+            for e in order(size, degree)
+        ]
+        values = [a * b for a in values for b in own]
+    return np.array(values)
+
+
+def coordinates(alpha, sizes):
+    if len(sizes) == 1:
+        return alpha
+    found = []
+    for f in range(len(sizes)):
+        bit = len(sizes) - 1 - f
+        high = sum(a for j, a in enumerate(alpha) if j >> bit & 1)
+        found += [1 - high, high]
+    return np.array(found)
+
+
+class Law:
+    """K(alpha)."""
+
+    def __init__(self, table, count):
+        self.fixed = table["kind"] == "fixed"
+        self.on = table.get("on", "simplex")
+        if self.fixed:
+            self.K = array(table["K"])
+            return
+        self.degree = table.get("degree", 1)
+        box = self.on == "box" and count > 1
+        self.sizes = (2,) * (count.bit_length() - 1) if box else (count,)
+        self.W, self.Z = array(table["W"]), array(table["Z"])
+
+    def gain(self, alpha):
+        if self.fixed:
+            return self.K
+        weights = basis(coordinates(alpha, self.sizes), self.sizes, self.degree)
+        W, Z = (np.tensordot(weights, M, 1) for M in (self.W, self.Z))
+        return np.linalg.solve(W.T, Z.T).T
+
+
+def outside(region, poles):
+    """How far the worst pole is out of a region, relative to what it is measured by."""
+    parts = region["parts"] if region["kind"] == "intersection" else [region]
+    worst = -np.inf
+    for part in parts:
+        v = {key: number(x) for key, x in part.items() if key != "kind"}
+        x, y = poles.real, np.abs(poles.imag)
+        scale = max(1.0, float(np.abs(poles).max()))
+        if part["kind"] == "disk":
+            d, scale = np.abs(poles - v["centre"]) - v["radius"], max(scale, v["radius"])
+        elif part["kind"] == "half_plane":
+            d = x + v["decay"]
+        elif part["kind"] == "sector":
+            d = v["slope"] * x + y
+        elif part["kind"] == "vertical_strip":
+            d = np.maximum(x - v["high"], v["low"] - x)
+        elif part["kind"] == "horizontal_strip":
+            d = y - v["height"]
+        else:
+            d = np.hypot((x - v["centre"]) / v["real"], y / v["imaginary"]) - 1
+        worst = max(worst, float(np.max(d)) / scale)
+    return worst
+
+
+def mix(alpha, matrices):
+    return np.tensordot(alpha, matrices, 1)
+
+
+def domain_of(claim, law):
+    table = claim["evidence"]
+    return table.get("on", "simplex") if law.fixed else law.on
+
+
+def false_poles(plant, law, claim):
+    for alpha in plant.alphas(domain_of(claim, law)):
+        loop = mix(alpha, plant.A) + mix(alpha, plant.B) @ law.gain(alpha)
+        if outside(claim["region"], np.linalg.eigvals(loop)) > SLACK:
+            return True
+    return False
+
+
+def false_observer(plant, _, claim):
+    C = array(claim["C"])
+    C = np.broadcast_to(C, (len(plant.A), *C.shape[1:]))
+    dual = Plant.__new__(Plant)
+    dual.__dict__ |= plant.__dict__
+    dual.A, dual.B = np.swapaxes(plant.A, 1, 2), np.swapaxes(C, 1, 2)
+    return false_poles(dual, Law(claim["law"], len(plant.A)), claim)
+
+
+def rows(value, count, width):
+    return np.broadcast_to(array(value)[:, None, :], (count, 1, width))
+
+
+def false_signal(plant, law, claim):
+    output, count = claim["output"], len(plant.A)
+    n, m = plant.A.shape[1], plant.B.shape[2]
+    C = rows(output["C"], count, n)
+    D = rows(output["D"], count, m) if "D" in output else np.zeros((count, 1, m))
+    level = number(claim["level"]) * (1 + SLACK) + 1e-12
+    for alpha in plant.alphas(domain_of(claim, law)):
+        A, B, E = mix(alpha, plant.A), mix(alpha, plant.B), mix(alpha, plant.E)
+        K = law.gain(alpha)
+        loop, y = A + B @ K, mix(alpha, C) + mix(alpha, D) @ K
+        if np.linalg.eigvals(loop).real.max() > SLACK:
+            return True
+        kind = claim["kind"]
+        F = mix(alpha, rows(output["F"], count, E.shape[1])) if "F" in output else None
+        if _reached(kind, claim, (loop, E, y, F), (A, mix(alpha, C))) > level:
+            return True
+    return False
+
+
+def _reached(kind, claim, loop, passive):
+    A, E, C, F = loop
+    if kind in ("rms", "relative rms"):
+        own = _rms(A, E, C, number(claim.get("intensity", 1)))
+        if kind == "rms":
+            return own
+        other, y = passive
+        return own / _rms(other, E, y, number(claim.get("intensity", 1)))
+    if kind == "energy peak":
+        return number(claim.get("norm", 1)) * _rms(A, E, C, 1.0)
+    if kind == "gain":
+        found = [np.zeros((1, E.shape[1])) if F is None else F]
+        eye = np.eye(len(A))
+        for w in (0.0, *np.geomspace(1e-3, 1e3, 60)):
+            found.append(C @ np.linalg.solve(1j * w * eye - A, E + 0j) + found[0])
+        return max(float(np.linalg.norm(G, 2)) for G in found)
+    starts = [np.array(list(map(number, p))) for p in claim.get("points", [])]
+    sizes = map(number, claim.get("impulses", []))
+    starts += [s * E[:, k] for k, s in enumerate(sizes)]
+    step = expm(A * 0.02)
+    worst, peak = 0.0, np.array(starts).T
+    for _ in range(200):
+        worst = max(worst, float(np.abs(C @ peak).max()))
+        peak = step @ peak
+    return worst
+
+
+def _rms(A, E, C, intensity):
+    P = solve_continuous_lyapunov(A, -intensity * E @ E.T)
+    return float(np.sqrt(max((C @ P @ C.T).item(), 0.0)))
+
+
+def false_norm(plant, law, claim):
+    rows_, columns = (array(claim[key]) for key in ("rows", "columns"))
+    level = number(claim["level"]) * (1 + SLACK)
+    scaled = (
+        law.gain(alpha) / rows_[:, None] * columns for alpha in plant.alphas(domain_of(claim, law))
+    )
+    return any(np.linalg.norm(K, 2) > level for K in scaled)
+
+
+def false_estimate(plant, law, claim):
+    errors, lows = array(claim["errors"]), np.array([r[0] for r in plant.ranges])
+    highs = np.array([r[1] for r in plant.ranges])
+    for q in plant.values():
+        for signs in product((-1, 1), repeat=len(errors)):
+            p = np.clip(q + np.array(signs) * errors, lows, highs)
+            alpha = plant.alpha(p)
+            K = law.gain(plant.alpha(q))
+            loop = mix(alpha, plant.A) + mix(alpha, plant.B) @ K
+            if outside(claim["region"], np.linalg.eigvals(loop)) > SLACK:
+                return True
+    return False
+
+
+def columns_of(claim):
+    columns = array(claim["columns"])
+    return np.diag(columns) if columns.ndim == 1 else columns
+
+
+def false_gain(plant, law, claim, gain=None):
+    scales, T, error = array(claim["rows"]), columns_of(claim), number(claim["error"])
+    for alpha in plant.alphas("box" if plant.ranges else "simplex", 6):
+        A, B, K = mix(alpha, plant.A), mix(alpha, plant.B), (gain or law.gain)(alpha)
+        for _ in range(4):
+            D = plant.random.normal(size=(len(scales), len(T)))
+            D /= np.linalg.norm(D, 2)
+            off = K + error * scales[:, None] * (D @ T)
+            if outside(claim["region"], np.linalg.eigvals(A + B @ off)) > SLACK:
+                return True
+    return False
+
+
+def false_rate(plant, law, claim):
+    """At constant parameters, which move at no rate."""
+    decay = number(claim["decay"])
+    return any(
+        np.linalg.eigvals(mix(a, plant.A) + mix(a, plant.B) @ law.gain(a)).real.max()
+        > -decay + SLACK * max(1.0, decay)
+        for a in plant.alphas("box" if plant.ranges else "simplex")
+    )
+
+
+def false_sampled(plant, law, claim):
+    time, decay = number(claim["sample_time"]), number(claim["decay"])
+    n, m = plant.A.shape[1], plant.B.shape[2]
+    limit = np.exp(-decay * time) * (1 + SLACK)
+    for alpha in plant.alphas("box" if plant.ranges else "simplex", 6):
+        A, B, K = mix(alpha, plant.A), mix(alpha, plant.B), law.gain(alpha)
+        whole = expm(np.block([[A, B], [np.zeros((m, n + m))]]) * time)[:n]
+        for _ in range(3):
+            off, D = claim.get("off"), 0.0
+            if off:
+                D = plant.random.normal(size=(m, n))
+                D = D / np.linalg.norm(D, 2) * number(off["error"])
+                D = array(off["rows"])[:, None] * (D @ array(off["columns"]))
+            own = K + D
+            loop = whole[:, :n] + whole[:, n:] @ own
+            if claim.get("delay", 1):
+                loop = np.block([[whole], [own, np.zeros((m, m))]])
+            if np.abs(np.linalg.eigvals(loop)).max() > limit:
+                return True
+    return False
+
+
+def false_rounding(plant, law, claim):
+    """The code's constants as a law of their own, without its rounding."""
+    code = claim["code"]
+    if "K" in code:
+        own = Law({"kind": "fixed", "K": code["K"]}, len(plant.A))
+        return false_poles_of(plant, own.gain, claim["gain"]["region"])
+    T = array(code["T"])
+    table = {"kind": "scheduled", "W": code["W"], "Z": code["Z"]}
+    table |= {"degree": law.degree, "on": law.on}
+    own = Law(table, len(plant.A))
+    return false_poles_of(plant, lambda a: own.gain(a) @ T, claim["gain"]["region"])
+
+
+def false_poles_of(plant, gain, region):
+    return any(
+        outside(region, np.linalg.eigvals(mix(a, plant.A) + mix(a, plant.B) @ gain(a))) > 1e-4
+        for a in plant.alphas("box" if plant.ranges else "simplex")
+    )
+
+
+def false_cells(plant, table, claim):
+    """At points of the cells that are called proved, and of those called refuted."""
+    grid = [array(knots) for knots in table["grid"]]
+    shape = [len(knots) for knots in grid]
+    gains = array(table["gains"])
+    gains = gains.reshape(*shape, *gains.shape[1:])
+
+    def gain(p):
+        K = gains
+        for knots, v in zip(grid, p, strict=True):
+            i = min(max(int(np.searchsorted(knots, v)) - 1, 0), len(knots) - 2)
+            t = (v - knots[i]) / (knots[i + 1] - knots[i])
+            K = (1 - t) * K[i] + t * K[i + 1]
+        return K
+
+    def out(p):
+        alpha = plant.alpha(p)
+        loop = mix(alpha, plant.A) + mix(alpha, plant.B) @ gain(p)
+        return outside(claim["region"], np.linalg.eigvals(loop))
+
+    for cell in claim["cells"]:
+        low, high = (array(cell[key]) for key in ("low", "high"))
+        if cell["answer"] == "proved":
+            points = [*product(*zip(low, high, strict=True))]
+            points += list(low + (high - low) * plant.random.random((6, len(low))))
+            if any(out(np.array(p)) > SLACK for p in points):
+                return True
+        elif cell["answer"] == "refuted" and out(array(cell["at"])) < -SLACK:
+            return True
+    return False
+
+
+FALSE = {
+    "region": false_poles,
+    "observer": false_observer,
+    **dict.fromkeys(("rms", "relative rms", "energy peak", "initial peak", "gain"), false_signal),
+    "gain norm": false_norm,
+    "estimate": false_estimate,
+    "gain error": false_gain,
+    "rate": false_rate,
+    "sampled": false_sampled,
+    "rounding": false_rounding,
+    "cells": false_cells,
+}
+
+
+def false(document, seed=0):
+    """Whether samples contradict a claim of a file, plain data of JSON."""
+    plant = Plant(document["plant"], seed)
+    table = document.get("law")
+    law = table if table is None or table["kind"] == "table" else Law(table, len(plant.A))
+    with np.errstate(all="ignore"):
+        return any(FALSE[claim["kind"]](plant, law, claim) for claim in document["claims"])
+
+
+def count(sizes, degree):
+    """Number of monomials, for tests of the order here."""
+    return prod(comb(size - 1 + degree, degree) for size in sizes)

@@ -19,6 +19,7 @@ if "POLEFENCE_TEST_KERNEL" in os.environ:  # a kernel built otherwise, with sani
 
 from polefence import Design, Disk, Scheduled, UncertainPlant, place, tightest
 from polefence.examples import family
+from support.every_file import write_every_file
 from support.slow import SLOW
 
 # Machines that test are shared: time says nothing there. The same examples in every run.
@@ -76,3 +77,13 @@ def small_designs() -> dict[str, Design]:
         "scheduled": tightest(plant, -3, "scheduled"),
         "right-hand sides": tightest(plant, -3, Scheduled(right_hand_sides=True)),
     }
+
+
+@pytest.fixture(scope="session")
+def every_file(tmp_path_factory):
+    """A folder with one file of every kind that the commands write, each proved; not to change."""
+    made = tmp_path_factory.mktemp("every_file")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(made)
+        write_every_file(made)
+    return made

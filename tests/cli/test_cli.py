@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -224,3 +225,33 @@ def test_the_wrong_kind_of_file_is_named(tmp_path, monkeypatch, capsys):
         assert said in err
     assert main(["analyse", "plant.toml", "--gain", "table/table.json", *region]) == 2
     assert "no claim of it is about a region" in capsys.readouterr().err
+
+
+def test_a_folder_is_checked_file_by_file(every_file, tmp_path, capsys):
+    """Every proof file of it; the exit status is that of the worst."""
+    folder = tmp_path / "margins"
+    shutil.copytree(every_file / "service", folder)
+    (folder / "note.json").write_text('{"format": "x"}')
+    names = sorted(path.name for path in folder.iterdir() if path.name != "note.json")
+    assert main(["check", str(folder), "--json", str(tmp_path / "a.json")]) == 0
+    out = capsys.readouterr().out
+    assert [f"{folder / name}: proved: " in out for name in names] == [True] * 3
+    assert out.count("SHA-256 of ") == 3
+    rows = json.loads((tmp_path / "a.json").read_text())["files"]
+    assert [row["answer"] for row in rows] == ["proved"] * 3
+    assert all(row["inequalities"] > 0 for row in rows)
+    document = json.loads((folder / "gain.json").read_text())
+    document["claims"][0]["error"] = 1e3
+    (folder / "gain.json").write_text(json.dumps(document))
+    assert main(["check", str(folder)]) == 1
+    assert "gain.json: undecided: " in capsys.readouterr().out
+    (folder / "gain.json").write_text('{"format": "polefence-service", "version": 1}')
+    assert main(["check", str(folder)]) == 2
+    assert "polefence 0.1, which is not read any more" in capsys.readouterr().err
+    assert main(["check", str(every_file)]) == 2
+    assert "has no file of claims" in capsys.readouterr().err
+
+
+def test_check_without_a_file(capsys):
+    assert main(["check"]) == 2
+    assert "name a FILE" in capsys.readouterr().err

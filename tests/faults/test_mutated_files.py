@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import copy
 import json
+import shutil
 import tomllib
 
 import numpy as np
 import pytest
 
-from support.every_file import ASKED, LIMITS, SPEC, TRADEOFF, quiet, write_every_file
+from support.every_file import ASKED, LIMITS, SPEC, TRADEOFF, quiet
 
 VALUES = (
     None, [], {}, "", True, -1, 0, float("inf"), 1e300, 10**400, "1e999999999", "1/0",
@@ -19,13 +20,11 @@ EVERY = 60  # of all mutations one in so many is tried, so that the test is quic
 
 
 @pytest.fixture(scope="module")
-def folder(tmp_path_factory):
+def folder(every_file, tmp_path_factory):
     """One file of every kind, each proved."""
-    made = tmp_path_factory.mktemp("files")
-    with pytest.MonkeyPatch.context() as patch:
-        patch.chdir(made)
-        write_every_file(made)
-        yield made
+    made = tmp_path_factory.mktemp("files") / "made"
+    shutil.copytree(every_file, made)
+    return made
 
 
 ANALYSE = ["analyse", "plain.toml", "--gain", "FILE", "--region", "half_plane(0.3)"]

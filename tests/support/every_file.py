@@ -58,6 +58,13 @@ EVERY_KIND = [
     )
     for word in ("--limit", limit)
 ]
+# Of claims, with every kind of them.
+FILES = (
+    "quadratic/design.json", "scheduled/design.json", "slack/design.json", "lyapunov/design.json",
+    "table/table.json", "service/estimate-k.json", "service/gain.json", "service/rate-k.json",
+    "performance/design.json", "signals/design.json", "code/guarantee.json",
+    "observer/design.json", "observed/guarantee.json",
+)  # fmt: skip
 RUN = ["--sample-time", "0.001", "--float", "32"]
 LIMITS = [
     "limits", "plain.toml", "--centre", "-3", "--method", "quadratic", "--json", "limits.json",

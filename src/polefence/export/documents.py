@@ -131,10 +131,8 @@ def _other(path: Path, document: Document) -> str:
     readme = own_readme(program, texts, certificate, observer is not None)
     if (path.parent / README).exists():
         written |= {README: readme}
-    for name, digest in {
-        **files,
-        **{name: _digest(t.encode()) for name, t in written.items()},
-    }.items():
+    digests = {name: _digest(text.encode()) for name, text in written.items()}
+    for name, digest in {**files, **digests}.items():
         try:
             there = _digest((path.parent / name).read_bytes())
         except OSError:

@@ -53,9 +53,10 @@ def check(document: Document, prover: Callable[[Claim], Verdict] = prove) -> Che
     said, verdicts = list[str](), list[Verdict]()
     with counted():  # one count for the file, however many its claims
         for number, claim in enumerate(document.claims, 1):
+            verdict = prover(claim)
+            if verdict.proved:
+                verdict = verdict.unless(claim.fault_in(document.plant, document.claims))
             text = claim.statement(document.plant)
-            fault = claim.fault_in(document.plant, document.claims)
-            verdict = Verdict("undecided", fault) if fault else prover(claim)
             verdicts.append(replace(verdict, claim=number))
             if not verdict.proved:
                 return Checked(verdict.answer, _where(document, verdicts), (text,), tuple(verdicts))

@@ -37,7 +37,7 @@ FORMAT, VERSION = "polefence-proof", 2
 EARLIER = tuple(
     f"polefence-{name}" for name in ("design", "performance", "service", "table", "export")
 )
-MAX_CLAIMS = 64
+MAX_CLAIMS = 100
 
 KINDS: Mapping[str, type[Claim]] = MappingProxyType(
     {

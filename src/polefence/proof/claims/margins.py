@@ -22,7 +22,7 @@ from polefence.proof.definite import least_work
 from polefence.proof.laws import degree_of, lifted
 from polefence.proof.matrices import Rationals
 from polefence.proof.plant import Plant, Range
-from polefence.proof.polynomials import MAX_DEGREE, Polynomial, Sizes, count_of, monomials
+from polefence.proof.polynomials import MAX_DEGREE, Polynomial, Sizes, count_of, monomials, number
 from polefence.proof.reading import Table
 from polefence.proof.regions import Part
 from polefence.proof.text import digits_down, name_text, range_text, unit_text
@@ -234,10 +234,7 @@ class Cell:
         """Return X and N, of one degree, and [A, B]."""
         AB = family.AB.composed(self.plant, self.sizes)
         XKX = family.XKX.composed(self.law, self.sizes)
-        whole, start = (
-            Polynomial({(0,) * sum(self.sizes): [[1]]}, self.sizes, (0,) * len(self.sizes)),
-            0,
-        )
+        whole, start = number(1, self.sizes), 0
         for size in family.AB.sizes:  # A and B times the sums of their coordinates
             first, *rest = self.plant[start : start + size]
             whole, start = whole * sum(rest, first), start + size

@@ -283,10 +283,7 @@ class Poles(Claim):
         with M and M' exchanged: multiply by [ I, I (x) A_c ] from the left and by its transpose.
         """
         sizes, e = self.sizes, evidence.epsilon
-        P, G = (
-            bernstein(each, sizes, d)
-            for each, d in ((evidence.X, evidence.degree), ([evidence.G or []], 0))
-        )
+        P, G = bernstein(evidence.X, sizes, evidence.degree), constant(evidence.G or [], sizes)
         N = AB * (self.law.form(sizes) * G)
         degrees = (self.degree(evidence),) * len(sizes)
         N, P, G = (each.raised(degrees) for each in (N, P, G))

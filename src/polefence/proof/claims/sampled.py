@@ -166,7 +166,10 @@ class Sampled(Claim):
     def fault_in(self, plant: Plant, claims: Sequence[Claim]) -> str:  # noqa: ARG002
         """Say that the code's rounding, where the file has a claim about it, is not covered."""
         for other in claims:
-            if isinstance(other, Rounded) and not self.covers(other):
+            if not isinstance(other, Rounded):
+                continue
+            other.require()
+            if not self.covers(other):
                 return "the sampled loop is not proved with the code's rounding"
         return ""
 

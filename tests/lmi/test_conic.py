@@ -37,18 +37,18 @@ def break_solver(monkeypatch, misbehave):
 
     class Solver:
         def __init__(self, *arguments):
-            self.inner = real(*arguments)
+            self.inner, self.size = real(*arguments), len(arguments[1])
 
         def solve(self):
             calls.append(1)
-            return misbehave(len(calls), self.inner)
+            return misbehave(len(calls), self)
 
     monkeypatch.setattr(clarabel, "DefaultSolver", Solver)
     return calls
 
 
 def test_a_panic_becomes_an_error_of_ours(monkeypatch, make_random):
-    def panic(call, inner):
+    def panic(call, solver):
         raise Panic("index out of bounds")
 
     break_solver(monkeypatch, panic)
@@ -58,7 +58,7 @@ def test_a_panic_becomes_an_error_of_ours(monkeypatch, make_random):
 
 
 def test_ctrl_c_is_not_swallowed(monkeypatch, make_random):
-    def interrupt(call, inner):
+    def interrupt(call, solver):
         raise KeyboardInterrupt
 
     break_solver(monkeypatch, interrupt)
@@ -71,10 +71,10 @@ def test_an_occasional_panic_costs_a_retry_and_no_radius(monkeypatch, make_rando
     plant = make_random(1, 2, 1, 3)
     plain = smallest_radius(plant.A, plant.B, 3.0, "slack").r
 
-    def sometimes(call, inner):
+    def sometimes(call, solver):
         if call % 3 == 2:
             raise Panic("sometimes")
-        return inner.solve()
+        return solver.inner.solve()
 
     break_solver(monkeypatch, sometimes)
     again = smallest_radius(plant.A, plant.B, 3.0, "slack").r
@@ -103,7 +103,7 @@ def test_the_second_opinion_steps_in_and_agrees(monkeypatch, make_random, method
 
 
 def test_solvers_that_always_fail_never_kill_a_sweep(monkeypatch, make_random):
-    def panic(call, inner):
+    def panic(call, solver):
         raise Panic("always")
 
     break_engine(monkeypatch)
@@ -124,8 +124,8 @@ def test_a_solver_that_lies_proves_nothing(monkeypatch, make_random):
             self.x = np.random.default_rng(size).normal(size=size)
             self.x[-1] = 1.0
 
-    def lie(call, inner):
-        return Lie(len(inner.solve().x))
+    def lie(call, solver):
+        return Lie(solver.size)
 
     honest = tightest(make_random(1, 2, 1, 2), -3.0, "slack").region.radius
     break_engine(monkeypatch)

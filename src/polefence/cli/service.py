@@ -11,7 +11,7 @@ from typing import Any
 from polefence.cli.common import NOT_PROVED, PROVED, check_targets, say, write_json
 from polefence.design.design import Design
 from polefence.design.given.analysis import analyse
-from polefence.design.margins import Margin, Service, in_service
+from polefence.design.margins import Margin, Margins, in_service
 from polefence.proof.text import exactly
 from polefence.region.text import digits_up, parse_region
 
@@ -62,7 +62,7 @@ def service_command(options: Any) -> int:
     return PROVED if service.proved else NOT_PROVED
 
 
-def _explained(service: Service) -> Iterator[str]:
+def _explained(service: Margins) -> Iterator[str]:
     """Say what rates are about, and where the law itself leaves the region that was asked for."""
     rates = [margin for margin in service if margin.kind == "rate"]
     leave = f"exponential stability, decay rate {exactly(service.decay)} 1/s"

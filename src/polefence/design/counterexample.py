@@ -1,4 +1,4 @@
-"""Search for an alpha whose poles leave the region; each find is confirmed exactly."""
+"""Counterexamples: alphas whose poles leave a region, found in floats, confirmed exactly."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from polefence.base.errors import PlantError
 from polefence.law.laws import right_divide
 from polefence.plant.controllability import fixed_modes
 from polefence.plant.family import UncertainPlant
-from polefence.plant.points import SEED, sample
+from polefence.plant.points import SEED, exact_alpha, sample
 from polefence.plant.polynomial import Domain
 from polefence.plant.system import Array
 from polefence.proof import matrices, roots, work
@@ -50,7 +50,7 @@ def counterexample(claim: Poles) -> list[Fraction] | None:
     for point, worst in worst_points(claim, lambda poles: region.distance(poles).max(axis=-1)):
         if worst < -1e-6 * region.size:
             continue
-        alpha = _alpha(point, claim.sizes, _fine)
+        alpha = exact_alpha(point, claim.sizes, _fine)
         with suppress(work.FormatError):  # more work than is done here: undecided
             if leaves(claim.fraction_at(alpha), claim.region):
                 return alpha
@@ -130,25 +130,11 @@ def _controllability(A: Array, B: Array) -> Array:
 
 def _simple(coordinates: Array, sizes: tuple[int, ...], limit: int = 2) -> list[Fraction]:
     """Return alpha at fractions of a small denominator near a point."""
-    return _alpha(coordinates, sizes, lambda c: Fraction(c).limit_denominator(limit))
+    return exact_alpha(coordinates, sizes, lambda c: Fraction(c).limit_denominator(limit))
 
 
 def _fine(value: float) -> Fraction:
     return Fraction(round(value * 2**30), 2**30)
-
-
-def _alpha(
-    coordinates: Array, sizes: tuple[int, ...], rounded: Callable[[float], Fraction]
-) -> list[Fraction]:
-    """Return alpha, exactly on the simplex, or exactly a product, near a point of the domain."""
-    alpha = [Fraction(1)]
-    for part in np.split(coordinates, np.cumsum(sizes)[:-1]):
-        own = [rounded(float(c)) for c in part]
-        total = sum(own)
-        if not total:
-            own, total = [Fraction(int(k == 0)) for k in range(len(part))], Fraction(1)
-        alpha = [a * w / total for a in alpha for w in own]
-    return alpha
 
 
 class _Family:

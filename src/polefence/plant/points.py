@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Sequence
 from fractions import Fraction
-from itertools import combinations
+from itertools import combinations, product
 from math import prod
 from typing import Any
 
@@ -61,6 +61,24 @@ def weights_of(parameters: Sequence[Parameter], values: Array) -> Array:
         pair = np.stack([1 - share, share], axis=-1)
         alpha = (alpha[:, :, None] * pair[:, None, :]).reshape(len(values), -1)
     return alpha
+
+
+def exact_alpha(
+    coordinates: Array, sizes: tuple[int, ...], rounded: Callable[[float], Fraction]
+) -> list[Fraction]:
+    """Return alpha, exactly on the simplex or exactly a product, near a point of a domain."""
+    weights = []
+    for part in np.split(coordinates, np.cumsum(sizes)[:-1]):
+        own = [rounded(float(c)) for c in part]
+        if not any(own):
+            own = [Fraction(int(k == 0)) for k in range(len(part))]
+        weights.append([w / sum(own) for w in own])
+    return joint(weights)
+
+
+def joint(weights: Iterable[Sequence[Fraction]]) -> list[Fraction]:
+    """Return alpha of exact weights on each simplex: their products, the first one slowest."""
+    return [prod(choice, start=Fraction(1)) for choice in product(*weights)]
 
 
 def edges(domain: Domain, points: int = EDGE_POINTS, some: Sequence[int] | None = None) -> Array:

@@ -137,7 +137,7 @@ def run(setup: Setup, law: Any, margins: Any = None) -> Run:
     ----------
     law : None, Law, Design, GainTable or (m, n) array
         None leaves the plant to itself.
-    margins : Service, Margin or sequence of Margin, optional
+    margins : Margins, Margin or sequence of Margin, optional
         As `drive` takes them; not looked at where nothing moves and the law is told the truth.
 
     Raises

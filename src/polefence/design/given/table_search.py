@@ -1,4 +1,4 @@
-"""Analyse a table of gains cell by cell: counterexamples, proofs, and halving where neither is."""
+"""Search in a table of gains, cell by cell: counterexamples, proofs, and halving where neither is."""
 
 from __future__ import annotations
 

@@ -16,7 +16,7 @@ from polefence.design.design import Design
 from polefence.design.margins.gain import Scales
 from polefence.design.search import edge, first
 from polefence.plant.parameters import Parameter
-from polefence.plant.points import inside, weights_of
+from polefence.plant.points import exact_alpha, inside, joint, weights_of
 from polefence.plant.polynomial import Domain
 from polefence.plant.system import Array
 from polefence.proof import definite, matrices, work
@@ -166,16 +166,16 @@ class _Parameters:
 
     def exactly(self, t: float, index: int) -> tuple[list[Fraction], list[Fraction], str]:
         """Return both alphas of one pair, and what they are."""
-        own, estimated, words = [Fraction(1)], [Fraction(1)], []
+        own, estimated, words = [], [], []
         for p, u, value, sign in zip(
             self.parameters, self.unit, self.estimates[index], self.signs[index], strict=True
         ):
             q = min(max(Fraction(float(value)), p.low), p.high)
             true = min(max(q + Fraction(t) * u * int(sign), p.low), p.high)
-            own = [a * w for a in own for w in p.weights(true)]
-            estimated = [a * w for a in estimated for w in p.weights(q)]
+            own.append(p.weights(true))
+            estimated.append(p.weights(q))
             words.append(f"{p.name} = {float(true):.6g} taken for {float(q):.6g}")
-        return own, estimated, ", ".join(words)
+        return joint(own), joint(estimated), ", ".join(words)
 
 
 @dataclass(frozen=True, eq=False)
@@ -210,8 +210,9 @@ class _Weights:
 
     def exactly(self, t: float, index: int) -> tuple[list[Fraction], list[Fraction], str]:
         """Return both points of one pair, and what they are."""
-        share, point = Fraction(t), [Fraction(round(a * 2**30)) for a in self.points[index]]
-        kept = [(1 - share) * a / sum(point) for a in point]
+        share, N = Fraction(t), self.points.shape[1]
+        point = exact_alpha(self.points[index], (N,), lambda a: Fraction(round(a * 2**30)))
+        kept = [(1 - share) * a for a in point]
         both = [[a + share * (j == k) for j, a in enumerate(kept)] for k in self.ends[index]]
         words = (f"({', '.join(f'{float(a):.4g}' for a in alpha)})" for alpha in both)
         return both[0], both[1], "alpha = {} taken for {}".format(*words)
@@ -280,13 +281,9 @@ def _places(design: Design) -> list[list[Fraction]]:
     domain = Domain((2,) * q or (N,))
     corners = [[Fraction(int(j == k)) for j in range(N)] for k in range(min(N, CORNERS))]
     samples = [inside(Domain((size,)), INNER, seed) for seed, size in enumerate(domain.sizes)]
-    for point in zip(*samples, strict=True):
-        alpha = [Fraction(1)]
-        for own in point:
-            shares = [Fraction(round(float(a) * 1024)) for a in own]
-            alpha = [a * share / sum(shares) for a in alpha for share in shares]
-        corners.append(alpha)
-    return corners
+    between = np.hstack(samples)
+    short = (exact_alpha(p, domain.sizes, lambda a: Fraction(round(a * 1024))) for p in between)
+    return [*corners, *short]
 
 
 def _outward(closed: Array, left: Array, right: Array, region: Region) -> tuple[Array, Array]:

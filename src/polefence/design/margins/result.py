@@ -97,7 +97,7 @@ class Margin:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Service:
+class Margins:
     """How much may go wrong while all poles stay in the region; iterates over its margins.
 
     Attributes
@@ -117,7 +117,7 @@ class Service:
 
     def __repr__(self) -> str:
         return (
-            f"<Service of {self.design.plant.name!r} in {self.region}: {len(self.margins)} margins>"
+            f"<Margins of {self.design.plant.name!r} in {self.region}: {len(self.margins)} margins>"
         )
 
     def __str__(self) -> str:

@@ -16,7 +16,7 @@ from polefence.design.margins import estimate, gain, rate
 from polefence.design.margins.breaks import estimate_break, gain_break
 from polefence.design.margins.claims import Question, claimed_design, proved
 from polefence.design.margins.inequalities import Balanced, balanced
-from polefence.design.margins.result import Margin, Service
+from polefence.design.margins.result import Margin, Margins
 from polefence.law.laws import FixedGain
 from polefence.plant.names import rate_text, unit_text
 from polefence.plant.parameters import Parameter
@@ -82,7 +82,7 @@ def _task(design: Design, region: Region | None) -> _Task:
     return _Task(design, kept, claimed_design(design, kept))
 
 
-def in_service(design: Design, decay: float = 0.0, *, region: Region | None = None) -> Service:
+def in_service(design: Design, decay: float = 0.0, *, region: Region | None = None) -> Margins:
     """Return how much may go wrong in service while the poles stay in the region, proved.
 
     Parameters
@@ -98,7 +98,7 @@ def in_service(design: Design, decay: float = 0.0, *, region: Region | None = No
 
     Returns
     -------
-    Service
+    Margins
         Its margins: `estimation_error`, `gain_error` and `parameter_rate`. Where nothing is proved
         a margin is "undecided", its value zero.
 
@@ -110,7 +110,7 @@ def in_service(design: Design, decay: float = 0.0, *, region: Region | None = No
     task = _task(design, region)
     still = task if task.region == design.region else _task(design, None)
     margins = (*_estimates(task), _gain(task), *_rates(still, decay))
-    return Service(design, task.region, decay, margins)
+    return Margins(design, task.region, decay, margins)
 
 
 def estimation_error(design: Design, *, region: Region | None = None) -> tuple[Margin, ...]:

@@ -60,7 +60,7 @@ def drive(
         N), or a function of times that returns all values (time, q). Nominal values by default.
     hardware : Hardware, optional
         Scheduling, sampling, actuator, stops; by default none of them.
-    margins : Service, Margin or sequence of Margin, optional
+    margins : Margins, Margin or sequence of Margin, optional
         What is proved of rates and of errors of the estimate, to compare with.
     outside : bool
         Drive on where parameters leave their intervals; it is reported.

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from polefence.base.errors import InputError
-from polefence.design.margins import Margin, Service
+from polefence.design.margins import Margin, Margins
 from polefence.law.given import given_law
 from polefence.law.laws import FixedGain
 from polefence.law.table import GainTable
@@ -46,7 +46,7 @@ def read_margins(given: Any, space: Space, law: Any) -> Claims | None:
         return None
     if isinstance(given, Margin):
         given = (given,)
-    if isinstance(given, Service):
+    if isinstance(given, Margins):
         _require_same(given, space, law)
     elif not (isinstance(given, Sequence) and all(isinstance(m, Margin) for m in given)):
         raise InputError("margins must be what in_service(design) returns, or a list of its parts")
@@ -64,7 +64,7 @@ def read_margins(given: Any, space: Space, law: Any) -> Claims | None:
     return Claims(tuple(found["estimate"]), tuple(found["rate"]))
 
 
-def _require_same(service: Service, space: Space, law: Any) -> None:
+def _require_same(service: Margins, space: Space, law: Any) -> None:
     plant = service.design.plant
     if plant.digest != space.plant.digest or plant.parameters != space.plant.parameters:
         raise InputError(f"the margins are of {plant.name}, not of {space.plant.name}")

@@ -30,9 +30,8 @@ from polefence.design.design import FILE_NAME, Design, require_kind
 from polefence.design.given.analysis import Analysis, analyse
 from polefence.design.given.reach import WorstCase, worst_case
 from polefence.design.given.table import FILE_NAME as TABLE_NAME
-from polefence.design.given.table import TableAnalysis
-from polefence.design.given.table_search import analyse_table
-from polefence.design.place.sweep import plant_summary
+from polefence.design.given.table import TableAnalysis, analyse_table
+from polefence.design.rows import plant_summary
 from polefence.law.given import given_law
 from polefence.law.laws import Law
 from polefence.law.table import GainTable, table_from

@@ -11,7 +11,7 @@ import numpy as np
 
 from polefence.base.errors import InputError, NotProvedError
 from polefence.cli.common import ROUNDING, TOO_LARGE, every_alpha, gain_lines, gains_of
-from polefence.design.place.sweep import plant_summary
+from polefence.design.rows import plant_summary
 from polefence.design.signals.bounds import Bound
 from polefence.design.signals.optimise import Optimised
 from polefence.design.signals.retreat import Retreat

@@ -17,7 +17,7 @@ from polefence.cli.common import (
 from polefence.cli.methods import method_arguments, method_of
 from polefence.design.checks import example_region, implies_stability
 from polefence.design.place.placement import place
-from polefence.design.place.sweep import plant_summary
+from polefence.design.rows import plant_summary
 from polefence.lmi.conditions.methods import Method, Scheduled
 from polefence.plant.family import UncertainPlant
 from polefence.plant.spec import load

@@ -31,8 +31,8 @@ from polefence.cli.common import (
 )
 from polefence.cli.methods import method_arguments, methods_of
 from polefence.design.checks import example_centre, is_checkable, usable_centre
-from polefence.design.place.limits import Limit
-from polefence.design.place.sweep import plant_summary, sweep
+from polefence.design.place.limits import Limit, sweep
+from polefence.design.rows import plant_summary
 from polefence.lmi.conditions.methods import METHODS, Method, blocks, fitting, method_label
 from polefence.plant.family import UncertainPlant
 from polefence.plant.spec import load

@@ -13,7 +13,7 @@ from polefence.cli.methods import method_arguments, method_of
 from polefence.design.checks import implies_stability
 from polefence.design.design import FILE_NAME
 from polefence.design.observer import Observer, observe
-from polefence.design.place.sweep import plant_summary
+from polefence.design.rows import plant_summary
 from polefence.law.laws import FixedGain
 from polefence.plant.spec import load
 from polefence.region.regions import Disk

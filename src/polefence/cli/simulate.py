@@ -15,7 +15,7 @@ from polefence.cli.drive_input import add_car_arguments, add_excitation_argument
 from polefence.cli.drive_output import panels_of, summary_of, table_of, text_of
 from polefence.cli.laws import Named, distinct, read_law, read_subject
 from polefence.design.margins import estimation_error, parameter_rate
-from polefence.design.place.sweep import plant_summary
+from polefence.design.rows import plant_summary
 
 if TYPE_CHECKING:  # imported where used: with scipy behind it
     from polefence.vehicle.run import Run, Setup

@@ -18,8 +18,8 @@ from polefence.cli.common import (
 from polefence.cli.methods import method_arguments, method_of
 from polefence.design.checks import example_centre
 from polefence.design.design import Design
-from polefence.design.place.sweep import plant_summary
 from polefence.design.place.tightest import tightest
+from polefence.design.rows import plant_summary
 from polefence.plant.spec import load
 from polefence.proof.text import exactly
 from polefence.region.regions import Disk

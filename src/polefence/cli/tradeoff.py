@@ -35,7 +35,7 @@ from polefence.cli.optimise import (
     region_of_options,
     road_of,
 )
-from polefence.design.place.sweep import Row
+from polefence.design.rows import Row
 from polefence.design.signals.specification import Specification, limit_text
 from polefence.design.signals.text import load_specifications, parse_specification, spec_road
 from polefence.design.signals.tradeoff import tradeoff

@@ -27,8 +27,7 @@ from polefence import (
 )
 from polefence.base.errors import ParameterValueError
 from polefence.cli.main import main
-from polefence.design.given.table import TableAnalysis
-from polefence.design.given.table_search import _exact_table
+from polefence.design.given.table import TableAnalysis, _exact_table
 from polefence.examples import family, spec_path
 from polefence.law.table import table_from
 from polefence.plant.points import values_text

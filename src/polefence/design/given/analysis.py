@@ -23,8 +23,7 @@ from polefence.design.given.closed_loop import (
     placeholder,
     points_inside,
 )
-from polefence.design.given.table import TableAnalysis
-from polefence.design.given.table_search import analyse_table
+from polefence.design.given.table import TableAnalysis, analyse_table
 from polefence.design.search import first
 from polefence.law.given import given_law
 from polefence.law.laws import Law

@@ -13,7 +13,7 @@ from polefence.base import workers
 from polefence.base.errors import InputError, PolefenceError
 from polefence.base.types import require_type
 from polefence.design.checks import require_domain, require_movable, require_region
-from polefence.design.place.sweep import Row, Run
+from polefence.design.rows import Row, Run
 from polefence.design.signals.augmented import with_weights
 from polefence.design.signals.bounds import best_bound
 from polefence.design.signals.gain_norm import GainNorm

@@ -14,7 +14,8 @@ from polefence.base.errors import InputError
 from polefence.base.files import make_folder, read_text, write_text
 from polefence.base.version import VERSION
 from polefence.design.certificate import Certificate
-from polefence.design.place.sweep import LABEL, Row
+from polefence.design.place.limits import LABEL
+from polefence.design.rows import Row
 from polefence.design.signals.bounds import exact_law
 from polefence.design.signals.files import bounds_file
 from polefence.design.signals.sampled import sampled

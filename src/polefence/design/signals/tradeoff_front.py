@@ -13,7 +13,7 @@ from polefence.base.files import write_documents
 from polefence.base.version import VERSION
 from polefence.design.certificate import Certificate
 from polefence.design.design import FILE_NAME, Design
-from polefence.design.place.sweep import Row, plant_summary
+from polefence.design.rows import Row, plant_summary
 from polefence.design.signals.specification import Specification, signal_of
 from polefence.lmi.conditions.methods import Method, method_label
 from polefence.plant.family import UncertainPlant

@@ -16,6 +16,7 @@ from polefence.base.errors import InputError, SolverError
 from polefence.design.certificate import Check, ranges_of
 from polefence.design.design import Design
 from polefence.design.given.closed_loop import evidence_of, forms, loop_of
+from polefence.design.margins.claims import above
 from polefence.design.search import edge
 from polefence.export.c99.program import exactly
 from polefence.export.sampled.family import (
@@ -325,12 +326,6 @@ def _radius(decay: Fraction, sample_time: Fraction) -> Fraction:
     _, exponent = math.frexp(rest)
     unit = Fraction(2) ** (exponent - RADIUS_BITS)
     return 1 - math.ceil(Fraction(rest) / unit * (1 + Fraction(1, 2**40))) * unit
-
-
-def above(value: float) -> Fraction:
-    """Return a number of few digits, a little above."""
-    mantissa, exponent = math.frexp(value)
-    return Fraction(math.ceil(mantissa * 2**16)) * Fraction(2) ** (exponent - 16)
 
 
 def _short_evidence(evidence: dict[str, Any]) -> dict[str, Any]:

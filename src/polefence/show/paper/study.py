@@ -18,9 +18,9 @@ import numpy as np
 
 from polefence.base.errors import NotProvedError
 from polefence.design.design import Design
-from polefence.design.place.limits import Limit, limits
+from polefence.design.place.limits import Limit, limits, sweep
 from polefence.design.place.placement import place
-from polefence.design.place.sweep import Row, sweep
+from polefence.design.rows import Row
 from polefence.examples import family
 from polefence.lmi.conditions.methods import METHODS
 from polefence.plant.family import UncertainPlant

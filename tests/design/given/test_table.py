@@ -259,7 +259,7 @@ def test_a_saved_analysis_is_checked_and_loaded(tmp_path, capsys):
     assert main(["check", str(path)]) == 2
     assert "unknown key" in capsys.readouterr().err
     document = json.loads((tmp_path / "table.json").read_text())
-    document["cells"][0]["parts"][0]["X"][0][0][0] *= -1
+    document["claims"][0]["cells"][0]["parts"][0]["X"][0][0][0] *= -1
     (tmp_path / "table.json").write_text(json.dumps(document))
     assert main(["check", str(tmp_path)]) == 1
     assert "undecided: cell 1: inequality" in capsys.readouterr().out

@@ -335,9 +335,9 @@ def test_another_region_is_proved_anew_of_a_law_that_was_given(services):
         assert stable["gain"].design.method == "lyapunov"
         assert stable["gain"].design.region == HalfPlane(0)
         assert stable["rate"].value == own["rate"].value
-        document = stable.document(stable["gain"])
-        assert document["claims"][0]["region"]["kind"] == "half_plane"
-        assert "region" not in document["claims"][0]
+        (claim,) = json.loads(stable.file(stable["gain"]).dumps())["claims"]
+        assert claim["region"]["kind"] == "half_plane"
+        assert claim["method"] == "lyapunov"
         refused = in_service(own.design, 0.05, region=Disk(-3, 0.05))
         assert refused["gain"].status == "undecided"
         assert refused["gain"].upper is not None
@@ -391,7 +391,7 @@ def test_files_are_proved_afresh(services, tmp_path):
 def test_the_command(services, tmp_path, capsys):
     design = services["box"].design.save(tmp_path)
     out, summary = tmp_path / "out", tmp_path / "summary.json"
-    words = ["claims", 0, str(design), "--decay", "0.05", "-o", str(out), "--json", str(summary)]
+    words = ["service", str(design), "--decay", "0.05", "-o", str(out), "--json", str(summary)]
     assert main(words) == 0
     printed = capsys.readouterr().out
     rows = json.loads(summary.read_text())["margins"]
@@ -410,9 +410,9 @@ def test_the_command(services, tmp_path, capsys):
     document["claims"][0]["rates"] = [1000, 1000]
     path.write_text(json.dumps(document))
     assert main(["check", str(path)]) == 1
-    assert main(["claims", 0, str(design), "--decay", "50", "--region", "half_plane(0)"]) == 1
-    assert main(["claims", 0, str(design), "--decay", "-1"]) == 2
-    assert main(["claims", 0, str(path)]) == 2
+    assert main(["service", str(design), "--decay", "50", "--region", "half_plane(0)"]) == 1
+    assert main(["service", str(design), "--decay", "-1"]) == 2
+    assert main(["service", str(path)]) == 2
     document["claims"][0]["surprise"] = 1
     path.write_text(json.dumps(document))
     assert main(["check", str(path)]) == 2

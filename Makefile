@@ -28,7 +28,7 @@ paper: $(VENV)/.installed
 
 # Most tests, and all else beside them: much of that keeps one processor busy only.
 test: $(VENV)/.installed-test
-	$(MAKE) --jobs=2 --output-sync=line tests checks
+	$(MAKE) --jobs=2 tests checks
 
 tests: $(VENV)/.installed-test
 	$(BIN)/pytest $(PARALLEL) $(addprefix --ignore=,$(COVERED:%=tests/%))

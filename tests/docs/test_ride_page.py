@@ -135,14 +135,31 @@ def test_the_prose_states_what_is_measured(said):
     assert own.max() == pytest.approx(1.02142, rel=OPTIMAL)
 
 
+def minimised(said, command):
+    """The bound that a command proves of what it minimises."""
+    (line,) = [line for line in said[1][command][1].splitlines() if line.endswith("minimised")]
+    return float(NUMBER.findall(line)[0])
+
+
 def test_fewer_limits_are_no_worse(said):
     """Of the third command's limits all but one are left out."""
-    spec, text = said[0] / "ride.toml", said[1][SHOWN[2][0]][1]
-    (line,) = [line for line in text.splitlines() if line.endswith("minimised")]
-    every = float(NUMBER.findall(line)[0])
+    spec = said[0] / "ride.toml"
     least, limits = load_specifications(spec)
     one = pf.optimise(load(spec), least, limits[:1], HalfPlane(1) & Sector(0.15))
-    assert one.bounds[0].level <= every * (1 + 1e-4)
+    assert one.bounds[0].level <= minimised(said, SHOWN[2][0]) * (1 + 1e-4)
+
+
+def test_a_part_of_the_region_that_a_law_keeps_anyway_costs_nothing(said):
+    """The law for the decay alone keeps the damping too: asked for both, it is the answer still."""
+    spec, damped = said[0] / "level.toml", Sector(0.15)
+    plant, (least, limits) = load(spec), load_specifications(spec)
+    decay = Design.load(said[0] / "level")
+    assert decay.region == HalfPlane(0.5)
+    assert pf.analyse(plant, decay.law, damped).proved
+    both = pf.optimise(plant, least, limits, HalfPlane(0.5) & damped)
+    assert both.design.region == HalfPlane(0.5) & damped
+    level = minimised(said, "polefence optimise level.toml -o level")
+    assert both.bounds[0].level <= level * (1 + 1e-3)
 
 
 def test_the_page_shows_the_tables_of_the_example():

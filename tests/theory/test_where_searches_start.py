@@ -148,18 +148,6 @@ def test_fewer_limits_are_no_worse_of_one_gain(ride):
     assert one <= every * (1 + 1e-4)
 
 
-def test_a_part_of_the_region_that_a_law_keeps_anyway_costs_nothing():
-    """The law for the decay alone keeps the damping too: asked for both, it is the answer still."""
-    spec = spec_path("quarter-car-level")
-    plant, (least, limits) = load(spec), load_specifications(spec)
-    decay = optimise(plant, least, limits, HalfPlane(0.5))
-    damped = Sector(0.15)
-    assert analyse(plant, decay.law, damped).proved
-    both = optimise(plant, least, limits, HalfPlane(0.5) & damped)
-    assert both.design.region == HalfPlane(0.5) & damped
-    assert both.bounds[0].level <= decay.bounds[0].level * (1 + 1e-3)
-
-
 def test_a_law_is_no_worse_than_the_regulator_within_its_limits():
     """Nothing bounds the fast states' share of W; it grows until doubles lose its directions."""
     A = [[-5, 0, 0, 0], [-5.5, -29.65, -2.6, -0.2], [0, 11.2, -0.75, 35.9], [0, 5.8, -898.4, 0.85]]

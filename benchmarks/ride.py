@@ -44,15 +44,10 @@ import numpy as np
 import polefence
 from polefence import FixedGain, HalfPlane, Scheduled, ScheduledGain, Sector
 from polefence.design.certificate import Certificate
+from polefence.design.requirements.rms import Rms
+from polefence.design.requirements.specification import Specification, claim_of, disturbance
 from polefence.design.signals.bounds import exact_law
 from polefence.design.signals.optimise import optimise
-from polefence.design.signals.specification import (
-    Rms,
-    Specification,
-    claim_of,
-    disturbance,
-    output_of,
-)
 from polefence.examples import family
 from polefence.law.laws import Law, right_divide
 from polefence.lmi.conditions.methods import Method
@@ -140,7 +135,7 @@ def scaled(case: Case) -> Data:
     E = np.linalg.solve(scaling.T, disturbance(plant)[0])
     levels, C, D = [], [], []
     for own in (COMFORT, *LIMITS):
-        output = output_of(plant, _domain(plant), own, own.at_most or 1.0)[1]
+        output = own.condition(plant, _domain(plant), own.at_most or 1.0)[1]
         C.append(output.C @ scaling.T / output.level)
         D.append(output.D @ scaling.S / output.level)
         levels.append(1.0 if own.at_most else None)
@@ -234,8 +229,8 @@ def searched(case: Case, question: Problem) -> Ours:
 def asked(case: Case) -> Problem:
     """Return the LMI as polefence has it."""
     plant, domain = case.plant, _domain(case.plant)
-    outputs = [output_of(plant, domain, s) for s in LIMITS]
-    outputs.append(output_of(plant, domain, COMFORT, 1.0))
+    outputs = [s.condition(plant, domain) for s in LIMITS]
+    outputs.append(COMFORT.condition(plant, domain, 1.0))
     return Problem(
         plant.A,
         plant.B,

@@ -47,17 +47,15 @@ __version__ = VERSION
 if TYPE_CHECKING:
     from polefence import examples, export, response, vehicle
     from polefence.base.workers import processes
-    from polefence.design.signals.gain_norm import GainNorm
+    from polefence.design.requirements.energy_peak import EnergyPeak
+    from polefence.design.requirements.gain import Gain
+    from polefence.design.requirements.gain_norm import GainNorm
+    from polefence.design.requirements.initial_peak import InitialPeak
+    from polefence.design.requirements.relative_rms import RelativeRms
+    from polefence.design.requirements.rms import Rms
+    from polefence.design.requirements.specification import Specification
+    from polefence.design.requirements.text import load_specifications, parse_specification
     from polefence.design.signals.optimise import Optimised, optimise
-    from polefence.design.signals.specification import (
-        EnergyPeak,
-        Gain,
-        InitialPeak,
-        RelativeRms,
-        Rms,
-        Specification,
-    )
-    from polefence.design.signals.text import load_specifications, parse_specification
     from polefence.design.signals.tradeoff import tradeoff
     from polefence.plant.control import from_control, to_control
     from polefence.region.text import load_region
@@ -66,17 +64,17 @@ if TYPE_CHECKING:
 # Loaded when they are first asked for, so that the rest is there at once.
 _LATER = {
     "processes": "polefence.base.workers",
-    "GainNorm": "polefence.design.signals.gain_norm",
+    "GainNorm": "polefence.design.requirements.gain_norm",
     "Optimised": "polefence.design.signals.optimise",
     "optimise": "polefence.design.signals.optimise",
-    "EnergyPeak": "polefence.design.signals.specification",
-    "Gain": "polefence.design.signals.specification",
-    "InitialPeak": "polefence.design.signals.specification",
-    "RelativeRms": "polefence.design.signals.specification",
-    "Rms": "polefence.design.signals.specification",
-    "Specification": "polefence.design.signals.specification",
-    "load_specifications": "polefence.design.signals.text",
-    "parse_specification": "polefence.design.signals.text",
+    "EnergyPeak": "polefence.design.requirements.energy_peak",
+    "Gain": "polefence.design.requirements.gain",
+    "InitialPeak": "polefence.design.requirements.initial_peak",
+    "RelativeRms": "polefence.design.requirements.relative_rms",
+    "Rms": "polefence.design.requirements.rms",
+    "Specification": "polefence.design.requirements.specification",
+    "load_specifications": "polefence.design.requirements.text",
+    "parse_specification": "polefence.design.requirements.text",
     "tradeoff": "polefence.design.signals.tradeoff",
     "from_control": "polefence.plant.control",
     "to_control": "polefence.plant.control",

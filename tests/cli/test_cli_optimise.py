@@ -11,8 +11,16 @@ import pytest
 
 from polefence import Design, InputError, load
 from polefence.cli.main import main
-from polefence.design.signals.specification import EnergyPeak, Gain, InitialPeak, RelativeRms, Rms
-from polefence.design.signals.text import RoadSpectrum, load_specifications, parse_specification
+from polefence.design.requirements.energy_peak import EnergyPeak
+from polefence.design.requirements.gain import Gain
+from polefence.design.requirements.initial_peak import InitialPeak
+from polefence.design.requirements.relative_rms import RelativeRms
+from polefence.design.requirements.rms import Rms
+from polefence.design.requirements.text import (
+    RoadSpectrum,
+    load_specifications,
+    parse_specification,
+)
 from polefence.region.regions import HalfPlane
 
 PLANT = """

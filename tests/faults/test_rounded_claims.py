@@ -10,7 +10,8 @@ import pytest
 from polefence.cli.limits import _row_line
 from polefence.cli.main import main
 from polefence.design.design import Design
-from polefence.design.signals.specification import Rms, limit_text
+from polefence.design.requirements.rms import Rms
+from polefence.design.requirements.specification import limit_text
 from polefence.show.report import html_report
 
 SPEC = """

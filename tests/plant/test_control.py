@@ -8,7 +8,8 @@ import pytest
 
 from polefence import Disk, Parameter, PlantError, UncertainPlant, place
 from polefence.base.errors import ParameterValueError
-from polefence.design.signals.specification import Rms, rows, signal_of
+from polefence.design.requirements.rms import Rms
+from polefence.design.requirements.specification import rows
 from polefence.plant.control import from_control, to_control
 from polefence.plant.outputs import Output
 
@@ -49,7 +50,7 @@ def test_outputs_are_signals_that_specifications_take():
     plant = from_control(named(**names), disturbances=1)
     (output,) = plant.outputs
     assert output == Output("y", "V", C=[3], D=[0.5])
-    C, D = rows(plant, signal_of(plant, Rms("y", density=1.0)))
+    C, D = rows(plant, Rms("y", density=1.0).output(plant))
     assert (C, D) == ([[[3]]], [[[0.5]]])
     assert from_control(named()).outputs[0].name == "output 0"
 

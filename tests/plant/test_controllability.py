@@ -13,7 +13,7 @@ from polefence import Disk, HalfPlane, Sector, UncertainPlant, observe, place, t
 from polefence.base.errors import PlantError, UncontrollableError, UnobservableError
 from polefence.design.checks import require_movable
 from polefence.design.place.limits import limits
-from polefence.design.signals.gain_norm import GainNorm
+from polefence.design.requirements.gain_norm import GainNorm
 from polefence.design.signals.optimise import optimise
 from polefence.plant import controllability
 from polefence.plant.controllability import fixed_modes

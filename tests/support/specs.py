@@ -1,6 +1,6 @@
 """Small plants as specification texts, and white noise of intensity 1 for bounds on them."""
 
-from polefence.design.signals.specification import Rms
+from polefence.design.requirements.rms import Rms
 
 DENSITY = 2.0  # one-sided, of two-sided intensity 1
 

@@ -10,8 +10,9 @@ from scipy.linalg import solve_continuous_are, solve_continuous_lyapunov
 from polefence import FixedGain, ScheduledGain, UncertainPlant
 from polefence.base.errors import SolverError
 from polefence.design.given.closed_loop import loop_with
+from polefence.design.requirements.gain import Gain
+from polefence.design.requirements.rms import Rms
 from polefence.design.signals.bounds import best_bound, kept_bound
-from polefence.design.signals.specification import Gain, Rms, output_of
 from polefence.law.given import domain_of
 from polefence.lmi.solve.lyapunov import least_given
 
@@ -61,7 +62,7 @@ def test_a_piezoelectric_actuator_is_bounded():
 def test_a_singular_law_is_a_failed_search():
     _, plant = lags(2)
     law = ScheduledGain(np.ones((1, 2, 2)), np.zeros((1, 1, 2)))
-    source, output = output_of(plant, domain_of(plant, law), Gain("x1"))
+    source, output = Gain("x1").condition(plant, domain_of(plant, law))
     with pytest.raises(SolverError):
         least_given(loop_with(plant, law, output.C, output.D), source, output, 0, 0)
     assert best_bound(plant, law, Gain("x1")) is None

@@ -12,18 +12,13 @@ from scipy.optimize import brentq, minimize_scalar
 
 from polefence import Disk, FixedGain, HalfPlane, ScheduledGain, Sector, UncertainPlant
 from polefence.design.given.closed_loop import loop_with
+from polefence.design.requirements.energy_peak import EnergyPeak
+from polefence.design.requirements.gain import Gain
+from polefence.design.requirements.initial_peak import InitialPeak
+from polefence.design.requirements.rms import Rms
+from polefence.design.requirements.specification import floats, rows
 from polefence.design.signals.bounds import best_bound, kept_bound
 from polefence.design.signals.optimise import optimise
-from polefence.design.signals.specification import (
-    EnergyPeak,
-    Gain,
-    InitialPeak,
-    Rms,
-    floats,
-    output_of,
-    rows,
-    signal_of,
-)
 from polefence.examples import family
 from polefence.lmi.conditions.lyapunov import given
 from polefence.lmi.conditions.parameter_dependent import design
@@ -391,7 +386,7 @@ SPECIFICATIONS = {
 
 
 def outputs_of(plant, domain, specification):
-    return output_of(plant, domain, specification, 1.0)
+    return specification.condition(plant, domain, 1.0)
 
 
 def designed(plant, domain, specification, degree, region=None, force=1.0):
@@ -495,7 +490,7 @@ def test_bounds_do_not_depend_on_units(kind):
 
 def test_the_shipped_car_has_the_vertices_that_are_compared_here():
     ride = family("quarter-car-ride")
-    signal = signal_of(ride, Rms("sprung-mass acceleration"))
+    signal = ride.signal("sprung-mass acceleration")
     C, D = (floats(each) for each in rows(ride, signal))
     assert np.array_equal(C[:, 0], ride.A[:, 2])
     assert np.array_equal(D[:, 0], ride.B[:, 2])

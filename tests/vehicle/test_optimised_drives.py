@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from polefence.design.requirements.rms import Rms
 from polefence.design.signals.optimise import optimise
-from polefence.design.signals.specification import Rms
 from polefence.examples import family
 from polefence.vehicle import Jump, random_road, ride, velocity_density
 from support.drives import drive

@@ -16,7 +16,6 @@ from polefence.design.signals.bounds import Bound
 from polefence.design.signals.optimise import Optimised
 from polefence.design.signals.retreat import Retreat
 from polefence.design.signals.sampled import AGREED, Sampled, sampled
-from polefence.design.signals.specification import signal_of
 from polefence.plant.outputs import split
 from polefence.plant.points import seeded, values_at
 from polefence.region.regions import HalfPlane
@@ -69,9 +68,7 @@ def rows_of(done: Optimised) -> list[Row]:
         if plant.vehicle is not None:
             with suppress(InputError):  # the plant alone is not stable: nothing to compare with
                 passive = sampled(plant, None, own, alpha)
-        unit = "" if own.kind == "relative rms" else signal_of(plant, own).unit
-        if own.kind == "gain":
-            unit = f"{unit or 1} per {_disturbance_unit(done) or 'unit'}"
+        unit = own.unit(plant)
         found.append(Row(bound, unit, sampled(plant, done.law, own, alpha), passive))
     return found
 
@@ -91,11 +88,6 @@ def require_agreement(rows: Sequence[Row]) -> None:
                 f"shows {row.own.worst:.6g}: doubles cannot run this law; limit the gain norm, or "
                 "ask for a region that bounds the poles, such as a disk"
             )
-
-
-def _disturbance_unit(done: Optimised) -> str:
-    units = {split(name)[1] for name in done.plant.disturbances}
-    return units.pop() if len(units) == 1 else ""
 
 
 def lines_of(done: Optimised, rows: Sequence[Row], label: str) -> list[str]:
@@ -164,8 +156,8 @@ def _retreat_line(retreat: Retreat) -> str:
 
 def _rests(done: Optimised, rows: Sequence[Row]) -> tuple[Rest, ...]:
     """Return where constant disturbances leave the signals of the specifications."""
-    known = [row.bound.specification for row in rows if row.bound.specification.kind != "gain norm"]
-    asked = {s.name: signal_of(done.plant, s) for s in known}
+    known = [row.bound.specification for row in rows if row.bound.specification.of_signal]
+    asked = {s.name: s.output(done.plant) for s in known}
     if not asked or any(v.E is None for v in done.plant.vertices):
         return ()
     return rests(done.plant, done.law, rows[0].own.alpha, tuple(asked.values()))

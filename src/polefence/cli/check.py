@@ -14,8 +14,8 @@ from polefence.cli.common import NOT_PROVED, PROVED, say, write_json
 from polefence.design.certificate import plant_of
 from polefence.design.design import check_document, is_proof_file, read_document
 from polefence.design.measured import read_measured
+from polefence.design.requirements.text import RoadSpectrum, load_specifications
 from polefence.design.signals.augmented import with_weights
-from polefence.design.signals.text import RoadSpectrum, load_specifications
 from polefence.export import check_guarantee
 from polefence.plant.family import UncertainPlant
 from polefence.plant.names import quoted

@@ -21,21 +21,16 @@ from polefence.cli.common import (
 )
 from polefence.cli.methods import method_of
 from polefence.design.design import FILE_NAME
-from polefence.design.signals.gain_norm import GainNorm
-from polefence.design.signals.optimise import Optimised, optimise
-from polefence.design.signals.specification import (
-    InitialPeak,
-    Rms,
-    Specification,
-    disturbance,
-    signal_of,
-)
-from polefence.design.signals.text import (
+from polefence.design.requirements.gain_norm import GainNorm
+from polefence.design.requirements.rms import Rms
+from polefence.design.requirements.specification import Specification, disturbance
+from polefence.design.requirements.text import (
     RoadSpectrum,
     load_specifications,
     parse_specification,
     spec_road,
 )
+from polefence.design.signals.optimise import Optimised, optimise
 from polefence.law.laws import FixedGain
 from polefence.lmi.conditions.methods import Method, Scheduled, method_label
 from polefence.plant.family import UncertainPlant
@@ -230,11 +225,7 @@ def _parsed(
 def _known(plant: UncertainPlant, own: Specification, where: str) -> None:
     """Refuse a signal that there is not, and a plant that nothing disturbs."""
     try:
-        signal_of(plant, own)
-        if isinstance(own, GainNorm):
-            own.units(plant)
-        elif not isinstance(own, InitialPeak) or own.impulse:
-            disturbance(plant)
+        own.require_fit(plant)
     except InputError as error:
         raise type(error)(f"{where}: {error}") from error
 

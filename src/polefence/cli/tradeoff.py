@@ -36,8 +36,8 @@ from polefence.cli.optimise import (
     road_of,
 )
 from polefence.design.rows import Row
-from polefence.design.signals.specification import Specification, limit_text
-from polefence.design.signals.text import load_specifications, parse_specification, spec_road
+from polefence.design.requirements.specification import Specification, limit_text
+from polefence.design.requirements.text import load_specifications, parse_specification, spec_road
 from polefence.design.signals.tradeoff import tradeoff
 from polefence.design.signals.tradeoff_front import Front
 from polefence.lmi.conditions.methods import Method

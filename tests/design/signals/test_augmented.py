@@ -7,9 +7,9 @@ import pytest
 from scipy.linalg import solve_continuous_lyapunov
 
 from polefence import InputError
+from polefence.design.requirements.rms import Rms
 from polefence.design.signals.augmented import with_actuator, with_filter, without_feedback
 from polefence.design.signals.bounds import best_bound
-from polefence.design.signals.specification import Rms
 from polefence.examples import family
 from polefence.law.laws import FixedGain
 from polefence.response.weighting import WK

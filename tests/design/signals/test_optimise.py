@@ -18,12 +18,16 @@ from polefence import (
     check,
 )
 from polefence.cli.bounds import lines_of, rows_of
+from polefence.design.requirements.energy_peak import EnergyPeak
+from polefence.design.requirements.gain import Gain
+from polefence.design.requirements.initial_peak import InitialPeak
+from polefence.design.requirements.relative_rms import RelativeRms
+from polefence.design.requirements.rms import Rms
 from polefence.design.signals.bounds import known_bound
 from polefence.design.signals.files import bounds_file
 from polefence.design.signals.optimise import optimise, relaxed
 from polefence.design.signals.sampled import sampled
 from polefence.design.signals.search import Origin
-from polefence.design.signals.specification import EnergyPeak, Gain, InitialPeak, RelativeRms, Rms
 from polefence.design.signals.task import Task
 from polefence.plant.outputs import Output, rate_of
 from polefence.plant.points import seeded

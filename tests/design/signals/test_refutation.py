@@ -13,9 +13,12 @@ from hypothesis import strategies as st
 from scipy.linalg import solve_continuous_are, solve_continuous_lyapunov
 
 from polefence import InputError, NotProvedError, Scheduled, UncertainPlant, load
+from polefence.design.requirements.gain import Gain
+from polefence.design.requirements.relative_rms import RelativeRms
+from polefence.design.requirements.rms import Rms
+from polefence.design.requirements.specification import rows
 from polefence.design.signals.optimise import optimise
 from polefence.design.signals.refutation import refute_limits
-from polefence.design.signals.specification import Gain, RelativeRms, Rms, rows, signal_of
 from polefence.examples import spec_path
 from polefence.plant.outputs import Output
 from polefence.plant.spec import loads
@@ -45,7 +48,7 @@ def limits(levels, names=NAMES):
 
 
 def outputs(plant, j, specifications):
-    found = [rows(plant, signal_of(plant, s)) for s in specifications]
+    found = [rows(plant, s.output(plant)) for s in specifications]
     return (np.array([[float(x) for x in pair[k][j][0]] for pair in found]) for k in (0, 1))  # C, D
 
 

@@ -22,8 +22,9 @@ from polefence import NotProvedError, Parameter, Scheduled, UncertainPlant, load
 from polefence.base.errors import InputError
 from polefence.cli.main import main
 from polefence.design.design import check
+from polefence.design.requirements.gain import Gain
+from polefence.design.requirements.rms import Rms
 from polefence.design.signals.optimise import optimise
-from polefence.design.signals.specification import Gain, Rms
 from polefence.design.signals.tradeoff import tradeoff
 from polefence.design.signals.tradeoff_front import monotone
 from polefence.show.plots.performance import front_figure

@@ -10,15 +10,8 @@ from typing import Any
 import numpy as np
 
 from polefence.base.errors import InputError
-from polefence.design.signals.gain_norm import GainNorm
-from polefence.design.signals.specification import (
-    WEIGHTS,
-    InitialPeak,
-    Rms,
-    Specification,
-    rows,
-    signal_of,
-)
+from polefence.design.requirements.rms import WEIGHTS
+from polefence.design.requirements.specification import Specification, rows
 from polefence.law.laws import FixedGain, Law
 from polefence.plant.family import UncertainPlant
 from polefence.plant.outputs import Output, inputs, padded, states
@@ -84,30 +77,15 @@ def with_weights(
     found: list[Specification] = []
     n = plant.shape[0]
     for own in specifications:
-        if isinstance(own, Rms) and own.weight is not None:
-            key = own.name, own.weight
+        if own.filter is not None:
+            key = own.name, own.filter
             if key not in made:
-                signal = signal_of(plant, own)
-                system = WEIGHTS[own.weight].state_space()
-                plant, made[key] = with_filter(plant, signal, system, own.weight)
-            own = replace(own, signal=made[key], weight=None)
+                system = WEIGHTS[own.filter].state_space()
+                plant, made[key] = with_filter(plant, own.output(plant), system, own.filter)
+            own = own.filtered(made[key])
         found.append(own)
     more = plant.shape[0] - n
-    return plant, tuple(_at_rest(own, n, more) for own in found) if more else tuple(found)
-
-
-def _at_rest(own: Specification, n: int, more: int) -> Specification:
-    """Return a specification for the states of filters too, which are at rest at first."""
-    zeros = (0.0,) * more
-    if isinstance(own, InitialPeak):
-        points = tuple((*point, *zeros) if len(point) == n else point for point in own.points)
-        X0 = own.ellipsoid
-        if len(X0) == n:
-            X0 = (*((*row, *zeros) for row in X0), *((0.0,) * (n + more),) * more)
-        return replace(own, points=points, ellipsoid=X0)
-    if isinstance(own, GainNorm) and own.columns is not None and len(own.columns) == n:
-        return replace(own, columns=(*own.columns, *(1.0,) * more))
-    return own
+    return plant, tuple(own.extended(n, more) for own in found) if more else tuple(found)
 
 
 def without_feedback(law: Law, plant: UncertainPlant) -> Law:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
@@ -12,9 +11,9 @@ import numpy as np
 
 from polefence.base.errors import PlantError, SolverError
 from polefence.design.given.closed_loop import loop_with
+from polefence.design.requirements.gain_norm import GainNorm, levels
+from polefence.design.requirements.specification import Specification, claim_of
 from polefence.design.search import first
-from polefence.design.signals.gain_norm import GainNorm, levels
-from polefence.design.signals.specification import Specification, claim_of, output_of
 from polefence.law.given import domain_of
 from polefence.law.laws import FixedGain, Law
 from polefence.lmi.conditions.lyapunov import Loop
@@ -84,10 +83,9 @@ def best_bound(
         proved otherwise.
     """
     best: Bound | None = None
-    root = float if specification.kind == "gain" else math.sqrt
     for points in _climb(plant, law, specification, 1.0):
         own = first(
-            _stepped(plant, law, specification, evidence, root(r))
+            _stepped(plant, law, specification, evidence, specification.level(r))
             for evidences, r in points
             for evidence in evidences
         )
@@ -180,7 +178,7 @@ def _climb(
     if isinstance(specification, GainNorm):
         yield from (iter([point]) for point in _norms(plant, law, specification, unit))
         return
-    source, output = output_of(plant, domain_of(plant, law), specification, unit)
+    source, output = specification.condition(plant, domain_of(plant, law), unit)
     loop = loop_with(plant, law, output.C, output.D)
     for form in LADDER:
         first = form == LADDER[0]

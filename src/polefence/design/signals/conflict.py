@@ -7,8 +7,8 @@ from dataclasses import replace
 from typing import Any
 
 from polefence.base.errors import NotProvedError, SolverError
+from polefence.design.requirements.specification import Specification, limit_text
 from polefence.design.signals.refutation import Refutation, refute_limits
-from polefence.design.signals.specification import Specification, limit_text
 from polefence.design.signals.task import Task
 from polefence.lmi.conditions.methods import method_label
 from polefence.region.regions import Region

@@ -19,6 +19,7 @@ from polefence.base.errors import InputError, NotProvedError, SolverError
 from polefence.base.types import require_type
 from polefence.design.checks import require_domain, require_movable, require_region
 from polefence.design.design import Design
+from polefence.design.requirements.specification import Specification
 from polefence.design.signals.augmented import with_weights, without_feedback
 from polefence.design.signals.bounds import Bound, best_bound
 from polefence.design.signals.conflict import refusal
@@ -36,7 +37,6 @@ from polefence.design.signals.retreat import (
 )
 from polefence.design.signals.sampled import agreed_bound
 from polefence.design.signals.search import Candidate, Origin, Search, candidate, relaxed, together
-from polefence.design.signals.specification import Rms, Specification
 from polefence.design.signals.task import Task
 from polefence.law.laws import Law
 from polefence.lmi.conditions.methods import Method, Scheduled, options
@@ -188,7 +188,7 @@ def optimise(
     )
     if larger is plant:
         return _settled(task, deadline)
-    bare = tuple(replace(s, weight=None) if isinstance(s, Rms) else s for s in asked_for)
+    bare = tuple(s.unweighted() for s in asked_for)
     return _weighted(task, _task(plant, bare, minimise is not None, asked, method), deadline)
 
 

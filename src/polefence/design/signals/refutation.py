@@ -16,15 +16,9 @@ import numpy as np
 
 from polefence.base.errors import InputError, SolverError
 from polefence.base.types import require_type
+from polefence.design.requirements.rms import Rms
+from polefence.design.requirements.specification import Specification, disturbance, limit_text, rows
 from polefence.design.signals.augmented import with_weights
-from polefence.design.signals.specification import (
-    Rms,
-    Specification,
-    disturbance,
-    limit_text,
-    rows,
-    signal_of,
-)
 from polefence.lmi.solve.regulator import Regular, Regulated, heaviest, regular
 from polefence.plant.family import UncertainPlant
 from polefence.plant.system import Array
@@ -132,7 +126,7 @@ def refute_limits(
     disturbance(larger)
     limits = tuple(
         RmsLimit(
-            Output(*rows(larger, signal_of(larger, s)), own.name),
+            Output(*rows(larger, s.output(larger)), own.name),
             Fraction(own.at_most or 0.0),
             Fraction(own.density) / 2,
         )

@@ -76,7 +76,7 @@ def level_of(task: Task, found: Reached) -> float:
     """Return the bound on what is minimised that a point has in floats; zero where nothing is."""
     if task.minimise is None:
         return 0.0
-    return float(found.r if task.minimise.kind == "gain" else np.sqrt(found.r))
+    return task.minimise.level(found.r)
 
 
 def own_speed(plant: UncertainPlant) -> float:

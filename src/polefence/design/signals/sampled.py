@@ -7,30 +7,17 @@ that is proved; the ratio of the two says how far apart they can be.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from fractions import Fraction
 from typing import Any
 
 import numpy as np
 
 from polefence.base.errors import InputError
+from polefence.design.requirements.specification import Specification
 from polefence.design.signals.bounds import Bound, raised
-from polefence.design.signals.gain_norm import GainNorm
-from polefence.design.signals.specification import (
-    EnergyPeak,
-    InitialPeak,
-    RelativeRms,
-    Rms,
-    Specification,
-    signal_of,
-)
 from polefence.plant.family import UncertainPlant
 from polefence.plant.outputs import Output
 from polefence.plant.points import seeded
 from polefence.plant.system import Array
-from polefence.response.closed import close, gains
-from polefence.response.grid import MOST_CHOSEN
-from polefence.response.linear import frequency, simulate
-from polefence.response.stationary import STABLE, stationary
 
 # Of a peak: time followed, of the slowest pole's time constant; step, of the fastest's.
 FOLLOWED, STEP = 5.0, 0.25
@@ -87,21 +74,7 @@ def sampled(
         If the loop is not stable at a point, or as `stationary` and `simulate` raise.
     """
     alpha = seeded(plant) if alpha is None else np.atleast_2d(np.asarray(alpha, dtype=float))
-    if isinstance(specification, GainNorm):
-        values = specification.values(plant, gains(plant, law, alpha))
-        return Sampled(specification, alpha, values)
-    signal = signal_of(plant, specification)
-    if isinstance(specification, RelativeRms):
-        values = _rms(plant, law, specification, signal, alpha)
-        values /= _rms(plant, None, specification, signal, alpha)
-    elif isinstance(specification, Rms):
-        values = _rms(plant, law, specification, signal, alpha)
-    elif isinstance(specification, EnergyPeak):
-        values = stationary(plant, law, alpha, 2 * specification.norm**2, [signal]).rms[:, 0]
-    elif isinstance(specification, InitialPeak):
-        values = _peaks(plant, law, specification, signal, alpha)
-    else:
-        values = _gains(plant, law, signal, alpha)
+    values = specification.values(plant, law, alpha)
     return Sampled(specification, alpha, np.asarray(values))
 
 
@@ -125,7 +98,7 @@ def agreed_bound(plant: UncertainPlant, law: Any, bound: Bound) -> Bound | None:
 
 def _parts(plant: UncertainPlant, law: Any, own: Specification, alpha: Array) -> float:
     """Return the largest worst value of the signal's terms, each alone."""
-    signal, found = signal_of(plant, own), [0.0]
+    signal, found = own.output(plant), [0.0]
     for key in "CD":
         rows = getattr(signal, key)
         for k in range(len(rows[0]) if rows else 0):
@@ -134,74 +107,3 @@ def _parts(plant: UncertainPlant, law: Any, own: Specification, alpha: Array) ->
                 one = Output(signal.name, signal.unit, **{key: alone})
                 found.append(sampled(plant, law, replace(own, signal=one), alpha).worst)
     return max(found)
-
-
-def _rms(plant: UncertainPlant, law: Any, own: Rms, signal: Output, alpha: Array) -> Array:
-    return np.array(stationary(plant, law, alpha, own.density, [signal]).rms[:, 0])
-
-
-def _peaks(
-    plant: UncertainPlant, law: Any, own: InitialPeak, signal: Output, alpha: Array
-) -> Array:
-    if not own.impulse and any(vertex.E is None for vertex in plant.vertices):
-        plant = _moved_by_nothing(plant)
-    loops = close(plant, law, alpha)
-    count = len(loops.closed)
-    starts = [np.tile(np.array(point, dtype=float), (count, 1)) for point in own.points]
-    if own.impulse:
-        starts += [own.impulse * loops.E[:, :, k] for k in range(loops.E.shape[2])]
-    stationary(plant, law, alpha, 1.0, [signal])  # refuses what is not stable
-    poles = loops.poles()
-    fastest = np.abs(poles).max()
-    slowest = np.where(-poles.real > STABLE * fastest, -poles.real, np.inf).min()
-    steps = int(min(FOLLOWED / slowest * fastest / STEP + 1, MOST_CHOSEN))
-    still, size = np.zeros((steps, loops.E.shape[2])), max(1, GROUP // steps)
-
-    def squares(start: Array, part: slice) -> Array:
-        one = simulate(plant, law, alpha[part], still, STEP / fastest, [signal], "held",
-                       start[part])  # fmt: skip
-        return np.asarray(one.values[:, :, 0] ** 2)
-
-    found = np.zeros(count)
-    axes = [np.tile(axis, (count, 1)) for axis in _axes(own)]
-    for first in range(0, count, size):
-        part = slice(first, first + size)
-        each = [squares(start, part) for start in starts]
-        if axes:  # c e^At L L' e^A't c' of X0 = L L'
-            each.append(np.sum([squares(axis, part) for axis in axes], axis=0))
-        found[part] = np.max([y.max(axis=1) for y in each], axis=0)
-    return np.sqrt(found)
-
-
-def _moved_by_nothing(plant: UncertainPlant) -> UncertainPlant:
-    """Return the plant with a disturbance that does not enter: responses from states need none."""
-    zero = tuple((Fraction(0),) for _ in range(plant.shape[0]))
-    vertices = tuple(replace(vertex, exact_E=zero) for vertex in plant.vertices)
-    return replace(plant, vertices=vertices, disturbances=(), outputs=(), vehicle=None)
-
-
-def _axes(own: InitialPeak) -> Array:
-    """Return the columns of L, X0 = L L', as rows."""
-    if not own.ellipsoid:
-        return np.zeros((0, 0))
-    X0 = np.array(own.ellipsoid, dtype=float)
-    # scaled before its eigenvalues are taken: states' units may lie decades apart
-    scale = np.sqrt(np.where(np.diag(X0) > 0, np.diag(X0), 1.0))
-    values, vectors = np.linalg.eigh(X0 / np.outer(scale, scale))
-    return np.asarray((scale[:, None] * vectors * np.sqrt(np.maximum(values, 0.0))).T)
-
-
-def _gains(plant: UncertainPlant, law: Any, signal: Output, alpha: Array) -> Array:
-    stationary(plant, law, alpha, 1.0, [signal])  # refuses what is not stable
-    poles = np.abs(close(plant, law, alpha).poles())
-    low, high = poles[poles > STABLE * poles.max()].min() / 10, 10 * poles.max()
-
-    def swept(points: Array, count: int) -> Array:
-        asked = np.append(0.0, np.geomspace(low, high, count)) / (2 * np.pi)
-        found = frequency(plant, law, points, asked, [signal]).gain[:, :, 0]
-        return np.asarray(np.sqrt((np.abs(found) ** 2).sum(axis=-1)).max(axis=1))
-
-    values = swept(alpha, COARSE)
-    worst = np.argsort(-values)[:FEW]
-    values[worst] = np.maximum(values[worst], swept(alpha[worst], FINE))
-    return values

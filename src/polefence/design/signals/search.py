@@ -17,6 +17,8 @@ from polefence.base.deadline import Deadline
 from polefence.base.errors import InputError, RegionError, SolverError
 from polefence.design.certificate import Certificate
 from polefence.design.given.analysis import analyse
+from polefence.design.requirements.gain_norm import GainNorm
+from polefence.design.requirements.specification import Specification
 from polefence.design.search import edge
 from polefence.design.signals.bounds import (
     Bound,
@@ -26,10 +28,8 @@ from polefence.design.signals.bounds import (
     known_bound,
     own_evidence,
 )
-from polefence.design.signals.gain_norm import GainNorm, is_signal
 from polefence.design.signals.retreat import level_of, own_speed
 from polefence.design.signals.sampled import agreed_bound, sampled
-from polefence.design.signals.specification import Gain, RelativeRms, Rms, Specification, output_of
 from polefence.design.signals.task import ROUNDED, Task
 from polefence.law.laws import FixedGain, Law
 from polefence.lmi.conditions.methods import options
@@ -66,9 +66,9 @@ class Origin:
 
     def known(self, law: Law, own: Specification) -> Known | None:
         """Return what the design itself says of a signal; None where that is nothing."""
-        if not is_signal(own):
+        if not own.of_signal:
             return None
-        source = output_of(self.task.plant, self.task.domain, own, 1.0)[0]
+        source = own.condition(self.task.plant, self.task.domain, 1.0)[0]
         t = self.found.t.get(f"t {source.name}", 0.0)
         if not t > 0 or (own.at_most is None and self.task.minimise is not own):
             return None
@@ -352,11 +352,11 @@ class Search:
         is minimised: the widest in which samples keep the limits is looked for.
         """
         task = self.task
-        if not isinstance(task.minimise, Gain):
+        if task.minimise is None or task.minimise.power != 1:
             return
         own = max(own_speed(task.plant), task.region.scale)
         one = replace(task, method="quadratic")
-        limited = any(isinstance(limit, Gain) for limit in task.limits)
+        limited = any(limit.power == 1 for limit in task.limits)
 
         def kept(power: float) -> bool:
             # in too narrow a band no law keeps the limits
@@ -422,11 +422,9 @@ class Search:
         for candidate in self.candidates:
             if candidate.estimate <= self.best:
                 law = candidate.certificate.law
-        if own is None or law is None or isinstance(own, GainNorm):
+        if own is None or law is None or not own.of_signal:
             return ()
-        if isinstance(own, RelativeRms):  # without control an input has none
-            own = Rms(own.signal, None, own.density)
-        found = []
+        own, found = own.absolute(), []  # without control an input has no rms
         for signal in inputs(self.task.plant):
             like = replace(own, signal=replace(signal, name=f"{signal.name}, implied"))
             worst = self._worst(law, like)
@@ -538,7 +536,7 @@ def together(task: Task, law: Law, origin: Origin) -> tuple[Certificate, tuple[B
 
 def _alone(task: Task, law: Law, own: Specification, origin: Origin) -> Bound | None:
     """Prove one specification with the law's own W; a bound on the law itself needs none."""
-    if not is_signal(own):
+    if not own.of_signal:
         prove = best_bound if own.at_most is None else kept_bound
         return prove(task.plant, law, own)
     known = origin.known(law, own)

@@ -10,8 +10,8 @@ from itertools import chain
 import numpy as np
 
 from polefence.base.errors import InputError, SolverError
-from polefence.design.signals.gain_norm import as_norms, is_signal
-from polefence.design.signals.specification import Gain, Rms, Specification, output_of
+from polefence.design.requirements.gain_norm import as_norms
+from polefence.design.requirements.specification import Specification
 from polefence.law.laws import FixedGain, Law, ScheduledGain, right_divide
 from polefence.lmi.conditions.methods import Method, options
 from polefence.lmi.conditions.target import Around
@@ -32,7 +32,6 @@ KEPT = 1 - 1e-5  # share of a limit that a design keeps, so that the proof has s
 AGREED = 1e-5  # how close two ends of one question are, as a share
 ENDS = 2  # that are compared where they depend on the start
 ROUGH = 1e-4  # gap at which one gain is a start: a point that is not at the edge of everything
-UNIT = 2.0  # one-sided density of white noise of unit intensity
 ROUNDED = 1e-9  # of the fastest pole: what rounding may move a pole by
 SPEED = 100.0  # times the plant's own rates, where nothing else bounds the first law's
 
@@ -60,22 +59,16 @@ class Task:
         A signal of gain g has, of white noise, an rms of about g times the root of the bandwidth it
         follows the noise in [rad/s].
         """
-
-        def rms(own: Specification) -> Specification:
-            if not isinstance(own, Gain):
-                return own
-            level = None if own.at_most is None else own.at_most * bandwidth**0.5
-            return Rms(own.signal, level, UNIT)
-
-        limits = tuple(map(rms, self.limits))
-        return replace(self, minimise=self.minimise and rms(self.minimise), limits=limits)
+        limits = tuple(own.as_noise(bandwidth) for own in self.limits)
+        least = self.minimise and self.minimise.as_noise(bandwidth)
+        return replace(self, minimise=least, limits=limits)
 
     def question(self, region: Region | None) -> Problem:
         """Return the condition with one Lyapunov matrix for everything."""
         o, plant = options(self.method), self.plant
-        pairs = [output_of(plant, self.domain, s) for s in self.limits if is_signal(s)]
-        if self.minimise is not None and is_signal(self.minimise):
-            pairs.append(output_of(plant, self.domain, self.minimise, 1.0))
+        pairs = [s.condition(plant, self.domain) for s in self.limits if s.of_signal]
+        if self.minimise is not None and self.minimise.of_signal:
+            pairs.append(self.minimise.condition(plant, self.domain, 1.0))
         pairs = [(s, replace(o, level=o.level * KEPT if o.fixed else o.level)) for s, o in pairs]
         sources = {source.name: source for source, _ in pairs}
         outputs = tuple(output for _, output in pairs)

@@ -14,12 +14,11 @@ from polefence.base.errors import InputError, PolefenceError
 from polefence.base.types import require_type
 from polefence.design.checks import require_domain, require_movable, require_region
 from polefence.design.rows import Row, Run
+from polefence.design.requirements.specification import Specification
 from polefence.design.signals.augmented import with_weights
 from polefence.design.signals.bounds import best_bound
-from polefence.design.signals.gain_norm import GainNorm
 from polefence.design.signals.optimise import Optimised, optimise
 from polefence.design.signals.sampled import sampled
-from polefence.design.signals.specification import Specification, output_of
 from polefence.design.signals.tradeoff_file import SAMPLES, finished, proved_row, write_rows
 from polefence.design.signals.tradeoff_front import Asked, Front, monotone
 from polefence.lmi.conditions.methods import Method, Scheduled, method_label, options
@@ -146,10 +145,9 @@ def _require(asked: Asked, values: list[float], methods: list[Method]) -> None:
     require_region(plant, asked.region)
     domain = Domain.of("simplex", len(plant.vertices))
     for own in (asked.minimise, asked.over, *asked.subject_to):
-        if isinstance(own, GainNorm):
-            own.units(plant)
-        else:
-            output_of(plant, domain, own)
+        own.require_fit(plant)
+        if own.of_signal:
+            own.condition(plant, domain)
     if _same(asked.over, asked.minimise) or any(_same(asked.over, s) for s in asked.subject_to):
         raise InputError(
             f"{asked.over.kind} of {asked.over.name!r} is what the limit is swept of; minimise or "

@@ -16,10 +16,10 @@ from polefence.base.version import VERSION
 from polefence.design.certificate import Certificate
 from polefence.design.place.limits import LABEL
 from polefence.design.rows import Row
+from polefence.design.requirements.specification import Specification, claim_of
 from polefence.design.signals.bounds import exact_law
 from polefence.design.signals.files import bounds_file
 from polefence.design.signals.sampled import sampled
-from polefence.design.signals.specification import Specification, claim_of
 from polefence.design.signals.tradeoff_front import Asked, head
 from polefence.law.laws import FixedGain, Law, ScheduledGain
 from polefence.plant.family import UncertainPlant

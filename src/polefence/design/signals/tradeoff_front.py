@@ -14,7 +14,7 @@ from polefence.base.version import VERSION
 from polefence.design.certificate import Certificate
 from polefence.design.design import FILE_NAME, Design
 from polefence.design.rows import Row, plant_summary
-from polefence.design.signals.specification import Specification, signal_of
+from polefence.design.requirements.specification import Specification
 from polefence.lmi.conditions.methods import Method, method_label
 from polefence.plant.family import UncertainPlant
 from polefence.proof.document import Document, from_plain
@@ -195,8 +195,5 @@ def head(asked: Asked) -> dict[str, Any]:
 
 def label_of(plant: UncertainPlant, own: Specification) -> str:
     """Return kind, signal and unit of a specification."""
-    unit = signal_of(plant, own).unit
-    if own.kind == "gain":
-        units = {name.partition("[")[2].rstrip("]") for name in plant.disturbances}
-        unit = f"{unit} per {units.pop()}" if len(units) == 1 and unit else ""
+    unit = own.unit(plant)
     return f"{own.kind} of {own.name}" + (f" [{unit}]" if unit else "")

@@ -1,4 +1,4 @@
-"""Rms of a signal without control, bounded from below by a polynomial of the parameters.
+"""Rms of a signal relative to that without control, which a polynomial bounds from below.
 
 With A0 P + P A0' + S E E' > 0 for a stable A0, P(alpha) is less than the stationary covariance. P
 goes through the covariances at a grid of points, less a little of X, which goes through those of
@@ -7,17 +7,22 @@ noise on every state: so little that the inequalities still hold. X proves that 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from fractions import Fraction
 from functools import lru_cache
 from itertools import product
+from typing import Any
 
 import numpy as np
 
 from polefence.base.errors import InputError
+from polefence.design.requirements.rms import Rms
+from polefence.design.requirements.specification import disturbance
+from polefence.lmi.conditions import performance as conditions
 from polefence.plant.family import UncertainPlant
 from polefence.plant.polynomial import Domain, Polynomial, bernstein, elevated, times
 from polefence.plant.system import Array
+from polefence.proof import claims as proof
 from polefence.proof.laws import Evidence
 
 DEGREES = (2, 3, 4, 5, 6)  # of P and X
@@ -25,6 +30,61 @@ CLOSE = 2e-4  # of X taken off: closer is not worth a higher degree
 # How much of X is taken off P.
 SHARES = tuple(10.0**k for k in np.arange(-7, 0.1, 0.5))
 MARGIN = 1e-9
+
+
+@dataclass(frozen=True)
+class RelativeRms(Rms):
+    """The worst ratio of a signal's rms to its rms without control, at the same parameters.
+
+    ``at_most`` is a number without unit. The plant without control must be stable.
+    """
+
+    kind = "relative rms"
+
+    @classmethod
+    def without_density(cls, where: str) -> float:  # noqa: ARG003
+        """Return one: the ratio is the same with any."""
+        return 1.0
+
+    def absolute(self) -> Rms:
+        """Return the rms itself."""
+        return Rms(self.signal, None, self.density)
+
+    def unit(self, plant: UncertainPlant) -> str:  # noqa: ARG002
+        """Return none: it is a ratio."""
+        return ""
+
+    def condition(
+        self, plant: UncertainPlant, domain: Domain, unit: float | None = None
+    ) -> tuple[conditions.Source, conditions.Output]:
+        """Return it with the variance without control, from below, as the unit of its square."""
+        source, own = super().condition(plant, domain, unit)
+        return source, replace(own, square=self.square(plant, domain, own.C))
+
+    def square(self, plant: UncertainPlant, domain: Domain, C: Array) -> Polynomial:
+        """Return a polynomial that is less than the variance without control."""
+        return self._baseline(plant, domain).variance(domain, C)
+
+    def _baseline(self, plant: UncertainPlant, domain: Domain) -> Baseline:
+        on = "box" if len(domain.sizes) > 1 else "simplex"
+        disturbance(plant)
+        return baseline(plant, on, self.density / 2)
+
+    def claim(
+        self, subject: proof.Subject, level: Fraction, plant: UncertainPlant
+    ) -> proof.BoundClaim:
+        """Return the claim about the ratio."""
+        domain = Domain.of(subject.on, len(subject.A))
+        stability, covariance = self._baseline(plant, domain).evidence()
+        n = len(subject.A[0])
+        output = self.exact_output(plant)
+        A, E, C = proof.baseline_loop(subject, output, None, tuple(range(n)))
+        base = proof.Baseline(A, E, C, stability, covariance)
+        return proof.RelativeRms(subject, output, level, base, Fraction(self.density) / 2)
+
+    def values(self, plant: UncertainPlant, law: Any, alpha: Array) -> Array:
+        """Return the ratio."""
+        return super().values(plant, law, alpha) / super().values(plant, None, alpha)
 
 
 @dataclass(frozen=True, eq=False)

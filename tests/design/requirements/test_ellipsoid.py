@@ -15,13 +15,14 @@ from scipy.linalg import expm
 from polefence import FixedGain, HalfPlane, InputError, UncertainPlant
 from polefence.base.errors import SpecError
 from polefence.design.design import check
+from polefence.design.requirements.initial_peak import InitialPeak
+from polefence.design.requirements.rms import Rms
+from polefence.design.requirements.text import load_specifications, parse_specification
 from polefence.design.signals.augmented import with_weights
 from polefence.design.signals.bounds import best_bound, kept_bound
 from polefence.design.signals.files import bounds_file
 from polefence.design.signals.optimise import optimise
 from polefence.design.signals.sampled import sampled
-from polefence.design.signals.specification import InitialPeak, Rms
-from polefence.design.signals.text import load_specifications, parse_specification
 from polefence.lmi.conditions.parameter_dependent import design
 from polefence.lmi.conditions.performance import Demands, Output, Points
 from polefence.plant import outputs

@@ -26,14 +26,17 @@ from polefence.base.errors import SpecError
 from polefence.cli.main import main
 from polefence.design.certificate import file_plant
 from polefence.design.design import check
+from polefence.design.requirements.gain_norm import GainNorm, levels
+from polefence.design.requirements.initial_peak import InitialPeak
+from polefence.design.requirements.rms import Rms
+from polefence.design.requirements.text import load_specifications, parse_specification
 from polefence.design.signals.augmented import with_weights
 from polefence.design.signals.bounds import best_bound, kept_bound
-from polefence.design.signals.files import bounds_file
-from polefence.design.signals.gain_norm import GainNorm, levels
+from polefence.design.signals.files import (
+    bounds_file,
+)
 from polefence.design.signals.optimise import optimise
 from polefence.design.signals.sampled import sampled
-from polefence.design.signals.specification import InitialPeak, Rms
-from polefence.design.signals.text import load_specifications, parse_specification
 from polefence.examples import spec_path
 from polefence.lmi.conditions.gain_norm import Norm, add_norm, tangents
 from polefence.lmi.conditions.pencil import Builder

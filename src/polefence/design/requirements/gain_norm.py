@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from fractions import Fraction
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 
-from polefence.base.errors import InputError
-from polefence.design.signals.specification import Specification, is_number
+from polefence.base.errors import InputError, SpecError, shown
+from polefence.design.requirements.specification import Row, Specification, is_number, number
 from polefence.law.laws import FixedGain, Law
 from polefence.lmi.conditions import performance as conditions
 from polefence.lmi.conditions.gain_norm import Norm
@@ -19,6 +19,7 @@ from polefence.plant.outputs import Output, Signal
 from polefence.plant.polynomial import Domain, bernstein, binomial, elevated, times
 from polefence.plant.system import Array
 from polefence.proof import claims as proof
+from polefence.response.closed import gains
 
 # Of the proof's polynomials, one after the other, and how many coefficients they may have.
 ELEVATIONS, MOST = (0, 1, 2, 4, 8, 16), 3000
@@ -52,6 +53,8 @@ class GainNorm(Specification):
     rows: tuple[float, ...] | None = None
     columns: tuple[float, ...] | None = None
     kind = "gain norm"
+    keys = ("rows", "columns")
+    of_signal = False
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -63,6 +66,26 @@ class GainNorm(Specification):
             if not found or not all(is_number(x) and x > 0 for x in found):
                 raise InputError(f"{key} = {value!r} of the gain norm must be positive numbers")
             object.__setattr__(self, key, found)
+
+    @classmethod
+    def read(cls, row: Row) -> Self:
+        """Return what a row says."""
+        units = {key: _numbers(row.table[key], key) for key in cls.keys if key in row.table}
+        return cls(at_most=row.numbers().get("at_most"), **units)
+
+    def extended(self, n: int, more: int) -> GainNorm:
+        """Return it with units of one for the further states."""
+        if self.columns is None or len(self.columns) != n:
+            return self
+        return replace(self, columns=(*self.columns, *(1.0,) * more))
+
+    def unit(self, plant: UncertainPlant) -> str:  # noqa: ARG002
+        """Return none: it is a number of such units."""
+        return ""
+
+    def require_fit(self, plant: UncertainPlant) -> None:
+        """Refuse units that are more or fewer than the plant's inputs and states."""
+        self.units(plant)
 
     def units(self, plant: UncertainPlant) -> tuple[tuple[float, ...], tuple[float, ...]]:
         """Return rows and columns, one number an input and one a state.
@@ -110,7 +133,11 @@ class GainNorm(Specification):
         rows, columns = (tuple(map(Fraction, own)) for own in self.units(plant))
         return proof.GainNorm(subject, level, rows, columns)
 
-    def values(self, plant: UncertainPlant, K: Array) -> Array:
+    def values(self, plant: UncertainPlant, law: Any, alpha: Array) -> Array:
+        """Return the norm by the singular values of the gains."""
+        return self.norms(plant, gains(plant, law, alpha))
+
+    def norms(self, plant: UncertainPlant, K: Array) -> Array:
         """Return the norms of gains (..., m, n), in floats."""
         rows, columns = (np.array(own) for own in self.units(plant))
         return np.asarray(np.linalg.norm(K * columns / rows[:, None], 2, axis=(-2, -1)))
@@ -119,7 +146,7 @@ class GainNorm(Specification):
 def levels(plant: UncertainPlant, law: Law, own: GainNorm) -> Iterator[tuple[float, int]]:
     """Yield what is proved of a law in floats, with the elevation at which it is."""
     if isinstance(law, FixedGain):
-        yield float(own.values(plant, law.K)), 0
+        yield float(own.norms(plant, law.K)), 0
         return
     domain, degree = law.domain, law.degree
     rows, columns = (np.array(each) for each in own.units(plant))
@@ -160,6 +187,7 @@ def _named(norm: Norm, k: int) -> Norm:
     return Norm(f"{norm.name} {k + 1}", norm.C, norm.R, norm.level, norm.fixed)
 
 
-def is_signal(own: Any) -> bool:
-    """Whether a specification is about a signal."""
-    return not isinstance(own, GainNorm)
+def _numbers(value: Any, where: str) -> tuple[float, ...]:
+    if not isinstance(value, list):
+        raise SpecError(f"{where} = {shown(value)} must be a list of numbers, [...]")
+    return tuple(number(x, where) for x in value)

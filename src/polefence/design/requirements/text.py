@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from fractions import Fraction
 from pathlib import Path
@@ -11,27 +11,24 @@ from types import MappingProxyType
 from typing import Any
 
 from polefence.base.errors import InputError, SpecError, shown, suggest
-from polefence.design.signals.gain_norm import GainNorm
-from polefence.design.signals.specification import (
-    EnergyPeak,
-    Gain,
-    InitialPeak,
-    RelativeRms,
-    Rms,
-    Specification,
-)
+from polefence.design.requirements.energy_peak import EnergyPeak
+from polefence.design.requirements.gain import Gain
+from polefence.design.requirements.gain_norm import GainNorm
+from polefence.design.requirements.initial_peak import InitialPeak
+from polefence.design.requirements.relative_rms import RelativeRms
+from polefence.design.requirements.rms import Rms
+from polefence.design.requirements.specification import Row, Specification, number
 from polefence.plant.spec import specification_tables
 from polefence.proof.claims.gain_norm import LAW
 from polefence.response.iso8608 import velocity_density
 
-# The keys that each kind takes besides kind, signal, at_most and minimise.
-KINDS: dict[str, tuple[str, ...]] = {
-    "rms": ("density", "weight"),
-    "relative rms": ("density", "weight"),
-    "energy peak": ("norm",),
-    "initial peak": ("points", "impulse", "ellipsoid"),
-    "gain": (),
-    "gain norm": ("rows", "columns"),
+KINDS: dict[str, type[Specification]] = {
+    "rms": Rms,
+    "relative rms": RelativeRms,
+    "energy peak": EnergyPeak,
+    "initial peak": InitialPeak,
+    "gain": Gain,
+    "gain norm": GainNorm,
 }
 COMMON = ("kind", "signal", "at_most", "minimise")
 ONLY_TABLES = ("points", "ellipsoid", "rows", "columns")
@@ -164,7 +161,7 @@ def _road(table: Mapping[str, Any]) -> RoadSpectrum:
             raise SpecError(f'road: {key} is missing; write class = "C" and speed = 20  # m/s')
     if not isinstance(table["class"], str):
         raise SpecError(f'road: class = {shown(table["class"])} must be text, for example "C"')
-    road = RoadSpectrum(table["class"], _number(table["speed"], "road: speed"))
+    road = RoadSpectrum(table["class"], number(table["speed"], "road: speed"))
     try:
         _ = road.density
     except InputError as error:
@@ -194,85 +191,33 @@ def _specification(
     road: RoadSpectrum | None,
     known: Mapping[str, float] = NOTHING,
 ) -> Specification:
-    table = {"signal": LAW} | dict(table) if table.get("kind") == GainNorm.kind else table
+    kind = table.get("kind")
+    own = KINDS.get(kind) if isinstance(kind, str) else None
+    if own is not None and not own.of_signal:
+        table = {"signal": LAW} | dict(table)
     for key in ("kind", "signal"):
         if key not in table:
             raise SpecError(f"{where}: {key} is missing; {_remedy(key)}")
         if not isinstance(table[key], str):
             raise SpecError(f"{where}: {key} = {shown(table[key])} must be text; {_remedy(key)}")
-    kind, signal = table["kind"], table["signal"]
-    if kind not in KINDS:
-        raise SpecError(f"{where}: kind = {shown(kind)} is unknown; {suggest(kind, KINDS)}")
-    if kind == GainNorm.kind and signal != LAW:
-        raise SpecError(f"{where}: signal = {shown(signal)}; a gain norm is of {LAW}; leave it out")
-    _known(table, (*COMMON, *KINDS[kind]), f"{where}, {kind} of {signal}")
+    signal = table["signal"]
+    if own is None:
+        raise SpecError(f"{where}: kind = {shown(kind)} is unknown; {suggest(str(kind), KINDS)}")
+    if not own.of_signal and signal != LAW:
+        raise SpecError(f"{where}: signal = {shown(signal)}; a {kind} is of {LAW}; leave it out")
     where = f"{where}, {kind} of {signal}"
-    numbers = {
-        key: _number(table[key], f"{where}: {key}")
-        for key in ("at_most", "density", "norm", "impulse")
-        if key in table
-    }
-    if kind.endswith("rms") and "density" not in numbers:
-        if road is None and signal in known:
-            numbers["density"] = known[signal]
-        elif road is None and kind == RelativeRms.kind:
-            numbers["density"] = 1.0  # the ratio is the same with any
-        elif road is None:
-            raise SpecError(
-                f"{where}: neither density nor a road is given; write density = D (on a line: "
-                "with density D), one-sided, in the disturbance's unit squared per Hz, or for a "
-                "car a table [road] with class and speed (--road CLASS --speed V)"
-            )
-        else:
-            numbers["density"] = road.density
-    weight = table.get("weight")
-    if weight is not None and not isinstance(weight, str):
-        raise SpecError(f'{where}: weight = {shown(weight)} must be text, for example "Wk"')
+    _known(table, (*COMMON, *own.keys), where)
     try:
-        if kind == "rms":
-            return Rms(signal, **numbers, weight=weight)
-        if kind == "relative rms":
-            return RelativeRms(signal, **numbers, weight=weight)
-        if kind == "energy peak":
-            return EnergyPeak(signal, **numbers)
-        if kind == "gain":
-            return Gain(signal, **numbers)
-        if kind == GainNorm.kind:
-            units = {key: _units(table[key], key) for key in ("rows", "columns") if key in table}
-            return GainNorm(numbers.get("at_most"), **units)
-        points = _points(table.get("points", []), "points", "initial states", _number)
-        ellipsoid = _points(table.get("ellipsoid", []), "ellipsoid", "rows of a matrix", _exact)
-        return InitialPeak(signal, points=points, ellipsoid=ellipsoid, **numbers)
+        density = known.get(signal) if road is None else road.density
+        return own.read(Row(table, where, density))
+    except SpecError as error:
+        raise SpecError(_placed(str(error), where)) from error
     except InputError as error:
         raise SpecError(f"{where}: {error}") from error
 
 
-def _points(
-    value: Any, where: str, what: str, read: Callable[[Any, str], Any]
-) -> tuple[tuple[Any, ...], ...]:
-    if not isinstance(value, list) or not all(isinstance(point, list) for point in value):
-        raise SpecError(f"{where} must be a list of {what}, [[...], [...]]")
-    return tuple(tuple(read(x, where) for x in point) for point in value)
-
-
-def _units(value: Any, where: str) -> tuple[float, ...]:
-    if not isinstance(value, list):
-        raise SpecError(f"{where} = {shown(value)} must be a list of numbers, [...]")
-    return tuple(_number(x, where) for x in value)
-
-
-def _number(value: Any, where: str) -> float:
-    if isinstance(value, bool) or not isinstance(value, int | Fraction):
-        raise SpecError(f"{where} = {shown(value)} must be a finite number, without quotes")
-    try:
-        return float(value)
-    except OverflowError as error:
-        raise SpecError(f"{where} is too large a number") from error
-
-
-def _exact(value: Any, where: str) -> Fraction:
-    _number(value, where)
-    return Fraction(value)
+def _placed(text: str, where: str) -> str:
+    return text if text.startswith(where) else f"{where}: {text}"
 
 
 def _known(table: Mapping[str, Any], known: tuple[str, ...], where: str) -> None:

@@ -1,0 +1,68 @@
+"""Peak of a signal, from rest, under disturbances of bounded energy."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from fractions import Fraction
+from typing import Any, Self
+
+import numpy as np
+
+from polefence.base.errors import InputError
+from polefence.design.requirements.specification import Row, Specification, disturbance, is_number
+from polefence.lmi.conditions import performance as conditions
+from polefence.plant.family import UncertainPlant
+from polefence.plant.polynomial import Domain
+from polefence.plant.system import Array
+from polefence.proof import claims as proof
+from polefence.response.stationary import stationary
+
+
+@dataclass(frozen=True)
+class EnergyPeak(Specification):
+    """The largest value of a signal, from rest, for disturbances of bounded energy.
+
+    Attributes
+    ----------
+    norm : float
+        Root of the integral of w^2 over all time [the disturbance's unit times s^0.5].
+    """
+
+    norm: float = 1.0
+    kind = "energy peak"
+    keys = ("norm",)
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if not (is_number(self.norm) and self.norm > 0):
+            raise InputError(f"norm = {self.norm!r} must be a positive number")
+
+    @classmethod
+    def read(cls, row: Row) -> Self:
+        """Return what a row says."""
+        return cls(row.table["signal"], **row.numbers("norm"))
+
+    def source(self, plant: UncertainPlant, domain: Domain) -> conditions.Source:
+        """Return disturbances of unit norm as noise: they ask the same of X."""
+        return conditions.noise("energy", domain, disturbance(plant), 1.0)
+
+    def claim(
+        self,
+        subject: proof.Subject,
+        level: Fraction,
+        plant: UncertainPlant,
+    ) -> proof.BoundClaim:
+        """Return the claim about the peak."""
+        return proof.EnergyPeak(subject, self.exact_output(plant), level, Fraction(self.norm))
+
+    def condition(
+        self, plant: UncertainPlant, domain: Domain, unit: float | None = None
+    ) -> tuple[conditions.Source, conditions.Output]:
+        """Return it as in the claim: a disturbance of unit norm, and the output times the norm."""
+        source, own = super().condition(plant, domain, unit)
+        return source, replace(own, C=self.norm * own.C, D=self.norm * own.D)
+
+    def values(self, plant: UncertainPlant, law: Any, alpha: Array) -> Array:
+        """Return the norm times the root of c P c', P the controllability Gramian."""
+        found = stationary(plant, law, alpha, 2 * self.norm**2, [self.output(plant)])
+        return np.array(found.rms[:, 0])

@@ -1,0 +1,87 @@
+"""Gain from the disturbances to a signal in L2: its H-infinity norm."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from fractions import Fraction
+from typing import Any
+
+import numpy as np
+
+from polefence.design.requirements.rms import Rms
+from polefence.design.requirements.specification import Specification, disturbance
+from polefence.lmi.conditions import performance as conditions
+from polefence.plant.family import UncertainPlant
+from polefence.plant.outputs import disturbances
+from polefence.plant.polynomial import Domain
+from polefence.plant.system import Array
+from polefence.proof import claims as proof
+from polefence.response.closed import close
+from polefence.response.linear import frequency
+from polefence.response.stationary import STABLE, stationary
+
+UNIT = 2.0  # one-sided density of noise of intensity one
+COARSE, FINE, FEW = 60, 2000, 20  # frequencies at all points, and at the worst few
+
+
+@dataclass(frozen=True)
+class Gain(Specification):
+    """The L2 gain (H-infinity norm) from the disturbances to a signal."""
+
+    kind = "gain"
+    power = 1
+    direct = True
+
+    def as_noise(self, bandwidth: float) -> Rms:
+        """Return the rms of a signal of this gain, of noise in a band that it follows [rad/s].
+
+        It is about the gain times the root of the bandwidth.
+        """
+        level = None if self.at_most is None else self.at_most * bandwidth**0.5
+        return Rms(self.signal, level, UNIT)
+
+    def unit(self, plant: UncertainPlant) -> str:
+        """Return the signal's unit per unit of the disturbances."""
+        units = {own.unit for own in disturbances(plant)}
+        per = units.pop() if len(units) == 1 else ""
+        return f"{self.output(plant).unit or 1} per {per or 'unit'}"
+
+    def source(self, plant: UncertainPlant, domain: Domain) -> conditions.Source:  # noqa: ARG002
+        """Return the way the disturbances enter."""
+        return conditions.Through("gain", disturbance(plant))
+
+    def claim(
+        self,
+        subject: proof.Subject,
+        level: Fraction,
+        plant: UncertainPlant,
+    ) -> proof.BoundClaim:
+        """Return the claim about the gain."""
+        F = [[list(row)] for row in self.output(plant).exact(plant)[2]]
+        passed = tuple(F) if self.output(plant).F else ()
+        return proof.Gain(subject, self.exact_output(plant), level, passed)
+
+    def condition(
+        self, plant: UncertainPlant, domain: Domain, unit: float | None = None
+    ) -> tuple[conditions.Source, conditions.Output]:
+        """Return it, with what of the disturbance passes straight into the signal."""
+        source, own = super().condition(plant, domain, unit)
+        output = self.output(plant)
+        return source, replace(own, F=output.arrays(plant)[2][:, None, :] if output.F else None)
+
+    def values(self, plant: UncertainPlant, law: Any, alpha: Array) -> Array:
+        """Return the gain by a sweep over frequency, which is fine at the worst points only."""
+        output = self.output(plant)
+        stationary(plant, law, alpha, 0.0, [output])  # refuses what is not stable
+        poles = np.abs(close(plant, law, alpha).poles())
+        low, high = poles[poles > STABLE * poles.max()].min() / 10, 10 * poles.max()
+
+        def swept(points: Array, count: int) -> Array:
+            asked = np.append(0.0, np.geomspace(low, high, count)) / (2 * np.pi)
+            found = frequency(plant, law, points, asked, [output]).gain[:, :, 0]
+            return np.asarray(np.sqrt((np.abs(found) ** 2).sum(axis=-1)).max(axis=1))
+
+        values = swept(alpha, COARSE)
+        worst = np.argsort(-values)[:FEW]
+        values[worst] = np.maximum(values[worst], swept(alpha[worst], FINE))
+        return values

@@ -1,0 +1,104 @@
+"""Rms of a signal under white noise, weighted or not."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from fractions import Fraction
+from typing import Any, Self
+
+import numpy as np
+
+from polefence.base.errors import InputError, SpecError, shown, suggest
+from polefence.design.requirements.specification import Row, Specification, disturbance, is_number
+from polefence.lmi.conditions import performance as conditions
+from polefence.plant.family import UncertainPlant
+from polefence.plant.outputs import Output
+from polefence.plant.polynomial import Domain
+from polefence.plant.system import Array
+from polefence.proof import claims as proof
+from polefence.response.stationary import stationary
+from polefence.response.weighting import WF, WK
+
+WEIGHTS = {"Wk": WK, "Wf": WF}
+
+
+@dataclass(frozen=True)
+class Rms(Specification):
+    """The worst rms of a signal for white disturbances.
+
+    Attributes
+    ----------
+    density : float
+        One-sided density of the disturbance [its unit squared per Hz]; of a road's velocity see
+        `polefence.vehicle.velocity_density`.
+    weight : str, optional
+        "Wk" or "Wf" of ISO 2631-1: the rms of the signal so weighted.
+        `polefence.design.signals.optimise` puts the filter into the plant.
+    """
+
+    density: float = 1.0
+    weight: str | None = None
+    kind = "rms"
+    keys = ("density", "weight")
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if not (is_number(self.density) and self.density > 0):
+            raise InputError(f"density = {self.density!r} must be a positive number")
+        if self.weight is not None and self.weight not in WEIGHTS:
+            raise InputError(
+                f"weight = {self.weight!r} is unknown; {suggest(str(self.weight), WEIGHTS)}"
+            )
+
+    @classmethod
+    def read(cls, row: Row) -> Self:
+        """Return what a row says; the road says the density of one that has none."""
+        weight = row.table.get("weight")
+        if weight is not None and not isinstance(weight, str):
+            raise SpecError(f'{row.where}: weight = {shown(weight)} must be text, for example "Wk"')
+        density = row.numbers("density").get("density", row.density)
+        if density is None:
+            density = cls.without_density(row.where)
+        return cls(row.table["signal"], **row.numbers() | {"density": density}, weight=weight)
+
+    @classmethod
+    def without_density(cls, where: str) -> float:
+        """Return the density that will do where none is given; refuse where none will."""
+        raise SpecError(
+            f"{where}: neither density nor a road is given; write density = D (on a line: with "
+            "density D), one-sided, in the disturbance's unit squared per Hz, or for a car a table "
+            "[road] with class and speed (--road CLASS --speed V)"
+        )
+
+    @property
+    def filter(self) -> str | None:
+        """Name of the weighting."""
+        return self.weight
+
+    def filtered(self, signal: Output) -> Rms:
+        """Return it of the weighted signal."""
+        return replace(self, signal=signal, weight=None)
+
+    def unweighted(self) -> Rms:
+        """Return it of the signal itself."""
+        return replace(self, weight=None)
+
+    def source(self, plant: UncertainPlant, domain: Domain) -> conditions.Source:
+        """Return white noise."""
+        return conditions.noise(
+            f"noise {self.density:g}", domain, disturbance(plant), self.density / 2
+        )
+
+    def claim(
+        self,
+        subject: proof.Subject,
+        level: Fraction,
+        plant: UncertainPlant,
+    ) -> proof.BoundClaim:
+        """Return the claim about the rms."""
+        return proof.Rms(subject, self.exact_output(plant), level, Fraction(self.density) / 2)
+
+    def values(self, plant: UncertainPlant, law: Any, alpha: Array) -> Array:
+        """Return the rms, by a Lyapunov equation at each point."""
+        found = stationary(plant, law, alpha, self.density, [self.output(plant)])
+        return np.array(found.rms[:, 0])

@@ -23,7 +23,8 @@ METHODS = ("quadratic", pf.Scheduled(1, 0, on="box"))
 def front(values=VALUES, methods=METHODS, executor=None):
     """Return the trade-off over limits on the tyre's deflection."""
     plant = pf.examples.family("quarter-car-ride")
-    return pf.tradeoff(plant, COMFORT, HOLDING, values, LIMITS, methods=methods, executor=executor)
+    found = pf.tradeoff(plant, COMFORT, HOLDING, values, LIMITS, methods=methods, executor=executor)
+    return pf.vehicle.beside_reference_laws(found)
 
 
 def main(folder="."):

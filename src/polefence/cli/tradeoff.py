@@ -39,6 +39,7 @@ from polefence.design.rows import Row
 from polefence.design.requirements.specification import Specification, limit_text
 from polefence.design.requirements.text import load_specifications, parse_specification, spec_road
 from polefence.design.signals.tradeoff import tradeoff
+from polefence.design.signals.tradeoff_file import keep_references
 from polefence.design.signals.tradeoff_front import Front
 from polefence.lmi.conditions.methods import Method
 from polefence.plant.family import UncertainPlant
@@ -134,8 +135,13 @@ def tradeoff_command(options: Any) -> int:
             path=path,
             resume=options.resume,
         )
+    from polefence.vehicle import beside_reference_laws
+
+    front = beside_reference_laws(front)
     if options.json == STANDARD:
         write_json(STANDARD, front.document())
+    elif options.json is not None:
+        keep_references(options.json, front.references)
     if options.plot is not None:
         from polefence.show.plots.performance import front_figure
 

@@ -32,6 +32,7 @@ from polefence.vehicle.quarter_car import SIGNALS, quarter_car
 from polefence.vehicle.random_road import random_road
 from polefence.vehicle.recursion import Tuning
 from polefence.vehicle.reference_laws import Sizes, lqr, nominal, passive, skyhook
+from polefence.vehicle.reference_points import beside_reference_laws
 from polefence.vehicle.road import Road
 from polefence.vehicle.vehicle import Masses, Ride, masses, ride
 
@@ -60,6 +61,7 @@ __all__ = [
     "Sine",
     "Sizes",
     "Tuning",
+    "beside_reference_laws",
     "bump",
     "comfort",
     "comfort_reading",

@@ -28,7 +28,7 @@ from polefence.design.signals.optimise import optimise
 from polefence.design.signals.tradeoff import tradeoff
 from polefence.design.signals.tradeoff_front import monotone
 from polefence.show.plots.performance import front_figure
-from polefence.vehicle import velocity_density
+from polefence.vehicle import beside_reference_laws, velocity_density
 from support.paths import DOCS
 
 PAGE = (DOCS / "tradeoff.md").read_text()
@@ -128,7 +128,7 @@ def front(page):
         on_row=fresh.append,
     )
     assert not fresh
-    return found
+    return beside_reference_laws(found)
 
 
 def test_proved_bounds_fall_with_the_limit_and_are_near_the_truth(front):
@@ -481,7 +481,7 @@ def test_the_command_refuses_in_one_line(words, said, page, tmp_path, capsys):
 def test_a_gain_has_its_unit(spring):
     from polefence.design.signals.tradeoff_front import label_of
 
-    assert label_of(spring, Gain("place")) == "gain of place"
+    assert label_of(spring, Gain("place")) == "gain of place [m per unit]"
     named = replace(spring, disturbances=("wind [N]",))
     assert label_of(named, Gain("place")) == "gain of place [m per N]"
 

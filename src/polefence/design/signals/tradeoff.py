@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator, Sequence
-from contextlib import suppress
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
-from typing import Any
+from pathlib import Path
+from typing import Any, Unpack
 
 from polefence.base import workers
 from polefence.base.errors import InputError, PolefenceError
@@ -18,18 +18,14 @@ from polefence.design.requirements.specification import Specification
 from polefence.design.signals.augmented import with_weights
 from polefence.design.signals.bounds import best_bound
 from polefence.design.signals.optimise import Optimised, optimise
-from polefence.design.signals.sampled import sampled
-from polefence.design.signals.tradeoff_file import SAMPLES, finished, proved_row, write_rows
+from polefence.design.signals.tradeoff_file import finished, proved_row, write_rows
 from polefence.design.signals.tradeoff_front import Asked, Front, monotone
 from polefence.lmi.conditions.methods import Method, Scheduled, method_label, options
 from polefence.plant.family import UncertainPlant
-from polefence.plant.points import seeded
 from polefence.plant.polynomial import Domain
 from polefence.region.regions import HalfPlane, Region
-from polefence.vehicle.reference_laws import lqr, passive, skyhook
 
 MAX_VALUES = 1000
-REFERENCES = {"passive": passive, "skyhook": skyhook, "LQR": lqr}
 
 
 def tradeoff(
@@ -40,7 +36,8 @@ def tradeoff(
     subject_to: Sequence[Specification] = (),
     region: Region | None = None,
     methods: Sequence[Method] | None = None,
-    **options: Any,
+    path: Path | None = None,
+    **options: Unpack[RunOptions],
 ) -> Front:
     """Return the least proved bound on one signal for every limit on another.
 
@@ -90,7 +87,7 @@ def tradeoff(
     named = {method_label(method): method for method in methods}
     limits = list(dict.fromkeys(float(value) for value in values))
     _require(asked, limits, list(named.values()))
-    run = Run(**options)
+    run = Run(path=path, **options)
     done = finished(run.path, asked) if run.path is not None and run.resume else {}
     order = [(x, label) for x in limits for label in named]
     tasks = [(x, named[label]) for x, label in order if (x, label) not in done]
@@ -98,26 +95,9 @@ def tradeoff(
 
     fresh = (((row["value"], row["method"]), row, row) for row in found)
     run.complete(done, order, fresh, lambda path, rows: write_rows(path, asked, rows))
-    done, laws = monotone(done), tuple(references(asked))
-    run.keep(done, order, lambda path, rows: write_rows(path, asked, rows, laws))
-    return Front(asked, tuple(done[key] for key in order), laws)
-
-
-def references(asked: Asked) -> Iterator[Row]:
-    """Yield reference laws of a quarter car, those with bounded values over all the family."""
-    if asked.plant.vehicle is None:
-        return
-    alpha = seeded(asked.plant, SAMPLES)
-    for name, law_of in REFERENCES.items():
-        with suppress(InputError):
-            law = law_of(asked.plant)
-            both = (asked.over, asked.minimise)
-            over, least = (sampled(asked.plant, law, s, alpha).worst for s in both)
-            keeps = all(
-                sampled(asked.plant, law, own, alpha).worst <= (own.at_most or 0.0)
-                for own in asked.subject_to
-            )
-            yield {"name": name, "over": over, "minimise": least, "keeps": keeps}
+    done = monotone(done)
+    run.keep(done, order, lambda path, rows: write_rows(path, asked, rows))
+    return Front(asked, tuple(done[key] for key in order))
 
 
 def _checked(own: Any, name: str) -> Specification:

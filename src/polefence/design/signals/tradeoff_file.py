@@ -33,13 +33,17 @@ from polefence.proof.document import from_plain
 SAMPLES = 2000  # points of the family that each law is looked at
 
 
-def write_rows(
-    path: Path, asked: Asked, rows: Sequence[Row], references: Sequence[Row] = ()
-) -> None:
+def write_rows(path: Path, asked: Asked, rows: Sequence[Row]) -> None:
     """Write a trade-off, whole or not at all."""
-    document = head(asked) | {"references": list(references), "rows": list(rows)}
+    document = head(asked) | {"references": [], "rows": list(rows)}
     make_folder(path.parent)
     write_text(path, json.dumps(document, indent=1, allow_nan=False) + "\n")
+
+
+def keep_references(path: Path, references: Sequence[Row]) -> None:
+    """Add reference laws to a file of rows that `write_rows` wrote."""
+    document = reading.parse(read_text(path, reading.MAX_BYTES, InputError))
+    write_text(path, json.dumps(document | {"references": list(references)}, indent=1) + "\n")
 
 
 def finished(path: Path, asked: Asked) -> dict[tuple[float, str], Row]:

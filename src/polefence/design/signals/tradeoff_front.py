@@ -78,9 +78,9 @@ class Front:
         that search itself proved; ``performance``, the law with all of its proofs, as a
         performance file has them; ``reason``, where the search found nothing; ``seconds``.
     references : tuple of dict
-        Of a quarter car, laws that come with no proof: ``name``, the worst at sampled
-        parameters of ``over`` and ``minimise``, and ``keeps``, whether that of the other
-        specifications is within their limits.
+        Of laws that come with no proof, see `polefence.vehicle.beside_reference_laws`: ``name``,
+        the worst at sampled parameters of ``over`` and ``minimise``, and ``keeps``, whether that of
+        the other specifications is within their limits.
     """
 
     asked: Asked

@@ -35,9 +35,9 @@ from polefence.cli.optimise import (
     region_of_options,
     road_of,
 )
-from polefence.design.rows import Row
 from polefence.design.requirements.specification import Specification, limit_text
 from polefence.design.requirements.text import load_specifications, parse_specification, spec_road
+from polefence.design.rows import Row
 from polefence.design.signals.tradeoff import tradeoff
 from polefence.design.signals.tradeoff_file import keep_references
 from polefence.design.signals.tradeoff_front import Front

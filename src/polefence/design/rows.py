@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, TypedDict
 
 from polefence.base.files import make_folder
 from polefence.plant.family import UncertainPlant
@@ -25,6 +25,15 @@ def plant_summary(plant: UncertainPlant) -> dict[str, Any]:
         "vertices": len(plant.vertices),
         "digest": plant.digest,
     }
+
+
+class RunOptions(TypedDict, total=False):
+    """The fields of `Run` but its path, as keyword arguments."""
+
+    executor: Executor | None
+    resume: bool
+    on_row: Callable[[Any], None] | None
+    on_kept: Callable[[Row], None] | None
 
 
 @dataclass(frozen=True, eq=False)

@@ -7,7 +7,7 @@ from contextlib import suppress
 from dataclasses import replace
 
 from polefence.base.errors import InputError
-from polefence.design.place.sweep import Row
+from polefence.design.rows import Row
 from polefence.design.signals.sampled import sampled
 from polefence.design.signals.tradeoff_file import SAMPLES
 from polefence.design.signals.tradeoff_front import Asked, Front

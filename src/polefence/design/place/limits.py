@@ -12,7 +12,7 @@ from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, Unpack
 
 from polefence.base import workers
 from polefence.base.errors import InputError, NotProvedError
@@ -28,7 +28,7 @@ from polefence.design.checks import (
 from polefence.design.design import Design
 from polefence.design.place.shipped import radius_of
 from polefence.design.place.tightest import tightest_near
-from polefence.design.rows import Key, Row, Run, plant_summary
+from polefence.design.rows import Key, Row, Run, RunOptions, plant_summary
 from polefence.lmi.conditions.methods import (
     METHODS,
     Method,
@@ -232,7 +232,7 @@ def sweep(
     methods: Sequence[Method],
     path: Path | None = None,
     gain: bool = False,
-    **options: Any,
+    **options: Unpack[RunOptions],
 ) -> list[Row]:
     """Return rows as `limits` has them, as plain data, keeping ``path`` up to date after every row.
 

@@ -13,8 +13,8 @@ from polefence.base import workers
 from polefence.base.errors import InputError, PolefenceError
 from polefence.base.types import require_type
 from polefence.design.checks import require_domain, require_movable, require_region
-from polefence.design.rows import Row, Run
 from polefence.design.requirements.specification import Specification
+from polefence.design.rows import Row, Run, RunOptions
 from polefence.design.signals.augmented import with_weights
 from polefence.design.signals.bounds import best_bound
 from polefence.design.signals.optimise import Optimised, optimise

@@ -15,8 +15,8 @@ from polefence.base.files import make_folder, read_text, write_text
 from polefence.base.version import VERSION
 from polefence.design.certificate import Certificate
 from polefence.design.place.limits import LABEL
-from polefence.design.rows import Row
 from polefence.design.requirements.specification import Specification, claim_of
+from polefence.design.rows import Row
 from polefence.design.signals.bounds import exact_law
 from polefence.design.signals.files import bounds_file
 from polefence.design.signals.sampled import sampled

@@ -13,8 +13,8 @@ from polefence.base.files import write_documents
 from polefence.base.version import VERSION
 from polefence.design.certificate import Certificate
 from polefence.design.design import FILE_NAME, Design
-from polefence.design.rows import Row, plant_summary
 from polefence.design.requirements.specification import Specification
+from polefence.design.rows import Row, plant_summary
 from polefence.lmi.conditions.methods import Method, method_label
 from polefence.plant.family import UncertainPlant
 from polefence.proof.document import Document, from_plain

@@ -46,7 +46,7 @@ class Refutation:
     specifications : tuple of Rms
         The limits.
     claim : RmsRefutation
-        With its evidence, for `polefence.proof.performance.refutation.prove_refutation`.
+        With its evidence, for `polefence.proof.refutation.prove_refutation`.
     reason : str
         What was proved.
     """

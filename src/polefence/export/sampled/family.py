@@ -1,6 +1,6 @@
 """A sampled loop as a family in discrete time, in floats: what the search for a proof works on.
 
-See `polefence.proof.sampling.loop` for the states and inputs; nothing of the proof rests on this.
+See `polefence.proof.claims.sampled` for the states and inputs; nothing of the proof rests on this.
 """
 
 from __future__ import annotations

@@ -9,7 +9,7 @@ from itertools import product
 
 import numpy as np
 import pytest
-from test_service_claims import (
+from test_margins import (
     ENDS_OF_TAU,
     REGIONS,
     answer,

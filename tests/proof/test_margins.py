@@ -1,4 +1,4 @@
-"""Claims about service: the verifier's matrices against numpy's, and one fault after another."""
+"""Margins: the verifier's matrices against numpy's, and one fault after another."""
 
 from __future__ import annotations
 

@@ -247,7 +247,7 @@ FAULTS = {
     "discrete": ("rms", ("plant", "sample_time"), 1, "continuous time"),
     "E of one": ("rms", ("plant", "vertices", 1, "E"), [[1]], "vertex 2: E is 1 x 1"),
     "E": ("rms", ("plant", "vertices", 1, "E"), [["x"]] * 3, "not a finite number"),
-    "none": ("rms", ("claims",), [], "1 to 64"),
+    "none": ("rms", ("claims",), [], "1 to 100"),
     "no table": ("rms", S, 3, "must be a table"),
     "kind": ("rms", (*S, "kind"), "peak", "kind must be one of region"),
     "kinds": ("rms", (*S, "kind"), ["rms"], "kind must be one of region"),

@@ -49,7 +49,7 @@ class Output(Signal):
     Parameters
     ----------
     name, unit : str
-    C, D, F : row or rows of numbers, optional
+    C, D, F : row or rows of float, optional
         One row for all vertices, or one a vertex; zero where left out. Strings and Fractions are
         exact, a float is its binary value. Held as tuples of rows: none where they are zero, one
         where they are all the same.

@@ -2,7 +2,7 @@
 
 SLOW = (
     "export/test_export.py",
-    "design/signals/test_gain_norm.py",
+    "design/requirements/test_gain_norm.py",
     "docs/test_ride_page.py",
     "theory/test_where_searches_start.py",
     "show/test_paper.py",

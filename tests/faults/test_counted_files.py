@@ -21,6 +21,7 @@ from polefence.proof.claims.cells import Axis, Interpolated
 from polefence.proof.claims.estimate import Estimate
 from polefence.proof.claims.margins import Subject, form, unit_rows
 from polefence.proof.claims.poles import Poles
+from polefence.proof.document import from_plain
 from polefence.proof.laws import Evidence, Law
 from polefence.proof.matrices import mix, quotient
 from polefence.proof.polynomials import bernstein
@@ -198,3 +199,20 @@ def test_composing_with_long_exponents_is_counted():
         P.composed(sums, (N,))
     products = N * N * N // polynomials.COORDINATES * work.CALL
     assert count.spent > 2 * products  # what is multiplied, and what is added up
+
+
+def test_a_baseline_is_counted_as_it_is_read():
+    """A + B K of another loop is formed for every vertex, before anything is proved."""
+    proof = {"X": [[[1]]]}
+    baseline = {"K": [[0]], "stability": proof, "covariance": {"P": [[[1]]]}}
+    relative = RMS | {"kind": "relative rms", "baseline": baseline}
+    head = {"format": "polefence-proof", "version": 2, "law": LAW, "claims": [relative]}
+    spent = []
+    for count in (1, 50):
+        plant = PLANT | {"vertices": PLANT["vertices"] * count}
+        with work.counted() as own:
+            from_plain(head | {"plant": plant})
+        spent.append(own.spent)
+    assert spent[1] - spent[0] > 49 * work.RATIONAL * work.CALL
+    with work.counted(spent[1] - 1), pytest.raises(FormatError, match="than is checked here"):
+        from_plain(head | {"plant": PLANT | {"vertices": PLANT["vertices"] * 50}})

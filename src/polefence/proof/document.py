@@ -30,7 +30,7 @@ from polefence.proof.claims.sampled import Sampled
 from polefence.proof.laws import Law, read_law
 from polefence.proof.plant import Plant
 from polefence.proof.reading import Table, parse, require_shallow, shown
-from polefence.proof.work import FormatError
+from polefence.proof.work import FormatError, counted
 
 FORMAT, VERSION = "polefence-proof", 2
 # What earlier versions wrote.
@@ -119,7 +119,11 @@ def loads(text: str) -> Document:
 def from_plain(data: Any, parsed: bool = False) -> Document:
     """Read a file from plain data; see `loads`."""
     _require_format(data)
-    table = Table.of(data if parsed else require_shallow(data))
+    with counted():
+        return _read(Table.of(data if parsed else require_shallow(data)))
+
+
+def _read(table: Table) -> Document:
     for key in ("format", "version"):
         table.at(key)
     plant = Plant.read(table.table("plant"))

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 # Bounds on what a file can ask for: work, in products of two words of 30 bits, of which every
 # operation takes `CALL` besides; and what polynomials hold at once [bytes].
 MAX_WORK, CALL, MAX_HELD = 5 * 10**9, 120, 4 * 10**8
+RATIONAL = 20  # operations on integers that one on rationals is
 LEAST_WORK = 300 * CALL  # of an inequality of whatever size
 TOO_MUCH = (
     "its inequalities are more, or larger, or their numbers longer, than is checked here; round "

@@ -33,11 +33,10 @@ from polefence.proof.text import (
     region_text,
     unit_text,
 )
-from polefence.proof.work import MAX_WORK, FormatError, spend
+from polefence.proof.work import MAX_WORK, RATIONAL, FormatError, spend
 
 MAX_CELLS, MAX_PARAMETERS, MAX_KNOTS = 2000, 6, 200
 ANSWERS = ("proved", "refuted", "undecided")
-RATIONAL = 20  # operations on integers that one on rationals is
 
 Point = tuple[Fraction, ...]
 

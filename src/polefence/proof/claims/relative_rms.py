@@ -27,7 +27,7 @@ from polefence.proof.plant import Output
 from polefence.proof.polynomials import MAX_DEGREE, Polynomial, affine, bernstein, count_of
 from polefence.proof.reading import MAX_SIZE, Table, plain
 from polefence.proof.text import digits_down
-from polefence.proof.work import FormatError
+from polefence.proof.work import RATIONAL, FormatError, spend
 
 
 @dataclass(frozen=True)
@@ -198,6 +198,7 @@ def _closed(A: Rationals, B: Rationals, K: Rationals | None) -> Rationals:
     if K is None:
         return A
     columns = list(zip(*K, strict=True))
+    spend(RATIONAL * len(A) * len(columns) * len(K), 64, 64)
     return [
         [
             a + sum((b * k for b, k in zip(bs, column, strict=True)), Fraction(0))

@@ -120,7 +120,9 @@ class Certificate:
             law, on = read_law(Table.of(self._law(), "law"), plant.n, plant.m)
             own = {"region": self.region.document(), "method": self.method}
             table = Table.of(own | {"evidence": _plain_data(self.evidence)})
-            return Poles.read(table, plant, law, plant.domain(on) if on else "")
+            claim = Poles.read(table, plant, law, plant.domain(on) if on else "")
+            table.done()
+            return claim
         except FormatError as error:
             raise PlantError(f"{self.plant.name}: {error}") from error
 

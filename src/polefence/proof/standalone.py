@@ -8,6 +8,10 @@ from pathlib import Path
 
 MAIN = """import sys
 
+if sys.version_info < (3, 11):
+    sys.stderr.write("polefence-check.pyz needs Python 3.11 or later\\n")
+    sys.exit(2)
+
 from polefence.proof.__main__ import main
 
 sys.exit(main(sys.argv[1:]))

@@ -67,9 +67,10 @@ def of_a_design(law):
     yield ["service", law, "-o", "margins"]
     yield ["check", "margins/estimate-k.json"]
     yield ["report", law, "-o", "page.html"]
-    yield ["simulate", law, "--road", "C", "--speed", "20", "--duration", "1", "--seed", "1",
-           "--plot", "drive.svg", "-o", "drive.csv"]  # fmt: skip
-    yield ["simulate", law, "--road", "C", "--speed", "20", "--duration", "1", "-o", "d.parquet"]
+    moved = ["simulate", law, "--initial", "v=1", "--duration", "1"]
+    yield [*moved, "--plot", "drive.svg", "-o", "drive.csv"]
+    yield [*moved, "-o", "d.parquet"]
+    yield ["simulate", law, "--road", "C", "--speed", "20"]
     yield ["export", law, "-o", "code"]
     yield ["export", law, "--lang", "mat", "-o", "matlab"]
     yield ["check", "code"]

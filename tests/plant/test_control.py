@@ -60,11 +60,12 @@ def test_outputs_come_and_go_with_rows_of_their_own_at_each_vertex():
     systems = [control.ss([[-1.0]], [[1.0, 2.0]], C, [[0.5, 0.25]], outputs=["y"]) for C in gains]
     plant = from_control(systems, disturbances=1)
     assert plant.outputs == (Output("y", C=[[3], [4]], D=[0.5], F=[0.25]),)
-    back = to_control(plant, [0.25, 0.75])
+    assert to_control(plant, [0.25, 0.75]).output_labels == ["x1"]
+    back = to_control(plant, [0.25, 0.75], outputs=True)
     assert back.output_labels == ["x1", "y"]
     assert np.array_equal(back.C, [[1.0], [3.75]])
     assert np.array_equal(back.D, [[0.0, 0.0], [0.5, 0.25]])
-    assert np.array_equal(to_control(from_control(back, disturbances=1)).C, back.C)
+    assert np.array_equal(to_control(from_control(back, disturbances=1), outputs=True).C, back.C)
 
 
 def test_an_output_that_is_a_state_is_that_state():

@@ -31,8 +31,9 @@ def table_of(setup: Setup, runs: Mapping[str, Run]) -> Table:
     if moved.height is not None:
         labels.append("road height [m]")
         columns.append(moved.height)
+    taken = {signal.label for signal in setup.plant.signals}
     for own, values in zip(disturbances(setup.plant), moved.samples.T, strict=True):
-        labels.append(own.label)
+        labels.append(f"disturbance {own.label}" if own.label in taken else own.label)
         columns.append(values)
     for name, run in runs.items():
         before = f"{name}: " if len(runs) > 1 else ""

@@ -120,7 +120,7 @@ def _own(labels: Sequence[str], otherwise: str) -> str:
     return "".join(_names(labels)) or otherwise
 
 
-def to_control(plant: UncertainPlant | System, alpha: Any = None) -> Any:
+def to_control(plant: UncertainPlant | System, alpha: Any = None, outputs: bool = False) -> Any:
     """Return a plant, or one vertex of it, as a python-control ``StateSpace``.
 
     Parameters
@@ -130,12 +130,14 @@ def to_control(plant: UncertainPlant | System, alpha: Any = None) -> Any:
     alpha : sequence of N numbers, optional
         The point of the polytope, for example ``plant.alpha(m1=300, beta=2)``; may be left out
         where there is one vertex.
+    outputs : bool
+        Give the plant's outputs too, behind the states.
 
     Returns
     -------
     control.StateSpace
-        Inputs [u, w], outputs the states and behind them the plant's outputs, under the names that
-        `Design.to_control` has too, so that the two interconnect by name.
+        Inputs [u, w], outputs the states, under the names that `Design.to_control` has too, so that
+        the two interconnect by name.
 
     Raises
     ------
@@ -154,11 +156,12 @@ def to_control(plant: UncertainPlant | System, alpha: Any = None) -> Any:
         B = np.hstack([B, E])
     n, (x, u, w) = len(A), signal_names(plant)
     C, D = np.eye(n), np.zeros((n, B.shape[1]))
-    if plant.every_output:
-        rows = (np.tensordot(weights, M, 1) for M in stacked(plant, plant.every_output))
+    more = plant.every_output if outputs else ()
+    if more:
+        rows = (np.tensordot(weights, M, 1) for M in stacked(plant, more))
         own = np.concatenate(list(rows), axis=1)
         C, D = np.vstack([C, own[:, :n]]), np.vstack([D, own[:, n:]])
-    names = (output.name for output in plant.every_output)
+    names = (output.name for output in more)
     y = valid_names((*u, *w, *x, *names))[len(u) + len(w) :]
     labels: dict[str, Any] = {"states": x, "outputs": y, "inputs": [*u, *w]}
     dt = 0 if plant.sample_time is None else float(plant.sample_time)

@@ -17,13 +17,13 @@ if "POLEFENCE_TEST_KERNEL" in os.environ:  # a kernel built otherwise, with sani
     sys.modules[_spec.name] = importlib.util.module_from_spec(_spec)
     _spec.loader.exec_module(sys.modules[_spec.name])
 
-for _own in ("MAKEFLAGS", "MAKELEVEL", "MFLAGS"):  # of a make that runs the tests, not of theirs
-    os.environ.pop(_own, None)
-
 from polefence import Design, Disk, Scheduled, UncertainPlant, place, tightest
 from polefence.examples import family
 from support.every_file import write_every_file
 from support.slow import SLOW
+
+for _own in ("MAKEFLAGS", "MAKELEVEL", "MFLAGS"):  # of a make that runs the tests, not of theirs
+    os.environ.pop(_own, None)
 
 # Machines that test are shared: time says nothing there. The same examples in every run.
 settings.register_profile("steady", deadline=None, derandomize=True)

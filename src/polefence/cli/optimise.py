@@ -46,7 +46,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     spec_argument(parser)
     specification_arguments(parser)
     parser.add_argument(
-        "-o", "--output", type=Path, metavar="DIR", help="write DIR/performance.json, design.json"
+        "-o",
+        "--output",
+        type=Path,
+        metavar="DIR",
+        help="write DIR/design.json: the law with its region and bounds",
     )
     parser.add_argument("--json", type=Path, metavar="FILE", help="write a summary; -: stdout")
     parser.add_argument(

@@ -105,7 +105,7 @@ class Optimised:
         raise InputError(f"no specification of {name!r}")
 
     def save(self, directory: str | Path) -> Path:
-        """Write ``performance.json`` into a folder, and ``design.json`` beside it; return it.
+        """Write ``design.json``, with region and bounds, into a folder; return its path.
 
         The folder is made if need be. The numbers are those that were proved: a double as it is,
         any other rational as "p/q".

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import math
 import os
 import sys
 from collections.abc import Iterator, Mapping, Sequence
@@ -59,6 +60,23 @@ def rows_file(options: Any) -> Path | None:
     if options.resume and path in (None, STANDARD):
         raise InputError("--resume needs --json FILE, where the finished rows are")
     return None if path == STANDARD else path
+
+
+def spaced(option: str, values: Sequence[float], most: int) -> list[float]:
+    """Return evenly spaced numbers, both ends included, of FROM TO COUNT.
+
+    Raises
+    ------
+    InputError
+        If an end is not finite, or COUNT is no whole number from 2 to ``most``.
+    """
+    first, last, count = values
+    if not (math.isfinite(first) and math.isfinite(last)):
+        raise InputError(f"{option}: FROM and TO must be finite numbers")
+    if not 2 <= count <= most or count != int(count):
+        raise InputError(f"{option}: COUNT = {count:g} must be a whole number, 2 to {most}")
+    step = (last - first) / (count - 1)
+    return [first + i * step for i in range(int(count))]
 
 
 def say(*lines: object, file: TextIO | None = None) -> None:

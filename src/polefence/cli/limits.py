@@ -24,6 +24,7 @@ from polefence.cli.common import (
     rows_file,
     say,
     size_of,
+    spaced,
     spec_argument,
     sweep_arguments,
     write_figure,
@@ -117,13 +118,7 @@ def limits_command(options: Any) -> int:
 def _centres(plant: UncertainPlant, options: Any) -> list[float]:
     centres = list(options.centre)
     if options.centres is not None:
-        first, last, count = options.centres
-        if not (math.isfinite(first) and math.isfinite(last)):
-            raise InputError("--centres: FROM and TO must be finite numbers")
-        if not 2 <= count <= 10_000 or count != int(count):
-            raise InputError(f"--centres: COUNT = {count:g} must be a whole number, 2 to 10000")
-        step = (last - first) / (count - 1)
-        centres += [first + i * step for i in range(int(count))]
+        centres += spaced("--centres", options.centres, 10_000)
     if not centres:
         several = "-5 -100 60" if plant.sample_time is None else "0 0.8 9"
         raise InputError(

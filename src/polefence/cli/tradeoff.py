@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import math
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +20,7 @@ from polefence.cli.common import (
     say,
     say_over,
     size_of,
+    spaced,
     spec_argument,
     sweep_arguments,
     write_figure,
@@ -153,14 +153,8 @@ def tradeoff_command(options: Any) -> int:
 def _values(options: Any) -> list[float]:
     values = list(options.value)
     if options.values is not None:
-        first, last, count = options.values
-        if not (math.isfinite(first) and math.isfinite(last)):
-            raise InputError("--values: FROM and TO must be finite numbers")
-        if not 2 <= count <= 1000 or count != int(count):
-            raise InputError(f"--values: COUNT = {count:g} must be a whole number, 2 to 1000")
-        step = (last - first) / (count - 1)
         # 0.0044, not 0.004399999999999999: the limit is exactly what is printed
-        values += [float(f"{first + i * step:.12g}") for i in range(int(count))]
+        values += [float(f"{value:.12g}") for value in spaced("--values", options.values, 1000)]
     if not values:
         raise InputError("no limit given; use --value 100, or --values 50 300 6")
     return list(dict.fromkeys(values))

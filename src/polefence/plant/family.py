@@ -108,7 +108,7 @@ class UncertainPlant:
         found = {output.name: output for output in self.outputs}
         if len(found) < len(self.outputs):
             raise PlantError("two outputs have one name; rename one")
-        for output in self.vehicle.outputs(self) if self.vehicle else ():
+        for output in self._of_vehicle:
             if found.pop(output.name, output) != output:
                 raise PlantError(
                     f"output {output.name!r} differs from that of the vehicle, which has this "
@@ -272,9 +272,14 @@ class UncertainPlant:
         return _width(self.vertices[0].exact_E)
 
     @cached_property
+    def _of_vehicle(self) -> tuple[Output, ...]:
+        """Outputs of the vehicle; its description is checked against the matrices on the way."""
+        return self.vehicle.outputs(self) if self.vehicle else ()
+
+    @cached_property
     def every_output(self) -> tuple[Output, ...]:
         """Outputs, those of a vehicle first."""
-        return (*(self.vehicle.outputs(self) if self.vehicle else ()), *self.outputs)
+        return (*self._of_vehicle, *self.outputs)
 
     @cached_property
     def signals(self) -> tuple[Output, ...]:

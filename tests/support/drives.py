@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from polefence.vehicle import Drive, Hardware, Road, moved, on_road
+from polefence.vehicle import Drive, Hardware, Road, disturbed, on_road
 from polefence.vehicle import drive as follow
 
 
@@ -29,7 +29,7 @@ def drive(
         if start is not None:
             excitation = replace(excitation, start=np.asarray(start, dtype=float))
     else:
-        excitation = moved(plant, road, step, duration, hold, start)
+        excitation = disturbed(plant, road, step, duration, hold, start)
     keys = ("scheduling", "sampling", "actuator", "stops", "gravity")
     parts = {key: options[key] for key in keys if options.get(key) is not None}
     rest = {key: value for key, value in options.items() if key not in keys}

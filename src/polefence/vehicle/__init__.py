@@ -24,7 +24,7 @@ from polefence.vehicle.driving.parts import (
 )
 from polefence.vehicle.driving.result import Drive
 from polefence.vehicle.estimate import Estimate, estimate
-from polefence.vehicle.excitation import Excitation, excited, moved, on_road, recorded
+from polefence.vehicle.excitation import Excitation, disturbed, excited, on_road, recorded
 from polefence.vehicle.labels import comfort_reading, dose_reading, health_reading
 from polefence.vehicle.obstacles import bump, kerb, pothole
 from polefence.vehicle.profile import measured_road
@@ -67,6 +67,7 @@ __all__ = [
     "comfort_reading",
     "compare",
     "displacement_density",
+    "disturbed",
     "dose_reading",
     "drive",
     "estimate",
@@ -76,7 +77,6 @@ __all__ = [
     "lqr",
     "masses",
     "measured_road",
-    "moved",
     "nominal",
     "on_road",
     "passive",

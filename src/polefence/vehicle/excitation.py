@@ -66,7 +66,7 @@ class Excitation:
     @property
     def samples(self) -> Array:
         """Disturbances at all instants, at the last one those of the last step."""
-        k = np.minimum(np.arange(self.steps + 1), self.steps - self.held)
+        k = np.minimum(np.arange(self.steps + 1), self.steps - 1)
         return self.disturbance(self.times, k)
 
     def disturbance(self, times: Array, k: Array) -> Array:
@@ -75,7 +75,6 @@ class Excitation:
             return self.w(times)
         if self.held:
             return np.asarray(self.w[k])
-        k = np.minimum(k, self.steps - 1)
         share = np.clip(times / self.step - k, 0.0, 1.0)[:, None]
         return np.asarray((1 - share) * self.w[k] + share * self.w[k + 1])
 
@@ -133,7 +132,7 @@ def _nothing(plant: UncertainPlant, name: str, step: float, w: Any, steps: int =
     return Excitation(name, step, steps or len(w), w, rest, quiet)
 
 
-def moved(
+def disturbed(
     plant: UncertainPlant,
     w: Any = None,
     step: float = 1e-3,

@@ -53,7 +53,7 @@ def drive(
         None leaves the plant to itself.
     excitation : Excitation
         What moves it, for how long, and the fixed step of Runge-Kutta of order four: `on_road`,
-        `moved`, `excited` or `recorded` gives one.
+        `disturbed`, `excited` or `recorded` gives one.
     parameters : mapping, list of mappings, array or function, optional
         For each parameter a number, `Jump`, `Ramp`, `Sine`, function of times, or array of values
         at all instants; a list has one mapping for each car. Or weights alpha, (N,) or (count,

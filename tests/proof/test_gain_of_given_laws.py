@@ -29,7 +29,7 @@ from polefence.design.given.closed_loop import certificate_of
 from polefence.design.margins import gain_error
 from polefence.design.margins.breaks import gain_break
 from polefence.design.margins.claims import claimed_design
-from polefence.design.margins.directions import gain_claim, gain_file
+from polefence.design.margins.directions import gain_claim
 from polefence.design.margins.gain import Scales, scales_of
 from polefence.law.laws import FixedGain, ScheduledGain
 from polefence.plant.polynomial import Domain
@@ -285,7 +285,7 @@ def test_any_matrix_may_stand_on_the_right(claims, name):
     assert design.region.contains(np.linalg.eigvals(off))
     turned = np.linalg.qr(random.normal(size=(n, n)))[0] @ T  # D Q is a D
     assert gain_claim(design, scales.rows, turned, 0.0)[0] == pytest.approx(largest, rel=1e-6)
-    document = json.loads(gain_file(claim, claimed_design(design)).dumps())
+    document = json.loads(claimed_design(design).certificate.file([claim]).dumps())
     assert only_claim_in(json.dumps(document)) == claim
     larger = [[1.1 * value for value in row] for row in T.tolist()]
     assert not answer(changed(document, "claims", 0, "columns", value=larger))
@@ -323,7 +323,7 @@ def changed(document, *keys, value):
 
 def document_of(claims, name):
     design, _, _, claim = claims[name]
-    return json.loads(gain_file(claim, claimed_design(design)).dumps())
+    return json.loads(claimed_design(design).certificate.file([claim]).dumps())
 
 
 EVIDENCE = ("claims", 0, "evidence", "parts", 0)
@@ -419,7 +419,7 @@ def test_the_elevation_counts():
     largest, claim = gain_claim(design, scales.rows, scales.columns, 0.0)
     assert claim.subject.elevation == 0  # where there is room the short proof is taken
     _, claim = gain_claim(design, scales.rows, scales.columns, 0.99 * largest)
-    document = json.loads(gain_file(claim, design).dumps())
+    document = json.loads(design.certificate.file([claim]).dumps())
     own = document["claims"][0]["elevation"]
     assert own > 0
     assert answer(document)

@@ -30,7 +30,6 @@ from polefence.design.margins.inequalities import balanced
 from polefence.plant.system import Array
 from polefence.proof.claims.gain_error import GainError
 from polefence.proof.claims.margins import Subject
-from polefence.proof.document import Document
 
 FINEST = 4  # finenesses that are tried
 LEAST = 2.0**-80  # of the largest error: what is smaller is proved as this
@@ -87,17 +86,6 @@ def gain_claim(
             if holds(claim):
                 return largest, claim
     return largest, None
-
-
-def gain_file(claim: GainError, design: Design) -> Document:
-    """Return the file of a claim.
-
-    Parameters
-    ----------
-    design : Design
-        The one that the claim is of, `claimed_design`.
-    """
-    return design.certificate.file([claim])
 
 
 def _positive(values: Any, count: int, what: str) -> Array:

@@ -22,6 +22,7 @@ from polefence.design.requirements.text import (
     parse_specification,
 )
 from polefence.region.regions import HalfPlane
+from support.commands import refused
 
 PLANT = """
 name = "stage"
@@ -61,19 +62,6 @@ def ran(capsys, *words, status=0):
     said = capsys.readouterr()
     assert found == status, said
     return said.out + said.err
-
-
-def refused(capsys, *words):
-    """Run a command that refuses; return its one line."""
-    try:
-        status = main([str(word) for word in words])
-    except SystemExit as leaving:
-        status = leaving.code
-    said = capsys.readouterr()
-    assert status == 2, said
-    assert said.out == ""
-    assert said.err.count("\n") == 1
-    return said.err
 
 
 @pytest.fixture(scope="module")

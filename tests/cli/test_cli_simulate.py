@@ -25,6 +25,7 @@ from polefence.vehicle.excitation import on_road
 from polefence.vehicle.obstacles import pothole
 from polefence.vehicle.random_road import random_road
 from polefence.vehicle.run import Setup, run, signals
+from support.commands import refused
 
 ROAD = ["--road", "C", "--speed", "20", "--duration", "2"]
 
@@ -47,19 +48,6 @@ def ran(capsys, *words):
     """Run a command that is done; return what it said."""
     assert main([str(word) for word in words]) == 0
     return capsys.readouterr().out
-
-
-def refused(capsys, *words):
-    """Run a command that refuses; return its one line."""
-    try:
-        status = main([str(word) for word in words])
-    except SystemExit as leaving:
-        status = leaving.code
-    said = capsys.readouterr()
-    assert status == 2, said
-    assert said.out == ""
-    assert said.err.count("\n") == 1
-    return said.err
 
 
 def rows(path):

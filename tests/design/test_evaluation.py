@@ -163,7 +163,7 @@ def inside(design, alpha, radius):
         [a + sum(b * k[j] for b, k in zip(bs, K, strict=True)) for j, a in enumerate(row)]
         for row, bs in zip(A, B, strict=True)
     ]
-    part = regions.Part("disk", (Fraction(design.region.centre), Fraction(radius)))
+    part = regions.Disk(Fraction(design.region.centre), Fraction(radius))
     return roots.all_inside(closed, (part,))
 
 

@@ -26,7 +26,7 @@ from polefence.proof.laws import Evidence, Law
 from polefence.proof.matrices import mix, quotient
 from polefence.proof.polynomials import bernstein
 from polefence.proof.reading import MAX_ENTRIES, parse
-from polefence.proof.regions import Part
+from polefence.proof.regions import HalfPlane
 from polefence.proof.work import FormatError
 
 PLANT = {
@@ -156,14 +156,14 @@ def test_exponents_of_many_vertices_are_counted():
 def test_evidence_that_overflows_is_no_warning(recwarn):
     tiny = Fraction(1e-320)
     loop = quotient([[Fraction(0), tiny], [Fraction(2), Fraction(1)]])
-    list(counterexample.evidence(loop, (Part("half_plane", (Fraction(0),)),)))
+    list(counterexample.evidence(loop, (HalfPlane(Fraction(0)),)))
     assert not recwarn.list
 
 
 def mislaid(N, degree, elevation=0):
     """A claim that weights are mislaid, of a plant of one state with N vertices."""
     A, B = [[[Fraction(-2)]]] * N, [[[Fraction(1)]]] * N
-    region, one, none = (Part("half_plane", (Fraction(1),)),), [[Fraction(1)]], [[Fraction(0)]]
+    region, one, none = (HalfPlane(Fraction(1)),), [[Fraction(1)]], [[Fraction(0)]]
     if degree:
         law = Law(None, [one] * N, [none] * N, degree)
         design = Poles("scheduled", A, B, region, law, (Evidence([]),))

@@ -278,7 +278,7 @@ def test_a_small_file_asks_for_no_more_than_seconds_of_work(tmp_path):
     """Eight scalar vertices and elevation 16: two kilobytes, within all limits there are."""
     one = [[[Fraction(1)]]] * 8
     law = Law(None, one, [[[Fraction(0)]]] * 8, 1)
-    disk = (regions.Part("disk", (Fraction(-3), Fraction(1))),)
+    disk = (regions.Disk(Fraction(-3), Fraction(1)),)
     evidence = (Evidence([], elevation=16),)
     claim = Poles("scheduled", [[[Fraction(-3)]]] * 8, one, disk, law, evidence)
     begin = time.perf_counter()
@@ -290,7 +290,7 @@ def test_a_small_file_asks_for_no_more_than_seconds_of_work(tmp_path):
 # --- claims made without a file ------------------------------------------------------------------
 
 ONE, ZERO = [[Fraction(1)]], [[Fraction(0)]]
-HALF_PLANE = regions.Part("half_plane", (Fraction(1, 2),))
+HALF_PLANE = regions.HalfPlane(Fraction(1, 2))
 FIXED = Law([ZERO])
 SCHEDULED = Law(None, [ONE] * 3, [ZERO] * 3, 1)
 EVIDENCE = Evidence([ONE])
@@ -385,12 +385,12 @@ def test_claims_whose_numbers_are_wrong_are_not_proved(claim):
 
 
 NO_REGIONS = [
-    regions.Part("disk", (Fraction(5), Fraction(3))),
-    regions.Part("disk", (Fraction(-3), Fraction(-3))),
-    regions.Part("ellipse", (Fraction(1, 2), Fraction(3), Fraction(1))),
-    regions.Part("sector", (Fraction(1, 2), Fraction(1))),
-    regions.Part("sector", (Fraction(1, 10**9), Fraction(1))),
-    regions.Part("half_plane", (Fraction(1, 10**200),)),
+    regions.Disk(Fraction(5), Fraction(3)),
+    regions.Disk(Fraction(-3), Fraction(-3)),
+    regions.Ellipse(Fraction(1, 2), Fraction(3), Fraction(1)),
+    regions.Sector(Fraction(1, 2), Fraction(1)),
+    regions.Sector(Fraction(1, 10**9), Fraction(1)),
+    regions.HalfPlane(Fraction(1, 10**200)),
 ]
 
 

@@ -13,6 +13,7 @@ from polefence.export.c99.number import number
 from polefence.export.c99.program import Scheduled as Code
 from polefence.export.c99.program import program
 from polefence.export.guarantee import code_of, guarantee, scales
+from polefence.proof import regions
 from polefence.proof.claims.base import prove
 from polefence.proof.claims.gain_error import GainError
 from polefence.proof.claims.margins import Subject
@@ -20,7 +21,6 @@ from polefence.proof.claims.poles import Poles
 from polefence.proof.claims.rounding import Code as Constants
 from polefence.proof.claims.rounding import Rounded, rounding_error
 from polefence.proof.laws import Evidence, Law
-from polefence.proof.regions import Part
 from polefence.proof.work import FormatError
 
 CASES = {
@@ -251,7 +251,7 @@ def test_a_small_file_cannot_ask_for_hours():
 
     one = [[Fraction(1)]]
     law = Law(W=[one] * 16, Z=[one] * 16, degree=1)
-    disk = Part("disk", (Fraction(-3), Fraction(2)))
+    disk = regions.Disk(Fraction(-3), Fraction(2))
     design = Poles("scheduled", many, [one] * 16, (disk,), law, (Evidence([]),))
     gain = GainError(
         Subject(design), Fraction(1, 10), (Fraction(1),), ((Fraction(1),),), (Fraction(1),)

@@ -21,7 +21,7 @@ from polefence.plant.system import Array
 from polefence.proof import matrices, roots, work
 from polefence.proof.claims.poles import Poles
 from polefence.proof.matrices import Rationals, mix
-from polefence.proof.regions import Part, parts_of
+from polefence.proof.regions import Part, Side, parts_of
 from polefence.proof.roots import Outside
 from polefence.region.regions import Region, region_of
 
@@ -34,10 +34,7 @@ STARTS = 4
 TIE = 1e-9  # share by which measures differ that rounding does not explain
 ROUNDS = 40
 
-Side = tuple[Fraction, Fraction, Fraction]
-
 TRIES = 3
-DIGITS = 20  # binary, of the tangent of half an angle
 
 
 def counterexample(claim: Poles) -> list[Fraction] | None:
@@ -225,7 +222,7 @@ def evidence(loop: tuple[Rationals, Rationals], region: tuple[Part, ...]) -> Ite
         return
     upper = [complex(z) for z in poles if z.imag >= 0]
     side, over = max(
-        ((side, _over(side, z)) for z in upper for part in region for side in _sides(part, z)),
+        ((side, _over(side, z)) for z in upper for part in region for side in part.facing(z)),
         key=lambda pair: pair[1],
     )
     if not over > 0:
@@ -251,33 +248,6 @@ def _over(side: Side, z: complex) -> float:
     """Return how far z lies beyond p x + q y = c."""
     p, q, c = map(float, side)
     return (p * z.real + q * z.imag - c) / float(np.hypot(p, q))
-
-
-def _sides(part: Part, z: complex) -> list[Side]:
-    """Return the half-planes p x + q y < c that hold the part and may not hold z, Im z >= 0."""
-    v, zero, one = part.numbers, Fraction(0), Fraction(1)
-    if part.kind == "disk":
-        p, q = _direction(z - float(v[0]))
-        return [(p, q, p * v[0] + v[1])]
-    if part.kind == "ellipse":
-        centre, a, b = v
-        p, q = _direction(complex((z.real - float(centre)) / float(a), z.imag / float(b)))
-        return [(p / a, q / b, 1 + p * centre / a)]
-    if part.kind == "half_plane":
-        return [(one, zero, -v[0])]
-    if part.kind == "sector":
-        return [(v[1], one, zero)]
-    if part.kind == "vertical_strip":
-        return [(one, zero, v[1]), (-one, zero, -v[0])]
-    return [(zero, one, v[0])]
-
-
-def _direction(z: complex) -> tuple[Fraction, Fraction]:
-    """Return a rational point of the unit circle near the direction of z, Im z >= 0."""
-    half = z.imag / (abs(z) + abs(z.real)) if z else 0.0
-    t = Fraction(round(half * 2**DIGITS), 2**DIGITS)
-    cosine, sine = (1 - t**2) / (1 + t**2), 2 * t / (1 + t**2)
-    return (cosine if z.real >= 0 else -cosine), sine
 
 
 def _between(values: Array) -> list[float]:

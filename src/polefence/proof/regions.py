@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, fields
 from fractions import Fraction
-from typing import Any
+from types import MappingProxyType
+from typing import Any, ClassVar
 
 from polefence.proof.matrices import (
     Integers,
@@ -22,63 +23,248 @@ from polefence.proof.work import FormatError, spend
 
 MAX_PARTS = 16
 TANGENTS = 32  # of an ellipse, in the upper half-plane
-# Parts of regions: their kinds and the numbers that each has.
-KINDS = {
-    "disk": ("centre", "radius"),
-    "half_plane": ("decay",),
-    "sector": ("damping", "slope"),
-    "vertical_strip": ("low", "high"),
-    "horizontal_strip": ("height",),
-    "ellipse": ("centre", "real", "imaginary"),
-}
-POSITIVE = ("radius", "height", "real", "imaginary")
+DIGITS = 20  # binary, of the tangent of half an angle
 LEAST_RATE, MOST_RATE, LEAST_DAMPING = map(Fraction, (1e-100, 1e100, 1e-8))
+ZERO, ONE = Fraction(0), Fraction(1)
+
+Pair = tuple[Rationals, Rationals]
+Side = tuple[Fraction, Fraction, Fraction]  # p, q, c of a half-plane p x + q |y| < c
 
 
 @dataclass(frozen=True)
 class Part:
-    """One part of a region: its kind, and its numbers as `KINDS` names them."""
+    """One part of a region; a kind is a class of its own, and `KINDS` lists it."""
 
-    kind: str
-    numbers: tuple[Fraction, ...]
+    kind: ClassVar[str]
+    positive: ClassVar[tuple[str, ...]] = ()  # those of its numbers that must be
+
+    @classmethod
+    def names(cls) -> tuple[str, ...]:
+        """Names of its numbers, as a file has them."""
+        return tuple(field.name for field in fields(cls))
+
+    @property
+    def numbers(self) -> tuple[Fraction, ...]:
+        """Its numbers, in the order of `names`."""
+        return tuple(getattr(self, key) for key in self.names())
+
+    @property
+    def pairs(self) -> list[Pair]:
+        """L and M of { z : L + M z + M' conj(z) < 0 }; a strip has two."""
+        raise NotImplementedError
+
+    def fault(self) -> str:
+        """Say which number makes it no region, and what it must be: no pole lies in one."""
+        for key, value in zip(self.names(), self.numbers, strict=True):
+            if value and not LEAST_RATE <= abs(value) <= MOST_RATE:
+                return f"{key} = {_short(value)} is out of range; use magnitudes 1e-100 to 1e100"
+            if key in self.positive and value <= 0:
+                return f"{key} = {_short(value)} must be positive"
+        return self.own_fault()
+
+    def own_fault(self) -> str:
+        """Say what besides makes it no region."""
+        return ""
+
+    def in_half_plane(self, p: Fraction, q: Fraction, c: Fraction) -> bool:
+        """Whether it lies in the half-plane p x + q y <= c."""
+        raise NotImplementedError
+
+    def sides(self) -> Iterator[Side]:
+        """Yield half-planes p x + q |y| < c of which it is the intersection; of a disk none."""
+        raise NotImplementedError
+
+    def facing(self, z: complex) -> Iterator[Side]:  # noqa: ARG002
+        """Yield half-planes p x + q |y| < c that hold it and may not hold z, Im z >= 0."""
+        return self.sides()
 
 
-def require_region(parts: tuple[Part, ...]) -> None:
-    """Refuse numbers that make no region: no pole lies in one, nor outside.
+@dataclass(frozen=True)
+class Disk(Part):
+    """|z - centre| < radius."""
 
-    Raises
-    ------
-    FormatError
-        Naming the first such part.
-    """
-    for k, part in enumerate(parts):
-        fault = _fault(part)
-        if fault:
-            where = "region" if len(parts) == 1 else f"region.parts[{k + 1}]"
-            raise FormatError(f"{where}.{fault}")
+    kind = "disk"
+    positive = ("radius",)
+
+    centre: Fraction
+    radius: Fraction
+
+    def own_fault(self) -> str:
+        """Say that it is no disk of continuous nor of discrete time."""
+        if self.centre < 0 or self.centre + self.radius <= 1:
+            return ""
+        return f"centre = {_short(self.centre)} must be negative, or the disk in the unit disk"
+
+    @property
+    def pairs(self) -> list[Pair]:
+        """L and M."""
+        c, r = self.centre, self.radius
+        return [([[-r, -c], [-c, -r]], [[ZERO, ONE], [ZERO, ZERO]])]
+
+    def in_half_plane(self, p: Fraction, q: Fraction, c: Fraction) -> bool:
+        """Whether the distance of the centre is no less than the radius."""
+        rest = c - p * self.centre
+        return rest >= 0 and rest**2 >= self.radius**2 * (p**2 + q**2)
+
+    def facing(self, z: complex) -> Iterator[Side]:
+        """Yield the tangent nearest to z."""
+        p, q = _direction(z - float(self.centre))
+        yield p, q, p * self.centre + self.radius
 
 
-def _fault(part: Part) -> str:
-    """Say which number of a part makes it no region, and what it must be."""
-    v = dict(zip(KINDS[part.kind], part.numbers, strict=True))
-    for key, value in v.items():
-        if value and not LEAST_RATE <= abs(value) <= MOST_RATE:
-            return f"{key} = {_short(value)} is out of range; use magnitudes 1e-100 to 1e100"
-        if key in POSITIVE and value <= 0:
-            return f"{key} = {_short(value)} must be positive"
-    if part.kind == "disk" and v["centre"] >= 0 and v["centre"] + v["radius"] > 1:
-        return f"centre = {_short(v['centre'])} must be negative, or the disk in the unit disk"
-    if part.kind == "ellipse" and v["centre"] >= 0:
-        return f"centre = {_short(v['centre'])} must be negative"
-    if part.kind == "vertical_strip" and v["low"] >= v["high"]:
-        return f"low = {_short(v['low'])} must be below high = {_short(v['high'])}"
-    if part.kind == "sector":
-        if not LEAST_DAMPING <= v["damping"] < 1:
-            return f"damping = {_short(v['damping'])} must be a damping ratio between 0 and 1"
-        if v["slope"] != _slope(v["damping"]):
-            right = float(_slope(v["damping"]))
-            return f"slope = {_short(v['slope'])} is not that of its damping, {right!r}"
-    return ""
+@dataclass(frozen=True)
+class HalfPlane(Part):
+    """Re z < -decay."""
+
+    kind = "half_plane"
+
+    decay: Fraction
+
+    @property
+    def pairs(self) -> list[Pair]:
+        """L and M."""
+        return [([[2 * self.decay]], [[ONE]])]
+
+    def in_half_plane(self, p: Fraction, q: Fraction, c: Fraction) -> bool:
+        """Whether the lines are parallel, and the other the farther."""
+        return not q and p >= 0 and -self.decay * p <= c
+
+    def sides(self) -> Iterator[Side]:
+        """Yield it itself."""
+        yield ONE, ZERO, -self.decay
+
+
+@dataclass(frozen=True)
+class Sector(Part):
+    """|Im z| < -slope Re z, of a slope that the damping ratio has."""
+
+    kind = "sector"
+
+    damping: Fraction
+    slope: Fraction
+
+    def own_fault(self) -> str:
+        """Say that one number is no damping ratio, or the other not its slope."""
+        if not LEAST_DAMPING <= self.damping < 1:
+            return f"damping = {_short(self.damping)} must be a damping ratio between 0 and 1"
+        right = _slope(self.damping)
+        if self.slope == right:
+            return ""
+        return f"slope = {_short(self.slope)} is not that of its damping, {float(right)!r}"
+
+    @property
+    def pairs(self) -> list[Pair]:
+        """L and M."""
+        return [([[ZERO, ZERO], [ZERO, ZERO]], [[self.slope, ONE], [-ONE, self.slope]])]
+
+    def in_half_plane(self, p: Fraction, q: Fraction, c: Fraction) -> bool:
+        """Whether both rays and the vertex do."""
+        return c >= 0 and p >= self.slope * abs(q)
+
+    def sides(self) -> Iterator[Side]:
+        """Yield both lines, which are one."""
+        yield self.slope, ONE, ZERO
+
+
+@dataclass(frozen=True)
+class VerticalStrip(Part):
+    """low < Re z < high."""
+
+    kind = "vertical_strip"
+
+    low: Fraction
+    high: Fraction
+
+    def own_fault(self) -> str:
+        """Say that it is empty."""
+        if self.low < self.high:
+            return ""
+        return f"low = {_short(self.low)} must be below high = {_short(self.high)}"
+
+    @property
+    def pairs(self) -> list[Pair]:
+        """L and M of both halves."""
+        return [([[-2 * self.high]], [[ONE]]), ([[2 * self.low]], [[-ONE]])]
+
+    def in_half_plane(self, p: Fraction, q: Fraction, c: Fraction) -> bool:
+        """Whether the lines are parallel, and the other the farther."""
+        return not q and max(p * self.low, p * self.high) <= c
+
+    def sides(self) -> Iterator[Side]:
+        """Yield both halves."""
+        yield ONE, ZERO, self.high
+        yield -ONE, ZERO, -self.low
+
+
+@dataclass(frozen=True)
+class HorizontalStrip(Part):
+    """|Im z| < height."""
+
+    kind = "horizontal_strip"
+    positive = ("height",)
+
+    height: Fraction
+
+    @property
+    def pairs(self) -> list[Pair]:
+        """L and M."""
+        h = -2 * self.height
+        return [([[h, ZERO], [ZERO, h]], [[ZERO, ONE], [-ONE, ZERO]])]
+
+    def in_half_plane(self, p: Fraction, q: Fraction, c: Fraction) -> bool:
+        """Whether the lines are parallel, and the other the farther."""
+        return not p and abs(q) * self.height <= c
+
+    def sides(self) -> Iterator[Side]:
+        """Yield both lines, which are one."""
+        yield ZERO, ONE, self.height
+
+
+@dataclass(frozen=True)
+class Ellipse(Part):
+    """((Re z - centre) / real)^2 + (Im z / imaginary)^2 < 1."""
+
+    kind = "ellipse"
+    positive = ("real", "imaginary")
+
+    centre: Fraction
+    real: Fraction
+    imaginary: Fraction
+
+    def own_fault(self) -> str:
+        """Say that its centre is unstable."""
+        return f"centre = {_short(self.centre)} must be negative" if self.centre >= 0 else ""
+
+    @property
+    def pairs(self) -> list[Pair]:
+        """L and M."""
+        c, b, ratio = self.centre, self.imaginary, self.imaginary / self.real
+        M = [[ZERO, (1 + ratio) / 2], [(ratio - 1) / 2, ZERO]]
+        return [([[-b, -c * ratio], [-c * ratio, -b]], M)]
+
+    def in_half_plane(self, p: Fraction, q: Fraction, c: Fraction) -> bool:
+        """Whether the distance of the centre is no less than the support."""
+        rest = c - p * self.centre
+        return rest >= 0 and rest**2 >= (self.real * p) ** 2 + (self.imaginary * q) ** 2
+
+    def sides(self) -> Iterator[Side]:
+        """Yield tangents at rational points, in place of all: a polygon that contains it."""
+        c, a, b = self.numbers
+        for k in range(TANGENTS + 1):
+            cosine, sine = _on_circle(Fraction(k, TANGENTS))
+            for sign in (1, -1):
+                yield sign * cosine / a, sine / b, 1 + sign * cosine * c / a
+
+    def facing(self, z: complex) -> Iterator[Side]:
+        """Yield the tangent where the ray to z leaves it."""
+        c, a, b = self.numbers
+        p, q = _direction(complex((z.real - float(c)) / float(a), z.imag / float(b)))
+        yield p / a, q / b, 1 + p * c / a
+
+
+KINDS: Mapping[str, type[Part]] = MappingProxyType(
+    {each.kind: each for each in (Disk, HalfPlane, Sector, VerticalStrip, HorizontalStrip, Ellipse)}
+)
 
 
 def _slope(damping: Fraction) -> Fraction:
@@ -90,64 +276,35 @@ def _slope(damping: Fraction) -> Fraction:
     return Fraction(slope)
 
 
+def _on_circle(t: Fraction) -> tuple[Fraction, Fraction]:
+    """Return cosine and sine of the angle whose half has the tangent t."""
+    return (1 - t**2) / (1 + t**2), 2 * t / (1 + t**2)
+
+
+def _direction(z: complex) -> tuple[Fraction, Fraction]:
+    """Return a rational point of the unit circle near the direction of z, Im z >= 0."""
+    half = z.imag / (abs(z) + abs(z.real)) if z else 0.0
+    cosine, sine = _on_circle(Fraction(round(half * 2**DIGITS), 2**DIGITS))
+    return (cosine if z.real >= 0 else -cosine), sine
+
+
 def _short(value: Fraction) -> str:
     return repr(float(value)).removesuffix(".0")
 
 
-def characteristic_pairs(part: Part) -> list[tuple[Rationals, Rationals]]:
-    """Return L and M of { z : L + M z + M' conj(z) < 0 }; a strip has two."""
-    v, one = part.numbers, Fraction(1)
-    zero = one - one
-    if part.kind == "disk":
-        return [([[-v[1], -v[0]], [-v[0], -v[1]]], [[zero, one], [zero, zero]])]
-    if part.kind == "half_plane":
-        return [([[2 * v[0]]], [[one]])]
-    if part.kind == "sector":
-        return [([[zero, zero], [zero, zero]], [[v[1], one], [-one, v[1]]])]
-    if part.kind == "vertical_strip":
-        return [([[-2 * v[1]]], [[one]]), ([[2 * v[0]]], [[-one]])]
-    if part.kind == "horizontal_strip":
-        return [([[-2 * v[0], zero], [zero, -2 * v[0]]], [[zero, one], [-one, zero]])]
-    c, a, b = v
-    M = [[zero, (1 + b / a) / 2], [(b / a - 1) / 2, zero]]
-    return [([[-b, -c * b / a], [-c * b / a, -b]], M)]
+def require_region(parts: tuple[Part, ...]) -> None:
+    """Refuse numbers that make no region: no pole lies in one, nor outside.
 
-
-def holds(part: Part, p: Fraction, q: Fraction, c: Fraction) -> bool:
-    """Whether the part lies in the half-plane p x + q y <= c."""
-    v, flat = part.numbers, not q
-    if part.kind in ("disk", "ellipse"):
-        a, b = v[1], v[-1]
-        rest = c - p * v[0]
-        return rest >= 0 and rest**2 >= (a * p) ** 2 + (b * q) ** 2
-    if part.kind == "half_plane":
-        return flat and p >= 0 and -v[0] * p <= c
-    if part.kind == "sector":
-        return c >= 0 and p >= v[1] * abs(q)
-    if part.kind == "vertical_strip":
-        return flat and max(p * v[0], p * v[1]) <= c
-    return not p and abs(q) * v[0] <= c
-
-
-def sides(part: Part) -> Iterator[tuple[Fraction, Fraction, Fraction]]:
-    """Yield p, q, c of half-planes p x + q |y| < c of which the part is the intersection."""
-    v, zero, one = part.numbers, Fraction(0), Fraction(1)
-    if part.kind == "half_plane":
-        yield one, zero, -v[0]
-    elif part.kind == "sector":
-        yield v[1], one, zero
-    elif part.kind == "vertical_strip":
-        yield one, zero, v[1]
-        yield -one, zero, -v[0]
-    elif part.kind == "horizontal_strip":
-        yield zero, one, v[0]
-    else:  # the ellipse ((x - c) / a)^2 + (y / b)^2 < 1, by tangents at rational points
-        c, a, b = v
-        for k in range(TANGENTS + 1):
-            s = Fraction(k, TANGENTS)
-            cosine, sine = (1 - s**2) / (1 + s**2), 2 * s / (1 + s**2)
-            for sign in (1, -1):
-                yield sign * cosine / a, sine / b, 1 + sign * cosine * c / a
+    Raises
+    ------
+    FormatError
+        Naming the first such part.
+    """
+    for k, part in enumerate(parts):
+        fault = part.fault()
+        if fault:
+            where = "region" if len(parts) == 1 else f"region.parts[{k + 1}]"
+            raise FormatError(f"{where}.{fault}")
 
 
 Region = tuple[Part, ...]
@@ -174,19 +331,19 @@ def parts_of(document: dict[str, Any]) -> Region:
 
 
 def _part(table: Table) -> Part:
-    kind = table.word("kind", KINDS)
-    numbers = tuple(table.number(key) for key in KINDS[kind])
-    for key, value in zip(KINDS[kind], numbers, strict=True):
+    kind = KINDS[table.word("kind", KINDS)]
+    numbers = [table.number(key) for key in kind.names()]
+    for key, value in zip(kind.names(), numbers, strict=True):
         if not is_double(value):
             given = shown(table.at(key))
             raise FormatError(f"{table.path(key)} = {given} is no double; give a decimal")
-    return Part(kind, numbers)
+    return kind(*numbers)
 
 
 def write_region(region: Region) -> dict[str, Any]:
     """Return a region as a file has it."""
     parts = [
-        {"kind": part.kind} | dict(zip(KINDS[part.kind], map(float, part.numbers), strict=True))
+        {"kind": part.kind} | dict(zip(part.names(), map(float, part.numbers), strict=True))
         for part in region
     ]
     return parts[0] if len(parts) == 1 else {"kind": "intersection", "parts": parts}

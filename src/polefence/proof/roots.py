@@ -18,7 +18,7 @@ from polefence.proof.matrices import (
     transposed,
     whole_numbers,
 )
-from polefence.proof.regions import Part, holds, sides
+from polefence.proof.regions import Disk, Part
 from polefence.proof.work import cost, spend
 
 
@@ -45,7 +45,7 @@ def is_outside(loop: tuple[Rationals, Rationals], region: tuple[Part, ...], by: 
     """
     n = len(loop[0])
     shapes = all(len(M) == n and all(len(row) == n for row in M) for M in (by.S, by.T))
-    if not shapes or not any(holds(part, by.p, by.q, by.c) for part in region):
+    if not shapes or not any(part.in_half_plane(by.p, by.q, by.c) for part in region):
         return False
     if not is_symmetric(by.S) or any(
         by.T[i][j] != -by.T[j][i] for i in range(n) for j in range(i + 1)
@@ -99,13 +99,13 @@ def roots_inside(polynomial: list[int], region: tuple[Part, ...], whole: int = 1
     An ellipse is replaced by the polygon of its `TANGENTS`, which contains it.
     """
     for part in region:
-        if part.kind == "disk":
+        if isinstance(part, Disk):
             own = common_denominator([[list(part.numbers)]], LONGEST)
             centre, radius = (int(v * own) * whole for v in part.numbers)
             moved = _shifted(_scaled(polynomial, own), centre)
             if not _in_unit_disk([a * radius**k for k, a in enumerate(reversed(moved))][::-1]):
                 return False
-        elif not all(_in_half_plane(polynomial, whole, *side) for side in sides(part)):
+        elif not all(_in_half_plane(polynomial, whole, *side) for side in part.sides()):
             return False
     return True
 

@@ -13,7 +13,7 @@ from decimal import ROUND_CEILING, ROUND_FLOOR, Context, Decimal
 from fractions import Fraction
 
 from polefence.proof.matrices import Rationals
-from polefence.proof.regions import KINDS, Part
+from polefence.proof.regions import Part
 
 LARGEST = 10**308  # of a double, nearly
 LONGEST = 80  # characters of a name in a sentence
@@ -103,7 +103,7 @@ def region_text(parts: Sequence[Part]) -> str:
 
 
 def _numbers(part: Part) -> Iterable[str]:
-    for key, value in zip(KINDS[part.kind], part.numbers, strict=True):
+    for key, value in zip(part.names(), part.numbers, strict=True):
         if key != "slope":  # that of the damping
             yield exactly(float(value)) if Fraction(float(value)) == value else str(value)
 

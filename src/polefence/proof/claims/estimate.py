@@ -31,7 +31,7 @@ from polefence.proof.matrices import common_denominator, whole_numbers
 from polefence.proof.plant import Plant, Range
 from polefence.proof.polynomials import COORDINATES, Polynomial, Sizes, count_of
 from polefence.proof.reading import Table, plain
-from polefence.proof.regions import characteristic_pairs, lyapunov
+from polefence.proof.regions import lyapunov
 from polefence.proof.text import digits_down, region_text
 from polefence.proof.work import FormatError, spend
 
@@ -86,7 +86,7 @@ class Estimate(MarginClaim):
                 degrees = cell.elevated(N.degrees, subject.elevation)
                 yield from cell.positive(X, degrees, parts)
                 for part in parts:
-                    for L, M in characteristic_pairs(part):
+                    for L, M in part.pairs:
                         F = lyapunov(L, M, X, N)
                         yield Inequality(part.kind, [[F]], degrees, cell.name)
 

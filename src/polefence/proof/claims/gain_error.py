@@ -31,7 +31,7 @@ from polefence.proof.matrices import Rationals
 from polefence.proof.plant import Plant
 from polefence.proof.polynomials import Polynomial, constant, count_of, diagonal
 from polefence.proof.reading import MAX_SIZE, Table, plain
-from polefence.proof.regions import Part, characteristic_pairs, lyapunov
+from polefence.proof.regions import Disk, Part, lyapunov
 from polefence.proof.text import errors_text, region_text
 from polefence.proof.work import FormatError
 
@@ -85,7 +85,7 @@ class GainError(MarginClaim):
         if self._given and any(pieces != 1 for pieces in self.subject.pieces):
             raise FormatError("pieces must be 1 for errors of a gain that was given")
         require_numbers((self.error,), 1, "error")
-        pairs = sum(len(characteristic_pairs(part)) for part in design.region)
+        pairs = sum(len(part.pairs) for part in design.region)
         for key, values, length in (("rows", self.rows, m), ("mu", self.mu, pairs)):
             require_numbers(values, length, key, positive=True)
         numbers = tuple(c for c in self.columns if isinstance(c, Fraction))
@@ -107,7 +107,7 @@ class GainError(MarginClaim):
         pairs = zip(design.region, design.evidence, strict=True)
         count = sum(
             count_of(design.sizes, design.degree(evidence) + self.subject.elevation)
-            * len(characteristic_pairs(part))
+            * len(part.pairs)
             for part, evidence in pairs
         )
         return count, size
@@ -138,7 +138,7 @@ class GainError(MarginClaim):
         X, N, B = XKX.part(slice(n)), AB * XKX, AB.part(slice(None), slice(n, None))
         by = self.subject.elevation + evidence.elevation
         degrees = tuple(degree + by for degree in N.degrees)
-        if part.kind != "disk":
+        if not isinstance(part, Disk):
             yield Inequality("of X", [[X]], degrees)
         for rows in self._bordered(part, X, N, B, numbers):
             yield Inequality(part.kind if len(design.region) > 1 else "", rows, degrees)
@@ -154,7 +154,7 @@ class GainError(MarginClaim):
         """Yield the blocks of each L, M: F, and what the error puts beside and below it."""
         sizes = X.sizes
         BS, XT = B * diagonal(self.rows, sizes), X * constant(self.right, sizes).T
-        for L, M in characteristic_pairs(part):
+        for L, M in part.pairs:
             mu, (M1, M2) = next(numbers), _factors(M)
             left = BS.beside(M1).times(mu)
             right = XT.beside([list(column) for column in zip(*M2, strict=True)]).times(self.error)

@@ -24,7 +24,7 @@ from polefence.proof.matrices import Rationals
 from polefence.proof.plant import Plant, Range
 from polefence.proof.polynomials import MAX_DEGREE, Polynomial, Sizes, count_of, monomials, number
 from polefence.proof.reading import Table
-from polefence.proof.regions import Part
+from polefence.proof.regions import Disk, Part
 from polefence.proof.text import digits_down, name_text, range_text, unit_text
 from polefence.proof.work import FormatError
 
@@ -248,7 +248,7 @@ class Cell:
         self, X: Polynomial, degrees: tuple[int, ...], parts: tuple[Part, ...]
     ) -> Iterator[Inequality]:
         """X > 0, which the inequality of a disk implies."""
-        if any(part.kind != "disk" for part in parts):
+        if any(not isinstance(part, Disk) for part in parts):
             yield Inequality("of W", [[X]], degrees, self.name)
 
 

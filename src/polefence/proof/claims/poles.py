@@ -65,8 +65,8 @@ from polefence.proof.polynomials import (
 from polefence.proof.reading import Table, plain
 from polefence.proof.regions import (
     MAX_PARTS,
+    Disk,
     Part,
-    characteristic_pairs,
     lyapunov,
     read_region,
     require_region,
@@ -225,7 +225,7 @@ class Poles(Claim):
     @property
     def _is_theorem_1(self) -> bool:
         shape = self.law.degree, self.evidence[0].elevation, self.on
-        disk = [part.kind for part in self.region] == ["disk"]
+        disk = [type(part) for part in self.region] == [Disk]
         return self.method == "scheduled" and shape == (1, 1, "simplex") and disk
 
     def symmetric(self) -> Iterator[tuple[str, Rationals]]:
@@ -261,10 +261,10 @@ class Poles(Claim):
         if self.weights:
             X = bernstein([[[q]] for q in self.weights], sizes, 1) * X
         degrees = tuple(degree + evidence.elevation for degree in N.degrees)
-        if any(part.kind != "disk" for part in parts):
+        if any(not isinstance(part, Disk) for part in parts):
             yield Inequality("of X", [[X]], degrees)
         for part in parts:
-            for L, M in characteristic_pairs(part):
+            for L, M in part.pairs:
                 F = lyapunov(L, M, X, N)
                 if evidence.tau:
                     F = F - _floor(evidence.tau, n, sizes)
@@ -288,8 +288,8 @@ class Poles(Claim):
         degrees = (self.degree(evidence),) * len(sizes)
         N, P, G = (each.raised(degrees) for each in (N, P, G))
         for part in parts:
-            for L, M in characteristic_pairs(part):
-                if part.kind == "disk":
+            for L, M in part.pairs:
+                if isinstance(part, Disk):
                     centre, r = part.numbers
                     upper = N.times(-1) + G.times(centre)
                     rows = [[P.times(r), upper], [(G + G.T - P).times(r)]]
@@ -299,7 +299,7 @@ class Poles(Claim):
                     last = (G + G.T).beside(eye).times(e)
                     rows = [[lyapunov(L, T, P, N), -corner], [last]]
                 yield Inequality(part.kind if len(self.region) > 1 else "", rows, degrees)
-        if any(part.kind != "disk" for part in parts):
+        if any(not isinstance(part, Disk) for part in parts):
             yield Inequality("of P", [[P]], degrees)
 
     # --- one alpha -------------------------------------------------------------------------------

@@ -40,7 +40,7 @@ from polefence.proof.matrices import (
 )
 from polefence.proof.plant import Plant, Range
 from polefence.proof.reading import MAX_VERTICES, Table, plain, require_shape
-from polefence.proof.regions import Part
+from polefence.proof.regions import Disk
 from polefence.proof.text import digits_down, milliseconds_text
 from polefence.proof.work import FormatError
 
@@ -271,7 +271,7 @@ def loop_claim(claim: Sampled) -> GainError:
         If T is singular.
     """
     n, m = len(claim.T), len(claim.scale)
-    disk = (Part("disk", (ZERO, claim.radius)),)
+    disk = (Disk(ZERO, claim.radius),)
     family = Poles(
         "lyapunov",
         [_stacked(step, n, m, claim.delay) for step in claim.steps],

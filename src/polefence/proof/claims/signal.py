@@ -23,7 +23,7 @@ from polefence.proof.matrices import MAX_BITS, Rationals
 from polefence.proof.plant import Output, Plant, sizes_of
 from polefence.proof.polynomials import Polynomial, Sizes, affine, bernstein, count_of, joint
 from polefence.proof.reading import Table, plain, plain_rows
-from polefence.proof.regions import Part
+from polefence.proof.regions import HalfPlane
 from polefence.proof.text import digits_up, output_text, quoted
 from polefence.proof.work import FormatError
 
@@ -90,7 +90,7 @@ class Subject:
         evidence, method = self.evidence, "lyapunov"
         if not evidence.X and self.law.W is not None:
             evidence, method = replace(evidence, multiple=()), "scheduled"
-        region = (Part("half_plane", (Fraction(0),)),)
+        region = (HalfPlane(Fraction(0)),)
         return Poles(method, self.A, self.B, region, self.law, (evidence,), self.on)
 
     def require(self, evidence: Evidence | None = None) -> None:

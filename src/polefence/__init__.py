@@ -3,6 +3,7 @@
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
+from polefence.base import VERSION
 from polefence.base.errors import (
     DesignFileError,
     InputError,
@@ -14,7 +15,6 @@ from polefence.base.errors import (
     SpecError,
     UncontrollableError,
 )
-from polefence.base.version import VERSION
 from polefence.design.certificate import Certificate, Check
 from polefence.design.design import Design, check
 from polefence.design.given.analysis import analyse

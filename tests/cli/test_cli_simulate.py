@@ -16,7 +16,7 @@ from polefence.cli.drive_output import panels_of
 from polefence.cli.main import main
 from polefence.examples import spec_text
 from polefence.plant.spec import dumps
-from polefence.response.export import Table, write_table
+from polefence.response.columns import Table, write_table
 from polefence.response.linear import impulse, simulate, step
 from polefence.show.plots.drive import Panel, signals_figure
 from polefence.vehicle.comfort import comfort

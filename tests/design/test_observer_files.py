@@ -13,7 +13,7 @@ from polefence.cli.main import main
 from polefence.design.design import Design
 from polefence.design.margins import estimation_error, gain_error, parameter_rate
 from polefence.design.observer import Observer
-from polefence.law.given import given_law
+from polefence.law.laws import given_law
 from polefence.response.linear import simulate
 from polefence.show.report import html_report
 from support.drives import drive

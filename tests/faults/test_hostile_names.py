@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from polefence.cli.main import main
-from polefence.plant.names import quoted, unit_text, visible
+from polefence.proof.text import quoted, unit_text, visible
 
 FORGED = "all poles in disk(-9, 1)"
 NAMES = {

@@ -12,7 +12,6 @@ import pytest
 
 from polefence import Disk, load, place
 from polefence.cli.main import main
-from polefence.plant.names import quoted
 from polefence.proof.text import (
     errors_text,
     impulses_text,
@@ -20,6 +19,7 @@ from polefence.proof.text import (
     number_text,
     output_text,
     points_text,
+    quoted,
     range_text,
     sum_text,
 )

@@ -1,18 +1,27 @@
-"""Expressions: exact values, and everything else refused in one clear line."""
+"""Expressions: exact values, the multi-affinity verdict, and all else refused in one clear line."""
 
 from __future__ import annotations
 
 import re
+from contextlib import nullcontext
 from fractions import Fraction
+from itertools import product
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from polefence.base.errors import SpecError
-from polefence.plant.expression import decimal, evaluate
+from polefence.base.errors import PlantError, SpecError
+from polefence.plant import expression, family
+from polefence.plant.expression import RationalFunction, decimal, evaluate
+from polefence.plant.spec import loads
 
 NAMES = {"k": Fraction(3), "m1": Fraction(1, 7)}
+
+x, y = (RationalFunction.variable(i, 2) for i in range(2))
+small = st.fractions(min_value=-5, max_value=5, max_denominator=7)
+
+BOX = [(Fraction(1), Fraction(3)), (Fraction(-2), Fraction(5))]
 
 
 @pytest.mark.parametrize(
@@ -71,3 +80,96 @@ def test_what_is_no_expression_is_refused(text, message):
     with pytest.raises(SpecError, match=re.escape(message)) as caught:
         evaluate(text, NAMES)
     assert "\n" not in str(caught.value)
+
+
+@given(small, small, small, small)
+def test_arithmetic_agrees_with_fractions(a: Fraction, b: Fraction, p: Fraction, q: Fraction):
+    f = (a * x + b) * (y - 2) / (x * x + 1) - x / 3 + (y + 20) ** -2
+    expected = (a * p + b) * (q - 2) / (p * p + 1) - p / 3 + (q + 20) ** -2
+    assert f((p, q)) == expected
+
+
+def verdict(f: RationalFunction) -> bool:
+    corners = {
+        side: f([pair[s] for pair, s in zip(BOX, side, strict=True)])
+        for side in product((0, 1), repeat=2)
+    }
+    return f.equals_multiaffine(corners, BOX)
+
+
+@pytest.mark.parametrize(
+    "f",
+    [
+        x * 0 + 4,
+        x,
+        3 * x * y - y / 7,
+        (x * x * y + x * y) / (x + 1) / 1,
+        (x - y) * (x + y) / (x - y),
+    ],
+)
+def test_multiaffine_functions_are_recognised_even_behind_cancelling_factors(f):
+    assert verdict(f)
+
+
+@pytest.mark.parametrize(
+    "f",
+    [
+        x * x,
+        1 / x,
+        x * y * y,
+        x + (x - 1) * (x - 3) / 10**12,
+        (x - 1) * (x - 3) * (y + 2) * (y - 5),
+    ],
+)
+def test_functions_that_bend_between_corners_are_told_apart(f):
+    assert not verdict(f)
+
+
+@pytest.mark.parametrize("power", [0.5, 33, -33])
+def test_powers_must_be_small_integers(power):
+    with pytest.raises(PlantError, match="integer"):
+        x**power
+
+
+def test_division_by_the_zero_function_is_refused():
+    with pytest.raises(PlantError, match="divides by zero"):
+        1 / (x - x)
+
+
+def test_runaway_expressions_are_stopped():
+    f = x + y + 1
+    with pytest.raises(PlantError, match="terms|proportion"):
+        for _ in range(12):
+            f = f * f
+
+
+def test_branching_and_floats_of_parameters_are_refused():
+    with pytest.raises(PlantError, match="branch"):
+        bool(x)
+    with pytest.raises(PlantError, match="only"):
+        float(x)
+
+
+def test_work_of_all_expressions_together_is_counted():
+    """Each is within the bounds on terms and degree; thousands of them took minutes."""
+    with expression.counted(10_000):
+        assert not ((x + y) ** 8).is_constant
+    with expression.counted(10_000), pytest.raises(PlantError, match="more work than is done"):
+        for _ in range(100):
+            (x + y) ** 8
+
+
+def test_long_coefficients_count_for_more():
+    for factor, refused in ((3, False), (3**2000, True)):
+        with expression.counted(1000), nullcontext() if not refused else pytest.raises(PlantError):
+            for _ in range(20):
+                x * factor * x
+
+
+def test_a_plant_is_loaded_under_the_count(monkeypatch):
+    spec = "[parameter.p]\nrange = [1, 2]\n[matrices]\nA = [['(p + 1)**9 / (p + 1)**8']]\nB = [[1]]"
+    assert loads(spec).shape == (1, 1)
+    own = expression.counted
+    monkeypatch.setattr(family, "counted", lambda: own(100))
+    with pytest.raises(PlantError, match="more work than is done"):
+        loads(spec)

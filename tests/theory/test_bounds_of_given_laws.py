@@ -13,7 +13,7 @@ from polefence.design.given.closed_loop import loop_with
 from polefence.design.requirements.gain import Gain
 from polefence.design.requirements.rms import Rms
 from polefence.design.signals.bounds import best_bound, kept_bound
-from polefence.law.given import domain_of
+from polefence.law.laws import domain_of
 from polefence.lmi.solve.lyapunov import least_given
 
 

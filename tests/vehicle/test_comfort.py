@@ -16,8 +16,8 @@ from polefence.response import bands as of_bands
 from polefence.response import weighting as of_weighting
 from polefence.response.bands import MOTION, RIDE, Bands, quadrature, stationary_ride, thirds
 from polefence.response.closed import close
-from polefence.response.iso8608 import velocity_density
 from polefence.response.linear import frequency as frequency_response
+from polefence.response.stationary import velocity_density
 from polefence.response.weighting import WF, WK
 from polefence.vehicle import labels
 

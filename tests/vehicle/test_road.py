@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from scipy import signal
 
 from polefence.base.errors import InputError
-from polefence.response.iso8608 import (
+from polefence.response.stationary import (
     ROUGHNESS,
     displacement_density,
     roughness,

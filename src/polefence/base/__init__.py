@@ -1,1 +1,3 @@
-"""Foundations: errors, files from strangers, worker processes, time limits."""
+"""Foundations: errors, files from strangers, worker processes; and the version."""
+
+VERSION = "0.1.0"

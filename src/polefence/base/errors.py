@@ -106,3 +106,10 @@ def suggest(word: str, known: Iterable[str]) -> str:
     lower = {w.lower(): w for w in words}
     near = difflib.get_close_matches(word.lower(), lower, n=1)
     return f"did you mean {lower[near[0]]!r}?" if near else f"known: {', '.join(words) or 'none'}"
+
+
+def require_type(value: object, kind: type, name: str, remedy: str) -> None:
+    """Refuse a value of another type, with a remedy."""
+    if not isinstance(value, kind):
+        given = type(value).__name__
+        raise InputError(f"{name} must be of type {kind.__name__}, not {given}; {remedy}")

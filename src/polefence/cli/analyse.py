@@ -32,8 +32,7 @@ from polefence.design.given.reach import WorstCase, worst_case
 from polefence.design.given.table import FILE_NAME as TABLE_NAME
 from polefence.design.given.table import TableAnalysis, analyse_table
 from polefence.design.rows import plant_summary
-from polefence.law.given import given_law
-from polefence.law.laws import Law
+from polefence.law.laws import Law, given_law
 from polefence.law.table import GainTable, table_from
 from polefence.plant.family import UncertainPlant
 from polefence.plant.points import values_text

@@ -18,13 +18,13 @@ from polefence.design.requirements.text import RoadSpectrum, load_specifications
 from polefence.design.signals.augmented import with_weights
 from polefence.export import check_guarantee
 from polefence.plant.family import UncertainPlant
-from polefence.plant.names import quoted
 from polefence.plant.spec import load
 from polefence.proof.claims.observer import Observer
 from polefence.proof.claims.rounding import Rounded
 from polefence.proof.document import Document
 from polefence.proof.reading import MAX_BYTES
 from polefence.proof.standalone import archive
+from polefence.proof.text import quoted
 
 NAMES_ARE_ITS_OWN = (
     "note: about the plant in the file. Its vertices, names, units and ranges are compared with",

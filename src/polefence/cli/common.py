@@ -21,7 +21,7 @@ from polefence.design.design import FILE_NAME, Design
 from polefence.design.place.limits import Limit
 from polefence.law.laws import FixedGain
 from polefence.plant.family import UncertainPlant
-from polefence.plant.names import visible
+from polefence.proof.text import visible
 
 PROVED, NOT_PROVED = 0, 1
 

@@ -15,7 +15,7 @@ from polefence.plant.outputs import disturbances
 from polefence.plant.system import Array
 
 if TYPE_CHECKING:  # imported where used: with scipy behind them
-    from polefence.response.export import Table
+    from polefence.response.columns import Table
     from polefence.show.plots.drive import Panel
     from polefence.vehicle.run import Run, Setup
 
@@ -24,7 +24,7 @@ DEMANDED, ESTIMATED = " demanded", " estimated"  # drawn into the panel of what 
 
 def table_of(setup: Setup, runs: Mapping[str, Run]) -> Table:
     """Return time, disturbances and all signals, in that order; of several laws under its name."""
-    from polefence.response.export import Table
+    from polefence.response.columns import Table
 
     moved = setup.excitation
     labels, columns = ["time [s]"], [setup.time]

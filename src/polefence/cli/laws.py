@@ -10,7 +10,7 @@ from typing import Any
 from polefence.base.errors import InputError, suggest
 from polefence.cli.analyse import read_gain
 from polefence.design.design import FILE_NAME, Design, is_proof_file
-from polefence.law.given import given_law
+from polefence.law.laws import given_law
 from polefence.plant.family import UncertainPlant
 from polefence.plant.spec import load
 

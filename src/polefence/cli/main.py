@@ -10,6 +10,7 @@ from collections.abc import Callable, Sequence
 from decimal import Decimal, InvalidOperation
 from typing import Any, NoReturn
 
+from polefence.base import VERSION
 from polefence.base.errors import (
     InputError,
     MissingExtraError,
@@ -17,7 +18,6 @@ from polefence.base.errors import (
     PolefenceError,
     UncontrollableError,
 )
-from polefence.base.version import VERSION
 from polefence.cli import (
     analyse,
     check,

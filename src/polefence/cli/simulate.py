@@ -47,7 +47,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def simulate_command(options: Any) -> int:
     """Follow a car on a road, or any plant: signals over time, and where no guarantee holds."""
-    from polefence.response.export import check_format
+    from polefence.response.columns import check_format
     from polefence.vehicle.run import run
 
     check_figure(options.plot)
@@ -93,7 +93,7 @@ def _write(
 ) -> None:
     """Write all files; first of all those: nobody need read the output to its end."""
     if options.output is not None:
-        from polefence.response.export import write_table
+        from polefence.response.columns import write_table
 
         write_table(options.output, table_of(setup, runs))
     if options.plot is not None:

@@ -10,8 +10,8 @@ from typing import Any
 
 import numpy as np
 
+from polefence.base import VERSION
 from polefence.base.errors import DesignFileError, InputError, PlantError
-from polefence.base.version import VERSION
 from polefence.design.counterexample import counterexample
 from polefence.design.measured import dual_plant
 from polefence.law.laws import FixedGain, Law, ScheduledGain

@@ -3,13 +3,15 @@
 A search works in floats and comes close to the edge of what there is; a proof is exact, holds a
 step inside it, and decides. Every ladder of this room is a sequence of candidates, found and proved
 as they are asked for. It ends with its candidates or with the first that will do: by counted work,
-never by the clock.
+never by the clock, unless a user asks for a `Deadline`.
 """
 
 from __future__ import annotations
 
 import math
+import time
 from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass, field
 from typing import TypeVar
 
 T = TypeVar("T")
@@ -71,3 +73,23 @@ def edge(
         middle = math.sqrt(low * high) if geometric else (low + high) / 2
         low, high = (middle, high) if holds(middle) else (low, middle)
     return low, high
+
+
+@dataclass(frozen=True)
+class Deadline:
+    """A number of seconds from now; None for no limit.
+
+    Searches are bounded by counted work. A limit in seconds is for those who would rather have an
+    answer that was cut; the answer then says so.
+    """
+
+    seconds: float | None = None
+    begin: float = field(default_factory=time.perf_counter)
+
+    @property
+    def passed(self) -> bool:
+        """Whether the time is over."""
+        return self.seconds is not None and time.perf_counter() - self.begin >= self.seconds
+
+    def __str__(self) -> str:
+        return f"the budget of {self.seconds:g} s is spent"

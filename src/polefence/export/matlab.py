@@ -12,9 +12,9 @@ from polefence.base.files import write_bytes
 from polefence.design.design import Design
 from polefence.law.laws import FixedGain
 from polefence.plant.family import UncertainPlant
-from polefence.plant.names import visible
 from polefence.plant.polynomial import binomial
 from polefence.plant.system import Array
+from polefence.proof.text import visible
 
 # In place of scipy's own text, which has a date: the same design makes the same file.
 HEADER = b"MATLAB 5.0 MAT-file, written by polefence"

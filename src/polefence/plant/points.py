@@ -11,10 +11,10 @@ from typing import Any
 import numpy as np
 
 from polefence.plant.family import UncertainPlant
-from polefence.plant.names import unit_text
 from polefence.plant.parameters import Parameter
 from polefence.plant.polynomial import Domain
 from polefence.plant.system import Array
+from polefence.proof.text import unit_text
 
 SEED = 20050801
 SEED_OF_VALUES = 20051

@@ -8,10 +8,10 @@ from fractions import Fraction
 from typing import TYPE_CHECKING, Any
 
 from polefence.base.errors import PlantError, suggest
-from polefence.plant.names import quoted
 from polefence.plant.outputs import Output, disturbances, inputs, rate_of, states
 from polefence.plant.parameters import check_label
 from polefence.plant.system import System
+from polefence.proof.text import quoted
 
 if TYPE_CHECKING:
     from polefence.plant.family import UncertainPlant

@@ -1,8 +1,9 @@
-"""Stationary covariances and rms values of a closed loop under white noise.
+"""Stationary covariances and rms values of a closed loop under white noise; roads as such noise.
 
 With w white of two-sided density S, the covariance X of the state solves the Lyapunov equation
 A X + X A' + E S E' = 0 (Kwakernaak & Sivan, Linear Optimal Control Systems, 1972, section 1.11).
-Densities here are one-sided, as roads are described: S is half of them.
+Densities here are one-sided, as roads are described: S is half of them. Roads have
+the classes of ISO 8608.
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from polefence.base.errors import InputError
+from polefence.base.errors import InputError, suggest
 from polefence.plant.family import UncertainPlant
 from polefence.plant.outputs import Output, choose, output_matrices, pick
 from polefence.plant.system import Array
@@ -24,9 +25,12 @@ from polefence.response.discrete import BUFFER, balancing
 from polefence.response.weighting import positive
 
 Numbers = npt.NDArray[np.intp]
-
 # A pole counts as stable if it is so by more than this share of the fastest: rounding.
 STABLE = 1e-12
+
+# ISO 8608: Gd(n0) [m3] at n0 = 0.1 cycles/m, geometric means of the classes; Gd falls as n^-2.
+ROUGHNESS = {letter: 16e-6 * 4**i for i, letter in enumerate("ABCDEFGH")}
+REFERENCE = 0.1
 
 
 @dataclass(frozen=True, eq=False)
@@ -225,3 +229,36 @@ def _refuse_unstable(
         f"{loops.plant.name} has a pole at {at} 1/s at {point_text(loops.plant, loops.alpha[row])}"
         f", so nothing there is stationary; {remedy}"
     )
+
+
+def roughness(road_class: str) -> float:
+    """Return Gd(n0) [m3] of a class "A" to "H" of ISO 8608, its geometric mean.
+
+    Raises
+    ------
+    InputError
+        If there is no such class.
+    """
+    found = ROUGHNESS.get(str(road_class).upper())
+    if found is None:
+        raise InputError(f"no road class {road_class!r}; {suggest(str(road_class), ROUGHNESS)}")
+    return float(found)
+
+
+def displacement_density(road_class: str, n: Any) -> Array:
+    """Return the one-sided density of height [m3] at spatial frequencies n [cycles/m]."""
+    return np.asarray(roughness(road_class) * (np.asarray(n, dtype=float) / REFERENCE) ** -2)
+
+
+def velocity_density(road_class: str, speed: float) -> float:
+    """Return the one-sided, white density of road velocity at a speed [m2/s2 per Hz].
+
+    That of `velocity_psd` for a class, from Gd(n) = Gd(n0) (n / n0)^-2 at n = f / v.
+    Half of it is two-sided, as in the Lyapunov equation A X + X A' + E (density / 2) E' = 0.
+
+    Raises
+    ------
+    InputError
+        If there is no such class, or the speed [m/s] is not above zero.
+    """
+    return velocity_psd(roughness(road_class), speed, REFERENCE)

@@ -4,7 +4,7 @@
 `compare` are named as the modules that they are in: here the name is the function.
 """
 
-from polefence.response.iso8608 import displacement_density, roughness, velocity_density
+from polefence.response.stationary import displacement_density, roughness, velocity_density
 from polefence.vehicle.comfort import Comfort, comfort, running_rms
 from polefence.vehicle.compare import NoLaw, compare, points, standard_laws
 from polefence.vehicle.comparison import Comparison, Row

@@ -23,8 +23,7 @@ from polefence.plant.polynomial import Domain
 from polefence.plant.system import Array
 from polefence.region.regions import Disk
 from polefence.response.closed import close, point_text
-from polefence.response.iso8608 import velocity_density
-from polefence.response.stationary import covariance, needed, unstable
+from polefence.response.stationary import covariance, needed, unstable, velocity_density
 from polefence.response.weighting import WK
 from polefence.vehicle.comparison import Comparison
 from polefence.vehicle.reference_laws import lqr, skyhook

@@ -10,9 +10,9 @@ import numpy as np
 
 from polefence.base.errors import InputError, suggest
 from polefence.plant.family import UncertainPlant
-from polefence.plant.names import visible
 from polefence.plant.points import values_at
 from polefence.plant.system import Array
+from polefence.proof.text import visible
 from polefence.response.closed import point_text
 
 # Of each law at each point; rms unless said otherwise. Power is of the actuator, into the car: the

@@ -10,11 +10,11 @@ from typing import Any
 
 import numpy as np
 
-from polefence.base.columns import read_columns
 from polefence.base.errors import InputError, suggest
 from polefence.plant.family import UncertainPlant
 from polefence.plant.outputs import Signal, disturbances, split, states
 from polefence.plant.system import Array
+from polefence.response.columns import read_columns
 from polefence.response.weighting import positive
 from polefence.vehicle.road import Road
 from polefence.vehicle.vehicle import require_ride

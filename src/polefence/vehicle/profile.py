@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from polefence.base.columns import read_columns
 from polefence.base.errors import InputError
 from polefence.plant.outputs import split
+from polefence.response.columns import read_columns
 from polefence.vehicle.road import Road, first_fault
 
 MAX_BYTES = 50_000_000

@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from polefence.base.errors import InputError
-from polefence.response.iso8608 import displacement_density
+from polefence.response.stationary import displacement_density
 from polefence.response.weighting import positive
 from polefence.vehicle.road import MOST, Road
 

@@ -26,7 +26,7 @@ from polefence import (
     worst_case,
 )
 from polefence.cli.main import main
-from polefence.law.given import given_law
+from polefence.law.laws import given_law
 from polefence.plant.points import values_at
 from polefence.proof import work
 from polefence.proof.claims.base import prove

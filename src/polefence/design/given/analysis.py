@@ -8,9 +8,7 @@ from typing import Any, overload
 
 import numpy as np
 
-from polefence.base.deadline import Deadline
-from polefence.base.errors import InputError
-from polefence.base.types import require_type
+from polefence.base.errors import InputError, require_type
 from polefence.design.certificate import Certificate
 from polefence.design.checks import require_region
 from polefence.design.counterexample import counterexample
@@ -24,9 +22,8 @@ from polefence.design.given.closed_loop import (
     points_inside,
 )
 from polefence.design.given.table import TableAnalysis, analyse_table
-from polefence.design.search import first
-from polefence.law.given import given_law
-from polefence.law.laws import Law
+from polefence.design.search import Deadline, first
+from polefence.law.laws import Law, given_law
 from polefence.law.table import GainTable
 from polefence.lmi.solve.lyapunov import LyapunovPolynomial
 from polefence.plant.family import UncertainPlant

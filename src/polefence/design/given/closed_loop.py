@@ -10,8 +10,7 @@ import numpy as np
 
 from polefence.base.errors import InputError, SolverError
 from polefence.design.certificate import Certificate
-from polefence.law.given import domain_of
-from polefence.law.laws import FixedGain, Law, ScheduledGain
+from polefence.law.laws import FixedGain, Law, ScheduledGain, domain_of
 from polefence.lmi.conditions.lyapunov import Loop
 from polefence.lmi.conditions.target import Around
 from polefence.lmi.solve.lyapunov import LyapunovPolynomial, least

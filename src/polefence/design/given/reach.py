@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 
-from polefence.base.deadline import Deadline
 from polefence.base.errors import InputError, RegionError, SolverError
 from polefence.design.certificate import Certificate
 from polefence.design.checks import require_region
@@ -21,9 +20,8 @@ from polefence.design.given.closed_loop import (
     loop_of,
     placeholder,
 )
-from polefence.design.search import first
-from polefence.law.given import domain_of, given_law
-from polefence.law.laws import Law
+from polefence.design.search import Deadline, first
+from polefence.law.laws import Law, domain_of, given_law
 from polefence.lmi.conditions.lyapunov import Loop
 from polefence.lmi.conditions.target import Around, Decays, Disks, Goal, Sectors
 from polefence.lmi.solve.lyapunov import LyapunovPolynomial, least

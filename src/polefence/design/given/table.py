@@ -14,16 +14,15 @@ from pathlib import Path
 
 import numpy as np
 
-from polefence.base.deadline import Deadline
-from polefence.base.errors import DesignFileError, InputError, NotProvedError
+from polefence.base import VERSION
+from polefence.base.errors import DesignFileError, InputError, NotProvedError, require_type
 from polefence.base.files import write_documents
-from polefence.base.types import require_type
-from polefence.base.version import VERSION
 from polefence.design.certificate import file_plant, plant_of
 from polefence.design.checks import require_region
 from polefence.design.counterexample import shown
 from polefence.design.design import check_document, read_document
 from polefence.design.given.closed_loop import points_inside
+from polefence.design.search import Deadline
 from polefence.law.table import GainTable
 from polefence.lmi.conditions.lyapunov import Loop
 from polefence.plant.family import UncertainPlant

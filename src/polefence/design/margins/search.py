@@ -18,12 +18,12 @@ from polefence.design.margins.claims import Question, claimed_design, proved
 from polefence.design.margins.inequalities import Balanced, balanced
 from polefence.design.margins.result import Margin, Margins
 from polefence.law.laws import FixedGain
-from polefence.plant.names import rate_text, unit_text
 from polefence.plant.parameters import Parameter
 from polefence.proof.claims.estimate import Estimate
 from polefence.proof.claims.gain_error import GainError
 from polefence.proof.claims.margins import MarginClaim
 from polefence.proof.claims.rate import Rate
+from polefence.proof.text import rate_text, unit_text
 from polefence.region.regions import Region
 
 

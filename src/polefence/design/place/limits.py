@@ -14,10 +14,9 @@ from functools import partial
 from pathlib import Path
 from typing import Any, Unpack
 
-from polefence.base import workers
+from polefence.base import VERSION, workers
 from polefence.base.errors import InputError, NotProvedError
 from polefence.base.files import read_text, write_text
-from polefence.base.version import VERSION
 from polefence.design.certificate import Certificate, file_plant
 from polefence.design.checks import (
     require_checkable,

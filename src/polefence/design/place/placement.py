@@ -6,9 +6,7 @@ from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import replace
 
-from polefence.base.deadline import Deadline
-from polefence.base.errors import NotProvedError, SolverError
-from polefence.base.types import require_type
+from polefence.base.errors import NotProvedError, SolverError, require_type
 from polefence.design.checks import (
     is_checkable,
     require_checkable,
@@ -20,6 +18,7 @@ from polefence.design.counterexample import unplaceable
 from polefence.design.design import Design
 from polefence.design.place.shipped import proved_at, radius_of, rounded, runnable
 from polefence.design.place.tightest import smallest_disk
+from polefence.design.search import Deadline
 from polefence.lmi.conditions.methods import Method, Scheduled, degree_hint, fitting, method_label
 from polefence.lmi.conditions.target import Around
 from polefence.lmi.solve.radius import smallest, smallest_radius, typical_rate

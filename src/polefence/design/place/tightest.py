@@ -7,8 +7,7 @@ from contextlib import suppress
 from dataclasses import dataclass, replace
 from fractions import Fraction
 
-from polefence.base.errors import InputError, NotProvedError, SolverError
-from polefence.base.types import require_type
+from polefence.base.errors import InputError, NotProvedError, SolverError, require_type
 from polefence.design.checks import (
     require_checkable,
     require_domain,

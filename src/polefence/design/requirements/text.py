@@ -20,7 +20,7 @@ from polefence.design.requirements.rms import Rms
 from polefence.design.requirements.specification import Row, Specification, number
 from polefence.plant.spec import specification_tables
 from polefence.proof.claims.gain_norm import LAW
-from polefence.response.iso8608 import velocity_density
+from polefence.response.stationary import velocity_density
 
 KINDS: dict[str, type[Specification]] = {
     "rms": Rms,

@@ -14,8 +14,7 @@ from polefence.design.given.closed_loop import loop_with
 from polefence.design.requirements.gain_norm import GainNorm, levels
 from polefence.design.requirements.specification import Specification, claim_of
 from polefence.design.search import first
-from polefence.law.given import domain_of
-from polefence.law.laws import FixedGain, Law
+from polefence.law.laws import FixedGain, Law, domain_of
 from polefence.lmi.conditions.lyapunov import Loop
 from polefence.lmi.conditions.performance import Output, Source
 from polefence.lmi.solve.lyapunov import LyapunovPolynomial, points_given, work

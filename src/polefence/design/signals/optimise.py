@@ -14,12 +14,11 @@ from pathlib import Path
 
 import numpy as np
 
-from polefence.base.deadline import Deadline
-from polefence.base.errors import InputError, NotProvedError, SolverError
-from polefence.base.types import require_type
+from polefence.base.errors import InputError, NotProvedError, SolverError, require_type
 from polefence.design.checks import require_domain, require_movable, require_region
 from polefence.design.design import Design
 from polefence.design.requirements.specification import Specification
+from polefence.design.search import Deadline
 from polefence.design.signals.augmented import with_weights, without_feedback
 from polefence.design.signals.bounds import Bound, best_bound
 from polefence.design.signals.conflict import refusal

@@ -14,8 +14,7 @@ from fractions import Fraction
 
 import numpy as np
 
-from polefence.base.errors import InputError, SolverError
-from polefence.base.types import require_type
+from polefence.base.errors import InputError, SolverError, require_type
 from polefence.design.requirements.rms import Rms
 from polefence.design.requirements.specification import Specification, disturbance, limit_text, rows
 from polefence.design.signals.augmented import with_weights

@@ -13,13 +13,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from polefence.base.deadline import Deadline
 from polefence.base.errors import InputError, RegionError, SolverError
 from polefence.design.certificate import Certificate
 from polefence.design.given.analysis import analyse
 from polefence.design.requirements.gain_norm import GainNorm
 from polefence.design.requirements.specification import Specification
-from polefence.design.search import edge
+from polefence.design.search import Deadline, edge
 from polefence.design.signals.bounds import (
     Bound,
     Known,

@@ -10,8 +10,7 @@ from pathlib import Path
 from typing import Any, Unpack
 
 from polefence.base import workers
-from polefence.base.errors import InputError, PolefenceError
-from polefence.base.types import require_type
+from polefence.base.errors import InputError, PolefenceError, require_type
 from polefence.design.checks import require_domain, require_movable, require_region
 from polefence.design.requirements.specification import Specification
 from polefence.design.rows import Row, Run, RunOptions

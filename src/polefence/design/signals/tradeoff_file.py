@@ -10,9 +10,9 @@ from dataclasses import replace
 from fractions import Fraction
 from pathlib import Path
 
+from polefence.base import VERSION
 from polefence.base.errors import InputError
 from polefence.base.files import make_folder, read_text, write_text
-from polefence.base.version import VERSION
 from polefence.design.certificate import Certificate
 from polefence.design.place.limits import LABEL
 from polefence.design.requirements.specification import Specification, claim_of

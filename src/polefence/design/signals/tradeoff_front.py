@@ -8,9 +8,9 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
+from polefence.base import VERSION
 from polefence.base.errors import InputError
 from polefence.base.files import write_documents
-from polefence.base.version import VERSION
 from polefence.design.certificate import Certificate
 from polefence.design.design import FILE_NAME, Design
 from polefence.design.requirements.specification import Specification

@@ -20,8 +20,7 @@ from polefence.design.given.closed_loop import certificate_of
 from polefence.design.margins.gain import Scales, largest_of
 from polefence.design.margins.inequalities import balanced
 from polefence.export.sampled.poles import cloud
-from polefence.law.given import domain_of, given_law
-from polefence.law.laws import FixedGain, Law, ScheduledGain
+from polefence.law.laws import FixedGain, Law, ScheduledGain, domain_of, given_law
 from polefence.lmi.solve.starts import start_matrix
 from polefence.plant.family import UncertainPlant
 from polefence.plant.system import Array

@@ -20,9 +20,9 @@ from polefence.plant.points import edges, inside, sample
 from polefence.plant.polynomial import Domain
 from polefence.plant.system import Array
 from polefence.response import bands
-from polefence.response.iso8608 import velocity_density
 from polefence.response.linear import frequency, impulse, step
 from polefence.response.result import Frequency, Response
+from polefence.response.stationary import velocity_density
 from polefence.response.weighting import WF, WK
 from polefence.show.paper.study import DISK
 from polefence.show.paper.tables import number, table

@@ -9,7 +9,7 @@ import numpy as np
 from polefence.base.errors import InputError
 from polefence.design.given.analysis import Analysis
 from polefence.design.given.table import TableAnalysis
-from polefence.law.given import domain_of
+from polefence.law.laws import domain_of
 from polefence.plant.parameters import Parameter
 from polefence.plant.points import sample, values_text
 from polefence.proof.claims.cells import ANSWERS

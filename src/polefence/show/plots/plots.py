@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from polefence.design.design import Design
-from polefence.plant.names import visible
 from polefence.plant.points import sample
 from polefence.plant.polynomial import Domain
 from polefence.plant.system import Array
+from polefence.proof.text import visible
 from polefence.region.boundary import View, curves, view_of
 from polefence.region.regions import Disk, Region
 from polefence.region.text import short_text

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from polefence.base.errors import NotProvedError
 from polefence.design.design import Design, check, require_kind
-from polefence.plant.names import visible
+from polefence.proof.text import visible
 from polefence.region.text import short_text
 from polefence.show.plots.plots import render
 from polefence.show.report.sections import sections

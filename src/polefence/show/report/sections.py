@@ -20,8 +20,8 @@ from polefence.plant.family import UncertainPlant
 from polefence.plant.outputs import Output, inputs, states
 from polefence.region.regions import Disk
 from polefence.region.text import digits_down, digits_up, short_text
-from polefence.response.iso8608 import velocity_density
 from polefence.response.linear import step
+from polefence.response.stationary import velocity_density
 from polefence.show.plots.plots import limits_figure, poles_figure, sampled
 from polefence.show.plots.response import responses_figure
 from polefence.vehicle.compare import Comparison, compare, points

@@ -11,8 +11,7 @@ import numpy as np
 
 from polefence.base.errors import InputError
 from polefence.design.margins import Margin, Margins
-from polefence.law.given import given_law
-from polefence.law.laws import FixedGain
+from polefence.law.laws import FixedGain, given_law
 from polefence.law.table import GainTable
 from polefence.plant.system import Array
 from polefence.vehicle.driving.scheduling import INSIDE

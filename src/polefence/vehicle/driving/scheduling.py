@@ -8,8 +8,7 @@ from typing import Any
 import numpy as np
 
 from polefence.base.errors import InputError, suggest
-from polefence.law.given import given_law
-from polefence.law.laws import FixedGain
+from polefence.law.laws import FixedGain, given_law
 from polefence.law.table import GainTable
 from polefence.plant.system import Array
 from polefence.vehicle.driving.parts import Measured

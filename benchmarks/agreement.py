@@ -20,9 +20,9 @@ from polefence import METHODS, PolefenceError, UncertainPlant
 from polefence.design.place.tightest import tightest_near
 from polefence.lmi.conditions.methods import build
 from polefence.lmi.solve.conic import largest_margin
-from polefence.lmi.solve.radius import FLOOR
 from polefence.lmi.solve.scaling import balanced
 from polefence.lmi.solve.search import Reached, lyapunov_mean
+from polefence.lmi.solve.smallest import FLOOR
 
 SIDE = 1e-3
 CLEAR = 1e-7  # a margin that means something

@@ -53,8 +53,8 @@ from polefence.law.laws import Law, right_divide
 from polefence.lmi.conditions.methods import Method
 from polefence.lmi.conditions.target import Around
 from polefence.lmi.solve.performance import Problem, least
-from polefence.lmi.solve.radius import smallest, typical_rate
 from polefence.lmi.solve.scaling import Scaling, balanced
+from polefence.lmi.solve.smallest import smallest, typical_rate
 from polefence.plant.family import UncertainPlant
 from polefence.plant.polynomial import Domain
 from polefence.plant.system import Array

@@ -6,7 +6,7 @@ python benchmarks/smallest.py --section one --quick
 The peer is what one writes without polefence: the condition in CVXPY, compiled once for each plant
 and method with the radius as a parameter (DPP), the margin maximised, and the radius bisected to
 1e-4 of itself, over Clarabel; for the quarter car also over SCS and CVXOPT. Its data are balanced
-as polefence balances them. Ours are `smallest_radius` on both engines and `tightest_near`, which
+as polefence balances them. Ours are `smallest` on both engines and `tightest_near`, which
 also proves the radius and a lower bound in exact arithmetic; the peer proves nothing. All run in
 one process on one thread, turn by turn. Times are medians of wall-clock times; the peer's include
 building its problem once, and what Clarabel reports of its own time stands beside them: no other
@@ -46,11 +46,12 @@ from polefence import METHODS, UncertainPlant
 from polefence.base.errors import PolefenceError
 from polefence.design.place.tightest import tightest_near
 from polefence.examples import family
+from polefence.lmi.conditions.target import Disks
 from polefence.lmi.solve import search
 from polefence.lmi.solve import stacked as stacked_module
-from polefence.lmi.solve.radius import smallest_radius
 from polefence.lmi.solve.scaling import balanced
 from polefence.lmi.solve.search import Reached
+from polefence.lmi.solve.smallest import smallest
 from polefence.lmi.solve.stacked import Stacked
 from polefence.plant.system import Array
 
@@ -348,18 +349,18 @@ def measure(
     A, B = plant.A, plant.B
     every = max(ours // peers, 1)
     for engine in ("numpy", "compiled"):
-        smallest_radius(A, B, sigma, method, engine=engine)
+        smallest(A, B, Disks(-sigma), method, engine=engine)
     result = Measured([], [], [], [], [], [], Reached(r=0.0, values={}), 0.0, None)
     for k in range(ours):
         if k % every == 0 and len(result.peers) < peers:
             result.peers.append(run_peer(A, B, sigma, method, limit))
-        result.numpy.append(clock(lambda: smallest_radius(A, B, sigma, method, engine="numpy"))[0])
+        result.numpy.append(clock(lambda: smallest(A, B, Disks(-sigma), method, engine="numpy"))[0])
         seconds, result.found = clock(
-            lambda: smallest_radius(A, B, sigma, method, engine="compiled")
+            lambda: smallest(A, B, Disks(-sigma), method, engine="compiled")
         )
         result.compiled.append(seconds)
         stacked_module._layout.cache_clear()
-        run = clock(lambda: smallest_radius(A, B, sigma, method, engine="compiled"))
+        run = clock(lambda: smallest(A, B, Disks(-sigma), method, engine="compiled"))
         result.first.append(run[0])
         above = clock(lambda: tightest_near(plant, -sigma, method, None, bounds=False))
         result.above.append(above[0])
@@ -431,7 +432,7 @@ def other_peers(limit: float) -> None:
     )
     A, B = family(CARS[0]).A, family(CARS[0]).B
     for method in METHODS:
-        turns = [clock(lambda: smallest_radius(A, B, SIGMA, method)) for _ in range(9)]  # noqa: B023
+        turns = [clock(lambda: smallest(A, B, Disks(-SIGMA), method)) for _ in range(9)]  # noqa: B023
         seconds, found = median(t for t, _ in turns), turns[0][1]
         for label, solver, options in OTHERS:
             peer = run_peer(A, B, SIGMA, method, limit, solver, options)
@@ -560,7 +561,7 @@ def grow(method: str, N: int, n: int, seeds: int, limit: float) -> None:
         try:
             for turn in range(3):
                 seconds, found = clock(
-                    lambda: smallest_radius(A, B, 5.0, method, engine="compiled")  # noqa: B023
+                    lambda: smallest(A, B, Disks(-5.0), method, engine="compiled")  # noqa: B023
                 )
                 turns.append(seconds)
                 if seed == turn == 0:
@@ -594,7 +595,7 @@ def timed_numpy(A: Array, B: Array, method: str, limit: float) -> str:
     """Time the NumPy engine once."""
     try:
         with limited(limit):
-            seconds, _ = clock(lambda: smallest_radius(A, B, 5.0, method, engine="numpy"))
+            seconds, _ = clock(lambda: smallest(A, B, Disks(-5.0), method, engine="numpy"))
     except TooSlowError:
         return f"> {1e3 * limit:g}"
     return ms(seconds)
@@ -631,7 +632,7 @@ def kernel_runs(N: int, n: int, repeats: int) -> tuple[Stacked, list[float], int
 
     with patch.object(search, "run", timed):
         for _ in range(repeats):
-            smallest_radius(A, B, 5.0, "scheduled", engine="compiled")
+            smallest(A, B, Disks(-5.0), "scheduled", engine="compiled")
     most = max(stacked.unknowns for stacked, _, _ in runs)
     mine = [run for run in runs if run[0].unknowns == most and run[2] > 0]
     return mine[0][0], [seconds / count for _, seconds, count in mine], mine[0][2]

@@ -1,4 +1,4 @@
-// The interior point of src/polefence/lmi/solve/smallest.py on plain arrays: data, memory, entry points.
+// The interior point of src/polefence/lmi/solve/interior_point.py on plain arrays: data, memory, entry points.
 #pragma once
 #include <cstddef>
 #include <cstdint>

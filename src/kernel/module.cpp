@@ -213,7 +213,7 @@ nb::tuple run(Int unknowns, const Integers &entries, const std::vector<FamilyArr
 }  // namespace
 
 NB_MODULE(_kernel, module) {
-    module.doc() = "The interior point of polefence.lmi.solve.smallest, compiled.";
+    module.doc() = "The interior point of polefence.lmi.solve.interior_point, compiled.";
     module.def("instructions", [] { return std::string(has_avx2() ? "AVX2" : "baseline"); });
     module.def("run", &run, nb::arg("unknowns"), nb::arg("entries").noconvert(), nb::arg("families"),
                nb::arg("x").noconvert(), nb::arg("r"), nb::arg("tolerance"), nb::arg("enough"),

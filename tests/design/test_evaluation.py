@@ -30,7 +30,8 @@ from polefence.design.place.tightest import _designs
 from polefence.design.search import first
 from polefence.law.coordinates import Coordinates
 from polefence.law.laws import FixedGain, ScheduledGain, right_divide
-from polefence.lmi.solve.radius import smallest_radius
+from polefence.lmi.conditions.target import Disks
+from polefence.lmi.solve.smallest import smallest
 from polefence.plant.polynomial import Domain
 from polefence.proof import definite, polynomials, regions, roots
 from polefence.proof import matrices as exactly
@@ -84,7 +85,7 @@ def sharpest():
     found = {}
     for name, (matrices, N, share, centre) in CASES.items():
         plant = uncertain(matrices, N, share)
-        point = smallest_radius(plant.A, plant.B, -centre, "scheduled")
+        point = smallest(plant.A, plant.B, Disks(centre), "scheduled")
         found[name] = first(_designs(plant, centre, "scheduled", point))
     return found
 

@@ -13,11 +13,12 @@ import pytest
 
 import polefence
 from polefence import Scheduled, build
+from polefence.lmi.conditions.target import Disks
 from polefence.lmi.solve import engine as module
 from polefence.lmi.solve.engine import run
-from polefence.lmi.solve.radius import smallest_radius
+from polefence.lmi.solve.interior_point import least_radius
 from polefence.lmi.solve.scaling import balanced
-from polefence.lmi.solve.smallest import least_radius
+from polefence.lmi.solve.smallest import smallest
 from polefence.lmi.solve.stacked import stack
 from polefence.lmi.solve.starts import common_point, nominal_start
 from support.paths import FAMILIES
@@ -96,7 +97,7 @@ def test_it_agrees_with_the_reference(seed, n, m, N, method, make_random):
 def test_folds_are_passed_alike(seed):
     plant, centre = runpy.run_path(str(FAMILIES))["polytope"](seed)
     A, B, engines = plant.A, plant.B, ("compiled", "numpy")
-    ours, theirs = (smallest_radius(A, B, -centre, "quadratic", engine=e) for e in engines)
+    ours, theirs = (smallest(A, B, Disks(centre), "quadratic", engine=e) for e in engines)
     assert ours.converged
     assert ours.iterations <= 1.3 * theirs.iterations
     assert np.isclose(ours.r, theirs.r, rtol=1e-8)
@@ -104,11 +105,11 @@ def test_folds_are_passed_alike(seed):
 
 def test_without_the_kernel_the_reference_runs(monkeypatch, make_random):
     plant = make_random(9, 3, 2, 4)
-    usual = smallest_radius(plant.A, plant.B, 3.0, "scheduled")
+    usual = smallest(plant.A, plant.B, Disks(-3.0), "scheduled")
     monkeypatch.setattr(module, "_kernel", None)
     assert polefence.engine() == "numpy"
     for engine in (None, "numpy", "compiled"):
-        found = smallest_radius(plant.A, plant.B, 3.0, "scheduled", engine=engine)
+        found = smallest(plant.A, plant.B, Disks(-3.0), "scheduled", engine=engine)
         assert found.converged
         assert np.isclose(found.r, usual.r, rtol=1e-6)
 

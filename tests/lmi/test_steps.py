@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 
 from polefence.lmi.conditions.methods import build
-from polefence.lmi.solve import engine, smallest
-from polefence.lmi.solve.radius import smallest_radius
+from polefence.lmi.conditions.target import Disks
+from polefence.lmi.solve import engine, interior_point
 from polefence.lmi.solve.scaling import balanced
+from polefence.lmi.solve.smallest import smallest
 from polefence.lmi.solve.stacked import stack
 from polefence.lmi.solve.starts import common_point, nominal_start
 from support.paths import ROOT
@@ -28,14 +29,14 @@ def test_the_kernel_has_the_constants_of_the_reference():
         return tuple(float(n) for n in re.findall(r"[0-9.e+-]+", text))
 
     for ours, theirs in (
-        ("shares", smallest.SHARES),
-        ("leaps", smallest.LEAPS),
-        ("shifts", smallest.SHIFTS),
-        ("central_share", (smallest.CENTRAL,)),
-        ("loose_share", (smallest.LOOSE,)),
-        ("fold", (smallest.FOLD,)),
-        ("damping_factor", (smallest.DAMPING,)),
-        ("least_damping", (smallest.LEAST_DAMPING,)),
+        ("shares", interior_point.SHARES),
+        ("leaps", interior_point.LEAPS),
+        ("shifts", interior_point.SHIFTS),
+        ("central_share", (interior_point.CENTRAL,)),
+        ("loose_share", (interior_point.LOOSE,)),
+        ("fold", (interior_point.FOLD,)),
+        ("damping_factor", (interior_point.DAMPING,)),
+        ("least_damping", (interior_point.LEAST_DAMPING,)),
     ):
         assert numbers(ours) == theirs, ours
 
@@ -52,7 +53,7 @@ def test_one_step_is_the_same_step(monkeypatch, make_random, n, m, N, method):
     values = common_point(start.W, start.K @ start.W, pencil.variables)
     x = pencil.pack(scaling.scaled(values, pencil.variables))
     r = 1.3 * start.radius / scaling.rate
-    monkeypatch.setattr(smallest, "MAX_ITERATIONS", 1)
+    monkeypatch.setattr(interior_point, "MAX_ITERATIONS", 1)
     reference = engine.run(stack(pencil), x, r, engine="numpy")
     compiled = engine.run(stack(pencil), x, r, engine="compiled")
     assert reference.iterations == compiled.iterations
@@ -61,7 +62,7 @@ def test_one_step_is_the_same_step(monkeypatch, make_random, n, m, N, method):
         assert np.isclose(compiled.r, reference.r, rtol=1e-6)
         assert np.allclose(compiled.x, reference.x, rtol=1e-5, atol=1e-5 * np.abs(x).max())
     moved = stack(pencil).parts(compiled.x)
-    assert smallest.least_radius(*moved) < compiled.r
+    assert interior_point.least_radius(*moved) < compiled.r
 
 
 @pytest.mark.parametrize("name", engine.ENGINES)
@@ -72,10 +73,10 @@ def test_inputs_without_effect_or_twice_change_nothing(make_random, name):
     plant = make_random(3, 3, 1, 3)
     A, B = plant.A, plant.B
     for method in ("quadratic", "slack", "scheduled"):
-        plain = smallest_radius(A, B, 3.0, method, engine=name)
+        plain = smallest(A, B, Disks(-3.0), method, engine=name)
         for extra in (0 * B, B):
             twice = np.concatenate([B, extra], axis=2)
-            found = smallest_radius(A, twice, 3.0, method, engine=name)
+            found = smallest(A, twice, Disks(-3.0), method, engine=name)
             assert found.converged
             assert np.isclose(found.r, plain.r, rtol=1e-6)
 
@@ -85,7 +86,7 @@ def test_more_inputs_than_states(make_random):
     plant = make_random(2, 1, 2, 3)
     for name in ENGINES_HERE:
         lemma, theorem = (
-            smallest_radius(plant.A, plant.B, 3.0, m, engine=name)
+            smallest(plant.A, plant.B, Disks(-3.0), m, engine=name)
             for m in ("quadratic", "scheduled")
         )
         assert lemma.converged

@@ -12,7 +12,8 @@ import pytest
 from polefence import Scheduled
 from polefence.design import repair
 from polefence.lmi.conditions.methods import build, method_name
-from polefence.lmi.solve.radius import smallest_radius
+from polefence.lmi.conditions.target import Disks
+from polefence.lmi.solve.smallest import smallest
 from polefence.proof import lower
 
 RIGHT = Scheduled(right_hand_sides=True)
@@ -35,8 +36,12 @@ def rational(matrices):
 
 def infimum(method, A, B, sigma):
     """The radius that the solver finds, and its dual matrices in the plant's coordinates."""
-    found = smallest_radius(
-        np.asarray(A, dtype=float), np.asarray(B, dtype=float), sigma, method, engine="numpy"
+    found = smallest(
+        np.asarray(A, dtype=float),
+        np.asarray(B, dtype=float),
+        Disks(-sigma),
+        method,
+        engine="numpy",
     )
     return found.r, found.dual.matrices()
 

@@ -30,7 +30,7 @@ SLOW = (
     "cli/test_cli_simulate.py",
     "show/test_report.py",
     "proof/test_rounding.py",
-    "lmi/test_smallest.py",
+    "lmi/test_interior_point.py",
     "faults/test_what_check_says.py",
     "export/test_vectors.py",
     "proof/test_margins_of_given_laws.py",

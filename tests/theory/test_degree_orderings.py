@@ -11,10 +11,11 @@ import pytest
 
 from polefence import Parameter, UncertainPlant, check, tightest
 from polefence.lmi.conditions.methods import Scheduled, Slack, build
+from polefence.lmi.conditions.target import Disks
 from polefence.lmi.solve.conic import largest_margin
-from polefence.lmi.solve.radius import smallest_radius
 from polefence.lmi.solve.scaling import balanced
 from polefence.lmi.solve.search import lyapunov_mean
+from polefence.lmi.solve.smallest import smallest
 from polefence.plant.polynomial import Domain
 
 CENTRE = -3.0
@@ -139,7 +140,7 @@ def test_the_car_at_centre_40(name, on, g, d, request):
 def test_clarabel_finds_nothing_below(name, on, g, d, request):
     """0.3 % below no point, 0.3 % above one, in the coordinates of the answer."""
     plant, method = request.getfixturevalue(name), Scheduled(g, d, on)
-    found = smallest_radius(plant.A, plant.B, 40.0, method)
+    found = smallest(plant.A, plant.B, Disks(-40.0), method)
     scaling = balanced(plant.A, plant.B, 40.0).refined(lyapunov_mean(found.values))
     A, B = scaling.apply(plant.A, plant.B)
     pencil = build(method, A, B, 40.0 / scaling.rate)

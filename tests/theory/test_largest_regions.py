@@ -12,8 +12,8 @@ from polefence import Disk, NotProvedError, UncertainPlant, check, place, tighte
 from polefence.lmi.conditions.methods import Scheduled, Slack, build
 from polefence.lmi.conditions.target import Around, Decays, Sectors
 from polefence.lmi.solve.conic import largest_margin
-from polefence.lmi.solve.radius import smallest
 from polefence.lmi.solve.scaling import balanced
+from polefence.lmi.solve.smallest import smallest
 from polefence.region.regions import Ellipse, HalfPlane, HorizontalStrip, Sector, VerticalStrip
 
 WITHIN = Disk(-3, 2.9)

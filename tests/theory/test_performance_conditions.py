@@ -26,8 +26,8 @@ from polefence.lmi.conditions.performance import Demands, Output, Points, Throug
 from polefence.lmi.conditions.target import Around, Target, fixed
 from polefence.lmi.solve.lyapunov import least_given
 from polefence.lmi.solve.performance import Problem, least
-from polefence.lmi.solve.radius import smallest, typical_rate
 from polefence.lmi.solve.scaling import balanced
+from polefence.lmi.solve.smallest import smallest, typical_rate
 from polefence.plant.outputs import Output as Signal
 from polefence.plant.outputs import rate_of
 from polefence.plant.polynomial import Domain

@@ -25,7 +25,7 @@ from polefence.law.laws import Law, domain_of, given_law
 from polefence.lmi.conditions.lyapunov import Loop
 from polefence.lmi.conditions.target import Around, Decays, Disks, Goal, Sectors
 from polefence.lmi.solve.lyapunov import LyapunovPolynomial, least
-from polefence.lmi.solve.radius import typical_rate
+from polefence.lmi.solve.smallest import typical_rate
 from polefence.plant.family import UncertainPlant
 from polefence.plant.points import values_at
 from polefence.plant.system import Array

@@ -20,9 +20,9 @@ from polefence.design.place.shipped import proved_at, radius_of, rounded, runnab
 from polefence.design.place.tightest import smallest_disk
 from polefence.design.search import Deadline
 from polefence.lmi.conditions.methods import Method, Scheduled, degree_hint, fitting, method_label
-from polefence.lmi.conditions.target import Around
-from polefence.lmi.solve.radius import smallest, smallest_radius, typical_rate
+from polefence.lmi.conditions.target import Around, Disks
 from polefence.lmi.solve.search import Reached
+from polefence.lmi.solve.smallest import smallest, typical_rate
 from polefence.plant.family import UncertainPlant
 from polefence.plant.polynomial import Domain
 from polefence.region.regions import Disk, Region, bounded, bounds_speed
@@ -88,7 +88,7 @@ def _in_disk(plant: UncertainPlant, disk: Disk, method: Method, allow_unproved: 
     """Place the poles by a point inside a disk, or by the smallest disk of the same centre."""
     inside: Design | None = None
     with suppress(SolverError):
-        found = smallest_radius(plant.A, plant.B, disk.sigma, method, enough=disk.radius)
+        found = smallest(plant.A, plant.B, Disks(disk.centre), method, enough=disk.radius)
         if found.r <= disk.radius:
             inside = proved_at(plant, disk, method, found)
     if inside is not None and inside.runs:

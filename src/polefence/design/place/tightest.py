@@ -30,10 +30,10 @@ from polefence.lmi.conditions.methods import (
     normal,
 )
 from polefence.lmi.conditions.methods import options as options_of
-from polefence.lmi.conditions.target import FASTEST, Around, Decays, Goal, Sectors
+from polefence.lmi.conditions.target import FASTEST, Around, Decays, Disks, Goal, Sectors
 from polefence.lmi.solve import conic
-from polefence.lmi.solve.radius import smallest, smallest_radius, typical_rate
 from polefence.lmi.solve.search import Reached
+from polefence.lmi.solve.smallest import smallest, typical_rate
 from polefence.plant.family import UncertainPlant
 from polefence.region.regions import Disk, HalfPlane, Region, Sector, bounded, damping_of
 
@@ -169,7 +169,7 @@ def _least(plant: UncertainPlant, centre: float, method: Method, near: Reached |
     """Return the point of the least radius that a search finds, or a second one."""
     sigma = -centre
     try:
-        found = smallest_radius(plant.A, plant.B, sigma, method, near)
+        found = smallest(plant.A, plant.B, Disks(-sigma), method, near)
     except SolverError as error:
         if sigma <= 0:
             raise NotProvedError(f"undecided: {method_label(method)}: {error}") from error
@@ -195,7 +195,7 @@ def _designs(
         # The point lies too near the boundary for rounding: look farther inside.
         disk, points = Disk(centre, found.r * (1 + step)), [found]
         with suppress(SolverError):
-            inner = smallest_radius(plant.A, plant.B, -centre, method, enough=disk.radius)
+            inner = smallest(plant.A, plant.B, Disks(centre), method, enough=disk.radius)
             points = [inner, found]
             yield near(inner)
         yield from (proved_at(plant, disk, method, point) for point in points)
@@ -207,7 +207,7 @@ def _bound(plant: UncertainPlant, sigma: float, method: Method, found: Reached) 
     if found.r > sigma or (lower is not None and lower > found.r * (1 - GAP)):
         return lower
     with suppress(SolverError):
-        closer = smallest_radius(plant.A, plant.B, sigma, method, found, tolerance=CLOSER)
+        closer = smallest(plant.A, plant.B, Disks(-sigma), method, found, tolerance=CLOSER)
         return max((b for b in (lower, _lower(plant, sigma, method, closer)) if b), default=None)
     return lower
 

@@ -17,8 +17,8 @@ from polefence.design.search import first
 from polefence.law.laws import FixedGain, Law, domain_of
 from polefence.lmi.conditions.lyapunov import Loop
 from polefence.lmi.conditions.performance import Output, Source
+from polefence.lmi.solve.interior_point import TOLERANCE
 from polefence.lmi.solve.lyapunov import LyapunovPolynomial, points_given, work
-from polefence.lmi.solve.smallest import TOLERANCE
 from polefence.plant.family import UncertainPlant
 from polefence.plant.system import Array
 from polefence.proof import laws, matrices

@@ -32,9 +32,9 @@ from polefence.design.signals.sampled import agreed_bound, sampled
 from polefence.design.signals.task import ROUNDED, Task
 from polefence.law.laws import FixedGain, Law
 from polefence.lmi.conditions.methods import options
-from polefence.lmi.solve.radius import typical_rate
 from polefence.lmi.solve.scaling import balanced
 from polefence.lmi.solve.search import Reached, coefficients, singular_is_failure
+from polefence.lmi.solve.smallest import typical_rate
 from polefence.lmi.solve.starts import regulators
 from polefence.plant.outputs import inputs
 from polefence.plant.points import seeded

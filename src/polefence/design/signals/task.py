@@ -15,11 +15,11 @@ from polefence.design.requirements.specification import Specification
 from polefence.law.laws import FixedGain, Law, ScheduledGain, right_divide
 from polefence.lmi.conditions.methods import Method, options
 from polefence.lmi.conditions.target import Around
+from polefence.lmi.solve.interior_point import TOLERANCE
 from polefence.lmi.solve.performance import Problem, least
-from polefence.lmi.solve.radius import smallest, typical_rate
 from polefence.lmi.solve.scaling import Scaling, balanced
 from polefence.lmi.solve.search import Reached, coefficients, singular_is_failure
-from polefence.lmi.solve.smallest import TOLERANCE
+from polefence.lmi.solve.smallest import smallest, typical_rate
 from polefence.lmi.solve.starts import regulators
 from polefence.plant.family import UncertainPlant
 from polefence.plant.polynomial import Domain

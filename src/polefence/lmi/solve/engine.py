@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from polefence.lmi.solve import smallest as reference
-from polefence.lmi.solve.smallest import Outcome
+from polefence.lmi.solve import interior_point as reference
+from polefence.lmi.solve.interior_point import Outcome
 from polefence.lmi.solve.stacked import Stacked
 from polefence.plant.system import Array
 
@@ -55,7 +55,7 @@ def run(
         If F(x, r) is not positive definite.
     """
     if engine == "numpy" or _kernel is None:
-        return reference.smallest(stacked, x, r, enough, tolerance)
+        return reference.run(stacked, x, r, enough, tolerance)
     families = [
         [(t.D, t.M, t.R, t.rows, t.weights) for t in family.terms] for family in stacked.families
     ]

@@ -13,9 +13,9 @@ from polefence.base.errors import SolverError
 from polefence.lmi.conditions.lyapunov import Loop, given, sum_of
 from polefence.lmi.conditions.performance import Demands, Output, Source, Through, unit_of
 from polefence.lmi.conditions.target import Around, Goal
+from polefence.lmi.solve.interior_point import TOLERANCE, WIDE, Outcome
 from polefence.lmi.solve.scaling import factor, power_of_two
 from polefence.lmi.solve.search import ROUNDS, Point, attempt, interior, rounds, singular_is_failure
-from polefence.lmi.solve.smallest import TOLERANCE, WIDE, Outcome
 from polefence.lmi.solve.stacked import stack
 from polefence.lmi.solve.starts import covariance, start_matrix
 from polefence.plant.system import Array

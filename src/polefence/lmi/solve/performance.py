@@ -14,9 +14,9 @@ from polefence.lmi.conditions.parameter_dependent import design
 from polefence.lmi.conditions.pencil import Pencil
 from polefence.lmi.conditions.performance import Demands, Output, Source, Through, unit_of
 from polefence.lmi.conditions.target import Target, fixed
+from polefence.lmi.solve.interior_point import TOLERANCE, WIDE
 from polefence.lmi.solve.scaling import Scaling
 from polefence.lmi.solve.search import Reached, attempt, interior, lyapunov_mean, rounds
-from polefence.lmi.solve.smallest import TOLERANCE, WIDE
 from polefence.lmi.solve.stacked import stack
 from polefence.plant.polynomial import Domain
 from polefence.plant.system import Array

@@ -17,7 +17,7 @@ import numpy as np
 from polefence.base.errors import SolverError
 from polefence.lmi.conditions.pencil import Pencil
 from polefence.lmi.solve.engine import run
-from polefence.lmi.solve.smallest import TOLERANCE, Outcome
+from polefence.lmi.solve.interior_point import TOLERANCE, Outcome
 from polefence.lmi.solve.stacked import Stacked
 from polefence.plant.system import Array
 

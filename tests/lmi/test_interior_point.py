@@ -9,13 +9,14 @@ import numpy as np
 import pytest
 
 from polefence import Scheduled, build
-from polefence.lmi.solve import smallest as reference
+from polefence.lmi.conditions.target import Disks
+from polefence.lmi.solve import interior_point as reference
 from polefence.lmi.solve.conic import largest_margin
 from polefence.lmi.solve.engine import run
-from polefence.lmi.solve.radius import smallest_radius
+from polefence.lmi.solve.interior_point import least_radius
 from polefence.lmi.solve.scaling import balanced
 from polefence.lmi.solve.search import lyapunov_mean
-from polefence.lmi.solve.smallest import least_radius, smallest
+from polefence.lmi.solve.smallest import smallest
 from polefence.lmi.solve.stacked import stack
 from polefence.lmi.solve.starts import common_point, nominal_start
 from support.paths import FAMILIES
@@ -109,7 +110,7 @@ def test_it_ends_at_a_saddle_point(method, seed, n, m, N, make_random):
     """F(x, r) > 0, Y > 0, A_r* Y = nu t, <Y, D(x)> = 1 and <F, Y> ~ 0 leave no smaller r."""
     pencil, x, _ = start(make_random(seed, n, m, N), 3.0, method)
     stacked = stack(pencil)
-    out = smallest(stacked, x)
+    out = reference.run(stacked, x)
     assert out.converged
     Y = in_order(stacked, out.Y)
     F = list(pencil.matrices(out.x, out.r).values())
@@ -134,7 +135,7 @@ def test_it_ends_at_a_saddle_point(method, seed, n, m, N, make_random):
 @pytest.mark.parametrize(("seed", "n", "m", "N"), [(1, 3, 1, 3), (4, 2, 2, 3), (6, 3, 2, 3)])
 def test_clarabel_brackets_the_radius(method, seed, n, m, N, make_random):
     plant, sigma = make_random(seed, n, m, N), 3.0
-    found = smallest_radius(plant.A, plant.B, sigma, method, engine="numpy")
+    found = smallest(plant.A, plant.B, Disks(-sigma), method, engine="numpy")
     scaling = balanced(plant.A, plant.B, sigma).refined(lyapunov_mean(found.values))
     pencil = build(method, *scaling.apply(plant.A, plant.B), sigma / scaling.rate)
     for side in (1e-4, 1e-6):
@@ -153,7 +154,7 @@ def test_clarabel_brackets_the_radius(method, seed, n, m, N, make_random):
 def test_the_car_at_centre_40(family, method, engine, request):
     plant = request.getfixturevalue(family)
     digit, infima = CAR[family]
-    found = smallest_radius(plant.A, plant.B, 40.0, method, engine=engine)
+    found = smallest(plant.A, plant.B, Disks(-40.0), method, engine=engine)
     assert found.converged
     assert abs(found.r - infima[method]) <= digit + 1e-7 * found.r
 
@@ -165,10 +166,10 @@ def test_the_car_at_centre_40(family, method, engine, request):
 def test_folds_of_the_path_are_passed_at_prescribed_radii(seed, monkeypatch):
     """mu is no parameter of the path: runs that always prescribe it need far longer, or fail."""
     plant, centre = runpy.run_path(str(FAMILIES))["polytope"](seed)
-    folded = smallest_radius(plant.A, plant.B, -centre, "quadratic", engine="numpy")
+    folded = smallest(plant.A, plant.B, Disks(centre), "quadratic", engine="numpy")
     always = property(lambda _: True, lambda *_: None)
     monkeypatch.setattr(reference._Arc, "smooth", always, raising=False)
-    plain = smallest_radius(plant.A, plant.B, -centre, "quadratic", engine="numpy")
+    plain = smallest(plant.A, plant.B, Disks(centre), "quadratic", engine="numpy")
     assert folded.converged
     assert plain.iterations > 2 * folded.iterations
     assert plain.r >= folded.r * (1 - 1e-6)
@@ -211,13 +212,13 @@ def count(monkeypatch):
 @pytest.mark.parametrize("method", METHODS[:3])
 def test_a_neighbour_is_a_better_start(method, engine, physical, count):
     A, B = physical.A, physical.B
-    neighbour = smallest_radius(A, B, 40.0, method, engine=engine)
+    neighbour = smallest(A, B, Disks(-40.0), method, engine=engine)
     # a disk about this centre that holds the neighbour's
     near = replace(neighbour, r=neighbour.r + 1.0)
     count.clear()
-    alone = smallest_radius(A, B, 41.0, method, engine=engine)
+    alone = smallest(A, B, Disks(-41.0), method, engine=engine)
     alone_count, count[:] = sum(count), []
-    led = smallest_radius(A, B, 41.0, method, near, engine=engine)
+    led = smallest(A, B, Disks(-41.0), method, near, engine=engine)
     assert np.isclose(led.r, alone.r, rtol=1e-6)
     assert 0 < sum(count) < alone_count
 
@@ -242,7 +243,7 @@ def test_iterations_do_not_climb_with_the_vertices(method, make_random):
     medians = []
     for N in (2, 4, 8):
         plants = [make_random(seed, 5, 1, N) for seed in range(3)]
-        found = [smallest_radius(plant.A, plant.B, 3.0, method) for plant in plants]
+        found = [smallest(plant.A, plant.B, Disks(-3.0), method) for plant in plants]
         assert all(f.converged and f.iterations > 3 for f in found)
         medians.append(np.median([f.iterations for f in found]))
     assert max(medians) < 30

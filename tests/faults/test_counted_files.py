@@ -13,7 +13,7 @@ from polefence.base.errors import DesignFileError, InputError
 from polefence.design import counterexample
 from polefence.design.design import check
 from polefence.design.place.limits import READING, sweep
-from polefence.proof import check as check_module
+from polefence.proof import document as check_module
 from polefence.proof import polynomials, work
 from polefence.proof.claims import estimate
 from polefence.proof.claims.base import prove

@@ -9,8 +9,7 @@ import random
 import numpy as np
 import pytest
 
-from polefence.proof.check import check
-from polefence.proof.document import KINDS, from_plain
+from polefence.proof.document import KINDS, check, from_plain
 from polefence.proof.work import FormatError
 from support.every_file import FILES
 from support.truths import false

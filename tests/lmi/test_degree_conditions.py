@@ -10,8 +10,7 @@ from math import factorial, prod
 import numpy as np
 import pytest
 
-from polefence.lmi.conditions.methods import Scheduled, Slack, build
-from polefence.lmi.conditions.parameter_dependent import parameter_dependent
+from polefence.lmi.conditions.methods import Scheduled, Slack, build, parameter_dependent
 from polefence.lmi.conditions.target import Around, Decays, Sectors, Target, disks
 from polefence.plant.polynomial import Domain
 from polefence.region.regions import (
@@ -222,7 +221,7 @@ def test_slack(degree, elevation, on):
 
 
 def slack_by_hand(L, M, P, N, G, epsilon):
-    """(10) of Leite & Peres for a disk; else as `polefence.lmi.conditions.slack` displays it."""
+    """(10) of Leite & Peres for a disk; else as `polefence.lmi.conditions.methods` displays it."""
     L, M = np.array(L, dtype=float), np.array(M, dtype=float)
     if M.shape == (2, 2) and np.array_equal(M, [[0, 1], [0, 0]]):
         r, sigma = -L[0, 0], L[0, 1]

@@ -7,8 +7,7 @@ import json
 
 import pytest
 
-from polefence.proof.check import check
-from polefence.proof.document import KINDS, from_plain
+from polefence.proof.document import KINDS, check, from_plain
 from polefence.proof.work import FormatError
 
 

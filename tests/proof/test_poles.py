@@ -15,10 +15,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from polefence import build
+from polefence.cli.check import archive
 from polefence.proof import definite, regions, work
 from polefence.proof.document import loads
 from polefence.proof.roots import _schur_cohn
-from polefence.proof.standalone import archive
 
 integers = st.integers(-9, 9)
 

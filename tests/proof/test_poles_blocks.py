@@ -11,8 +11,7 @@ from math import factorial, prod
 import numpy as np
 import pytest
 
-from polefence.lmi.conditions.methods import Scheduled, Slack, build
-from polefence.lmi.conditions.parameter_dependent import parameter_dependent
+from polefence.lmi.conditions.methods import Scheduled, Slack, build, parameter_dependent
 from polefence.lmi.conditions.target import Around
 from polefence.plant.polynomial import Domain
 from polefence.proof import polynomials, regions

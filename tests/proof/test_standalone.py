@@ -10,9 +10,9 @@ import zipfile
 
 import pytest
 
+from polefence.cli.check import archive
 from polefence.cli.main import main
 from polefence.proof.document import EARLIER
-from polefence.proof.standalone import archive
 from support.every_file import FILES
 
 BARE = [sys.executable, "-S", "-I"]

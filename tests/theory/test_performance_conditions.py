@@ -21,7 +21,7 @@ from polefence.design.signals.bounds import best_bound, kept_bound
 from polefence.design.signals.optimise import optimise
 from polefence.examples import family
 from polefence.lmi.conditions.lyapunov import given
-from polefence.lmi.conditions.parameter_dependent import design
+from polefence.lmi.conditions.methods import design
 from polefence.lmi.conditions.performance import Demands, Output, Points, Through, noise
 from polefence.lmi.conditions.target import Around, Target, fixed
 from polefence.lmi.solve.lyapunov import least_given

@@ -4,10 +4,13 @@ from __future__ import annotations
 
 import argparse
 import hashlib
+import io
+import zipfile
 from fractions import Fraction
 from pathlib import Path
 from typing import Any
 
+from polefence import proof
 from polefence.base.errors import DesignFileError, InputError
 from polefence.base.files import read_bytes, write_bytes
 from polefence.cli.common import NOT_PROVED, PROVED, say, write_json
@@ -23,13 +26,25 @@ from polefence.proof.claims.observer import Observer
 from polefence.proof.claims.rounding import Rounded
 from polefence.proof.document import Document
 from polefence.proof.reading import MAX_BYTES
-from polefence.proof.standalone import archive
 from polefence.proof.text import quoted
 
 NAMES_ARE_ITS_OWN = (
     "note: about the plant in the file. Its vertices, names, units and ranges are compared with",
     "your plant's by --spec SPEC; x1, u1, w1 are its first state, input and disturbance",
 )
+
+# The application in a zip file that a bare Python runs.
+MAIN = """import sys
+
+if sys.version_info < (3, 11):
+    sys.stderr.write("polefence-check.pyz needs Python 3.11 or later\\n")
+    sys.exit(2)
+
+from polefence.proof.__main__ import main
+
+sys.exit(main(sys.argv[1:]))
+"""
+EPOCH = (1980, 1, 1, 0, 0, 0)  # the same bytes whenever it is written
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -221,3 +236,19 @@ def _apart(a: Fraction, b: Fraction) -> tuple[str, str]:
     """Print two numbers so that they are seen to differ."""
     short = f"{float(a):.9g}", f"{float(b):.9g}"
     return short if short[0] != short[1] else (str(a), str(b))
+
+
+def archive() -> bytes:
+    """Return the checker as an application, the same bytes from the same sources."""
+    here = Path(proof.__file__).parent
+    files = {"__main__.py": MAIN, "polefence/__init__.py": ""}
+    for path in sorted(here.rglob("*.py")):
+        files[f"polefence/proof/{path.relative_to(here).as_posix()}"] = path.read_text("utf-8")
+    whole = io.BytesIO()
+    with zipfile.ZipFile(whole, "w", zipfile.ZIP_STORED) as archived:
+        for name in sorted(files):
+            entry = zipfile.ZipInfo(name, EPOCH)
+            entry.create_system = 3  # wherever it is written
+            entry.external_attr = 0o644 << 16
+            archived.writestr(entry, files[name].encode())
+    return whole.getvalue()

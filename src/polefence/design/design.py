@@ -19,11 +19,11 @@ from polefence.law.laws import Law, ScheduledGain
 from polefence.lmi.conditions.methods import Scheduled, Slack, method_label
 from polefence.plant.family import UncertainPlant
 from polefence.plant.system import Array
-from polefence.proof.check import check as check_claims
 from polefence.proof.claims.base import Claim, Verdict, prove
 from polefence.proof.claims.observer import Observer
 from polefence.proof.claims.poles import Poles
 from polefence.proof.document import Document, loads, says_proof
+from polefence.proof.document import check as check_claims
 from polefence.proof.reading import MAX_BYTES
 from polefence.proof.work import FormatError
 from polefence.region.regions import Region

@@ -8,8 +8,7 @@ from __future__ import annotations
 import sys
 from typing import TextIO
 
-from polefence.proof.check import check
-from polefence.proof.document import loads
+from polefence.proof.document import check, loads
 from polefence.proof.reading import MAX_BYTES
 from polefence.proof.text import visible
 from polefence.proof.work import FormatError

@@ -23,7 +23,7 @@ from polefence.design.signals.bounds import best_bound, kept_bound
 from polefence.design.signals.files import bounds_file
 from polefence.design.signals.optimise import optimise
 from polefence.design.signals.sampled import sampled
-from polefence.lmi.conditions.parameter_dependent import design
+from polefence.lmi.conditions.methods import design
 from polefence.lmi.conditions.performance import Demands, Output, Points
 from polefence.plant import outputs
 from polefence.plant.points import seeded

@@ -1,7 +1,7 @@
 r"""From theory to data: each condition builds a `Pencil`, r D(x) - M(x) > 0.
 
 ======================  =======================  ====================  ==========================
-module                  Lyapunov matrix          gain                  blocks (N vertices)
+condition               Lyapunov matrix          gain                  blocks (N vertices)
 ======================  =======================  ====================  ==========================
 `parameter_dependent`   W(alpha), degree g       K(alpha) = Z(alpha)   monomials of degree g+1+d
                                                  W(alpha)^-1           in each simplex

@@ -1,19 +1,37 @@
-"""Methods that a user can name: the pencil each builds, and its work, counted before it begins."""
+"""Methods that a user can name: the theorem of each, as a pencil, and its work, counted beforehand.
+
+Quadratic and scheduled: gain K(alpha) = Z(alpha) W(alpha)^-1, W and Z polynomials in alpha. One
+theorem for all regions, degrees and domains. For X = W and N = A W + B Z,
+-(L (x) X + M (x) N + M' (x) N') > 0 for every part of the region places the poles (Chilali &
+Gahinet, 1996); it holds for all alpha if, times (sum of alpha)^elevation, all of its coefficients
+are positive definite (Polya). Degree 0 is Lemma 1, quadratic stabilisability, equation (8) of Leite
+& Peres (2005); degree 1 and elevation 1 on the simplex, for a disk, Theorem 1, (15)-(17).
+The paper's right-hand sides (+I, -I/(N-1)^2, -6 I/(N-1)^2 here, on the first block) are kept
+homogeneous by a free scalar tau in place of 1, which scales with (W, Z) and changes nothing.
+
+Slack: one slack matrix G for a Lyapunov polynomial P(alpha); fixed gain K = L G^-1.
+Disks: [[r P, N + sigma G], [*, r (G + G' - P)]] > 0 with N = A G + B L, for P affine in alpha
+Lemma 2, equation (10) of Leite & Peres (2005). Other parts { z : L + M z + M' conj(z) < 0 }:
+-[[L (x) P + M' (x) N + *, M (x) (P - G') + e I (x) N], [*, -e I (x) (G + G')]] > 0, which implies
+the inequality of the part with A_c P in place of N (multiply by [I, I (x) A_c]); as e tends to zero
+it contains Lemma 1 (Peaucelle, Arzelier, Bachelier & Bernussou, 2000).
+"""
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from math import comb
 
 import numpy as np
 
 from polefence.base.errors import InputError, suggest
-from polefence.lmi.conditions.parameter_dependent import parameter_dependent
-from polefence.lmi.conditions.pencil import Pencil
-from polefence.lmi.conditions.slack import slack
-from polefence.lmi.conditions.target import Target, disks
+from polefence.lmi.conditions.gain_norm import add_norm
+from polefence.lmi.conditions.pencil import Builder, Linear, Pencil, Piece, block_name, multiple
+from polefence.lmi.conditions.performance import Demands, Form, Output, assembled
+from polefence.lmi.conditions.target import Side, Target, disks
 from polefence.plant.family import UncertainPlant
-from polefence.plant.polynomial import DOMAINS, Domain
+from polefence.plant.polynomial import DOMAINS, Domain, Exponent
 from polefence.plant.system import Array
 
 METHODS = ("quadratic", "slack", "scheduled")
@@ -251,3 +269,187 @@ def fitting(plant: UncertainPlant, method: Method) -> Method:
 def _natural(o: Scheduled | Slack) -> int:
     """Return the degree of the inequality before elevation."""
     return max(int(o.degree), 1) if isinstance(o, Slack) else int(o.degree) + 1
+
+
+def parameter_dependent(
+    A: Array,
+    B: Array | None,
+    target: Target,
+    domain: Domain,
+    degree: int = 1,
+    elevation: int = 1,
+    right_hand_side: Array | None = None,
+) -> Pencil:
+    """Build the condition for vertices A (N, n, n), B (N, n, m) and regions that grow with r.
+
+    Parameters
+    ----------
+    B : (N, n, m) array, optional
+        Without it A is a closed loop, and the condition one of analysis, W its Lyapunov matrix.
+    right_hand_side : (n, n) array, optional
+        The paper's I, in the coordinates of A; without it the right-hand sides are zero.
+    """
+    n = A.shape[1]
+    B = np.zeros((len(A), n, 0)) if B is None else B
+    m = B.shape[2]
+    pencil = Builder("quadratic" if degree == 0 else "scheduled")
+    names = [str(k + 1) for k in range(domain.count(degree))] if degree else [""]
+    W, Z = list[Linear](), list[Linear]()
+    for name in names:
+        W.append(pencil.symmetric(f"W{name}", n))
+        if m:
+            Z.append(pencil.full(f"Z{name}", (m, n), "u"))
+    tau = None if right_hand_side is None else multiple(pencil.positive("tau"), right_hand_side)
+    forms = (
+        replace(
+            form,
+            name=block_name(form.exponent, domain, degree, elevation),
+            floor=None if tau is None else right_hand_share(form.exponent) * tau,
+        )
+        for form in _forms((A, B), (W, Z), (), domain, degree, elevation)
+    )
+    return assembled(pencil, forms, Demands(target), domain, degree + 1 + elevation)
+
+
+def design(
+    A: Array, B: Array, demands: Demands, domain: Domain, degree: int, elevation: int
+) -> Pencil:
+    """Build the condition for a law K = Z W^-1 that keeps all bounds and a region.
+
+    Parameters
+    ----------
+    A, B : (N, n, n), (N, n, m) arrays
+    """
+    n, m = A.shape[1], B.shape[2]
+    pencil = Builder("performance")
+    names = [str(k + 1) for k in range(domain.count(degree))]
+    W = [pencil.symmetric(f"W{name}", n) for name in names]
+    Z = [pencil.full(f"Z{name}", (m, n), "u") for name in names]
+    for norm, near in demands.norms:
+        add_norm(pencil, W, Z, norm, near, domain, degree, elevation)
+    extra = max(degree + 1, demands.degree(domain)) - degree - 1 + elevation
+    forms = _forms((A, B), (W, Z), demands.outputs, domain, degree, extra)
+    return assembled(pencil, forms, demands, domain, degree + 1 + extra)
+
+
+def _forms(
+    plant: tuple[Array, Array],
+    law: tuple[list[Linear], list[Linear]],
+    outputs: tuple[Output, ...],
+    domain: Domain,
+    degree: int,
+    extra: int,
+) -> Iterator[Form]:
+    """Yield the coefficients of X = W, N = A W + B Z and Y = C W + D Z."""
+    (A, B), (W, Z) = plant, law
+    n = A.shape[1]
+    AC = np.concatenate([A, *(o.C for o in outputs)], axis=1)
+    BD = np.concatenate([B, *(o.D for o in outputs)], axis=1)
+    parts = np.split(np.eye(AC.shape[1]), n + np.arange(len(outputs)))
+    tables = domain.pairs(degree, extra), domain.elevated(degree, 1 + extra)
+    for e, pairs, sums in zip(domain.monomials(degree + 1 + extra), *tables, strict=True):
+        X, NY = Linear(), Linear()
+        for k, weight in sums.items():
+            X = X + float(weight) * W[k]
+            # all corners that meet this coefficient, at once
+            weights = {j: w for (j, other), w in pairs.items() if other == k}
+            NY = NY + sum(w * AC[j] for j, w in weights.items()) @ W[k]
+            if np.any(BD):
+                NY = NY + sum(w * BD[j] for j, w in weights.items()) @ Z[k]
+        N, *Y = (part @ NY for part in parts) if outputs else (NY,)
+        yield Form(e, X, N, tuple(Y))
+
+
+def right_hand_share(exponent: Exponent) -> float:
+    """Return what (15), (16), (17) have on their right-hand sides, of I."""
+    square = max(len(exponent) - 1, 1) ** 2
+    return {3: 1.0, 2: -1 / square, 1: -6 / square}[max(exponent)]
+
+
+def slack(
+    A: Array,
+    B: Array,
+    target: Target,
+    domain: Domain,
+    degree: int = 1,
+    elevation: int = 0,
+    epsilon: float = 0.0,
+) -> Pencil:
+    """Build the condition for vertices A (N, n, n), B (N, n, m) and regions that grow with r.
+
+    Parameters
+    ----------
+    epsilon : float
+        The e above, in units of 1 / rate; disks do not need it.
+    """
+    n, m = B.shape[1:]
+    pencil = Builder("slack")
+    P = [pencil.symmetric(f"P{k + 1}", n) for k in range(domain.count(degree))]
+    G, L = pencil.full("G", (n, n), "x"), pencil.full("L", (m, n), "u")
+    top = max(degree, 1) + elevation
+    exponents = domain.monomials(top)
+    tables = domain.pairs(0, top - 1), domain.elevated(degree, top - degree)
+    for exponent, products, sums in zip(exponents, *tables, strict=True):
+        total = float(sum(products.values()))
+        p = Linear()
+        for k, weight in sums.items():
+            p = p + float(weight) * P[k]
+        N = sum(w * A[j] for (j, _), w in products.items()) @ G
+        N = N + sum(w * B[j] for (j, _), w in products.items()) @ L
+        g = total * G
+        name = f"(10) j={exponent.index(1) + 1}" if top == 1 and len(domain.sizes) == 1 else ""
+        name = name or block_name(exponent, domain)
+        for label, side in target.named(name):
+            if _is_disk(side):
+                _disk(pencil, label, side, (p, N, g))
+            else:
+                _bordered(pencil, label, side, (p, N, g), epsilon)
+        if target.positive:
+            pencil.positive_definite(f"P at {name}", p)
+    return pencil.build()
+
+
+def _is_disk(side: Side) -> bool:
+    """Whether the part is [[-r, z - c], [*, -r]] < 0, r perhaps shifted."""
+    upper = side.M0.shape == (2, 2) and np.count_nonzero(side.M0) == 1 and side.M0[0, 1]
+    return bool(upper) and not side.M1.any()
+
+
+def _disk(pencil: Builder, name: str, side: Side, matrices: tuple[Linear, Linear, Linear]) -> None:
+    p, N, g = matrices
+    lower = 2.0 * g - p  # its symmetric part counts
+    radius, shift = -side.L1[0, 0], -side.L0[0, 0]
+    D: list[Piece] = [(0, 0, 0.5 * radius * p), (1, 1, 0.5 * radius * lower)]
+    M: list[Piece] = [(0, 1, N + side.L0[0, 1] * g)]
+    if shift:
+        M += [(0, 0, -0.5 * shift * p), (1, 1, -0.5 * shift * lower)]
+    pencil.block(name, 2, D, M)
+
+
+def _bordered(
+    pencil: Builder,
+    name: str,
+    side: Side,
+    matrices: tuple[Linear, Linear, Linear],
+    epsilon: float,
+) -> None:
+    p, N, g = matrices
+    d = len(side.L0)
+    D, M = list[Piece](), list[Piece]()
+    for a in range(d):
+        for b in range(d):
+            if a == b:
+                D.append((a, a, -0.5 * side.L1[a, a] * p))
+                M.append((a, a, 0.5 * side.L0[a, a] * p))
+                M.append((a, d + a, epsilon * N))
+                M.append((d + a, d + a, -epsilon * g))
+            elif a < b:
+                D.append((a, b, -side.L1[a, b] * p))
+                M.append((a, b, side.L0[a, b] * p))
+            if side.M0[b, a]:
+                M.append((a, b, side.M0[b, a] * N))
+            if side.M0[a, b]:
+                M.append((a, d + b, side.M0[a, b] * p))
+                # M (x) G' above the diagonal is M' (x) G below it
+                M.append((d + b, a, -side.M0[a, b] * g))
+    pencil.block(name, 2 * d, D, M)

@@ -10,7 +10,7 @@ import numpy as np
 
 from polefence.base.errors import SolverError
 from polefence.lmi.conditions.gain_norm import Norm, tangents
-from polefence.lmi.conditions.parameter_dependent import design
+from polefence.lmi.conditions.methods import design
 from polefence.lmi.conditions.pencil import Pencil
 from polefence.lmi.conditions.performance import Demands, Output, Source, Through, unit_of
 from polefence.lmi.conditions.target import Target, fixed

@@ -9,8 +9,16 @@ import pytest
 
 from polefence import Design, Disk, parse_region, tightest
 from polefence.lmi.conditions.methods import Scheduled
-from polefence.region.boundary import curves, view_of
-from polefence.show.plots.plots import STYLES, limits_figure, poles_figure, render, sampled, styles
+from polefence.show.plots.plots import (
+    STYLES,
+    curves,
+    limits_figure,
+    poles_figure,
+    render,
+    sampled,
+    styles,
+    view_of,
+)
 
 REGIONS = [
     "disk(-40, 31)",

@@ -13,8 +13,7 @@ from polefence import Design, Disk, HalfPlane, NotProvedError, UncertainPlant, a
 from polefence.cli.main import main
 from polefence.examples import family
 from polefence.response.stationary import stationary, velocity_psd
-from polefence.show.report import html_report
-from polefence.show.report.sections import comfort
+from polefence.show.report import comfort, html_report
 from polefence.vehicle.vehicle import require_ride
 from support.specs import ONE_STATE
 

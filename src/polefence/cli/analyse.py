@@ -198,7 +198,7 @@ def _one(analysis: Analysis, options: Any) -> int:
         },
     )
     if options.plot is not None:
-        from polefence.show.plots.analysis import analysis_figure
+        from polefence.show.plots.plots import analysis_figure
 
         write_figure(options.plot, analysis_figure(analysis))
     return PROVED if analysis.proved else NOT_PROVED
@@ -278,7 +278,7 @@ def _table(plant: UncertainPlant, table: GainTable, region: Region, options: Any
     if options.json is not None:
         write_json(options.json, _table_summary(found))
     if options.plot is not None:
-        from polefence.show.plots.analysis import table_figure
+        from polefence.show.plots.plots import table_figure
 
         write_figure(options.plot, table_figure(found))
     return PROVED if found.proved else NOT_PROVED

@@ -16,7 +16,7 @@ from polefence.plant.system import Array
 
 if TYPE_CHECKING:  # imported where used: with scipy behind them
     from polefence.response.columns import Table
-    from polefence.show.plots.drive import Panel
+    from polefence.show.plots.signals import Panel
     from polefence.vehicle.run import Run, Setup
 
 DEMANDED, ESTIMATED = " demanded", " estimated"  # drawn into the panel of what they are of
@@ -45,7 +45,7 @@ def table_of(setup: Setup, runs: Mapping[str, Run]) -> Table:
 
 def panels_of(setup: Setup, runs: Mapping[str, Run]) -> list[Panel]:
     """Return panels for what moves the plant, signals and moving parameters; laws in one panel."""
-    from polefence.show.plots.drive import BESIDE, Panel
+    from polefence.show.plots.signals import BESIDE, Panel
 
     moved, found = setup.excitation, dict[str, dict[str, Array]]()
     if moved.height is not None:

@@ -97,7 +97,7 @@ def _write(
 
         write_table(options.output, table_of(setup, runs))
     if options.plot is not None:
-        from polefence.show.plots.drive import signals_figure
+        from polefence.show.plots.signals import signals_figure
 
         one = next(iter(runs.values())) if len(runs) == 1 else None
         outside = None if one is None or one.covered is None else ~one.covered

@@ -31,8 +31,7 @@ from polefence.design.given.table import TableAnalysis, _exact_table
 from polefence.examples import family, spec_path
 from polefence.law.table import table_from
 from polefence.plant.points import values_text
-from polefence.show.plots.analysis import analysis_figure, table_figure
-from polefence.show.plots.plots import render
+from polefence.show.plots.plots import analysis_figure, render, table_figure
 from support.paths import DOCS
 
 

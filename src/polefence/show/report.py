@@ -1,4 +1,4 @@
-"""Content of a report, section by section, as plain text, tables and figures."""
+"""One self-contained HTML page about a proved design: its sections of text, tables and figures."""
 
 from __future__ import annotations
 
@@ -9,21 +9,22 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from polefence.base.errors import InputError
+from polefence.base.errors import InputError, NotProvedError
 from polefence.design.certificate import Check
 from polefence.design.checks import implies_stability
-from polefence.design.design import Design
+from polefence.design.design import Design, check, require_kind
 from polefence.design.place.limits import Limit, limits
 from polefence.law.laws import FixedGain
 from polefence.lmi.conditions.methods import METHODS
 from polefence.plant.family import UncertainPlant
 from polefence.plant.outputs import Output, inputs, states
+from polefence.proof.text import visible
 from polefence.region.regions import Disk
 from polefence.region.text import digits_down, digits_up, short_text
 from polefence.response.linear import step
 from polefence.response.stationary import velocity_density
-from polefence.show.plots.plots import limits_figure, poles_figure, sampled
-from polefence.show.plots.response import responses_figure
+from polefence.show.plots.plots import limits_figure, poles_figure, render, sampled
+from polefence.show.plots.signals import responses_figure
 from polefence.vehicle.compare import Comparison, compare, points
 from polefence.vehicle.labels import comfort_reading
 from polefence.vehicle.reference_laws import lqr, skyhook
@@ -37,6 +38,66 @@ CENTRES = tuple(np.geomspace(0.25, 2.5, 13))
 SHARES = (0.05, 0.02)
 OURS = "this design"
 TITLE = "Comfort, grip and force on a road"
+
+
+def html_report(
+    design: Design,
+    road: str = "C",
+    speed: float = 20.0,
+    bounds: Sequence[str] = (),
+    front: tuple[str, bytes] | None = None,
+) -> str:
+    """Return a report about a design, one HTML page with its figures inside.
+
+    The claim is proved afresh. For a quarter car, known by the names of its states, comfort, grip,
+    travel and force on a road are set beside those of the passive car, skyhook damping and LQR.
+
+    Parameters
+    ----------
+    road : str
+        Class of ISO 8608, "A" to "H".
+    speed : float
+        [m/s]
+    bounds : sequence of str
+        What else is proved of the design, a line each, see `performance_file.statements`.
+    front : (kind, bytes), optional
+        A figure of a trade-off, "svg" or "png".
+
+    Raises
+    ------
+    NotProvedError
+        If the claim is not proved.
+    InputError
+        If the road or the speed cannot be used, or the design is an observer's.
+    """
+    from jinja2 import Environment, PackageLoader, StrictUndefined  # deferred: slow to import
+
+    require_kind(design.certificate)
+    answer = check(design)
+    if not answer.proved:
+        raise NotProvedError(f"no report: {answer}")
+    environment = Environment(
+        loader=PackageLoader("polefence.show"),
+        autoescape=True,
+        undefined=StrictUndefined,
+        finalize=_visible,
+    )
+    environment.filters["picture"] = _picture
+    return environment.get_template("report.html").render(
+        title=f"{design.plant.name} in {short_text(design.region)}",
+        answer=answer.answer,
+        sections=sections(design, answer, road, speed, bounds, front),
+    )
+
+
+def _visible(value: object) -> object:
+    """Return what can be seen of a text; newlines stay, which are spaces but in our own code."""
+    return "\n".join(map(visible, value.split("\n"))) if isinstance(value, str) else value
+
+
+def _picture(figure: Figure) -> str:
+    """Return a figure as the address of an image: names inside one SVG do not meet another's."""
+    return "data:image/svg+xml;base64," + base64.b64encode(render(figure, "svg")).decode()
 
 
 @dataclass(frozen=True, eq=False)

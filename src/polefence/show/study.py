@@ -41,7 +41,7 @@ EDGES = {"as-printed": (-12.0, -13.0, -14.0), "physical": (-20.0, -25.0)}
 
 def published() -> dict[str, Any]:
     """Return the numbers the paper prints."""
-    path = files("polefence.show.paper") / "data" / "leite-peres-2005.json"
+    path = files("polefence.show") / "data" / "leite-peres-2005.json"
     data: dict[str, Any] = json.loads(path.read_text())
     return data
 

@@ -22,8 +22,7 @@ from polefence.show.plots.signals import Panel, signals_figure
 from polefence.vehicle.comfort import comfort
 from polefence.vehicle.driving.parts import Estimated, Hardware, Jump
 from polefence.vehicle.excitation import on_road
-from polefence.vehicle.obstacles import pothole
-from polefence.vehicle.random_road import random_road
+from polefence.vehicle.roads import pothole, random_road
 from polefence.vehicle.run import Setup, run, signals
 from support.commands import refused
 

@@ -16,8 +16,7 @@ from polefence.plant.parameters import MAX_NAME, exact
 from polefence.plant.spec import loads
 from polefence.proof.reading import MAX_DEPTH, MAX_PIECES, parse
 from polefence.proof.work import FormatError
-from polefence.vehicle.profile import measured_road
-from polefence.vehicle.road import MOST_UNASKED
+from polefence.vehicle.roads import MOST_UNASKED, measured_road
 
 FAR = [
     "1e000000000999999999",

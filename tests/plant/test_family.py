@@ -13,7 +13,7 @@ from polefence import HalfPlane, MultiAffinityError, Parameter, PlantError, Unce
 from polefence.base.errors import ParameterValueError, UncontrollableError
 from polefence.design.checks import require_movable
 from polefence.examples import family
-from polefence.vehicle.quarter_car import quarter_car
+from polefence.vehicle.vehicle import quarter_car
 
 M1 = Parameter("m1", "231.12", "346.68", "kg", through="1/m1")
 BETA = Parameter("beta", -10, 10)

@@ -94,7 +94,7 @@ def test_poles_inside_agrees_with_eigenvalues(small_designs):
             for factor, inside in ((1.001, True), (0.999, False)):
                 radius = Fraction(float(worst * factor))
                 centre = claim.region[0].numbers[0]
-                tried = replace(claim, region=(regions.Part("disk", (centre, radius)),))
+                tried = replace(claim, region=(regions.Disk(centre, radius),))
                 assert tried.poles_inside(alpha) is inside, name
 
 

@@ -14,7 +14,7 @@ from polefence import Design, check
 from polefence.cli.main import main
 from polefence.examples import family
 from polefence.show import paper, study
-from polefence.vehicle.quarter_car import quarter_car
+from polefence.vehicle.vehicle import quarter_car
 
 
 def test_the_nominal_gain_agrees_with_27_to_all_printed_digits():

@@ -31,7 +31,7 @@ from polefence.lmi.solve.smallest import smallest, typical_rate
 from polefence.plant.outputs import Output as Signal
 from polefence.plant.outputs import rate_of
 from polefence.plant.polynomial import Domain
-from polefence.vehicle.quarter_car import quarter_car
+from polefence.vehicle.vehicle import quarter_car
 
 FORMS = [
     (on, *form) for on in ("simplex", "box") for form in ((0, 0), (0, 1), (1, 0), (1, 1), (2, 0))

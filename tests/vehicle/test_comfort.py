@@ -19,7 +19,6 @@ from polefence.response.closed import close
 from polefence.response.linear import frequency as frequency_response
 from polefence.response.stationary import velocity_density
 from polefence.response.weighting import WF, WK
-from polefence.vehicle import labels
 
 of = import_module("polefence.vehicle.comfort")  # the package has the function of that name
 
@@ -260,19 +259,23 @@ def test_comfort_keeps_the_shape_of_the_batch(monkeypatch):
     ],
 )
 def test_comfort_reading(value, words):
-    assert list(labels.comfort_reading(value)) == words
+    assert list(of.comfort_reading(value)) == words
 
 
 def test_health_reading():
-    zone = [labels.health_reading(a, 8).split()[0] for a in (0.42, 0.44, 0.85, 0.88)]
+    zone = [of.health_reading(a, 8).split()[0] for a in (0.42, 0.44, 0.85, 0.88)]
     assert zone == ["below", "in", "in", "above"]
-    zone = [labels.health_reading(a, 0.1).split()[0] for a in (2.9, 3.1, 5.9, 6.1)]
+    zone = [of.health_reading(a, 0.1).split()[0] for a in (2.9, 3.1, 5.9, 6.1)]
     assert zone == ["below", "in", "in", "above"]
-    assert [labels.dose_reading(v).split()[0] for v in (8.4, 8.6, 17.1)] == ["below", "in", "above"]
+    assert [of.dose_reading(v).split()[0] for v in (8.4, 8.6, 17.1)] == [
+        "below",
+        "in",
+        "above",
+    ]
     with pytest.raises(InputError, match="1 min to 24 h"):
-        labels.health_reading(1.0, 25)
+        of.health_reading(1.0, 25)
     with pytest.raises(InputError, match=r"weighted rms \[m/s2\] = nan"):
-        labels.comfort_reading(math.nan)
+        of.comfort_reading(math.nan)
 
 
 # The stationary ride: physical quarter car, passive, without its integral state (pole at 0).

@@ -16,8 +16,7 @@ from polefence.response.bands import quadrature, stationary_ride
 from polefence.response.closed import close
 from polefence.response.linear import frequency
 from polefence.response.stationary import stationary, velocity_psd
-from polefence.vehicle.compare import NAMES, NoLaw, compare, points, standard_laws
-from polefence.vehicle.comparison import QUANTITIES
+from polefence.vehicle.compare import NAMES, QUANTITIES, NoLaw, compare, points, standard_laws
 from polefence.vehicle.vehicle import masses, require_ride
 
 module = import_module("polefence.vehicle.compare")  # the package has the function

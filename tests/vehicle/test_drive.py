@@ -27,11 +27,10 @@ from polefence.vehicle.driving.parts import (
     Sensors,
     Sine,
 )
-from polefence.vehicle.quarter_car import SIGNALS, quarter_car
-from polefence.vehicle.random_road import random_road
-from polefence.vehicle.recursion import Tuning
+from polefence.vehicle.estimate import Tuning
 from polefence.vehicle.reference_laws import lqr
-from polefence.vehicle.vehicle import ride
+from polefence.vehicle.roads import random_road
+from polefence.vehicle.vehicle import SIGNALS, quarter_car, ride
 from support.drives import drive
 
 H = 1e-3

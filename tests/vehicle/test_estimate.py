@@ -12,11 +12,9 @@ from scipy.signal import lsim
 from polefence.base.errors import InputError
 from polefence.examples import family
 from polefence.response.closed import close
-from polefence.vehicle.estimate import estimate
-from polefence.vehicle.projection import cost, nearest, point, slopes
-from polefence.vehicle.random_road import random_road
-from polefence.vehicle.recursion import Tuning, estimator
+from polefence.vehicle.estimate import Tuning, cost, estimate, estimator, nearest, point, slopes
 from polefence.vehicle.reference_laws import lqr, passive
+from polefence.vehicle.roads import random_road
 
 STEP = 0.005
 

@@ -15,11 +15,8 @@ from polefence.response.stationary import (
     roughness,
     velocity_density,
 )
-from polefence.vehicle import profile
-from polefence.vehicle.obstacles import bump, kerb, pothole
-from polefence.vehicle.profile import measured_road
-from polefence.vehicle.random_road import random_road
-from polefence.vehicle.road import Road
+from polefence.vehicle import roads
+from polefence.vehicle.roads import Road, bump, kerb, measured_road, pothole, random_road
 
 # ISO 8608, table of Gd(n0) [1e-6 m3]: geometric mean and upper limit of every class.
 MEANS = dict(zip("ABCDEFGH", (16, 64, 256, 1024, 4096, 16384, 65536, 262144), strict=True))
@@ -199,7 +196,7 @@ def test_unreadable_files(tmp_path, monkeypatch):
     path.write_bytes(b"0,1\n1,\xff\n")
     with pytest.raises(InputError, match="raw.csv: not UTF-8"):
         measured_road(path)
-    monkeypatch.setattr(profile, "MAX_BYTES", 7)
+    monkeypatch.setattr(roads, "MAX_BYTES", 7)
     with pytest.raises(InputError, match="raw.csv: 8 bytes; at most 7"):
         measured_road(path)
 

@@ -12,9 +12,8 @@ from polefence.base.errors import InputError, PlantError
 from polefence.examples import family
 from polefence.plant.outputs import Output, output_matrices
 from polefence.plant.vehicle import Vehicle
-from polefence.vehicle.quarter_car import SIGNALS, quarter_car
 from polefence.vehicle.reference_laws import Sizes, lqr, nominal, passive, skyhook
-from polefence.vehicle.vehicle import masses, require_ride, ride
+from polefence.vehicle.vehicle import SIGNALS, masses, quarter_car, require_ride, ride
 
 CAR = {"m1": 300.0, "m2": 30.0, "k": 15000.0, "kt": 160000.0, "c": 1200.0}
 

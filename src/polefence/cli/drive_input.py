@@ -14,7 +14,7 @@ from polefence.plant.outputs import split
 
 if TYPE_CHECKING:  # imported where used: with scipy behind them
     from polefence.vehicle.excitation import Excitation
-    from polefence.vehicle.road import Road
+    from polefence.vehicle.roads import Road
     from polefence.vehicle.run import Setup
 
 NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
@@ -224,9 +224,8 @@ def _time(plant: UncertainPlant, options: Any, law: Any) -> tuple[float, float]:
 def _road(options: Any) -> tuple[Road, float | None]:
     """Return the road, long enough, and the duration where one is given or chosen."""
     from polefence.response.weighting import positive
-    from polefence.vehicle import obstacles
-    from polefence.vehicle.profile import measured_road
-    from polefence.vehicle.random_road import random_road
+    from polefence.vehicle import roads as obstacles
+    from polefence.vehicle.roads import measured_road, random_road
 
     speed = positive(options.speed, "--speed [m/s]")
     if options.seed is not None and options.road is None:

@@ -107,8 +107,7 @@ def _signal(time: Array, name: str, unit: str, values: Array) -> dict[str, Any]:
 
 def _comfort(run: Run) -> dict[str, Any]:
     """Return what ISO 2631-1 makes of a car's acceleration, or why nothing; else no entry."""
-    from polefence.vehicle.comfort import comfort
-    from polefence.vehicle.labels import comfort_reading
+    from polefence.vehicle.comfort import comfort, comfort_reading
     from polefence.vehicle.vehicle import ride
 
     known = ride(run.setup.plant)

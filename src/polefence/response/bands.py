@@ -217,7 +217,7 @@ def stationary_ride(gain: Any, density: float) -> StationaryRide:
     gain : (..., F) complex array
         From road velocity [m/s] to acceleration [m/s2] at the frequencies of `quadrature`.
     density : float
-        One-sided density of the road velocity [m2/s2 per Hz], see `road.velocity_density`.
+        One-sided density of the road velocity [m2/s2 per Hz], see `velocity_density`.
 
     Raises
     ------

@@ -25,8 +25,8 @@ from polefence.response.linear import step
 from polefence.response.stationary import velocity_density
 from polefence.show.plots.plots import limits_figure, poles_figure, render, sampled
 from polefence.show.plots.signals import responses_figure
+from polefence.vehicle.comfort import comfort_reading
 from polefence.vehicle.compare import Comparison, compare, points
-from polefence.vehicle.labels import comfort_reading
 from polefence.vehicle.reference_laws import lqr, skyhook
 from polefence.vehicle.rest import GRADE, is_grade, rests
 

@@ -28,7 +28,7 @@ from polefence.plant.points import edges, inside
 from polefence.plant.polynomial import Domain
 from polefence.plant.system import Array
 from polefence.region.regions import Disk
-from polefence.vehicle.quarter_car import quarter_car
+from polefence.vehicle.vehicle import quarter_car
 
 FAMILIES = ("as-printed", "physical")
 PUBLISHED_ON = "as-printed"  # the family that the paper's own radii and gains are of

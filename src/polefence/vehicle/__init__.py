@@ -5,9 +5,15 @@
 """
 
 from polefence.response.stationary import displacement_density, roughness, velocity_density
-from polefence.vehicle.comfort import Comfort, comfort, running_rms
-from polefence.vehicle.compare import NoLaw, compare, points, standard_laws
-from polefence.vehicle.comparison import Comparison, Row
+from polefence.vehicle.comfort import (
+    Comfort,
+    comfort,
+    comfort_reading,
+    dose_reading,
+    health_reading,
+    running_rms,
+)
+from polefence.vehicle.compare import Comparison, NoLaw, Row, compare, points, standard_laws
 from polefence.vehicle.driving.drive import drive
 from polefence.vehicle.driving.events import Event
 from polefence.vehicle.driving.parts import (
@@ -23,18 +29,18 @@ from polefence.vehicle.driving.parts import (
     Sine,
 )
 from polefence.vehicle.driving.result import Drive
-from polefence.vehicle.estimate import Estimate, estimate
+from polefence.vehicle.estimate import Estimate, Tuning, estimate
 from polefence.vehicle.excitation import Excitation, disturbed, excited, on_road, recorded
-from polefence.vehicle.labels import comfort_reading, dose_reading, health_reading
-from polefence.vehicle.obstacles import bump, kerb, pothole
-from polefence.vehicle.profile import measured_road
-from polefence.vehicle.quarter_car import SIGNALS, quarter_car
-from polefence.vehicle.random_road import random_road
-from polefence.vehicle.recursion import Tuning
-from polefence.vehicle.reference_laws import Sizes, lqr, nominal, passive, skyhook
-from polefence.vehicle.reference_points import beside_reference_laws
-from polefence.vehicle.road import Road
-from polefence.vehicle.vehicle import Masses, Ride, masses, ride
+from polefence.vehicle.reference_laws import (
+    Sizes,
+    beside_reference_laws,
+    lqr,
+    nominal,
+    passive,
+    skyhook,
+)
+from polefence.vehicle.roads import Road, bump, kerb, measured_road, pothole, random_road
+from polefence.vehicle.vehicle import SIGNALS, Masses, Ride, masses, quarter_car, ride
 
 __all__ = [
     "SIGNALS",

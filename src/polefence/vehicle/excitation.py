@@ -16,7 +16,7 @@ from polefence.plant.outputs import Signal, disturbances, split, states
 from polefence.plant.system import Array
 from polefence.response.columns import read_columns
 from polefence.response.weighting import positive
-from polefence.vehicle.road import Road
+from polefence.vehicle.roads import Road
 from polefence.vehicle.vehicle import require_ride
 
 MAX_BYTES = 50_000_000  # of a recorded disturbance

@@ -3,14 +3,21 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, fields
+from collections.abc import Iterator
+from contextlib import suppress
+from dataclasses import dataclass, fields, replace
 from typing import Any
 
 import numpy as np
 
 from polefence.base.errors import InputError
+from polefence.design.rows import Row
+from polefence.design.signals.sampled import sampled
+from polefence.design.signals.tradeoff_file import SAMPLES
+from polefence.design.signals.tradeoff_front import Asked, Front
 from polefence.law.laws import FixedGain
 from polefence.plant.family import UncertainPlant
+from polefence.plant.points import seeded
 from polefence.plant.system import Array
 from polefence.vehicle.vehicle import Masses, Ride, masses, require_ride
 
@@ -147,3 +154,30 @@ def _integral(plant: UncertainPlant, known: Ride) -> int:
         if i not in known.places and np.all(plant.A[:, i] == wanted) and not plant.B[:, i].any():
             return i
     raise InputError(f"{plant.name} has no state that is the integral of {known.travel.name}")
+
+
+REFERENCES = {"passive": passive, "skyhook": skyhook, "LQR": lqr}
+
+
+def beside_reference_laws(front: Front) -> Front:
+    """Return a trade-off of a car with those reference laws that are stable over the family.
+
+    Of any other plant it is as it was.
+    """
+    if front.asked.plant.vehicle is None:
+        return front
+    return replace(front, references=tuple(_references(front.asked)))
+
+
+def _references(asked: Asked) -> Iterator[Row]:
+    alpha = seeded(asked.plant, SAMPLES)
+    for name, law_of in REFERENCES.items():
+        with suppress(InputError):
+            law = law_of(asked.plant)
+            both = (asked.over, asked.minimise)
+            over, least = (sampled(asked.plant, law, s, alpha).worst for s in both)
+            keeps = all(
+                sampled(asked.plant, law, own, alpha).worst <= (own.at_most or 0.0)
+                for own in asked.subject_to
+            )
+            yield {"name": name, "over": over, "minimise": least, "keeps": keeps}

@@ -17,11 +17,11 @@ from polefence.response import linear
 from polefence.response.closed import close
 from polefence.response.grid import longest_step
 from polefence.response.result import Response
-from polefence.vehicle.driving.assessment import GRAVITY, RUNS_AWAY
 from polefence.vehicle.driving.drive import drive
 from polefence.vehicle.driving.events import Event, spans, summary
 from polefence.vehicle.driving.integration import LOST
 from polefence.vehicle.driving.parts import Actuator, Hardware
+from polefence.vehicle.driving.result import GRAVITY, RUNS_AWAY
 from polefence.vehicle.driving.trajectories import Courses, read_courses
 from polefence.vehicle.excitation import Excitation
 from polefence.vehicle.vehicle import masses, ride

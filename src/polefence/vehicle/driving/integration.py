@@ -1,4 +1,4 @@
-"""Step by step through a drive: a fixed step of Runge-Kutta, or one with error control."""
+"""Step by step through a drive: Runge-Kutta or error control; a controller at samples."""
 
 from __future__ import annotations
 
@@ -10,10 +10,10 @@ import numpy as np
 
 from polefence.base.errors import InputError
 from polefence.plant.system import Array
-from polefence.vehicle.driving.controller import Controller
-from polefence.vehicle.driving.model import Model, Pieces, Row
-from polefence.vehicle.driving.scheduling import INSIDE
-from polefence.vehicle.recursion import Belief
+from polefence.vehicle.driving.model import INSIDE, Model, Pieces, Reading, Row
+from polefence.vehicle.driving.parts import Estimated, Sampling
+from polefence.vehicle.estimate import Belief, Estimator
+from polefence.vehicle.vehicle import Ride
 
 # Of a state or force: beyond it a car counts as lost.
 LOST = 1e9
@@ -21,6 +21,8 @@ LOOK = 64  # steps between two looks for lost cars
 CHUNK = 2_000_000  # numbers held at once for the matrices of a stretch of steps
 MOST_CHUNK = 1000
 RELATIVE, ABSOLUTE = 1e-10, 1e-13  # tolerances of the adaptive step
+
+Cross = Callable[[int, Array], tuple[Array, Callable[[], Array]]]
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,9 +82,6 @@ def march(model: Model, controller: Controller | None, start: Array, adaptive: b
     if lost.any():
         _blank(z, demanded)
     return Marched(z, demanded, used, controller.beliefs if controller else ())
-
-
-Cross = Callable[[int, Array], tuple[Array, Callable[[], Array]]]
 
 
 def _fixed(model: Model, controller: Controller | None) -> Cross:
@@ -191,3 +190,91 @@ def _blank(z: Array, demanded: Array | None) -> None:
     z[gone] = np.nan
     if demanded is not None:
         demanded[gone] = np.nan
+
+
+class Learner:
+    """An estimator with its sensors; it keeps what it has believed."""
+
+    def __init__(self, model: Model, known: Ride, own: Estimator, how: Estimated) -> None:
+        self.model, self.known, self.own, self.how = model, known, own, how
+        self.random = np.random.default_rng(how.seed)
+        self.beliefs = [own.begin(len(model.courses.cars))]
+
+    @property
+    def parameters(self) -> Array:
+        """What is believed now, (count, q)."""
+        return self.own.parameters(self.beliefs[-1].shares)
+
+    def learn(self, z: Array, slope: Array, demand: Array) -> None:
+        """Take a sample at z (count, width); one taken in the stops is not used."""
+        model, known = self.model, self.known
+        x, third, fourth = (known.places[i] for i in (0, 2, 3))
+        acts = z[:, model.plant.shape[0] :] if model.actuator.rate else None
+        force = (model.actuator.limited(demand) if acts is None else acts)[:, known.input]
+        compression = known.sense[0] * z[:, x]
+        rate = z[:, fourth] - z[:, third]
+        clean = np.stack([force, rate, compression, slope[:, third]], axis=1)
+        noise = self.random.normal(size=clean.shape) * self.how.sensors.deviations
+        measured, free = clean + noise, None
+        if model.stops is not None:
+            free = model.stops.force(compression, rate) == 0
+        belief = self.own.update(self.beliefs[-1], measured[:, :3], measured[:, 3], free)
+        self.beliefs.append(self.own.projected(belief))
+
+
+class Controller:
+    """What happens at samples.
+
+    With ``sampling`` a demand is computed and held; without, the gain is set anew at each sample
+    of the learner and u = K x in between.
+    """
+
+    def __init__(
+        self,
+        model: Model,
+        sampling: Sampling | None,
+        source: Reading | Learner,
+        every: tuple[int, int],
+    ) -> None:
+        self.model, self.sampling, self.source = model, sampling, source
+        self.every_demand, self.every_estimate = every
+        shape = (len(model.courses.cars), model.plant.shape[1])
+        self.gain: Array | None = None
+        self.held: Array | None = np.zeros(shape) if sampling else None
+        self.waiting = np.zeros(shape)
+        self.used = self._parameters(0)
+
+    def sample(self, k: int, z: Array, slope: Callable[[], Array] | None) -> None:
+        """Do what is due at instant k; ``slope`` gives z' just before it, None at the first."""
+        learns = isinstance(self.source, Learner) and k % self.every_estimate == 0
+        if learns and isinstance(self.source, Learner) and slope is not None:
+            self.source.learn(z, slope(), self.demand(z))
+        if self.sampling is None:
+            if learns:
+                self.used = self._parameters(k)
+                self.gain = self.model.padded(self.model.gains(self.used))
+        elif k % self.every_demand == 0:
+            self.used = self._parameters(k)
+            K = self.model.gains(self.used)
+            demand = (K @ z[:, : K.shape[-1], None])[..., 0]
+            self.held = self.waiting if self.sampling.delayed else demand
+            self.waiting = demand
+
+    def demand(self, z: Array) -> Array:
+        """Return the demand at z, (count, m)."""
+        if self.held is not None:
+            return self.held
+        return self.waiting if self.gain is None else (self.gain @ z[:, :, None])[..., 0]
+
+    @property
+    def beliefs(self) -> tuple[Belief, ...]:
+        """Of the learner, where there is one."""
+        return tuple(self.source.beliefs) if isinstance(self.source, Learner) else ()
+
+    def _parameters(self, k: int) -> Array:
+        if isinstance(self.source, Learner):
+            return self.source.parameters
+        grid, courses = self.model.grid, self.model.courses
+        at = min((k + INSIDE) * grid.step, grid.step * grid.steps)
+        found = courses.space.inside(self.source.at(np.array([at]))[0])
+        return np.asarray(np.broadcast_to(found, (len(courses.cars), found.shape[-1])))

@@ -11,7 +11,7 @@ import numpy as np
 from polefence.base.errors import InputError
 from polefence.plant.system import Array
 from polefence.response.weighting import positive
-from polefence.vehicle.recursion import Tuning
+from polefence.vehicle.estimate import Tuning
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""Result of a drive, as one value."""
+"""Result of a drive: the record, and it against what was proved and against its hardware."""
 
 from __future__ import annotations
 
@@ -13,9 +13,27 @@ from polefence.plant.outputs import Output, choose, rate_place
 from polefence.plant.system import Array
 from polefence.region.text import digits_down
 from polefence.response.result import Response
-from polefence.vehicle.driving.events import Event, summary
+from polefence.vehicle.driving.events import (
+    Claims,
+    Event,
+    Motion,
+    claim_events,
+    interval_events,
+    rates_of,
+    spans,
+    summary,
+)
+from polefence.vehicle.driving.integration import Learner, Marched
+from polefence.vehicle.driving.model import INSIDE, Model, Reading
+from polefence.vehicle.driving.parts import Sampling
 from polefence.vehicle.driving.trajectories import Space
 from polefence.vehicle.estimate import Estimate
+from polefence.vehicle.vehicle import Ride
+
+CHUNK = 4_000_000  # numbers held at once
+
+GRAVITY = 9.81  # [m/s2]
+RUNS_AWAY = "the state runs away"
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -121,3 +139,163 @@ class Drive:
                 alpha = Space(self.plant).alpha(self.parameters) if alpha is None else alpha
                 found += np.einsum("...j,...j->...", alpha @ own, source)
         return found
+
+
+@dataclass(frozen=True, eq=False)
+class Record:
+    """Arrays (count, time, ...) at all instants; see `driving.result.Drive`.
+
+    ``disturbance`` (time, q) is that of the step which begins at an instant; ``mass`` [kg] is what
+    rests on the tyre of a car, infinite for any other plant.
+    """
+
+    disturbance: Array
+    states: Array
+    rates: Array
+    demanded: Array
+    applied: Array
+    stops: Array
+    parameters: Array
+    used: Array
+    mass: Array
+
+
+def record(model: Model, marched: Marched, reading: Reading | None) -> Record:
+    """Return what was the case at every instant; at the last one, the road of the last step.
+
+    Parameters
+    ----------
+    reading : Reading, optional
+        What the law followed, where no controller has recorded what it used and demanded.
+    """
+    grid, (n, m) = model.grid, model.plant.shape
+    total, count, width = marched.z.shape
+    q = len(model.courses.space.names)
+    x, rates = marched.z[..., :n], np.empty((total, count, n))
+    demanded = np.empty((total, count, m)) if marched.demanded is None else marched.demanded
+    used = np.empty((total, count, q)) if marched.used is None else marched.used
+    true, stops = np.empty((total, count, q)), np.zeros((total, count))
+    applied, mass = np.empty((total, count, m)), np.full((total, count), np.inf)
+    length = max(1, CHUNK // (count * n * (n + m + 4)))
+    for first in range(0, total, length):
+        part = slice(first, min(first + length, total))
+        k = np.arange(part.start, part.stop)
+        last = np.minimum(k, grid.steps - 1)
+        times = np.where(k > last, grid.steps - INSIDE, k + INSIDE) * grid.step
+        true[part] = model.courses.at(times)
+        if reading is not None and marched.used is None:
+            given = model.courses.space.inside(reading.at(times))
+            used[part], K = given, model.gains(given)
+            demanded[part] = (K @ x[part, :, :, None])[..., 0]
+        acts = marched.z[part, :, n:] if width > n else model.actuator.limited(demanded[part])
+        applied[part] = model.actuator.limited(acts)
+        A, B, g = model.open(times, last)
+        rates[part] = (A @ x[part, :, :, None] + B @ applied[part][..., None])[..., 0] + g
+        if model.known is not None:
+            mass[part] = _mass(model, model.known, B)
+        if model.stops is not None and model.known is not None:
+            i, sense = model.known.places[0], model.known.sense[0]
+            stops[part] = model.stops.force(sense * x[part, :, i], sense * rates[part, :, i])
+            rates[part] += stops[part, :, None] * B[..., :, model.known.input]
+    every = np.arange(total)
+    last = np.minimum(every, grid.steps - 1)
+    times = np.where(every > last, grid.steps - INSIDE, every + INSIDE) * grid.step
+    arrays = (x, rates, demanded, applied, stops, true, used, mass)
+    return Record(grid.disturbance(times, last), *(np.swapaxes(v, 0, 1) for v in arrays))
+
+
+def _mass(model: Model, known: Ride, B: Array) -> Array:
+    """Return both masses together, as the force's entries in B say them; the first load's."""
+    up, down = (B[..., known.places[i], known.input] for i in (2, 3))
+    return np.asarray((model.first_load if model.gravity else 1 / up) - 1 / down)
+
+
+def judged(
+    model: Model, own: Record, claims: Claims | None, scheduled: bool
+) -> tuple[tuple[Event, ...], tuple[str, ...], Any]:
+    """Return events, notes, and where the margins cover what happened (None without any).
+
+    Parameters
+    ----------
+    scheduled : bool
+        Whether the law looks at the parameters: else being wrong about them is no error.
+    """
+    times, space = model.grid.times, model.courses.space
+    errors = np.abs(own.parameters - own.used)
+    motion = Motion(
+        space,
+        own.parameters,
+        errors if scheduled else 0 * errors,
+        rates_of(model.courses, model.grid),
+    )
+    events, outside = interval_events(motion, times)
+    hardware, met = _hardware(model, own, times)
+    if claims is None:
+        compared = (
+            f"no margins were given to compare with; fastest change: {motion.largest('rates')}; "
+            f"largest error of the scheduling: {motion.largest('errors')}"
+        )
+        return (*events, *hardware), (compared,), None
+    left, covered = claim_events(motion, claims, model.grid.step, times)
+    return (*events, *left, *hardware), (), covered & ~outside & ~met
+
+
+def throughout(model: Model, sampling: Sampling | None, learner: Learner | None) -> tuple[str, ...]:
+    """Return what no claim covers and is so all the time."""
+    found = []
+    if sampling is not None:
+        delayed = ", a sample late" if sampling.delayed else ""
+        found.append(f"the controller samples every {sampling.period:g} s{delayed}: in no claim")
+    if model.actuator.bandwidth is not None:
+        found.append(f"the actuator has {model.actuator.bandwidth:g} Hz: its lag is in no claim")
+    if learner is not None:
+        seen = learner.own.identifiable()
+        for name, visible in zip(model.courses.space.names, seen, strict=False):
+            if not visible:
+                found.append(f"the estimator cannot see {name}, which keeps its first value")
+    return tuple(found)
+
+
+def _hardware(model: Model, own: Record, times: Array) -> tuple[list[Event], Any]:
+    """Return events of limits met, and where any is (count, time)."""
+    found = list[Event]()
+    met = np.zeros(own.stops.shape, dtype=bool)
+    limit = model.actuator.limit
+    if limit is not None:
+        size = np.abs(own.demanded).max(axis=-1)
+        over = size > limit
+        met |= over
+        found += spans(
+            "limit", over, size, times,
+            lambda car, k: f"{size[car, k]:.4g} demanded of an actuator that gives {limit:g}",
+        )  # fmt: skip
+    if model.stops is not None:
+        push = np.abs(own.stops)
+        met |= push > 0
+        found += spans(
+            "stops", push > 0, push, times,
+            lambda car, k: (
+                f"{'rebound' if own.stops[car, k] < 0 else 'bump'} stop hit, "
+                f"{push[car, k]:.4g} N at most"
+            ),
+        )  # fmt: skip
+    for kind, mask, size, words in (*_contact(model, own), *_lost(own)):
+        met |= mask
+        found += spans(kind, mask, size, times, lambda *_, words=words: words)
+    return found, met
+
+
+def _contact(model: Model, own: Record) -> list[tuple[str, Any, Array, str]]:
+    """Where the tyre would have to pull: the linear tyre is no tyre any more."""
+    known = model.known
+    if known is None or known.tyre_force is None:
+        return []
+    force = own.mass * GRAVITY
+    force = force + own.states @ known.tyre_force.arrays(model.plant)[0][0]
+    text = "the tyre leaves the road, which the equations do not know"
+    return [("road", force < 0, -force, text)]
+
+
+def _lost(own: Record) -> list[tuple[str, Any, Array, str]]:
+    gone = ~np.all(np.isfinite(own.states), axis=-1)
+    return [("lost", gone, gone.astype(float), RUNS_AWAY)]

@@ -14,7 +14,7 @@ from polefence.law.laws import check_alpha
 from polefence.plant.family import UncertainPlant
 from polefence.plant.polynomial import Domain
 from polefence.plant.system import Array
-from polefence.vehicle.projection import corner_weights
+from polefence.vehicle.estimate import corner_weights
 
 Course = Callable[[Array], Any]
 # A bound that is a decimal fraction, and its float: this share of the interval apart.

@@ -29,17 +29,16 @@ from polefence import (
 )
 from polefence.design.observer import Observer
 from polefence.examples import family, spec_path
-from polefence.export.c99.number import number
-from polefence.export.c99.program import program
-from polefence.export.c99.sources import Texts, sources
-from polefence.export.observer import observer_sources
-from polefence.export.sampled.observer_loop import (
+from polefence.export.observer import (
     check_sample_time,
     judge_sampled_loop,
     longest_sample_time,
+    observer_sources,
     observer_step,
     sampled_output_loop,
 )
+from polefence.export.program import number, program
+from polefence.export.sources import Texts, sources
 from polefence.law.laws import FixedGain
 from support.shapes_of_laws import FUZZ, SANITIZED, STRICT, need, run, weights
 

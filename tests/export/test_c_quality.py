@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from polefence.base.errors import InputError
-from polefence.export.c99.sources import sources
+from polefence.export.sources import sources
 from support.paths import DOCS
 from support.shapes_of_laws import (
     BETA,

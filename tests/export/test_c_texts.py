@@ -13,8 +13,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from polefence.base.errors import InputError
-from polefence.export.c99.sources import check_c_name, sources
-from polefence.export.c99.text import WIDTH, block, comment
+from polefence.export.sources import WIDTH, block, check_c_name, comment, sources
 from polefence.plant.parameters import Parameter
 from support.shapes_of_laws import BY_LABEL, STRICT, need, run
 

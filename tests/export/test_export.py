@@ -221,8 +221,7 @@ def test_an_unproved_design_is_not_exported():
 @pytest.mark.parametrize(("low", "high"), [("1e-50", "1"), ("1", "1e50"), ("1e-20", "1e-3")])
 def test_an_interval_out_of_reach_of_the_numbers_is_refused(low, high):
     from polefence import Parameter, ScheduledGain
-    from polefence.export.c99.number import number
-    from polefence.export.c99.program import program
+    from polefence.export.program import number, program
 
     parameter = Parameter("c", low, high, through="1/c")
     law = ScheduledGain(np.ones((2, 1, 1)), np.ones((2, 1, 1)), (parameter,))

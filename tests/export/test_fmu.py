@@ -22,12 +22,10 @@ from hypothesis import strategies as st
 
 from polefence import Disk, FixedGain, place
 from polefence.base.errors import InputError
-from polefence.export.c99.number import number
-from polefence.export.c99.program import program
-from polefence.export.c99.sources import Texts
-from polefence.export.fmi import library as shared_library
-from polefence.export.fmi.fmu import fmu, plain, split, unique
-from polefence.export.fmi.library import platform
+from polefence.export import fmu as shared_library
+from polefence.export.fmu import fmu, plain, platform, split, unique
+from polefence.export.program import number, program
+from polefence.export.sources import Texts
 from polefence.response.discrete import held
 from polefence.vehicle.driving.parts import Sampling
 from support.drives import drive
@@ -553,7 +551,7 @@ def given_sources(monkeypatch, law, parameters, texts, version, bits=64) -> dict
         return "binaries/none", b""
 
     with monkeypatch.context() as patched:
-        patched.setattr("polefence.export.fmi.fmu.library", library)
+        patched.setattr("polefence.export.fmu.library", library)
         content = fmu(program(law, parameters, number(bits)), texts, version=version)
     with zipfile.ZipFile(io.BytesIO(content)) as archive:
         found["modelDescription.xml"] = archive.read("modelDescription.xml").decode()

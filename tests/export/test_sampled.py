@@ -12,11 +12,15 @@ from scipy.linalg import expm
 from polefence import Disk, FixedGain, HalfPlane, Sector, UncertainPlant, place
 from polefence.base.errors import InputError
 from polefence.examples import family
-from polefence.export.c99.number import number
-from polefence.export.c99.program import program
 from polefence.export.guarantee import guarantee
-from polefence.export.sampled.poles import largest_sample_time, sampled_poles, sampling
-from polefence.export.sampled.proof import off_by_rounding, prove_decay
+from polefence.export.program import number, program
+from polefence.export.sampled import (
+    largest_sample_time,
+    off_by_rounding,
+    prove_decay,
+    sampled_poles,
+    sampling,
+)
 from polefence.proof.claims.base import prove
 from polefence.proof.work import FormatError
 from support.files import only_claim_in

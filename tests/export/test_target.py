@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from polefence.export.c99.vectors import ALLOWED
+from polefence.export.vectors import ALLOWED
 from support.cortex import CORTEX, emulated, run
 
 COUNT = 100_000

@@ -9,9 +9,8 @@ import numpy as np
 import pytest
 
 from polefence import Disk, InputError, place
-from polefence.export.c99.number import number
-from polefence.export.c99.program import program
-from polefence.export.c99.vectors import (
+from polefence.export.program import number, program
+from polefence.export.vectors import (
     ALLOWED,
     CLAMPED,
     LIMITED,

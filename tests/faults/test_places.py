@@ -13,7 +13,7 @@ from polefence import OutputError, export
 from polefence.base.files import write_all
 from polefence.cli.main import main
 from polefence.design.design import FILE_NAME
-from polefence.export.c99.text import cell, prose
+from polefence.export.sources import cell, prose
 from polefence.plant.spec import dumps
 
 SPEC = "[[vertex]]\nA = [[1]]\nB = [[1]]\n"

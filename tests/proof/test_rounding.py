@@ -9,10 +9,9 @@ import pytest
 
 from polefence import Disk, Scheduled, place
 from polefence.examples import family
-from polefence.export.c99.number import number
-from polefence.export.c99.program import Scheduled as Code
-from polefence.export.c99.program import program
 from polefence.export.guarantee import code_of, guarantee, scales
+from polefence.export.program import Scheduled as Code
+from polefence.export.program import number, program
 from polefence.proof import regions
 from polefence.proof.claims.base import prove
 from polefence.proof.claims.gain_error import GainError

@@ -11,7 +11,7 @@ from scipy.linalg import expm
 
 from polefence import Disk, HalfPlane, Sector, UncertainPlant, place
 from polefence.design.design import Design
-from polefence.export.sampled.proof import prove_decay
+from polefence.export.sampled import prove_decay
 from polefence.plant.parameters import Parameter
 from polefence.proof.claims.base import prove
 from polefence.proof.claims.sampled import Off, loop_claim

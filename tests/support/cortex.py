@@ -11,10 +11,9 @@ from pathlib import Path
 import numpy as np
 
 from polefence import Design
-from polefence.export.c99.number import number
-from polefence.export.c99.program import Fixed, Program, Scheduled, program
-from polefence.export.c99.sources import Texts, sources
-from polefence.export.c99.vectors import harness, makefile
+from polefence.export.program import Fixed, Program, Scheduled, number, program
+from polefence.export.sources import Texts, sources
+from polefence.export.vectors import harness, makefile
 from polefence.law.laws import Law, right_divide
 from support.paths import ROOT
 

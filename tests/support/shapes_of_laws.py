@@ -11,9 +11,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from polefence.export.c99.number import number
-from polefence.export.c99.program import Program, program
-from polefence.export.c99.sources import Texts, sources
+from polefence.export.program import Program, number, program
+from polefence.export.sources import Texts, sources
 from polefence.law.laws import FixedGain, Law, ScheduledGain
 from polefence.plant.parameters import Parameter
 from polefence.plant.polynomial import Domain

@@ -12,10 +12,9 @@ from polefence.cli.common import NOT_PROVED, PROVED, say
 from polefence.design.design import Design
 from polefence.design.observer import Observer
 from polefence.export import export_c99, with_fmus
-from polefence.export.c99.sources import check_c_name
-from polefence.export.exported import GIVEN, Exported, marks
-from polefence.export.folder import check_folder, write_folder
+from polefence.export.exported import GIVEN, Exported, check_folder, marks, write_folder
 from polefence.export.matlab import HEADER, mat_bytes
+from polefence.export.sources import check_c_name
 from polefence.region.text import digits_down, digits_up
 
 LANGUAGES = ("c99", "fmu", "mat")

@@ -1,32 +1,48 @@
-"""``guarantee.json``: what is proved of exported code; written, and checked afresh."""
+"""``guarantee.json``: what is proved of exported code; stated, written, and checked afresh.
+
+Every sentence is made of what a file about the code holds: claims that are proved, or what was
+sampled and is said to be. So `polefence check` writes the lines again, and compares.
+"""
 
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Mapping
-from dataclasses import replace
+import textwrap
+from collections.abc import Iterator, Mapping
+from dataclasses import asdict, dataclass, fields, replace
+from fractions import Fraction
 from pathlib import Path
 from typing import Any
+
+import numpy as np
 
 from polefence.base.errors import DesignFileError, InputError
 from polefence.design.certificate import Certificate, Check, plant_of
 from polefence.design.design import Design, check_document, read_document
+from polefence.design.measured import DUAL
 from polefence.design.observer import Observer
-from polefence.export.again import program_again, seen_again, text_document, texts_again
-from polefence.export.c99.program import Program
-from polefence.export.c99.sources import Texts, sources
+from polefence.export.guarantee import Timing, milliseconds
 from polefence.export.observer import observer_sources
-from polefence.export.statement import README, Facts, Loop, Seen, own_readme
+from polefence.export.program import Fixed, Program, Scheduled, Share, number
+from polefence.export.sources import Texts, context, environment, sources
+from polefence.law.laws import FixedGain, Law, ScheduledGain
+from polefence.plant.family import UncertainPlant
 from polefence.proof.claims.base import Claim
 from polefence.proof.claims.observer import Observer as ObserverClaim
-from polefence.proof.claims.rounding import Rounded
+from polefence.proof.claims.rounding import Code, Rounded, rounding_error
 from polefence.proof.claims.sampled import Sampled
 from polefence.proof.document import Document
+from polefence.proof.text import milliseconds_text
 from polefence.proof.work import FormatError
-from polefence.region.regions import region_of
+from polefence.region.regions import Region, region_of
+from polefence.region.text import digits_down, digits_up, short_text
 
 FILE_NAME = "guarantee.json"
 LONGEST = 100  # characters of a file's name
+
+WIDTH, NO_BREAK = 88, "\u00a0"
+MOST = 1e29  # a decay without bound [1/s]
+README = "README.md"
 
 
 def guarantee_text(
@@ -154,3 +170,288 @@ def _observer_header(
 
 def _digest(content: bytes) -> str:
     return hashlib.sha256(content).hexdigest()
+
+
+def require_law(design: Design) -> None:
+    """Refuse an observer's design: its gain is no law of the plant."""
+    if design.certificate.observer or design.plant.name.endswith(DUAL):
+        raise InputError(
+            f"{design.plant.name}: the design of an observer, no law; export the state feedback's "
+            "design and name this one as its observer (--observer)"
+        )
+
+
+def code_law(law: Law) -> Law:
+    """Return the law as code computes it: that of one vertex is one gain."""
+    if isinstance(law, ScheduledGain) and law.domain.corners == 1:
+        return FixedGain(law.gain([1.0]))
+    return law
+
+
+def names(design: Design | Certificate) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """Return the names of states and inputs, numbered where the plant has none."""
+    plant: UncertainPlant = design.plant
+    n, m = plant.shape
+    states = tuple(plant.states) or tuple(f"state {j + 1}" for j in range(n))
+    return states, tuple(plant.inputs) or tuple(f"input {j + 1}" for j in range(m))
+
+
+def program_again(code: Code, certificate: Certificate) -> Program:
+    """Return the program that has these constants."""
+    form, law = number(code.bits), certificate.law
+    if code.K is not None or isinstance(law, FixedGain):
+        return Fixed(form, _floats(code.K))
+    pairs = zip(certificate.plant.parameters, code.shares, strict=False)
+    shares = tuple(Share(p, float(s.low), float(s.high), float(s.scale)) for p, s in pairs)
+    W, Z = (np.array([_floats(each) for each in table]) for table in (code.W, code.Z))
+    return Scheduled(form, shares, law.domain, law.degree, _floats(code.T), W, Z)
+
+
+def text_document(texts: Texts, seen: Seen | None) -> dict[str, Any]:
+    """Return what the sources say of themselves beside what is proved, as plain data."""
+    table: dict[str, Any] = {"name": texts.name, "limits": list(texts.limits)}
+    return table if seen is None else table | {"sampled": asdict(seen)}
+
+
+def texts_again(table: Any, certificate: Certificate, facts: Facts) -> Texts:
+    """Return the texts of what is proved and sampled.
+
+    Raises
+    ------
+    InputError
+        If the table is not one that `text_document` wrote.
+    """
+    known = {"name", "limits"} | ({"sampled"} if facts.loop else set())
+    if not isinstance(table, dict) or table.keys() != known:
+        raise InputError(f"text must hold {', '.join(sorted(known))}, and nothing else")
+    name, limits = table["name"], table["limits"]
+    if not isinstance(name, str) or not isinstance(limits, list):
+        raise InputError("text: name must be text, limits a list")
+    if not all(_is_number(v) and 0 < v < 1e30 for v in limits):
+        raise InputError("text: limits must be positive numbers")
+    facts = replace(facts, limited=bool(limits))
+    loop, own = facts.loop, certificate.plant.sample_time
+    time = loop.sample_time if loop else None if own is None else float(own)
+    return Texts(
+        name,
+        certificate.plant.name,
+        statement(facts),
+        *names(certificate),
+        tuple(map(float, limits)),
+        time,
+        loop.delay if loop else 0,
+    )
+
+
+def seen_again(table: Any, observed: bool) -> Seen:
+    """Return what was sampled, as the file has it: lines about it say that it is not proved.
+
+    Raises
+    ------
+    InputError
+        If the table is not one that `text_document` wrote.
+    """
+    own = table.get("sampled") if isinstance(table, dict) else None
+    if not isinstance(own, dict) or own.keys() != {field.name for field in fields(Seen)}:
+        raise InputError("text.sampled: what was sampled of the loop is missing, or more is there")
+    pair = own["observer"]
+    beside = [0, 0.0] if pair is None else pair
+    if not isinstance(beside, list) or len(beside) != 2 or (pair is not None) is not observed:
+        raise InputError("text.sampled.observer must be two numbers, where there is an observer")
+    counts, numbers = (own["points"], beside[0]), (own["decay"], own["region"], own["stable"])
+    if not all(type(count) is int and 0 <= count < 10**9 for count in counts) or not all(
+        _is_number(v) and abs(v) < 1e30 for v in (*numbers, beside[1])
+    ):
+        raise InputError("text.sampled: points must be a whole number, others finite numbers")
+    if type(own["inside"]) is not bool:
+        raise InputError("text.sampled.inside must be true or false")
+    found = None if pair is None else (beside[0], float(beside[1]))
+    decay, region, stable = map(float, numbers)
+    return Seen(own["points"], own["inside"], decay, region, stable, found)
+
+
+def _is_number(value: Any) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool)
+
+
+def _floats(matrix: Any) -> np.ndarray[Any, np.dtype[np.float64]]:
+    return np.array([[float(value) for value in row] for row in matrix or []])
+
+
+@dataclass(frozen=True)
+class Seen:
+    """Findings about the sampled loop at sampled parameters, and by trial: no proof.
+
+    Attributes
+    ----------
+    points : int
+        Parameter values.
+    inside : bool
+        Whether the poles lay in the region, as log(z) / Ts.
+    decay : float
+        The slowest [1/s].
+    region, stable : float
+        The longest sample times that left the poles there, and the loop stable [s].
+    observer : (int, float) or None
+        Parameter values and slowest decay of the loop that the observer closes.
+    """
+
+    points: int
+    inside: bool
+    decay: float
+    region: float
+    stable: float
+    observer: tuple[int, float] | None = None
+
+
+@dataclass(frozen=True)
+class Loop:
+    """The loop as a computer closes it: its decay rate, where one is proved, and what was seen."""
+
+    sample_time: float
+    delay: int
+    decay: Fraction | None
+    seen: Seen
+    reason: str = ""
+
+
+@dataclass(frozen=True)
+class Facts:
+    """Facts that the lines are made of.
+
+    Attributes
+    ----------
+    region : Region
+    rounded : Rounded, optional
+        What is proved of the code's rounding; None where nothing is, for the reason.
+    sample_time : Fraction, optional
+        The plant's own, in discrete time.
+    limited : bool
+        Whether the code cuts the inputs.
+    """
+
+    region: Region
+    rounded: Rounded | None
+    sample_time: Fraction | None
+    limited: bool
+    loop: Loop | None = None
+    observer: Observer | None = None
+    reason: str = ""
+
+
+def loop_of(timed: Timing) -> Loop:
+    """Return what was proved and found of the sampled loop."""
+    own, beside = timed.sampling, timed.with_observer
+    seen = Seen(
+        own.points,
+        own.inside,
+        own.decay,
+        timed.largest.region,
+        timed.largest.stable,
+        None if beside is None else (beside.points, min(beside.decay, MOST)),
+    )
+    proof = timed.proof
+    decay = None if proof.claim is None else proof.claim.decay
+    return Loop(own.sample_time, own.delay, decay, seen, proof.reason)
+
+
+def statement(facts: Facts) -> tuple[str, ...]:
+    """Return what is guaranteed, proved or sampled, and what is not."""
+    sentences = [_rounding(facts), *_timing(facts)]
+    own = facts.sample_time
+    if own is not None:
+        sentences.append(
+            f"Run every {milliseconds_text(own)} ms, the plant's own, u without delay."
+        )
+    if facts.observer is not None:
+        sentences += _of_observer(facts, facts.observer)
+    sentences.append(_outside(facts))
+    region = short_text(facts.region)
+    return tuple(line for each in sentences for line in _wrapped(each, region))
+
+
+def _wrapped(sentence: str, region: str) -> list[str]:
+    """Break a sentence into lines, but not the region."""
+    whole = sentence.replace(region, region.replace(" ", NO_BREAK))
+    return [line.replace(NO_BREAK, " ") for line in textwrap.wrap(whole, WIDTH)]
+
+
+def _rounding(facts: Facts) -> str:
+    region = short_text(facts.region)
+    if facts.rounded is None:
+        return f"NOT PROVED to keep the poles in {region}: {facts.reason}."
+    share = rounding_error(facts.rounded) / facts.rounded.gain.error
+    return (
+        f"Proved in exact arithmetic: all poles of A + B K lie in {region}, whatever the "
+        "parameters, with the gain as this code computes it; its rounding is at most "
+        f"{digits_up(100 * share, 2)} % of what is proved to leave them there."
+    )
+
+
+def _timing(facts: Facts) -> Iterator[str]:
+    loop = facts.loop
+    if loop is None:
+        return
+    seen, region = loop.seen, short_text(facts.region)
+    late = ", u one step late" if loop.delay else ""
+    time = f"Run every {milliseconds_text(Fraction(loop.sample_time))} ms{late}"
+    if loop.decay is not None:
+        rate = digits_down(loop.decay, 3)
+        yield f"{time}: with x measured the loop is proved to decay, at {rate} 1/s or faster."
+    else:
+        yield f"{time}: NOT PROVED to be stable: {loop.reason}."
+    where, slowest = "in" if seen.inside else "NOT all in", digits_down(seen.decay, 3)
+    yield (
+        f"Sampled, not proved: at {seen.points} parameter values its poles, as log(z) / Ts, were "
+        f"{where} {region}, the slowest decay {slowest} 1/s."
+    )
+    held, stable = (milliseconds(t) for t in (seen.region, seen.stable))
+    yield f"By trial, not proved: the region holds up to {held}, stability up to {stable}."
+
+
+def _of_observer(facts: Facts, observer: Observer) -> Iterator[str]:
+    proved = "proved" if observer.design.proved else "NOT PROVED"
+    time = "" if facts.sample_time is not None else "in continuous time and "
+    yield (
+        f"Observer: {proved} that the poles of its error lie in {short_text(observer.region)}, "
+        f"{time}without rounding."
+    )
+    if facts.loop is not None and facts.loop.seen.observer is not None:
+        points, decay = facts.loop.seen.observer
+        how = f"decay {digits_down(decay, 3)} 1/s or faster" if decay > 0 else "are NOT stable"
+        yield f"With it, sampled, not proved: the loops of {points} parameter values {how}."
+
+
+def _outside(facts: Facts) -> str:
+    sampled = facts.loop is not None or facts.sample_time is not None
+    missing = ["underflow"] if sampled else ["sampling", "delay", "underflow"]
+    without = ", ".join(missing) + (" or limits" if facts.limited else "")
+    return f"At constant parameters, without {without}."
+
+
+def own_readme(
+    made: Program,
+    texts: Texts,
+    design: Design | Certificate,
+    observed: bool,
+    proved: bool = True,
+) -> str:
+    """Return the page's text."""
+    facts = {
+        "proved": proved,
+        "discrete": design.plant.sample_time is not None,
+        "bytes": local_bytes(made),
+        "observer": observed,
+    }
+    template = environment().get_template("README.md.j2")
+    return template.render(context(made, texts) | facts)
+
+
+def local_bytes(made: Program) -> int:
+    """Return the bytes of the arrays that an update keeps on the stack."""
+    n, m = made.shape
+    if not isinstance(made, Scheduled):
+        return m * made.number.bits // 8
+    own = len(made.shares) * 2 if made.shares else made.domain.corners
+    count = own + sum(made.domain.sizes) + len(made.W) + (n + 1) * n + m
+    return count * made.number.bits // 8

@@ -1,33 +1,42 @@
-"""Export of a design: a folder of C99, with what is guaranteed of it."""
+"""Export of a design: a folder of C99, ours alone, written whole, with what is guaranteed of it."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-from polefence.base.errors import InputError, NotProvedError
+from polefence.base.errors import InputError, NotProvedError, OutputError
+from polefence.base.files import SHORT, begins_with, leftover, write_all
 from polefence.design.design import Design, check
 from polefence.design.observer import Observer
-from polefence.export.again import code_law, names, require_law
-from polefence.export.c99.number import number
-from polefence.export.c99.program import Program, program
-from polefence.export.c99.sources import MARKER, Texts, check_c_name, sources
-from polefence.export.c99.vectors import harness, makefile
-from polefence.export.documents import FILE_NAME, guarantee_text
-from polefence.export.fmi.fmu import fmu
-from polefence.export.folder import write_folder
-from polefence.export.guarantee import Guarantee, guarantee
+from polefence.export.documents import (
+    FILE_NAME,
+    README,
+    Facts,
+    code_law,
+    guarantee_text,
+    loop_of,
+    names,
+    own_readme,
+    require_law,
+    statement,
+)
+from polefence.export.fmu import fmu
+from polefence.export.guarantee import Guarantee, Timing, guarantee, timing
 from polefence.export.observer import observer_sources
-from polefence.export.statement import README, Facts, loop_of, own_readme, statement
-from polefence.export.timing import Timing, timing
+from polefence.export.program import Program, number, program
+from polefence.export.sources import MARKER, Texts, check_c_name, sources
+from polefence.export.vectors import harness, makefile
 from polefence.law.laws import FixedGain
 from polefence.plant.parameters import Parameter
 from polefence.proof.document import FORMAT
 
 GIVEN = ("parameters", "alpha")
 BESIDE = (".c", ".h", ".fmu")  # what runs beside the law
+
+BUILD = "build"  # what the Makefile makes
 
 
 @dataclass(frozen=True, eq=False)
@@ -293,3 +302,61 @@ def _files(found: Exported) -> dict[str, bytes]:
     page = own_readme(made, texts, found.design, found.observer is not None, found.proved)
     files[README] = page.encode()
     return files
+
+
+def check_folder(directory: Path, marks: Mapping[str, bytes]) -> None:
+    """Refuse a folder that holds files of others, before any work.
+
+    Parameters
+    ----------
+    marks : mapping
+        For each name that will be written, what such a file of ours has in its first bytes.
+
+    Raises
+    ------
+    OutputError
+        If it is no folder, or has a file of another name, or one of ours by name alone.
+    """
+    if not directory.exists():
+        return
+    if not directory.is_dir():
+        raise OutputError(f"{directory}: is a file; name a folder")
+    for entry in sorted(directory.iterdir()):
+        if entry.name == BUILD and entry.is_dir():
+            continue
+        if not (_is_leftover(entry, marks) or _is_ours(entry, marks)):
+            raise OutputError(
+                f"{entry}: not a file of this export; nothing was written: name a folder that is "
+                "empty, new, or an earlier export's of the same name"
+            )
+
+
+def _is_ours(entry: Path, marks: Mapping[str, bytes]) -> bool:
+    known = entry.name in marks and not entry.is_symlink()
+    return known and begins_with(entry, marks[entry.name])
+
+
+def _is_leftover(entry: Path, marks: Mapping[str, bytes]) -> bool:
+    """Whether an export that was killed left this behind."""
+    name = leftover(entry.name)
+    return name is not None and not entry.is_dir() and any(own[:SHORT] == name for own in marks)
+
+
+def write_folder(
+    directory: Path, files: Mapping[str, bytes], marks: Mapping[str, bytes]
+) -> list[Path]:
+    """Write files, all or none, and return their paths; an earlier export's others are removed.
+
+    Raises
+    ------
+    OutputError
+        If the folder holds files of others, or one cannot be written.
+    """
+    check_folder(directory, marks)
+    if directory.exists():
+        for entry in [each for each in directory.iterdir() if _is_leftover(each, marks)]:
+            entry.unlink(missing_ok=True)
+    paths = write_all(directory, files)
+    for name in marks.keys() - files.keys():
+        (directory / name).unlink(missing_ok=True)
+    return paths

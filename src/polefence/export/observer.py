@@ -1,28 +1,41 @@
-"""C99 of an observer beside the law: what its templates are given, and the text."""
+"""Observer in C99 beside the law: its text, its step from tick to tick, the sampled loop.
+
+The code steps x^' = A x^ + B u + L (y - C x^) by the sample time, u and y held, with the Taylor
+series of order 4: for a constant alpha the Runge-Kutta method of that order.
+"""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from fractions import Fraction
 from typing import Any
 
 import numpy as np
 
 from polefence.base.errors import InputError
+from polefence.design.design import Design
 from polefence.design.observer import Observer
-from polefence.export.c99.number import Number
-from polefence.export.c99.program import LEAST, MOST, Scheduled, program
-from polefence.export.c99.sources import Texts, context, environment, rows, weighing
-from polefence.export.c99.text import check_c_name
-from polefence.export.sampled.observer_loop import ORDER, check_sample_time
-from polefence.law.laws import FixedGain, ScheduledGain
+from polefence.export.program import LEAST, MOST, Number, Scheduled, program
+from polefence.export.sources import Texts, check_c_name, context, environment, rows, weighing
+from polefence.law.laws import FixedGain, ScheduledGain, check_alpha
 from polefence.plant.parameters import Parameter
-from polefence.plant.polynomial import binomial
+from polefence.plant.points import sample
+from polefence.plant.polynomial import Domain, binomial
 from polefence.plant.system import Array, Exact
 from polefence.region.text import short_text
+from polefence.response.discrete import held
 
 LONGEST = 20  # characters: C tells external names apart by 31
+
+ORDER = 4
+# |pole| times sample time. In the left half-plane the step then errs by less than 1 % of the state
+# and its pole by less than 2 %; y, held over the step, is then the coarser part.
+ACCURATE = 1.0
+# Without measurements the step is the plant's own: of order 4 it is stable where the plant is as
+# long as |pole| times sample time is below 2.6, in every direction of the left half-plane.
+STABLE = 2.6
 
 
 def observer_sources(
@@ -225,3 +238,228 @@ def _claim(observer: Observer) -> list[str]:
             f"and it is stepped by the Taylor series of order {ORDER}.",
         ]
     return [*lines, "Nothing is proved of this code's rounding."]
+
+
+def check_sample_time(observer: Observer, sample_time: float | None) -> float:
+    """Return the sample time of an observer's steps [s].
+
+    Raises
+    ------
+    InputError
+        If it is no positive number, not the plant's own in discrete time, or too long: some
+        |pole| of A - L C times it is beyond 1, or of A beyond 2.6, over the family as sampled.
+    """
+    own = observer.plant.sample_time
+    if own is not None:
+        if sample_time is not None and sample_time != float(own):
+            raise InputError(
+                f"sample_time = {sample_time!r}: {observer.plant.name} is in discrete time, and "
+                f"its own is {float(own):g} s; leave sample_time out"
+            )
+        return float(own)
+    number = isinstance(sample_time, int | float) and not isinstance(sample_time, bool)
+    if sample_time is None or not number or not LEAST < sample_time < MOST:
+        raise InputError(
+            f"sample_time = {sample_time!r} must be a positive number of seconds: the observer's "
+            "code steps by it"
+        )
+    for fastest, bound, whose in _bounds(observer):
+        if fastest * sample_time > bound:
+            raise InputError(
+                f"sample_time = {sample_time:g} s is too long for the observer: {whose} of "
+                f"magnitude {fastest:.3g} 1/s, and a step of order {ORDER} bears {bound:g} over "
+                f"that; use at most {_down(bound / fastest)} s"
+            )
+    return float(sample_time)
+
+
+def longest_sample_time(observer: Observer) -> float:
+    """Return the longest sample time that `check_sample_time` takes [s]; without end, infinity."""
+    limits = [bound / fastest for fastest, bound, _ in _bounds(observer) if fastest > 0]
+    return float(min(limits, default=math.inf))
+
+
+def _bounds(observer: Observer) -> list[tuple[float, float, str]]:
+    alpha = family_points(observer)
+    own = np.abs(np.linalg.eigvals(observer.plant.at(alpha)[0])).max()
+    return [
+        (float(np.abs(observer.poles(alpha)).max()), ACCURATE, "the observer has a pole"),
+        (float(own), STABLE, "the plant, which it follows where y is missing, has a pole"),
+    ]
+
+
+def _down(value: float) -> str:
+    """Print a positive number in three digits, rounded down."""
+    scale = 10.0 ** (math.floor(math.log10(value)) - 2)
+    return f"{math.floor(value / scale) * scale:.3g}"
+
+
+def family_points(observer: Observer) -> Array:
+    """Return alphas that stand for the family, (count, N): corners, edges and a seeded sample.
+
+    Where the plant has parameters they are products, as alpha of parameters is.
+    """
+    N = len(observer.plant.vertices)
+    law = observer.design.law
+    box = bool(observer.plant.parameters) or (isinstance(law, ScheduledGain) and len(law.sizes) > 1)
+    domain = Domain.of("box" if box else "simplex", N)
+    return check_alpha(domain.alpha(sample(domain)), N)
+
+
+def observer_step(
+    observer: Observer, alpha: Any, sample_time: float | None = None, measured: bool = True
+) -> tuple[Array, Array, Array]:
+    """Return the matrices of the code's step in double precision.
+
+    Parameters
+    ----------
+    observer : Observer
+    alpha : (..., N) array
+    sample_time : float, optional
+        [s]; None in discrete time.
+    measured : bool
+        False for the step where y has NaN or infinity.
+
+    Returns
+    -------
+    Phi : (..., n, n) array
+    Gamma : (..., n, m) array
+    Lambda : (..., n, p) array
+        The next estimate is Phi x^ + Gamma u + Lambda y, y being measured at the end of the step;
+        in discrete time at its start.
+
+    Raises
+    ------
+    InputError
+        As `check_sample_time` does.
+    """
+    h = check_sample_time(observer, sample_time)
+    A, B, C, L = _matrices(observer, alpha)
+    L = L if measured else np.zeros_like(L)
+    M = A - L @ C
+    if observer.plant.sample_time is not None:
+        return M, B, L
+    one = np.broadcast_to(np.eye(A.shape[-1]), A.shape)
+    series = one
+    for k in range(ORDER, 1, -1):
+        series = one + (h / k) * (M @ series)
+    series = h * series
+    return one + M @ series, series @ B, series @ L
+
+
+def _matrices(observer: Observer, alpha: Any) -> tuple[Array, Array, Array, Array]:
+    a = check_alpha(alpha, len(observer.plant.vertices))
+    A, B = observer.plant.at(a)
+    L = np.broadcast_to(observer.gain(a), (*A.shape[:-1], observer.C.shape[1]))
+    return A, B, np.tensordot(a, observer.C, 1), L
+
+
+def sampled_output_loop(
+    design: Design,
+    observer: Observer,
+    alpha: Any,
+    sample_time: float | None = None,
+    *,
+    delay: int = 0,
+) -> Array:
+    """Return the eigenvalues of plant, law and observer from tick to tick, as they run.
+
+    At every tick y is measured, the estimate updated, and u = K x^ computed: applied at once, or
+    with ``delay`` 1 from the next tick on. The plant is discretised exactly with u held.
+
+    Parameters
+    ----------
+    design : Design
+        State feedback of the observer's plant.
+    observer : Observer
+    alpha : (..., N) array
+        Constant, and the same for all three.
+    sample_time : float, optional
+        [s]; None in discrete time.
+    delay : int
+        0 or 1 sample times.
+
+    Returns
+    -------
+    (..., k) array
+        The loop is stable where all are below one in magnitude. k is 2 n, and m more with delay.
+
+    Raises
+    ------
+    InputError
+        If the design is of another plant, the delay neither 0 nor 1, or the sample time too long.
+    """
+    return np.asarray(np.linalg.eigvals(_loop(design, observer, alpha, sample_time, delay)))
+
+
+def _loop(
+    design: Design, observer: Observer, alpha: Any, sample_time: float | None, delay: int
+) -> Array:
+    observer.feedback(design)  # refuses another plant's
+    if delay not in (0, 1):
+        raise InputError(f"delay = {delay!r} must be 0 or 1 sample times")
+    h = check_sample_time(observer, sample_time)
+    Phi, Gamma, Lambda = observer_step(observer, alpha, sample_time)
+    A, B, C, _ = _matrices(observer, alpha)
+    a = check_alpha(alpha, len(observer.plant.vertices))
+    K = np.broadcast_to(design.law.gain(a), (*A.shape[:-2], B.shape[-1], A.shape[-1]))
+    if observer.plant.sample_time is None:
+        F, G = held(A, B, h)
+        seen = Lambda @ C @ F, Lambda @ C @ G
+    else:
+        F, G = A, B
+        seen = Lambda @ C, np.zeros_like(G)
+    Gamma = Gamma + seen[1]
+    if delay:
+        zero = np.zeros_like(F)
+        still = np.zeros((*A.shape[:-2], B.shape[-1], B.shape[-1]))
+        none = np.zeros_like(K)
+        return np.block([[F, zero, G], [seen[0], Phi, Gamma], [none, K, still]])
+    return np.block([[F, G @ K], [seen[0], Phi + Gamma @ K]])
+
+
+@dataclass(frozen=True, eq=False)
+class SampledLoop:
+    """What was found of the sampled loop over a family, at sampled alphas; it is no proof.
+
+    Attributes
+    ----------
+    largest : float
+        Magnitude of the largest eigenvalue found.
+    decay : float
+        The slowest decay found, -log(largest) / sample time [1/s]; below zero it is unstable.
+    alpha : (N,) array
+        Where it was found.
+    points : int
+        How many alphas were tried.
+    """
+
+    largest: float
+    decay: float
+    alpha: Array
+    points: int
+
+    @property
+    def stable(self) -> bool:
+        """Whether all eigenvalues found are below one in magnitude."""
+        return self.largest < 1
+
+
+def judge_sampled_loop(
+    design: Design, observer: Observer, sample_time: float | None = None, *, delay: int = 0
+) -> SampledLoop:
+    """Look for the largest eigenvalue of `sampled_output_loop` over the family.
+
+    Raises
+    ------
+    InputError
+        As `sampled_output_loop` does.
+    """
+    h = check_sample_time(observer, sample_time)
+    alpha = family_points(observer)
+    sizes = np.abs(sampled_output_loop(design, observer, alpha, sample_time, delay=delay))
+    sizes = sizes.max(axis=-1)
+    worst = int(sizes.argmax())
+    largest = float(sizes[worst])
+    decay = math.inf if largest == 0 else -math.log(largest) / h
+    return SampledLoop(largest, decay, alpha[worst], len(alpha))

@@ -14,9 +14,8 @@ from typing import Any
 import numpy as np
 
 from polefence.base.errors import InputError
-from polefence.export.c99.number import NUMBERS
-from polefence.export.c99.program import Fixed, Program, Scheduled, Share
-from polefence.export.c99.sources import MARKER, Texts, context, environment
+from polefence.export.program import NUMBERS, Fixed, Program, Scheduled, Share
+from polefence.export.sources import MARKER, Texts, context, environment
 from polefence.law.laws import FixedGain, Law, ScheduledGain
 from polefence.plant.parameters import simplex_weights
 from polefence.plant.polynomial import binomial

@@ -1,1 +1,0 @@
-"""The C text of laws and observers, and the numbers in it."""

@@ -1,1 +1,0 @@
-"""Functional mock-up units from the C sources."""

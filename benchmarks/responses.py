@@ -145,7 +145,7 @@ def cases(law: Any, points: int, matrices: int) -> list[Case]:
     return [
         Case(
             f"{points} x {SECONDS:g} s at {RATE / 1000:g} kHz, scipy.signal.lsim",
-            lambda: simulate(PLANT, law, alpha, w, 1 / RATE, SIGNALS).values,
+            lambda: simulate(PLANT, law, alpha, w, np.arange(len(w)) / RATE, SIGNALS).values,
             lambda part: lsim_loop(law, alpha[part], w),
             points,
         ),
@@ -226,7 +226,7 @@ def peak(K: Any, points: int, matrices: int, what: str) -> list[str]:
     w = road(round(SECONDS * RATE))
     before = _resident()
     own = {
-        "simulate": lambda: simulate(PLANT, K, alpha, w, 1 / RATE, SIGNALS).values,
+        "simulate": lambda: simulate(PLANT, K, alpha, w, np.arange(len(w)) / RATE, SIGNALS).values,
         "lsim loop": lambda: lsim_loop(K, alpha[:10], w),
         "poles": lambda: close(PLANT, K, alpha).poles(),
         "poles loop": lambda: pole_loop(K, alpha),

@@ -71,8 +71,8 @@ def test_csv_has_time_and_every_signal_exactly(car, physical, design, capsys):
     # The linear answer, the file without a rounding.
     road = random_road("C", 100.0, 3)
     _, w = road.velocity(20.0, 1e-3, 2.0)
-    alpha = physical.alpha(m1=300, beta=2)
-    theirs = simulate(physical, design, alpha, np.append(w, w[-1]), 1e-3, asked, hold="held")
+    time, alpha = 1e-3 * np.arange(len(w) + 1), physical.alpha(m1=300, beta=2)
+    theirs = simulate(physical, design, alpha, np.append(w, w[-1]), time, asked, hold="held")
     size = np.abs(theirs.values[0]).max(axis=0)
     assert np.abs((values[:, 3:] - theirs.values[0]) / size).max() < 1e-12
     setup = Setup(physical, on_road(physical, road, 20.0, 1e-3, 2.0), {"m1": 300, "beta": 2})
@@ -308,8 +308,8 @@ def test_steps_impulses_and_initial_states_move_any_plant(stage, capsys):
     assert table("i.csv")[:, 3:] == pytest.approx(0.5 * theirs.values[0], rel=1e-9, abs=1e-12)
     ran(capsys, *words, "--law", json.dumps(K), "--initial", "x=0.1", "--initial", "v=-1",
         "-o", "x.csv")  # fmt: skip
-    still = np.zeros((501, 2))
-    theirs = simulate(stage, np.array(K), alpha, still, 0.01, names, start=[0.1, -1.0])
+    time = 0.01 * np.arange(501)
+    theirs = simulate(stage, np.array(K), alpha, None, time, names, start=[0.1, -1.0])
     assert table("x.csv")[:, 3:] == pytest.approx(theirs.values[0], rel=1e-9, abs=1e-12)
     # all of it adds up, for the plant is linear
     ran(capsys, *words, "--law", json.dumps(K), "--initial", "x=0.1", "--initial", "v=-1",
@@ -324,7 +324,7 @@ def test_recorded_disturbances_come_by_name(stage, capsys):
     time = 0.05 * np.arange(41)
     w = np.stack([np.minimum(time / 0.5, 1), 0 * time], axis=1)
     names = ["x", "v", "acceleration", "pull"]
-    theirs = simulate(stage, None, stage.alpha(k=2), w, 0.05, names)
+    theirs = simulate(stage, None, stage.alpha(k=2), w, time, names)
     found = table("o.csv")
     assert found[:, 1:3] == pytest.approx(w, abs=1e-12)
     assert found[:, 3:] == pytest.approx(theirs.values[0], rel=1e-9, abs=1e-12)

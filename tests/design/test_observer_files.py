@@ -164,7 +164,9 @@ def test_no_function_takes_it_for_a_law(folder):
         html_report,
         Design.to_control,
         lambda design: drive(design.plant, design, duration=1.0, start=[1.0, 0.0]),
-        lambda design: simulate(plant, design, plant.alpha(k=2), np.zeros((9, 1)), 0.1),
+        lambda design: simulate(
+            plant, design, plant.alpha(k=2), np.zeros((9, 1)), 0.1 * np.arange(9)
+        ),
         lambda design: analyse(design.plant, design, Disk(-6, 5.5)),
     )
     for use in uses:

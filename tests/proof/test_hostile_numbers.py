@@ -15,10 +15,10 @@ from polefence.proof.claims.base import prove
 from polefence.proof.claims.cells import Axis, Cell, Cells, Interpolated
 from polefence.proof.claims.poles import Poles
 from polefence.proof.laws import Evidence, Law
-from polefence.proof.regions import Part
+from polefence.proof.regions import Disk, HalfPlane
 from polefence.proof.work import FormatError
 
-DISK = (Part("disk", (Fraction(-40), Fraction(31))),)
+DISK = (Disk(Fraction(-40), Fraction(31)),)
 ZERO, ONE = Fraction(0), Fraction(1)
 
 
@@ -108,7 +108,7 @@ def test_refuted_cells_without_evidence_are_counted_before_the_first_is_decided(
     table = Interpolated([A, A], [B, B], (axis,), [K, K])
     ends = [Fraction(k, 1009) for k in range(1010)]
     found = [Cell((a,), (b,), "refuted", point=((a + b) / 2,)) for a, b in pairwise(ends)]
-    region = (Part("half_plane", (ONE,)),)
+    region = (HalfPlane(ONE),)
 
     def never(*_):
         raise AssertionError("work was begun")

@@ -29,6 +29,10 @@ from polefence.vehicle.vehicle import ride
 CLOSE = 1e-9  # of the largest value of a signal
 
 
+def instants(step, w):
+    return step * np.arange(len(w))
+
+
 def off(found, expected):
     """Largest error of (T, p) as a share of each signal's peak."""
     return np.max(np.abs(found - expected).max(axis=0) / np.abs(expected).max(axis=0))
@@ -125,8 +129,8 @@ def test_blocks_are_the_recursion(T, q, monkeypatch):
 def test_a_driven_response_is_that_of_lsim(as_printed, placed, points, looked_at, systems):
     w = np.random.default_rng(2).normal(size=3001)
     time = 1e-3 * np.arange(len(w))
-    ours = simulate(as_printed, placed, points, w, 1e-3, looked_at)
-    still = simulate(as_printed, placed, points, w, 1e-3, looked_at, hold="held")
+    ours = simulate(as_printed, placed, points, w, time, looked_at)
+    still = simulate(as_printed, placed, points, w, time, looked_at, hold="held")
     assert ours.values.shape == (5, 3001, 7)
     assert np.array_equal(ours.time, time)
     for k, system in enumerate(systems):
@@ -200,7 +204,7 @@ def test_several_disturbances_add_up_and_are_told_apart():
     E = [[1, 2], [0.5, -1]]
     plant = UncertainPlant.from_vertices([[[-1, 0.2], [0, -3]]], [[[1], [0]]], [E], **names)
     w = np.random.default_rng(3).normal(size=(500, 2))
-    both = simulate(plant, None, [1.0], w, 0.05)
+    both = simulate(plant, None, [1.0], w, instants(0.05, w))
     system = (plant.A[0], np.array(E), np.eye(2), np.zeros((2, 2)))
     assert off(both.values[0, :, :2], scipy.signal.lsim(system, w, both.time)[1]) < CLOSE
     sea = step(plant, None, [1.0], "x", "sea", 3.0, 0.1)
@@ -217,9 +221,9 @@ def test_laws_of_every_kind_and_none(physical, points):
     K = np.array([[100.0, -50.0, -400.0, 20.0, -300.0]])
     table = GainTable(physical.parameters, knots, np.broadcast_to(K, (2, 2, 1, 5)))
     w = np.sin(np.arange(400) * 0.05)
-    ways = [simulate(physical, law, points, w, 2e-3).values for law in (K, table)]
+    ways = [simulate(physical, law, points, w, instants(2e-3, w)).values for law in (K, table)]
     assert np.allclose(*ways, rtol=1e-12)
-    alone = simulate(physical, None, points, w, 2e-3)
+    alone = simulate(physical, None, points, w, instants(2e-3, w))
     assert not np.any(alone.of("actuator force"))
     assert not np.allclose(alone.values[:, :, 0], ways[0][:, :, 0])
 
@@ -227,14 +231,14 @@ def test_laws_of_every_kind_and_none(physical, points):
 def test_a_state_to_start_from_and_a_function_of_time():
     plant = oscillator()
     start = np.array([0.3, -1.0])
-    fall = simulate(plant, None, [1.0], lambda t: 0.0, start=start, duration=2.0)
+    fall = simulate(plant, None, [1.0], lambda t: 0.0, 2.0, start=start)
     assert fall.time[1] == pytest.approx(0.1 / 3)  # a tenth over the size of the pole
     for k in (7, 40):
         expected = scipy.linalg.expm(plant.A[0] * fall.time[k]) @ start
         assert np.allclose(fall.values[0, k, :2], expected, rtol=1e-11)
     # A straight line is followed exactly, at any step.
-    ramp = simulate(plant, None, [1.0], lambda t: t, 0.25, duration=5.0)
-    fine = simulate(plant, None, [1.0], lambda t: t, 0.025, duration=5.0)
+    ramp = simulate(plant, None, [1.0], lambda t: t, 0.25 * np.arange(21))
+    fine = simulate(plant, None, [1.0], lambda t: t, 0.025 * np.arange(201))
     assert np.allclose(ramp.values, fine.values[:, ::10], rtol=1e-11, atol=1e-12)
 
 
@@ -243,10 +247,10 @@ def test_memory_is_about_that_of_the_result(physical, points, monkeypatch):
     w = np.random.default_rng(4).normal(size=15_000)
     monkeypatch.setattr(discrete, "BUFFER", 2_000_000)
     monkeypatch.setattr(result, "BUFFER", 2_000_000)
-    simulate(physical, None, points, w[:10], 1e-3)
+    simulate(physical, None, points, w[:10], instants(1e-3, w[:10]))
     tracemalloc.start()
     try:
-        found = simulate(physical, None, alpha, w, 1e-3)
+        found = simulate(physical, None, alpha, w, instants(1e-3, w))
         found.peaks(), found.settling(), found.rms()
         peak = tracemalloc.get_traced_memory()[1]
     finally:
@@ -307,13 +311,13 @@ def test_what_has_not_settled_has_no_settling_time():
     hit = impulse(unstable, None, np.eye(2), "x1", duration=6, step=0.1)
     assert np.array_equal(hit.final[:, 0], [np.nan, 0], equal_nan=True)
     assert np.array_equal(np.isnan(hit.settling()[:, 0]), [True, False])
-    still = simulate(unstable, None, np.eye(2), np.zeros(5), 0.1)
+    still = simulate(unstable, None, np.eye(2), np.zeros(5), 0.1 * np.arange(5))
     assert np.array_equal(still.settling(), np.zeros((2, 2)))  # never away from zero
 
 
 def test_measures_do_not_depend_on_how_the_batch_is_cut(physical, points, monkeypatch):
     w = np.random.default_rng(5).normal(size=200)
-    found = simulate(physical, None, points, w, 2e-3)
+    found = simulate(physical, None, points, w, instants(2e-3, w))
     before = found.settling(0.3), *found.peaks(), found.rms(0.1)
     monkeypatch.setattr(result, "BUFFER", 1)
     after = found.settling(0.3), *found.peaks(), found.rms(0.1)
@@ -344,10 +348,10 @@ def test_a_step_too_long_for_the_fastest_pole_names_the_bound(physical, points):
     bound = grid.longest_step(loops)
     assert bound * np.abs(loops.poles()).max() == pytest.approx(1.0)
     with pytest.raises(InputError, match=r"step = 0\.05 s is too long .* at m1 = .* or less") as e:
-        simulate(physical, None, points, np.zeros(10), 0.05)
+        simulate(physical, None, points, np.zeros(10), 0.05 * np.arange(10))
     named = float(str(e.value).split(" at ")[-1].split(" s")[0])
     assert 0.99 * bound < named <= bound
-    simulate(physical, None, points, np.zeros(10), named)
+    simulate(physical, None, points, np.zeros(10), named * np.arange(10))
     assert "\n" not in str(e.value)
 
 
@@ -362,27 +366,33 @@ def test_the_bound_is_what_straight_lines_lose():
     assert (math.sin(0.05) / 0.05) ** 2 == pytest.approx(1 - 0.0008, abs=1e-4)
 
 
+TIME = 0.01 * np.arange(5)
+
+
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
-        ({"w": np.zeros(5)}, "time between them"),
-        ({"w": np.zeros(5), "step": 0.0}, "step"),
-        ({"w": np.zeros(5), "step": math.nan}, "step"),
-        ({"w": [0, math.nan, 1], "step": 0.01}, "sample 2"),
-        ({"w": np.zeros((5, 2)), "step": 0.01}, r"shape \(5, 2\); give \(T, 1\)"),
-        ({"w": np.zeros((0, 1)), "step": 0.01}, r"give \(T, 1\)"),
-        ({"w": "abc", "step": 0.01}, r"give \(T, 1\)"),
-        ({"w": np.zeros(5), "step": 0.01, "hold": "cubic"}, "hold"),
-        ({"w": np.zeros(5), "step": 0.01, "duration": 3}, "duration"),
-        ({"w": np.sin}, "needs a duration"),
-        ({"w": np.sin, "duration": -1}, "duration"),
-        ({"w": np.sin, "duration": 0.01, "step": 0.1}, "longer than the duration"),
-        ({"w": np.sin, "duration": 1e9}, "GB"),
-        ({"w": np.zeros(5), "step": 0.01, "start": [1, 2, 3]}, "start"),
-        ({"w": np.zeros(5), "step": 0.01, "start": [math.inf, 0]}, "start"),
-        ({"w": np.zeros(5), "step": 0.01, "signals": ["x", "x"]}, "twice"),
-        ({"w": np.zeros(5), "step": 0.01, "signals": []}, "no signal"),
-        ({"w": np.zeros(5), "step": 0.01, "signals": ["vv"]}, "did you mean 'v'"),
+        ({"w": np.zeros(5), "time": 0.01}, "an array of two instants or more"),
+        ({"w": np.zeros(5), "time": "now"}, "an array of two instants or more"),
+        ({"w": np.zeros(1), "time": [0.0]}, "an array of two instants or more"),
+        ({"w": np.zeros(5), "time": np.zeros(5)}, "second instant"),
+        ({"w": np.zeros(5), "time": np.arange(5) * math.nan}, "second instant"),
+        ({"w": np.zeros(5), "time": TIME + 0.01}, "evenly spaced from 0"),
+        ({"w": np.zeros(5), "time": TIME**1.01}, "evenly spaced from 0"),
+        ({"w": np.sin, "time": TIME[::-1]}, "second instant|evenly spaced"),
+        ({"w": [0, 0, math.nan, 1, 1], "time": TIME}, "sample 3"),
+        ({"w": np.zeros((5, 2)), "time": TIME}, r"shape \(5, 2\); give \(5, 1\)"),
+        ({"w": np.zeros(4), "time": TIME}, r"shape \(4,\); give \(5, 1\)"),
+        ({"w": np.zeros((0, 1)), "time": TIME}, r"give \(5, 1\)"),
+        ({"w": "abc", "time": TIME}, r"give \(5, 1\)"),
+        ({"w": np.zeros(5), "time": TIME, "hold": "cubic"}, "hold"),
+        ({"w": np.sin, "time": -1}, "time"),
+        ({"w": np.sin, "time": 1e9}, "GB"),
+        ({"w": np.zeros(5), "time": TIME, "start": [1, 2, 3]}, "start"),
+        ({"w": np.zeros(5), "time": TIME, "start": [math.inf, 0]}, "start"),
+        ({"w": np.zeros(5), "time": TIME, "signals": ["x", "x"]}, "twice"),
+        ({"w": np.zeros(5), "time": TIME, "signals": []}, "no signal"),
+        ({"w": np.zeros(5), "time": TIME, "signals": ["vv"]}, "did you mean 'v'"),
     ],
 )
 def test_wrong_disturbances_are_refused(arguments, said):
@@ -414,7 +424,7 @@ def test_wrong_questions_are_refused(physical, points):
         step(physical, None, np.zeros((0, 4)))
     with pytest.raises(InputError, match="outgrows floating point"):
         grows = UncertainPlant.from_vertices([[[5.0]]], [[[1]]], [[[1]]])
-        simulate(grows, None, [1.0], np.ones(20_000), 0.1)
+        simulate(grows, None, [1.0], np.ones(20_000), 0.1 * np.arange(20_000))
     with pytest.raises(InputError, match="outgrows floating point"):
         step(grows, None, [1.0], duration=2e3, step=1e3)
 
@@ -436,7 +446,7 @@ def test_points_are_named_by_what_is_known_of_them(physical, points):
 
 def test_results_are_read_only_and_say_what_they_are(physical, points):
     w = np.zeros(3)
-    found = simulate(physical, None, points, w, 1e-3)
+    found = simulate(physical, None, points, w, instants(1e-3, w))
     with pytest.raises(ValueError, match="read-only"):
         found.values[0, 0, 0] = 1
     assert repr(found) == "<Response of 'quarter car, physical': 5 points, 3 samples, 6 signals>"

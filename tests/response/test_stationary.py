@@ -98,7 +98,7 @@ def test_a_long_drive_has_the_stationary_rms(physical, points):
     # White noise of one-sided density G, held over steps, has the variance G / (2 step).
     random = np.random.default_rng(7)
     w = random.normal(scale=math.sqrt(ROAD / (2 * step)), size=(count + 1) * stretch)
-    drive = simulate(physical, None, some, w, step, signals, hold="held")
+    drive = simulate(physical, None, some, w, step * np.arange(len(w)), signals, hold="held")
     squares = drive.values[:, stretch:, [0, 1, 2, 3, 5]] ** 2  # at rest at first
     means = squares.reshape(len(some), count, stretch, -1).mean(axis=2)
     margin = scipy.stats.t.ppf(0.9995, count - 1) * means.std(axis=1, ddof=1) / math.sqrt(count)

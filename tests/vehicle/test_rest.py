@@ -41,7 +41,7 @@ def test_what_is_left_is_where_a_long_simulation_ends():
     for j, name in enumerate(("push", "drift")):
         w = np.zeros((4000, 2))
         w[:, j] = 1.0
-        end = simulate(plant, K, np.eye(2), w, 0.01, hold="held").values[:, -1]
+        end = simulate(plant, K, np.eye(2), w, 0.01 * np.arange(len(w)), hold="held").values[:, -1]
         for i, signal in enumerate(("x1", "x2", "u1")):
             own = found[name, signal]
             assert own.low == pytest.approx(end[:, i].min(), abs=1e-9)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -21,6 +22,7 @@ CHOSEN = 0.1
 # Of the slowest time constant: so long a response is followed, and in so many steps at most.
 FOLLOWED = 15.0
 MOST_CHOSEN = 20_000
+EVEN = 1e-6  # by which instants may be off an even spacing, relative
 # Of a result [bytes].
 MOST_BYTES = 8e9
 
@@ -88,6 +90,26 @@ def times(
 def every(step: float, samples: int) -> Array:
     """Return 0, step, 2 step, ..., (samples,)."""
     return np.asarray(step * np.arange(samples), dtype=float)
+
+
+def evenly(time: Any) -> tuple[float, int]:
+    """Return the step [s] and the number of instants that are evenly spaced from 0.
+
+    Raises
+    ------
+    InputError
+        If they are not.
+    """
+    try:
+        found = np.asarray(time, dtype=float)
+    except (TypeError, ValueError):
+        found = np.zeros(0)
+    if found.ndim != 1 or len(found) < 2:
+        raise InputError("time [s] must be an array of two instants or more")
+    step = positive(found[1], "second instant of time [s]")
+    if not np.allclose(found, every(step, len(found)), rtol=EVEN, atol=EVEN * step):
+        raise InputError("time [s] must be evenly spaced from 0")
+    return step, len(found)
 
 
 def samples(duration: float, step: float, count: int, signals: int) -> int:

@@ -123,11 +123,10 @@ def simulate(
     law: Any,
     alpha: Any,
     w: Any,
-    step: float | None = None,
+    time: Any,
     signals: Wanted = None,
     hold: Literal["linear", "held"] = "linear",
     start: Any = None,
-    duration: float | None = None,
 ) -> Response:
     """Return the responses to a disturbance, the same at all points.
 
@@ -138,29 +137,28 @@ def simulate(
     alpha : (count, N) or (N,) array
     w : (T,) or (T, q) array, function or None
         Samples; a function of times (T,) [s] that returns them is sampled. None: no disturbance.
-    step : float, optional
-        Time between samples [s]; samples must say it. For a function, by default a tenth over
-        the size of the fastest pole.
+    time : (T,) array or float
+        Instants [s], evenly spaced from 0. Where there are no samples a float will do: the last
+        instant, the step being a tenth over the size of the fastest pole.
     signals : sequence of Output or str, optional
         Outputs, or names of the plant's signals; all states and inputs by default.
     hold : "linear" or "held"
         Between samples w runs straight to the next one, or stays as it was at the last.
     start : (n,) or (count, n) array, optional
         State at time 0; zero by default.
-    duration : float, optional
-        [s]; a function needs it, and so does None.
 
     Raises
     ------
     InputError
-        If the step is too long for the fastest pole (the bound is named), w is not finite or of
-        another shape, the response outgrows floating point; and as `close` raises.
+        If the times are not even, their step is too long for the fastest pole (the bound is
+        named), w is not finite or of another shape, the response outgrows floating point; and as
+        `close` raises.
     """
     if hold not in ("linear", "held"):
         raise InputError(f"hold = {hold!r}; use 'linear' or 'held'")
     loops = close(plant, law, alpha, disturbed=w is not None)
     asked = choose(plant, signals)
-    step, w = sampled(loops, w, step, duration, len(asked))
+    step, w = sampled(loops, w, time, len(asked))
     grid.require_size(len(w), len(loops.alpha), len(asked))
     C, D = output_matrices(plant, asked, loops.alpha, loops.K)
     first = started(start, *loops.closed.shape[:2])
@@ -302,41 +300,34 @@ def _pole_text(path: _Path, A: Array, asked: Array) -> str:
     return f"there is a pole at the frequency {asked[at]:g} Hz at {where}; leave that out"
 
 
-def sampled(
-    loops: Loops, w: Any, step: float | None, duration: float | None, signals: int
-) -> tuple[float, Array]:
+def sampled(loops: Loops, w: Any, time: Any, signals: int) -> tuple[float, Array]:
     """Return step [s] and samples (T, q) of a disturbance; arguments as `linear.simulate` has them.
 
     Raises
     ------
     InputError
-        If the step is too long for the fastest pole, the samples do not fit or are not finite.
+        If the times are not even, their step is too long for the fastest pole, or the samples do
+        not fit them or are not finite.
     """
     q = loops.E.shape[-1]
     if w is None:
         w = partial(_nothing, q)
-    if callable(w):
-        if duration is None:
-            raise InputError("a disturbance that is a function, or none, needs a duration [s]")
-        duration = positive(duration, "duration [s]")
-        if step is None:
-            step = min(grid.CHOSEN / grid.LONGEST * grid.longest_step(loops), duration)
-        step = grid.require_step(loops, step)
-        count = grid.samples(duration, step, len(loops.alpha), signals)
-        w = _called(w, grid.every(step, count))
-    elif step is None:
-        raise InputError("samples of a disturbance need the time between them, step [s]")
+    if np.ndim(time) or not callable(w):
+        step, count = grid.evenly(time)
+        grid.require_step(loops, step)
     else:
-        step = grid.require_step(loops, step)
-        if duration is not None:
-            raise InputError("samples of a disturbance say the duration themselves; leave it out")
+        last = positive(time, "time [s]")
+        step = min(grid.CHOSEN / grid.LONGEST * grid.longest_step(loops), last)
+        count = grid.samples(last, step, len(loops.alpha), signals)
+    if callable(w):
+        w = _called(w, grid.every(step, count))
     try:
         found = np.asarray(w, dtype=float)
     except (TypeError, ValueError):
         found = np.zeros(0)
     found = found[:, None] if found.ndim == 1 and q == 1 else found
-    if found.ndim != 2 or found.shape[1] != q or not len(found):
-        raise InputError(f"the disturbance has shape {np.shape(w)}; give (T, {q}) samples")
+    if found.shape != (count, q):
+        raise InputError(f"the disturbance has shape {np.shape(w)}; give ({count}, {q}) samples")
     bad = np.flatnonzero(~np.all(np.isfinite(found), axis=1))
     if len(bad):
         raise InputError(f"the disturbance is no finite number at sample {bad[0] + 1}; mend it")

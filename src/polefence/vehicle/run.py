@@ -151,10 +151,7 @@ def run(setup: Setup, law: Any, margins: Any = None) -> Run:
         start = moved.begin(plant, setup.alpha)
         hold: Literal["held", "linear"] = "held" if moved.held else "linear"
         w = moved.samples if plant.disturbance_count else None
-        duration = moved.times[-1] if w is None else None
-        found = linear.simulate(
-            plant, law, setup.alpha, w, moved.step, asked, hold, start, duration
-        )
+        found = linear.simulate(plant, law, setup.alpha, w, setup.time, asked, hold, start)
         return Run(setup, found, events=(*_contact(found), *_lost(found)))
     if setup.still:
         margins = ()

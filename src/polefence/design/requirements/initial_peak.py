@@ -141,11 +141,10 @@ class InitialPeak(Specification):
         fastest = np.abs(poles).max()
         slowest = np.where(-poles.real > STABLE * fastest, -poles.real, np.inf).min()
         steps = int(min(FOLLOWED / slowest * fastest / STEP + 1, MOST_CHOSEN))
-        still, size = np.zeros((steps, loops.E.shape[2])), max(1, GROUP // steps)
+        time, size = STEP / fastest * np.arange(steps), max(1, GROUP // steps)
 
         def squares(start: Array, part: slice) -> Array:
-            one = simulate(plant, law, alpha[part], still, STEP / fastest, [signal], "held",
-                           start[part])  # fmt: skip
+            one = simulate(plant, law, alpha[part], None, time, [signal], "held", start[part])
             return np.asarray(one.values[:, :, 0] ** 2)
 
         found = np.zeros(count)

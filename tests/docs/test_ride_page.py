@@ -17,7 +17,7 @@ import polefence as pf
 from polefence import Design, HalfPlane, Sector, load
 from polefence.cli.main import main
 from polefence.design.requirements.text import load_specifications
-from polefence.design.signals.sampled import sampled
+from polefence.design.signals.bounds import sampled
 from polefence.design.signals.search import WORTH
 from polefence.examples import spec_path, spec_text
 from polefence.plant.points import seeded

@@ -25,12 +25,11 @@ from polefence import (
     place,
 )
 from polefence.cli.main import main
-from polefence.design.given.closed_loop import certificate_of
+from polefence.design.given.analysis import certificate_of
 from polefence.design.margins import gain_error
 from polefence.design.margins.breaks import gain_break
 from polefence.design.margins.claims import claimed_design
-from polefence.design.margins.directions import gain_claim
-from polefence.design.margins.gain import Scales, scales_of
+from polefence.design.margins.gain import Scales, gain_claim, scales_of
 from polefence.law.laws import FixedGain, ScheduledGain
 from polefence.plant.polynomial import Domain
 from polefence.proof.claims.base import prove

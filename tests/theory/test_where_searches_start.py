@@ -27,8 +27,8 @@ from polefence.design.requirements.gain_norm import GainNorm
 from polefence.design.requirements.initial_peak import InitialPeak
 from polefence.design.requirements.rms import Rms
 from polefence.design.requirements.text import load_specifications
+from polefence.design.signals.bounds import sampled
 from polefence.design.signals.optimise import optimise
-from polefence.design.signals.sampled import sampled
 from polefence.examples import spec_path
 from polefence.plant.outputs import Output
 from polefence.plant.points import seeded

@@ -12,10 +12,9 @@ import numpy as np
 from polefence.base.errors import InputError, NotProvedError
 from polefence.cli.common import ROUNDING, TOO_LARGE, every_alpha, gain_lines, gains_of
 from polefence.design.rows import plant_summary
-from polefence.design.signals.bounds import Bound
+from polefence.design.signals.bounds import AGREED, Bound, Sampled, sampled
 from polefence.design.signals.optimise import Optimised
-from polefence.design.signals.retreat import Retreat
-from polefence.design.signals.sampled import AGREED, Sampled, sampled
+from polefence.design.signals.search import Retreat
 from polefence.plant.outputs import split
 from polefence.plant.points import seeded, values_at
 from polefence.region.regions import HalfPlane

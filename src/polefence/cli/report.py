@@ -10,7 +10,7 @@ from polefence.base.errors import InputError
 from polefence.base.files import make_folder, write_text
 from polefence.cli.common import PROVED, say
 from polefence.design.design import Design
-from polefence.design.signals.files import statements
+from polefence.design.signals.bounds import statements
 
 MAX_BYTES = 20_000_000  # of a figure
 

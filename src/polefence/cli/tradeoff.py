@@ -38,9 +38,7 @@ from polefence.cli.optimise import (
 from polefence.design.requirements.specification import Specification, limit_text
 from polefence.design.requirements.text import load_specifications, parse_specification, spec_road
 from polefence.design.rows import Row
-from polefence.design.signals.tradeoff import tradeoff
-from polefence.design.signals.tradeoff_file import keep_references
-from polefence.design.signals.tradeoff_front import Front
+from polefence.design.signals.tradeoff import Front, keep_references, tradeoff
 from polefence.lmi.conditions.methods import Method
 from polefence.plant.family import UncertainPlant
 from polefence.plant.spec import load

@@ -12,9 +12,8 @@ import numpy as np
 
 from polefence.base.errors import InputError
 from polefence.design.rows import Row
-from polefence.design.signals.sampled import sampled
-from polefence.design.signals.tradeoff_file import SAMPLES
-from polefence.design.signals.tradeoff_front import Asked, Front
+from polefence.design.signals.bounds import sampled
+from polefence.design.signals.tradeoff import SAMPLES, Asked, Front
 from polefence.law.laws import FixedGain
 from polefence.plant.family import UncertainPlant
 from polefence.plant.points import seeded

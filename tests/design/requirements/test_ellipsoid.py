@@ -19,10 +19,8 @@ from polefence.design.requirements.initial_peak import InitialPeak
 from polefence.design.requirements.rms import Rms
 from polefence.design.requirements.text import load_specifications, parse_specification
 from polefence.design.signals.augmented import with_weights
-from polefence.design.signals.bounds import best_bound, kept_bound
-from polefence.design.signals.files import bounds_file
+from polefence.design.signals.bounds import best_bound, bounds_file, kept_bound, sampled
 from polefence.design.signals.optimise import optimise
-from polefence.design.signals.sampled import sampled
 from polefence.lmi.conditions.methods import design
 from polefence.lmi.conditions.performance import Demands, Output, Points
 from polefence.plant import outputs

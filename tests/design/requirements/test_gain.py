@@ -6,9 +6,8 @@ import pytest
 from polefence import FixedGain, InputError, UncertainPlant
 from polefence.design.requirements.gain import Gain
 from polefence.design.requirements.rms import Rms
-from polefence.design.signals.bounds import best_bound, kept_bound
+from polefence.design.signals.bounds import best_bound, kept_bound, sampled
 from polefence.design.signals.optimise import optimise
-from polefence.design.signals.sampled import sampled
 from polefence.plant.outputs import Output
 from polefence.plant.spec import loads
 

@@ -31,12 +31,13 @@ from polefence.design.requirements.initial_peak import InitialPeak
 from polefence.design.requirements.rms import Rms
 from polefence.design.requirements.text import load_specifications, parse_specification
 from polefence.design.signals.augmented import with_weights
-from polefence.design.signals.bounds import best_bound, kept_bound
-from polefence.design.signals.files import (
+from polefence.design.signals.bounds import (
+    best_bound,
     bounds_file,
+    kept_bound,
+    sampled,
 )
 from polefence.design.signals.optimise import optimise
-from polefence.design.signals.sampled import sampled
 from polefence.examples import spec_path
 from polefence.lmi.conditions.gain_norm import Norm, add_norm, tangents
 from polefence.lmi.conditions.pencil import Builder

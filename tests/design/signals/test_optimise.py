@@ -23,10 +23,8 @@ from polefence.design.requirements.gain import Gain
 from polefence.design.requirements.initial_peak import InitialPeak
 from polefence.design.requirements.relative_rms import RelativeRms
 from polefence.design.requirements.rms import Rms
-from polefence.design.signals.bounds import known_bound
-from polefence.design.signals.files import bounds_file
+from polefence.design.signals.bounds import bounds_file, known_bound, sampled
 from polefence.design.signals.optimise import optimise, relaxed
-from polefence.design.signals.sampled import sampled
 from polefence.design.signals.search import Origin
 from polefence.design.signals.task import Task
 from polefence.plant.outputs import Output, rate_of

@@ -8,7 +8,7 @@ from polefence import UncertainPlant
 from polefence.cli.main import main
 from polefence.design.design import check
 from polefence.design.requirements.rms import Rms
-from polefence.design.signals.files import bounds_file
+from polefence.design.signals.bounds import bounds_file
 from polefence.design.signals.optimise import optimise
 from polefence.lmi.conditions.methods import Scheduled
 from polefence.plant.spec import load

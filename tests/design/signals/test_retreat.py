@@ -10,9 +10,8 @@ from polefence.cli.bounds import Row, require_agreement
 from polefence.cli.main import main
 from polefence.design.requirements.gain import Gain
 from polefence.design.requirements.rms import Rms
-from polefence.design.signals.bounds import best_bound
+from polefence.design.signals.bounds import agreed_bound, best_bound, sampled
 from polefence.design.signals.optimise import optimise
-from polefence.design.signals.sampled import agreed_bound, sampled
 from polefence.plant.outputs import Output
 from polefence.plant.points import seeded
 

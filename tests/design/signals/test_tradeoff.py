@@ -25,8 +25,7 @@ from polefence.design.design import check
 from polefence.design.requirements.gain import Gain
 from polefence.design.requirements.rms import Rms
 from polefence.design.signals.optimise import optimise
-from polefence.design.signals.tradeoff import tradeoff
-from polefence.design.signals.tradeoff_front import monotone
+from polefence.design.signals.tradeoff import monotone, tradeoff
 from polefence.show.plots.performance import front_figure
 from polefence.vehicle import beside_reference_laws, velocity_density
 from support.paths import DOCS
@@ -479,7 +478,7 @@ def test_the_command_refuses_in_one_line(words, said, page, tmp_path, capsys):
 
 
 def test_a_gain_has_its_unit(spring):
-    from polefence.design.signals.tradeoff_front import label_of
+    from polefence.design.signals.tradeoff import label_of
 
     assert label_of(spring, Gain("place")) == "gain of place [m per unit]"
     named = replace(spring, disturbances=("wind [N]",))

@@ -13,7 +13,7 @@ from polefence.base.errors import InputError, RegionError, SolverError
 from polefence.design.certificate import Certificate
 from polefence.design.checks import require_region
 from polefence.design.counterexample import first_worst, worst_points
-from polefence.design.given.closed_loop import (
+from polefence.design.given.analysis import (
     certificate_of,
     evidence_of,
     forms,

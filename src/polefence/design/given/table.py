@@ -21,10 +21,10 @@ from polefence.design.certificate import file_plant, plant_of
 from polefence.design.checks import require_region
 from polefence.design.counterexample import shown
 from polefence.design.design import check_document, read_document
-from polefence.design.given.closed_loop import points_inside
 from polefence.design.search import Deadline
 from polefence.law.table import GainTable
 from polefence.lmi.conditions.lyapunov import Loop
+from polefence.lmi.solve.lyapunov import points_inside
 from polefence.plant.family import UncertainPlant
 from polefence.plant.points import weights_of
 from polefence.plant.polynomial import Domain, bernstein, elevated, times

@@ -1,7 +1,13 @@
 """Margins in service: wrong estimates, a wrong gain, moving parameters; proved."""
 
-from polefence.design.margins.result import Margin, Margins
-from polefence.design.margins.search import estimation_error, gain_error, in_service, parameter_rate
+from polefence.design.margins.search import (
+    Margin,
+    Margins,
+    estimation_error,
+    gain_error,
+    in_service,
+    parameter_rate,
+)
 
 __all__ = [
     "Margin",

@@ -16,8 +16,7 @@ from polefence.design.checks import (
 )
 from polefence.design.counterexample import unplaceable
 from polefence.design.design import Design
-from polefence.design.place.shipped import proved_at, radius_of, rounded, runnable
-from polefence.design.place.tightest import smallest_disk
+from polefence.design.place.tightest import proved_at, radius_of, rounded, runnable, smallest_disk
 from polefence.design.search import Deadline
 from polefence.lmi.conditions.methods import Method, Scheduled, degree_hint, fitting, method_label
 from polefence.lmi.conditions.target import Around, Disks

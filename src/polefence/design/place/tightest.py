@@ -2,12 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+import math
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from fractions import Fraction
+from operator import attrgetter
+from typing import Any
+
+import numpy as np
 
 from polefence.base.errors import InputError, NotProvedError, SolverError, require_type
+from polefence.design.certificate import Certificate
 from polefence.design.checks import (
     require_checkable,
     require_domain,
@@ -16,9 +22,9 @@ from polefence.design.checks import (
     usable_centre,
 )
 from polefence.design.design import Design
-from polefence.design.place.shipped import proved_at, radius_of, rounded, runnable
 from polefence.design.repair import lower_bound
-from polefence.design.search import first
+from polefence.design.search import first, preferred
+from polefence.law.laws import FixedGain, ScheduledGain, right_divide
 from polefence.lmi.conditions.methods import (
     Method,
     Scheduled,
@@ -28,13 +34,15 @@ from polefence.lmi.conditions.methods import (
     method_label,
     method_name,
     normal,
+    options,
 )
 from polefence.lmi.conditions.methods import options as options_of
 from polefence.lmi.conditions.target import FASTEST, Around, Decays, Disks, Goal, Sectors
 from polefence.lmi.solve import conic
-from polefence.lmi.solve.search import Reached
+from polefence.lmi.solve.search import Reached, coefficients
 from polefence.lmi.solve.smallest import smallest, typical_rate
 from polefence.plant.family import UncertainPlant
+from polefence.plant.polynomial import Domain
 from polefence.region.regions import Disk, HalfPlane, Region, Sector, bounded, damping_of
 
 # How far above the r that a point reaches in floats the exact proof is attempted.
@@ -64,6 +72,8 @@ TOLERANCES = (1e-10, 1e-8, 1e-6)
 ATTEMPTS, CLOSE = 24, 1e-3
 
 LEAST, MOST = 1e-8, 1 - 1e-9  # damping ratios
+
+_Evidence = dict[str, Any]
 
 
 def tightest(
@@ -234,8 +244,6 @@ def _lower(plant: UncertainPlant, sigma: float, method: Method, found: Reached) 
 
 
 # --- decay rate and damping ratio ----------------------------------------------------------------
-
-
 def largest(plant: UncertainPlant, of: str, method: Method, within: Region | None) -> Design:
     """Return the design of the largest decay rate ("half_plane") or damping ratio ("sector").
 
@@ -381,3 +389,86 @@ def _attempt(plant: UncertainPlant, method: Method, region: Region) -> Design | 
         found = smallest(plant.A, plant.B, Around(region), method, enough=INSIDE)
         return proved_at(plant, region, method, found) if found.r < 1 else None
     return None
+
+
+def proved_at(
+    plant: UncertainPlant, region: Region, method: Method, found: Reached
+) -> Design | None:
+    """Return the design of a point for a region, None where it is not proved."""
+    try:
+        design = Design(rounded(plant, region, method, found))
+    except SolverError:
+        return None
+    return design if design.certificate.prove().proved else None
+
+
+def runnable(
+    designs: Iterable[Design | None], value: Callable[[Design], float], sign: int = 1
+) -> Design | None:
+    """Return the first design whose law doubles can run, where there is none the first of all.
+
+    A smaller value of the latter, times the sign, is kept as what doubles cannot run.
+    """
+    design, sharpest = preferred(designs, attrgetter("runs"))
+    if design is None or sharpest is None or sign * value(sharpest) >= sign * value(design):
+        return design
+    return replace(design, unrunnable=value(sharpest))
+
+
+def rounded(plant: UncertainPlant, region: Region, method: Method, found: Reached) -> Certificate:
+    """Round a point to the law and evidence that ship; the proof is about these very numbers.
+
+    Raises
+    ------
+    SolverError
+        If a Lyapunov or slack matrix is singular in floats.
+    """
+    name = method_name(method)
+    try:
+        law, evidence = _LAWS[name](plant, region, method, found)
+    except np.linalg.LinAlgError as error:
+        raise SolverError("a Lyapunov matrix is numerically singular") from error
+    return Certificate(plant, region, name, law, evidence)
+
+
+def _quadratic(*args: Any) -> tuple[FixedGain, dict[str, Any]]:
+    values = args[3].values
+    return FixedGain(right_divide(values["Z"], values["W"])), {"W": values["W"]}
+
+
+def _scheduled(
+    plant: UncertainPlant, _: Region, method: Method, found: Reached
+) -> tuple[ScheduledGain, dict[str, Any]]:
+    o, values = options(method), found.values
+    degree, domain = int(o.degree), Domain.of(o.on, len(plant.vertices))
+    W, Z = coefficients(values, "W"), coefficients(values, "Z")
+    evidence: dict[str, Any] = {"tau": np.array(values["tau"].item() if "tau" in values else 0.0)}
+    if o.elevation != 1:
+        evidence["elevation"] = o.elevation
+    return ScheduledGain(W, Z, plant.parameters, degree, domain.sizes), evidence
+
+
+def _slack(
+    _: UncertainPlant, region: Region, method: Method, found: Reached
+) -> tuple[FixedGain, dict[str, Any]]:
+    method, values = normal(method), found.values
+    o = method if isinstance(method, Slack) else Slack()
+    evidence: dict[str, Any] = {"P": coefficients(values, "P"), "G": values["G"]}
+    if isinstance(method, Slack):
+        evidence |= {"degree": o.degree, "elevation": o.elevation, "on": o.on}
+    if not isinstance(region, Disk):
+        # e is in units of the search's own time
+        evidence["epsilon"] = o.epsilon / found.rate
+    return FixedGain(right_divide(values["L"], values["G"])), evidence
+
+
+_LAWS: dict[str, Callable[..., tuple[FixedGain | ScheduledGain, _Evidence]]] = {
+    "quadratic": _quadratic,
+    "scheduled": _scheduled,
+    "slack": _slack,
+}
+
+
+def radius_of(design: Design) -> float:
+    """Return the radius of a design's disk."""
+    return float(getattr(design.region, "radius", math.inf))

@@ -1,4 +1,8 @@
-"""Bounds of a given law: the least on a signal that is proved, in exact arithmetic."""
+"""Bounds of a given law: the least on a signal that is proved, beside samples, and in files.
+
+A sample proves nothing. Its worst value is at most the true worst case, which is at most a bound
+that is proved; the ratio of the two says how far apart they can be.
+"""
 
 from __future__ import annotations
 
@@ -6,24 +10,33 @@ from collections.abc import Iterable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from fractions import Fraction
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 
-from polefence.base.errors import PlantError, SolverError
-from polefence.design.given.closed_loop import loop_with
+from polefence.base.errors import InputError, NotProvedError, PlantError, SolverError
+from polefence.base.files import write_documents
+from polefence.design.certificate import Certificate
+from polefence.design.design import FILE_NAME, check
+from polefence.design.given.analysis import loop_with
 from polefence.design.requirements.gain_norm import GainNorm, levels
 from polefence.design.requirements.specification import Specification, claim_of
 from polefence.design.search import first
 from polefence.law.laws import FixedGain, Law, domain_of
+from polefence.lmi.conditions import performance
 from polefence.lmi.conditions.lyapunov import Loop
-from polefence.lmi.conditions.performance import Output, Source
+from polefence.lmi.conditions.performance import Source
 from polefence.lmi.solve.interior_point import TOLERANCE
 from polefence.lmi.solve.lyapunov import LyapunovPolynomial, points_given, work
 from polefence.plant.family import UncertainPlant
+from polefence.plant.outputs import Output
+from polefence.plant.points import seeded
 from polefence.plant.system import Array
 from polefence.proof import laws, matrices
 from polefence.proof.claims.base import prove
 from polefence.proof.claims.gain_norm import BoundClaim
+from polefence.proof.document import Document
 from polefence.proof.laws import Evidence
 from polefence.proof.work import FormatError
 from polefence.region.text import digits_up
@@ -38,8 +51,18 @@ POOR = 0.05  # a point whose r is farther from the least than this share proves 
 MOST_WORK = 3e8  # of one search beyond the first [multiplications an iteration]
 WORTH = 1e-3  # a smaller bound by less than this share ends the climb
 
-
 Known = tuple[Evidence, float]
+
+# Evidence, to rounding and then exactly as it was found, and the r that it proves in floats.
+Points = Iterator[tuple[Iterable[Evidence], float]]
+
+# Of a peak: time followed, of the slowest pole's time constant; step, of the fastest's.
+FOLLOWED, STEP = 5.0, 0.25
+# A sample is computed with rounding: it agrees with a bound that it passes by this share.
+AGREED = 1e-6
+NEARLY, NIL = 1e-2, 1e-9  # by which it passes one that is raised; of a signal that is nil
+GROUP = 2_000_000  # of samples at once
+COARSE, FINE, FEW = 60, 2000, 20  # frequencies at all points, and at the worst few
 
 
 @dataclass(frozen=True, eq=False)
@@ -166,10 +189,6 @@ def own_evidence(law: Law, W: Array, t: float) -> Evidence:
     return Evidence([none], multiple=(Fraction(1 / t),))
 
 
-# Evidence, to rounding and then exactly as it was found, and the r that it proves in floats.
-Points = Iterator[tuple[Iterable[Evidence], float]]
-
-
 def _climb(
     plant: UncertainPlant, law: Law, specification: Specification, unit: float
 ) -> Iterator[Points]:
@@ -192,7 +211,9 @@ def _norms(plant: UncertainPlant, law: Law, specification: GainNorm, unit: float
                 yield [Evidence([], elevation=elevation)], (level / unit) ** 2
 
 
-def _points(loop: Loop, source: Source, output: Output, form: tuple[int, int]) -> Points:
+def _points(
+    loop: Loop, source: Source, output: performance.Output, form: tuple[int, int]
+) -> Points:
     """Yield points farther and farther from the edge of what a form proves, poor ones last."""
     found: LyapunovPolynomial | None = None
     poor = list[LyapunovPolynomial]()
@@ -262,3 +283,122 @@ def exact_law(law: Law) -> laws.Law:
 
 def _rationals(matrix: Array) -> matrices.Rationals:
     return [[Fraction(x) for x in row] for row in matrix.tolist()]
+
+
+@dataclass(frozen=True, eq=False)
+class Sampled:
+    """One specification's signal at points of a family.
+
+    Attributes
+    ----------
+    specification : Specification
+    alpha : (count, N) array
+    values : (count,) array
+        In the signal's unit; of a gain, per unit of the disturbance.
+    """
+
+    specification: Specification
+    alpha: Array
+    values: Array
+
+    @property
+    def worst(self) -> float:
+        """The largest value."""
+        return float(self.values.max())
+
+
+def sampled(
+    plant: UncertainPlant, law: Any, specification: Specification, alpha: Array | None = None
+) -> Sampled:
+    """Return what a specification bounds, at points of a family.
+
+    The rms by a Lyapunov equation at each point, and so the peak for bounded energy, which is the
+    norm times the root of c P c', P the controllability Gramian; the peak from initial states by
+    exact responses at close instants, from an ellipsoid of them by the largest root of
+    c e^At X0 e^A't c' at those; the norm of a gain by its singular values; the gain by a sweep
+    over frequency, which is fine at the worst points only.
+
+    Parameters
+    ----------
+    law : None, Law, Design, GainTable or (m, n) array
+        None leaves the plant to itself.
+    alpha : (count, N) array, optional
+        By default `seeded`, 10,000 of them.
+
+    Raises
+    ------
+    InputError
+        If the loop is not stable at a point, or as `stationary` and `simulate` raise.
+    """
+    alpha = seeded(plant) if alpha is None else np.atleast_2d(np.asarray(alpha, dtype=float))
+    values = specification.values(plant, law, alpha)
+    return Sampled(specification, alpha, np.asarray(values))
+
+
+def agreed_bound(plant: UncertainPlant, law: Any, bound: Bound) -> Bound | None:
+    """Return a proved bound that is no less than what doubles show of the law; None if they differ.
+
+    The law is proved as a real matrix. One that cancels numbers far larger than what it leaves, or
+    whose poles are too fast for doubles, does not keep the bound once doubles evaluate it. Where
+    what is left is rounding, of the signal's own parts, the bound is raised above it.
+    """
+    own, alpha = bound.specification, seeded(plant, len(plant.vertices) + FEW)
+    try:
+        worst = sampled(plant, law, own, alpha).worst
+        if worst <= bound.level * (1 + AGREED):
+            return bound
+        near = worst <= bound.level * (1 + NEARLY) or worst <= NIL * _parts(plant, law, own, alpha)
+    except (InputError, np.linalg.LinAlgError):
+        return None
+    return raised(bound, worst * (1 + AGREED)) if near and own.at_most is None else None
+
+
+def _parts(plant: UncertainPlant, law: Any, own: Specification, alpha: Array) -> float:
+    """Return the largest worst value of the signal's terms, each alone."""
+    signal, found = own.output(plant), [0.0]
+    for key in "CD":
+        rows = getattr(signal, key)
+        for k in range(len(rows[0]) if rows else 0):
+            alone = [[x if j == k else 0 for j, x in enumerate(row)] for row in rows]
+            if any(map(any, alone)):
+                one = Output(signal.name, signal.unit, **{key: alone})
+                found.append(sampled(plant, law, replace(own, signal=one), alpha).worst)
+    return max(found)
+
+
+def save(certificate: Certificate, claims: Sequence[BoundClaim], directory: str | Path) -> Path:
+    """Write ``design.json``, with the bounds, into a folder, made if need be; return its path.
+
+    The numbers are those that were proved: a double as it is, any other rational as "p/q".
+
+    Raises
+    ------
+    OutputError
+        If the folder cannot be written.
+    """
+    try:
+        text = bounds_file(certificate, claims).dumps()
+    except FormatError as error:
+        raise InputError(str(error)) from error
+    return write_documents(Path(directory), {FILE_NAME: text})[0]
+
+
+def bounds_file(certificate: Certificate, claims: Sequence[BoundClaim]) -> Document:
+    """Return the file of a design's region, and of bounds on its signals."""
+    return certificate.file([certificate.claim(), *claims])
+
+
+def statements(path: str | Path) -> tuple[str, ...]:
+    """Return what a design's file claims besides its region, a line each; proved afresh.
+
+    Raises
+    ------
+    DesignFileError
+        If the file cannot be read.
+    NotProvedError
+        If it is not proved.
+    """
+    answer = check(path)
+    if not answer.proved:
+        raise NotProvedError(f"{path}: {answer}")
+    return answer.claims[1:]

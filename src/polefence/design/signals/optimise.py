@@ -20,22 +20,25 @@ from polefence.design.design import Design
 from polefence.design.requirements.specification import Specification
 from polefence.design.search import Deadline
 from polefence.design.signals.augmented import with_weights, without_feedback
-from polefence.design.signals.bounds import Bound, best_bound
-from polefence.design.signals.conflict import refusal
-from polefence.design.signals.files import save
-from polefence.design.signals.retreat import (
+from polefence.design.signals.bounds import Bound, agreed_bound, best_bound, save
+from polefence.design.signals.refutation import refusal
+from polefence.design.signals.search import (
     CLOSE,
     FAR,
+    Candidate,
+    Origin,
     Retreat,
+    Search,
     Step,
+    candidate,
     is_falling,
     is_too_fast,
     level_of,
+    relaxed,
     steps,
+    together,
     unbounded,
 )
-from polefence.design.signals.sampled import agreed_bound
-from polefence.design.signals.search import Candidate, Origin, Search, candidate, relaxed, together
 from polefence.design.signals.task import Task
 from polefence.law.laws import Law
 from polefence.lmi.conditions.methods import Method, Scheduled, options

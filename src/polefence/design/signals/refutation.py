@@ -1,4 +1,4 @@
-"""Limits on rms values that no law whatever keeps at once: found in floats, proved exactly.
+"""Limits that no law keeps at once: found in floats, proved exactly; of others, a smallest set.
 
 At one vertex the least weighted sum of mean squares over all laws is that of the linear-quadratic
 regulator, sum a_i E[y_i^2] >= S tr E'P E with P from a Riccati equation. It is concave in the
@@ -9,15 +9,18 @@ every law exceeds one of the limits (Boyd & Barratt 1991, on weights of several 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from fractions import Fraction
+from typing import Any
 
 import numpy as np
 
-from polefence.base.errors import InputError, SolverError, require_type
+from polefence.base.errors import InputError, NotProvedError, SolverError, require_type
 from polefence.design.requirements.rms import Rms
 from polefence.design.requirements.specification import Specification, disturbance, limit_text, rows
 from polefence.design.signals.augmented import with_weights
+from polefence.design.signals.task import Task
+from polefence.lmi.conditions.methods import method_label
 from polefence.lmi.solve.regulator import Regular, Regulated, heaviest, regular
 from polefence.plant.family import UncertainPlant
 from polefence.plant.system import Array
@@ -26,6 +29,7 @@ from polefence.proof.plant import Output
 from polefence.proof.refutation import RmsLimit, RmsRefutation, prove_refutation
 from polefence.proof.text import number_text
 from polefence.proof.work import FormatError
+from polefence.region.regions import Region
 from polefence.region.text import digits_down
 
 # Decay taken off the plant, of its own rates, so that P proves the inequality with a margin; and
@@ -218,3 +222,73 @@ def _lifted(P: Rationals, T: Rationals) -> Rationals:
 
 def _dot(a: Sequence[Fraction], b: Sequence[Fraction]) -> Fraction:
     return sum((x * y for x, y in zip(a, b, strict=True)), Fraction(0))
+
+
+def refusal(task: Task, reasons: Sequence[str]) -> NotProvedError:
+    """Return why there is no design: refuted limits, a smallest set in conflict, or a reason."""
+    label = method_label(task.method)
+    conflict = _conflict(task)
+    if conflict:
+        refutation = _refuted(task, conflict)
+        if refutation is not None:
+            return NotProvedError(str(refutation), refutation=refutation)
+        named = [str(p) if isinstance(p, Region) else limit_text(p) for p in conflict]
+        return NotProvedError(
+            f"not proved: {label} finds no law for these together, and one for any of them left "
+            f"out: {'; '.join(named)}"
+        )
+    why = (
+        reasons[0] if reasons else "a bound or the region was not proved of the law that was found"
+    )
+    named = [limit_text(s) for s in task.limits if s.at_most]
+    return NotProvedError(
+        f"not proved: {label}, {task.region}, {'; '.join(named) or 'no limits'}: {why}"
+    )
+
+
+def _refuted(task: Task, conflict: Sequence[Any]) -> Refutation | None:
+    """Return the proof that no law keeps the limits in conflict, or a smallest set of all limits.
+
+    What is in conflict for the search may have a part of the region in it, and some of the limits
+    be in conflict without it.
+    """
+    if task.asked is None:
+        return None
+    plant, limits = task.asked
+    own = [a for a, s in zip(limits, task.limits, strict=True) if any(s is p for p in conflict)]
+    if len(own) == len(conflict) and (found := refute_limits(plant, own)) is not None:
+        return found
+    found = refute_limits(plant, limits)
+    if found is not None:
+        for each in found.specifications:
+            fewer = [s for s in found.specifications if s is not each]
+            found = refute_limits(plant, fewer) or found
+    return found
+
+
+def _conflict(task: Task) -> list[Any]:
+    """Return a smallest set of limits and parts of the region that the search finds no law for."""
+    if _feasible(task, task.limits, task.region):
+        return []
+    parts: list[Any] = [*task.limits, *task.region.parts]
+    for own in list(parts):
+        fewer = [p for p in parts if p is not own]
+        if not _feasible(task, *_split(fewer)):
+            parts = fewer
+    return parts
+
+
+def _split(parts: Sequence[Any]) -> tuple[tuple[Specification, ...], Region | None]:
+    region: Region | None = None
+    for part in parts:
+        if isinstance(part, Region):
+            region = part if region is None else region & part
+    return tuple(p for p in parts if isinstance(p, Specification)), region
+
+
+def _feasible(task: Task, limits: tuple[Specification, ...], region: Region | None) -> bool:
+    try:
+        replace(task, limits=limits).reached(region)
+    except SolverError:
+        return False
+    return True

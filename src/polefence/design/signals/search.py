@@ -4,16 +4,22 @@ One W(alpha) for everything is conservative, so that neither the whole region no
 give the best law. Each law that is found is judged as it is: by samples first, then by proofs of
 region and limits. Limits on the inputs at what the best law needs, and somewhat more, exclude no
 law that is better for it; they keep the next ones from being bought with effort.
+
+Where nothing limits the law, what is minimised falls, or comes closer to its infimum, as gains grow
+without bound. Poles that are bounded make the question one whose optimum is attained; a point some
+way off the edge has a proof. Each step is the start of the next.
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 
-from polefence.base.errors import InputError, RegionError, SolverError
+from polefence.base.errors import InputError, NotProvedError, RegionError, SolverError
 from polefence.design.certificate import Certificate
 from polefence.design.given.analysis import analyse
 from polefence.design.requirements.gain_norm import GainNorm
@@ -22,13 +28,13 @@ from polefence.design.search import Deadline, edge
 from polefence.design.signals.bounds import (
     Bound,
     Known,
+    agreed_bound,
     best_bound,
     kept_bound,
     known_bound,
     own_evidence,
+    sampled,
 )
-from polefence.design.signals.retreat import level_of, own_speed
-from polefence.design.signals.sampled import agreed_bound, sampled
 from polefence.design.signals.task import ROUNDED, Task
 from polefence.law.laws import FixedGain, Law
 from polefence.lmi.conditions.methods import options
@@ -36,6 +42,7 @@ from polefence.lmi.solve.scaling import balanced
 from polefence.lmi.solve.search import Reached, coefficients, singular_is_failure
 from polefence.lmi.solve.smallest import typical_rate
 from polefence.lmi.solve.starts import regulators
+from polefence.plant.family import UncertainPlant
 from polefence.plant.outputs import inputs
 from polefence.plant.points import seeded
 from polefence.region.regions import HalfPlane, Region, Sector, bounded, bounds_speed
@@ -54,6 +61,14 @@ BAND, BANDS = 10.0, 8  # powers of two of the plant's own speed, and how many ba
 ROOM, AGAIN = (2.0, 1.0), 3
 
 Shares = tuple[float, ...]
+
+SPEEDS = (1e1, 1e2, 1e3, 1e4)  # of poles, times the plant's own fastest
+FASTEST = 1e5  # a law of faster poles is no law to be built
+GAP = 1e-3  # how far from the optimum the search ends, relative to it
+GAPS = (1e-3, 5e-3, 2e-2, 5e-2, 0.2)  # the same, where the region itself bounds the poles
+CLOSE = 0.01  # a step that comes as near to the infimum as this share is near enough
+FAR = 1.0  # a step that is farther is no answer
+FALL = 2.0  # from step to step, of what falls without end
 
 
 @dataclass(frozen=True, eq=False)
@@ -540,3 +555,100 @@ def _alone(task: Task, law: Law, own: Specification, origin: Origin) -> Bound | 
         return prove(task.plant, law, own)
     known = origin.known(law, own)
     return None if known is None else known_bound(task.plant, law, own, known)
+
+
+@dataclass(frozen=True, eq=False)
+class Step:
+    """A law for poles that are bounded.
+
+    Attributes
+    ----------
+    speed : float
+        The largest magnitude of poles that was allowed [1/s].
+    found : Reached
+    level : float
+        Of what is minimised, as one Lyapunov matrix for everything has it; zero where nothing is.
+    """
+
+    speed: float
+    found: Reached
+    level: float
+
+
+@dataclass(frozen=True)
+class Retreat:
+    """How far a law stands from an infimum.
+
+    Attributes
+    ----------
+    speed : float
+        The largest magnitude of poles that the design allowed [1/s]; infinite where it is the
+        region that bounds it.
+    level, least : float
+        What the search found with one Lyapunov matrix for everything, in floats: at the step that
+        was taken, and the least without a bound on the poles, or at any step.
+    """
+
+    speed: float
+    level: float
+    least: float
+
+    @property
+    def share(self) -> float:
+        """How far the step lies above the least, as a share of it."""
+        return self.level / self.least - 1
+
+
+def level_of(task: Task, found: Reached) -> float:
+    """Return the bound on what is minimised that a point has in floats; zero where nothing is."""
+    if task.minimise is None:
+        return 0.0
+    return task.minimise.level(found.r)
+
+
+def own_speed(plant: UncertainPlant) -> float:
+    """Return the largest magnitude of the vertices' poles without a law [1/s]; one if all are 0."""
+    return float(np.abs(np.linalg.eigvals(plant.A)).max()) or 1.0
+
+
+def is_too_fast(plant: UncertainPlant, law: Law) -> bool:
+    """Whether poles at the vertices are so fast that nothing but floats bounded them."""
+    poles = close(plant, law, np.eye(len(plant.vertices)), disturbed=False).poles()
+    return bool(np.abs(poles).max() > FASTEST * own_speed(plant))
+
+
+def steps(task: Task) -> Iterator[Step]:
+    """Yield laws for faster and faster poles; farther and farther from the edge of a region."""
+    if bounds_speed(task.region):
+        for gap in GAPS:
+            try:
+                found = task.reached(task.region, gap)
+            except SolverError:
+                continue
+            yield Step(np.inf, found, level_of(task, found))
+        return
+    near: Reached | None = None
+    own = max(own_speed(task.plant), task.region.scale)
+    for factor in SPEEDS:
+        try:
+            near = task.reached(bounded(task.region, factor * own), GAP, near)
+        except (SolverError, RegionError):
+            continue
+        yield Step(factor * own, near, level_of(task, near))
+
+
+def is_falling(taken: Sequence[Step]) -> bool:
+    """Whether what is minimised falls without end as poles are allowed to be faster."""
+    return len(taken) > 1 and all(a.level > FALL * b.level for a, b in pairwise(taken))
+
+
+def unbounded(task: Task, taken: Sequence[Step]) -> NotProvedError:
+    """Return that no law is best, and what would make one so."""
+    own = task.minimise
+    what = "" if own is None else f"{own.kind} of {own.name}"
+    levels = ", ".join(f"{step.level:.3g} for poles up to {step.speed:.2g} 1/s" for step in taken)
+    return NotProvedError(
+        f"unbounded: {what} falls without end as the law grows ({levels}); limit the gain, the "
+        "input or the actuator: add a limit on the gain norm, on the rms or gain of an input, or a "
+        "region that bounds the poles, such as a disk"
+    )

@@ -2,29 +2,47 @@
 
 from __future__ import annotations
 
+import json
+import math
 import time
 from collections.abc import Sequence
-from dataclasses import replace
+from contextlib import suppress
+from dataclasses import asdict, dataclass, replace
+from fractions import Fraction
 from functools import partial
 from pathlib import Path
 from typing import Any, Unpack
 
-from polefence.base import workers
+from polefence.base import VERSION, workers
 from polefence.base.errors import InputError, PolefenceError, require_type
+from polefence.base.files import make_folder, read_text, write_documents, write_text
+from polefence.design.certificate import Certificate
 from polefence.design.checks import require_domain, require_movable, require_region
-from polefence.design.requirements.specification import Specification
-from polefence.design.rows import Row, Run, RunOptions
+from polefence.design.design import FILE_NAME, Design
+from polefence.design.place.limits import LABEL
+from polefence.design.requirements.specification import Specification, claim_of
+from polefence.design.rows import Row, Run, RunOptions, plant_summary
 from polefence.design.signals.augmented import with_weights
-from polefence.design.signals.bounds import best_bound
+from polefence.design.signals.bounds import best_bound, bounds_file, exact_law, sampled
 from polefence.design.signals.optimise import Optimised, optimise
-from polefence.design.signals.tradeoff_file import finished, proved_row, write_rows
-from polefence.design.signals.tradeoff_front import Asked, Front, monotone
+from polefence.law.laws import FixedGain, Law, ScheduledGain
 from polefence.lmi.conditions.methods import Method, Scheduled, method_label, options
 from polefence.plant.family import UncertainPlant
+from polefence.plant.points import seeded
 from polefence.plant.polynomial import Domain
+from polefence.plant.system import Array
+from polefence.proof import reading, work
+from polefence.proof.claims.base import prove
+from polefence.proof.claims.gain_norm import BoundClaim
+from polefence.proof.document import Document, from_plain
 from polefence.region.regions import HalfPlane, Region
 
 MAX_VALUES = 1000
+
+# Of a row whose law is taken over for another limit.
+TAKEN = ("status", "proved", "sampled", "law_of", "performance")
+
+SAMPLES = 2000  # points of the family that each law is looked at
 
 
 def tradeoff(
@@ -164,3 +182,313 @@ def _proved(asked: Asked, done: Optimised, value: float) -> Row:
         over = least
     claims = [bound.claim for bound in (first, over, *others)]
     return proved_row(asked, done.design.certificate, claims, value)
+
+
+@dataclass(frozen=True)
+class Asked:
+    """What a trade-off is about.
+
+    Attributes
+    ----------
+    plant : UncertainPlant
+        With the states of filters that specifications ask for.
+    minimise, over : Specification
+        Without limits.
+    subject_to : tuple of Specification
+    region : Region
+    """
+
+    plant: UncertainPlant
+    minimise: Specification
+    over: Specification
+    subject_to: tuple[Specification, ...]
+    region: Region
+
+    def document(self) -> dict[str, Any]:
+        """Return it as plain data, the plant by its digest."""
+        return {
+            "minimise": _plain(self.minimise),
+            "over": _plain(self.over),
+            "subject_to": [_plain(own) for own in self.subject_to],
+            "region": self.region.document(),
+        }
+
+
+def _plain(own: Specification) -> dict[str, Any]:
+    # through JSON and back, so that it equals what is read from a file
+    found: dict[str, Any] = json.loads(json.dumps({"kind": own.kind} | asdict(own), default=repr))
+    return found
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Front:
+    """What is reached at each limit, with its law.
+
+    Attributes
+    ----------
+    asked : Asked
+        Plant, specifications and region.
+    rows : tuple of dict
+        One a value and method, as plain data: ``value``, the limit; ``method``, its label;
+        ``status``, "proved" or "not proved"; ``proved``, the bound on what is minimised, and
+        ``sampled``, the same law's worst at sampled parameters; ``bounds``, of ``over`` and the
+        other specifications, each with ``specification``, ``at_most``, ``proved``, ``sampled``;
+        ``law_of``, the limit that the law was found for: another one's law is taken where it
+        keeps this limit, and the search for this one found a worse one, or none; ``own``, what
+        that search itself proved; ``performance``, the law with all of its proofs, as a
+        performance file has them; ``reason``, where the search found nothing; ``seconds``.
+    references : tuple of dict
+        Of laws that come with no proof, see `polefence.vehicle.beside_reference_laws`: ``name``,
+        the worst at sampled parameters of ``over`` and ``minimise``, and ``keeps``, whether that of
+        the other specifications is within their limits.
+    """
+
+    asked: Asked
+    rows: tuple[Row, ...]
+    references: tuple[Row, ...] = ()
+
+    def __repr__(self) -> str:
+        done = sum(row["status"] == "proved" for row in self.rows)
+        return f"<Front of {self.asked.plant.name!r}: {done} of {len(self.rows)} rows proved>"
+
+    @property
+    def proved(self) -> bool:
+        """Whether every row is."""
+        return all(row["status"] == "proved" for row in self.rows)
+
+    @property
+    def methods(self) -> tuple[str, ...]:
+        """Labels, in the order asked for."""
+        return tuple(dict.fromkeys(row["method"] for row in self.rows))
+
+    @property
+    def labels(self) -> tuple[str, str]:
+        """What is limited and what is minimised, with units, as axes have them."""
+        over, least = (
+            label_of(self.asked.plant, s) for s in (self.asked.over, self.asked.minimise)
+        )
+        return over, least
+
+    def row(self, value: float, method: Method | str) -> Row:
+        """Return the row of a limit and a method, or its label.
+
+        Raises
+        ------
+        InputError
+            If there is none.
+        """
+        label = method if method in self.methods else method_label(method)
+        for row in self.rows:
+            if row["value"] == value and row["method"] == label:
+                return row
+        raise InputError(f"no row of {label} at {value:g}")
+
+    def design(self, value: float, method: Method | str) -> Design:
+        """Return the law of a row with the proof of its region.
+
+        Raises
+        ------
+        InputError
+            If there is no such row, or it is not proved.
+        """
+        return Design(Certificate.of(self.file(value, method)))
+
+    def save(self, value: float, method: Method | str, directory: str | Path) -> Path:
+        """Write a row's ``design.json``, with its bounds, into a folder; return its path.
+
+        Raises
+        ------
+        InputError
+            If there is no such row, or it is not proved.
+        OutputError
+            If the folder cannot be written.
+        """
+        return write_documents(Path(directory), {FILE_NAME: self.file(value, method).dumps()})[0]
+
+    def file(self, value: float, method: Method | str) -> Document:
+        """Return the file of a row: the law, its region and its bounds.
+
+        Raises
+        ------
+        InputError
+            If there is no such row, or it is not proved.
+        """
+        row = self.row(value, method)
+        if row["performance"] is None:
+            raise InputError(f"nothing is proved at {value:g}: {row['reason']}")
+        return from_plain(row["performance"])
+
+    def document(self) -> dict[str, Any]:
+        """Return everything as plain data."""
+        return head(self.asked) | {"references": list(self.references), "rows": list(self.rows)}
+
+
+def monotone(rows: dict[tuple[float, str], Row]) -> dict[tuple[float, str], Row]:
+    """Return rows by value and method, each with the best law of its method that keeps its limit.
+
+    What a law keeps is proved, so that a law of any other limit will do; those of tighter ones
+    always keep a looser one.
+    """
+    eased = dict(rows)
+    for (value, label), row in rows.items():
+        laws = [
+            r
+            for (_, other), r in rows.items()
+            if other == label and r["proved"] is not None and r["bounds"][0]["proved"] <= value
+        ]
+        best = min(laws, key=lambda r: float(r["proved"]), default=row)
+        if best["proved"] is not None and best["proved"] < (row["proved"] or math.inf):
+            first, *others = best["bounds"]
+            taken = {key: best[key] for key in TAKEN}
+            eased[value, label] = row | taken | {"bounds": [first | {"at_most": value}, *others]}
+    return eased
+
+
+def head(asked: Asked) -> dict[str, Any]:
+    """Return what stands above the rows."""
+    return {
+        "polefence": VERSION,
+        "plant": plant_summary(asked.plant),
+        "question": asked.document(),
+    }
+
+
+def label_of(plant: UncertainPlant, own: Specification) -> str:
+    """Return kind, signal and unit of a specification."""
+    unit = own.unit(plant)
+    return f"{own.kind} of {own.name}" + (f" [{unit}]" if unit else "")
+
+
+def write_rows(path: Path, asked: Asked, rows: Sequence[Row]) -> None:
+    """Write a trade-off, whole or not at all."""
+    document = head(asked) | {"references": [], "rows": list(rows)}
+    make_folder(path.parent)
+    write_text(path, json.dumps(document, indent=1, allow_nan=False) + "\n")
+
+
+def keep_references(path: Path, references: Sequence[Row]) -> None:
+    """Add reference laws to a file of rows that `write_rows` wrote."""
+    document = reading.parse(read_text(path, reading.MAX_BYTES, InputError))
+    write_text(path, json.dumps(document | {"references": list(references)}, indent=1) + "\n")
+
+
+def finished(path: Path, asked: Asked) -> dict[tuple[float, str], Row]:
+    """Return the proved rows of an earlier run by value and method, all proved afresh.
+
+    What a row says is taken from what was proved of it, and its law sampled again.
+
+    Raises
+    ------
+    InputError
+        If the file is unreadable, damaged, of another question, or by another version.
+    """
+    if not path.exists():
+        return {}
+    again = "remove the file to start anew, or name another one"
+    try:
+        document = reading.parse(read_text(path, reading.MAX_BYTES, InputError))
+        found = {key: document[key] for key in ("polefence", "plant", "question")}
+        rows = {(row["value"], row["method"]): row for row in document["rows"]}
+        same = found == head(asked)
+        with work.counted():  # one count for the file, however many its rows
+            proved = {
+                key: _again(row, asked) if same else None
+                for key, row in rows.items()
+                if row["status"] == "proved"
+            }
+    except (ValueError, KeyError, TypeError, OverflowError) as error:
+        raise InputError(f"{path}: no trade-off to resume; {again}") from error
+    if found["polefence"] != VERSION:
+        raise InputError(
+            f"{path}: a trade-off by polefence {str(found['polefence'])[:40]}; {again}"
+        )
+    if not same:
+        raise InputError(f"{path}: a trade-off of another plant or other limits; {again}")
+    sound = {key: row for key, row in proved.items() if row is not None}
+    if len(sound) < len(proved):
+        raise InputError(f"{path}: a row is damaged; {again}")
+    return sound
+
+
+def _again(row: Row, asked: Asked) -> Row | None:
+    """Return what is proved of a row, None where that is not what it says."""
+    numbers = (row["value"], row["proved"], row["law_of"], row["seconds"])
+    real = all(isinstance(x, float | int) and math.isfinite(x) and x >= 0 for x in numbers)
+    own = row["own"] is None or row["own"] >= row["proved"]
+    if not (real and own and LABEL.fullmatch(row["method"])):
+        return None
+    document = from_plain(row["performance"])
+    claims = [claim for claim in document.claims if isinstance(claim, BoundClaim)]
+    certificate = _of_plant(Certificate.of(document), asked.plant)
+    fixed = isinstance(certificate.law, FixedGain)
+    if not _proves(row, asked, certificate, claims) or (row["method"] == "quadratic" and not fixed):
+        return None
+    kept = {key: row[key] for key in ("value", "method")}
+    seen = {key: row[key] for key in ("law_of", "own", "seconds")}
+    return kept | proved_row(asked, certificate, claims, row["value"]) | seen
+
+
+def _of_plant(certificate: Certificate, plant: UncertainPlant) -> Certificate:
+    """Return the claim as one about the plant asked for, of the same vertices."""
+    law = certificate.law
+    if isinstance(law, ScheduledGain):
+        law = replace(law, parameters=plant.parameters)
+    return replace(certificate, plant=plant, law=law) if _is_of(certificate, plant) else certificate
+
+
+def _is_of(certificate: Certificate, plant: UncertainPlant) -> bool:
+    return certificate.plant.digest == plant.digest
+
+
+def _proves(row: Row, asked: Asked, certificate: Certificate, claims: list[BoundClaim]) -> bool:
+    """Prove the region and every bound of a row, as being about this plant and these signals."""
+    if not _is_of(certificate, asked.plant) or certificate.region != asked.region:
+        return False
+    limits = [row["value"], *(own.at_most for own in asked.subject_to)]
+    levels = [row["proved"], *(bound["proved"] for bound in row["bounds"])]
+    if any(proved > limit for proved, limit in zip(levels[1:], limits, strict=True)):
+        return False
+    wanted = (asked.minimise, asked.over, *asked.subject_to)
+    law = exact_law(certificate.law)
+    for claim, own, level in zip(claims, wanted, levels, strict=True):
+        subject = claim.subject
+        same = claim_of(asked.plant, law, subject.on, own, subject.evidence, Fraction(level))
+        if claim != same or not prove(claim).proved:
+            return False
+    return certificate.prove().proved
+
+
+def proved_row(
+    asked: Asked, certificate: Certificate, claims: Sequence[BoundClaim], value: float
+) -> Row:
+    """Return what a row says of a law: what is proved, and its worst at sampled parameters."""
+    plant, law, alpha = asked.plant, certificate.law, seeded(asked.plant, SAMPLES)
+    wanted = (asked.minimise, replace(asked.over, at_most=value), *asked.subject_to)
+    levels = [float(claim.level) for claim in claims]
+    worst = [_worst(plant, law, own, alpha) for own in wanted]
+    bounds = zip(wanted[1:], levels[1:], worst[1:], strict=True)
+    return {
+        "status": "proved",
+        "proved": levels[0],
+        "sampled": worst[0],
+        "bounds": [
+            {
+                "specification": f"{own.kind} of {own.name}",
+                "at_most": own.at_most,
+                "proved": level,
+                "sampled": seen,
+            }
+            for own, level, seen in bounds
+        ],
+        "law_of": value,
+        "own": levels[0],
+        "reason": None,
+        "performance": bounds_file(certificate, claims).write(),
+    }
+
+
+def _worst(plant: UncertainPlant, law: Law, own: Specification, alpha: Array) -> float | None:
+    """Return the worst sampled value; what is proved does not depend on there being one."""
+    with suppress(InputError):
+        return sampled(plant, law, own, alpha).worst
+    return None

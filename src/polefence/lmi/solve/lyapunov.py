@@ -19,11 +19,13 @@ from polefence.lmi.solve.search import ROUNDS, Point, attempt, interior, rounds,
 from polefence.lmi.solve.stacked import stack
 from polefence.lmi.solve.starts import covariance, start_matrix
 from polefence.plant.system import Array
-from polefence.region.regions import HalfPlane
+from polefence.region.regions import HalfPlane, Region
 
 FLOOR = 1e-4  # a radius of this share of the goal's scale is as good as zero
 SLIGHT = 1e-6  # of the identity, beside a scheduled law's own W
 STABLE = 0.98  # how wide a half-plane may be for its Lyapunov polynomial to be a start
+# How far inside a region a point is looked for first; then as far as the search goes.
+INSIDE = (0.98, 0.0)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -87,6 +89,18 @@ def least(
     if found is None:
         raise SolverError("no Lyapunov matrix to start from")
     return found
+
+
+def points_inside(
+    loop: Loop, region: Region, form: tuple[int, int]
+) -> Iterator[LyapunovPolynomial]:
+    """Yield Lyapunov polynomials of a form for a region: well inside it, then as far as it goes."""
+    for enough in INSIDE:
+        with suppress(SolverError):
+            found = least(loop, Around(region), *form, enough=enough)
+            if found.r >= 1:
+                return
+            yield found
 
 
 def work(loop: Loop, source: Source, degree: int, elevation: int) -> float:

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from polefence.design.signals.tradeoff_front import Front
+from polefence.design.signals.tradeoff import Front
 from polefence.plant.system import Array
 from polefence.show.plots.plots import new_figure, new_grid, styles
 

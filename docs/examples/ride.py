@@ -11,7 +11,7 @@ import numpy as np
 
 import polefence as pf
 from polefence.base.files import write_bytes
-from polefence.cli.bounds import figure_of, rows_of
+from polefence.cli.optimise import figure_of, rows_of
 from polefence.examples import spec_path
 from polefence.region.text import digits_up
 from polefence.response.closed import close

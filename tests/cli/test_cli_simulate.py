@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 
 from polefence import Disk, load, place
-from polefence.cli.drive_output import panels_of
 from polefence.cli.main import main
+from polefence.cli.simulate import panels_of
 from polefence.examples import spec_text
 from polefence.plant.spec import dumps
 from polefence.response.columns import Table, write_table

@@ -10,11 +10,12 @@ from polefence.cli.common import (
     PROVED,
     check_results,
     every_alpha,
+    method_arguments,
+    method_of,
     report,
     result_arguments,
     spec_argument,
 )
-from polefence.cli.methods import method_arguments, method_of
 from polefence.design.checks import example_region, implies_stability
 from polefence.design.place.placement import place
 from polefence.design.rows import plant_summary

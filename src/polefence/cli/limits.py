@@ -21,6 +21,8 @@ from polefence.cli.common import (
     check_targets,
     clear_over,
     jobs_of,
+    method_arguments,
+    methods_of,
     rows_file,
     say,
     size_of,
@@ -30,7 +32,6 @@ from polefence.cli.common import (
     write_figure,
     write_json,
 )
-from polefence.cli.methods import method_arguments, methods_of
 from polefence.design.checks import example_centre, is_checkable, usable_centre
 from polefence.design.place.limits import Limit, sweep
 from polefence.design.rows import plant_summary

@@ -8,8 +8,16 @@ from typing import Any
 
 import numpy as np
 
-from polefence.cli.common import PROVED, check_targets, gain_lines, say, spec_argument, write_json
-from polefence.cli.methods import method_arguments, method_of
+from polefence.cli.common import (
+    PROVED,
+    check_targets,
+    gain_lines,
+    method_arguments,
+    method_of,
+    say,
+    spec_argument,
+    write_json,
+)
 from polefence.design.checks import implies_stability
 from polefence.design.design import FILE_NAME
 from polefence.design.observer import Observer, observe

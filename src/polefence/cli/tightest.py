@@ -11,11 +11,12 @@ from polefence.cli.common import (
     PROVED,
     check_results,
     every_alpha,
+    method_arguments,
+    method_of,
     report,
     result_arguments,
     spec_argument,
 )
-from polefence.cli.methods import method_arguments, method_of
 from polefence.design.checks import example_centre
 from polefence.design.design import Design
 from polefence.design.place.tightest import tightest

@@ -17,7 +17,7 @@ from polefence import (
     UncertainPlant,
     check,
 )
-from polefence.cli.bounds import lines_of, rows_of
+from polefence.cli.optimise import lines_of, rows_of
 from polefence.design.requirements.energy_peak import EnergyPeak
 from polefence.design.requirements.gain import Gain
 from polefence.design.requirements.initial_peak import InitialPeak

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from polefence import FixedGain, HalfPlane, NotProvedError, Parameter, UncertainPlant
-from polefence.cli.bounds import Row, require_agreement
 from polefence.cli.main import main
+from polefence.cli.optimise import Row, require_agreement
 from polefence.design.requirements.gain import Gain
 from polefence.design.requirements.rms import Rms
 from polefence.design.signals.bounds import agreed_bound, best_bound, sampled

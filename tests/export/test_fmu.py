@@ -26,7 +26,7 @@ from polefence.export import fmu as shared_library
 from polefence.export.fmu import fmu, plain, platform, split, unique
 from polefence.export.program import number, program
 from polefence.export.sources import Texts
-from polefence.response.discrete import held
+from polefence.response.discrete import zero_order_hold
 from polefence.vehicle.driving.parts import Sampling
 from support.drives import drive
 
@@ -490,7 +490,7 @@ def test_step_response_in_the_loop(run, design, told, version, bits, tolerance) 
     w, simulated = told
     A, B = design.plant.at(design.plant.alpha(**CAR))
     E = np.array([[0.0], [1.0], [0.0], [0.0], [0.0]])
-    Phi, Gamma = held(A, np.hstack([B, E]), STEP)
+    Phi, Gamma = zero_order_hold(A, np.hstack([B, E]), STEP)
 
     running = run("parameters", version, bits).begin()
     x, states, demands = np.zeros(5), [], []

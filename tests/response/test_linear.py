@@ -22,7 +22,13 @@ from polefence.plant.outputs import (
 )
 from polefence.response import discrete, grid, result
 from polefence.response.closed import close, point_text
-from polefence.response.discrete import driven, exponential, free, held, ramped
+from polefence.response.discrete import (
+    exponential,
+    first_order_hold,
+    forced_response,
+    free_response,
+    zero_order_hold,
+)
 from polefence.response.linear import frequency, impulse, simulate, step
 from polefence.vehicle.vehicle import ride
 
@@ -97,10 +103,10 @@ def test_badly_scaled_states_keep_their_small_entries():
 def test_steps_of_their_own_size_for_every_matrix():
     random = np.random.default_rng(1)
     A, E, h = random.normal(size=(4, 3, 3)), random.normal(size=(4, 3, 2)), random.random(4)
-    together, ramps = held(A, E, h), ramped(A, E, h)
+    together, ramps = zero_order_hold(A, E, h), first_order_hold(A, E, h)
     for k in range(4):
         ours = (*together, *ramps)
-        theirs = (*held(A[k], E[k], h[k]), *ramped(A[k], E[k], h[k]))
+        theirs = (*zero_order_hold(A[k], E[k], h[k]), *first_order_hold(A[k], E[k], h[k]))
         for own, alone in zip(ours, theirs, strict=True):
             assert np.allclose(own[k], alone, rtol=1e-13, atol=1e-15)
 
@@ -111,16 +117,16 @@ def test_blocks_are_the_recursion(T, q, monkeypatch):
     monkeypatch.setattr(discrete, "BUFFER", 40_000)  # more than one group of systems
     random = np.random.default_rng([T, q])
     A, E = random.normal(size=(5, 3, 3)) - 2 * np.eye(3), random.normal(size=(5, 3, q))
-    Phi, Gamma, Gamma1 = ramped(A, E, 0.05)
+    Phi, Gamma, Gamma1 = first_order_hold(A, E, 0.05)
     C, D = random.normal(size=(5, 2, 3)), random.normal(size=(5, 2, q))
     w, x = random.normal(size=(T, q)), random.normal(size=(5, 3))
-    found = driven(Phi, Gamma, C, D, w, x, Gamma1)
+    found = forced_response(Phi, Gamma, C, D, w, x, Gamma1)
     assert found.shape == (5, T, 2)
     for k in range(T):
         y = np.einsum("apn,an->ap", C, x) + D @ w[k]
         assert np.allclose(found[:, k], y, rtol=1e-11, atol=1e-11)
         x = np.einsum("ank,ak->an", Phi, x) + Gamma @ w[k] + Gamma1 @ w[min(k + 1, T - 1)]
-    assert free(Phi, C, x, T).shape == (5, T, 2)
+    assert free_response(Phi, C, x, T).shape == (5, T, 2)
 
 
 # --- responses -----------------------------------------------------------------------------------

@@ -14,7 +14,7 @@ from scipy.integrate import trapezoid
 from polefence import InputError, UncertainPlant
 from polefence.plant.outputs import Output, rate_of
 from polefence.response.closed import close
-from polefence.response.discrete import held
+from polefence.response.discrete import zero_order_hold
 from polefence.response.linear import frequency, simulate
 from polefence.response.stationary import (
     covariance,
@@ -114,7 +114,7 @@ def test_the_held_drive_has_a_covariance_of_its_own_that_tends_to_this_one(physi
     X = covariance(A, E, ROAD)
     errors = []
     for h in (4e-3, 2e-3):
-        Phi, Gamma = held(A, E, h)
+        Phi, Gamma = zero_order_hold(A, E, h)
         for own, phi, gamma in zip(X[:1], Phi, Gamma, strict=False):
             theirs = scipy.linalg.solve_discrete_lyapunov(phi, gamma @ gamma.T * ROAD / (2 * h))
             errors.append(np.abs(np.diag(theirs) / np.diag(own) - 1).max())

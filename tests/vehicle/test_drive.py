@@ -141,11 +141,11 @@ def test_a_jump_between_two_steps_costs_no_order(physical, design):
 
 def test_values_at_all_instants_are_a_course_too(physical, design):
     t = H * np.arange(201)
-    course = {"m1": 290 + 40 * np.sin(2 * math.pi * 0.7 * t), "beta": lambda t: -6 + 13 * t}
-    a = drive(physical, design, wave, duration=0.2, parameters=course)
+    trajectory = {"m1": 290 + 40 * np.sin(2 * math.pi * 0.7 * t), "beta": lambda t: -6 + 13 * t}
+    a = drive(physical, design, wave, duration=0.2, parameters=trajectory)
     b = drive(physical, design, wave, duration=0.2, parameters=MOVING)
     assert near(a.states, b.states, rel=1e-4, within=1e-9)
-    assert near(a.parameters[0, :, 0], course["m1"], rel=1e-9)
+    assert near(a.parameters[0, :, 0], trajectory["m1"], rel=1e-9)
 
 
 def test_a_road_at_a_speed_is_held_over_each_step(physical, road):
@@ -213,10 +213,10 @@ def test_outside_its_interval_the_car_is_still_that_car(physical):
 
 
 def test_a_load_that_has_weight_sinks_the_car(physical):
-    course = {"m1": Jump(0.5, 250, 330), "beta": 0}
-    light = drive(physical, None, duration=8, step=0.008, parameters=course)
+    trajectory = {"m1": Jump(0.5, 250, 330), "beta": 0}
+    light = drive(physical, None, duration=8, step=0.008, parameters=trajectory)
     assert not light.states.any()
-    ours = drive(physical, None, duration=8, step=0.008, parameters=course, gravity=9.81)
+    ours = drive(physical, None, duration=8, step=0.008, parameters=trajectory, gravity=9.81)
     assert not ours.states[0, :62].any()
     assert near(ours.states[0, -1, 0], 80 * 9.81 / 10000, rel=1e-3)
     assert near(ours.states[0, -1, 1], 80 * 9.81 / 155900, rel=1e-3)
@@ -481,9 +481,9 @@ def test_an_error_of_the_scheduling_is_told_above_its_margin(physical, design, s
     error = share * service["estimate-m1"].value
     told = SimpleNamespace(m1=300.0)
     late = Measured(delay=10.0)  # the law keeps the first value
-    course = {"m1": Jump(0.1, told.m1, told.m1 + error), "beta": 0}
+    trajectory = {"m1": Jump(0.1, told.m1, told.m1 + error), "beta": 0}
     ours = drive(
-        physical, design, duration=0.2, parameters=course, scheduling=late, margins=service
+        physical, design, duration=0.2, parameters=trajectory, scheduling=late, margins=service
     )
     wanted = ["rate"] if share < 1 else ["rate", "estimate"]
     assert kinds(ours) == wanted
@@ -496,10 +496,10 @@ def test_an_error_of_the_scheduling_is_told_above_its_margin(physical, design, s
 
 
 def test_an_error_while_parameters_move_is_covered_by_no_margin(physical, design, service):
-    course = {"m1": Ramp(300, 301, 0.05, 0.15), "beta": 0}
+    trajectory = {"m1": Ramp(300, 301, 0.05, 0.15), "beta": 0}
     late = Measured(delay=0.01)
     ours = drive(
-        physical, design, duration=0.2, parameters=course, scheduling=late, margins=service
+        physical, design, duration=0.2, parameters=trajectory, scheduling=late, margins=service
     )
     assert kinds(ours) == ["rate and estimate"]
     assert ours.events[0].first == pytest.approx(0.051, abs=0.0011)
@@ -579,12 +579,12 @@ def test_the_report_of_many_cars_has_a_line_a_kind(physical, design):
 
 
 def test_estimated_parameters_reach_the_law(physical, design, road):
-    course = {"m1": Jump(1.5, 250, 330), "beta": 4}
+    trajectory = {"m1": Jump(1.5, 250, 330), "beta": 4}
     how = Estimated(
         period=0.01, tuning=Tuning(memory=0.5, noise=0.05), sensors=Sensors(0.05), seed=3
     )
     ours = drive(
-        physical, design, road, speed=20, parameters=course, scheduling=how,
+        physical, design, road, speed=20, parameters=trajectory, scheduling=how,
         sampling=Sampling(0.01),
     )  # fmt: skip
     found = ours.estimate
@@ -598,7 +598,7 @@ def test_estimated_parameters_reach_the_law(physical, design, road):
     assert near(ours.used[0, 1002], found.parameters[0, 100], rel=1e-2, within=0.3)
     assert found.deviation[0, 120, 0] < 0.1 * found.deviation[0, 0, 0]
     again = drive(
-        physical, design, road, speed=20, duration=0.3, parameters=course, scheduling=how,
+        physical, design, road, speed=20, duration=0.3, parameters=trajectory, scheduling=how,
         sampling=Sampling(0.01),
     )  # fmt: skip
     assert np.array_equal(again.states[0], ours.states[0, :301])
@@ -638,7 +638,7 @@ GOOD = {"road": wave, "duration": 0.1}
     ("change", "message"),
     [
         ({"parameters": {"m2": 3}}, "unknown parameter 'm2'; known: beta, m1"),
-        ({"parameters": {"m1": 300}}, "give a course of every parameter; missing: beta"),
+        ({"parameters": {"m1": 300}}, "give a trajectory of every parameter; missing: beta"),
         ({"parameters": {"m1": 400, "beta": 0}}, r"m1 = 400 kg at 0 s lies outside"),
         ({"parameters": {"m1": Jump(0.05, 300, 200), "beta": 0}}, "m1 = 200 kg at 0.05 s lies"),
         ({"parameters": {"m1": -1, "beta": 0}, "outside": True}, "m1 reaches zero, where 1/m1"),

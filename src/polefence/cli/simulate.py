@@ -144,15 +144,15 @@ def _write(
 
 def _starting(setup: Setup) -> dict[str, float]:
     """Parameters, or weights of the vertices, at the first instant."""
-    values = setup.courses.at(np.zeros(1))[0, 0]
-    return dict(zip(setup.courses.space.names, values.tolist(), strict=True))
+    values = setup.trajectories.at(np.zeros(1))[0, 0]
+    return dict(zip(setup.trajectories.space.names, values.tolist(), strict=True))
 
 
 def _head(setup: Setup) -> str:
-    space = setup.courses.space
+    space = setup.trajectories.space
     values = zip(_starting(setup).items(), space.units, strict=True)
     shown = ", ".join(f"{name} = {value:.6g} {unit}".rstrip() for (name, value), unit in values)
-    moving = "" if setup.courses.constant else " at first"
+    moving = "" if setup.trajectories.constant else " at first"
     return (
         f"{setup.plant.name}: {setup.excitation.name}, {setup.time[-1]:g} s "
         f"in steps of {setup.step:g} s; {shown}{moving}"
@@ -276,7 +276,7 @@ def setup_of(plant: UncertainPlant, options: Any, law: Any) -> Setup:
         ),
     )
     try:
-        setup.courses.check(setup.time, options.outside)
+        setup.trajectories.check(setup.time, options.outside)
     except ParameterValueError as error:
         raise ParameterValueError(str(error).replace("outside=True", "--outside")) from error
     return setup
@@ -480,7 +480,7 @@ def panels_of(setup: Setup, runs: Mapping[str, Run]) -> list[Panel]:
     for law, run in runs.items():
         for name, unit, values in run.columns:
             of = name.removesuffix(DEMANDED).removesuffix(ESTIMATED)
-            common = name in setup.courses.space.names
+            common = name in setup.trajectories.space.names
             if setup.hardware.learns and (common or name.endswith(ESTIMATED)):
                 of = f"{of}, true and estimated"
             own = found.setdefault(_label(of, unit), {})

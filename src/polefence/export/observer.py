@@ -25,7 +25,7 @@ from polefence.plant.points import sample
 from polefence.plant.polynomial import Domain, binomial
 from polefence.plant.system import Array, Exact
 from polefence.region.text import short_text
-from polefence.response.discrete import held
+from polefence.response.discrete import zero_order_hold
 
 LONGEST = 20  # characters: C tells external names apart by 31
 
@@ -404,7 +404,7 @@ def _loop(
     a = check_alpha(alpha, len(observer.plant.vertices))
     K = np.broadcast_to(design.law.gain(a), (*A.shape[:-2], B.shape[-1], A.shape[-1]))
     if observer.plant.sample_time is None:
-        F, G = held(A, B, h)
+        F, G = zero_order_hold(A, B, h)
         seen = Lambda @ C @ F, Lambda @ C @ G
     else:
         F, G = A, B

@@ -42,7 +42,7 @@ from polefence.proof.laws import Evidence
 from polefence.proof.work import FormatError
 from polefence.region.regions import Disk
 from polefence.region.text import digits_down
-from polefence.response.discrete import held
+from polefence.response.discrete import zero_order_hold
 
 POINTS = 10_000  # random ones
 SCANNED = 300  # of the scan over sample times
@@ -168,7 +168,7 @@ def stepped(design: Design, alpha: Array, sample_time: float, delay: int) -> Arr
     x+ = F x + G u, u+ = K x.
     """
     (n, m), K = design.plant.shape, design.law.gain(alpha)
-    F, G = held(*design.plant.at(alpha), sample_time)
+    F, G = zero_order_hold(*design.plant.at(alpha), sample_time)
     if not delay:
         return np.asarray(F + G @ K)
     whole = np.zeros((*F.shape[:-2], n + m, n + m))
@@ -742,7 +742,7 @@ def _rates(design: Design, coordinates: Coordinates) -> Array:
 
 
 def _steps(rates: Array, n: int, sample_time: float) -> Array:
-    return np.concatenate(held(rates[..., :n], rates[..., n:], sample_time), axis=-1)
+    return np.concatenate(zero_order_hold(rates[..., :n], rates[..., n:], sample_time), axis=-1)
 
 
 def _plant(design: Design, steps: Array, delay: int, sample_time: float) -> UncertainPlant:

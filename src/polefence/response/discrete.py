@@ -30,7 +30,7 @@ SWEEPS = 20
 SMALL = 1e-6
 
 
-def held(A: Array, E: Array, h: float | Array) -> tuple[Array, Array]:
+def zero_order_hold(A: Array, E: Array, h: float | Array) -> tuple[Array, Array]:
     """Return Phi, Gamma of x(t + h) = Phi x(t) + Gamma w, w held from t to t + h.
 
     Parameters
@@ -48,7 +48,7 @@ def held(A: Array, E: Array, h: float | Array) -> tuple[Array, Array]:
     return np.ascontiguousarray(F[..., :n]), np.ascontiguousarray(F[..., n:])
 
 
-def ramped(A: Array, E: Array, h: float | Array) -> tuple[Array, Array, Array]:
+def first_order_hold(A: Array, E: Array, h: float | Array) -> tuple[Array, Array, Array]:
     """Return Phi, Gamma0, Gamma1 of x(t + h) = Phi x(t) + Gamma0 w(t) + Gamma1 w(t + h).
 
     Between t and t + h w runs straight from w(t) to w(t + h), as `scipy.signal.lsim` has it.
@@ -81,7 +81,7 @@ def _together(A: Array, E: Array, h: float | Array) -> tuple[Array, Array, Array
     )
 
 
-def free(Phi: Array, C: Array, start: Array, samples: int) -> Array:
+def free_response(Phi: Array, C: Array, start: Array, samples: int) -> Array:
     """Return y_k = C x_k of x_{k+1} = Phi x_k, (count, samples, p).
 
     Parameters
@@ -98,10 +98,10 @@ def free(Phi: Array, C: Array, start: Array, samples: int) -> Array:
         If the response outgrows floating point.
     """
     nothing = np.zeros((len(Phi), Phi.shape[-1], 0))
-    return driven(Phi, nothing, C, C @ nothing, np.zeros((samples, 0)), start)
+    return forced_response(Phi, nothing, C, C @ nothing, np.zeros((samples, 0)), start)
 
 
-def driven(
+def forced_response(
     Phi: Array,
     Gamma: Array,
     C: Array,

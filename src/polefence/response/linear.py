@@ -27,7 +27,13 @@ from polefence.plant.outputs import (
 from polefence.plant.system import Array
 from polefence.response import grid
 from polefence.response.closed import Loops, close, point_text
-from polefence.response.discrete import BUFFER, driven, free, held, ramped
+from polefence.response.discrete import (
+    BUFFER,
+    first_order_hold,
+    forced_response,
+    free_response,
+    zero_order_hold,
+)
 from polefence.response.result import Frequency, Response
 from polefence.response.stationary import needed, unstable
 from polefence.response.weighting import positive
@@ -85,13 +91,13 @@ def step(
     path = _path(plant, law, alpha, signals, source)
     loops, (count, n, _) = path.loops, path.E.shape
     time = grid.times(loops, needed(path.C, loops.closed), duration, step, len(path.signals))
-    Phi, Gamma = held(loops.closed, path.E, time[1])
+    Phi, Gamma = zero_order_hold(loops.closed, path.E, time[1])
     # The step is a state that stays as it is.
     longer = np.zeros((count, n + 1, n + 1))
     longer[:, :n, :n], longer[:, :n, n:], longer[:, n, n] = Phi, Gamma, 1.0
     start = np.zeros((count, n + 1))
     start[:, n] = 1.0
-    values = free(longer, np.concatenate([path.C, path.D], axis=2), start, len(time))
+    values = free_response(longer, np.concatenate([path.C, path.D], axis=2), start, len(time))
     return Response(plant, loops.alpha, time, path.signals, values, _final(path)[0][:, :, 0])
 
 
@@ -112,8 +118,8 @@ def impulse(
     path = _path(plant, law, alpha, signals, source)
     loops = path.loops
     time = grid.times(loops, needed(path.C, loops.closed), duration, step, len(path.signals))
-    Phi, _ = held(loops.closed, path.E, time[1])
-    values = free(Phi, path.C, path.E[:, :, 0], len(time))
+    Phi, _ = zero_order_hold(loops.closed, path.E, time[1])
+    values = free_response(Phi, path.C, path.E[:, :, 0], len(time))
     final = np.where(np.isnan(_final(path)[0][:, :, 0]), np.nan, 0.0)
     return Response(plant, loops.alpha, time, path.signals, values, final)
 
@@ -163,11 +169,11 @@ def simulate(
     C, D = output_matrices(plant, asked, loops.alpha, loops.K)
     first = started(start, *loops.closed.shape[:2])
     if hold == "held":
-        Phi, Gamma = held(loops.closed, loops.E, step)
-        values = driven(Phi, Gamma, C, D, w, first)
+        Phi, Gamma = zero_order_hold(loops.closed, loops.E, step)
+        values = forced_response(Phi, Gamma, C, D, w, first)
     else:
-        Phi, Gamma, Gamma1 = ramped(loops.closed, loops.E, step)
-        values = driven(Phi, Gamma, C, D, w, first, Gamma1)
+        Phi, Gamma, Gamma1 = first_order_hold(loops.closed, loops.E, step)
+        values = forced_response(Phi, Gamma, C, D, w, first, Gamma1)
     return Response(plant, loops.alpha, grid.every(step, len(w)), asked, values)
 
 

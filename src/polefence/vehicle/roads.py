@@ -24,7 +24,7 @@ MOST_UNASKED = 300_000
 # A random road is drawn with so many points to its shortest wave.
 POINTS_A_WAVE = 16
 
-# Pieces of a cosine bump: they leave it by less than 4e-5 of its height.
+# Equations of a cosine bump: they leave it by less than 4e-5 of its height.
 PIECES = 256
 
 MAX_BYTES = 50_000_000
@@ -204,7 +204,7 @@ def random_road(
         to vehicles on roads: at 20 m/s, 0.2 to 200 Hz.
     spacing : float, optional
         Of the points [m], at most half the shortest wave; a sixteenth of it by default, at
-        which the straight pieces between the points take 2.6 % off the density at ``high``,
+        which the straight equations between the points take 2.6 % off the density at ``high``,
         and 0.4 % at 0.4 ``high``.
 
     Raises

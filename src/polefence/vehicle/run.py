@@ -22,7 +22,7 @@ from polefence.vehicle.driving.events import Event, spans, summary
 from polefence.vehicle.driving.integration import LOST
 from polefence.vehicle.driving.parts import Actuator, Hardware
 from polefence.vehicle.driving.result import GRAVITY, RUNS_AWAY
-from polefence.vehicle.driving.trajectories import Courses, read_courses
+from polefence.vehicle.driving.trajectories import Trajectories, read_trajectories
 from polefence.vehicle.excitation import Excitation
 from polefence.vehicle.vehicle import masses, ride
 
@@ -62,21 +62,21 @@ class Setup:
         return self.excitation.step
 
     @cached_property
-    def courses(self) -> Courses:
+    def trajectories(self) -> Trajectories:
         """Parameters over time, checked."""
-        found = read_courses(self.plant, self.parameters, self.time)
+        found = read_trajectories(self.plant, self.parameters, self.time)
         found.check(self.time, self.outside)
         return found
 
     @cached_property
     def alpha(self) -> Array:
         """Weights of the vertices at time 0, (1, N)."""
-        return self.courses.space.alpha(self.courses.at(np.zeros(1))[0])
+        return self.trajectories.space.alpha(self.trajectories.at(np.zeros(1))[0])
 
     @property
     def still(self) -> bool:
         """Whether nothing moves and the law is told the truth."""
-        return self.courses.constant and not self.hardware.learns
+        return self.trajectories.constant and not self.hardware.learns
 
     @property
     def exact(self) -> bool:
@@ -164,7 +164,7 @@ def run(setup: Setup, law: Any, margins: Any = None) -> Run:
     if setup.hardware.stops is not None:
         more.append(("stop force", "N", done.stop_force[0]))
     if not setup.still:
-        space = setup.courses.space
+        space = setup.trajectories.space
         for i, (name, unit) in enumerate(zip(space.names, space.units, strict=True)):
             more.append((name, unit, done.parameters[0, :, i]))
             if setup.hardware.learns:
@@ -183,8 +183,8 @@ def _slow(setup: Setup, law: Any) -> list[str]:
     """Say where a controller samples more slowly than the poles it is to set."""
     if setup.hardware.sampling is None or law is None:
         return []
-    first = setup.courses.space.inside(setup.courses.at(np.zeros(1))[0])
-    alpha = setup.courses.space.alpha(first)
+    first = setup.trajectories.space.inside(setup.trajectories.at(np.zeros(1))[0])
+    alpha = setup.trajectories.space.alpha(first)
     bound = longest_step(close(setup.plant, law, alpha, disturbed=False))
     if setup.hardware.sampling.period <= bound:
         return []

@@ -1,4 +1,4 @@
-"""Quarter cars: their equations, the signals by which their ride is judged, and their physics.
+"""Quarter cars: their equations, the signals by which their ride is assessed, and their physics.
 
 Of `quarter_car`, whose uncertain families are `polefence.examples`, the states: suspension
 deflection [m], tyre deflection [m], sprung-mass velocity [m/s], unsprung-mass velocity [m/s],
@@ -34,7 +34,7 @@ SIGNALS: dict[str, Any] = {
 
 @dataclass(frozen=True)
 class Ride:
-    """The signals by which a quarter car's ride is judged, and where its states stand.
+    """The signals by which a quarter car's ride is assessed, and where its states stand.
 
     Velocities, accelerations and the force on the sprung mass are positive upwards; a deflection in
     compression, or in extension where ``sense`` says so. All are about the static equilibrium of

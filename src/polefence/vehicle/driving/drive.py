@@ -19,11 +19,11 @@ from polefence.base.errors import InputError
 from polefence.plant.family import UncertainPlant
 from polefence.plant.system import Array
 from polefence.vehicle.driving.events import is_scheduled, read_margins
-from polefence.vehicle.driving.integration import Controller, Learner, march, stages
+from polefence.vehicle.driving.integration import Controller, Learner, integrate, stages
 from polefence.vehicle.driving.model import INSIDE, Model, Reading, gains_of
 from polefence.vehicle.driving.parts import Estimated, Hardware, Measured
-from polefence.vehicle.driving.result import Drive, judged, record, throughout
-from polefence.vehicle.driving.trajectories import Courses, read_courses
+from polefence.vehicle.driving.result import Drive, assessed, record, throughout
+from polefence.vehicle.driving.trajectories import Trajectories, read_trajectories
 from polefence.vehicle.estimate import Estimate, collected, estimator
 from polefence.vehicle.excitation import Excitation
 from polefence.vehicle.vehicle import require_ride, ride
@@ -72,28 +72,28 @@ def drive(
     """
     if plant.sample_time is not None:
         raise InputError(f"{plant.name} is in discrete time; drives are of continuous time")
-    grid, parts = excitation, hardware or Hardware()
-    courses = read_courses(plant, parameters, grid.times)
-    courses.check(grid.times, outside)
-    space, sampling = courses.space, parts.sampling
+    parts = hardware or Hardware()
+    trajectories = read_trajectories(plant, parameters, excitation.times)
+    trajectories.check(excitation.times, outside)
+    space, sampling = trajectories.space, parts.sampling
     claims, scheduled = read_margins(margins, space, law), is_scheduled(space, law)
     known = require_ride(plant) if parts.of_a_car else ride(plant)
-    source = _source(courses, grid, parts)
+    source = _source(trajectories, excitation, parts)
     follows = source if sampling is None else None
     gains = gains_of(space, law)
-    model = Model(plant, grid, courses, gains, follows, parts, known)
-    begin = np.zeros((len(courses.cars), model.width))
-    first = np.array([INSIDE * grid.step])
-    begin[:, : plant.shape[0]] = grid.begin(plant, space.alpha(courses.at(first)[0]))
+    model = Model(plant, excitation, trajectories, gains, follows, parts, known)
+    begin = np.zeros((len(trajectories.cars), model.width))
+    first = np.array([INSIDE * excitation.step])
+    begin[:, : plant.shape[0]] = excitation.begin(plant, space.alpha(trajectories.at(first)[0]))
     controller, learned = _controller(model, source)
     if not adaptive:
-        require_step(model, courses, sampling is not None)
-    marched = march(model, controller, begin, adaptive)
-    own = record(model, marched, source)
-    events, notes, covered = judged(model, own, claims, scheduled)
+        require_step(model, trajectories, sampling is not None)
+    solution = integrate(model, controller, begin, adaptive)
+    own = record(model, solution, source)
+    events, notes, covered = assessed(model, own, claims, scheduled)
     notes = (*notes, *throughout(model, sampling, learned.learner if learned else None))
     return Drive(
-        plant, grid.times, own.states, own.rates, own.demanded, own.applied, own.disturbance,
+        plant, excitation.times, own.states, own.rates, own.demanded, own.applied, own.disturbance,
         own.stops, own.parameters, own.used, events, notes, covered,
         learned.estimate() if learned else None,
     )  # fmt: skip
@@ -109,18 +109,18 @@ class _Learned:
         return collected(self.learner.own, self.period * np.arange(len(beliefs)), beliefs)
 
 
-def _source(courses: Courses, grid: Excitation, parts: Hardware) -> Reading | None:
+def _source(trajectories: Trajectories, excitation: Excitation, parts: Hardware) -> Reading | None:
     """Return what the law is told where that does not depend on the state."""
     if isinstance(parts.scheduling, Estimated):
         return None
     how = parts.scheduling or Measured()
-    held = how.period or (parts.sampling.period if parts.sampling else grid.step)
-    return Reading(courses, how, grid, held)
+    held = how.period or (parts.sampling.period if parts.sampling else excitation.step)
+    return Reading(trajectories, how, excitation, held)
 
 
 def _controller(model: Model, source: Reading | None) -> tuple[Controller | None, _Learned | None]:
     scheduling, sampling = model.hardware.scheduling, model.hardware.sampling
-    step = model.grid.step
+    step = model.excitation.step
     every = multiple(sampling.period, step, "sampling period") if sampling else 1
     if source is not None:
         return (Controller(model, sampling, source, (every, 1)) if sampling else None), None
@@ -152,7 +152,7 @@ def multiple(period: float, step: float, what: str) -> int:
     return count
 
 
-def fastest_pole(model: Model, courses: Courses, settled: bool) -> float:
+def fastest_pole(model: Model, trajectories: Trajectories, settled: bool) -> float:
     """Return the largest |pole| [1/s] of plant, law, actuator and stops, at instants of the drive.
 
     Parameters
@@ -161,14 +161,14 @@ def fastest_pole(model: Model, courses: Courses, settled: bool) -> float:
         The demand is held over a step, so that the law makes no poles; else, where the law is not
         known beforehand, it is looked at at the corners of the family.
     """
-    steps = model.grid.steps
+    steps = model.excitation.steps
     k = np.unique(np.linspace(0, steps - 1, LOOKS).astype(int))
     every = stages(model, k)
     F = every.F
     if every.K is not None:
         F = F + every.B @ every.K
     elif model.reading is None and not settled:
-        space = courses.space
+        space = trajectories.space
         corners = space.values(np.eye(len(model.plant.vertices)))
         K = model.padded(model.gains(corners))
         F = (F + every.B @ K[:, None, None]).reshape(-1, *F.shape[-2:])
@@ -185,7 +185,7 @@ def _largest(F: Array) -> float:
     return float(np.abs(np.linalg.eigvals(F)).max())
 
 
-def require_step(model: Model, courses: Courses, settled: bool) -> None:
+def require_step(model: Model, trajectories: Trajectories, settled: bool) -> None:
     """Refuse a fixed step longer than the fastest time constant, 1 / |pole|.
 
     Runge-Kutta of order four is stable to 2.8 of it; at 1 its error in a step is below 1 %.
@@ -195,7 +195,7 @@ def require_step(model: Model, courses: Courses, settled: bool) -> None:
     InputError
         Naming the bound.
     """
-    fastest, h = fastest_pole(model, courses, settled), model.grid.step
+    fastest, h = fastest_pole(model, trajectories, settled), model.excitation.step
     if fastest * h > 1:
         digits = 10.0 ** (2 - math.floor(math.log10(1 / fastest)))
         bound = math.floor(digits / fastest) / digits

@@ -15,7 +15,7 @@ from polefence.law.laws import FixedGain, given_law
 from polefence.law.table import GainTable
 from polefence.plant.system import Array
 from polefence.vehicle.driving.model import INSIDE
-from polefence.vehicle.driving.trajectories import Courses, Space
+from polefence.vehicle.driving.trajectories import Space, Trajectories
 from polefence.vehicle.excitation import Excitation
 
 # Of the range, within an instant: a jump, at no finite rate. Of the range: nothing but rounding.
@@ -232,20 +232,20 @@ def is_scheduled(space: Space, law: Any) -> bool:
     return not isinstance(given_law(space.plant, law), FixedGain)
 
 
-def rates_of(courses: Courses, grid: Excitation) -> Array:
+def rates_of(trajectories: Trajectories, excitation: Excitation) -> Array:
     """Return how fast the parameters move in the step after each instant, (count, time, q).
 
     In their units per second; infinite where they jump at the instant.
     """
-    k: Any = np.arange(grid.steps)
-    start = courses.at((k + INSIDE) * grid.step)
-    shape = (grid.steps + 1, *start.shape[1:])
-    if courses.constant:
+    k: Any = np.arange(excitation.steps)
+    start = trajectories.at((k + INSIDE) * excitation.step)
+    shape = (excitation.steps + 1, *start.shape[1:])
+    if trajectories.constant:
         return np.zeros((shape[1], shape[0], shape[2]))
-    end = courses.at((k + 1 - INSIDE) * grid.step)
+    end = trajectories.at((k + 1 - INSIDE) * excitation.step)
     found = np.zeros(shape)
-    found[:-1] = np.abs(end - start) / grid.step
-    gap = np.abs(start[1:] - end[:-1]) > JUMP * (courses.space.high - courses.space.low)
+    found[:-1] = np.abs(end - start) / excitation.step
+    gap = np.abs(start[1:] - end[:-1]) > JUMP * (trajectories.space.high - trajectories.space.low)
     found[1:-1][gap] = math.inf
     return np.swapaxes(found, 0, 1)
 

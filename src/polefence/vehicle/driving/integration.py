@@ -10,7 +10,7 @@ import numpy as np
 
 from polefence.base.errors import InputError
 from polefence.plant.system import Array
-from polefence.vehicle.driving.model import INSIDE, Model, Pieces, Reading, Row
+from polefence.vehicle.driving.model import INSIDE, Equations, Model, Reading, Row
 from polefence.vehicle.driving.parts import Estimated, Sampling
 from polefence.vehicle.estimate import Belief, Estimator
 from polefence.vehicle.vehicle import Ride
@@ -26,7 +26,7 @@ Cross = Callable[[int, Array], tuple[Array, Callable[[], Array]]]
 
 
 @dataclass(frozen=True, eq=False)
-class Marched:
+class Solution:
     """What comes out: states at all instants, and what a controller did where one did.
 
     Attributes
@@ -45,7 +45,9 @@ class Marched:
     beliefs: tuple[Belief, ...] = ()
 
 
-def march(model: Model, controller: Controller | None, start: Array, adaptive: bool) -> Marched:
+def integrate(
+    model: Model, controller: Controller | None, start: Array, adaptive: bool
+) -> Solution:
     """Go through all steps.
 
     Parameters
@@ -55,7 +57,7 @@ def march(model: Model, controller: Controller | None, start: Array, adaptive: b
         Dormand-Prince of order 8 with error control within each step, instead of one step of
         Runge-Kutta of order 4.
     """
-    steps, count = model.grid.steps, len(start)
+    steps, count = model.excitation.steps, len(start)
     z = np.empty((steps + 1, *start.shape))
     demanded = used = None
     if controller is not None:
@@ -81,31 +83,33 @@ def march(model: Model, controller: Controller | None, start: Array, adaptive: b
                     break
     if lost.any():
         _blank(z, demanded)
-    return Marched(z, demanded, used, controller.beliefs if controller else ())
+    return Solution(z, demanded, used, controller.beliefs if controller else ())
 
 
 def _fixed(model: Model, controller: Controller | None) -> Cross:
-    h, count = model.grid.step, len(model.courses.cars)
+    h, count = model.excitation.step, len(model.trajectories.cars)
     size = count * model.width * (model.width + 4) * 3
     length = int(min(max(1, CHUNK // size), MOST_CHUNK))
-    pieces = Pieces(*(np.zeros(0),) * 4, None)
+    equations = Equations(*(np.zeros(0),) * 4, None)
     sampled = controller is not None and controller.held is not None
     linear = (model.folded or sampled) and model.stops is None
     maps = np.zeros(0), np.zeros(0)
 
     def cross(k: int, z: Array) -> tuple[Array, Callable[[], Array]]:
-        nonlocal pieces, maps
+        nonlocal equations, maps
         if k % length == 0:
-            pieces = stages(model, np.arange(k, min(k + length, model.grid.steps)))
-            maps = _maps(pieces, h) if linear else maps
+            equations = stages(model, np.arange(k, min(k + length, model.excitation.steps)))
+            maps = _maps(equations, h) if linear else maps
         gain, held = (controller.gain, controller.held) if controller else (None, None)
         if linear:
             R, r = (M[k % length if len(M) > 1 else 0] for M in maps)
             after = (R @ z[:, :, None])[:, :, 0] + r[:, :, 0]
             if held is not None:
                 after += (r[:, :, 1:] @ model.actuator.limited(held)[:, :, None])[:, :, 0]
-            return after, lambda: model.slope(after, pieces.row(3 * (k % length) + 2), gain, held)
-        first, middle, last = (pieces.row(3 * (k % length) + s) for s in range(3))
+            return after, lambda: model.slope(
+                after, equations.row(3 * (k % length) + 2), gain, held
+            )
+        first, middle, last = (equations.row(3 * (k % length) + s) for s in range(3))
         a = model.slope(z, first, gain, held)
         b = model.slope(z + h / 2 * a, middle, gain, held)
         c = model.slope(z + h / 2 * b, middle, gain, held)
@@ -116,14 +120,14 @@ def _fixed(model: Model, controller: Controller | None) -> Cross:
     return cross
 
 
-def _maps(pieces: Pieces, h: float) -> tuple[Array, Array]:
+def _maps(equations: Equations, h: float) -> tuple[Array, Array]:
     """Return R, r of z(t + h) = R z(t) + r (1, u), what a step of Runge-Kutta does to z' linear.
 
     u is held over the step; r is (..., width, 1 + m).
     """
-    G = np.zeros((*pieces.g.shape, 1 + pieces.B.shape[-1]))
-    G[..., 0], G[..., 1:] = pieces.g, pieces.B
-    F, G3 = ([M[s::3] if len(M) > 1 else M for s in range(3)] for M in (pieces.F, G))
+    G = np.zeros((*equations.g.shape, 1 + equations.B.shape[-1]))
+    G[..., 0], G[..., 1:] = equations.g, equations.B
+    F, G3 = ([M[s::3] if len(M) > 1 else M for s in range(3)] for M in (equations.F, G))
     eye, R, r = np.eye(F[0].shape[-1]), F[0], G3[0]
     total, constant = R, r
     for place, weight, share in ((1, 2, h / 2), (1, 2, h / 2), (2, 1, h)):
@@ -133,27 +137,27 @@ def _maps(pieces: Pieces, h: float) -> tuple[Array, Array]:
     return eye + h / 6 * total, h / 6 * constant
 
 
-def stages(model: Model, k: Any) -> Pieces:
+def stages(model: Model, k: Any) -> Equations:
     """Return the equations at beginning, middle and end of steps number k, one after the other."""
-    h = model.grid.step
+    h = model.excitation.step
     times = (k[:, None] + np.array([INSIDE, 0.5, 1 - INSIDE])) * h
-    return model.pieces(times.ravel(), np.repeat(k, 3))
+    return model.equations(times.ravel(), np.repeat(k, 3))
 
 
 def _adaptive(model: Model, controller: Controller | None) -> Cross:
     from scipy.integrate import DOP853
 
-    h, n = model.grid.step, model.plant.shape[0]
+    h, n = model.excitation.step, model.plant.shape[0]
     steady = None
-    if model.courses.constant and (model.reading is None or model.reading.constant):
+    if model.trajectories.constant and (model.reading is None or model.reading.constant):
         steady = stages(model, np.arange(1)).row(0)
-        E = model.entry(model.courses.space.alpha(model.courses.at(np.zeros(1))))
+        E = model.entry(model.trajectories.space.alpha(model.trajectories.at(np.zeros(1))))
 
     def row_at(t: float, k: int) -> Row:
         inside = min(max(t, (k + INSIDE) * h), (k + 1 - INSIDE) * h)
         times, number = np.array([inside]), np.array([k])
         if steady is None:
-            return model.pieces(times, number).row(0)
+            return model.equations(times, number).row(0)
         g = np.zeros(steady[1].shape)
         g[:, :n] = model.forcing(E, times, number)[0]
         return steady[0], g, *steady[2:]
@@ -198,7 +202,7 @@ class Learner:
     def __init__(self, model: Model, known: Ride, own: Estimator, how: Estimated) -> None:
         self.model, self.known, self.own, self.how = model, known, own, how
         self.random = np.random.default_rng(how.seed)
-        self.beliefs = [own.begin(len(model.courses.cars))]
+        self.beliefs = [own.begin(len(model.trajectories.cars))]
 
     @property
     def parameters(self) -> Array:
@@ -238,7 +242,7 @@ class Controller:
     ) -> None:
         self.model, self.sampling, self.source = model, sampling, source
         self.every_demand, self.every_estimate = every
-        shape = (len(model.courses.cars), model.plant.shape[1])
+        shape = (len(model.trajectories.cars), model.plant.shape[1])
         self.gain: Array | None = None
         self.held: Array | None = np.zeros(shape) if sampling else None
         self.waiting = np.zeros(shape)
@@ -274,7 +278,7 @@ class Controller:
     def _parameters(self, k: int) -> Array:
         if isinstance(self.source, Learner):
             return self.source.parameters
-        grid, courses = self.model.grid, self.model.courses
-        at = min((k + INSIDE) * grid.step, grid.step * grid.steps)
-        found = courses.space.inside(self.source.at(np.array([at]))[0])
-        return np.asarray(np.broadcast_to(found, (len(courses.cars), found.shape[-1])))
+        excitation, trajectories = self.model.excitation, self.model.trajectories
+        at = min((k + INSIDE) * excitation.step, excitation.step * excitation.steps)
+        found = trajectories.space.inside(self.source.at(np.array([at]))[0])
+        return np.asarray(np.broadcast_to(found, (len(trajectories.cars), found.shape[-1])))

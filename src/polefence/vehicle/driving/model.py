@@ -15,7 +15,7 @@ from polefence.law.table import GainTable
 from polefence.plant.family import UncertainPlant
 from polefence.plant.system import Array
 from polefence.vehicle.driving.parts import Actuator, BumpStops, Hardware, Measured
-from polefence.vehicle.driving.trajectories import Courses, Space
+from polefence.vehicle.driving.trajectories import Space, Trajectories
 from polefence.vehicle.excitation import Excitation
 from polefence.vehicle.vehicle import Ride, masses, require_ride
 
@@ -29,7 +29,7 @@ Gains = Callable[[Array], Array]
 
 
 @dataclass(frozen=True, eq=False)
-class Pieces:
+class Equations:
     """z' = F z + g + B u + S s at times: leading axes (times or 1, count).
 
     z is the state, behind it the forces of an actuator with a lag. u is the limited demand and s
@@ -57,8 +57,8 @@ class Model:
     """
 
     plant: UncertainPlant
-    grid: Excitation
-    courses: Courses
+    excitation: Excitation
+    trajectories: Trajectories
     gains: Gains
     reading: Reading | None
     hardware: Hardware
@@ -92,7 +92,7 @@ class Model:
 
     def open(self, times: Array, k: Array) -> tuple[Array, Array, Array]:
         """Return A, B and all that acts besides u, (times or 1, count, ...)."""
-        alpha = self.courses.space.alpha(self.courses.at(times))
+        alpha = self.trajectories.space.alpha(self.trajectories.at(times))
         A, B = self.plant.at(alpha)
         g = self.forcing(self.entry(alpha), times, k)
         if self.gravity and self.known is not None:
@@ -110,16 +110,16 @@ class Model:
 
     def forcing(self, E: Array, times: Array, k: Array) -> Array:
         """Return E w, (times, count, n)."""
-        return np.asarray((E @ self.grid.disturbance(times, k)[:, None, :, None])[..., 0])
+        return np.asarray((E @ self.excitation.disturbance(times, k)[:, None, :, None])[..., 0])
 
     @cached_property
     def first_load(self) -> Array:
         """Sprung masses of a quarter car as the drive begins, (count,) [kg]."""
-        start = np.array([INSIDE * self.grid.step])
-        alpha = self.courses.space.alpha(self.courses.at(start))[0]
+        start = np.array([INSIDE * self.excitation.step])
+        alpha = self.trajectories.space.alpha(self.trajectories.at(start))[0]
         return masses(self.plant, require_ride(self.plant), alpha).m1
 
-    def pieces(self, times: Array, k: Array) -> Pieces:
+    def equations(self, times: Array, k: Array) -> Equations:
         """Return the equations at times (T,) that lie in steps number k (T,)."""
         A, B, g = self.open(times, k)
         n, m = self.plant.shape
@@ -132,9 +132,9 @@ class Model:
             A, B = F, np.zeros((1, 1, n + m, m))
             B[..., n:, :] = rate * np.eye(m)
         if self.reading is None:
-            return Pieces(A, g, B, S, None)
+            return Equations(A, g, B, S, None)
         K = self.padded(self.gains(self.reading.at(times)))
-        return Pieces(A + B @ K, g, B, S, None) if self.folded else Pieces(A, g, B, S, K)
+        return Equations(A + B @ K, g, B, S, None) if self.folded else Equations(A, g, B, S, K)
 
     def padded(self, K: Array) -> Array:
         """Return K with zeros for the actuator's forces."""
@@ -185,11 +185,18 @@ def gains_of(space: Space, law: Any) -> Gains:
 
 
 class Reading:
-    """What sensors say of the parameters: `Measured`, as a function of time."""
+    """Sensors' readings of the parameters, `Measured`, as a function of time."""
 
-    def __init__(self, courses: Courses, how: Measured, grid: Excitation, period: float) -> None:
-        self.courses, self.how, self.grid, self.period = courses, how, grid, period
-        space, end = courses.space, float(grid.times[-1])
+    def __init__(
+        self, trajectories: Trajectories, how: Measured, excitation: Excitation, period: float
+    ) -> None:
+        self.trajectories, self.how, self.excitation, self.period = (
+            trajectories,
+            how,
+            excitation,
+            period,
+        )
+        space, end = trajectories.space, float(excitation.times[-1])
         for name in how.noise:
             if name not in space.names:
                 raise InputError(f"noise: unknown parameter {name!r}; {suggest(name, space.names)}")
@@ -197,31 +204,31 @@ class Reading:
         count = int(end / period) + 2
         random = np.random.default_rng(how.seed)
         noisy = bool(deviation.any())
-        shape = (count, len(courses.cars), len(deviation))
+        shape = (count, len(trajectories.cars), len(deviation))
         self.noise = random.normal(size=shape) * deviation if noisy else None
-        self.constant = courses.constant and not noisy
+        self.constant = trajectories.constant and not noisy
         self.filtered = None if self.constant or not how.lag else self._filtered()
 
     def at(self, times: Array) -> Array:
         """Return readings at times (T,), (T, count, q) or (1, count, q)."""
         if self.constant:
-            return self.courses.at(times)
+            return self.trajectories.at(times)
         if self.filtered is None:
             return self._raw(times)
-        h, lag = self.grid.step, self.how.lag
-        k = np.clip((times / h).astype(int), 0, self.grid.steps - 1)
+        h, lag = self.excitation.step, self.how.lag
+        k = np.clip((times / h).astype(int), 0, self.excitation.steps - 1)
         start, end = self._ends(k)
         return _lagged(self.filtered[k], start, end, (times - k * h)[:, None, None], h, lag)
 
     def _raw(self, times: Array) -> Array:
-        found = self.courses.at(np.maximum(times - self.how.delay, 0.0))
+        found = self.trajectories.at(np.maximum(times - self.how.delay, 0.0))
         if self.noise is not None:
             held = np.floor(times / self.period * (1 + 1e-12) + 1e-9).astype(int)
             found = found + self.noise[np.clip(held, 0, len(self.noise) - 1)]
         return found
 
     def _ends(self, k: Any) -> tuple[Array, Array]:
-        h = self.grid.step
+        h = self.excitation.step
         start, end = self._raw((k + INSIDE) * h), self._raw((k + 1 - INSIDE) * h)
         shape = np.broadcast_shapes(start.shape, end.shape)
         return np.broadcast_to(start, shape), np.broadcast_to(end, shape)
@@ -230,7 +237,7 @@ class Reading:
         """Return the filter's output at the instants, exact for a straight line in each step."""
         from scipy.signal import lfilter
 
-        h, lag, steps = self.grid.step, self.how.lag, self.grid.steps
+        h, lag, steps = self.excitation.step, self.how.lag, self.excitation.steps
         start, end = self._ends(np.arange(steps))
         begin = start[:1]
         after = _lagged(np.zeros(()), start, end, np.array(h), h, lag)

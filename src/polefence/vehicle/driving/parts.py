@@ -1,4 +1,4 @@
-"""Parts of a drive besides plant, law and road: courses of parameters, sensors, hardware."""
+"""Parts of a drive besides plant, law and road: trajectories of parameters, sensors, hardware."""
 
 from __future__ import annotations
 

@@ -23,7 +23,7 @@ from polefence.vehicle.driving.events import (
     spans,
     summary,
 )
-from polefence.vehicle.driving.integration import Learner, Marched
+from polefence.vehicle.driving.integration import Learner, Solution
 from polefence.vehicle.driving.model import INSIDE, Model, Reading
 from polefence.vehicle.driving.parts import Sampling
 from polefence.vehicle.driving.trajectories import Space
@@ -160,7 +160,7 @@ class Record:
     mass: Array
 
 
-def record(model: Model, marched: Marched, reading: Reading | None) -> Record:
+def record(model: Model, solution: Solution, reading: Reading | None) -> Record:
     """Return what was the case at every instant; at the last one, the road of the last step.
 
     Parameters
@@ -168,26 +168,26 @@ def record(model: Model, marched: Marched, reading: Reading | None) -> Record:
     reading : Reading, optional
         What the law followed, where no controller has recorded what it used and demanded.
     """
-    grid, (n, m) = model.grid, model.plant.shape
-    total, count, width = marched.z.shape
-    q = len(model.courses.space.names)
-    x, rates = marched.z[..., :n], np.empty((total, count, n))
-    demanded = np.empty((total, count, m)) if marched.demanded is None else marched.demanded
-    used = np.empty((total, count, q)) if marched.used is None else marched.used
+    excitation, (n, m) = model.excitation, model.plant.shape
+    total, count, width = solution.z.shape
+    q = len(model.trajectories.space.names)
+    x, rates = solution.z[..., :n], np.empty((total, count, n))
+    demanded = np.empty((total, count, m)) if solution.demanded is None else solution.demanded
+    used = np.empty((total, count, q)) if solution.used is None else solution.used
     true, stops = np.empty((total, count, q)), np.zeros((total, count))
     applied, mass = np.empty((total, count, m)), np.full((total, count), np.inf)
     length = max(1, CHUNK // (count * n * (n + m + 4)))
     for first in range(0, total, length):
         part = slice(first, min(first + length, total))
         k = np.arange(part.start, part.stop)
-        last = np.minimum(k, grid.steps - 1)
-        times = np.where(k > last, grid.steps - INSIDE, k + INSIDE) * grid.step
-        true[part] = model.courses.at(times)
-        if reading is not None and marched.used is None:
-            given = model.courses.space.inside(reading.at(times))
+        last = np.minimum(k, excitation.steps - 1)
+        times = np.where(k > last, excitation.steps - INSIDE, k + INSIDE) * excitation.step
+        true[part] = model.trajectories.at(times)
+        if reading is not None and solution.used is None:
+            given = model.trajectories.space.inside(reading.at(times))
             used[part], K = given, model.gains(given)
             demanded[part] = (K @ x[part, :, :, None])[..., 0]
-        acts = marched.z[part, :, n:] if width > n else model.actuator.limited(demanded[part])
+        acts = solution.z[part, :, n:] if width > n else model.actuator.limited(demanded[part])
         applied[part] = model.actuator.limited(acts)
         A, B, g = model.open(times, last)
         rates[part] = (A @ x[part, :, :, None] + B @ applied[part][..., None])[..., 0] + g
@@ -198,10 +198,10 @@ def record(model: Model, marched: Marched, reading: Reading | None) -> Record:
             stops[part] = model.stops.force(sense * x[part, :, i], sense * rates[part, :, i])
             rates[part] += stops[part, :, None] * B[..., :, model.known.input]
     every = np.arange(total)
-    last = np.minimum(every, grid.steps - 1)
-    times = np.where(every > last, grid.steps - INSIDE, every + INSIDE) * grid.step
+    last = np.minimum(every, excitation.steps - 1)
+    times = np.where(every > last, excitation.steps - INSIDE, every + INSIDE) * excitation.step
     arrays = (x, rates, demanded, applied, stops, true, used, mass)
-    return Record(grid.disturbance(times, last), *(np.swapaxes(v, 0, 1) for v in arrays))
+    return Record(excitation.disturbance(times, last), *(np.swapaxes(v, 0, 1) for v in arrays))
 
 
 def _mass(model: Model, known: Ride, B: Array) -> Array:
@@ -210,7 +210,7 @@ def _mass(model: Model, known: Ride, B: Array) -> Array:
     return np.asarray((model.first_load if model.gravity else 1 / up) - 1 / down)
 
 
-def judged(
+def assessed(
     model: Model, own: Record, claims: Claims | None, scheduled: bool
 ) -> tuple[tuple[Event, ...], tuple[str, ...], Any]:
     """Return events, notes, and where the margins cover what happened (None without any).
@@ -220,13 +220,13 @@ def judged(
     scheduled : bool
         Whether the law looks at the parameters: else being wrong about them is no error.
     """
-    times, space = model.grid.times, model.courses.space
+    times, space = model.excitation.times, model.trajectories.space
     errors = np.abs(own.parameters - own.used)
     motion = Motion(
         space,
         own.parameters,
         errors if scheduled else 0 * errors,
-        rates_of(model.courses, model.grid),
+        rates_of(model.trajectories, model.excitation),
     )
     events, outside = interval_events(motion, times)
     hardware, met = _hardware(model, own, times)
@@ -236,7 +236,7 @@ def judged(
             f"largest error of the scheduling: {motion.largest('errors')}"
         )
         return (*events, *hardware), (compared,), None
-    left, covered = claim_events(motion, claims, model.grid.step, times)
+    left, covered = claim_events(motion, claims, model.excitation.step, times)
     return (*events, *left, *hardware), (), covered & ~outside & ~met
 
 
@@ -250,7 +250,7 @@ def throughout(model: Model, sampling: Sampling | None, learner: Learner | None)
         found.append(f"the actuator has {model.actuator.bandwidth:g} Hz: its lag is in no claim")
     if learner is not None:
         seen = learner.own.identifiable()
-        for name, visible in zip(model.courses.space.names, seen, strict=False):
+        for name, visible in zip(model.trajectories.space.names, seen, strict=False):
             if not visible:
                 found.append(f"the estimator cannot see {name}, which keeps its first value")
     return tuple(found)

@@ -16,7 +16,7 @@ from polefence.plant.polynomial import Domain
 from polefence.plant.system import Array
 from polefence.vehicle.estimate import corner_weights
 
-Course = Callable[[Array], Any]
+Trajectory = Callable[[Array], Any]
 # A bound that is a decimal fraction, and its float: this share of the interval apart.
 ROUNDING = 1e-9
 
@@ -103,11 +103,11 @@ class Space:
 
 
 @dataclass(frozen=True, eq=False)
-class Courses:
+class Trajectories:
     """Values of all parameters over time, one row or one function for each car."""
 
     space: Space
-    cars: tuple[Array | Course, ...]
+    cars: tuple[Array | Trajectory, ...]
 
     @cached_property
     def constant(self) -> bool:
@@ -155,36 +155,36 @@ class Courses:
             )
 
 
-def read_courses(plant: UncertainPlant, given: Any, grid: Array) -> Courses:
-    """Return courses of parameters in any of the forms that `drive` takes.
+def read_trajectories(plant: UncertainPlant, given: Any, times: Array) -> Trajectories:
+    """Return trajectories of parameters in any of the forms that `drive` takes.
 
     Raises
     ------
     InputError
-        If a parameter is unknown or missing, or a course has another length than the grid.
+        If a parameter is unknown or missing, or a trajectory has another length than the instants.
     """
     space = Space(plant)
     if given is None:
         middle = (space.low + space.high) / 2 if plant.parameters else space.high / len(space.names)
-        return Courses(space, (middle,))
+        return Trajectories(space, (middle,))
     if isinstance(given, Mapping):
-        return Courses(space, (_car(space, given, grid),))
+        return Trajectories(space, (_car(space, given, times),))
     if callable(given):
-        return Courses(space, (_whole(given, len(space.names)),))
+        return Trajectories(space, (_whole(given, len(space.names)),))
     if isinstance(given, Sequence) and given and all(isinstance(g, Mapping) for g in given):
-        return Courses(space, tuple(_car(space, g, grid) for g in given))
+        return Trajectories(space, tuple(_car(space, g, times) for g in given))
     try:
         alpha = np.atleast_2d(np.asarray(given, dtype=float))
     except (TypeError, ValueError) as error:
         raise InputError(
-            "parameters must be a mapping of names to courses, a list of them, or weights alpha"
+            "parameters must be a mapping of names to trajectories, a list of such, or alpha"
         ) from error
     if alpha.ndim != 2 or not alpha.size:
         raise InputError(f"weights alpha must have shape (N,) or (count, N); got {alpha.shape}")
-    return Courses(space, tuple(space.values(alpha)))
+    return Trajectories(space, tuple(space.values(alpha)))
 
 
-def _car(space: Space, given: Mapping[Any, Any], grid: Array) -> Array | Course:
+def _car(space: Space, given: Mapping[Any, Any], times: Array) -> Array | Trajectory:
     known = {p.name for p in space.plant.parameters}
     if not known:
         raise InputError(f"{space.plant.name} has no parameters; give weights alpha")
@@ -193,8 +193,8 @@ def _car(space: Space, given: Mapping[Any, Any], grid: Array) -> Array | Course:
             raise InputError(f"unknown parameter {name!r}; {suggest(str(name), known)}")
     missing = [name for name in space.names if name not in given]
     if missing:
-        raise InputError(f"give a course of every parameter; missing: {', '.join(missing)}")
-    parts = [_course(name, given[name], grid) for name in space.names]
+        raise InputError(f"give a trajectory of every parameter; missing: {', '.join(missing)}")
+    parts = [_trajectory(name, given[name], times) for name in space.names]
     if not any(callable(part) for part in parts):
         return np.array(parts, dtype=float)
 
@@ -207,7 +207,7 @@ def _car(space: Space, given: Mapping[Any, Any], grid: Array) -> Array | Course:
     return values
 
 
-def _course(name: str, given: Any, grid: Array) -> float | Course:
+def _trajectory(name: str, given: Any, times: Array) -> float | Trajectory:
     if callable(given):
         return _checked(given, name, ())
     try:
@@ -218,19 +218,19 @@ def _course(name: str, given: Any, grid: Array) -> float | Course:
         ) from error
     if values.ndim == 0:
         return float(values)
-    if values.shape != grid.shape:
+    if values.shape != times.shape:
         raise InputError(
-            f"{name}: an array must have a value at each of the {len(grid)} instants; it has shape "
-            f"{values.shape}"
+            f"{name}: an array must have a value at each of the {len(times)} instants; it has "
+            f"shape {values.shape}"
         )
-    return lambda times: np.interp(times, grid, values)
+    return lambda t: np.interp(t, times, values)
 
 
-def _whole(given: Course, width: int) -> Course:
+def _whole(given: Trajectory, width: int) -> Trajectory:
     return _checked(given, "parameters", (width,))
 
 
-def _checked(given: Course, name: str, last: tuple[int, ...]) -> Course:
+def _checked(given: Trajectory, name: str, last: tuple[int, ...]) -> Trajectory:
     """Return a user's function with its result checked."""
 
     def values(times: Array) -> Array:

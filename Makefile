@@ -20,7 +20,7 @@ PRELOAD = $(foreach library,asan ubsan stdc++,$(shell $(CXX) -print-file-name=li
 
 # Another BLAS kernel than this processor's own: it rounds differently.
 OTHER_KERNEL ?= $(if $(shell grep -m1 -o avx512f /proc/cpuinfo 2>/dev/null),Haswell,Nehalem)
-SEARCHES := tests/lmi tests/proof/test_sampling.py tests/design/test_design.py tests/design/place \
+SEARCHES := tests/lmi tests/proof/test_sampling.py tests/design/test_design.py tests/design/test_limits.py \
     tests/theory/test_thresholds.py tests/theory/test_largest_regions.py
 
 paper: $(VENV)/.installed

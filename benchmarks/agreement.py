@@ -17,7 +17,7 @@ import numpy as np
 from families import polytope, quarter_car
 
 from polefence import METHODS, PolefenceError, UncertainPlant
-from polefence.design.place.tightest import tightest_near
+from polefence.design.place import tightest_near
 from polefence.lmi.conditions.methods import build
 from polefence.lmi.solve.conic import largest_margin
 from polefence.lmi.solve.scaling import balanced

@@ -44,7 +44,7 @@ import numpy as np
 import polefence
 from polefence import METHODS, UncertainPlant
 from polefence.base.errors import PolefenceError
-from polefence.design.place.tightest import tightest_near
+from polefence.design.place import tightest_near
 from polefence.examples import family
 from polefence.lmi.conditions.target import Disks
 from polefence.lmi.solve import search

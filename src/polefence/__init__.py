@@ -17,15 +17,12 @@ from polefence.base.errors import (
 )
 from polefence.design.certificate import Certificate, Check
 from polefence.design.design import Design, check
-from polefence.design.given.analysis import analyse
-from polefence.design.given.reach import worst_case
+from polefence.design.given import analyse, worst_case
+from polefence.design.limits import Limit, limits
 from polefence.design.margins import estimation_error, gain_error, in_service, parameter_rate
 from polefence.design.observer import observe
-from polefence.design.place.limits import Limit, limits
-from polefence.design.place.placement import place
-from polefence.design.place.tightest import tightest
-from polefence.law.laws import FixedGain, ScheduledGain
-from polefence.law.table import GainTable
+from polefence.design.place import place, tightest
+from polefence.law.laws import FixedGain, GainTable, ScheduledGain
 from polefence.lmi.conditions.methods import METHODS, Scheduled, Slack, build
 from polefence.lmi.solve.engine import engine
 from polefence.plant.family import UncertainPlant
@@ -57,7 +54,7 @@ if TYPE_CHECKING:
     from polefence.design.requirements.text import load_specifications, parse_specification
     from polefence.design.signals.optimise import Optimised, optimise
     from polefence.design.signals.tradeoff import tradeoff
-    from polefence.plant.control import from_control, to_control
+    from polefence.law.control import from_control, to_control
     from polefence.region.text import load_region
     from polefence.show import plots
 
@@ -76,8 +73,8 @@ _LATER = {
     "load_specifications": "polefence.design.requirements.text",
     "parse_specification": "polefence.design.requirements.text",
     "tradeoff": "polefence.design.signals.tradeoff",
-    "from_control": "polefence.plant.control",
-    "to_control": "polefence.plant.control",
+    "from_control": "polefence.law.control",
+    "to_control": "polefence.law.control",
     "load_region": "polefence.region.text",
 }
 _ROOMS = {

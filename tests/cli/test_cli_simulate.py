@@ -20,10 +20,10 @@ from polefence.response.columns import Table, write_table
 from polefence.response.linear import impulse, simulate, step
 from polefence.show.plots.signals import Panel, signals_figure
 from polefence.vehicle.comfort import comfort
+from polefence.vehicle.driving.drive import Setup, run, signals
 from polefence.vehicle.driving.parts import Estimated, Hardware, Jump
 from polefence.vehicle.excitation import on_road
 from polefence.vehicle.roads import pothole, random_road
-from polefence.vehicle.run import Setup, run, signals
 from support.commands import refused
 
 ROAD = ["--road", "C", "--speed", "20", "--duration", "2"]

@@ -24,9 +24,9 @@ from polefence.design.evaluation import (
     lyapunovs,
     rounding_share,
 )
-from polefence.design.given.analysis import analyse
-from polefence.design.place.limits import Limit
-from polefence.design.place.tightest import _designs
+from polefence.design.given import analyse
+from polefence.design.limits import Limit
+from polefence.design.place import _designs
 from polefence.design.search import first
 from polefence.law.coordinates import Coordinates
 from polefence.law.laws import FixedGain, ScheduledGain, right_divide

@@ -9,7 +9,7 @@ import pytest
 
 from polefence import UncertainPlant, build, tightest
 from polefence.base.errors import PlantError, UncontrollableError
-from polefence.design.place.tightest import tightest_near
+from polefence.design.place import tightest_near
 from polefence.lmi.solve.conic import largest_margin
 from polefence.lmi.solve.interior_point import MAX_ITERATIONS
 from polefence.lmi.solve.scaling import balanced

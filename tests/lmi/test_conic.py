@@ -87,7 +87,7 @@ def break_engine(monkeypatch):
     def fail(*_, **__):
         raise SolverError("no point to start from")
 
-    monkeypatch.setattr("polefence.design.place.tightest.smallest", fail)
+    monkeypatch.setattr("polefence.design.place.smallest", fail)
 
 
 @pytest.mark.parametrize("method", ["quadratic", "slack", "scheduled"])

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from polefence import Disk, HalfPlane, Sector, UncertainPlant, observe, place, tightest
 from polefence.base.errors import PlantError, UncontrollableError, UnobservableError
 from polefence.design.checks import require_movable
-from polefence.design.place.limits import limits
+from polefence.design.limits import limits
 from polefence.design.requirements.gain_norm import GainNorm
 from polefence.design.signals.optimise import optimise
 from polefence.plant import controllability

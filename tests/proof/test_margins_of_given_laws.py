@@ -25,7 +25,7 @@ from test_margins import (
 )
 
 from polefence import Certificate, Parameter, Scheduled, UncertainPlant, place
-from polefence.design.given.analysis import analyse
+from polefence.design.given import analyse
 from polefence.design.margins import in_service
 from polefence.law.laws import FixedGain, ScheduledGain
 from polefence.plant.polynomial import Domain

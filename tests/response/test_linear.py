@@ -20,7 +20,7 @@ from polefence.plant.outputs import (
     states,
     weighted_sum,
 )
-from polefence.response import discrete, grid, result
+from polefence.response import discrete, grid, linear
 from polefence.response.closed import close, point_text
 from polefence.response.discrete import (
     exponential,
@@ -252,7 +252,7 @@ def test_memory_is_about_that_of_the_result(physical, points, monkeypatch):
     alpha = np.tile(points, (12, 1))
     w = np.random.default_rng(4).normal(size=15_000)
     monkeypatch.setattr(discrete, "BUFFER", 2_000_000)
-    monkeypatch.setattr(result, "BUFFER", 2_000_000)
+    monkeypatch.setattr(linear, "BUFFER", 2_000_000)
     simulate(physical, None, points, w[:10], instants(1e-3, w[:10]))
     tracemalloc.start()
     try:
@@ -325,7 +325,7 @@ def test_measures_do_not_depend_on_how_the_batch_is_cut(physical, points, monkey
     w = np.random.default_rng(5).normal(size=200)
     found = simulate(physical, None, points, w, instants(2e-3, w))
     before = found.settling(0.3), *found.peaks(), found.rms(0.1)
-    monkeypatch.setattr(result, "BUFFER", 1)
+    monkeypatch.setattr(linear, "BUFFER", 1)
     after = found.settling(0.3), *found.peaks(), found.rms(0.1)
     for one, other in zip(before, after, strict=True):
         assert np.array_equal(one, other, equal_nan=True)

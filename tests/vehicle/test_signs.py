@@ -14,11 +14,11 @@ from polefence.examples import family, spec_text
 from polefence.plant.spec import loads
 from polefence.plant.vehicle import Vehicle
 from polefence.vehicle.compare import compare, standard_laws
+from polefence.vehicle.driving.drive import Setup, run
 from polefence.vehicle.driving.parts import BumpStops, Estimated, Jump
 from polefence.vehicle.excitation import on_road
 from polefence.vehicle.reference_laws import Sizes, lqr, skyhook
 from polefence.vehicle.roads import kerb
-from polefence.vehicle.run import Setup, run
 from polefence.vehicle.vehicle import masses, ride
 from support.drives import drive
 

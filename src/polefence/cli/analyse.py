@@ -27,13 +27,11 @@ from polefence.cli.tightest import KINDS
 from polefence.design.certificate import Certificate
 from polefence.design.checks import example_centre
 from polefence.design.design import FILE_NAME, Design, require_kind
-from polefence.design.given.analysis import Analysis, analyse
-from polefence.design.given.reach import WorstCase, worst_case
-from polefence.design.given.table import FILE_NAME as TABLE_NAME
-from polefence.design.given.table import TableAnalysis, analyse_table
+from polefence.design.given import Analysis, WorstCase, analyse, worst_case
 from polefence.design.rows import plant_summary
-from polefence.law.laws import Law, given_law
-from polefence.law.table import GainTable, table_from
+from polefence.design.table import FILE_NAME as TABLE_NAME
+from polefence.design.table import TableAnalysis, analyse_table
+from polefence.law.laws import GainTable, Law, given_law, table_from
 from polefence.plant.family import UncertainPlant
 from polefence.plant.points import values_text
 from polefence.plant.spec import load

@@ -18,7 +18,7 @@ import numpy as np
 from polefence.base.errors import InputError
 from polefence.base.files import check_document, check_target, make_folder, write_bytes, write_text
 from polefence.design.design import FILE_NAME, Design
-from polefence.design.place.limits import Limit
+from polefence.design.limits import Limit
 from polefence.law.laws import FixedGain
 from polefence.lmi.conditions.methods import METHODS, Method, Scheduled, Slack
 from polefence.plant.family import UncertainPlant

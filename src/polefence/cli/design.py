@@ -17,7 +17,7 @@ from polefence.cli.common import (
     spec_argument,
 )
 from polefence.design.checks import example_region, implies_stability
-from polefence.design.place.placement import place
+from polefence.design.place import place
 from polefence.design.rows import plant_summary
 from polefence.lmi.conditions.methods import Method, Scheduled
 from polefence.plant.family import UncertainPlant

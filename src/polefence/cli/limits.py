@@ -33,7 +33,7 @@ from polefence.cli.common import (
     write_json,
 )
 from polefence.design.checks import example_centre, is_checkable, usable_centre
-from polefence.design.place.limits import Limit, sweep
+from polefence.design.limits import Limit, sweep
 from polefence.design.rows import plant_summary
 from polefence.lmi.conditions.methods import METHODS, Method, blocks, fitting, method_label
 from polefence.plant.family import UncertainPlant

@@ -10,7 +10,7 @@ from typing import Any
 
 from polefence.cli.common import NOT_PROVED, PROVED, check_targets, say, write_json
 from polefence.design.design import Design
-from polefence.design.given.analysis import analyse
+from polefence.design.given import analyse
 from polefence.design.margins import Margin, Margins, in_service
 from polefence.proof.text import exactly
 from polefence.region.text import digits_up, parse_region

@@ -24,9 +24,9 @@ from polefence.plant.system import Array
 if TYPE_CHECKING:  # imported where used: with scipy behind them
     from polefence.response.columns import Table
     from polefence.show.plots.signals import Panel
+    from polefence.vehicle.driving.drive import Run, Setup
     from polefence.vehicle.excitation import Excitation
     from polefence.vehicle.roads import Road
-    from polefence.vehicle.run import Run, Setup
 
 NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
 SET = re.compile(rf"(?P<name>\w+)=(?P<value>{NUMBER})")
@@ -69,7 +69,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def simulate_command(options: Any) -> int:
     """Follow a car on a road, or any plant: signals over time, and where no guarantee holds."""
     from polefence.response.columns import check_format
-    from polefence.vehicle.run import run
+    from polefence.vehicle.driving.drive import run
 
     check_figure(options.plot)
     if options.output is not None:
@@ -257,8 +257,8 @@ def setup_of(plant: UncertainPlant, options: Any, law: Any) -> Setup:
     InputError
         Naming the option that cannot be used.
     """
+    from polefence.vehicle.driving.drive import Setup
     from polefence.vehicle.driving.parts import Actuator, BumpStops, Estimated, Hardware, Sampling
-    from polefence.vehicle.run import Setup
 
     stops = None
     if options.travel_limit is not None:

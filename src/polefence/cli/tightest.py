@@ -19,7 +19,7 @@ from polefence.cli.common import (
 )
 from polefence.design.checks import example_centre
 from polefence.design.design import Design
-from polefence.design.place.tightest import tightest
+from polefence.design.place import tightest
 from polefence.design.rows import plant_summary
 from polefence.plant.spec import load
 from polefence.proof.text import exactly

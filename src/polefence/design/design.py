@@ -153,9 +153,9 @@ class Design:
             If python-control is not installed.
         """
         require_kind(self.certificate)
-        from polefence.law.control import to_control  # deferred: an extra
+        from polefence.law.control import law_to_control  # deferred: an extra
 
-        return to_control(self.plant, self.law, given, name, clamp)
+        return law_to_control(self.plant, self.law, given, name, clamp)
 
     def as_law(self) -> Law:
         """Return the law, to be closed around a plant.

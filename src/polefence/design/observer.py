@@ -16,8 +16,7 @@ import numpy as np
 from polefence.base.errors import InputError, NotProvedError
 from polefence.design.design import Design, require_kind
 from polefence.design.measured import dual_plant, read_measured, require_observable, transposed
-from polefence.design.place.placement import place
-from polefence.design.place.tightest import tightest
+from polefence.design.place import place, tightest
 from polefence.law.laws import check_alpha
 from polefence.lmi.conditions.methods import Method
 from polefence.plant.family import UncertainPlant

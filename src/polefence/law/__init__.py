@@ -1,6 +1,5 @@
 """Laws: one gain, a gain scheduled on the parameters, a table of gains."""
 
-from polefence.law.laws import FixedGain, Law, ScheduledGain
-from polefence.law.table import GainTable
+from polefence.law.laws import FixedGain, GainTable, Law, ScheduledGain
 
 __all__ = ["FixedGain", "GainTable", "Law", "ScheduledGain"]

@@ -1,21 +1,222 @@
-"""Laws as systems of python-control; needs the extra ``polefence[control]``."""
+"""Plants and laws to and from python-control; needs the extra ``polefence[control]``."""
 
 from __future__ import annotations
 
+import re
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
-from polefence.base.errors import InputError, MissingExtraError
+from polefence.base.errors import InputError, MissingExtraError, ParameterValueError, PlantError
 from polefence.law.laws import FixedGain, Law
-from polefence.plant.control import signal_names
 from polefence.plant.family import UncertainPlant
-from polefence.plant.system import Array
+from polefence.plant.outputs import Output, split, stacked
+from polefence.plant.system import Array, System
+
+_NUMBERED = re.compile(r"(sys|[xuy])\[\d+\]")  # what python-control calls that which has no name
 
 GIVEN = ("parameters", "alpha")
 
 
-def to_control(
+def _control() -> Any:
+    try:
+        import control
+    except ImportError as error:
+        raise MissingExtraError(
+            "python-control is not installed; pip install 'polefence[control]'"
+        ) from error
+    return control
+
+
+def from_control(systems: Any, disturbances: int = 0, name: str = "") -> UncertainPlant:
+    """Return the polytope whose vertices are python-control ``StateSpace`` systems.
+
+    Parameters
+    ----------
+    systems : control.StateSpace or sequence of them
+        One, or one a vertex: all of one shape, in continuous time or of one sample time. States and
+        inputs keep the names that they were given, and so do the outputs y = C x + D u + F w; those
+        that are one state or one input, or nothing at all, are left out.
+    disturbances : int
+        How many of the last inputs are disturbances (columns of E) rather than controls.
+    name : str
+        Of the plant; by default that of the first system, where it was given one.
+
+    Raises
+    ------
+    PlantError
+        If a system is no ``StateSpace``, of another time or other names than the first, or leaves
+        no control input.
+    MissingExtraError
+        If python-control is not installed.
+    """
+    control = _control()
+    given = [systems] if isinstance(systems, control.InputOutputSystem) else list(systems)
+    if not given:
+        raise PlantError("a plant needs at least one vertex")
+    for j, system in enumerate(given):
+        _require_vertex(control, system, given[0], f"system {j + 1}", disturbances)
+    first = given[0]
+    m = first.ninputs - disturbances
+    plant = UncertainPlant.from_vertices(
+        [s.A for s in given],
+        [s.B[:, :m] for s in given],
+        [s.B[:, m:] for s in given] if disturbances else None,
+        name=name or _own([first.name], "plant"),
+        states=_names(first.state_labels),
+        inputs=_names(first.input_labels[:m]),
+        disturbances=_names(first.input_labels[m:]),
+        sample_time=first.dt or None,
+    )
+    return replace(plant, outputs=tuple(_outputs(plant, given, m)))
+
+
+def _outputs(plant: UncertainPlant, systems: Sequence[Any], m: int) -> Iterator[Output]:
+    """Yield the systems' outputs, under their names, that are no states or inputs."""
+    known = {signal.name: signal for signal in plant.signals}
+    plain = {(signal.C, signal.D, signal.F) for signal in plant.signals}
+    for i, label in enumerate(systems[0].output_labels):
+        own = {"C": [s.C[i] for s in systems], "D": [s.D[i, :m] for s in systems]}
+        own["F"] = [s.D[i, m:] for s in systems if s.D[i, m:].size]
+        if not any(np.any(row) for rows in own.values() for row in rows):
+            continue
+        name, unit = split(re.sub(r"^y\[(\d+)\]$", r"output \1", label))
+        found = Output(name, unit, **own)
+        rows = found.C, found.D, found.F
+        if name in known and rows != (known[name].C, known[name].D, known[name].F):
+            raise PlantError(f"output {name!r} has the name of a state or an input; rename it")
+        if name not in known and rows not in plain:
+            yield found
+
+
+def _require_vertex(control: Any, system: Any, first: Any, where: str, disturbances: int) -> None:
+    if not isinstance(system, control.StateSpace):
+        kind = type(system).__name__
+        raise PlantError(f"{where} is a {kind}, no StateSpace; control.ss() makes one")
+    if system.dt is True:
+        raise PlantError(f"{where} is in discrete time without a sample time; give its dt [s]")
+    if (system.dt or 0) != (first.dt or 0):
+        raise PlantError(f"{where} has dt = {system.dt}, system 1 {first.dt}; they must agree")
+    if system.nstates < 1:
+        raise PlantError(f"{where} has no states; nothing has poles")
+    if not 0 <= disturbances < system.ninputs:
+        raise PlantError(
+            f"{where} has {system.ninputs} inputs; {disturbances} disturbances leave no control "
+            "input"
+        )
+    if system.noutputs != first.noutputs:
+        raise PlantError(f"{where} has {system.noutputs} outputs, system 1 {first.noutputs}")
+    for key in ("state_labels", "input_labels", "output_labels"):
+        own, others = getattr(system, key), getattr(first, key)
+        if len(own) == len(others) and _names(own) and _names(own) != _names(others):
+            raise PlantError(f"{where} names other signals than system 1: {', '.join(own)}")
+
+
+def _names(labels: Sequence[str]) -> tuple[str, ...]:
+    """Return names, none where python-control has only numbered the signals."""
+    return () if all(map(_NUMBERED.fullmatch, labels)) else tuple(labels)
+
+
+def _own(labels: Sequence[str], otherwise: str) -> str:
+    return "".join(_names(labels)) or otherwise
+
+
+def to_control(plant: UncertainPlant | System, alpha: Any = None, outputs: bool = False) -> Any:
+    """Return a plant, or one vertex of it, as a python-control ``StateSpace``.
+
+    Parameters
+    ----------
+    plant : UncertainPlant or System
+        A `System` has no names.
+    alpha : sequence of N numbers, optional
+        The point of the polytope, for example ``plant.alpha(m1=300, beta=2)``; may be left out
+        where there is one vertex.
+    outputs : bool
+        Give the plant's outputs too, behind the states.
+
+    Returns
+    -------
+    control.StateSpace
+        Inputs [u, w], outputs the states, under the names that `Design.to_control` has too, so that
+        the two interconnect by name.
+
+    Raises
+    ------
+    ParameterValueError
+        If alpha is missing or no point of the polytope.
+    MissingExtraError
+        If python-control is not installed.
+    """
+    control = _control()
+    if isinstance(plant, System):
+        plant = UncertainPlant((plant,), name=plant.name)
+    weights = _point(plant, alpha)
+    A, B = plant.at(weights)
+    if plant.vertices[0].E is not None:
+        E = np.tensordot(weights, [v.E for v in plant.vertices], 1)
+        B = np.hstack([B, E])
+    n, (x, u, w) = len(A), signal_names(plant)
+    C, D = np.eye(n), np.zeros((n, B.shape[1]))
+    more = plant.every_output if outputs else ()
+    if more:
+        rows = (np.tensordot(weights, M, 1) for M in stacked(plant, more))
+        own = np.concatenate(list(rows), axis=1)
+        C, D = np.vstack([C, own[:, :n]]), np.vstack([D, own[:, n:]])
+    names = (output.name for output in more)
+    y = valid_names((*u, *w, *x, *names))[len(u) + len(w) :]
+    labels: dict[str, Any] = {"states": x, "outputs": y, "inputs": [*u, *w]}
+    dt = 0 if plant.sample_time is None else float(plant.sample_time)
+    (name,) = valid_names([plant.name])
+    return control.ss(A, B, C, D, dt, name=name, **labels)
+
+
+def _point(plant: UncertainPlant, alpha: Any) -> Any:
+    count = len(plant.vertices)
+    if alpha is None and count > 1:
+        raise ParameterValueError(f"{plant.name} has {count} vertices; give alpha, one weight each")
+    weights = np.ones(1) if alpha is None else np.asarray(alpha, dtype=float)
+    inside = weights.shape == (count,) and weights.min() >= 0 and abs(weights.sum() - 1) < 1e-9
+    if not inside:
+        raise ParameterValueError(f"alpha must be {count} weights, zero or more, that sum to one")
+    return weights
+
+
+def signal_names(
+    plant: UncertainPlant, before: Sequence[str] = ()
+) -> tuple[list[str], list[str], list[str]]:
+    """Return names of states, inputs and disturbances for python-control, all different.
+
+    Parameters
+    ----------
+    before : sequence of str
+        Names that are taken already.
+    """
+    n, m = plant.shape
+    E = plant.vertices[0].exact_E
+    states = plant.states or [f"x{j + 1}" for j in range(n)]
+    inputs = plant.inputs or [f"u{j + 1}" for j in range(m)]
+    others = plant.disturbances or [f"w{j + 1}" for j in range(0 if E is None else len(E[0]))]
+    found = valid_names((*before, *states, *inputs, *others))[len(before) :]
+    return found[:n], found[n : n + m], found[n + m :]
+
+
+def valid_names(names: Iterable[str]) -> list[str]:
+    """Return names for python-control: without units, of letters, digits and _, no two the same."""
+    found: list[str] = []
+    for name in names:
+        plain = re.sub(r"\W+", "_", re.sub(r"\[[^\]]*\]", "", name), flags=re.ASCII).strip("_")
+        plain = plain if plain and not plain[0].isdigit() else f"signal_{plain}".rstrip("_")
+        own, count = plain, 1
+        while own in found:
+            count += 1
+            own = f"{plain}_{count}"
+        found.append(own)
+    return found
+
+
+def law_to_control(
     plant: UncertainPlant, law: Law, given: str = "", name: str = "law", clamp: bool = True
 ) -> Any:
     """Return u = K(alpha) x as a system of python-control without states; see `Design.to_control`.
@@ -27,12 +228,7 @@ def to_control(
     MissingExtraError
         If python-control is not installed.
     """
-    try:
-        import control
-    except ImportError as error:
-        raise MissingExtraError(
-            "python-control is not installed; pip install 'polefence[control]'"
-        ) from error
+    control = _control()
     keys = _scheduled_by(plant, law, given)
     x, u, _ = signal_names(plant, keys)
     common = {

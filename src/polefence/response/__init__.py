@@ -15,8 +15,7 @@ from polefence.response.bands import (
     stationary_ride,
     thirds,
 )
-from polefence.response.linear import frequency, impulse, simulate, step
-from polefence.response.result import Frequency, Response
+from polefence.response.linear import Frequency, Response, frequency, impulse, simulate, step
 from polefence.response.stationary import Stationary, stationary, velocity_psd
 from polefence.response.weighting import WF, WK, Weighting
 

@@ -8,8 +8,7 @@ from typing import Any
 import numpy as np
 
 from polefence.base.errors import InputError
-from polefence.law.laws import Law, check_alpha, given_law
-from polefence.law.table import GainTable
+from polefence.law.laws import GainTable, Law, check_alpha, given_law
 from polefence.plant.family import UncertainPlant
 from polefence.plant.points import values_at, values_text
 from polefence.plant.system import Array

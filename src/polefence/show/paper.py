@@ -26,8 +26,7 @@ from polefence.plant.system import Array
 from polefence.region.text import digits_down, digits_up
 from polefence.response import bands
 from polefence.response.bands import MOTION, RIDE
-from polefence.response.linear import frequency, impulse, step
-from polefence.response.result import Frequency, Response
+from polefence.response.linear import Frequency, Response, frequency, impulse, step
 from polefence.response.stationary import velocity_density
 from polefence.response.weighting import WF, WK
 from polefence.show.plots.plots import FORMATS, limits_figure, poles_figure, render

@@ -13,7 +13,7 @@ from polefence.base.errors import InputError, NotProvedError
 from polefence.design.certificate import Check
 from polefence.design.checks import implies_stability
 from polefence.design.design import Design, check, require_kind
-from polefence.design.place.limits import Limit, limits
+from polefence.design.limits import Limit, limits
 from polefence.law.laws import FixedGain
 from polefence.lmi.conditions.methods import METHODS
 from polefence.plant.family import UncertainPlant

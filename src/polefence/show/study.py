@@ -18,8 +18,8 @@ import numpy as np
 
 from polefence.base.errors import NotProvedError
 from polefence.design.design import Design
-from polefence.design.place.limits import Limit, limits, sweep
-from polefence.design.place.placement import place
+from polefence.design.limits import Limit, limits, sweep
+from polefence.design.place import place
 from polefence.design.rows import Row
 from polefence.examples import family
 from polefence.lmi.conditions.methods import METHODS

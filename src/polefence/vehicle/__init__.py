@@ -15,7 +15,6 @@ from polefence.vehicle.comfort import (
 )
 from polefence.vehicle.compare import Comparison, NoLaw, Row, compare, points, standard_laws
 from polefence.vehicle.driving.drive import drive
-from polefence.vehicle.driving.events import Event
 from polefence.vehicle.driving.parts import (
     Actuator,
     BumpStops,
@@ -28,7 +27,7 @@ from polefence.vehicle.driving.parts import (
     Sensors,
     Sine,
 )
-from polefence.vehicle.driving.result import Drive
+from polefence.vehicle.driving.result import Drive, Event
 from polefence.vehicle.estimate import Estimate, Tuning, estimate
 from polefence.vehicle.excitation import Excitation, disturbed, excited, on_road, recorded
 from polefence.vehicle.reference_laws import (

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from polefence.base.errors import InputError, NotProvedError, suggest
-from polefence.design.place.placement import place
+from polefence.design.place import place
 from polefence.law.laws import check_alpha
 from polefence.lmi.conditions.methods import METHODS
 from polefence.plant.family import UncertainPlant

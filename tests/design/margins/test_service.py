@@ -14,7 +14,7 @@ from polefence import InputError, Parameter, Scheduled, UncertainPlant, place, t
 from polefence.base.errors import DesignFileError
 from polefence.cli.main import main
 from polefence.design.design import check
-from polefence.design.given.analysis import analyse
+from polefence.design.given import analyse
 from polefence.design.margins import (
     estimation_error,
     gain_error,

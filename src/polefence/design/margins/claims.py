@@ -10,7 +10,7 @@ from typing import Protocol
 
 from polefence.design.certificate import ranges_of
 from polefence.design.design import Design
-from polefence.design.given.analysis import analyse
+from polefence.design.given import analyse
 from polefence.design.search import first, rising
 from polefence.proof import work
 from polefence.proof.claims.base import prove

@@ -19,7 +19,7 @@ from polefence.base.errors import InputError, NotProvedError, PlantError, Solver
 from polefence.base.files import write_documents
 from polefence.design.certificate import Certificate
 from polefence.design.design import FILE_NAME, check
-from polefence.design.given.analysis import loop_with
+from polefence.design.given import loop_with
 from polefence.design.requirements.gain_norm import GainNorm, levels
 from polefence.design.requirements.specification import Specification, claim_of
 from polefence.design.search import first

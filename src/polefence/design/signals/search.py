@@ -21,7 +21,7 @@ import numpy as np
 
 from polefence.base.errors import InputError, NotProvedError, RegionError, SolverError
 from polefence.design.certificate import Certificate
-from polefence.design.given.analysis import analyse
+from polefence.design.given import analyse
 from polefence.design.requirements.gain_norm import GainNorm
 from polefence.design.requirements.specification import Specification
 from polefence.design.search import Deadline, edge

@@ -19,7 +19,7 @@ from polefence.base.files import make_folder, read_text, write_documents, write_
 from polefence.design.certificate import Certificate
 from polefence.design.checks import require_domain, require_movable, require_region
 from polefence.design.design import FILE_NAME, Design
-from polefence.design.place.limits import LABEL
+from polefence.design.limits import LABEL
 from polefence.design.requirements.specification import Specification, claim_of
 from polefence.design.rows import Row, Run, RunOptions, plant_summary
 from polefence.design.signals.augmented import with_weights

@@ -11,8 +11,8 @@ import numpy.typing as npt
 
 from polefence.base.errors import InputError
 from polefence.design.design import Design
-from polefence.design.given.analysis import Analysis
-from polefence.design.given.table import TableAnalysis
+from polefence.design.given import Analysis
+from polefence.design.table import TableAnalysis
 from polefence.law.laws import domain_of
 from polefence.plant.parameters import Parameter
 from polefence.plant.points import sample, values_text

@@ -12,7 +12,7 @@ import numpy as np
 
 from polefence.plant.outputs import Signal
 from polefence.plant.system import Array
-from polefence.response.result import Frequency, Response
+from polefence.response.linear import Frequency, Response
 from polefence.show.plots.plots import new_grid
 
 if TYPE_CHECKING:

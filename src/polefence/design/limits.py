@@ -25,7 +25,7 @@ from polefence.design.checks import (
     usable_centre,
 )
 from polefence.design.design import Design
-from polefence.design.place.tightest import radius_of, tightest_near
+from polefence.design.place import radius_of, tightest_near
 from polefence.design.rows import Key, Row, Run, RunOptions, plant_summary
 from polefence.lmi.conditions.methods import (
     METHODS,

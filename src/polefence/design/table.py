@@ -22,7 +22,7 @@ from polefence.design.checks import require_region
 from polefence.design.counterexample import shown
 from polefence.design.design import check_document, read_document
 from polefence.design.search import Deadline
-from polefence.law.table import GainTable
+from polefence.law.laws import GainTable
 from polefence.lmi.conditions.lyapunov import Loop
 from polefence.lmi.solve.lyapunov import points_inside
 from polefence.plant.family import UncertainPlant

@@ -17,7 +17,7 @@ from polefence import InputError, UncertainPlant, limits
 from polefence.base.errors import RegionError
 from polefence.base.workers import as_finished, processes
 from polefence.cli.main import main
-from polefence.design.place.limits import sweep
+from polefence.design.limits import sweep
 
 CENTRES, METHODS = [-2.0, -4.0, -3.0], ["slack", "quadratic"]
 

@@ -27,9 +27,9 @@ from polefence import (
 )
 from polefence.base.errors import ParameterValueError
 from polefence.cli.main import main
-from polefence.design.given.table import TableAnalysis, _exact_table
+from polefence.design.table import TableAnalysis, _exact_table
 from polefence.examples import family, spec_path
-from polefence.law.table import table_from
+from polefence.law.laws import table_from
 from polefence.plant.points import values_text
 from polefence.show.plots.plots import analysis_figure, render, table_figure
 from support.paths import DOCS

@@ -1,1 +1,0 @@
-"""Laws that are given: analysed, and how far they go."""

@@ -1,1 +1,0 @@
-"""Laws for a region, and the smallest region of a kind."""

@@ -12,7 +12,7 @@ import polefence as pf
 from polefence.base.files import write_bytes
 from polefence.examples import family, spec_path
 from polefence.region.text import digits_down, digits_up
-from polefence.show.plots.plots import sampled
+from polefence.show.plots import sampled
 
 SPEC = spec_path("f16")
 SPEED = pf.Sector(0.7) & pf.Disk(-13, 11)  # damped, and no faster than servo and sensors bear

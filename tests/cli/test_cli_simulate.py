@@ -18,7 +18,7 @@ from polefence.examples import spec_text
 from polefence.plant.spec import dumps
 from polefence.response.columns import Table, write_table
 from polefence.response.linear import impulse, simulate, step
-from polefence.show.plots.signals import Panel, signals_figure
+from polefence.show.plots import Panel, signals_figure
 from polefence.vehicle.comfort import comfort
 from polefence.vehicle.driving.drive import Setup, run, signals
 from polefence.vehicle.driving.parts import Estimated, Hardware, Jump
@@ -124,7 +124,7 @@ def test_a_drive_says_what_it_met_and_what_margins_cover(car, capsys, monkeypatc
         drawn.extend([panels, outside])
         return signals_figure(time, panels[:1], title, outside)
 
-    monkeypatch.setattr("polefence.show.plots.signals.signals_figure", figure)
+    monkeypatch.setattr("polefence.show.plots.signals_figure", figure)
     words = ["simulate", "car", "--pothole", "0.06", "0.5", "--speed", "8", "--duration", "2"]
     words += ["--set", "m1=250", "--jump", "m1=340@1", "--drift", "beta=5@0.5..1.5"]
     words += ["--force-limit", "900", "--travel-limit", "0.03", "--sampling", "0.004"]

@@ -33,8 +33,9 @@ from polefence.law.laws import FixedGain, ScheduledGain, right_divide
 from polefence.lmi.conditions.target import Disks
 from polefence.lmi.solve.smallest import smallest
 from polefence.plant.polynomial import Domain
-from polefence.proof import definite, polynomials, regions, roots
+from polefence.proof import matrices as definite
 from polefence.proof import matrices as exactly
+from polefence.proof import polynomials, regions, roots
 from polefence.proof.matrices import mix
 from polefence.region.text import digits_up
 

@@ -31,7 +31,7 @@ from polefence.design.table import TableAnalysis, _exact_table
 from polefence.examples import family, spec_path
 from polefence.law.laws import table_from
 from polefence.plant.points import values_text
-from polefence.show.plots.plots import analysis_figure, render, table_figure
+from polefence.show.plots import analysis_figure, render, table_figure
 from support.paths import DOCS
 
 

@@ -15,7 +15,7 @@ from polefence import check, load, place
 from polefence.cli.main import main
 from polefence.examples import spec_path
 from polefence.region.text import load_region
-from polefence.show.plots.plots import sampled
+from polefence.show.plots import sampled
 from support.paths import DOCS
 
 PAGE = (DOCS / "regions.md").read_text()

@@ -13,7 +13,7 @@ import pytest
 from polefence.cli.main import main
 from polefence.examples import spec_text
 from polefence.response.closed import close
-from polefence.show.plots.signals import signals_figure
+from polefence.show.plots import signals_figure
 from polefence.vehicle.compare import compare, points, standard_laws
 from support.paths import DOCS
 
@@ -34,7 +34,7 @@ def folder(tmp_path_factory):
 def test_the_commands_print_what_the_page_shows(block, folder, monkeypatch, capsys):
     monkeypatch.chdir(folder)
     monkeypatch.setattr(  # drawing is slow, and tested elsewhere
-        "polefence.show.plots.signals.signals_figure",
+        "polefence.show.plots.signals_figure",
         lambda time, panels, *_: signals_figure(time, panels[:1]),
     )
     for session in re.split(r"^\$ ", block, flags=re.MULTILINE)[1:]:

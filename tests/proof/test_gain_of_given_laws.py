@@ -29,13 +29,13 @@ from polefence.design.given import certificate_of
 from polefence.design.margins import gain_error
 from polefence.design.margins.breaks import gain_break
 from polefence.design.margins.claims import claimed_design
-from polefence.design.margins.gain import Scales, gain_claim, scales_of
+from polefence.design.margins.kinds import Scales, gain_claim, scales_of
 from polefence.law.laws import FixedGain, ScheduledGain
 from polefence.plant.polynomial import Domain
 from polefence.proof.claims.base import prove
 from polefence.proof.claims.gain_error import GainError
 from polefence.proof.claims.margins import Subject
-from polefence.proof.definite import least_work
+from polefence.proof.matrices import least_work
 from polefence.proof.plant import Range
 from polefence.proof.work import FormatError
 from support.files import only_claim_in

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from polefence.design.certificate import check_claim
-from polefence.proof import definite, roots, work
+from polefence.proof import matrices, roots, work
 from polefence.proof.claims.base import prove
 from polefence.proof.claims.cells import Axis, Cell, Cells, Interpolated
 from polefence.proof.claims.poles import Poles
@@ -77,7 +77,7 @@ def test_a_singular_inequality_of_long_numbers_is_not_eliminated():
     ]
     matrix = [[int(sum(a * b for a, b in zip(x, y, strict=True))) for y in rows] for x in rows]
     with work.counted(), pytest.raises(FormatError, match="round the numbers"):
-        definite.is_positive_definite(matrix)
+        matrices.is_positive_definite(matrix)
 
 
 @pytest.mark.parametrize("scheduled", [False, True])

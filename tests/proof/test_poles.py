@@ -16,7 +16,8 @@ from hypothesis import strategies as st
 
 from polefence import build
 from polefence.cli.check import archive
-from polefence.proof import definite, regions, work
+from polefence.proof import matrices as definite
+from polefence.proof import regions, work
 from polefence.proof.document import loads
 from polefence.proof.roots import _schur_cohn
 

@@ -11,7 +11,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from polefence.design import counterexample
-from polefence.proof import definite, matrices, roots, work
+from polefence.proof import matrices, roots, work
+from polefence.proof import matrices as definite
 from polefence.proof.matrices import product
 from polefence.proof.regions import parts_of
 from polefence.region.regions import (

@@ -9,7 +9,7 @@ import pytest
 
 from polefence import Design, Disk, parse_region, tightest
 from polefence.lmi.conditions.methods import Scheduled
-from polefence.show.plots.plots import (
+from polefence.show.plots import (
     STYLES,
     curves,
     limits_figure,

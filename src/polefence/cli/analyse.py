@@ -196,7 +196,7 @@ def _one(analysis: Analysis, options: Any) -> int:
         },
     )
     if options.plot is not None:
-        from polefence.show.plots.plots import analysis_figure
+        from polefence.show.plots import analysis_figure
 
         write_figure(options.plot, analysis_figure(analysis))
     return PROVED if analysis.proved else NOT_PROVED
@@ -240,7 +240,7 @@ def _worst(plant: UncertainPlant, worst: WorstCase, options: Any) -> int:
     if options.plot is not None and design is None:
         say("not drawn: nothing was proved")
     elif options.plot is not None and design is not None:
-        from polefence.show.plots.plots import poles_figure, sampled
+        from polefence.show.plots import poles_figure, sampled
 
         write_figure(options.plot, poles_figure({plant.name: sampled(design)}, design.region))
     return NOT_PROVED if value is None else PROVED
@@ -276,7 +276,7 @@ def _table(plant: UncertainPlant, table: GainTable, region: Region, options: Any
     if options.json is not None:
         write_json(options.json, _table_summary(found))
     if options.plot is not None:
-        from polefence.show.plots.plots import table_figure
+        from polefence.show.plots import table_figure
 
         write_figure(options.plot, table_figure(found))
     return PROVED if found.proved else NOT_PROVED

@@ -197,7 +197,7 @@ def report(design: Design, lines: list[str], summary: Mapping[str, Any], options
 
     Files first: nobody need read the output to its end.
     """
-    from polefence.show.plots.plots import poles_figure, sampled
+    from polefence.show.plots import poles_figure, sampled
 
     cloud, corners = sampled(design)
     gains = gains_of(design.law, len(design.plant.vertices))
@@ -216,7 +216,7 @@ def report(design: Design, lines: list[str], summary: Mapping[str, Any], options
 
 def write_figure(path: Path, figure: Any) -> None:
     """Write a figure in the format that its name asks for."""
-    from polefence.show.plots.plots import render
+    from polefence.show.plots import render
 
     make_folder(path.parent)
     write_bytes(path, render(figure, path.suffix[1:]))

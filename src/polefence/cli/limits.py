@@ -100,7 +100,7 @@ def limits_command(options: Any) -> int:
     if options.json == STANDARD:
         write_json(STANDARD, {"plant": plant_summary(plant), "rows": rows})
     if options.plot is not None:
-        from polefence.show.plots.plots import limits_figure
+        from polefence.show.plots import limits_figure
 
         write_figure(options.plot, limits_figure({plant.name: rows}))
     if any(row.get("lower_from_file") for row in rows):

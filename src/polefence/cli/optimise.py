@@ -486,7 +486,7 @@ def _retreat_document(retreat: Retreat) -> dict[str, Any]:
 
 def figure_of(done: Optimised, rows: Sequence[Row]) -> Any:
     """Draw bounds and samples over the first parameter, or over the first vertex's weight."""
-    from polefence.show.plots.performance import Panel, bounds_figure
+    from polefence.show.plots import BoundsPanel, bounds_figure
 
     alpha, plant = rows[0].own.alpha, done.plant
     every = max(1, len(alpha) // 2000)
@@ -498,7 +498,7 @@ def figure_of(done: Optimised, rows: Sequence[Row]) -> Any:
     else:
         x, label = some[:, 0], "weight of the first vertex"
     panels = [
-        Panel(
+        BoundsPanel(
             row.label.replace(" [", "\n["),
             row.bound.level,
             row.own.values[::every],

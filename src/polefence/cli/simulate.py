@@ -23,7 +23,7 @@ from polefence.plant.system import Array
 
 if TYPE_CHECKING:  # imported where used: with scipy behind them
     from polefence.response.columns import Table
-    from polefence.show.plots.signals import Panel
+    from polefence.show.plots import Panel
     from polefence.vehicle.driving.drive import Run, Setup
     from polefence.vehicle.excitation import Excitation
     from polefence.vehicle.roads import Road
@@ -118,7 +118,7 @@ def _write(
 
         write_table(options.output, table_of(setup, runs))
     if options.plot is not None:
-        from polefence.show.plots.signals import signals_figure
+        from polefence.show.plots import signals_figure
 
         one = next(iter(runs.values())) if len(runs) == 1 else None
         outside = None if one is None or one.covered is None else ~one.covered
@@ -469,7 +469,7 @@ def table_of(setup: Setup, runs: Mapping[str, Run]) -> Table:
 
 def panels_of(setup: Setup, runs: Mapping[str, Run]) -> list[Panel]:
     """Return panels for what moves the plant, signals and moving parameters; laws in one panel."""
-    from polefence.show.plots.signals import BESIDE, Panel
+    from polefence.show.plots import BESIDE, Panel
 
     moved, found = setup.excitation, dict[str, dict[str, Array]]()
     if moved.height is not None:

@@ -141,7 +141,7 @@ def tradeoff_command(options: Any) -> int:
     elif options.json is not None:
         keep_references(options.json, front.references)
     if options.plot is not None:
-        from polefence.show.plots.performance import front_figure
+        from polefence.show.plots import front_figure
 
         write_figure(options.plot, front_figure(front))
     say(*_lines(front))

@@ -14,7 +14,7 @@ from polefence.lmi.conditions.methods import (
 )
 from polefence.plant.controllability import FixedModes, modes_text
 from polefence.plant.family import UncertainPlant
-from polefence.proof import definite, roots, work
+from polefence.proof import matrices, roots, work
 from polefence.proof.regions import parts_of
 from polefence.region.regions import Disk, HalfPlane, Region, check_centre
 
@@ -39,7 +39,7 @@ def is_checkable(plant: UncertainPlant, method: Method, parts: int = 1) -> bool:
     if not is_searchable(plant, method):
         return False
     size = 2 * plant.shape[0] * (2 if method_name(method) == "slack" else 1)
-    return definite.least_work(blocks(plant, method) * parts, size) <= work.MAX_WORK
+    return matrices.least_work(blocks(plant, method) * parts, size) <= work.MAX_WORK
 
 
 def require_checkable(plant: UncertainPlant, method: Method, parts: int = 1) -> None:

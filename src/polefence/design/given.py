@@ -26,7 +26,7 @@ from polefence.plant.family import UncertainPlant
 from polefence.plant.points import values_at, values_text
 from polefence.plant.polynomial import bernstein, elevated, times
 from polefence.plant.system import Array
-from polefence.proof import definite, work
+from polefence.proof import matrices, work
 from polefence.region.regions import Disk, HalfPlane, Region, Sector, damping_of
 
 # Degree and elevation of the Lyapunov polynomial, one after the other.
@@ -261,7 +261,7 @@ def forms(plant: UncertainPlant, law: Law, parts: int = 1) -> Iterator[tuple[int
     for degree, elevation in LADDER:
         blocks = domain.count(degree + 1 + own + elevation)
         unknowns = domain.count(degree) * n * (n + 1) // 2
-        checked = definite.least_work(blocks * parts**2, 2 * n) <= work.MAX_WORK
+        checked = matrices.least_work(blocks * parts**2, 2 * n) <= work.MAX_WORK
         if (degree, elevation) == LADDER[0]:
             if not checked:
                 raise InputError(f"{plant.name}: {blocks} inequalities are more than is checked")

@@ -12,7 +12,7 @@ from polefence.base.errors import InputError
 from polefence.design.certificate import Check, ranges_of
 from polefence.design.design import Design
 from polefence.design.margins.claims import claimed_design
-from polefence.design.margins.gain import gain_claim
+from polefence.design.margins.kinds import gain_claim
 from polefence.design.observer import Observer
 from polefence.export.observer import SampledLoop, judge_sampled_loop
 from polefence.export.program import Fixed, Number, Program, Scheduled, exactly

@@ -22,8 +22,8 @@ from polefence.design.certificate import Check, ranges_of
 from polefence.design.design import Design
 from polefence.design.given import certificate_of, evidence_of, forms, loop_of
 from polefence.design.margins.claims import above
-from polefence.design.margins.gain import Scales, largest_of
 from polefence.design.margins.inequalities import balanced
+from polefence.design.margins.kinds import Scales, largest_of
 from polefence.design.search import edge
 from polefence.export.program import exactly
 from polefence.law.laws import FixedGain, Law, ScheduledGain, check_alpha, domain_of, given_law

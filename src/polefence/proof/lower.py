@@ -26,13 +26,14 @@ from operator import mul
 from typing import Any
 
 from polefence.proof.claims.base import Verdict, undecided
-from polefence.proof.definite import is_positive_definite, least_work
 from polefence.proof.matrices import (
     MAX_BITS,
     Integers,
     Rationals,
     bits,
     common_denominator,
+    is_positive_definite,
+    least_work,
     times,
     transposed,
     whole_numbers,

@@ -6,13 +6,13 @@ from dataclasses import dataclass
 from fractions import Fraction
 from operator import mul
 
-from polefence.proof.definite import is_positive_definite
 from polefence.proof.matrices import (
     LONGEST,
     Integers,
     Rationals,
     bits,
     common_denominator,
+    is_positive_definite,
     is_symmetric,
     multiplied,
     transposed,

@@ -29,8 +29,15 @@ from polefence.response.bands import MOTION, RIDE
 from polefence.response.linear import Frequency, Response, frequency, impulse, step
 from polefence.response.stationary import velocity_density
 from polefence.response.weighting import WF, WK
-from polefence.show.plots.plots import FORMATS, limits_figure, poles_figure, render
-from polefence.show.plots.signals import bands_figure, frequency_figure, responses_figure
+from polefence.show.plots import (
+    FORMATS,
+    bands_figure,
+    frequency_figure,
+    limits_figure,
+    poles_figure,
+    render,
+    responses_figure,
+)
 from polefence.show.study import DISK, FAMILIES, cloud, nominal_poles
 from polefence.vehicle.vehicle import require_ride
 

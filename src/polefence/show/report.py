@@ -23,8 +23,7 @@ from polefence.region.regions import Disk
 from polefence.region.text import digits_down, digits_up, short_text
 from polefence.response.linear import step
 from polefence.response.stationary import velocity_density
-from polefence.show.plots.plots import limits_figure, poles_figure, render, sampled
-from polefence.show.plots.signals import responses_figure
+from polefence.show.plots import limits_figure, poles_figure, render, responses_figure, sampled
 from polefence.vehicle.comfort import comfort_reading
 from polefence.vehicle.compare import Comparison, compare, points
 from polefence.vehicle.reference_laws import lqr, skyhook

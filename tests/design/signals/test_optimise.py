@@ -25,8 +25,7 @@ from polefence.design.requirements.relative_rms import RelativeRms
 from polefence.design.requirements.rms import Rms
 from polefence.design.signals.bounds import bounds_file, known_bound, sampled
 from polefence.design.signals.optimise import optimise, relaxed
-from polefence.design.signals.search import Origin
-from polefence.design.signals.task import Task
+from polefence.design.signals.search import Origin, Task
 from polefence.plant.outputs import Output, rate_of
 from polefence.plant.points import seeded
 from polefence.plant.spec import loads

@@ -26,7 +26,7 @@ from polefence.design.requirements.gain import Gain
 from polefence.design.requirements.rms import Rms
 from polefence.design.signals.optimise import optimise
 from polefence.design.signals.tradeoff import monotone, tradeoff
-from polefence.show.plots.performance import front_figure
+from polefence.show.plots import front_figure
 from polefence.vehicle import beside_reference_laws, velocity_density
 from support.paths import DOCS
 

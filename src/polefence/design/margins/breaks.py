@@ -13,13 +13,14 @@ import numpy as np
 
 from polefence.design.counterexample import leaves
 from polefence.design.design import Design
-from polefence.design.margins.gain import Scales
+from polefence.design.margins.kinds import Scales
 from polefence.design.search import edge, first
 from polefence.plant.parameters import Parameter
 from polefence.plant.points import exact_alpha, inside, joint, weights_of
 from polefence.plant.polynomial import Domain
 from polefence.plant.system import Array
-from polefence.proof import definite, matrices, work
+from polefence.proof import matrices, work
+from polefence.proof import matrices as definite
 from polefence.proof.claims.poles import Poles
 from polefence.proof.matrices import Rationals, product
 from polefence.proof.regions import parts_of

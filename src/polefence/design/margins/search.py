@@ -14,7 +14,7 @@ from polefence.base.errors import InputError
 from polefence.base.files import write_documents
 from polefence.design.checks import require_region
 from polefence.design.design import Design, require_kind
-from polefence.design.margins import estimate, gain, rate
+from polefence.design.margins import kinds
 from polefence.design.margins.breaks import estimate_break, gain_break
 from polefence.design.margins.claims import Question, claimed_design, proved
 from polefence.design.margins.inequalities import Balanced, balanced
@@ -157,9 +157,9 @@ def gain_error(design: Design, *, region: Region | None = None) -> Margin:
 
 
 def _gain(task: _Task) -> Margin:
-    scales, claim = gain.scales_of(task.design), None
+    scales, claim = kinds.scales_of(task.design), None
     if task.loops:
-        claim = task.proved(gain.Question.of(task.loops, scales))
+        claim = task.proved(kinds.GainQuestion.of(task.loops, scales))
     value = float(claim.error) if isinstance(claim, GainError) else 0.0
     found = gain_break(task.design, task.region, scales, value)
     upper, example = (found.value, found.example) if found else (None, "")
@@ -217,7 +217,7 @@ def _rate(task: _Task, decay: float, name: str, unit: str, span: tuple[Fraction,
     """Return the largest rate that the Lyapunov polynomial of any part of the region proves."""
     best, value = None, 0.0
     for part, loop in enumerate(task.loops):
-        claim = task.proved(rate.Question(loop, part, task.parameters, span, decay))
+        claim = task.proved(kinds.RateQuestion(loop, part, task.parameters, span, decay))
         if isinstance(claim, Rate):
             reached = math.inf if claim.rates is None else _value(claim.rates, span, name)
             if best is None or reached > value:
@@ -232,7 +232,7 @@ def _estimates(task: _Task) -> tuple[Margin, ...]:
 
 
 def _estimate(task: _Task, name: str, unit: str, span: tuple[Fraction, ...]) -> Margin:
-    claim = task.proved(estimate.Question(task.loops, task.parameters, span))
+    claim = task.proved(kinds.EstimateQuestion(task.loops, task.parameters, span))
     value = _value(claim.errors, span, name) if isinstance(claim, Estimate) else 0.0
     whole = float(max(span)) if name else 1.0
     found = estimate_break(task.design, task.region, span, value / whole)

@@ -30,6 +30,7 @@ from polefence.design.signals.search import (
     Retreat,
     Search,
     Step,
+    Task,
     candidate,
     is_falling,
     is_too_fast,
@@ -39,7 +40,6 @@ from polefence.design.signals.search import (
     together,
     unbounded,
 )
-from polefence.design.signals.task import Task
 from polefence.law.laws import Law
 from polefence.lmi.conditions.methods import Method, Scheduled, options
 from polefence.lmi.solve.search import Reached, singular_is_failure

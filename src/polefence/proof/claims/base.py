@@ -6,9 +6,8 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, ClassVar, Self
 
-from polefence.proof.definite import is_positive_definite
 from polefence.proof.laws import Law
-from polefence.proof.matrices import Integers, Rationals, is_symmetric
+from polefence.proof.matrices import Integers, Rationals, is_positive_definite, is_symmetric
 from polefence.proof.plant import Plant
 from polefence.proof.polynomials import Exponent, Polynomial, Sizes, count_of, joint, symmetric
 from polefence.proof.reading import Table

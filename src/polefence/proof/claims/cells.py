@@ -18,9 +18,8 @@ from typing import Any, ClassVar, Self
 
 from polefence.proof.claims.base import Claim, Verdict, prove
 from polefence.proof.claims.poles import Poles
-from polefence.proof.definite import least_work
 from polefence.proof.laws import Evidence, Law, read_evidence
-from polefence.proof.matrices import Rationals, mix, quotient
+from polefence.proof.matrices import Rationals, least_work, mix, quotient
 from polefence.proof.plant import Plant, Range
 from polefence.proof.reading import Table, as_list, as_number, plain
 from polefence.proof.regions import MAX_PARTS, Part, read_region, write_region

@@ -13,9 +13,8 @@ from typing import Any, ClassVar, Self
 
 from polefence.proof.claims.base import Claim, Inequality, require_law, require_work
 from polefence.proof.claims.signal import SignalClaim, Subject
-from polefence.proof.definite import least_work
 from polefence.proof.laws import DOMAINS, Evidence
-from polefence.proof.matrices import Rationals
+from polefence.proof.matrices import Rationals, least_work
 from polefence.proof.plant import Output, Plant
 from polefence.proof.polynomials import count_of, diagonal
 from polefence.proof.reading import Table, plain

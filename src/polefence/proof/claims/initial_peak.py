@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from fractions import Fraction
 from typing import Any, ClassVar
 
-from polefence.proof import definite
+from polefence.proof import matrices
 from polefence.proof.claims.signal import Rows, SignalClaim, Subject, require_shapes
 from polefence.proof.matrices import (
     LONGEST,
@@ -124,4 +124,4 @@ class InitialPeak(SignalClaim):
 def is_semidefinite(matrix: Rationals) -> bool:
     """Whether a symmetric matrix has no negative eigenvalue."""
     common = common_denominator([matrix], LONGEST)
-    return definite.is_semidefinite(whole_numbers(matrix, common))
+    return matrices.is_semidefinite(whole_numbers(matrix, common))

@@ -18,9 +18,8 @@ from typing import Any, Self
 
 from polefence.proof.claims.base import MAX_BLOCKS, Claim, Inequality, require_work
 from polefence.proof.claims.poles import Poles, plant_form
-from polefence.proof.definite import least_work
 from polefence.proof.laws import degree_of, lifted
-from polefence.proof.matrices import Rationals
+from polefence.proof.matrices import Rationals, least_work
 from polefence.proof.plant import Plant, Range
 from polefence.proof.polynomials import MAX_DEGREE, Polynomial, Sizes, count_of, monomials, number
 from polefence.proof.reading import Table

@@ -28,7 +28,6 @@ from fractions import Fraction
 from typing import Any, ClassVar, Self
 
 from polefence.proof.claims.base import Claim, Inequality, Place, Verdict, require_law, undecided
-from polefence.proof.definite import least_work
 from polefence.proof.laws import (
     DOMAINS,
     Evidence,
@@ -44,6 +43,7 @@ from polefence.proof.matrices import (
     Rationals,
     common_denominator,
     identity,
+    least_work,
     mix,
     multiplied,
     right_divide,

@@ -20,9 +20,8 @@ from polefence.proof.claims.signal import (
     require_shapes,
     varies,
 )
-from polefence.proof.definite import least_work
 from polefence.proof.laws import Evidence, read_evidence
-from polefence.proof.matrices import Rationals
+from polefence.proof.matrices import Rationals, least_work
 from polefence.proof.plant import Output
 from polefence.proof.polynomials import MAX_DEGREE, Polynomial, affine, bernstein, count_of
 from polefence.proof.reading import MAX_SIZE, Table, plain

@@ -34,11 +34,12 @@ from typing import Any, ClassVar, Self
 
 from polefence.proof.claims.base import Claim, Inequality, Verdict, require_work
 from polefence.proof.claims.gain_error import GainError
-from polefence.proof.definite import is_positive_definite, least_work
 from polefence.proof.matrices import (
     MAX_BITS,
     Rationals,
     inverse,
+    is_positive_definite,
+    least_work,
     norm,
     product,
     right_divide,

@@ -17,9 +17,8 @@ from typing import Any, ClassVar, Self
 
 from polefence.proof.claims.base import Claim, Inequality, require_law, require_work
 from polefence.proof.claims.poles import Poles
-from polefence.proof.definite import least_work
 from polefence.proof.laws import DOMAINS, Evidence, Law, lifted, read_evidence
-from polefence.proof.matrices import MAX_BITS, Rationals
+from polefence.proof.matrices import MAX_BITS, Rationals, least_work
 from polefence.proof.plant import Output, Plant, sizes_of
 from polefence.proof.polynomials import Polynomial, Sizes, affine, bernstein, count_of, joint
 from polefence.proof.reading import Table, plain, plain_rows

@@ -17,7 +17,6 @@ import math
 from fractions import Fraction
 from typing import TYPE_CHECKING
 
-from polefence.proof.definite import is_positive_definite
 from polefence.proof.matrices import (
     MAX_BITS,
     Integers,
@@ -25,6 +24,7 @@ from polefence.proof.matrices import (
     common_denominator,
     identity,
     inverse,
+    is_positive_definite,
     norm,
     product,
     root,

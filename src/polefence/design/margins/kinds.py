@@ -1,4 +1,4 @@
-"""Margin of the gain: how far off it may be, in rows and columns of given scales or directions.
+"""Margins one by one: of the estimates, of the gain, of the rates; how far each goes in floats.
 
 Rounding a law and sampling its reference in tables put an error on the gain that is known to be
 small; its rows and columns are known too. So an error far below the largest is enough, and is
@@ -11,6 +11,7 @@ import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
+from itertools import pairwise, permutations, product
 from typing import Any
 
 import numpy as np
@@ -32,18 +33,33 @@ from polefence.design.margins.claims import (
 )
 from polefence.design.margins.inequalities import (
     Balanced,
+    Points,
+    alpha_of,
     are_positive,
     balanced,
+    count_monomials,
     count_whole,
     kron,
     largest_step,
+    lattice,
     region_block,
     whole_points,
 )
+from polefence.design.search import edge
+from polefence.plant.parameters import Parameter
+from polefence.plant.polynomial import Domain
 from polefence.plant.system import Array
+from polefence.proof.claims.estimate import Estimate
 from polefence.proof.claims.gain_error import GainError
 from polefence.proof.claims.margins import Subject
+from polefence.proof.claims.rate import Rate
 from polefence.region.regions import Pair
+
+LEAST_ERROR, PRECISION = (
+    1e-6,
+    1e-3,
+)  # of the search: the smallest share of a range, its relative error
+HALVINGS = 20  # at most, of what a quarter more breaks
 
 GIVEN = ((1, 0), (1, 1), (1, 2))  # pieces and elevation that are tried of a law that was given
 ROUNDS = 30  # of the golden section for each mu
@@ -52,6 +68,123 @@ WIDTH = 9.0  # decades of mu that it looks at
 FINEST = 4  # finenesses that are tried
 LEAST = 2.0**-80  # of the largest error: what is smaller is proved as this
 ROOM = 10  # times what is needed: so much makes a coarser proof, which is shorter, as good
+
+FASTEST = 1e9  # rate that is asked for, in ranges per second
+
+
+def estimate_holds(design: Balanced, points: Points) -> bool:
+    """Whether all coefficients are positive definite in floats."""
+    X, N, _ = design.loop(points)
+    if not design.disks and not are_positive(X):
+        return False
+    return all(are_positive(region_block(pair, X, N)) for pair in design.pairs)
+
+
+def count_blocks(design: Balanced, errors: Sequence[float], pieces: int, elevation: int) -> float:
+    """Return how many inequalities there are at most."""
+    degree = design.degree + 1 + elevation
+    if not design.q:
+        each = count_monomials(design.sizes * 2, (degree, design.degree))
+        return each * len(design.A) * len(design.pairs)
+    cells = math.prod(2 * (pieces + 1) if error else pieces for error in errors)
+    return count_monomials(design.sizes, (degree,) * design.q) * cells * len(design.pairs)
+
+
+def points_of(
+    design: Balanced,
+    parameters: Sequence[Parameter],
+    errors: Sequence[float],
+    pieces: int,
+    elevation: int,
+) -> Points:
+    """Return points of the pieces on which p is affine in its estimate, for all signs."""
+    degree = design.degree + 1 + elevation
+    if not parameters:
+        return _mislaid(design, errors[0], degree)
+    nodes, coefficients = lattice(design.sizes, (degree,) * design.q)
+    segments = [_segments(*each, pieces) for each in zip(parameters, errors, strict=True)]
+    cells = np.array(list(product(*segments)))  # (cells, parameters, plant or law, low or high)
+    values = cells[:, None, :, :, 0] + nodes[None, :, 1::2, None] * (
+        cells[:, None, :, :, 1] - cells[:, None, :, :, 0]
+    )
+    shares, factor = np.empty_like(values), np.ones(values.shape[:2])
+    for f, parameter in enumerate(parameters):
+        p = values[..., f, :]
+        ends = [float(parameter.scheduling(end)) for end in (parameter.low, parameter.high)]
+        s = 1 / p if parameter.inverted else p
+        shares[..., f, :] = (s - ends[0]) / (ends[1] - ends[0])
+        if parameter.inverted:
+            factor = factor * np.abs(p[..., 0]) * np.abs(p[..., 1]) ** design.degree
+    plant, law = (alpha_of(shares[..., side]) for side in (0, 1))
+    return Points(plant, law, factor, coefficients)
+
+
+def _segments(parameter: Parameter, error: float, pieces: int) -> list[Array]:
+    low, high = float(parameter.low), float(parameter.high)
+    found = []
+    for sign in (-1, 1) if error else (0,):
+        bend = low + error if sign < 0 else high - error
+        cuts = {*np.linspace(low, high, pieces + 1), *([bend] if low < bend < high else [])}
+        for ends in pairwise(sorted(cuts)):
+            own = np.clip(np.array(ends) + sign * error, low, high)
+            found.append(np.array([own, ends]))
+    return found
+
+
+def _mislaid(design: Balanced, share: float, degree: int) -> Points:
+    N = len(design.A)
+    nodes, coefficients = lattice((N, N), (degree, design.degree))
+    kept = (1 - share) * nodes[:, :N]
+    plant = kept[None] + share * np.eye(N)[:, None, :]
+    law = np.broadcast_to(kept + share * nodes[:, N:], plant.shape)
+    return Points(plant, law, np.ones(plant.shape[:2]), coefficients)
+
+
+@dataclass(frozen=True, eq=False)
+class EstimateQuestion:
+    """How far the estimates of parameters may be off, together, as a share of a span of each."""
+
+    loops: tuple[Balanced, ...]
+    parameters: tuple[Parameter, ...]
+    span: tuple[Fraction, ...]
+
+    @property
+    def ladder(self) -> Ladder:
+        """Pieces and elevation that are tried."""
+        return BOX if self.parameters else SIMPLEX
+
+    def count(self, pieces: int, elevation: int) -> float:
+        """Return how many inequalities there are at most."""
+        errors = self._errors(1.0)
+        return sum(count_blocks(own, errors, pieces, elevation) for own in self.loops)
+
+    def reach(self, pieces: int, elevation: int) -> Reached:
+        """Return the largest share in [0, 1] that is proved in floats; -1 where not even 0 is."""
+        share = min(self._largest(own, pieces, elevation) for own in self.loops)
+        return Reached(share, pieces, elevation)
+
+    def claim(self, subject: Subject, reached: Reached) -> Estimate:
+        """Return the claim of a share, or a little less."""
+        t = reached.value
+        errors = (s if t == 1 else min(below(t * float(s)), s) for s in self.span)
+        return Estimate(subject, tuple(errors))
+
+    def _errors(self, share: float) -> list[float]:
+        return [share * float(s) for s in self.span]
+
+    def _largest(self, loop: Balanced, pieces: int, elevation: int) -> float:
+        def proved(t: float) -> bool:
+            points = points_of(loop, self.parameters, self._errors(t), pieces, elevation)
+            return estimate_holds(loop, points)
+
+        if proved(1.0):
+            return 1.0
+        high = 1.0
+        while high > LEAST_ERROR:
+            if proved(high / 4):
+                return edge(proved, high / 4, high, HALVINGS, close=PRECISION)[0]
+            high /= 4
+        return 0.0 if proved(0.0) else -1.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,7 +218,7 @@ def scales_of(design: Design) -> Scales:
 
 
 @dataclass(frozen=True, eq=False)
-class Question:
+class GainQuestion:
     """How far the gain may be off in the directions that scales give."""
 
     loops: tuple[Balanced, ...]
@@ -93,7 +226,9 @@ class Question:
     ladder: Ladder
 
     @classmethod
-    def of(cls, loops: tuple[Balanced, ...], scales: Scales, most: int | None = None) -> Question:
+    def of(
+        cls, loops: tuple[Balanced, ...], scales: Scales, most: int | None = None
+    ) -> GainQuestion:
         """Return the question for a design's loops, of at most so many finenesses."""
         given = loops[0].elevation is not None
         ladder = GIVEN if given else BOX if loops[0].q else SIMPLEX
@@ -251,7 +386,7 @@ def gain_claim(
     own = claimed_design(design)
     if own is None:
         return 0.0, None
-    question = Question.of(balanced(own, own.region), scales, FINEST)
+    question = GainQuestion.of(balanced(own, own.region), scales, FINEST)
     found = [reached for reached in climb(question) if reached.value > 0]
     largest = found[-1].value if found else 0.0
     for reached in found:
@@ -291,7 +426,9 @@ def _targets(needed: float, largest: float) -> Iterator[Fraction]:
         yield above(least)
 
 
-def _claim(question: Question, subject: Subject, reached: Reached, error: Fraction) -> GainError:
+def _claim(
+    question: GainQuestion, subject: Subject, reached: Reached, error: Fraction
+) -> GainError:
     """Return the claim, with mu that leaves the most room.
 
     F - mu E E' - error^2 H H' / mu is positive definite at the largest error for its mu. With both
@@ -299,3 +436,93 @@ def _claim(question: Question, subject: Subject, reached: Reached, error: Fracti
     """
     mu = tuple(above(own * float(error) / largest) for largest, own in reached.each)
     return question.with_mu(subject, error, mu)
+
+
+@dataclass(frozen=True, eq=False)
+class RateQuestion:
+    """How fast the parameters may change, together, as a share of a span of each a second.
+
+    ``part`` is the part of the region whose Lyapunov polynomial the loop has.
+    """
+
+    loop: Balanced
+    part: int
+    parameters: tuple[Parameter, ...]
+    span: tuple[Fraction, ...]
+    decay: float
+
+    @property
+    def ladder(self) -> Ladder:
+        """Pieces and elevation that are tried."""
+        return BOX if self.parameters else SIMPLEX
+
+    def count(self, pieces: int, elevation: int) -> float:
+        """Return how many inequalities there are at most."""
+        N = len(self.loop.A)
+        signs = 2 ** sum(s > 0 for s in self.span) if self.parameters else N * (N - 1)
+        return count_whole(self.loop, pieces, elevation) * signs
+
+    def reach(self, pieces: int, elevation: int) -> Reached:
+        """Return the largest rate proved in floats: -1 where not even 0 is, infinite if any is."""
+        loop, points = self.loop, whole_points(self.loop, pieces, elevation)
+        X, N, _ = loop.loop(points)
+        still = -(N + N.swapaxes(-1, -2) + 2 * self.decay * X)
+        if not (are_positive(X) and are_positive(still)):
+            return Reached(-1.0, pieces, elevation)
+        slopes = _slopes(loop, points, self.parameters, [float(s) for s in self.span])
+        found = min((largest_step(still, slope) for slope in slopes), default=np.inf)
+        # where all W are equal but for rounding, no rate is too large in floats
+        return Reached(min(found, FASTEST) if loop.degree else found, pieces, elevation)
+
+    def claim(self, subject: Subject, reached: Reached) -> Rate:
+        """Return the claim of a rate, or a little less."""
+        t, decay = reached.value, Fraction(self.decay)
+        rates = None if math.isinf(t) else tuple(below(t * float(s)) for s in self.span)
+        return Rate(subject, decay, rates, self.part)
+
+
+def _slopes(
+    design: Balanced, points: Points, parameters: Sequence[Parameter], unit: Sequence[float]
+) -> list[Array]:
+    """Return the coefficients of dW/dt at every extreme of the rates ``unit``."""
+    if design.degree == 0:
+        return []
+    if parameters:
+        share = Domain(design.sizes).coordinates(points.law)[..., 1::2]
+        each = [
+            _moved(design, share, f, parameter, rate)
+            for f, (parameter, rate) in enumerate(zip(parameters, unit, strict=True))
+        ]
+        signs = [np.array(s) for s in product(*((-1, 1) if rate else (0,) for rate in unit))]
+    else:
+        corners = np.eye(len(design.A))
+        each = [_derivative(design, points.law, unit[0] * corner) for corner in corners]
+        signs = [to - off for to, off in permutations(corners, 2)]
+    values = np.stack(each)
+    return [
+        np.einsum("ij,cjab->ciab", points.coefficients, np.tensordot(sign, values, 1))
+        for sign in signs
+    ]
+
+
+def _moved(design: Balanced, share: Array, f: int, parameter: Parameter, rate: float) -> Array:
+    """Return dW/dt where one parameter rises at a rate, at shares of its scheduling variable."""
+    low, high = (float(parameter.scheduling(end)) for end in (parameter.low, parameter.high))
+    s = low + share[..., f] * (high - low)
+    speed = rate / (high - low) * (s**2 if parameter.inverted else np.ones_like(s))
+    low_end, high_end = share.copy(), share.copy()
+    low_end[..., f], high_end[..., f] = 0, 1
+    direction = alpha_of(high_end) - alpha_of(low_end)
+    return np.asarray(speed[..., None, None] * _derivative(design, alpha_of(share), direction))
+
+
+def _derivative(design: Balanced, alpha: Array, direction: Array) -> Array:
+    """Return dW in a direction of alpha, from as many values as determine W's polynomial."""
+    half = (design.degree + 1) // 2
+    steps = np.arange(-half, half + 1)
+    powers = np.vander(steps, increasing=True).T.astype(float)
+    weights = np.linalg.solve(powers, np.eye(len(steps))[1])
+    total = np.zeros((*alpha.shape[:-1], *design.T.shape))
+    for k, weight in zip(steps, weights, strict=True):
+        total = total + weight * design.law(alpha + k * direction)[0]
+    return total

@@ -586,7 +586,7 @@ def signals_figure(
 def _styles(panels: Sequence[Panel]) -> dict[str, dict[str, Any]]:
     names = list(dict.fromkeys(name for p in panels for name in p.curves if name))
     laws = list(dict.fromkeys(name.removesuffix(BESIDE) for name in names))
-    own = {law: LAW_STYLES[k % len(CARS)] for k, law in enumerate(laws)}
+    own = {law: LAW_STYLES[k % len(LAW_STYLES)] for k, law in enumerate(laws)}
     found = {
         name: own[name.removesuffix(BESIDE)] | (DOTTED if name.endswith(BESIDE) else {})
         for name in names

@@ -1,8 +1,8 @@
 """Margins one by one: of the estimates, of the gain, of the rates; how far each goes in floats.
 
-Rounding a law and sampling its reference in tables put an error on the gain that is known to be
-small; its rows and columns are known too. So an error far below the largest is enough, and is
-proved where the proof has most room.
+`gain_claim` is the gain's in given directions: rounding a law and sampling its reference in tables
+put an error on the gain that is known to be small; its rows and columns are known too. So an error
+far below the largest is enough, and is proved where the proof has most room.
 """
 
 from __future__ import annotations

@@ -24,6 +24,7 @@ from polefence import (
 from polefence.cli.main import main
 from polefence.examples import family
 from polefence.export import check_guarantee, export_c99
+from polefence.response.discrete import Sampling
 
 FILES = {"law.c", "law.h", "law_test.c", "Makefile", "README.md", "guarantee.json"}
 
@@ -478,7 +479,7 @@ def test_a_discrete_time_plant_runs_at_its_own_time(tmp_path):
     assert "#define LAW_SAMPLE_TIME 0.005" in head
     assert "#define LAW_DELAY 0U" in head
     with pytest.raises(InputError, match="discrete"):
-        export_c99(made, 64, sample_time=0.005)
+        export_c99(made, 64, sampling=Sampling(0.005))
     found.save(tmp_path)
     assert check_guarantee(tmp_path).proved
 

@@ -26,8 +26,7 @@ from polefence.export import fmu as shared_library
 from polefence.export.fmu import fmu, plain, platform, split, unique
 from polefence.export.program import number, program
 from polefence.export.sources import Texts
-from polefence.response.discrete import zero_order_hold
-from polefence.vehicle.driving.parts import Sampling
+from polefence.response.discrete import Sampling, zero_order_hold
 from support.drives import drive
 
 BOTH = pytest.mark.parametrize("version", ["2.0", "3.0"])

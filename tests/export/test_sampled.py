@@ -19,7 +19,7 @@ from polefence.export.sampled import (
     off_by_rounding,
     prove_decay,
     sampled_poles,
-    sampling,
+    sampling_effect,
 )
 from polefence.proof.claims.base import prove
 from polefence.proof.work import FormatError
@@ -89,7 +89,7 @@ def test_short_samples_have_the_poles_of_continuous_time(delay):
 
 
 def test_sampling_finds_what_leaves_the_region():
-    good, bad = (sampling(car(tight=True), time) for time in (1e-4, 1e-3))
+    good, bad = (sampling_effect(car(tight=True), time) for time in (1e-4, 1e-3))
     assert good.inside
     assert good.stable
     assert not bad.inside
@@ -121,10 +121,10 @@ def test_the_largest_sample_time_of_an_integrator_is_known(delay, limit):
 def test_the_largest_sample_time_of_the_car_holds_and_hardly_more():
     found = largest_sample_time(car(tight=True), 1)
     assert 2e-4 < found.region < 4e-4 < 5e-3 < found.stable < 1e-2
-    assert sampling(car(tight=True), found.region).inside
-    assert not sampling(car(tight=True), 1.02 * found.region).inside
-    assert sampling(car(tight=True), found.stable).stable
-    assert not sampling(car(tight=True), 1.02 * found.stable).stable
+    assert sampling_effect(car(tight=True), found.region).inside
+    assert not sampling_effect(car(tight=True), 1.02 * found.region).inside
+    assert sampling_effect(car(tight=True), found.stable).stable
+    assert not sampling_effect(car(tight=True), 1.02 * found.stable).stable
 
 
 def test_the_proved_decay_is_below_the_sampled_one_and_near():
@@ -132,7 +132,7 @@ def test_the_proved_decay_is_below_the_sampled_one_and_near():
     assert found.proved
     assert 0.95 * found.sampled < found.decay < found.sampled
     assert found.reason == ""
-    assert found.sampled == pytest.approx(sampling(car(), TIME).decay, rel=1e-9)
+    assert found.sampled == pytest.approx(sampling_effect(car(), TIME).decay, rel=1e-9)
 
 
 def test_a_simulation_decays_as_proved():
@@ -233,13 +233,13 @@ def test_a_malformed_document_is_refused(key, value):
 
 @pytest.mark.parametrize("time", [0, -1.0, math.nan, math.inf, "fast", None])
 def test_a_sample_time_is_a_positive_number(time):
-    for function in (sampling, prove_decay):
+    for function in (sampling_effect, prove_decay):
         with pytest.raises(InputError, match="sample_time"):
             function(car(), time)
 
 
 def test_delays_are_none_or_one():
-    for function in (lambda d: sampling(d, TIME, 2), lambda d: largest_sample_time(d, -1)):
+    for function in (lambda d: sampling_effect(d, TIME, 2), lambda d: largest_sample_time(d, -1)):
         with pytest.raises(InputError, match="delay"):
             function(car())
 
@@ -247,7 +247,7 @@ def test_delays_are_none_or_one():
 def test_a_discrete_time_plant_is_sampled_already():
     plant = UncertainPlant.from_vertices([[[1.2]]], [[[1]]], sample_time=0.01)
     design = place(plant, Disk(0, 0.5), "quadratic")
-    for function in (lambda: sampling(design, TIME), lambda: largest_sample_time(design)):
+    for function in (lambda: sampling_effect(design, TIME), lambda: largest_sample_time(design)):
         with pytest.raises(InputError, match="discrete-time plant"):
             function()
 
@@ -257,4 +257,4 @@ def test_samples_too_long_for_floating_point_are_refused():
     design = place(plant, Disk(-4, 1), "quadratic")
     assert isinstance(design.law, FixedGain)
     with pytest.raises(InputError, match="outgrows"):
-        sampling(design, 1000.0)
+        sampling_effect(design, 1000.0)

@@ -16,6 +16,7 @@ from polefence import Disk, GainTable, Scheduled, UncertainPlant, place, tightes
 from polefence.base.errors import InputError
 from polefence.design.margins import in_service, parameter_rate
 from polefence.plant.outputs import rate_of
+from polefence.response.discrete import Sampling
 from polefence.vehicle.driving.parts import (
     Actuator,
     BumpStops,
@@ -23,7 +24,6 @@ from polefence.vehicle.driving.parts import (
     Jump,
     Measured,
     Ramp,
-    Sampling,
     Sensors,
     Sine,
 )

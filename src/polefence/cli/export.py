@@ -16,6 +16,7 @@ from polefence.export.exported import GIVEN, Exported, check_folder, marks, writ
 from polefence.export.matlab import HEADER, mat_bytes
 from polefence.export.sources import check_c_name
 from polefence.region.text import digits_down, digits_up
+from polefence.response.discrete import Sampling
 
 LANGUAGES = ("c99", "fmu", "mat")
 BITS = 64
@@ -97,8 +98,7 @@ def export_command(options: Any) -> int:
         name=options.name,
         given=options.given,
         limits=limits,
-        sample_time=options.sample_time,
-        delay=1 if options.delay is None else options.delay,
+        sampling=_sampling(options),
         observer=_observer(design, options),
         allow_unproved=options.allow_unproved,
     )
@@ -109,6 +109,11 @@ def export_command(options: Any) -> int:
     for path in paths:
         say(f"saved: {path}")
     return PROVED if found.proved else NOT_PROVED
+
+
+def _sampling(options: Any) -> Sampling | None:
+    late = options.delay is None or options.delay == 1
+    return None if options.sample_time is None else Sampling(options.sample_time, late)
 
 
 def _observer(design: Design, options: Any) -> Observer | None:

@@ -257,8 +257,9 @@ def setup_of(plant: UncertainPlant, options: Any, law: Any) -> Setup:
     InputError
         Naming the option that cannot be used.
     """
+    from polefence.response.discrete import Sampling
     from polefence.vehicle.driving.drive import Setup
-    from polefence.vehicle.driving.parts import Actuator, BumpStops, Estimated, Hardware, Sampling
+    from polefence.vehicle.driving.parts import Actuator, BumpStops, Estimated, Hardware
 
     stops = None
     if options.travel_limit is not None:

@@ -3,10 +3,12 @@
 from polefence.export.documents import check_guarantee
 from polefence.export.exported import Exported, export_c99, with_fmus
 from polefence.export.guarantee import Guarantee
+from polefence.response.discrete import Sampling
 
 __all__ = [
     "Exported",
     "Guarantee",
+    "Sampling",
     "check_guarantee",
     "export_c99",
     "with_fmus",

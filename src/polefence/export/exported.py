@@ -32,6 +32,7 @@ from polefence.export.vectors import harness, makefile
 from polefence.law.laws import FixedGain
 from polefence.plant.parameters import Parameter
 from polefence.proof.document import FORMAT
+from polefence.response.discrete import Sampling
 
 GIVEN = ("parameters", "alpha")
 BESIDE = (".c", ".h", ".fmu")  # what runs beside the law
@@ -98,8 +99,7 @@ def export_c99(
     name: str = "law",
     given: str | None = None,
     limits: Sequence[float] | float = (),
-    sample_time: float | None = None,
-    delay: int = 1,
+    sampling: Sampling | None = None,
     observer: Observer | None = None,
     allow_unproved: bool = False,
 ) -> Exported:
@@ -117,11 +117,9 @@ def export_c99(
     limits : float or sequence of float
         Largest absolute value of the inputs, one for all or one each; none without. What is proved
         is about the law within them.
-    sample_time : float, optional
-        From one update to the next [s]: the loop that a computer closes is then judged too. An
-        observer needs it.
-    delay : int
-        0 or 1 sample times from measuring x to applying u.
+    sampling : Sampling, optional
+        From one update to the next, and whether u is applied a sample late: the loop that a
+        computer closes is then judged too. An observer needs it.
     observer : Observer, optional
         Of the same plant; its code is put beside that of the law.
     allow_unproved : bool
@@ -145,14 +143,14 @@ def export_c99(
     require_law(design)
     made = program(code_law(design.law), _given(design, given), number(bits))
     cuts = _limits(limits, design.plant.shape[1])
-    _require_observer(design, observer, sample_time, allow_unproved)
+    _require_observer(design, observer, sampling, allow_unproved)
     answer = check(design)
     if not answer.proved and not allow_unproved:
         raise NotProvedError(f"not exported: the design is not proved: {answer.reason}")
     found = guarantee(design, made)
     if not found.proved and not allow_unproved:
         raise NotProvedError(f"not exported: {found.reason}")
-    timed = None if sample_time is None else timing(design, sample_time, delay, found, observer)
+    timed = None if sampling is None else timing(design, sampling, found, observer)
     if timed is not None and not timed.proved and not allow_unproved:
         raise NotProvedError(f"not exported: {timed.reason}")
     lines = statement(_facts(design, found, bool(cuts), timed, observer))
@@ -162,14 +160,16 @@ def export_c99(
         lines,
         *names(design),
         cuts,
-        _time(design, sample_time),
-        delay if sample_time is not None else 0,
+        _time(design, sampling),
+        int(sampling is not None and sampling.delayed),
     )
     whole = Exported(design, made, texts, found, timed, observer)
     files = _files(whole)
     if observer is not None:
         own = () if given == "alpha" else design.plant.parameters
-        code = observer_sources(observer, made.number, texts, own, sample_time)
+        code = observer_sources(
+            observer, made.number, texts, own, None if sampling is None else sampling.period
+        )
         files |= {key: text.encode() for key, text in code.items()}
         whole = replace(whole, by_parameters=given != "alpha")
     return replace(whole, files=_sealed(whole, files))
@@ -192,15 +192,13 @@ def _facts(
 
 
 def _require_observer(
-    design: Design, observer: Observer | None, sample_time: float | None, allow_unproved: bool
+    design: Design, observer: Observer | None, sampling: Sampling | None, allow_unproved: bool
 ) -> None:
     if observer is None:
         return
     observer.feedback(design)  # refuses another plant's
-    if sample_time is None and design.plant.sample_time is None:
-        raise InputError(
-            "an observer's code needs the sample time; give sample_time (--sample-time)"
-        )
+    if sampling is None and design.plant.sample_time is None:
+        raise InputError("an observer's code needs the sample time; give sampling (--sample-time)")
     if not observer.design.proved and not allow_unproved:
         raise NotProvedError("not exported: the observer's region is not proved")
 
@@ -288,9 +286,12 @@ def _limits(limits: Any, inputs: int) -> tuple[float, ...]:
     return tuple(map(float, values))
 
 
-def _time(design: Design, sample_time: float | None) -> float | None:
+def _time(design: Design, sampling: Sampling | None) -> float | None:
+    """Return the sample time [s]: the plant's own, where it has one."""
     own = design.plant.sample_time
-    return sample_time if own is None else float(own)
+    if own is not None:
+        return float(own)
+    return None if sampling is None else sampling.period
 
 
 def _files(found: Exported) -> dict[str, bytes]:

@@ -19,11 +19,11 @@ from polefence.export.program import Fixed, Number, Program, Scheduled, exactly
 from polefence.export.sampled import (
     LargestSampleTime,
     SampledProof,
-    Sampling,
+    SamplingEffect,
     largest_sample_time,
     off_by_rounding,
     prove_decay,
-    sampling,
+    sampling_effect,
 )
 from polefence.law.coordinates import Coordinates
 from polefence.law.laws import FixedGain
@@ -36,6 +36,7 @@ from polefence.proof.claims.rounding import Code, Rounded, Share, rounding_error
 from polefence.proof.text import milliseconds_text
 from polefence.proof.work import FormatError
 from polefence.region.text import digits_down, digits_up
+from polefence.response.discrete import Sampling
 
 ELEVATIONS = 8
 ENOUGH = 0.95  # a higher elevation must gain so much
@@ -220,7 +221,7 @@ class Timing:
 
     Attributes
     ----------
-    sampling : Sampling
+    sampling : SamplingEffect
         Where its poles lie, at sampled parameters.
     proof : SampledProof
         How fast it decays at least, for all parameters.
@@ -230,7 +231,7 @@ class Timing:
         The loop that an observer closes, at sampled parameters.
     """
 
-    sampling: Sampling
+    sampling: SamplingEffect
     proof: SampledProof
     largest: LargestSampleTime
     with_observer: SampledLoop | None = None
@@ -261,21 +262,22 @@ def milliseconds(time: float) -> str:
 
 
 def timing(
-    design: Design, sample_time: float, delay: int, found: Guarantee, observer: Observer | None
+    design: Design, sampling: Sampling, found: Guarantee, observer: Observer | None
 ) -> Timing:
-    """Judge the loop that a computer closes every ``sample_time``, rounding included.
+    """Judge the loop that a computer closes at its samples, rounding included.
 
     Raises
     ------
     InputError
-        If the plant is in discrete time, or sample time or delay cannot be used.
+        If the plant is in discrete time, or the sample time cannot be used.
     """
     if design.plant.sample_time is not None:
         raise InputError("the plant is in discrete time: its own sample time holds; give none")
+    sample_time, delay = sampling.period, int(sampling.delayed)
     beside = (
         None if observer is None else judge_sampled_loop(design, observer, sample_time, delay=delay)
     )
     off = None if found.claim is None else off_by_rounding(found.claim)
     proof = prove_decay(design, sample_time, delay, off)
-    seen, largest = sampling(design, sample_time, delay), largest_sample_time(design, delay)
+    seen, largest = sampling_effect(design, sample_time, delay), largest_sample_time(design, delay)
     return Timing(seen, proof, largest, beside)

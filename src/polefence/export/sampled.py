@@ -203,7 +203,7 @@ def _equivalent(z: Array, n: int, time: float) -> Array:
 
 
 @dataclass(frozen=True, eq=False)
-class Sampling:
+class SamplingEffect:
     """What a sample time leaves of a design's region, over a sample of the family.
 
     Attributes
@@ -239,7 +239,7 @@ class Sampling:
     points: int
 
 
-def sampling(design: Design, sample_time: float, delay: int = 1) -> Sampling:
+def sampling_effect(design: Design, sample_time: float, delay: int = 1) -> SamplingEffect:
     """Look where the poles of the sampled loop lie: at vertices, on edges and at random points.
 
     See `sampled_poles` for the loop, its parameters and errors. A sample proves nothing; for the
@@ -253,7 +253,7 @@ def sampling(design: Design, sample_time: float, delay: int = 1) -> Sampling:
     size = float(np.abs(poles.z).max())
     alpha = alphas[worst].copy()
     alpha.flags.writeable = False
-    return Sampling(
+    return SamplingEffect(
         time,
         delay,
         bool(distance[worst] < 0),
@@ -293,8 +293,8 @@ def largest_sample_time(design: Design, delay: int = 1) -> LargestSampleTime:
 
     Sample times are tried upwards on a logarithmic grid, at vertices, edges and a few hundred
     random points, until one fails, then by bisection; what is found is tried at as many points as
-    `sampling` looks at, and shortened until it holds there. What fails between two sample times
-    tried is not seen.
+    `sampling_effect` looks at, and shortened until it holds there. What fails between two sample
+    times tried is not seen.
 
     Raises
     ------
@@ -414,7 +414,7 @@ def prove_decay(
     """
     start = time.perf_counter()
     seconds = require_usable(design, sample_time, delay)
-    slowest = sampling(design, seconds, delay).decay
+    slowest = sampling_effect(design, seconds, delay).decay
     claim, reason = None, "the sampled loop is not stable for all parameter values"
     if slowest > 0:
         search = _Search(design, seconds, delay, slowest, off)

@@ -11,11 +11,13 @@ units.
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 
 import numpy as np
 
 from polefence.base.errors import InputError
 from polefence.plant.system import Array
+from polefence.response.weighting import positive
 
 # Samples that one product covers, and bytes of the buffer that it reads.
 BLOCK = 32
@@ -28,6 +30,24 @@ PADE = tuple(
 # Of balancing: sweeps at most, and the share of the largest entry that stands for a zero row.
 SWEEPS = 20
 SMALL = 1e-6
+
+
+@dataclass(frozen=True)
+class Sampling:
+    """A controller that computes at multiples of ``period`` [s] and holds its demand between.
+
+    Attributes
+    ----------
+    period : float
+    delayed : bool
+        The demand computed at one sample goes out at the next; until the second it is zero.
+    """
+
+    period: float
+    delayed: bool = False
+
+    def __post_init__(self) -> None:
+        positive(self.period, "sampling period [s]")
 
 
 def zero_order_hold(A: Array, E: Array, h: float | Array) -> tuple[Array, Array]:

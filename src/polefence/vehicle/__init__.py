@@ -4,6 +4,7 @@
 `compare` are named as the modules that they are in: here the name is the function.
 """
 
+from polefence.response.discrete import Sampling
 from polefence.response.stationary import displacement_density, roughness, velocity_density
 from polefence.vehicle.comfort import (
     Comfort,
@@ -23,7 +24,6 @@ from polefence.vehicle.driving.parts import (
     Jump,
     Measured,
     Ramp,
-    Sampling,
     Sensors,
     Sine,
 )

@@ -13,13 +13,13 @@ from polefence.base.errors import InputError, suggest
 from polefence.law.laws import FixedGain, GainTable, given_law
 from polefence.plant.family import UncertainPlant
 from polefence.plant.system import Array
+from polefence.response.discrete import Sampling
 from polefence.vehicle.driving.parts import (
     Actuator,
     BumpStops,
     Estimated,
     Hardware,
     Measured,
-    Sampling,
 )
 from polefence.vehicle.driving.trajectories import Space, Trajectories
 from polefence.vehicle.estimate import Belief, Estimator

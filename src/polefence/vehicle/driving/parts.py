@@ -10,6 +10,7 @@ import numpy as np
 
 from polefence.base.errors import InputError
 from polefence.plant.system import Array
+from polefence.response.discrete import Sampling
 from polefence.response.weighting import positive
 from polefence.vehicle.estimate import Tuning
 
@@ -58,24 +59,6 @@ class Sine:
         """Return the values at times."""
         angle = 2 * math.pi * self.frequency * t + self.phase
         return np.asarray(self.mean + self.amplitude * np.sin(angle))
-
-
-@dataclass(frozen=True)
-class Sampling:
-    """A controller that computes at multiples of ``period`` [s] and holds its demand between.
-
-    Attributes
-    ----------
-    period : float
-    delayed : bool
-        The demand computed at one sample goes out at the next; until the second it is zero.
-    """
-
-    period: float
-    delayed: bool = False
-
-    def __post_init__(self) -> None:
-        positive(self.period, "sampling period [s]")
 
 
 @dataclass(frozen=True)

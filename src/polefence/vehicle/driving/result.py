@@ -16,9 +16,9 @@ from polefence.plant.family import UncertainPlant
 from polefence.plant.outputs import Output, choose, rate_place
 from polefence.plant.system import Array
 from polefence.region.text import digits_down
+from polefence.response.discrete import Sampling
 from polefence.response.linear import Response
 from polefence.vehicle.driving.integration import INSIDE, Learner, Model, Reading, Solution
-from polefence.vehicle.driving.parts import Sampling
 from polefence.vehicle.driving.trajectories import Space, Trajectories
 from polefence.vehicle.estimate import Estimate
 from polefence.vehicle.excitation import Excitation

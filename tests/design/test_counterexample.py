@@ -11,7 +11,7 @@ import pytest
 from polefence import Disk, FixedGain, ScheduledGain, UncertainPlant, check
 from polefence.design.certificate import Certificate
 from polefence.design.counterexample import counterexample, first_worst, worst_points
-from polefence.show import study
+from polefence.show import paper
 
 
 def test_a_pole_that_leaves_inside_an_edge_is_found():
@@ -32,7 +32,7 @@ def test_a_pole_that_leaves_inside_an_edge_is_found():
 def test_published_gains_on_the_physical_car_are_refuted(physical):
     """The paper's fixed gains meet their disks on the printed vertices only."""
     for key in ("lemma1", "lemma2"):
-        case = study.published()["fixed_gains"][key]
+        case = paper.published()["fixed_gains"][key]
         certificate = Certificate(
             physical,
             Disk(case["centre"], case["radius"]),

@@ -13,34 +13,34 @@ from scipy.signal import step as lti_step
 from polefence import Design, check
 from polefence.cli.main import main
 from polefence.examples import family
-from polefence.show import paper, study
+from polefence.show import paper
 from polefence.vehicle.vehicle import quarter_car
 
 
 def test_the_nominal_gain_agrees_with_27_to_all_printed_digits():
-    given = study.published()["nominal_pole_placement"]
-    K = study.nominal_gain(given["poles"])
+    given = paper.published()["nominal_pole_placement"]
+    K = paper.nominal_gain(given["poles"])
     assert np.array_equal(np.round(K[0] / 1e6, 4), np.array(given["Kn"]) / 1e6)
-    table = {k: v["value"] for k, v in study.published()["table1"].items()}
+    table = {k: v["value"] for k, v in paper.published()["table1"].items()}
     A, B, _ = quarter_car(**table)
     poles = np.linalg.eigvals(np.array(A) + np.array(B) @ K)
     assert np.allclose(np.sort(poles.real), sorted(given["poles"]), rtol=1e-5)
 
 
 def test_every_printed_digit_of_the_vertices():
-    assert study.printed_entries(family("quarter-car-as-printed")) == "120 of 120"
-    assert study.printed_entries(family("quarter-car-physical")) != "120 of 120"
+    assert paper.printed_entries(family("quarter-car-as-printed")) == "120 of 120"
+    assert paper.printed_entries(family("quarter-car-physical")) != "120 of 120"
 
 
 @pytest.mark.parametrize("name", ["as-printed", "physical"])
 def test_published_gains_hold_on_printed_vertices_and_fail_on_physical_ones(name):
-    data = study.published()
+    data = paper.published()
     plant = family(f"quarter-car-{name}")
     K = data["theorem1_example"]["K"]
     cases = [(31, np.array([[K[str(j)]] for j in range(1, 5)]))]
     cases += [(case["radius"], np.array([case["K"]])) for case in data["fixed_gains"].values()]
     for radius, gains in cases:
-        worst = max(study.farthest(plant, gains, -40))
+        worst = max(paper.farthest(plant, gains, -40))
         assert (worst < radius) is (name == "as-printed")
         if name == "physical":
             assert 65 < worst < 70
@@ -49,7 +49,7 @@ def test_published_gains_hold_on_printed_vertices_and_fail_on_physical_ones(name
 @pytest.fixture(scope="module")
 def reproduction(tmp_path_factory):
     folder = tmp_path_factory.mktemp("paper")
-    results = study.reproduce(folder, centres=(-30.0, -40.0))
+    results = paper.reproduce(folder, centres=(-30.0, -40.0))
     return folder, results, paper.write(results, folder)
 
 
@@ -138,7 +138,7 @@ def test_the_car_settles_as_published_with_a_band_of_5_percent(reproduction):
     """And no vertex settles later by an independent simulation."""
     folder, _, _ = reproduction
     found = json.loads((folder / "paper.json").read_text())["ride"]
-    claim = study.published()["claims"]["settling_time_below_s"]
+    claim = paper.published()["claims"]["settling_time_below_s"]
     times = found["as-printed"]["longest settling time [s]"]
     assert max(times["5 %"].values()) < claim < max(times["2 %"].values())
     design = Design.load(folder / "design-as-printed")
@@ -166,7 +166,7 @@ def test_the_car_rides_rougher_than_without_control(reproduction):
 
 
 def test_the_command_prints_every_radius(reproduction, capsys, monkeypatch):
-    monkeypatch.setattr(study, "reproduce", lambda *_: reproduction[1])
+    monkeypatch.setattr(paper, "reproduce", lambda *_: reproduction[1])
     monkeypatch.setattr(paper, "write", lambda *_: reproduction[2])
     assert main(["paper", "-o", str(reproduction[0])]) in (0, 1)
     lines = capsys.readouterr().out.splitlines()

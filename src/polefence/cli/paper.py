@@ -27,12 +27,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def paper_command(options: Any) -> int:
     """Reproduce Leite & Peres (2005): figures 3 to 10 and a report."""
-    from polefence.show import paper, study
+    from polefence.show import paper
 
     folder = make_folder(options.output)
-    progress = Progress(study.total_rows())
-    with processes(jobs_of(options, study.total_rows())) as executor, progress:
-        results = study.reproduce(folder, options.resume, executor, progress.step)
+    progress = Progress(paper.total_rows())
+    with processes(jobs_of(options, paper.total_rows())) as executor, progress:
+        results = paper.reproduce(folder, options.resume, executor, progress.step)
     paths = paper.write(results, folder)
     for row in results["radii"]:
         printed = "" if row["published"] is None else f"published {row['published']:g}"

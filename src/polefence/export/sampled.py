@@ -21,8 +21,7 @@ from polefence.base.errors import InputError, SolverError
 from polefence.design.certificate import Check, ranges_of
 from polefence.design.design import Design
 from polefence.design.given import certificate_of, evidence_of, forms, loop_of
-from polefence.design.margins.claims import above
-from polefence.design.margins.inequalities import balanced
+from polefence.design.margins.claims import above, balanced
 from polefence.design.margins.kinds import Scales, largest_of
 from polefence.design.search import edge
 from polefence.export.program import exactly
@@ -76,7 +75,7 @@ STEP_POINTS = 200  # at which the error of the steps is looked at
 BITS = 12  # of the coordinates: short numbers make short proofs
 FINE = 10  # bits by which the steps are finer than their error
 
-# Bernstein coefficients of X, N and B, see `polefence.design.margins.inequalities`; coordinates.
+# Bernstein coefficients of X, N and B, see `polefence.design.margins.claims`; coordinates.
 Proof = tuple[tuple[Array, Array, Array], Array]
 
 

@@ -1,4 +1,9 @@
-"""Claims of margins: what a search reaches with finer and finer proofs, and the exact proofs."""
+"""Claims of margins: their inequalities in floats for the searches, and their exact proofs.
+
+A polynomial is known by its values at as many points as it has coefficients. So each inequality is
+evaluated at points of each piece, from A(alpha), B(alpha), W(alpha) and Z(alpha) alone, and its
+Bernstein coefficients follow by one matrix. This shares nothing with the exact proof.
+"""
 
 from __future__ import annotations
 
@@ -6,17 +11,27 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from fractions import Fraction
+from functools import cache
+from itertools import product
 from typing import Protocol
 
+import numpy as np
+
+from polefence.base.errors import InputError
 from polefence.design.certificate import ranges_of
 from polefence.design.design import Design
+from polefence.design.evaluation import Lyapunov, domain_of, lyapunovs
 from polefence.design.given import analyse
 from polefence.design.search import first, rising
+from polefence.law.coordinates import Coordinates
+from polefence.law.laws import FixedGain
+from polefence.plant.polynomial import Domain, Polynomial, bernstein, binomial, elevated, times
+from polefence.plant.system import Array
 from polefence.proof import work
 from polefence.proof.claims.base import prove
 from polefence.proof.claims.margins import MarginClaim, Subject
 from polefence.proof.regions import parts_of
-from polefence.region.regions import Region
+from polefence.region.regions import Pair, Region
 
 # Pieces of each parameter's interval and elevation that are tried, while they gain something.
 BOX, SIMPLEX = ((1, 0), (1, 1), (2, 0), (4, 0), (8, 0)), ((1, 0), (1, 1), (1, 2), (1, 3))
@@ -26,6 +41,11 @@ ENOUGH, MOST = 1500, 25_000
 # What is proved of what the search reaches, until a proof succeeds.
 RETREATS = (1.0, 0.999, 0.99, 0.95, 0.8, 0.5)
 BITS = 16  # of a margin: short numbers make short proofs
+
+Ladder = tuple[tuple[int, int], ...]
+
+MOST_POINTS = 2500  # of a piece
+MARGIN = 1e-9  # by which blocks of unit diagonal must be positive definite in floats
 
 
 @dataclass(frozen=True)
@@ -39,9 +59,6 @@ class Reached:
     pieces: int
     elevation: int
     each: tuple[tuple[float, float], ...] = ()
-
-
-Ladder = tuple[tuple[int, int], ...]
 
 
 class Question(Protocol):
@@ -140,3 +157,230 @@ def claimed_design(design: Design, region: Region | None = None) -> Design | Non
         return design
     found = analyse(design.plant, design.law, kept)
     return found.design if found.proved else None
+
+
+@dataclass(frozen=True, eq=False)
+class Points:
+    """Points of each piece, (cells, points): where the plant is, where the law thinks it is.
+
+    ``factor`` makes polynomials of what is affine in 1/p; ``coefficients`` (points, points) turns
+    values into Bernstein coefficients.
+    """
+
+    plant: Array
+    law: Array
+    factor: Array
+    coefficients: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Balanced:
+    """A design in state coordinates in which W is near to the identity.
+
+    ``T`` are those coordinates: x = T y. ``domain`` is where the law's alpha lives, ``q`` the
+    number of parameters. ``elevation`` is that of the evidence of a law that was given.
+    """
+
+    A: Array
+    B: Array
+    W: Array
+    Z: Array
+    T: Array
+    degree: int
+    domain: Domain
+    q: int
+    pairs: tuple[Pair, ...]
+    disks: bool
+    elevation: int | None = None
+
+    @property
+    def sizes(self) -> tuple[int, ...]:
+        """The corners of each simplex of the plant's own coordinates."""
+        return (2,) * self.q or (len(self.A),)
+
+    def plant(self, alpha: Array) -> tuple[Array, Array]:
+        """Return A and B at points alpha (..., N)."""
+        return np.tensordot(alpha, self.A, 1), np.tensordot(alpha, self.B, 1)
+
+    def law(self, alpha: Array) -> tuple[Array, Array]:
+        """Return W and Z at points alpha (..., N)."""
+        basis = (
+            self.domain.basis(alpha, self.degree) if self.degree else np.ones_like(alpha[..., :1])
+        )
+        return np.tensordot(basis, self.W, 1), np.tensordot(basis, self.Z, 1)
+
+    def loop(self, points: Points) -> tuple[Array, Array, Array]:
+        """Return the coefficients of X and N, (cells, coefficients, n, n), and of B."""
+        (A, B), (W, Z) = self.plant(points.plant), self.law(points.law)
+        X, N, B = (_coefficients(points, values) for values in (W, A @ W + B @ Z, B))
+        return X, N, B
+
+    def raised(self, elevation: int) -> tuple[Array, Array, Array]:
+        """Return the coefficients of X, N and B on the law's own domain, of one degree."""
+        total, domain = self.degree + 1 + elevation, self.domain
+        AB, W = np.concatenate([self.A, self.B], 2), np.concatenate([self.W, self.Z], 1)
+        N = times(bernstein(domain, AB, 1), bernstein(domain, W, self.degree))
+        each = (
+            (bernstein(domain, self.W, self.degree), elevation + 1),
+            (N, elevation),
+            (bernstein(domain, self.B, 1), total - 1),
+        )
+        X, N_, B = (_stacked(elevated(P, domain, power), domain, total)[None] for P, power in each)
+        return X, N_, B
+
+
+def balanced(design: Design, region: Region) -> tuple[Balanced, ...]:
+    """Return a design and a region in balanced coordinates.
+
+    One value for all parts of the region; of a law that was given (method "lyapunov") one each,
+    with that part's Lyapunov polynomial.
+
+    Raises
+    ------
+    InputError
+        For designs of the method "slack", which have no Lyapunov matrix of that kind.
+    """
+    if design.method == "slack":
+        raise InputError("nothing is proved for service from a design of method 'slack'")
+    found = list(lyapunovs(design.certificate))
+    if design.method == "lyapunov":
+        pairs = zip((own for _, own in found), region.parts, strict=True)
+        return tuple(_balanced(design, own, part) for own, part in pairs)
+    return (_balanced(design, found[0][1], region),)
+
+
+def _balanced(design: Design, own: Lyapunov, region: Region) -> Balanced:
+    """Return the value for a Lyapunov polynomial of the region."""
+    law, plant, domain = design.law, design.plant, domain_of(design.certificate)
+    A, B, X, degree, first = plant.A, plant.B, own.X, own.degree, None
+    if isinstance(law, FixedGain):
+        KX: Array = law.K @ X
+    elif own.multiple is None:
+        KX = law.Z
+    else:
+        # X = W V, K X = Z V with V = multiple + Q W, in the law's own coordinates first
+        first, (W, Z) = law.coordinates, law.even
+        n, w = plant.shape[0], bernstein(domain, W, law.degree)
+        V = times(bernstein(domain, first.duals(X), degree), w)
+        scalars = bernstein(domain, own.multiple[:, None, None] * np.eye(n), degree)
+        for e, matrix in elevated(scalars, domain, law.degree).items():
+            V[e] = V[e] + matrix
+        both = times(bernstein(domain, np.concatenate([W, Z], axis=1), law.degree), V)
+        degree += 2 * law.degree
+        WZ = _stacked(both, domain, degree)
+        X, KX = WZ[:, :n], WZ[:, n:]
+        A, B = first.loops(A), first.inputs(B)
+    second = Coordinates.whitening(X.mean(axis=0))
+    if second is None:
+        raise InputError("a Lyapunov matrix is not positive definite")
+    X = second.forms(X)
+    return Balanced(
+        second.loops(A),
+        second.inputs(B),
+        (X + X.swapaxes(1, 2)) / 2,
+        second.gains(KX),
+        second.inverse if first is None else first.inverse @ second.inverse,
+        degree,
+        domain,
+        len(plant.parameters),
+        region.pairs(),
+        all(part.kind == "disk" for part in region.parts),
+        own.elevation,
+    )
+
+
+def _stacked(P: Polynomial, domain: Domain, degree: int) -> Array:
+    """Return Bernstein coefficients."""
+    return np.array([P[e] / binomial(domain.sizes, e) for e in domain.monomials(degree)])
+
+
+def region_block(pair: Pair, X: Array, N: Array) -> Array:
+    """Return -(L (x) X + M (x) N + M' (x) N'), batched."""
+    L, M = pair
+    return -(kron(L, X) + kron(M, N) + kron(M.T, N.swapaxes(-1, -2)))
+
+
+def kron(L: Array, X: Array) -> Array:
+    """Return the Kronecker product with the last two axes of X."""
+    both = L[:, None, :, None] * X[..., None, :, None, :]
+    return np.asarray(both.reshape(*X.shape[:-2], len(L) * X.shape[-2], L.shape[1] * X.shape[-1]))
+
+
+def are_positive(blocks: Array) -> bool:
+    """Whether all blocks (..., s, s) are clearly positive definite."""
+    diagonal = np.diagonal(blocks, axis1=-2, axis2=-1)
+    if not np.all(diagonal > 0):
+        return False
+    scale = 1 / np.sqrt(diagonal)
+    even = blocks * scale[..., :, None] * scale[..., None, :]
+    try:
+        np.linalg.cholesky(even - MARGIN * np.eye(blocks.shape[-1]))
+    except np.linalg.LinAlgError:
+        return False
+    return True
+
+
+def largest_step(base: Array, slope: Array) -> float:
+    """Return the largest t for which all base + t slope are positive definite, -1 where none is.
+
+    ``base`` and ``slope`` broadcast to (..., s, s).
+    """
+    if not are_positive(base):
+        return -1.0
+    scale = 1 / np.sqrt(np.diagonal(base, axis1=-2, axis2=-1))
+    even = scale[..., :, None] * scale[..., None, :]
+    R = np.linalg.inv(np.linalg.cholesky(base * even))
+    worst = -np.linalg.eigvalsh(R @ (slope * even) @ R.swapaxes(-1, -2)).min()
+    return float(1 / worst) if worst > 0 else np.inf
+
+
+def whole_points(design: Balanced, pieces: int, elevation: int) -> Points:
+    """Return points of equal pieces of the scheduling variables' intervals, or of the simplex."""
+    degree = design.degree + 1 + elevation
+    nodes, coefficients = lattice(design.sizes, (degree,) * len(design.sizes))
+    if not design.q:
+        alpha = nodes[None]
+    else:
+        edges = np.linspace(0, 1, pieces + 1)
+        cells = np.array(list(product(range(pieces), repeat=design.q)))
+        share = edges[cells][:, None] + nodes[None, :, 1::2] / pieces
+        alpha = alpha_of(share)
+    return Points(alpha, alpha, np.ones(alpha.shape[:2]), coefficients)
+
+
+def count_whole(design: Balanced, pieces: int, elevation: int) -> float:
+    """Return the number of coefficients at `whole_points`."""
+    degree = design.degree + 1 + elevation
+    return float(pieces**design.q) * count_monomials(design.sizes, (degree,) * len(design.sizes))
+
+
+def count_monomials(sizes: tuple[int, ...], degrees: tuple[int, ...]) -> float:
+    """Return how many coefficients there are; infinite where they are too many for `lattice`."""
+    pairs = zip(sizes, degrees, strict=True)
+    count = float(math.prod(math.comb(size - 1 + degree, degree) for size, degree in pairs))
+    return count if count <= MOST_POINTS else math.inf
+
+
+def alpha_of(share: Array) -> Array:
+    """Return alpha for the shares (..., q) of the way from each low corner to the high one."""
+    coordinates = np.stack([1 - share, share], axis=-1).reshape(*share.shape[:-1], -1)
+    return Domain((2,) * share.shape[-1]).alpha(coordinates)
+
+
+@cache
+def lattice(sizes: tuple[int, ...], degrees: tuple[int, ...]) -> tuple[Array, Array]:
+    """Return points of a product of simplices, and what makes coefficients of values there."""
+    nodes, inverse = np.zeros((1, 0)), np.ones((1, 1))
+    for size, degree in zip(sizes, degrees, strict=True):
+        domain = Domain((size,))
+        own = np.array(domain.monomials(degree), dtype=float) / max(degree, 1)
+        own = own if degree else np.full((1, size), 1 / size)
+        values = domain.basis(own, degree) if degree else np.ones((1, 1))
+        nodes = np.hstack([np.repeat(nodes, len(own), axis=0), np.tile(own, (len(nodes), 1))])
+        inverse = np.kron(inverse, np.linalg.inv(values))
+    return nodes, inverse
+
+
+def _coefficients(points: Points, values: Array) -> Array:
+    weighted = points.factor[..., None, None] * values
+    return np.asarray(np.einsum("ij,cjab->ciab", points.coefficients, weighted))

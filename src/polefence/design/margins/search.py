@@ -16,8 +16,7 @@ from polefence.design.checks import require_region
 from polefence.design.design import Design, require_kind
 from polefence.design.margins import kinds
 from polefence.design.margins.breaks import estimate_break, gain_break
-from polefence.design.margins.claims import Question, claimed_design, proved
-from polefence.design.margins.inequalities import Balanced, balanced
+from polefence.design.margins.claims import Balanced, Question, balanced, claimed_design, proved
 from polefence.law.laws import FixedGain
 from polefence.plant.parameters import Parameter
 from polefence.proof.claims.estimate import Estimate

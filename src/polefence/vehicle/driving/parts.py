@@ -207,7 +207,7 @@ class Sensors:
 
 @dataclass(frozen=True)
 class Estimated:
-    """The law's parameters come from recursive least squares, see `recursion`.
+    """The law's parameters come from recursive least squares, see `polefence.vehicle.estimate`.
 
     Attributes
     ----------

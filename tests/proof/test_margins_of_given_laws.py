@@ -33,7 +33,6 @@ from polefence.proof.claims.base import prove
 from polefence.proof.claims.estimate import Estimate
 from polefence.proof.claims.margins import cells
 from polefence.proof.claims.rate import Rate
-from polefence.proof.regions import characteristic_pairs
 from polefence.proof.work import FormatError
 from polefence.region.regions import Disk
 from support.files import first
@@ -88,7 +87,7 @@ def evaluated(claim, coordinates):
         if isinstance(claim, Rate) and number != claim.part:
             continue
         for cell in claim.cells() if isinstance(claim, Estimate) else cells(subject):
-            kinds = (part.kind != "disk") + len(characteristic_pairs(part))
+            kinds = (part.kind != "disk") + len(part.pairs)
             if isinstance(claim, Rate):
                 kinds = 1 + (4 if subject.degree(number) else 1)
             values = []

@@ -14,7 +14,7 @@ import pytest
 from polefence.lmi.conditions.methods import Scheduled, Slack, build, parameter_dependent
 from polefence.lmi.conditions.target import Around
 from polefence.plant.polynomial import Domain
-from polefence.proof import polynomials, regions
+from polefence.proof import polynomials
 from polefence.proof.claims.poles import Poles
 from polefence.proof.laws import Evidence, Law
 from polefence.proof.regions import parts_of
@@ -75,7 +75,7 @@ def compared(pencil, values, claimed):
     blocks = list(claimed.blocks())
     positive = [b for place, b in blocks if str(place).startswith("of ")]
     others = [b for place, b in blocks if not str(place).startswith("of ")]
-    pairs = sum(len(regions.characteristic_pairs(part)) for part in claimed.region)
+    pairs = sum(len(part.pairs) for part in claimed.region)
     asked = [X for name, X in theirs.items() if " at " in name]
     wanted = [X for name, X in theirs.items() if " at " not in name]
     assert len(others) == len(wanted)
@@ -157,7 +157,7 @@ def test_a_given_gain_is_analysis_of_its_closed_loop(on):
         names = [f"W{k + 1}" for k in range(len(X))] if degree else ["W"]
         theirs = pencil.matrices(pencil.pack(dict(zip(names, X, strict=True))), 1.0)
         count = domain.count(degree + 1 + elevation)
-        pairs = len(regions.characteristic_pairs(parts_of(part.document())[0]))
+        pairs = len(parts_of(part.document())[0].pairs)
         positive = 0 if part.kind == "disk" else count
         own, blocks = blocks[: positive + pairs * count], blocks[positive + pairs * count :]
         wanted = [X for name, X in theirs.items() if " at " not in name]
@@ -189,7 +189,7 @@ def against_matrices(claimed, domain, expected):
     blocks = list(claimed.blocks())
     for number, (part, evidence) in enumerate(zip(claimed.region, claimed.evidence, strict=True)):
         exponents = np.array(polynomials.monomials(domain.sizes, claimed.degree(evidence)))
-        pairs = regions.characteristic_pairs(part)
+        pairs = part.pairs
         positive = [] if part.kind == "disk" else [None]
         for pair in (*positive, *pairs):
             own, blocks = blocks[: len(exponents)], blocks[len(exponents) :]

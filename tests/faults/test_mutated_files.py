@@ -10,7 +10,7 @@ import tomllib
 import numpy as np
 import pytest
 
-from support.every_file import ASKED, LIMITS, SPEC, TRADEOFF, quiet
+from support.every_file import ASKED, LIMITS, SPEC, TRADEOFF, TWO, quiet
 
 VALUES = (
     None, [], {}, "", True, -1, 0, float("inf"), 1e300, 10**400, "1e999999999", "1/0",
@@ -41,6 +41,7 @@ KINDS = {
     "gain margin": ("service/gain.json", [CHECK]),
     "rate": ("service/rate-k.json", [CHECK]),
     "performance": ("performance/design.json", [["check", "FILE", "--spec", "spec.toml"]]),
+    "vectors": ("vectors/design.json", [["check", "FILE", "--spec", "two.toml"]]),
     "guarantee": ("code/guarantee.json", [CHECK]),
     "observer": ("observer/design.json", [CHECK]),
     "observed": ("observed/guarantee.json", [CHECK]),
@@ -171,11 +172,12 @@ def toml(value):
         ["limits", "FILE", "--centre", "-3", "--method", "quadratic"],
         ["optimise", "FILE", "--method", "quadratic"],
         ["check", "performance", "--spec", "FILE"],
+        ["check", "vectors", "--spec", "FILE"],
     ],
 )
 def test_a_spec_with_one_value_of_another_type(words, folder, monkeypatch):
     monkeypatch.chdir(folder)
-    document = tomllib.loads(SPEC + ASKED)
+    document = tomllib.loads(TWO if "vectors" in words else SPEC + ASKED)
     path = folder / "mutated.toml"
     for place, value in mutations(document, EVERY):
         whole = mutated(document, place, value)

@@ -94,6 +94,8 @@ def test_no_change_makes_a_false_claim_proved(documents, name):
         ("quadratic/design.json", ("region", "radius"), 0.5),
         ("observer/design.json", ("region", "centre"), -40.0),
         ("signals/design.json", ("level",), 1e-4),
+        ("vectors/design.json", ("disturbances",), [900, 900]),
+        ("vectors/design.json", ("level",), 1e-3),
         ("service/estimate-k.json", ("region", "radius"), 0.5),
         ("service/gain.json", ("error",), 1e4),
         ("service/rate-k.json", ("decay",), 1e3),

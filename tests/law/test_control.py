@@ -56,7 +56,7 @@ def test_outputs_are_signals_that_specifications_take():
     plant = from_control(named(**names), disturbances=1)
     (output,) = plant.outputs
     assert output == Output("y", "V", C=[3], D=[0.5])
-    C, D = rows(plant, Rms("y", density=1.0).output(plant))
+    C, D = rows(plant, *Rms("y", density=1.0).outputs(plant))
     assert (C, D) == ([[[3]]], [[[0.5]]])
     assert from_control(named()).outputs[0].name == "output 0"
 

@@ -128,7 +128,7 @@ def test_all_specifications_of_one_file(tight):
     document = document_of(design, *found.values())
     assert answers(document) == [True] * 5
     claims = bounds_in(json.dumps(document))
-    assert [claim.output.name for claim in claims] == [kind.upper() for kind in found]
+    assert [claim.outputs[0].name for claim in claims] == [kind.upper() for kind in found]
     for spec in document["claims"]:
         spec["level"] *= 0.99
     assert answers(document) == [False] * 5
@@ -259,7 +259,8 @@ FAULTS = {
     "level nan": ("rms", (*S, "level"), float("nan"), "NaN is not a finite"),
     "intensity": ("rms", (*S, "intensity"), "-1/2", "zero or more"),
     "norm": ("energy peak", (*S, "norm"), -1, "zero or more"),
-    "F": ("rms", (*S, "output", "F"), [[1]], "unknown key .*F"),
+    "F": ("rms", (*S, "output", "F"), [[1]], "passes straight into"),
+    "F of an impulse": ("initial peak", (*S, "output", "F"), [[1]], "passes straight into"),
     "F wide": ("gain", (*S, "output", "F"), [[1, 2]], "output.F is 1 x 2, not 1 x 1"),
     "C": ("rms", (*S, "output", "C"), [[1, 2]], "output.C is 1 x 2, not 1 x 3"),
     "rows": ("rms", (*S, "output", "C"), [[0, 1, 0]] * 3, "one row, or 4: one a vertex"),
@@ -329,4 +330,4 @@ def test_rational_strings_are_exact(designs):
     assert claims[0].level == Fraction(1, 3)
     assert claims[0].points == ((Fraction(1, 3), Fraction(0), Fraction(0)),)
     assert claims[0].impulses == (Fraction(-1),)
-    assert {D[0][0] for D in claims[0].output.D} == {Fraction(1, 8)}
+    assert {D[0][0] for D in claims[0].outputs[0].D} == {Fraction(1, 8)}

@@ -46,6 +46,36 @@ at_most = 50
 rows = [1]
 columns = [1, 1]
 """
+TWO = """name = "two"
+states = ["x [m]", "v [m/s]"]
+inputs = ["u [N]"]
+disturbances = ["road [m/s]", "wind [N]"]
+[parameter.k]
+range = [1, 2]
+unit = "N/m"
+[outputs]
+"a [m/s2]" = {C = ["-k", -1], D = [1], F = [0, 1]}
+[matrices]
+A = [[0, 1], ["-k", -1]]
+B = [[0], [1]]
+E = [[1, 0], [0.5, 1]]
+[[specification]]
+kind = "rms"
+signal = ["x", "a"]
+density = 1
+disturbances = {road = 0.5}
+minimise = true
+[[specification]]
+kind = "gain"
+signal = ["x", "a", "u"]
+disturbances = {road = 0.25, wind = 2}
+at_most = 40
+[[specification]]
+kind = "energy peak"
+signal = "x"
+disturbances = ["wind"]
+at_most = 40
+"""
 OBSERVE = ["observe", "plain.toml", "--measured", "x", "--disk", "-6", "5"]
 EVERY_KIND = [
     word
@@ -62,7 +92,7 @@ EVERY_KIND = [
 FILES = (
     "quadratic/design.json", "scheduled/design.json", "slack/design.json", "lyapunov/design.json",
     "table/table.json", "service/estimate-k.json", "service/gain.json", "service/rate-k.json",
-    "performance/design.json", "signals/design.json", "code/guarantee.json",
+    "performance/design.json", "signals/design.json", "vectors/design.json", "code/guarantee.json",
     "observer/design.json", "observed/guarantee.json",
 )  # fmt: skip
 RUN = ["--sample-time", "0.001", "--float", "32"]
@@ -91,6 +121,7 @@ def write_every_file(made: Path) -> None:
     """Write the files into the working folder, each of them proved."""
     (made / "plain.toml").write_text(SPEC)
     (made / "spec.toml").write_text(SPEC + ASKED)
+    (made / "two.toml").write_text(TWO)
     knots = {"grid": {"k": [1, 2]}, "gains": [[[-3, -3]], [[-3, -3]]]}
     (made / "gains.json").write_text(json.dumps(knots))
     half = ["--region", "half_plane(0.3)"]
@@ -104,6 +135,7 @@ def write_every_file(made: Path) -> None:
         ["service", "scheduled", "-o", "service"],
         ["optimise", "spec.toml", "--method", "quadratic", "-o", "performance"],
         ["optimise", "plain.toml", "--method", "quadratic", *EVERY_KIND, "-o", "signals"],
+        ["optimise", "two.toml", "--method", "quadratic", "-o", "vectors"],
         ["export", "quadratic", "-o", "code", "--sample-time", "0.001"],
         [*OBSERVE, "-o", "observer"],
         ["export", "scheduled", "-o", "observed", "--observer", "observer", *RUN],

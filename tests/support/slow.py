@@ -8,6 +8,8 @@ SLOW = (
     "show/test_paper.py",
     "design/signals/test_optimise.py",
     "faults/test_hostile_names.py",
+    "design/requirements/test_vectors_of_outputs.py",
+    "docs/test_vectors_page.py",
     "design/signals/test_refutation.py",
     "export/test_target.py",
     "docs/test_docs.py",

@@ -178,22 +178,30 @@ def rows(value, count, width):
 
 
 def false_signal(plant, law, claim):
-    output, count = claim["output"], len(plant.A)
-    n, m = plant.A.shape[1], plant.B.shape[2]
-    C = rows(output["C"], count, n)
-    D = rows(output["D"], count, m) if "D" in output else np.zeros((count, 1, m))
+    outputs = claim["outputs"] if "outputs" in claim else [claim["output"]]
+    C, D, F = (
+        np.concatenate([stacked(plant, output, key) for output in outputs], axis=1) for key in "CDF"
+    )
+    scales = array(claim["disturbances"]) if "disturbances" in claim else 1.0
     level = number(claim["level"]) * (1 + SLACK) + 1e-12
     for alpha in plant.alphas(domain_of(claim, law)):
-        A, B, E = mix(alpha, plant.A), mix(alpha, plant.B), mix(alpha, plant.E)
+        A, B, E = mix(alpha, plant.A), mix(alpha, plant.B), mix(alpha, plant.E) * scales
         K = law.gain(alpha)
         loop, y = A + B @ K, mix(alpha, C) + mix(alpha, D) @ K
         if np.linalg.eigvals(loop).real.max() > SLACK:
             return True
-        kind = claim["kind"]
-        F = mix(alpha, rows(output["F"], count, E.shape[1])) if "F" in output else None
-        if _reached(kind, claim, (loop, E, y, F), (A, mix(alpha, C))) > level:
+        kind, through = claim["kind"], mix(alpha, F) * scales
+        if kind != "gain" and np.any(through):
+            return True
+        if _reached(kind, claim, (loop, E, y, through), (A, mix(alpha, C))) > level:
             return True
     return False
+
+
+def stacked(plant, output, key):
+    """One row of C, D or F at every vertex."""
+    width = {"C": plant.A, "D": plant.B, "F": plant.E}[key].shape[2]
+    return rows(output[key] if key in output else [[0] * width], len(plant.A), width)
 
 
 def _reached(kind, claim, loop, passive):
@@ -207,7 +215,7 @@ def _reached(kind, claim, loop, passive):
     if kind == "energy peak":
         return number(claim.get("norm", 1)) * _rms(A, E, C, 1.0)
     if kind == "gain":
-        found = [np.zeros((1, E.shape[1])) if F is None else F]
+        found = [F]
         eye = np.eye(len(A))
         for w in (0.0, *np.geomspace(1e-3, 1e3, 60)):
             found.append(C @ np.linalg.solve(1j * w * eye - A, E + 0j) + found[0])
@@ -225,7 +233,7 @@ def _reached(kind, claim, loop, passive):
 
 def _rms(A, E, C, intensity):
     P = solve_continuous_lyapunov(A, -intensity * E @ E.T)
-    return float(np.sqrt(max((C @ P @ C.T).item(), 0.0)))
+    return float(np.sqrt(max(np.trace(C @ P @ C.T), 0.0)))
 
 
 def false_norm(plant, law, claim):

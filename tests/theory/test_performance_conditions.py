@@ -54,12 +54,13 @@ MARGIN = 0.03
 class Family:
     """Vertices, sources and outputs of no meaning, and what they are at alpha."""
 
-    def __init__(self, on, constant=False, seed=3):
+    def __init__(self, on, constant=False, seed=3, entries=1):
         random = np.random.default_rng(seed)
         self.domain = Domain.of(on, 4 if on == "box" else 3)
         N = self.domain.corners
         self.n, self.m, self.q = 3, 2, 2
-        shapes = {"A": (3, 3), "B": (3, 2), "E": (3, 2), "C": (1, 3), "D": (1, 2), "F": (1, 2)}
+        shapes = {"A": (3, 3), "B": (3, 2), "E": (3, 2)}
+        shapes |= {"C": (entries, 3), "D": (entries, 2), "F": (entries, 2)}
         each = {name: random.normal(size=(N, *shape)) for name, shape in shapes.items()}
         if constant:
             each["E"] = np.repeat(each["E"][:1], N, axis=0)
@@ -98,17 +99,20 @@ class Family:
         for o in outputs:
             size, own = (1.0 if o.fixed else r), t[o.source]
             if o.source != "way":
-                found[o.name] = np.block([[size * o.level**2 * own * np.eye(1), Y], [Y.T, X]])
+                # rows side by side, X below each
+                wide, p = Y.reshape(1, -1), len(Y)
+                corner = size * o.level**2 * own * np.eye(1)
+                found[o.name] = np.block([[corner, wide], [wide.T, np.kron(np.eye(p), X)]])
                 continue
             whole = np.block(
                 [
                     [-(N + N.T), -own * E, -Y.T],
                     [-own * E.T, size * o.level * own * np.eye(2), -own * F.T],
-                    [-Y, -own * F, size * o.level * own * np.eye(1)],
+                    [-Y, -own * F, size * o.level * own * np.eye(len(Y))],
                 ]
             )
             # the block has E and y over the root of the level
-            change = np.diag([1.0] * 3 + [o.level**-0.5] * 3)
+            change = np.diag([1.0] * 3 + [o.level**-0.5] * (2 + len(Y)))
             found[o.name] = change @ whole @ change
         return found
 
@@ -158,10 +162,10 @@ def compare(found, expected):
         assert np.allclose(found[name], matrix, rtol=0, atol=1e-11), name
 
 
-@pytest.mark.parametrize("constant", [False, True])
+@pytest.mark.parametrize(("constant", "entries"), [(False, 1), (True, 1), (False, 3)])
 @pytest.mark.parametrize(("on", "degree", "elevation"), FORMS)
-def test_design_is_the_inequalities_at_alpha(on, degree, elevation, constant):
-    own = Family(on, constant)
+def test_design_is_the_inequalities_at_alpha(on, degree, elevation, constant, entries):
+    own = Family(on, constant, entries=entries)
     outputs = tuple(
         own.output(source, level, is_fixed)
         for source in own.sources
@@ -190,10 +194,12 @@ def test_design_is_the_inequalities_at_alpha(on, degree, elevation, constant):
         compare(summed(pencil, x, r, own.domain, coordinates, natural + elevation), expected)
 
 
-@pytest.mark.parametrize("source", ["white", "start", "way"])
+@pytest.mark.parametrize(
+    ("source", "entries"), [("white", 1), ("start", 1), ("way", 1), ("white", 3), ("way", 2)]
+)
 @pytest.mark.parametrize(("scheduled", "on", "degree", "elevation"), GIVEN)
-def test_given_is_the_inequalities_at_alpha(on, degree, elevation, scheduled, source):
-    own, random = Family(on), np.random.default_rng(4)
+def test_given_is_the_inequalities_at_alpha(on, degree, elevation, scheduled, source, entries):
+    own, random = Family(on, entries=entries), np.random.default_rng(4)
     d, domain = own.data, own.domain
     plant = UncertainPlant.from_vertices(d["A"], d["B"], d["E"])
     if scheduled is None:

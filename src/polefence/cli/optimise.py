@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -79,7 +79,8 @@ def specification_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--minimise",
         metavar="TEXT",
-        help="'rms of sprung-mass acceleration'; default: the spec's with minimise = true",
+        help="'rms of sprung-mass acceleration'; of a vector 'rms of [NAME, NAME]', of chosen "
+        "disturbances 'rms of NAME from [NAME * 0.5]'; default: the spec's with minimise = true",
     )
     parser.add_argument(
         "--limit",
@@ -180,28 +181,28 @@ def wanted(
     """
     least, limits = load_specifications(options.spec, road)
     road = road or spec_road(options.spec)
-    if road is not None and (count := disturbance(plant).shape[-1]) != 1:
-        raise InputError(f"{plant.name} has {count} disturbances; a road is one; give density")
+    if road is not None:
+        disturbance(plant)
     written = (*limits, *([least] if least else []))
     for own in written:
-        _known(plant, own, options.spec)
+        _known(plant, own, options.spec, road)
     known = densities_of(written)
     if options.minimise is not None:
         least = in_units(_parsed(plant, options.minimise, "--minimise", road, known), limits)
         if least.at_most is not None:
             raise InputError(f"--minimise {options.minimise!r} has a limit; give it by --limit")
-    found = {(own.kind, own.name): own for own in limits}
+    found = {own.title: own for own in limits}
     if len(found) < len(limits):
         raise SpecError(f"{options.spec}: two limits on one kind and signal; keep the lower one")
-    given = set[tuple[str, str]]()
+    given = set[str]()
     for text in options.limit:
         own = in_units(_parsed(plant, text, "--limit", road, known), limits)
         if own.at_most is None:
             raise InputError(f"--limit {text!r} has no limit; write for example {text!r} <= 1")
-        if (own.kind, own.name) in given:
-            raise InputError(f"--limit: {own.kind} of {own.name} is given twice; give it once")
-        given.add((own.kind, own.name))
-        found[own.kind, own.name] = own
+        if own.title in given:
+            raise InputError(f"--limit: {own.title} is given twice; give it once")
+        given.add(own.title)
+        found[own.title] = own
     if least is None and not found:
         raise InputError(
             f"{options.spec}: nothing is asked; give --minimise 'rms of SIGNAL' or --limit 'rms of "
@@ -235,14 +236,23 @@ def _parsed(
         own = parse_specification(text, road, known)
     except InputError as error:
         raise InputError(f"{option} {error}") from error
-    _known(plant, own, f"{option} {text!r}")
+    _known(plant, own, f"{option} {text!r}", road)
     return own
 
 
-def _known(plant: UncertainPlant, own: Specification, where: str) -> None:
-    """Refuse a signal that there is not, and a plant that nothing disturbs."""
+def _known(
+    plant: UncertainPlant, own: Specification, where: str, road: RoadSpectrum | None
+) -> None:
+    """Refuse a signal that there is not, a plant that nothing disturbs, and a road that is many."""
     try:
         own.require_fit(plant)
+        if isinstance(own, Rms) and road is not None and own.density == road.density:
+            count = sum(map(bool, own.scales(plant))) or plant.disturbance_count
+            if count != 1:
+                raise InputError(
+                    f"{plant.name} has {count} disturbances; a road is one; give density, or "
+                    "disturbances = [NAME] (on a line: from [NAME])"
+                )
     except InputError as error:
         raise type(error)(f"{where}: {error}") from error
 
@@ -284,9 +294,12 @@ class Row:
     @property
     def label(self) -> str:
         """What is bounded, with its unit."""
-        own = self.bound.specification
-        text = f"{own.kind} of {own.name}"
-        return f"{text} [{self.unit}]" if self.unit else text
+        return self.words(" ")
+
+    def words(self, between: str) -> str:
+        """Return what is bounded and its unit, with something between them."""
+        text = self.bound.specification.title
+        return f"{text}{between}[{self.unit}]" if self.unit else text
 
     @property
     def minimised(self) -> bool:
@@ -396,7 +409,7 @@ def _retreat_line(retreat: Retreat) -> str:
 def _rests(done: Optimised, rows: Sequence[Row]) -> tuple[Rest, ...]:
     """Return where constant disturbances leave the signals of the specifications."""
     known = [row.bound.specification for row in rows if row.bound.specification.of_signal]
-    asked = {s.name: s.output(done.plant) for s in known}
+    asked = {output.name: output for s in known for output in s.outputs(done.plant)}
     if not asked or any(v.E is None for v in done.plant.vertices):
         return ()
     return rests(done.plant, done.law, rows[0].own.alpha, tuple(asked.values()))
@@ -405,11 +418,7 @@ def _rests(done: Optimised, rows: Sequence[Row]) -> tuple[Rest, ...]:
 def _rest_lines(done: Optimised, rows: Sequence[Row]) -> list[str]:
     """Say where a disturbance that stays leaves the signals, and what is beyond its limit there."""
     lines, beyond = [], dict[str, float]()
-    limits = {
-        row.bound.specification.name: row.bound.specification.at_most
-        for row in rows
-        if row.bound.specification.kind == "rms"
-    }
+    limits = [row.bound.specification for row in rows if row.bound.specification.kind == "rms"]
     found = _rests(done, rows)
     for source in dict.fromkeys(rest.source.label for rest in found):
         own = [rest for rest in found if rest.source.label == source]
@@ -417,8 +426,7 @@ def _rest_lines(done: Optimised, rows: Sequence[Row]) -> list[str]:
         held = held_words(done.plant, own[0].source)
         lines.append(f"  held at {held}, sampled, this leaves {left}")
         for rest in own:
-            most = limits.get(rest.signal.name)
-            if most is not None and rest.size > most:
+            if any(rest.size > most for most in _limits_on(done, limits, rest)):
                 beyond[rest.signal.name] = max(rest.size, beyond.get(rest.signal.name, 0.0))
     if beyond:
         # an integral brings a state back, but what an input must hold it holds
@@ -431,6 +439,15 @@ def _rest_lines(done: Optimised, rows: Sequence[Row]) -> list[str]:
             f"about noise; {advice}"
         )
     return lines
+
+
+def _limits_on(done: Optimised, limits: Sequence[Specification], rest: Rest) -> Iterator[float]:
+    """Yield limits on the signal of what this disturbance moves; on a vector each entry has its."""
+    for own in limits:
+        acting = own.disturbances is None or rest.source.name in dict(own.disturbances)
+        names = [output.name for output in own.outputs(done.plant)]
+        if own.at_most is not None and acting and rest.signal.name in names:
+            yield own.at_most
 
 
 def _kept(done: Optimised, alpha: Any) -> bool:
@@ -451,6 +468,7 @@ def document_of(done: Optimised, rows: Sequence[Row], label: str) -> dict[str, A
             {
                 "kind": row.bound.specification.kind,
                 "signal": row.bound.specification.name,
+                "disturbances": dict(row.bound.specification.disturbances or ()) or None,
                 "unit": row.unit,
                 "limit": row.bound.specification.at_most,
                 "proved": row.bound.level,
@@ -499,7 +517,7 @@ def figure_of(done: Optimised, rows: Sequence[Row]) -> Any:
         x, label = some[:, 0], "weight of the first vertex"
     panels = [
         BoundsPanel(
-            row.label.replace(" [", "\n["),
+            row.words("\n"),
             row.bound.level,
             row.own.values[::every],
             None if row.passive is None else row.passive.values[::every],

@@ -191,10 +191,10 @@ def _specifications(
         raise InputError(f"--over {options.over!r} has a limit; give limits by --value or --values")
     for text in options.limit:
         own = parse_specification(text, own_road, known)
-        if (own.kind, own.name) == (over.kind, over.name):
+        if own.title == over.title:
             raise InputError(f"--limit {text!r} limits what --over sweeps; leave one of them out")
     # the spec's own limit on what is swept gives way
-    others = [own for own in limits if (own.kind, own.name) != (over.kind, over.name)]
+    others = [own for own in limits if own.title != over.title]
     return least, over, others
 
 

@@ -27,7 +27,7 @@ class Range:
 
 @dataclass(frozen=True)
 class Output:
-    """y = C x + D u: at every vertex C (1 x n) and D (1 x m); in some places F (1 x q) of w."""
+    """y = C x + D u + F w: at every vertex C (1 x n), D (1 x m), F (1 x q) unless it is zero."""
 
     C: list[Rationals]
     D: list[Rationals]

@@ -1,7 +1,7 @@
 """Prove that no law whatever keeps limits on rms values at once, at one vertex.
 
-For x' = A x + B u + E w with white w of two-sided intensity S, and y_i = C_i x + D_i u. Let P = P'
-and weights a_i >= 0 have
+For x' = A x + B u + E w with white w of two-sided intensity S, and y_i = C_i x + D_i u, of one row
+or, a vector whose mean square is E[y_i'y_i], of more. Let P = P' and weights a_i >= 0 have
 
     [ A'P + P A + sum a_i C_i'C_i,  P B + sum a_i C_i'D_i ]
     [ *,                            sum a_i D_i'D_i       ]  >= 0.
@@ -31,9 +31,12 @@ from polefence.proof.work import FormatError, counted
 
 @dataclass(frozen=True)
 class RmsLimit:
-    """The rms of the output is at most ``level``, for white noise of two-sided ``intensity``."""
+    """The rms of the outputs, one or a vector, is at most ``level``.
 
-    output: Output
+    For white noise of two-sided ``intensity``.
+    """
+
+    outputs: tuple[Output, ...]
     level: Fraction
     intensity: Fraction = Fraction(1)
 
@@ -111,9 +114,10 @@ def _block(claim: RmsRefutation) -> Rationals:
     PF += [[Fraction(0)] * (n + m) for _ in range(m)]
     block = [[PF[i][j] + PF[j][i] for j in range(n + m)] for i in range(n + m)]
     for a, limit in zip(claim.weights, claim.limits, strict=True):
-        y = [*limit.output.C[claim.vertex][0], *limit.output.D[claim.vertex][0]]
-        for i, j in ((i, j) for i in range(n + m) for j in range(n + m)):
-            block[i][j] += a * y[i] * y[j]
+        for output in limit.outputs:
+            y = [*output.C[claim.vertex][0], *output.D[claim.vertex][0]]
+            for i, j in ((i, j) for i in range(n + m) for j in range(n + m)):
+                block[i][j] += a * y[i] * y[j]
     return block
 
 
@@ -140,13 +144,13 @@ def _require_consistent(claim: RmsRefutation) -> None:
     if not claim.limits or len(claim.weights) != len(claim.limits):
         raise FormatError("there must be limits, and one weight for each")
     for limit in claim.limits:
-        require_shapes(limit.output.C, N, 1, n, "C")
-        require_shapes(limit.output.D, N, 1, m, "D")
+        for output in limit.outputs:
+            require_shapes(output.C, N, 1, n, "C")
+            require_shapes(output.D, N, 1, m, "D")
         if limit.level < 0 or limit.intensity <= 0:
             raise FormatError("a limit must be zero or more, an intensity more than zero")
     if claim.factor < 1:
         raise FormatError("factor must be 1 or more")
     numbers = [[[*claim.weights, claim.factor]], claim.P, *claim.A, *claim.B, *claim.E]
-    common_denominator(
-        [*numbers, *(M for limit in claim.limits for M in (*limit.output.C, *limit.output.D))]
-    )
+    outputs = [output for limit in claim.limits for output in limit.outputs]
+    common_denominator([*numbers, *(M for own in outputs for M in (*own.C, *own.D))])

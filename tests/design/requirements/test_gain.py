@@ -42,7 +42,7 @@ def test_an_acceleration_is_bounded_as_its_frequency_response():
     true = max(largest(k, np.array([[-k, -0.4]]), 1.0, 1.0) for k in np.linspace(1, 3, 41))
     found = best_bound(plant, FixedGain(K), own)
     assert true * (1 - 1e-9) < found.level < true * 1.02
-    assert found.claim.F
+    assert found.claim.outputs[0].F
     seen = sampled(plant, FixedGain(K), own).worst
     assert seen == pytest.approx(true, rel=1e-3)
     assert own.unit(plant) == "m/s2 per N"

@@ -48,7 +48,7 @@ def limits(levels, names=NAMES):
 
 
 def outputs(plant, j, specifications):
-    found = [rows(plant, s.output(plant)) for s in specifications]
+    found = [rows(plant, *s.outputs(plant)) for s in specifications]
     return (np.array([[float(x) for x in pair[k][j][0]] for pair in found]) for k in (0, 1))  # C, D
 
 
@@ -290,7 +290,7 @@ def test_claims_that_are_inconsistent_are_refused(claim):
         },
         "C holds 1 matrices": {
             "limits": (
-                replace(first, output=replace(first.output, C=first.output.C[:1])),
+                replace(first, outputs=(replace(first.outputs[0], C=first.outputs[0].C[:1]),)),
                 *claim.limits[1:],
             )
         },
@@ -317,6 +317,27 @@ def test_other_kinds_are_left_out(one, car):
     bare = loads(ONE_STATE.replace("E = [[1]]", "").replace('disturbances = ["w [m/s]"]', ""))
     with pytest.raises(InputError, match="says nowhere how a disturbance enters"):
         refute_limits(bare, [force])
+
+
+@pytest.mark.parametrize("chosen", [None, {"road": 2.0, "wind": 0.5}, ["wind"]])
+def test_a_limit_on_a_vector_is_refuted_up_to_the_regulators_cost(chosen):
+    """The least rms of (x, force) is that of the regulator whose cost it is; no law has less."""
+    random = np.random.default_rng(4)
+    A, B, E = random.normal(size=(3, 3)), random.normal(size=(3, 1)), random.normal(size=(3, 2))
+    plant = UncertainPlant.from_vertices(
+        [A], [B], [E], states=("x", "y", "z"), inputs=("force",), disturbances=("road", "wind")
+    )
+    own = Rms(("x", "y", "force"), density=2.0, disturbances=chosen)
+    P = solve_continuous_are(A, B, np.diag([1.0, 1.0, 0.0]), np.eye(1))
+    least = np.sqrt(np.trace(own.entering(plant)[0].T @ P @ own.entering(plant)[0]))
+    assert refute_limits(plant, [replace(own, at_most=least * (1 + 1e-9))]) is None
+    found = refute_limits(plant, [replace(own, at_most=least * (1 - 1e-5))])
+    assert 1 < found.factor < 1 + 2e-5
+    assert own.title in str(found)
+    # limits from other disturbances are looked at by themselves, together they are not refuted
+    other = replace(own, at_most=least * (1 + 1e-6), disturbances=["road"])
+    with_other = refute_limits(plant, [other, *found.specifications])
+    assert with_other.specifications == found.specifications
 
 
 def test_a_signal_that_free_inputs_keep_small_is_not_refuted(car):

@@ -9,7 +9,7 @@ from typing import Any, Self
 import numpy as np
 
 from polefence.base.errors import InputError
-from polefence.design.requirements.specification import Row, Specification, disturbance, is_number
+from polefence.design.requirements.specification import Row, Specification, is_number
 from polefence.lmi.conditions import performance as conditions
 from polefence.plant.family import UncertainPlant
 from polefence.plant.polynomial import Domain
@@ -30,7 +30,7 @@ class EnergyPeak(Specification):
 
     norm: float = 1.0
     kind = "energy peak"
-    keys = ("norm",)
+    keys = ("norm", "disturbances")
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -40,11 +40,13 @@ class EnergyPeak(Specification):
     @classmethod
     def read(cls, row: Row) -> Self:
         """Return what a row says."""
-        return cls(row.table["signal"], **row.numbers("norm"))
+        return cls(row.table["signal"], **row.given("norm"))
 
     def source(self, plant: UncertainPlant, domain: Domain) -> conditions.Source:
         """Return disturbances of unit norm as noise: they ask the same of X."""
-        return conditions.noise("energy", domain, disturbance(plant), 1.0)
+        return conditions.noise(
+            f"energy{self.scales(plant) or ''}", domain, self.entering(plant), 1.0
+        )
 
     def claim(
         self,
@@ -53,7 +55,9 @@ class EnergyPeak(Specification):
         plant: UncertainPlant,
     ) -> proof.BoundClaim:
         """Return the claim about the peak."""
-        return proof.EnergyPeak(subject, self.exact_output(plant), level, Fraction(self.norm))
+        scales = tuple(map(Fraction, self.scales(plant)))
+        outputs = self.exact_outputs(plant)
+        return proof.EnergyPeak(subject, outputs, level, Fraction(self.norm), scales=scales)
 
     def condition(
         self, plant: UncertainPlant, domain: Domain, unit: float | None = None
@@ -64,5 +68,6 @@ class EnergyPeak(Specification):
 
     def values(self, plant: UncertainPlant, law: Any, alpha: Array) -> Array:
         """Return the norm times the root of c P c', P the controllability Gramian."""
-        found = stationary(plant, law, alpha, 2 * self.norm**2, [self.output(plant)])
+        psd = 2 * self.norm**2 * self.squares(plant)
+        found = stationary(plant, law, alpha, psd, self.outputs(plant))
         return np.array(found.rms[:, 0])

@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 
 from polefence.design.requirements.rms import Rms
-from polefence.design.requirements.specification import Specification, disturbance
+from polefence.design.requirements.specification import Specification
 from polefence.lmi.conditions import performance as conditions
 from polefence.plant.family import UncertainPlant
-from polefence.plant.outputs import disturbances
+from polefence.plant.outputs import disturbances, stacked
 from polefence.plant.polynomial import Domain
 from polefence.plant.system import Array
 from polefence.proof import claims as proof
@@ -26,9 +26,11 @@ COARSE, FINE, FEW = 60, 2000, 20  # frequencies at all points, and at the worst 
 
 @dataclass(frozen=True)
 class Gain(Specification):
-    """The L2 gain (H-infinity norm) from the disturbances to a signal."""
+    """The L2 gain (H-infinity norm) from the disturbances to a signal, or to a vector of them."""
 
     kind = "gain"
+    keys = ("disturbances",)
+    vector = True
     power = 1
     direct = True
 
@@ -38,17 +40,19 @@ class Gain(Specification):
         It is about the gain times the root of the bandwidth.
         """
         level = None if self.at_most is None else self.at_most * bandwidth**0.5
-        return Rms(self.signal, level, UNIT)
+        return Rms(self.signal, level, UNIT, disturbances=self.disturbances)
 
     def unit(self, plant: UncertainPlant) -> str:
         """Return the signal's unit per unit of the disturbances."""
-        units = {own.unit for own in disturbances(plant)}
+        known = disturbances(plant)
+        acting = self.scales(plant) or (1.0,) * len(known)
+        units = {own.unit for own, scale in zip(known, acting, strict=True) if scale}
         per = units.pop() if len(units) == 1 else ""
-        return f"{self.output(plant).unit or 1} per {per or 'unit'}"
+        return f"{super().unit(plant) or 1} per {per or 'unit'}"
 
     def source(self, plant: UncertainPlant, domain: Domain) -> conditions.Source:  # noqa: ARG002
         """Return the way the disturbances enter."""
-        return conditions.Through("gain", disturbance(plant))
+        return conditions.Through(f"gain{self.scales(plant) or ''}", self.entering(plant))
 
     def claim(
         self,
@@ -57,31 +61,37 @@ class Gain(Specification):
         plant: UncertainPlant,
     ) -> proof.BoundClaim:
         """Return the claim about the gain."""
-        F = [[list(row)] for row in self.output(plant).exact(plant)[2]]
-        passed = tuple(F) if self.output(plant).F else ()
-        return proof.Gain(subject, self.exact_output(plant), level, passed)
+        scales = tuple(map(Fraction, self.scales(plant)))
+        return proof.Gain(subject, self.exact_outputs(plant), level, scales=scales)
 
     def condition(
         self, plant: UncertainPlant, domain: Domain, unit: float | None = None
     ) -> tuple[conditions.Source, conditions.Output]:
         """Return it, with what of the disturbance passes straight into the signal."""
         source, own = super().condition(plant, domain, unit)
-        output = self.output(plant)
-        return source, replace(own, F=output.arrays(plant)[2][:, None, :] if output.F else None)
+        _, _, F = stacked(plant, self.outputs(plant))
+        return source, replace(own, F=self.scaled(plant, F) if np.any(F) else None)
 
     def values(self, plant: UncertainPlant, law: Any, alpha: Array) -> Array:
         """Return the gain by a sweep over frequency, which is fine at the worst points only."""
-        output = self.output(plant)
-        stationary(plant, law, alpha, 0.0, [output])  # refuses what is not stable
+        outputs = self.outputs(plant)
+        stationary(plant, law, alpha, 0.0, outputs)  # refuses what is not stable
         poles = np.abs(close(plant, law, alpha).poles())
         low, high = poles[poles > STABLE * poles.max()].min() / 10, 10 * poles.max()
 
         def swept(points: Array, count: int) -> Array:
             asked = np.append(0.0, np.geomspace(low, high, count)) / (2 * np.pi)
-            found = frequency(plant, law, points, asked, [output]).gain[:, :, 0]
-            return np.asarray(np.sqrt((np.abs(found) ** 2).sum(axis=-1)).max(axis=1))
+            found = self.scaled(plant, frequency(plant, law, points, asked, outputs).gain)
+            return np.asarray(_largest(found).max(axis=1))
 
         values = swept(alpha, COARSE)
         worst = np.argsort(-values)[:FEW]
         values[worst] = np.maximum(values[worst], swept(alpha[worst], FINE))
         return values
+
+
+def _largest(G: Array) -> Array:
+    """Return the largest singular values of matrices; of one row or column its length."""
+    if 1 in G.shape[-2:]:
+        return np.asarray(np.sqrt((np.abs(G) ** 2).sum(axis=(-2, -1))))
+    return np.asarray(np.linalg.norm(G, 2, axis=(-2, -1)))

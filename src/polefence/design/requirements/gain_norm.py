@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from typing import Any, Self
@@ -48,7 +48,9 @@ class GainNorm(Specification):
         If the limit or a unit is no positive number.
     """
 
-    signal: str | Output | Signal = field(default_factory=lambda: Signal(proof.LAW, ""), init=False)
+    signal: str | Output | Signal | Sequence[str | Output] = field(
+        default_factory=lambda: Signal(proof.LAW, ""), init=False
+    )
     at_most: float | None = None
     rows: tuple[float, ...] | None = None
     columns: tuple[float, ...] | None = None
@@ -71,7 +73,7 @@ class GainNorm(Specification):
     def read(cls, row: Row) -> Self:
         """Return what a row says."""
         units = {key: _numbers(row.table[key], key) for key in cls.keys if key in row.table}
-        return cls(at_most=row.numbers().get("at_most"), **units)
+        return cls(at_most=row.given().get("at_most"), **units)
 
     def extended(self, n: int, more: int) -> GainNorm:
         """Return it with units of one for the further states."""

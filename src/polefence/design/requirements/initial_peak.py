@@ -52,7 +52,7 @@ class InitialPeak(Specification):
     impulse: float = 0.0
     ellipsoid: tuple[tuple[float | Fraction, ...], ...] = ()
     kind = "initial peak"
-    keys = ("points", "impulse", "ellipsoid")
+    keys = ("points", "impulse", "ellipsoid", "disturbances")
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -77,7 +77,7 @@ class InitialPeak(Specification):
         """Return what a row says."""
         points = matrix(row, "points", "initial states", number)
         ellipsoid = matrix(row, "ellipsoid", "rows of a matrix", _exact)
-        numbers = row.numbers("impulse")
+        numbers = row.given("impulse")
         return cls(row.table["signal"], points=points, ellipsoid=ellipsoid, **numbers)
 
     def extended(self, n: int, more: int) -> InitialPeak:
@@ -91,9 +91,10 @@ class InitialPeak(Specification):
 
     def require_fit(self, plant: UncertainPlant) -> None:
         """Refuse a plant without the signal; one without disturbance takes no impulse."""
-        self.output(plant)
+        self.outputs(plant)
         if self.impulse:
             disturbance(plant)
+        self.scales(plant)
 
     def source(self, plant: UncertainPlant, domain: Domain) -> conditions.Source:  # noqa: ARG002
         """Return the initial states."""
@@ -104,10 +105,11 @@ class InitialPeak(Specification):
             raise InputError(f"{self.name!r}: the ellipsoid must be {n} x {n}")
         found = [np.tile(np.array(p, dtype=float)[:, None], (N, 1, 1)) for p in self.points]
         if self.impulse:
-            E = disturbance(plant)
-            found += [self.impulse * E[:, :, k : k + 1] for k in range(E.shape[2])]
+            E, acting = self.entering(plant), self._impulses(plant)
+            found += [self.impulse * E[:, :, k : k + 1] for k in np.flatnonzero(acting)]
         X0 = np.array(self.ellipsoid, dtype=float) if self.ellipsoid else None
-        name = f"points {hash((self.points, self.impulse, self.ellipsoid))}"
+        own = self.points, self.impulse, self.ellipsoid, self.scales(plant)
+        name = f"points {hash(own)}"
         return conditions.Points(name, tuple(found), X0)
 
     def claim(
@@ -118,24 +120,30 @@ class InitialPeak(Specification):
     ) -> proof.BoundClaim:
         """Return the claim about the peak."""
         points = tuple(tuple(Fraction(x) for x in point) for point in self.points)
-        q = len(subject.E[0][0]) if self.impulse else 0
-        impulses = (Fraction(self.impulse),) * q
+        impulses = tuple(map(Fraction, self._impulses(plant)))
+        impulses = tuple(Fraction(self.impulse) * scale for scale in impulses)
         X0 = tuple(tuple(Fraction(x) for x in row) for row in self.ellipsoid)
-        return proof.InitialPeak(subject, self.exact_output(plant), level, points, impulses, X0)
+        return proof.InitialPeak(subject, self.exact_outputs(plant), level, points, impulses, X0)
+
+    def _impulses(self, plant: UncertainPlant) -> tuple[float, ...]:
+        """Return how many times the impulse each disturbance has; nothing without an impulse."""
+        if not self.impulse:
+            return ()
+        return self.scales(plant) or (1.0,) * plant.disturbance_count
 
     def values(self, plant: UncertainPlant, law: Any, alpha: Array) -> Array:
         """Return the peak by exact responses at close instants.
 
         From an ellipsoid X0 = L L' it is the root of the sum of squares from L's columns.
         """
-        signal, own = self.output(plant), self
+        (signal,), own, acting = self.outputs(plant), self, self._impulses(plant)
         if not own.impulse and any(vertex.E is None for vertex in plant.vertices):
             plant = _moved_by_nothing(plant)
         loops = close(plant, law, alpha)
         count = len(loops.closed)
         starts = [np.tile(np.array(point, dtype=float), (count, 1)) for point in own.points]
         if own.impulse:
-            starts += [own.impulse * loops.E[:, :, k] for k in range(loops.E.shape[2])]
+            starts += [own.impulse * s * loops.E[:, :, k] for k, s in enumerate(acting) if s]
         stationary(plant, law, alpha, 1.0, [signal])  # refuses what is not stable
         poles = loops.poles()
         fastest = np.abs(poles).max()

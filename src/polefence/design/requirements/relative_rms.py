@@ -40,6 +40,7 @@ class RelativeRms(Rms):
     """
 
     kind = "relative rms"
+    vector = False
 
     @classmethod
     def without_density(cls, where: str) -> float:  # noqa: ARG003
@@ -48,7 +49,7 @@ class RelativeRms(Rms):
 
     def absolute(self) -> Rms:
         """Return the rms itself."""
-        return Rms(self.signal, None, self.density)
+        return Rms(self.signal, None, self.density, disturbances=self.disturbances)
 
     def unit(self, plant: UncertainPlant) -> str:  # noqa: ARG002
         """Return none: it is a ratio."""
@@ -68,7 +69,7 @@ class RelativeRms(Rms):
     def _baseline(self, plant: UncertainPlant, domain: Domain) -> Baseline:
         on = "box" if len(domain.sizes) > 1 else "simplex"
         disturbance(plant)
-        return baseline(plant, on, self.density / 2)
+        return baseline(plant, on, self.density / 2, self.scales(plant))
 
     def claim(
         self, subject: proof.Subject, level: Fraction, plant: UncertainPlant
@@ -77,10 +78,11 @@ class RelativeRms(Rms):
         domain = Domain.of(subject.on, len(subject.A))
         stability, covariance = self._baseline(plant, domain).evidence()
         n = len(subject.A[0])
-        output = self.exact_output(plant)
-        A, E, C = proof.baseline_loop(subject, output, None, tuple(range(n)))
+        outputs, scales = self.exact_outputs(plant), tuple(map(Fraction, self.scales(plant)))
+        A, E, C = proof.baseline_loop(subject, outputs[0], None, tuple(range(n)))
         base = proof.Baseline(A, E, C, stability, covariance)
-        return proof.RelativeRms(subject, output, level, base, Fraction(self.density) / 2)
+        intensity = Fraction(self.density) / 2
+        return proof.RelativeRms(subject, outputs, level, base, intensity, scales=scales)
 
     def values(self, plant: UncertainPlant, law: Any, alpha: Array) -> Array:
         """Return the ratio."""
@@ -115,8 +117,15 @@ class Baseline:
 
 
 @lru_cache(maxsize=16)
-def baseline(plant: UncertainPlant, on: str, intensity: float) -> Baseline:
+def baseline(
+    plant: UncertainPlant, on: str, intensity: float, scales: tuple[float, ...] = ()
+) -> Baseline:
     """Return covariances of the plant under no control, from below.
+
+    Parameters
+    ----------
+    scales : tuple of float, optional
+        How many times each disturbance acts.
 
     Raises
     ------
@@ -124,7 +133,7 @@ def baseline(plant: UncertainPlant, on: str, intensity: float) -> Baseline:
         If the plant without control is unstable somewhere, or no polynomial of `DEGREES` will do.
     """
     domain = Domain.of(on, len(plant.vertices))
-    E = np.stack([v.E for v in plant.vertices if v.E is not None])
+    E = disturbance(plant) * (np.array(scales) if scales else 1.0)
     best: Baseline | None = None
     for degree in DEGREES:
         share, found = _at_degree(plant, domain, E, intensity, degree)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from typing import Any, Self
@@ -9,7 +10,7 @@ from typing import Any, Self
 import numpy as np
 
 from polefence.base.errors import InputError, SpecError, shown, suggest
-from polefence.design.requirements.specification import Row, Specification, disturbance, is_number
+from polefence.design.requirements.specification import Row, Specification, is_number
 from polefence.lmi.conditions import performance as conditions
 from polefence.plant.family import UncertainPlant
 from polefence.plant.outputs import Output
@@ -24,7 +25,7 @@ WEIGHTS = {"Wk": WK, "Wf": WF}
 
 @dataclass(frozen=True)
 class Rms(Specification):
-    """The worst rms of a signal for white disturbances.
+    """The worst rms of a signal for white disturbances; of a vector z, the root of E z'z.
 
     Attributes
     ----------
@@ -39,7 +40,8 @@ class Rms(Specification):
     density: float = 1.0
     weight: str | None = None
     kind = "rms"
-    keys = ("density", "weight")
+    keys = ("density", "weight", "disturbances")
+    vector = True
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -56,10 +58,10 @@ class Rms(Specification):
         weight = row.table.get("weight")
         if weight is not None and not isinstance(weight, str):
             raise SpecError(f'{row.where}: weight = {shown(weight)} must be text, for example "Wk"')
-        density = row.numbers("density").get("density", row.density)
+        density = row.given("density").get("density", row.density)
         if density is None:
             density = cls.without_density(row.where)
-        return cls(row.table["signal"], **row.numbers() | {"density": density}, weight=weight)
+        return cls(row.table["signal"], **row.given() | {"density": density}, weight=weight)
 
     @classmethod
     def without_density(cls, where: str) -> float:
@@ -75,9 +77,9 @@ class Rms(Specification):
         """Name of the weighting."""
         return self.weight
 
-    def filtered(self, signal: Output) -> Rms:
-        """Return it of the weighted signal."""
-        return replace(self, signal=signal, weight=None)
+    def filtered(self, signals: Sequence[Output]) -> Rms:
+        """Return it of the weighted signals."""
+        return replace(self, signal=signals, weight=None)
 
     def unweighted(self) -> Rms:
         """Return it of the signal itself."""
@@ -85,9 +87,8 @@ class Rms(Specification):
 
     def source(self, plant: UncertainPlant, domain: Domain) -> conditions.Source:
         """Return white noise."""
-        return conditions.noise(
-            f"noise {self.density:g}", domain, disturbance(plant), self.density / 2
-        )
+        name = f"noise {self.density!r}{self.scales(plant) or ''}"
+        return conditions.noise(name, domain, self.entering(plant), self.density / 2)
 
     def claim(
         self,
@@ -96,9 +97,11 @@ class Rms(Specification):
         plant: UncertainPlant,
     ) -> proof.BoundClaim:
         """Return the claim about the rms."""
-        return proof.Rms(subject, self.exact_output(plant), level, Fraction(self.density) / 2)
+        scales, intensity = tuple(map(Fraction, self.scales(plant))), Fraction(self.density) / 2
+        return proof.Rms(subject, self.exact_outputs(plant), level, intensity, scales=scales)
 
     def values(self, plant: UncertainPlant, law: Any, alpha: Array) -> Array:
         """Return the rms, by a Lyapunov equation at each point."""
-        found = stationary(plant, law, alpha, self.density, [self.output(plant)])
-        return np.array(found.rms[:, 0])
+        psd = self.density * self.squares(plant)
+        found = stationary(plant, law, alpha, psd, self.outputs(plant))
+        return np.asarray(np.linalg.norm(found.rms, axis=1))

@@ -2,24 +2,30 @@
 
 from __future__ import annotations
 
+import json
 import math
-from collections.abc import Mapping
-from dataclasses import dataclass, replace
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from typing import Any, ClassVar, Self, cast
 
 import numpy as np
 
-from polefence.base.errors import InputError, SpecError, shown
+from polefence.base.errors import InputError, SpecError, shown, suggest
 from polefence.lmi.conditions import performance as conditions
 from polefence.plant.family import UncertainPlant
-from polefence.plant.outputs import Output, Signal
+from polefence.plant.outputs import Output, Signal, disturbances
 from polefence.plant.polynomial import Domain
 from polefence.plant.system import Array
 from polefence.proof import claims as proof
+from polefence.proof.claims.signal import MAX_ENTRIES
 from polefence.proof.laws import Evidence, Law
 from polefence.proof.matrices import Rationals
 from polefence.proof.text import exactly
+
+# Names that need no quotes in a list.
+_PLAIN = re.compile(r"""[^\s,*\[\]"]([^,*\[\]"]*[^\s,*\[\]"])?""")
 
 
 @dataclass(frozen=True)
@@ -40,10 +46,15 @@ class Row:
     where: str
     density: float | None = None
 
-    def numbers(self, *keys: str) -> dict[str, float]:
-        """Return those of the keys that are given, as numbers."""
-        given = ("at_most", *keys)
-        return {k: number(self.table[k], f"{self.where}: {k}") for k in given if k in self.table}
+    def given(self, *keys: str) -> dict[str, Any]:
+        """Return limit, disturbances and these keys as numbers, those of them that are given."""
+        own, where = self.table, self.where
+        found: dict[str, Any] = {
+            key: number(own[key], f"{where}: {key}") for key in ("at_most", *keys) if key in own
+        }
+        if "disturbances" in own:
+            found["disturbances"] = _chosen(own["disturbances"], f"{where}: disturbances")
+        return found
 
 
 @dataclass(frozen=True)
@@ -52,26 +63,36 @@ class Specification:
 
     Attributes
     ----------
-    signal : str or Output
-        A state, an input or an output.
+    signal : str or Output, or a sequence of them
+        A state, an input or an output; for some kinds a vector of up to `MAX_ENTRIES`, each once.
     at_most : float, optional
         In the signal's unit.
+    disturbances : sequence of str, or mapping of str to float, optional
+        Those that act, by name; with a mapping this many times each: w = diag(s) v, and what is
+        bounded is of v. All, as they are, by default. Held as pairs of name and number.
 
     Raises
     ------
     InputError
-        If the limit is no positive number.
+        If the limit or a scale is no positive number, or the signal is none that the kind is of.
     """
 
-    signal: str | Output | Signal
+    signal: str | Output | Signal | Sequence[str | Output]
     at_most: float | None = None
+    disturbances: Any = field(default=None, kw_only=True)
 
+    vector: ClassVar[bool] = False  # whether it may be of a vector of signals
     keys: ClassVar[tuple[str, ...]] = ()  # of a table, besides kind, signal, at_most, minimise
     of_signal: ClassVar[bool] = True  # else of the law
     direct: ClassVar[bool] = False  # whether a disturbance may pass straight into the signal
     power: ClassVar[int] = 2  # of the bound, that grows with the r of a condition
 
     def __post_init__(self) -> None:
+        self._settle("signal", _signals(self.signal, self.kind, self.vector))
+        if self.disturbances is not None:
+            if not self.of_signal:
+                raise InputError(f"a {self.kind} is about no disturbance; leave disturbances out")
+            self._settle("disturbances", _channels(self.disturbances))
         value = self.at_most
         if value is not None and not (is_number(value) and value > 0):
             raise InputError(f"at_most = {value!r} of {self.name!r} must be a positive number")
@@ -85,12 +106,31 @@ class Specification:
         InputError
             Naming the value that cannot be used.
         """
-        return cls(row.table["signal"], **row.numbers())
+        return cls(row.table["signal"], **row.given())
+
+    def _settle(self, name: str, value: Any) -> None:
+        object.__setattr__(self, name, value)  # it is frozen
+
+    @property
+    def entries(self) -> tuple[str | Output, ...]:
+        """The signals, one or the entries of a vector."""
+        found = self.signal if isinstance(self.signal, tuple) else (self.signal,)
+        return cast("tuple[str | Output, ...]", found)  # one on the law has none, and is not asked
 
     @property
     def name(self) -> str:
-        """The signal's name."""
-        return self.signal if isinstance(self.signal, str) else self.signal.name
+        """The signal's name; of a vector its entries' names, ``[a, b]``."""
+        names = [own if isinstance(own, str) else own.name for own in self.entries]
+        return listed(names) if len(names) > 1 else names[0]
+
+    @property
+    def title(self) -> str:
+        """Kind, signal and chosen disturbances, as a line has them."""
+        text = f"{self.kind} of {self.name}"
+        if self.disturbances is None:
+            return text
+        chosen = {name: "" if s == 1 else f" * {exactly(s)}" for name, s in self.disturbances}
+        return f"{text} from {listed(list(chosen), list(chosen.values()))}"
 
     @property
     def kind(self) -> str:
@@ -102,9 +142,9 @@ class Specification:
         """Name of the filter that the signal goes through first."""
         return None
 
-    def filtered(self, signal: Output) -> Specification:
-        """Return it of the signal behind its filter."""
-        return replace(self, signal=signal)
+    def filtered(self, signals: Sequence[Output]) -> Specification:
+        """Return it of the signals behind their filter."""
+        return replace(self, signal=signals)
 
     def unweighted(self) -> Specification:
         """Return it of the signal itself."""
@@ -126,21 +166,59 @@ class Specification:
         """Return the bound that a condition's r is, where it has no limit."""
         return float(r if self.power == 1 else math.sqrt(r))
 
-    def output(self, plant: UncertainPlant) -> Output:
-        """Return the signal.
+    def outputs(self, plant: UncertainPlant) -> tuple[Output, ...]:
+        """Return the signal, or the entries of a vector.
 
         Raises
         ------
         InputError
-            If there is none of that name.
+            If there is none of a name.
         """
-        if isinstance(self.signal, str):
-            return plant.signal(self.signal)
-        return cast(Output, self.signal)  # one on the law has none, and is not asked
+        return tuple(plant.signal(s) if isinstance(s, str) else s for s in self.entries)
+
+    def scales(self, plant: UncertainPlant) -> tuple[float, ...]:
+        """Return how many times each disturbance acts; nothing where each does as it is.
+
+        Raises
+        ------
+        InputError
+            If there is none of a name.
+        """
+        if self.disturbances is None:
+            return ()
+        disturbance(plant)
+        names, chosen = [own.name for own in disturbances(plant)], dict(self.disturbances)
+        for name in chosen:
+            if name not in names:
+                raise InputError(f"no disturbance {name!r}; {suggest(name, names)}")
+        found = tuple(float(chosen.get(name, 0.0)) for name in names)
+        return () if all(scale == 1 for scale in found) else found
+
+    def scaled(self, plant: UncertainPlant, matrices: Any) -> Any:
+        """Return E, F or a response (..., q), each column times its disturbance's scale."""
+        scales = self.scales(plant)
+        return matrices * np.array(scales) if scales else matrices
+
+    def squares(self, plant: UncertainPlant) -> Any:
+        """Return the squares of the disturbances' scales, (q,); 1 where each acts as it is."""
+        return np.square(self.scales(plant)) if self.scales(plant) else 1.0
+
+    def entering(self, plant: UncertainPlant) -> Array:
+        """Return E at the vertices, (N, n, q), of the disturbances as they are scaled.
+
+        Raises
+        ------
+        InputError
+            If the plant has none.
+        """
+        return np.asarray(self.scaled(plant, disturbance(plant)))
 
     def unit(self, plant: UncertainPlant) -> str:
-        """Return the unit of the bound."""
-        return self.output(plant).unit
+        """Return the unit of the bound, or the units of the entries where they differ."""
+        units = [own.unit or "1" for own in self.outputs(plant)]
+        if len(set(units)) > 1:
+            return f"mixed units: {', '.join(units)}"
+        return self.outputs(plant)[0].unit
 
     def require_fit(self, plant: UncertainPlant) -> None:
         """Refuse a plant without the signal, or without what moves it.
@@ -150,8 +228,9 @@ class Specification:
         InputError
             Saying what is missing.
         """
-        self.output(plant)
+        self.outputs(plant)
         disturbance(plant)
+        self.scales(plant)
 
     def source(self, plant: UncertainPlant, domain: Domain) -> conditions.Source:
         """Return what moves the signal."""
@@ -161,17 +240,29 @@ class Specification:
         self, plant: UncertainPlant, domain: Domain, unit: float | None = None
     ) -> tuple[conditions.Source, conditions.Output]:
         """Return it as an LMI has it; with a ``unit`` its bound is not fixed."""
-        C, D = rows(plant, self.output(plant), self.direct)
-        source, level = self.source(plant, domain), self.at_most if unit is None else unit
-        label = f"{self.kind} of {self.name}"
-        level = 1.0 if level is None else level
-        return source, conditions.Output(
-            label, source.name, floats(C), floats(D), level, unit is None
+        outputs = self.exact_outputs(plant)
+        C, D = (
+            np.concatenate([floats(getattr(own, key)) for own in outputs], axis=1) for key in "CD"
         )
+        source, level = self.source(plant, domain), self.at_most if unit is None else unit
+        level = 1.0 if level is None else level
+        return source, conditions.Output(self.title, source.name, C, D, level, unit is None)
 
-    def exact_output(self, plant: UncertainPlant) -> proof.Output:
-        """Return the signal in exact rationals."""
-        return proof.Output(*rows(plant, self.output(plant), self.direct), self.name)
+    def exact_outputs(self, plant: UncertainPlant) -> tuple[proof.Output, ...]:
+        """Return the signal, or the entries of a vector, in exact rationals.
+
+        Raises
+        ------
+        InputError
+            If a disturbance passes straight into one, unless it may.
+        """
+        found = []
+        for own in self.outputs(plant):
+            acts = np.any(self.scaled(plant, own.arrays(plant)[2]))
+            C, D = rows(plant, replace(own, F=()) if own.F and not acts else own, self.direct)
+            F = tuple([list(row)] for row in own.exact(plant)[2]) if own.F else ()
+            found.append(proof.Output(C, D, own.name, F))
+        return tuple(found)
 
     def claim(
         self,
@@ -195,8 +286,79 @@ class Specification:
 
 def limit_text(own: Specification) -> str:
     """Return a specification and its limit, which reads back as it is."""
-    text = f"{own.kind} of {own.name}"
-    return text if own.at_most is None else f"{text} <= {exactly(own.at_most)}"
+    return own.title if own.at_most is None else f"{own.title} <= {exactly(own.at_most)}"
+
+
+def listed(names: Sequence[str], ends: Sequence[str] = ()) -> str:
+    """Return names as ``[a, b]``, those in quotes that would be read as something else.
+
+    Parameters
+    ----------
+    ends : sequence of str, optional
+        What follows each.
+    """
+    plain = [
+        name if _PLAIN.fullmatch(name) else json.dumps(name, ensure_ascii=False) for name in names
+    ]
+    return f"[{', '.join(map(str.__add__, plain, ends or [''] * len(plain)))}]"
+
+
+def _signals(value: Any, kind: str, vector: bool) -> Any:
+    """Return one signal, or a vector of them as a tuple."""
+    if isinstance(value, str | Signal):
+        return value
+    found = tuple(value) if isinstance(value, Sequence) else ()
+    if not found or not all(isinstance(own, str | Output) for own in found):
+        raise InputError(
+            f"signal of {kind} = {value!r} must be a name, an Output or a list of them"
+        )
+    names = [own if isinstance(own, str) else own.name for own in found]
+    twice = [name for name in names if names.count(name) > 1]
+    if twice:
+        raise InputError(f"signal {listed(names)}: {twice[0]!r} is there twice; give it once")
+    if len(found) == 1:
+        return found[0]
+    if not vector:
+        raise InputError(
+            f"signal {listed(names)} is a vector; {kind} is of one signal, rms and gain of more"
+        )
+    if len(found) > MAX_ENTRIES:
+        raise InputError(f"{kind} of {len(found)} signals; at most {MAX_ENTRIES} are supported")
+    return found
+
+
+def _channels(value: Any) -> tuple[tuple[str, float], ...]:
+    """Return pairs of a disturbance's name and scale."""
+    value = [value] if isinstance(value, str) else value
+    pairs = list(value.items()) if isinstance(value, Mapping) else value
+    if isinstance(pairs, Sequence):
+        pairs = [(own, 1.0) if isinstance(own, str) else own for own in pairs]
+    good = isinstance(pairs, Sequence) and all(
+        isinstance(own, tuple) and len(own) == 2 and isinstance(own[0], str) for own in pairs
+    )
+    if not good or not pairs:
+        raise InputError(
+            f"disturbances = {value!r} must be names, or a mapping of names to numbers; name one"
+        )
+    names = [name for name, _ in pairs]
+    for name, scale in pairs:
+        if names.count(name) > 1:
+            raise InputError(f"disturbance {name!r} is there twice; give it once")
+        if not (is_number(scale) and scale > 0):
+            raise InputError(f"disturbance {name!r} times {scale!r}: give a positive number")
+    return tuple((name, float(scale)) for name, scale in pairs)
+
+
+def _chosen(value: Any, where: str) -> Any:
+    """Return disturbances as a spec has them: a list of names, or a table of numbers."""
+    if isinstance(value, dict):
+        return {name: number(scale, f"{where}.{name}") for name, scale in value.items()}
+    if not isinstance(value, list) or not all(isinstance(name, str) for name in value):
+        raise SpecError(
+            f'{where} = {shown(value)} must be a list of names, ["road"], or a table of numbers, '
+            "{road = 0.5}"
+        )
+    return value
 
 
 def is_number(value: Any) -> bool:

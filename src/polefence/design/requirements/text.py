@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -17,7 +18,7 @@ from polefence.design.requirements.gain_norm import GainNorm
 from polefence.design.requirements.initial_peak import InitialPeak
 from polefence.design.requirements.relative_rms import RelativeRms
 from polefence.design.requirements.rms import Rms
-from polefence.design.requirements.specification import Row, Specification, number
+from polefence.design.requirements.specification import Row, Specification, listed, number
 from polefence.plant.spec import specification_tables
 from polefence.proof.claims.gain_norm import LAW
 from polefence.response.stationary import velocity_density
@@ -31,10 +32,14 @@ KINDS: dict[str, type[Specification]] = {
     "gain norm": GainNorm,
 }
 COMMON = ("kind", "signal", "at_most", "minimise")
-ONLY_TABLES = ("points", "ellipsoid", "rows", "columns")
+ONLY_TABLES = ("points", "ellipsoid", "rows", "columns", "disturbances")
 EXAMPLE = "rms of NAME <= 700"
 NOTHING: Mapping[str, float] = MappingProxyType({})
 _NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
+# A list, as `polefence.design.requirements.specification.listed` writes it.
+_ENTRY = r'(?:"(?:[^"\\]|\\.)*"|[^,*\[\]"]+?)'
+_ITEM = re.compile(rf"\s*(?P<name>{_ENTRY})\s*(?:\*\s*(?P<scale>{_NUMBER})\s*)?(?:,|$)")
+_FROM = re.compile(r"(?P<rest>.*\S)\s+from\s+\[(?P<items>.*)\]\s*")
 _WITH = re.compile(r"(?P<rest>.*\S)\s+with\s+(?P<key>\w+)\s+(?P<value>\S+)\s*")
 
 
@@ -92,7 +97,7 @@ def load_specifications(
         raise SpecError(f"{path}: {' '.join(str(error).split())}") from error
     least = [each for each, minimised in found if minimised]
     if len(least) > 1:
-        names = " and ".join(f"{s.kind} of {s.name}" for s in least)
+        names = " and ".join(s.title for s in least)
         raise SpecError(f"{path}: minimise = true for {names}; keep it for one")
     return least[0] if least else None, tuple(each for each, minimised in found if not minimised)
 
@@ -118,7 +123,9 @@ def parse_specification(
     """Read a specification from a line, ``KIND of SIGNAL [<= LIMIT] [with KEY VALUE] ...``.
 
     For example ``rms of actuator force <= 700`` or ``initial peak of suspension deflection <= 0.08
-    with impulse 0.05``.
+    with impulse 0.05``. A vector of signals is ``[a, b]``, and what acts of the disturbances stands
+    behind it: ``gain of [a, b] from [road * 0.5, wind] <= 2``. Names with one of ``,*[]"`` in them
+    are in quotes there.
 
     Parameters
     ----------
@@ -136,7 +143,12 @@ def parse_specification(
     while match := _WITH.fullmatch(rest):
         rest, key = match["rest"], match["key"]
         if key in (*COMMON, *ONLY_TABLES):
-            raise InputError(f"{text!r}: {key} is for a spec's tables; give the limit by <=")
+            told = (
+                "name disturbances by from [NAME]"
+                if key == "disturbances"
+                else "give the limit by <="
+            )
+            raise InputError(f"{text!r}: {key} is for a spec's tables; {told}")
         if key in table:
             raise InputError(f"{text!r}: {key} is given twice; give it once")
         table[key] = _value(match["value"])
@@ -144,10 +156,48 @@ def parse_specification(
     kind, of, signal = what.partition(" of ")
     if not of or not signal.strip() or (less and not limit.strip()):
         raise InputError(f"{text!r} is not of the form KIND of SIGNAL <= LIMIT; write {EXAMPLE!r}")
-    table |= {"kind": " ".join(kind.split()).casefold(), "signal": signal.strip()}
+    if match := _FROM.fullmatch(signal):
+        signal, table["disturbances"] = match["rest"], _channels(match["items"], text)
+    signal = signal.strip()
+    table |= {"kind": " ".join(kind.split()).casefold(), "signal": signal}
+    if signal.startswith("[") and signal.endswith("]"):
+        names = _items(signal[1:-1], text)
+        if any(scale is not None for _, scale in names):
+            raise InputError(
+                f"{text!r}: signals have no scales; define a weighted one in [outputs]"
+            )
+        table["signal"] = [name for name, _ in names]
     if less:
         table["at_most"] = _value(limit.strip())
     return _specification(table, repr(text), road, known)
+
+
+def _items(items: str, text: str) -> list[tuple[str, Fraction | None]]:
+    """Return the names of a list, and what each is multiplied by."""
+    found, at = list[tuple[str, Fraction | None]](), 0
+    while match := _ITEM.match(items, at):
+        name, scale, at = match["name"], match["scale"], match.end()
+        found.append((_unquoted(name, text), None if scale is None else Fraction(scale)))
+        if at == len(items) and not items.endswith(","):
+            return found
+    raise InputError(f"{text!r}: cannot read [{items}]; write [NAME, NAME], or [NAME * 0.5]")
+
+
+def _unquoted(name: str, text: str) -> str:
+    try:
+        return str(json.loads(name)) if name.startswith('"') else name
+    except ValueError as error:
+        raise InputError(f"{text!r}: cannot read {name}; mend its quotes") from error
+
+
+def _channels(items: str, text: str) -> dict[str, Fraction]:
+    """Return the disturbances that act, with scales."""
+    found = _items(items, text)
+    names = [name for name, _ in found]
+    for name in names:
+        if names.count(name) > 1:
+            raise InputError(f"{text!r}: disturbance {name!r} is there twice; give it once")
+    return {name: Fraction(1) if scale is None else scale for name, scale in found}
 
 
 def _value(word: str) -> Any:
@@ -179,8 +229,7 @@ def _read(
     found = _specification(table, where, road)
     if minimised == ("at_most" in table):
         raise SpecError(
-            f"{where}, {found.kind} of {found.name}: give at_most = LIMIT or minimise = true, one "
-            "of them"
+            f"{where}, {found.title}: give at_most = LIMIT or minimise = true, one of them"
         )
     return found, minimised
 
@@ -198,11 +247,13 @@ def _specification(
     for key in ("kind", "signal"):
         if key not in table:
             raise SpecError(f"{where}: {key} is missing; {_remedy(key)}")
-        if not isinstance(table[key], str):
+        if not isinstance(table[key], str) and not (key == "signal" and _is_vector(table[key])):
             raise SpecError(f"{where}: {key} = {shown(table[key])} must be text; {_remedy(key)}")
-    signal = table["signal"]
     if own is None:
         raise SpecError(f"{where}: kind = {shown(kind)} is unknown; {suggest(str(kind), KINDS)}")
+    signal = table["signal"]
+    if isinstance(signal, list):
+        signal = signal[0] if len(signal) == 1 else listed(signal)
     if not own.of_signal and signal != LAW:
         raise SpecError(f"{where}: signal = {shown(signal)}; a {kind} is of {LAW}; leave it out")
     where = f"{where}, {kind} of {signal}"
@@ -214,6 +265,10 @@ def _specification(
         raise SpecError(_placed(str(error), where)) from error
     except InputError as error:
         raise SpecError(f"{where}: {error}") from error
+
+
+def _is_vector(value: Any) -> bool:
+    return isinstance(value, list) and bool(value) and all(isinstance(x, str) for x in value)
 
 
 def _placed(text: str, where: str) -> str:

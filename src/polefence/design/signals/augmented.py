@@ -74,18 +74,23 @@ def with_weights(
         If the plant has no such signal, or a disturbance passes straight into it.
     """
     made: dict[tuple[str, str], Output] = {}
-    found: list[Specification] = []
-    n = plant.shape[0]
+    bare, n = plant, plant.shape[0]
+    for own in specifications:
+        if own.filter is None:
+            continue
+        for signal in own.outputs(bare):
+            if (signal.name, own.filter) not in made:
+                wider = padded(signal, plant.shape[0] - n)
+                system = WEIGHTS[own.filter].state_space()
+                plant, filtered = with_filter(plant, wider, system, own.filter)
+                made[signal.name, own.filter] = filtered
+    more, found = plant.shape[0] - n, list[Specification]()
     for own in specifications:
         if own.filter is not None:
-            key = own.name, own.filter
-            if key not in made:
-                system = WEIGHTS[own.filter].state_space()
-                plant, made[key] = with_filter(plant, own.output(plant), system, own.filter)
-            own = own.filtered(made[key])
-        found.append(own)
-    more = plant.shape[0] - n
-    return plant, tuple(own.extended(n, more) for own in found) if more else tuple(found)
+            signals = [made[signal.name, own.filter] for signal in own.outputs(bare)]
+            own = own.filtered([padded(y, n + more - len(y.C[0])) for y in signals])
+        found.append(own.extended(n, more) if more else own)
+    return plant, tuple(found)
 
 
 def without_feedback(law: Law, plant: UncertainPlant) -> Law:

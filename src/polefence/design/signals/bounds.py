@@ -10,6 +10,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from fractions import Fraction
+from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -89,8 +90,7 @@ class Bound:
     reason: str
 
     def __str__(self) -> str:
-        own = self.specification
-        return f"{own.kind} of {own.name} <= {digits_up(self.level)}"
+        return f"{self.specification.title} <= {digits_up(self.level)}"
 
 
 def best_bound(
@@ -355,8 +355,8 @@ def agreed_bound(plant: UncertainPlant, law: Any, bound: Bound) -> Bound | None:
 
 def _parts(plant: UncertainPlant, law: Any, own: Specification, alpha: Array) -> float:
     """Return the largest worst value of the signal's terms, each alone."""
-    signal, found = own.output(plant), [0.0]
-    for key in "CD":
+    found = [0.0]
+    for signal, key in product(own.outputs(plant), "CD"):
         rows = getattr(signal, key)
         for k in range(len(rows[0]) if rows else 0):
             alone = [[x if j == k else 0 for j, x in enumerate(row)] for row in rows]

@@ -29,14 +29,14 @@ import numpy as np
 
 from polefence.base.errors import InputError, NotProvedError, SolverError, require_type
 from polefence.design.requirements.rms import Rms
-from polefence.design.requirements.specification import Specification, disturbance, limit_text, rows
+from polefence.design.requirements.specification import Specification, disturbance, limit_text
 from polefence.design.signals.augmented import with_weights
 from polefence.design.signals.search import Task
 from polefence.lmi.conditions.methods import method_label
+from polefence.lmi.conditions.pencil import Index
 from polefence.plant.family import UncertainPlant
 from polefence.plant.system import Array
 from polefence.proof.matrices import Rationals
-from polefence.proof.plant import Output
 from polefence.proof.refutation import RmsLimit, RmsRefutation, prove_refutation
 from polefence.proof.text import number_text
 from polefence.proof.work import FormatError
@@ -123,7 +123,8 @@ def refute_limits(
     plant : UncertainPlant
         With a disturbance, E.
     specifications : sequence of Specification
-        Limits; what is no `Rms` with its ``at_most`` is left out, and so is `RelativeRms`.
+        Limits; what is no `Rms` with its ``at_most`` is left out, and so is `RelativeRms`. Those
+        with the same disturbances are looked at together.
 
     Returns
     -------
@@ -141,21 +142,23 @@ def refute_limits(
         raise InputError(f"{plant.name} is in discrete time; specifications are of continuous time")
     for own in specifications:
         require_type(own, Specification, "specifications", "for example Rms('force', 700)")
-    asked = tuple(s for s in specifications if type(s) is Rms and s.at_most is not None)
-    if not asked:
-        return None
+    asked = [s for s in specifications if type(s) is Rms and s.at_most is not None]
+    for chosen in dict.fromkeys(s.disturbances for s in asked):
+        found = _refuted_together(plant, tuple(s for s in asked if s.disturbances == chosen))
+        if found is not None:
+            return found
+    return None
+
+
+def _refuted_together(plant: UncertainPlant, asked: tuple[Rms, ...]) -> Refutation | None:
+    """Return the proof that no law keeps limits for the same disturbances."""
     larger, bare = with_weights(plant, asked)
     disturbance(larger)
     limits = tuple(
-        RmsLimit(
-            Output(*rows(larger, s.output(larger)), own.name),
-            Fraction(own.at_most or 0.0),
-            Fraction(own.density) / 2,
-        )
+        RmsLimit(s.exact_outputs(larger), Fraction(own.at_most or 0.0), Fraction(own.density) / 2)
         for own, s in zip(asked, bare, strict=True)
-        if isinstance(s, Rms)
     )
-    for claim in _claims(larger, limits):
+    for claim in _claims(larger, limits, asked[0].scales(larger)):
         try:
             verdict = prove_refutation(claim)
         except FormatError:
@@ -165,7 +168,9 @@ def refute_limits(
     return None
 
 
-def _claims(plant: UncertainPlant, limits: tuple[RmsLimit, ...]) -> Iterator[RmsRefutation]:
+def _claims(
+    plant: UncertainPlant, limits: tuple[RmsLimit, ...], scales: Sequence[float]
+) -> Iterator[RmsRefutation]:
     """Yield claims to prove, from the vertex where the limits are furthest apart."""
     A, B, E = (
         [[list(row) for row in M] for M in matrices if M is not None]
@@ -175,15 +180,20 @@ def _claims(plant: UncertainPlant, limits: tuple[RmsLimit, ...]) -> Iterator[Rms
             [v.exact_E for v in plant.vertices],
         )
     )
+    if scales:
+        each = list(map(Fraction, scales))
+        E = [[[x * s for x, s in zip(row, each, strict=True)] for row in M] for M in E]
+    owner = np.repeat(np.arange(len(limits)), [len(limit.outputs) for limit in limits])
     # the noise goes into the outputs; each is over its limit
     unit = np.sqrt([float(limit.intensity) / float(limit.level) ** 2 for limit in limits])
     found: list[tuple[float, int, Array, Regular, Regulated]] = []
     for j in range(len(A)):
-        C, D = ([row for y in limits for row in getattr(y.output, k)[j]] for k in "CD")
+        outputs = [output for limit in limits for output in limit.outputs]
+        C, D = ([row for y in outputs for row in getattr(y, k)[j]] for k in "CD")
         exact = regular(A[j], B[j], E[j], C, D)
         if exact is None:
             continue
-        floats = _regulated(exact, unit)
+        floats = _regulated(exact, unit, owner)
         weights, cost = heaviest(floats, SEARCH * _rate(floats.A))
         if cost > 1:
             found.append((cost, j, weights, exact, floats))
@@ -197,12 +207,12 @@ def _claims(plant: UncertainPlant, limits: tuple[RmsLimit, ...]) -> Iterator[Rms
                 yield RmsRefutation(A, B, E, limits, j, scaled, P, factor)
 
 
-def _regulated(exact: Regular, unit: Array) -> Regulated:
+def _regulated(exact: Regular, unit: Array, owner: Index) -> Regulated:
     A, B, E, C, D = (
         np.array([[float(x) for x in row] for row in M])
         for M in (exact.A, exact.B, exact.E, exact.C, exact.D)
     )
-    return Regulated(A, B, E, unit[:, None] * C, unit[:, None] * D)
+    return Regulated(A, B, E, unit[owner, None] * C, unit[owner, None] * D, owner)
 
 
 def _rate(A: Array) -> float:
@@ -448,13 +458,17 @@ def _null_space(matrix: Rationals) -> Rationals:
 
 @dataclass(frozen=True, eq=False)
 class Regulated:
-    """Arrays A, B, E of a plant, and C, D of its outputs, each over the limit on its rms."""
+    """Arrays A, B, E of a plant, and C, D of its outputs, each over the limit on its rms.
+
+    ``limit`` has the number of that limit for each row: a limit on a vector has more than one.
+    """
 
     A: Array
     B: Array
     E: Array
     C: Array
     D: Array
+    limit: Index
 
     def riccati(self, weights: Array, decay: float = 0.0, less: Array | None = None) -> Array:
         """Return P of the regulator, for the plant with this much more decay, less so much cost.
@@ -467,7 +481,7 @@ class Regulated:
         from scipy.linalg import solve_continuous_are
 
         A = self.A - decay * np.eye(len(self.A))
-        root = np.sqrt(weights)[:, None]
+        root = np.sqrt(weights)[self.limit, None]
         C, D = root * self.C, root * self.D
         Q = C.T @ C if less is None else C.T @ C - less
         try:
@@ -484,7 +498,7 @@ class Regulated:
         return float(np.trace(self.E.T @ P @ self.E))
 
     def mean_squares(self, weights: Array, P: Array) -> Array:
-        """Return those of the outputs under the regulator.
+        """Return those of the outputs of each limit under the regulator.
 
         Raises
         ------
@@ -493,7 +507,7 @@ class Regulated:
         """
         from scipy.linalg import solve_continuous_lyapunov
 
-        D = weights[:, None] * self.D
+        D = weights[self.limit, None] * self.D
         K = -np.linalg.solve(self.D.T @ D, self.B.T @ P + D.T @ self.C)
         loop = self.A + self.B @ K
         poles = np.linalg.eigvals(loop)
@@ -501,7 +515,8 @@ class Regulated:
             raise SolverError("the regulator leaves a pole on the imaginary axis")
         X = solve_continuous_lyapunov(loop, -self.E @ self.E.T)
         Y = self.C + self.D @ K
-        return np.asarray(np.maximum(np.einsum("ij,jk,ik->i", Y, X, Y), 0.0))
+        squares = np.maximum(np.einsum("ij,jk,ik->i", Y, X, Y), 0.0)
+        return np.asarray(np.bincount(self.limit, squares))
 
 
 def heaviest(plant: Regulated, decay: float) -> tuple[Array, float]:
@@ -510,7 +525,7 @@ def heaviest(plant: Regulated, decay: float) -> tuple[Array, float]:
     The cost is concave in the weights and its slopes are the mean squares: cutting planes, each an
     upper bound everywhere, within a factor of the best weights so far.
     """
-    count, reach = len(plant.C), REACH
+    count, reach = int(plant.limit.max()) + 1, REACH
     slower = replace(plant, A=plant.A - decay * np.eye(len(plant.A)))
     weights = best = np.full(count, 1 / count)
     most, cuts = 0.0, list[Array]()

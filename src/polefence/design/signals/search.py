@@ -821,7 +821,7 @@ def is_falling(taken: Sequence[Step]) -> bool:
 def unbounded(task: Task, taken: Sequence[Step]) -> NotProvedError:
     """Return that no law is best, and what would make one so."""
     own = task.minimise
-    what = "" if own is None else f"{own.kind} of {own.name}"
+    what = "" if own is None else own.title
     levels = ", ".join(f"{step.level:.3g} for poles up to {step.speed:.2g} 1/s" for step in taken)
     return NotProvedError(
         f"unbounded: {what} falls without end as the law grows ({levels}); limit the gain, the "

@@ -217,6 +217,8 @@ class Asked:
 def _plain(own: Specification) -> dict[str, Any]:
     # through JSON and back, so that it equals what is read from a file
     found: dict[str, Any] = json.loads(json.dumps({"kind": own.kind} | asdict(own), default=repr))
+    if found["disturbances"] is None:  # all, as in files that do not say
+        del found["disturbances"]
     return found
 
 
@@ -356,7 +358,7 @@ def head(asked: Asked) -> dict[str, Any]:
 def label_of(plant: UncertainPlant, own: Specification) -> str:
     """Return kind, signal and unit of a specification."""
     unit = own.unit(plant)
-    return f"{own.kind} of {own.name}" + (f" [{unit}]" if unit else "")
+    return own.title + (f" [{unit}]" if unit else "")
 
 
 def write_rows(path: Path, asked: Asked, rows: Sequence[Row]) -> None:
@@ -473,7 +475,7 @@ def proved_row(
         "sampled": worst[0],
         "bounds": [
             {
-                "specification": f"{own.kind} of {own.name}",
+                "specification": own.title,
                 "at_most": own.at_most,
                 "proved": level,
                 "sampled": seen,

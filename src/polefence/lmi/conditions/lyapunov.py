@@ -17,7 +17,7 @@ from operator import add
 import numpy as np
 
 from polefence.lmi.conditions.pencil import Builder, Linear, Pencil, Term
-from polefence.lmi.conditions.performance import Demands, Form, assembled, degree_of
+from polefence.lmi.conditions.performance import Demands, Form, assembled, degree_of, split_rows
 from polefence.plant.polynomial import Domain, Exponent, Polynomial, binomial, elevated
 from polefence.plant.system import Array
 
@@ -88,7 +88,7 @@ def given(loop: Loop, demands: Demands, degree: int = 0, elevation: int = 0) -> 
     Parameters
     ----------
     loop : Loop
-        Its C has a row for each output below the n of the dynamics.
+        Its C has the rows of each output below the n of the dynamics.
     """
     domain, n = loop.domain, len(next(iter(loop.E.values())))
     pencil = Builder("lyapunov")
@@ -103,7 +103,7 @@ def given(loop: Loop, demands: Demands, degree: int = 0, elevation: int = 0) -> 
         for total, P in ((X, E), (NY, C)):
             for e, more in _multiples(elevated(P, domain, extra), scalars, domain, degree).items():
                 total[e] = total.get(e, Linear()) + more
-    parts = np.split(np.eye(n + len(demands.outputs)), n + np.arange(len(demands.outputs)))
+    parts = split_rows(n, demands.outputs)
 
     def forms() -> Iterator[Form]:
         for e in domain.monomials(natural + elevation):

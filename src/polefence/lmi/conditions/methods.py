@@ -28,7 +28,7 @@ import numpy as np
 from polefence.base.errors import InputError, suggest
 from polefence.lmi.conditions.gain_norm import add_norm
 from polefence.lmi.conditions.pencil import Builder, Linear, Pencil, Piece, block_name, multiple
-from polefence.lmi.conditions.performance import Demands, Form, Output, assembled
+from polefence.lmi.conditions.performance import Demands, Form, Output, assembled, split_rows
 from polefence.lmi.conditions.target import Side, Target, disks
 from polefence.plant.family import UncertainPlant
 from polefence.plant.polynomial import DOMAINS, Domain, Exponent
@@ -345,7 +345,7 @@ def _forms(
     n = A.shape[1]
     AC = np.concatenate([A, *(o.C for o in outputs)], axis=1)
     BD = np.concatenate([B, *(o.D for o in outputs)], axis=1)
-    parts = np.split(np.eye(AC.shape[1]), n + np.arange(len(outputs)))
+    parts = split_rows(n, outputs)
     tables = domain.pairs(degree, extra), domain.elevated(degree, 1 + extra)
     for e, pairs, sums in zip(domain.monomials(degree + 1 + extra), *tables, strict=True):
         X, NY = Linear(), Linear()

@@ -1,13 +1,21 @@
 r"""Bounds on signals beside regions: an rms, a peak or a gain, for every alpha.
 
-For x' = (A + B K) x + E w, y = C x + D u with one row, and X = W, N = A W + B Z, Y = C W + D Z,
-with a scalar t > 0 for each source of motion, which keeps everything homogeneous:
+For x' = (A + B K) x + E w, y = C x + D u, and X = W, N = A W + B Z, Y = C W + D Z, with a scalar
+t > 0 for each source of motion, which keeps everything homogeneous:
 
     noise     white, of intensity S:  -(N + N' + t E S E') > 0, so that X / t > the covariance
     points    motion from each x0:    -(N + N') > 0 and [ t, t x0' ; t x0, X ] > 0; from all x0
               of an ellipsoid x0' X0^-1 x0 <= 1: X - t X0 > 0
               with either, [ g^2 t, Y ; Y', X ] > 0 bounds the rms, or the peak, of y by g
-    through   from w to y in L2:      [ -(N + N'), -t E, -Y' ; *, g t, -t F' ; *, *, g t ] > 0
+    through   from w to y in L2:      [ -(N + N'), -t E, -Y' ; *, g t I, -t F' ; *, *, g t I ] > 0
+
+The square of the rms of a vector is the sum of its entries': with the rows Y_1, ..., Y_p of Y,
+
+    [ g^2 t, Y_1, ..., Y_p ; Y_1', X, 0 ; ... ; Y_p', 0, X ] > 0
+
+says that sum_j Y_j X^-1 Y_j' < g^2 t, without the variables for tr Y X^-1 Y' that are usual, and at
+each coefficient of polynomials as much as they would. Disturbances that are chosen and scaled,
+w = diag(s) v, are E diag(s) and F diag(s).
 
 (Scherer, Gahinet & Chilali, 1997; Boyd et al., 1994). Noise of S = e^2 also bounds the peaks under
 disturbances of energy e^2. What is minimised is r = (g / level)^2, of a gain g / level. Bounds on a
@@ -112,20 +120,20 @@ def unit_of(source: Source, rate: float) -> float:
 
 @dataclass(frozen=True, eq=False)
 class Output:
-    """A scalar output y = C x + D u, or + F w, and the bound on it.
+    """An output y = C x + D u, or + F w, of p rows, and the bound on it.
 
     Attributes
     ----------
     name : str
     source : str
         Name of what moves it.
-    C, D : (N, 1, n), (N, 1, m) arrays
+    C, D : (N, p, n), (N, p, m) arrays
         At every vertex.
     level : float
         The bound where it is fixed; else the unit in which it is measured.
     fixed : bool
         Whether the bound is fixed; else it grows with r.
-    F : (N, 1, q) array, optional
+    F : (N, p, q) array, optional
         For `Through` only.
     square : polynomial, optional
         A positive scalar: the bound's square is level^2 times this, not level^2.
@@ -139,6 +147,11 @@ class Output:
     fixed: bool = True
     F: Array | None = None
     square: Polynomial | None = None
+
+    @property
+    def rows(self) -> int:
+        """Number of entries, p."""
+        return int(self.C.shape[1])
 
     def changed(self, T: Array, S: Array) -> Output:
         """Return the output of states and inputs in other coordinates, x = T x_s, u = S u_s."""
@@ -187,6 +200,12 @@ class Form:
     Y: tuple[Linear, ...] = ()
     floor: Linear | None = None
     name: str = ""
+
+
+def split_rows(n: int, outputs: Iterable[Output]) -> list[Array]:
+    """Return what takes the n rows of the dynamics, and those of each output, from their stack."""
+    counts = np.cumsum([n, *(output.rows for output in outputs)])
+    return np.split(np.eye(counts[-1]), counts[:-1])
 
 
 def noise(name: str, domain: Domain, E: Array, intensity: float) -> Noise:
@@ -263,7 +282,7 @@ def _square(output: Output, domain: Domain, degree: int) -> dict[Exponent, float
 
 def _raised_F(output: Output, domain: Domain, degree: int, q: int) -> Callable[[Exponent], Array]:
     if output.F is None:
-        return lambda _: np.zeros((1, q))
+        return lambda _: np.zeros((output.rows, q))
     table = elevated(bernstein(domain, output.F, 1), domain, degree - 1)
     return lambda e: table[e]
 
@@ -306,14 +325,19 @@ def _moved(
 
 
 def _bound(name: str, X: Linear, Y: Linear, t: Linear, weight: float, output: Output) -> Block:
-    """Return [ weight level^2 t, Y ; Y', X ] > 0, the first entry times r unless it is fixed."""
-    n = X.terms[0].left.shape[0]
-    first, rest = np.eye(n + 1)[:, :1], np.eye(n + 1)[:, 1:]
+    """Return [ weight level^2 t, Y ; Y', X ] > 0, the first entry times r unless it is fixed.
+
+    With more rows they stand side by side, and X below each.
+    """
+    n, p = X.terms[0].left.shape[0], output.rows
+    first, *rests = np.split(np.eye(1 + p * n), 1 + n * np.arange(p), axis=1)
     size = weight * output.level**2 / 2
-    others = put(Y, -first, rest) + put(X, -0.5 * rest, rest)
+    others: tuple[Term, ...] = ()
+    for row, rest in zip(np.eye(p)[:, None], rests, strict=True):
+        others += put(row @ Y, -first, rest) + put(X, -0.5 * rest, rest)
     if output.fixed:
-        return Block(name, n + 1, (), put(-size * t, first, first) + others)
-    return Block(name, n + 1, put(size * t, first, first), others)
+        return Block(name, 1 + p * n, (), put(-size * t, first, first) + others)
+    return Block(name, 1 + p * n, put(size * t, first, first), others)
 
 
 def _passed(
@@ -328,13 +352,13 @@ def _passed(
 ) -> Block:
     """Return the block of a gain, E and y over the root of the level."""
     n, q = E.shape
-    size = n + q + 1
+    size = n + q + output.rows
     x, w, y = np.split(np.eye(size), [n, n + q], axis=1)
     root = np.sqrt(output.level)
     M = put(N, x, x) + put(1.0 / root * Y, y, x)
     for k in range(q):
         M += put(t, x @ E[:, k : k + 1] / root, w[:, k : k + 1])
-        M += put(t, y * F[0, k] / output.level, w[:, k : k + 1])
+        M += put(t, y @ F[:, k : k + 1] / output.level, w[:, k : k + 1])
     ends = np.concatenate([w, y], axis=1)
     gain: tuple[Term, ...] = ()
     for column in ends.T[:, :, None]:

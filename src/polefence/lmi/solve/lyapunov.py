@@ -106,7 +106,8 @@ def points_inside(
 def work(loop: Loop, source: Source, degree: int, elevation: int) -> float:
     """Return about how many multiplications an iteration of the search takes."""
     n, domain = len(next(iter(loop.E.values()))), loop.domain
-    size = n + 1 + (source.E.shape[2] if isinstance(source, Through) else 0)
+    p = len(next(iter(loop.C.values()))) - n
+    size = n + p + source.E.shape[2] if isinstance(source, Through) else 1 + p * n
     # each exponent has one inequality for what moves the loop, and one for its output
     blocks = 2 * domain.count(loop.degree + degree + elevation)
     unknowns = domain.count(degree) * (n * (n + 1) // 2 + (loop.R is not None))
@@ -126,7 +127,7 @@ def least_given(
     Parameters
     ----------
     loop : Loop
-        Its C has the output's row below those of the dynamics.
+        Its C has the output's rows below those of the dynamics.
 
     Returns
     -------

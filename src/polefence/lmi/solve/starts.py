@@ -190,7 +190,7 @@ def _balanced(
 
 def _weighted(rows: list[Array], weights: Array) -> Array:
     Y = np.vstack(rows)
-    return np.asarray((Y.T * weights) @ Y)
+    return np.asarray((Y.T * np.repeat(weights, list(map(len, rows)))) @ Y)
 
 
 def _kept(
@@ -200,7 +200,7 @@ def _kept(
     covariance = {name: _lyapunov(loop, M) for name, M in moved.items()}
     for output, row in zip(outputs, rows, strict=True):
         y, X = row[:, : len(loop)] + row[:, len(loop) :] @ K, covariance[output.source]
-        if output.fixed and (X is None or (y @ X @ y.T).item() > 1):
+        if output.fixed and (X is None or np.trace(y @ X @ y.T) > 1):
             return False
     return True
 

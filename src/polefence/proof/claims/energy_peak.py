@@ -26,7 +26,12 @@ class EnergyPeak(SignalClaim):
     norm: Fraction = Fraction(1)
 
     @classmethod
-    def read_own(cls, table: Table, subject: Subject, output: Output) -> dict[str, Any]:  # noqa: ARG003
+    def read_own(
+        cls,
+        table: Table,
+        subject: Subject,  # noqa: ARG003
+        outputs: tuple[Output, ...],  # noqa: ARG003
+    ) -> dict[str, Any]:
         """Read the norm."""
         return {"norm": table.number("norm", 1)}
 
@@ -36,7 +41,7 @@ class EnergyPeak(SignalClaim):
 
     def rows(self, X: Polynomial, minus: Polynomial, Y: Polynomial) -> Rows:
         """Return what bounds the state, and the output in it."""
-        driven = minus - noise(self.subject.E, Fraction(1), X.sizes)
+        driven = minus - noise(self.subject.E, Fraction(1), X.sizes, self.scales)
         # the norm times Y: level / norm would not be there for a norm of zero
         corner = number(self.level**2, X.sizes)
         return {

@@ -40,9 +40,9 @@ class GainNorm(Claim):
     columns: tuple[Fraction, ...]
 
     @property
-    def output(self) -> Output:
+    def outputs(self) -> tuple[Output, ...]:
         """No signal, by the name of what is bounded."""
-        return Output([], [], LAW)
+        return (Output([], [], LAW),)
 
     @classmethod
     def read(cls, table: Table, plant: Plant, law: Any, on: str) -> Self:

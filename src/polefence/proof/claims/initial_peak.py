@@ -6,7 +6,7 @@ stays below 1. For all initial states of an ellipsoid x0' X0^-1 x0 <= 1, X - X0 
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from typing import Any, ClassVar
@@ -47,7 +47,12 @@ class InitialPeak(SignalClaim):
     ellipsoid: tuple[tuple[Fraction, ...], ...] = ()
 
     @classmethod
-    def read_own(cls, table: Table, subject: Subject, output: Output) -> dict[str, Any]:  # noqa: ARG003
+    def read_own(
+        cls,
+        table: Table,
+        subject: Subject,
+        outputs: tuple[Output, ...],  # noqa: ARG003
+    ) -> dict[str, Any]:
         """Read the initial states."""
         n, found = subject.n, dict[str, Any]()
         if "points" in table:
@@ -82,6 +87,11 @@ class InitialPeak(SignalClaim):
             raise FormatError(f"impulses must hold {q} numbers, one a column of E")
         if len(self.points) + len(self.impulses) > MAX_POINTS:
             raise FormatError(f"there are more than {MAX_POINTS} points and impulses")
+
+    @property
+    def acting(self) -> Sequence[int]:
+        """Numbers of the disturbances that have an impulse."""
+        return [k for k, size in enumerate(self.impulses) if size]
 
     @property
     def blocks_at_most(self) -> int:

@@ -25,7 +25,7 @@ from polefence.proof.matrices import Rationals, least_work
 from polefence.proof.plant import Output
 from polefence.proof.polynomials import MAX_DEGREE, Polynomial, affine, bernstein, count_of
 from polefence.proof.reading import MAX_SIZE, Table, plain
-from polefence.proof.text import digits_down
+from polefence.proof.text import digits_down, number_text
 from polefence.proof.work import RATIONAL, FormatError, spend
 
 
@@ -54,14 +54,16 @@ class RelativeRms(SignalClaim):
     intensity: Fraction = Fraction(1)
 
     @classmethod
-    def read_own(cls, table: Table, subject: Subject, output: Output) -> dict[str, Any]:
+    def read_own(
+        cls, table: Table, subject: Subject, outputs: tuple[Output, ...]
+    ) -> dict[str, Any]:
         """Read the baseline: a gain and the states that are kept, and its evidence."""
         below, n, m = table.table("baseline"), subject.n, subject.m
         K = below.matrix("K", m, n) if "K" in below else None
         states = below.items("states", MAX_SIZE) if "states" in below else list(range(1, n + 1))
         if any(type(j) is not int for j in states):
             raise FormatError(f"{below.path('states')} must be whole numbers, 1 the first state")
-        A, E, C = baseline_loop(subject, output, K, tuple(j - 1 for j in states))
+        A, E, C = baseline_loop(subject, outputs[0], K, tuple(j - 1 for j in states))
         evidence = [
             read_evidence(below.table(key), len(A[0]), subject.sizes, letter)
             for key, letter in (("stability", "X"), ("covariance", "P"))
@@ -72,7 +74,7 @@ class RelativeRms(SignalClaim):
     def write_own(self) -> dict[str, Any]:
         """Return the baseline's evidence, and the intensity."""
         if not self.without_control:
-            raise FormatError(f"{self.output.name}: only no control is written as a baseline")
+            raise FormatError(f"{self.outputs[0].name}: only no control is written as a baseline")
         own = self.baseline
         table = {"stability": own.stability.write("X"), "covariance": own.covariance.write("P")}
         return {"intensity": plain(self.intensity), "baseline": table}
@@ -81,7 +83,7 @@ class RelativeRms(SignalClaim):
     def without_control(self) -> bool:
         """Whether the baseline is the same plant under no control."""
         base, states = self.baseline, tuple(range(self.subject.n))
-        own = baseline_loop(self.subject, self.output, None, states)
+        own = baseline_loop(self.subject, self.outputs[0], None, states)
         return own == (base.A, base.E, base.C)
 
     def require_own(self) -> None:
@@ -128,7 +130,7 @@ class RelativeRms(SignalClaim):
         sizes, P = X.sizes, self.baseline.covariance
         C = affine(self.baseline.C, sizes)
         lower = C * bernstein(P.X, sizes, P.degree) * C.T
-        driven = minus - noise(self.subject.E, self.intensity, sizes)
+        driven = minus - noise(self.subject.E, self.intensity, sizes, self.scales)
         corner = lower.times(self.level**2)
         return {"of the noise": [[driven]], "of the output": [[corner, Y], [X]]}
 
@@ -140,13 +142,17 @@ class RelativeRms(SignalClaim):
         A = affine(baseline.A, sizes)
         X, P = (bernstein(each.X, sizes, each.degree) for each in (stability, covariance))
         N, M = A * X, A * P
-        driven = M + M.T + noise(baseline.E, self.intensity, sizes)
+        driven = M + M.T + noise(baseline.E, self.intensity, sizes, self.scales)
         for name, F, by in (
             ("X", X, stability.elevation),
             ("decrease", (N + N.T).times(-1), stability.elevation),
             ("noise", driven, covariance.elevation),
         ):
             yield Inequality.raised(f"of the baseline's {name}", [[F]], by)
+
+    def scale_text(self, scale: Fraction) -> str:
+        """Return it as it is, or with a ~: a ratio may grow as one disturbance becomes less."""
+        return number_text(scale)
 
     @property
     def under(self) -> str:

@@ -1,7 +1,9 @@
 """Rms of a signal under white noise.
 
 -(N + N' + S E E') > 0 and [ g^2, Y ; Y', X ] > 0 for two-sided intensity S: X is more than the
-stationary covariance, and Y X^-1 Y' < g^2.
+stationary covariance, and Y X^-1 Y' < g^2. The rms of a vector z is the root of E z'z, that of the
+sum of its entries' squares: with the rows Y_j of Y side by side and X once for each of them on the
+diagonal, one inequality says sum_j Y_j X^-1 Y_j' < g^2, and no further evidence is needed.
 """
 
 from __future__ import annotations
@@ -10,7 +12,14 @@ from dataclasses import dataclass
 from fractions import Fraction
 from typing import Any, ClassVar
 
-from polefence.proof.claims.signal import Rows, SignalClaim, Subject, noise
+from polefence.proof.claims.signal import (
+    MAX_ENTRIES,
+    Rows,
+    SignalClaim,
+    Subject,
+    bounded,
+    noise,
+)
 from polefence.proof.plant import Output
 from polefence.proof.polynomials import Polynomial, number
 from polefence.proof.reading import Table, plain
@@ -19,17 +28,23 @@ from polefence.proof.text import digits_down
 
 @dataclass(frozen=True)
 class Rms(SignalClaim):
-    """The rms of y is less than ``level`` for white noise w of two-sided ``intensity``.
+    """The rms of z is less than ``level`` for white noise w of two-sided ``intensity``.
 
     The stationary covariance P satisfies A P + P A' + intensity E E' = 0.
     """
 
     kind: ClassVar[str] = "rms"
+    most: ClassVar[int] = MAX_ENTRIES
 
     intensity: Fraction = Fraction(1)
 
     @classmethod
-    def read_own(cls, table: Table, subject: Subject, output: Output) -> dict[str, Any]:  # noqa: ARG003
+    def read_own(
+        cls,
+        table: Table,
+        subject: Subject,  # noqa: ARG003
+        outputs: tuple[Output, ...],  # noqa: ARG003
+    ) -> dict[str, Any]:
         """Read the intensity."""
         return {"intensity": table.number("intensity", 1)}
 
@@ -37,13 +52,16 @@ class Rms(SignalClaim):
         """Return the intensity."""
         return {"intensity": plain(self.intensity)}
 
+    @property
+    def largest(self) -> int:
+        """Rows of the output's inequality, where that is the largest."""
+        return max(super().largest, 1 + len(self.outputs) * self.subject.n)
+
     def rows(self, X: Polynomial, minus: Polynomial, Y: Polynomial) -> Rows:
-        """Return what bounds the covariance, and the output's variance."""
-        driven = minus - noise(self.subject.E, self.intensity, X.sizes)
-        return {
-            "of the noise": [[driven]],
-            "of the output": [[number(self.level**2, X.sizes), Y], [X]],
-        }
+        """Return what bounds the covariance, and the sum of the outputs' variances."""
+        driven = minus - noise(self.subject.E, self.intensity, X.sizes, self.scales)
+        corner = number(self.level**2, X.sizes)
+        return {"of the noise": [[driven]], "of the output": bounded(corner, X, Y)}
 
     @property
     def under(self) -> str:

@@ -1,17 +1,20 @@
-"""Bounds on a signal of a closed loop: what all kinds of them have in common.
+"""Bounds on signals of a closed loop: what all kinds of them have in common.
 
-For x' = (A + B K) x + E w, y = C x + D u with one row y, and for every alpha of the simplex or the
-box. With a Lyapunov polynomial X, N = (A + B K) X and Y = (C + D K) X are polynomials too; what
-each kind asks of them is from Boyd et al. (1994), chapters 6 and 10, and Scherer, Gahinet & Chilali
-(1997). Every inequality is a polynomial, homogeneous in each simplex; it holds if all of its
-coefficients, times (sum of alpha)^elevation, are positive definite. All that is about one loop is
-raised to one degree, the least that they need.
+For x' = (A + B K) x + E w, y = C x + D u with one row y, or with some the vector z of several, and
+for every alpha of the simplex or the box. With a Lyapunov polynomial X, N = (A + B K) X and
+Y = (C + D K) X are polynomials too; what each kind asks of them is from Boyd et al. (1994),
+chapters 6 and 10, and Scherer, Gahinet & Chilali (1997). Every inequality is a polynomial,
+homogeneous in each simplex; it holds if all of its coefficients, times (sum of alpha)^elevation,
+are positive definite. All that is about one loop is raised to one degree, the least that they need.
+
+Disturbances w = diag(s) v have ``scales`` s, zero of one that does not act: E and F are then
+E diag(s) and F diag(s), and what is claimed is of v.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from typing import Any, ClassVar, Self
 
@@ -19,12 +22,23 @@ from polefence.proof.claims.base import Claim, Inequality, require_law, require_
 from polefence.proof.claims.poles import Poles
 from polefence.proof.laws import DOMAINS, Evidence, Law, lifted, read_evidence
 from polefence.proof.matrices import MAX_BITS, Rationals, least_work
-from polefence.proof.plant import Output, Plant, sizes_of
-from polefence.proof.polynomials import Polynomial, Sizes, affine, bernstein, count_of, joint
+from polefence.proof.plant import Output, Plant, sizes_of, split
+from polefence.proof.polynomials import (
+    Polynomial,
+    Sizes,
+    affine,
+    bernstein,
+    constant,
+    count_of,
+    diagonal,
+    joint,
+)
 from polefence.proof.reading import Table, plain, plain_rows
 from polefence.proof.regions import HalfPlane
-from polefence.proof.text import digits_up, output_text, quoted
+from polefence.proof.text import digits_down, digits_up, output_text, quoted
 from polefence.proof.work import FormatError
+
+MAX_ENTRIES = 16  # of a vector of outputs
 
 Rows = dict[str, list[list[Polynomial]]]  # blocks of inequalities, by their names
 
@@ -66,13 +80,13 @@ class Subject:
         """Number of disturbances."""
         return len(self.E[0][0]) if self.E and self.E[0] else 0
 
-    def loop(self, output: Output) -> tuple[Polynomial, Polynomial, Polynomial]:
+    def loop(self, outputs: Sequence[Output]) -> tuple[Polynomial, Polynomial, Polynomial]:
         """Return X, N = (A + B K) X and Y = (C + D K) X, all of one degree."""
-        n, vertices = self.n, zip(self.A, self.B, output.C, output.D, strict=True)
+        n, C, D = self.n, stacked([y.C for y in outputs]), stacked([y.D for y in outputs])
         plant = bernstein(  # [A, B; C, D]
             [
-                [left + right for left, right in zip([*A, *C], [*B, *D], strict=True)]
-                for A, B, C, D in vertices
+                [left + right for left, right in zip([*A, *c], [*B, *d], strict=True)]
+                for A, B, c, d in zip(self.A, self.B, C, D, strict=True)
             ],
             self.sizes,
             1,
@@ -112,6 +126,11 @@ class Subject:
         replace(self, evidence=own).as_poles.require()
 
 
+def stacked(outputs: Sequence[Sequence[Rationals]]) -> list[Rationals]:
+    """Return the rows of outputs below one another, at every vertex."""
+    return [[row for rows in each for row in rows] for each in zip(*outputs, strict=True)]
+
+
 def require_shapes(
     matrices: list[Rationals], count: int, rows: int, columns: int, where: str
 ) -> None:
@@ -125,19 +144,27 @@ def require_shapes(
 
 @dataclass(frozen=True)
 class SignalClaim(Claim):
-    """An output of the loop, bounded by ``level``."""
+    """An output of the loop, or a vector of them, bounded by ``level``."""
 
     letters: ClassVar[str] = "ABE"
     driven: ClassVar[bool] = True  # whether it is about a disturbance
+    direct: ClassVar[bool] = False  # whether one may pass straight into the output
+    most: ClassVar[int] = 1  # entries of a vector
 
     subject: Subject
-    output: Output
+    outputs: tuple[Output, ...]
     level: Fraction
+    scales: tuple[Fraction, ...] = field(default=(), kw_only=True)
 
     # --- what each kind has of its own -----------------------------------------------------------
 
     @classmethod
-    def read_own(cls, table: Table, subject: Subject, output: Output) -> dict[str, Any]:  # noqa: ARG003
+    def read_own(
+        cls,
+        table: Table,  # noqa: ARG003
+        subject: Subject,  # noqa: ARG003
+        outputs: tuple[Output, ...],  # noqa: ARG003
+    ) -> dict[str, Any]:
         """Read the fields of this kind."""
         return {}
 
@@ -158,9 +185,20 @@ class SignalClaim(Claim):
         raise NotImplementedError
 
     @property
+    def acting(self) -> Sequence[int]:
+        """Numbers of the disturbances that act."""
+        scales = self.scales
+        return [k for k in range(self.subject.q) if not scales or scales[k]]
+
+    @property
     def blocks_at_most(self) -> int:
-        """Number of inequalities about the loop, of n + q + 1 rows at most."""
+        """Number of inequalities about the loop, of so many rows as `largest` at most."""
         return 2
+
+    @property
+    def largest(self) -> int:
+        """Rows of the largest inequality about the loop, or somewhat more."""
+        return self.subject.n + self.subject.q + 1
 
     @property
     def least_degree(self) -> int:
@@ -182,41 +220,82 @@ class SignalClaim(Claim):
         if cls.driven and not plant.E:
             raise FormatError(f"{table.where}: the plant has no E: no disturbance acts on it")
         subject = read_subject(table.table("evidence"), plant, law, on)
-        below, count = table.table("output"), len(plant.A)
-        C = below.rows("C", plant.n, count)
-        D = below.rows("D", plant.m, count) if "D" in below else [[[Fraction(0)] * plant.m]] * count
-        output = Output(C, D, table.text("name", ""))
-        return cls(subject, output, table.number("level"), **cls.read_own(table, subject, output))
+        outputs = cls._read_outputs(table, plant)
+        level = table.number("level")
+        scales = cls.driven and "disturbances" in table
+        return cls(
+            subject,
+            outputs,
+            level,
+            scales=table.numbers("disturbances", plant.q) if scales else (),
+            **cls.read_own(table, subject, outputs),
+        )
+
+    @classmethod
+    def _read_outputs(cls, table: Table, plant: Plant) -> tuple[Output, ...]:
+        """Read one output with its name, or a list of them, each with its own."""
+        if cls.most > 1 and "outputs" in table:
+            entries = table.tables("outputs", cls.most)
+            return tuple(cls._read_output(each, plant, each) for each in entries)
+        return (cls._read_output(table.table("output"), plant, table),)
+
+    @classmethod
+    def _read_output(cls, table: Table, plant: Plant, named: Table) -> Output:
+        count = len(plant.A)
+        C = table.rows("C", plant.n, count)
+        D = table.rows("D", plant.m, count) if "D" in table else [[[Fraction(0)] * plant.m]] * count
+        F = table.rows("F", plant.q, count) if "F" in table else []
+        return Output(C, D, named.text("name", ""), tuple(F) if any(any(f[0]) for f in F) else ())
 
     def write(self) -> dict[str, Any]:
         """Return what `read` reads."""
-        output = {key: plain_rows(getattr(self.output, key)) for key in "CD"}
-        table = {"kind": self.kind, "name": self.output.name, "output": output}
-        own = self.write_own()
-        output |= own.pop("output", {})
-        table |= {"level": plain(self.level)} | own
+        rows = [
+            {key: plain_rows(getattr(own, key)) for key in "CDF" if getattr(own, key)}
+            for own in self.outputs
+        ]
+        table: dict[str, Any] = {"kind": self.kind}
+        if len(rows) == 1:
+            table |= {"name": self.outputs[0].name, "output": rows[0]}
+        else:
+            pairs = zip(self.outputs, rows, strict=True)
+            table["outputs"] = [{"name": own.name} | each for own, each in pairs]
+        table |= {"level": plain(self.level)} | self.write_own()
+        table |= {"disturbances": plain(self.scales)} if self.scales else {}
         return table | {"evidence": write_evidence(self.subject)}
 
     def statement(self, plant: Plant) -> str:
-        """Say what is bounded; the output is written out, for its name is the file's own.
+        """Say what is bounded; outputs are written out, for their names are the file's own.
 
         One that is none of the plant's signals is said to be defined by the file.
         """
-        own = self.output
-        name = quoted(own.name) if own.name else "an output"
-        if plant.signal(own.name) is None:
-            name = f"{name} (as the file defines it)"
-        what = output_text(own.C, own.D, getattr(self, "F", ()))
+        named = [_output_words(own, plant) for own in self.outputs]
+        what = named[0] if len(named) == 1 else f"[{', '.join(named)}]"
+        acting = self._acting(plant)
         level = digits_up(self.level)
-        return f"{self.kind} of {name} = {what} <= {level}{self.under}, on the {self.subject.on}"
+        return f"{self.kind} of {what} <= {level}{self.under}{acting}, on the {self.subject.on}"
+
+    def _acting(self, plant: Plant) -> str:
+        """Say which disturbances act, and how much of each."""
+        said, labels = [], plant.disturbances
+        for k, scale in enumerate(self.scales):
+            if scale:
+                name = f"{quoted(split(labels[k])[0])} = " if k < len(labels) else ""
+                times = "" if scale == 1 else f" times {self.scale_text(scale)}"
+                said.append(f"{name}w{k + 1}{times}")
+        alone = "" if all(self.scales) else " alone"
+        return f" from {' and '.join(said)}{alone}" if said else ""
+
+    def scale_text(self, scale: Fraction) -> str:
+        """Return how much of a disturbance acts, rounded down: less moves the signal less."""
+        return digits_down(scale)
 
     def fault_in(self, plant: Plant, claims: Sequence[Claim]) -> str:  # noqa: ARG002
-        """Say that the output has the name of another signal of the plant."""
-        signal, own = plant.signal(self.output.name), self.output
-        F = tuple(getattr(self, "F", ()))
-        if signal is None or (signal.C, signal.D, signal.F) == (own.C, own.D, F):
-            return ""
-        return f"the output called {quoted(own.name)} is another of the plant's"
+        """Say that an output has the name of another signal of the plant."""
+        for own in self.outputs:
+            signal = plant.signal(own.name)
+            if signal and (signal.C, signal.D, signal.F) != (own.C, own.D, own.F):
+                return f"the output called {quoted(own.name)} is another of the plant's"
+        return ""
 
     def require(self) -> None:
         """Refuse what is incomplete, of shapes that do not fit, or out of all proportion."""
@@ -224,8 +303,13 @@ class SignalClaim(Claim):
         if not subject.A or not subject.A[0] or not subject.B or not subject.B[0]:
             raise FormatError("vertices are missing")
         N, n, m = len(subject.A), subject.n, subject.m
-        require_shapes(self.output.C, N, 1, n, "C")
-        require_shapes(self.output.D, N, 1, m, "D")
+        if not 1 <= len(self.outputs) <= self.most:
+            raise FormatError(f"a bound on {self.kind} is of 1 to {self.most} outputs")
+        for own in self.outputs:
+            require_shapes(own.C, N, 1, n, "C")
+            require_shapes(own.D, N, 1, m, "D")
+            if own.F:
+                require_shapes(list(own.F), N, 1, subject.q, "F")
         subject.require()
         for key in ("level", "intensity", "norm"):
             if getattr(self, key, 0) < 0:
@@ -233,12 +317,22 @@ class SignalClaim(Claim):
         if self.driven and not subject.q:
             raise FormatError("E is missing: no disturbance acts on the loop")
         self.require_own()
+        self._require_disturbances()
         poles = subject.as_poles
         natural = poles.degree(replace(poles.evidence[0], elevation=0))
         count = count_of(
             subject.sizes, max(natural, self.least_degree) + subject.evidence.elevation
         )
-        require_work(least_work(count * self.blocks_at_most, n + subject.q + 1) + self.more_work)
+        require_work(least_work(count * self.blocks_at_most, self.largest) + self.more_work)
+
+    def _require_disturbances(self) -> None:
+        """Refuse scales that do not fit, and noise that is in the output itself."""
+        scales, q = self.scales, self.subject.q
+        if scales and (len(scales) != q or min(scales) < 0 or not any(scales)):
+            raise FormatError(f"disturbances must hold {q} numbers, zero or more, not all zero")
+        through = any(F[0][k] for own in self.outputs for F in own.F for k in self.acting)
+        if through and not self.direct:
+            raise FormatError(f"F: a disturbance passes straight into the output of {self.kind}")
 
     def symmetric(self) -> Iterator[tuple[str, Rationals]]:
         """Yield W and the Lyapunov matrices."""
@@ -249,7 +343,7 @@ class SignalClaim(Claim):
 
     def inequalities(self) -> Iterator[Inequality]:
         """Yield what proves the claim; all that is about its loop is raised to one degree."""
-        X, N, Y = self.subject.loop(self.output)
+        X, N, Y = self.subject.loop(self.outputs)
         rows = self.rows(X, (N + N.T).times(-1), Y)
         least = joint([form for blocks in rows.values() for row in blocks for form in row])
         degrees = tuple(degree + self.subject.evidence.elevation for degree in least)
@@ -284,9 +378,35 @@ def write_evidence(subject: Subject) -> dict[str, Any]:
     return table | {"elevation": evidence.elevation} | on
 
 
-def noise(E: list[Rationals], intensity: Fraction, sizes: Sizes) -> Polynomial:
-    """Return the intensity times E E'."""
-    form = affine(E, sizes)
+def bounded(corner: Polynomial, X: Polynomial, Y: Polynomial) -> list[list[Polynomial]]:
+    """Return [ corner, Y_1, ..., Y_p; Y_1', X, 0; ...; Y_p', 0, X ], Y_j the rows of Y.
+
+    It is positive if X is, and the sum of Y_j X^-1 Y_j' is less than the corner.
+    """
+    p, n = Y.shape
+    none = constant([[Fraction(0)] * n for _ in range(n)], X.sizes)
+    first = [corner, *(Y.part(slice(j, j + 1)) for j in range(p))]
+    return [first, *([X] + [none] * (p - 1 - j) for j in range(p))]
+
+
+def _output_words(own: Output, plant: Plant) -> str:
+    name = quoted(own.name) if own.name else "an output"
+    if plant.signal(own.name) is None:
+        name = f"{name} (as the file defines it)"
+    return f"{name} = {output_text(own.C, own.D, own.F)}"
+
+
+def scaled(matrices: Sequence[Rationals], scales: Sequence[Fraction], sizes: Sizes) -> Polynomial:
+    """Return E, or F, times the diagonal matrix of the scales; as it is where there are none."""
+    form = affine(matrices, sizes)
+    return form * diagonal(scales, sizes) if scales else form
+
+
+def noise(
+    E: list[Rationals], intensity: Fraction, sizes: Sizes, scales: Sequence[Fraction] = ()
+) -> Polynomial:
+    """Return the intensity times E E', each column of E times its scale."""
+    form = scaled(E, scales, sizes)
     return (form * form.T).times(intensity)
 
 

@@ -39,7 +39,7 @@ class UncontrollableError(PlantError):
 
 
 class UnobservableError(PlantError):
-    """What is measured does not show the whole state of a vertex: no observer moves all poles."""
+    """Measurements do not show the whole state of a vertex: no observer moves all poles."""
 
 
 class RegionError(InputError):

@@ -323,7 +323,7 @@ def method_of(name: str, options: Any) -> Method:
     InputError
         If an option does not belong to the method, or has no such value.
     """
-    given = _given(options)
+    given = _options_given(options)
     if name == "quadratic" and given:
         raise InputError(f"--{next(iter(given))} belongs to scheduled and slack, not to quadratic")
     if given.get("degree") == "auto":
@@ -341,7 +341,7 @@ def methods_of(names: list[str], options: Any) -> list[Method]:
     return [n if n == "quadratic" and not alone else method_of(n, options) for n in names]
 
 
-def _given(options: Any) -> dict[str, Any]:
+def _options_given(options: Any) -> dict[str, Any]:
     return {key: getattr(options, key) for key in OPTIONS if getattr(options, key) is not None}
 
 

@@ -293,7 +293,7 @@ class Row:
 
     @property
     def label(self) -> str:
-        """What is bounded, with its unit."""
+        """The bounded quantity, with its unit."""
         return self.words(" ")
 
     def words(self, between: str) -> str:
@@ -308,7 +308,7 @@ class Row:
 
     @property
     def conservatism(self) -> float | None:
-        """What is proved over the worst that was sampled; None where that is zero."""
+        """Ratio of the proved bound to the worst sample; None where that is zero."""
         return self.bound.level / self.own.worst if self.own.worst > 0 else None
 
 
@@ -368,7 +368,7 @@ def lines_of(done: Optimised, rows: Sequence[Row], label: str) -> list[str]:
         lines.append(f"  the search was cut: {done.cut}")
     if done.design.note:
         lines.append(done.design.note)
-    elif not _kept(done, rows[0].own.alpha):
+    elif not _samples_keep_region(done, rows[0].own.alpha):
         lines.append(TOO_LARGE)
     lines += _rest_lines(done, rows)
     gains = gains_of(done.law, len(done.plant.vertices))
@@ -450,7 +450,7 @@ def _limits_on(done: Optimised, limits: Sequence[Specification], rest: Rest) -> 
             yield own.at_most
 
 
-def _kept(done: Optimised, alpha: Any) -> bool:
+def _samples_keep_region(done: Optimised, alpha: Any) -> bool:
     region = done.design.region
     distance = region.distance(done.design.poles(alpha[:1000]))
     return bool(np.all(distance < ROUNDING * region.size))

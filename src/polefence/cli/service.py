@@ -50,7 +50,7 @@ def service_command(options: Any) -> int:
     for margin in service:
         upper = "-" if margin.upper is None else digits_up(margin.upper, 4)
         line = f"{margin.subject:<34} {margin.text:>10}  {upper:>10}  {margin.unit}"
-        say(line.rstrip() + _whole(margin, design))
+        say(line.rstrip() + _whole_interval_text(margin, design))
     say(*_explained(service))
     if options.output is not None:
         for path in service.save(options.output):
@@ -76,7 +76,7 @@ def _explained(service: Margins) -> Iterator[str]:
             yield f"note: even without an error {answer.reason}"
 
 
-def _whole(margin: Margin, design: Design) -> str:
+def _whole_interval_text(margin: Margin, design: Design) -> str:
     """Say where an estimate may be any value at all: the interval is no wider."""
     if margin.kind != "estimate":
         return ""

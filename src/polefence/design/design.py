@@ -90,7 +90,7 @@ class Design:
 
     @cached_property
     def rounding(self) -> float:
-        """What rounding in doubles takes of the room in the region, see `rounding_share`.
+        """Share of the room in the region that rounding in doubles takes, see `rounding_share`.
 
         The proof is about K(alpha) as a real number. This is judged in floats, at corners and some
         points between; `polefence export` proves it of the code.
@@ -104,7 +104,7 @@ class Design:
 
     @property
     def note(self) -> str:
-        """What is to be said of a law that doubles cannot evaluate, in a line; else empty."""
+        """A line about a law that doubles cannot evaluate; else empty."""
         if self.runs:
             return ""
         return (

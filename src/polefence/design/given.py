@@ -294,7 +294,7 @@ def certificate_of(
 
 @dataclass(frozen=True, eq=False, repr=False)
 class WorstCase:
-    """How far a law goes: the smallest region of a kind it is proved to keep, and what it fails.
+    """Reach of a law: the smallest region of a kind it is proved to keep, and what it fails.
 
     Attributes
     ----------
@@ -391,7 +391,7 @@ def _measure(of: str, centre: float | None) -> Callable[[Any], Array]:
 
 @dataclass(frozen=True, eq=False)
 class _Question:
-    """What grows with r, the region of an r, the r at the worst point found; where to begin."""
+    """A region that grows with r, the r at the worst point found, and where to begin."""
 
     goal: Goal
     region: Callable[[float], Region | None]

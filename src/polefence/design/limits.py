@@ -312,11 +312,11 @@ def _finished(path: Path, plant: UncertainPlant, gain: bool, asked: Set[Key]) ->
         for row in proved:
             if row.get("proof") is not None:
                 key = row["centre"], row["method"]
-                found[key] = _again(path, row, plant, gain, count if key in asked else None)
+                found[key] = _reproved(path, row, plant, gain, count if key in asked else None)
     return found
 
 
-def _again(
+def _reproved(
     path: Path, row: Row, plant: UncertainPlant, gain: bool, count: work.Count | None
 ) -> Row:
     """Prove a row of a file afresh, and return what of it is proved.

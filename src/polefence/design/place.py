@@ -356,7 +356,7 @@ def smallest_disk(
     bounds: bool = True,
 ) -> tuple[Design, Reached]:
     """Return the design of the smallest radius, ``proved`` or not, and its point."""
-    found = _least(plant, centre, method, near)
+    found = _smallest_point(plant, centre, method, near)
     design = runnable(_designs(plant, centre, method, found), radius_of)
     if design is None:
         try:
@@ -369,7 +369,9 @@ def smallest_disk(
     return replace(design, lower=lower), found
 
 
-def _least(plant: UncertainPlant, centre: float, method: Method, near: Reached | None) -> Reached:
+def _smallest_point(
+    plant: UncertainPlant, centre: float, method: Method, near: Reached | None
+) -> Reached:
     """Return the point of the least radius that a search finds, or a second one."""
     sigma = -centre
     try:

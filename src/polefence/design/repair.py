@@ -124,7 +124,7 @@ def _repairs(start: Infeasible, Y: Iterable[npt.ArrayLike]) -> Iterator[_Repair]
 
 @dataclass(frozen=True)
 class _Repair:
-    """What every radius shares: integers Y over ``scale``, balanced but for the equations of W, G.
+    """Data that all radii share: integers Y over ``scale``, balanced but for the equations of W, G.
 
     Both diagonal parts of each block of one group of ``anchors`` take these up, in equal shares of
     constant[k] + slope[k] / r, over ``scale`` and the plant's ``denominator``.

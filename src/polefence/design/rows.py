@@ -38,7 +38,7 @@ class RunOptions(TypedDict, total=False):
 
 @dataclass(frozen=True, eq=False)
 class Run:
-    """How the rows of a sweep are computed and kept.
+    """Computing and keeping of the rows of a sweep.
 
     Attributes
     ----------

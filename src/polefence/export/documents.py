@@ -130,10 +130,13 @@ def _other(path: Path, document: Document) -> str:
     parts = [(part.kind, part.numbers) for part in design.region]
     facts = Facts(region_of(parts), claim, own_time, limited=False, observer=observer)
     if loop is not None:
-        seen = seen_again(table, observer is not None)
+        seen = read_seen(table, observer is not None)
         held = Loop(float(loop.sample_time), loop.delay, loop.decay, seen)
         facts = replace(facts, loop=held)
-    texts, program = texts_again(table, certificate, facts), program_again(claim.code, certificate)
+    texts, program = (
+        rebuilt_texts(table, certificate, facts),
+        rebuilt_program(claim.code, certificate),
+    )
     written = sources(program, texts)
     if observer is not None:
         written |= _observer_header(observer, program, texts, by_parameters)
@@ -196,7 +199,7 @@ def names(design: Design | Certificate) -> tuple[tuple[str, ...], tuple[str, ...
     return states, tuple(plant.inputs) or tuple(f"input {j + 1}" for j in range(m))
 
 
-def program_again(code: Code, certificate: Certificate) -> Program:
+def rebuilt_program(code: Code, certificate: Certificate) -> Program:
     """Return the program that has these constants."""
     form, law = number(code.bits), certificate.law
     if code.K is not None or isinstance(law, FixedGain):
@@ -213,7 +216,7 @@ def text_document(texts: Texts, seen: Seen | None) -> dict[str, Any]:
     return table if seen is None else table | {"sampled": asdict(seen)}
 
 
-def texts_again(table: Any, certificate: Certificate, facts: Facts) -> Texts:
+def rebuilt_texts(table: Any, certificate: Certificate, facts: Facts) -> Texts:
     """Return the texts of what is proved and sampled.
 
     Raises
@@ -243,7 +246,7 @@ def texts_again(table: Any, certificate: Certificate, facts: Facts) -> Texts:
     )
 
 
-def seen_again(table: Any, observed: bool) -> Seen:
+def read_seen(table: Any, observed: bool) -> Seen:
     """Return what was sampled, as the file has it: lines about it say that it is not proved.
 
     Raises

@@ -141,7 +141,7 @@ def export_c99(
     """
     check_c_name(name)
     require_law(design)
-    made = program(code_law(design.law), _given(design, given), number(bits))
+    made = program(code_law(design.law), _scheduled_on(design, given), number(bits))
     cuts = _limits(limits, design.plant.shape[1])
     _require_observer(design, observer, sampling, allow_unproved)
     answer = check(design)
@@ -264,7 +264,7 @@ def marks(name: str) -> dict[str, bytes]:
     return own | dict.fromkeys(units, b"modelDescription.xml")
 
 
-def _given(design: Design, given: str | None) -> tuple[Parameter, ...]:
+def _scheduled_on(design: Design, given: str | None) -> tuple[Parameter, ...]:
     if given not in (None, *GIVEN):
         raise InputError(f"given = {given!r} is unknown; use {' or '.join(GIVEN)}")
     if given == "parameters" and not design.plant.parameters:

@@ -48,7 +48,7 @@ BITS = 24  # of the scales of inputs and columns
 
 @dataclass(frozen=True, eq=False)
 class Guarantee:
-    """What rounding leaves of a design's claim.
+    """A design's claim with the rounding of its code.
 
     Attributes
     ----------

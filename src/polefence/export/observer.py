@@ -420,7 +420,7 @@ def _loop(
 
 @dataclass(frozen=True, eq=False)
 class SampledLoop:
-    """What was found of the sampled loop over a family, at sampled alphas; it is no proof.
+    """Sampled loop over a family, at sampled alphas; no proof.
 
     Attributes
     ----------

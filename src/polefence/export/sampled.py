@@ -203,7 +203,7 @@ def _equivalent(z: Array, n: int, time: float) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class SamplingEffect:
-    """What a sample time leaves of a design's region, over a sample of the family.
+    """Poles of the sampled loop against a design's region, over a sample of the family.
 
     Attributes
     ----------
@@ -267,7 +267,7 @@ def sampling_effect(design: Design, sample_time: float, delay: int = 1) -> Sampl
 
 @dataclass(frozen=True)
 class LargestSampleTime:
-    """How long samples may be, found by trial over a sample of the family.
+    """Longest sample times, found by trial over a sample of the family.
 
     Attributes
     ----------
@@ -343,7 +343,7 @@ def _finite(matrices: Array) -> Array | None:
 
 @dataclass(frozen=True, eq=False)
 class SampledProof:
-    """What is proved of a loop closed by samples.
+    """Proof of the decay of a loop closed by samples.
 
     Attributes
     ----------

@@ -136,7 +136,7 @@ def _scheduled(program: Scheduled, name: str) -> dict[str, Any]:
     number, (n, _) = program.number, program.shape
     lower = np.tril_indices(n)
     by_parameters = bool(program.shares)
-    given = [_given(share) for share in program.shares] or [
+    given = [_interval_text(share) for share in program.shares] or [
         f"weight of vertex {j + 1}" for j in range(program.domain.corners)
     ]
     return {
@@ -174,7 +174,7 @@ def rows(number: Number, table: Any) -> list[list[str]]:
     return [[number.text(float(v)) for v in row] for row in table]
 
 
-def _given(share: Share) -> str:
+def _interval_text(share: Share) -> str:
     p = share.parameter
     unit = f" [{p.unit}]" if p.unit else ""
     return f"{p.name}{unit}, {digits_up(p.low)} to {digits_down(p.high)}"
@@ -182,7 +182,7 @@ def _given(share: Share) -> str:
 
 def _bounds(number: Number, share: Share) -> dict[str, str]:
     return {
-        "text": _given(share),
+        "text": _interval_text(share),
         "low": _signed(number, share.low),
         "high": _signed(number, share.high),
         "scale": number.text(share.scale),

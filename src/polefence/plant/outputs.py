@@ -31,7 +31,7 @@ def split(label: str) -> tuple[str, str]:
 
 @dataclass(frozen=True)
 class Signal:
-    """What is drawn, listed or asked for: a name and a unit."""
+    """A name and a unit."""
 
     name: str
     unit: str = ""

@@ -78,12 +78,12 @@ def specification_tables(path: str | Path) -> tuple[list[dict[str, Any]], dict[s
     """
     data = _toml(read_text(Path(path), MAX_BYTES, SpecError), str(path))
     try:
-        return _asked(data)
+        return _requirements(data)
     except InputError as error:
         raise type(error)(f"{path}: {error}") from error
 
 
-def _asked(data: Mapping[str, Any]) -> tuple[list[dict[str, Any]], dict[str, Any] | None]:
+def _requirements(data: Mapping[str, Any]) -> tuple[list[dict[str, Any]], dict[str, Any] | None]:
     tables, road = data.get("specification", []), data.get("road")
     if not isinstance(tables, list):
         raise SpecError("specification must be an array of tables; write [[specification]]")
@@ -118,7 +118,7 @@ def _plant(data: Mapping[str, Any]) -> UncertainPlant:
     names: dict[str, Any] = {key: _strings(data[key], key) for key in _NAMES if key in data}
     names["name"] = _text(data.get("name", "plant"), "name")
     _text(data.get("region", ""), "region")
-    _asked(data)
+    _requirements(data)
     if "sample_time" in data:
         names["sample_time"] = _sample_time(data["sample_time"])
     if "vehicle" in data:

@@ -64,7 +64,7 @@ KINDS: Mapping[str, type[Claim]] = MappingProxyType(
 
 @dataclass(frozen=True)
 class Document:
-    """What a file holds.
+    """Contents of a file.
 
     Attributes
     ----------
@@ -178,7 +178,7 @@ def says_proof(text: str) -> bool:
 
 @dataclass(frozen=True)
 class Checked:
-    """What is decided of a file.
+    """Verdict on a file.
 
     Attributes
     ----------

@@ -150,7 +150,7 @@ def sections(
     parts += [_bounds(bounds), responses(design), comfort(design, road, speed), _front(front)]
     return [part for part in parts if part] + [
         _gain(design),
-        _again(design),
+        _how_to_check(design),
     ]
 
 
@@ -282,7 +282,7 @@ def _input(design: Design, number: int) -> str:
     return names[number] if names else f"u{number + 1}" if design.plant.shape[1] > 1 else ""
 
 
-def _again(design: Design) -> Section:
+def _how_to_check(design: Design) -> Section:
     return Section(
         "Check it, use it",
         (

@@ -247,7 +247,7 @@ class Row:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Comparison:
-    """What laws make of one road, over a family.
+    """Laws compared on one road, over a family.
 
     Attributes
     ----------

@@ -38,7 +38,7 @@ STEPS = 8  # of the projection onto the box, from afar
 
 @dataclass(frozen=True)
 class Tuning:
-    """How an estimator weighs what it is told.
+    """Weights of an estimator.
 
     Attributes
     ----------
@@ -73,7 +73,7 @@ class Tuning:
 
 @dataclass(frozen=True, eq=False)
 class Belief:
-    """What an estimator holds to be true at one time, for ``count`` cars.
+    """Estimates and their spread at one time, for ``count`` cars.
 
     Attributes
     ----------

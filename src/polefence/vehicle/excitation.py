@@ -25,7 +25,7 @@ MOST_STEPS = 10_000_000
 
 @dataclass(frozen=True, eq=False)
 class Excitation:
-    """What moves a plant from time 0 on.
+    """Excitation of a plant from time 0 on.
 
     Attributes
     ----------

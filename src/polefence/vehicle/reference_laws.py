@@ -25,7 +25,7 @@ SKYHOOK_RATIO = 0.7  # of critical damping, where no damping is given
 
 @dataclass(frozen=True)
 class Sizes:
-    """What counts as equally bad in a linear-quadratic design (Bryson's rule).
+    """Sizes that count as equally bad in a linear-quadratic design (Bryson's rule).
 
     The cost is the integral of the sum of (signal / size)^2.
 

@@ -24,7 +24,7 @@ WORK = 2e7  # numbers in all matrices that are looked at
 
 @dataclass(frozen=True)
 class Rest:
-    """Where a unit of one disturbance, held, leaves a signal.
+    """Steady value of a signal under a unit of one disturbance, held.
 
     Attributes
     ----------

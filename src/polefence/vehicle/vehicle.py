@@ -86,7 +86,7 @@ class Ride:
 
 @dataclass(frozen=True, eq=False)
 class Masses:
-    """What the matrices of a quarter car say of its physics, arrays of one shape.
+    """Physics of a quarter car as its matrices have it, arrays of one shape.
 
     Attributes
     ----------

@@ -55,7 +55,9 @@ def _distance(errors: _Errors, region: Region, t: float) -> Array:
     return np.asarray(region.distance(np.linalg.eigvals(errors.at(t))).max(axis=-1))
 
 
-def _least(errors: _Errors, region: Region, least: float, most: float = 1.0) -> float | None:
+def _smallest_break(
+    errors: _Errors, region: Region, least: float, most: float = 1.0
+) -> float | None:
     """Return a small t, from ``least`` to ``most``, that breaks; None where the latter does not."""
 
     def kept(t: float) -> bool:
@@ -96,13 +98,13 @@ def estimate_break(
     """Return errors t * ``unit``, ``least`` <= t <= 1, at which a pole is not in the region."""
     kind = _Parameters if design.plant.parameters else _Weights
     pairs: _Parameters | _Weights = kind.of(design, unit)
-    t = _least(pairs, region, least)
+    t = _smallest_break(pairs, region, least)
     if t is None:
         return None
     random = np.random.default_rng(0)
     for spread in SPREADS:
         closer = pairs.near(int(_distance(pairs, region, t).argmax()), spread, random)
-        smaller = _least(closer, region, least, t)
+        smaller = _smallest_break(closer, region, least, t)
         t, pairs = (t, pairs) if smaller is None else (smaller, closer)
     claim = _claim(design, region)
 
@@ -244,7 +246,7 @@ def gain_break(design: Design, region: Region, scales: Scales, least: float) -> 
     best: tuple[float, int, Array] | None = None
     for _ in range(TURNS):
         moved = _Moved(closed, left @ (D * scales.columns))
-        t = _least(moved, region, least)
+        t = _smallest_break(moved, region, least)
         if t is None:
             break
         if best is None or t < best[0]:

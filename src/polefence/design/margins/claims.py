@@ -62,7 +62,7 @@ class Reached:
 
 
 class Question(Protocol):
-    """How large an error or a rate may be."""
+    """Search for the largest error or rate."""
 
     @property
     def ladder(self) -> Ladder:

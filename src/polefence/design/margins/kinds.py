@@ -140,7 +140,7 @@ def _mislaid(design: Balanced, share: float, degree: int) -> Points:
 
 @dataclass(frozen=True, eq=False)
 class EstimateQuestion:
-    """How far the estimates of parameters may be off, together, as a share of a span of each."""
+    """Error of the estimates of parameters, together, as a share of a span of each."""
 
     loops: tuple[Balanced, ...]
     parameters: tuple[Parameter, ...]
@@ -187,7 +187,7 @@ class EstimateQuestion:
 
 @dataclass(frozen=True, eq=False)
 class Scales:
-    """What an error of the gain is measured by: K is off by error * diag(rows) D diag(columns).
+    """Scales of an error of the gain: K is off by error * diag(rows) D diag(columns).
 
     Or by error * diag(rows) D columns, where columns is a matrix.
     """
@@ -217,7 +217,7 @@ def scales_of(design: Design) -> Scales:
 
 @dataclass(frozen=True, eq=False)
 class GainQuestion:
-    """How far the gain may be off in the directions that scales give."""
+    """Error of the gain in the directions that scales give."""
 
     loops: tuple[Balanced, ...]
     scales: Scales
@@ -438,7 +438,7 @@ def _claim(
 
 @dataclass(frozen=True, eq=False)
 class RateQuestion:
-    """How fast the parameters may change, together, as a share of a span of each a second.
+    """Rate of the parameters, together, as a share of a span of each a second.
 
     ``part`` is the part of the region whose Lyapunov polynomial the loop has.
     """

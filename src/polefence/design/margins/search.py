@@ -250,7 +250,7 @@ def _value(values: tuple[Fraction, ...], span: tuple[Fraction, ...], name: str) 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Margin:
-    """How much of one thing may go wrong.
+    """Largest tolerated error of one kind.
 
     Attributes
     ----------
@@ -302,7 +302,7 @@ class Margin:
 
     @property
     def subject(self) -> str:
-        """What it is about, for people."""
+        """Its name, for people."""
         what = SUBJECTS[self.kind]
         if self.kind == "gain":
             return what
@@ -324,7 +324,7 @@ class Margin:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Margins:
-    """How much may go wrong while all poles stay in the region; iterates over its margins.
+    """Tolerated errors: all poles stay in the region; iterates over its margins.
 
     Attributes
     ----------

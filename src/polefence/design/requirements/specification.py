@@ -134,7 +134,7 @@ class Specification:
 
     @property
     def kind(self) -> str:
-        """What of the signal is bounded."""
+        """The bounded measure of the signal."""
         raise NotImplementedError
 
     @property

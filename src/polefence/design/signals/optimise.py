@@ -253,7 +253,7 @@ class _Found:
 
     @property
     def level(self) -> float:
-        """What is proved of what is minimised."""
+        """The bound proved of what is minimised."""
         return _level(self.own)
 
     @property
@@ -276,7 +276,7 @@ def _settled(task: Task, deadline: Deadline) -> Optimised:
     fast = best is not None and is_too_fast(task.plant, best.own.law)
     if best is not None and not fast and not best.poor:
         return _finished(task, best, cut)
-    least = _least(task) if best is None else best.shared
+    least = _least_in_floats(task) if best is None else best.shared
     if failure is not None and task.limits and not np.isfinite(least):
         raise failure  # no law keeps the limits, or none was found
     taken, found = _stepped_back(task, least)
@@ -318,7 +318,7 @@ def _together(task: Task, found: Reached | None) -> Optimised | None:
     return None
 
 
-def _least(task: Task) -> float:
+def _least_in_floats(task: Task) -> float:
     """Return what is found in floats, proved or not; infinite where there is none."""
     try:
         return level_of(task, task.reached(task.region))

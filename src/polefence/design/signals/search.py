@@ -85,7 +85,7 @@ FALL = 2.0  # from step to step, of what falls without end
 
 @dataclass(frozen=True, eq=False)
 class Task:
-    """What is asked for, with one Lyapunov matrix for everything."""
+    """Requirements and a region, with one Lyapunov matrix for everything."""
 
     plant: UncertainPlant
     minimise: Specification | None
@@ -97,7 +97,7 @@ class Task:
 
     @property
     def domain(self) -> Domain:
-        """Where alpha lives."""
+        """The domain of alpha."""
         return Domain.of(options(self.method).on, len(self.plant.vertices))
 
     def as_noise(self, bandwidth: float) -> Task:
@@ -249,7 +249,7 @@ def numbered(name: str, coefficients: Iterable[Array]) -> dict[str, Array]:
 
 @dataclass(frozen=True, eq=False)
 class Origin:
-    """Where a law comes from: what was asked of the design, and the point that was found."""
+    """Origin of a law: the task of its design, and the point that was found."""
 
     task: Task
     found: Reached
@@ -316,7 +316,7 @@ class Point:
 
 
 class Search:
-    """What was found so far.
+    """State of a search.
 
     Attributes
     ----------
@@ -360,7 +360,7 @@ class Search:
                 start = Reached(r=np.inf, values=values)
                 own = self._point(task, self._ones, start)
                 if own is not None and not own.lost:
-                    self._judged(own)
+                    self._improves(own)
 
     @property
     def best(self) -> float:
@@ -383,7 +383,7 @@ class Search:
                 self.whole = found if level_of(task, found) <= self.shared else self.whole
                 point = self._point(slow, self._ones, found)
                 if point is not None and not point.lost:
-                    self._judged(point)
+                    self._improves(point)
 
     def _shares(self, task: Task, first: Shares | None = None) -> None:
         """Try the region as it is, none of it, and shares between that turn out to be kept.
@@ -438,7 +438,7 @@ class Search:
         _, high = edge(loses, 0.0, 1.0, STEPS)
         for back in BACK:
             own = self._mixed(outside, best, high + back * (1 - high))
-            if own is None or own.lost or self._judged(own):
+            if own is None or own.lost or self._improves(own):
                 return
 
     def _mixed(self, outside: Point, best: Point, share: float) -> Point | None:
@@ -463,7 +463,7 @@ class Search:
         own = self._point(task, shares, found)
         if own is None:
             return None
-        if not own.lost and not self._judged(own) and own.estimate < self.best:
+        if not own.lost and not self._improves(own) and own.estimate < self.best:
             # not proved: more of everything is asked for
             return replace(own, lost=tuple(range(len(shares))))
         return own
@@ -485,7 +485,7 @@ class Search:
             lost = tuple(range(len(task.region.parts)))
         return Point(Origin(task, found), law, shares, estimate, lost)
 
-    def _judged(self, own: Point) -> bool:
+    def _improves(self, own: Point) -> bool:
         """Prove a law that samples better than the best, and take it; whether it was taken."""
         if self.candidates and not own.estimate < self.best * (1 - SLIGHT):
             return False
@@ -519,7 +519,7 @@ class Search:
 
     @property
     def shared(self) -> float:
-        """What one W(alpha) proves for the whole region, infinite where that is nothing."""
+        """The bound that one W(alpha) proves for the whole region, infinite where there is none."""
         if self.task.minimise is None:
             return 0.0
         return np.inf if self.whole is None else level_of(self.task, self.whole)
@@ -565,17 +565,17 @@ class Search:
         own = None if found is None else self._point(noisy, self._ones, found)
         if own is None:
             return None
-        if own.lost or not self._keeps(own.law):
+        if own.lost or not self._keeps_limits(own.law):
             self.floor = floor
             return False
-        return self._judged(own) or not own.estimate < self.best
+        return self._improves(own) or not own.estimate < self.best
 
     @property
     def _ones(self) -> Shares:
         """Shares of the region as it is."""
         return (1.0,) * len(self.task.region.parts)
 
-    def _keeps(self, law: Law) -> bool:
+    def _keeps_limits(self, law: Law) -> bool:
         """Whether samples keep the limits."""
         limits = self.task.limits
         return all(self._worst(law, own) <= (own.at_most or 0.0) for own in limits)
@@ -753,7 +753,7 @@ class Step:
 
 @dataclass(frozen=True)
 class Retreat:
-    """How far a law stands from an infimum.
+    """Distance of a law from an infimum.
 
     Attributes
     ----------
@@ -771,7 +771,7 @@ class Retreat:
 
     @property
     def share(self) -> float:
-        """How far the step lies above the least, as a share of it."""
+        """Height of the step above the least, as a share of it."""
         return self.level / self.least - 1
 
 

@@ -186,7 +186,7 @@ def _proved(asked: Asked, done: Optimised, value: float) -> Row:
 
 @dataclass(frozen=True)
 class Asked:
-    """What a trade-off is about.
+    """Question of a trade-off.
 
     Attributes
     ----------
@@ -207,14 +207,14 @@ class Asked:
     def document(self) -> dict[str, Any]:
         """Return it as plain data, the plant by its digest."""
         return {
-            "minimise": _plain(self.minimise),
-            "over": _plain(self.over),
-            "subject_to": [_plain(own) for own in self.subject_to],
+            "minimise": _as_read_from_json(self.minimise),
+            "over": _as_read_from_json(self.over),
+            "subject_to": [_as_read_from_json(own) for own in self.subject_to],
             "region": self.region.document(),
         }
 
 
-def _plain(own: Specification) -> dict[str, Any]:
+def _as_read_from_json(own: Specification) -> dict[str, Any]:
     # through JSON and back, so that it equals what is read from a file
     found: dict[str, Any] = json.loads(json.dumps({"kind": own.kind} | asdict(own), default=repr))
     if found["disturbances"] is None:  # all, as in files that do not say
@@ -224,7 +224,7 @@ def _plain(own: Specification) -> dict[str, Any]:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Front:
-    """What is reached at each limit, with its law.
+    """Bounds that are reached at each limit, with their laws.
 
     Attributes
     ----------
@@ -265,7 +265,7 @@ class Front:
 
     @property
     def labels(self) -> tuple[str, str]:
-        """What is limited and what is minimised, with units, as axes have them."""
+        """Labels of axes: the limited and the minimised, with units."""
         over, least = (
             label_of(self.asked.plant, s) for s in (self.asked.over, self.asked.minimise)
         )
@@ -394,7 +394,7 @@ def finished(path: Path, asked: Asked) -> dict[tuple[float, str], Row]:
         same = found == head(asked)
         with work.counted():  # one count for the file, however many its rows
             proved = {
-                key: _again(row, asked) if same else None
+                key: _reproved(row, asked) if same else None
                 for key, row in rows.items()
                 if row["status"] == "proved"
             }
@@ -412,7 +412,7 @@ def finished(path: Path, asked: Asked) -> dict[tuple[float, str], Row]:
     return sound
 
 
-def _again(row: Row, asked: Asked) -> Row | None:
+def _reproved(row: Row, asked: Asked) -> Row | None:
     """Return what is proved of a row, None where that is not what it says."""
     numbers = (row["value"], row["proved"], row["law_of"], row["seconds"])
     real = all(isinstance(x, float | int) and math.isfinite(x) and x >= 0 for x in numbers)

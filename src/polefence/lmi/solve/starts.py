@@ -180,7 +180,7 @@ def _balanced(
         power = (least + most) / 2
         weights = np.where(fixed, 1.0, 2.0**power)
         K = _regulator(A, B, _weighted(rows, weights))
-        if K is not None and _kept(outputs, rows, A + B @ K, K, moved):
+        if K is not None and _bounds_kept(outputs, rows, A + B @ K, K, moved):
             least, best = power, K
         else:
             best = K if best is None else best
@@ -193,7 +193,7 @@ def _weighted(rows: list[Array], weights: Array) -> Array:
     return np.asarray((Y.T * np.repeat(weights, list(map(len, rows)))) @ Y)
 
 
-def _kept(
+def _bounds_kept(
     outputs: Sequence[Output], rows: list[Array], loop: Array, K: Array, moved: dict[str, Array]
 ) -> bool:
     """Whether all fixed bounds are kept, as far as covariances tell."""

@@ -83,7 +83,7 @@ class Inequality:
 
 @dataclass(frozen=True)
 class Verdict:
-    """What is decided of a claim.
+    """Verdict on a claim.
 
     Attributes
     ----------

@@ -82,7 +82,7 @@ class GainError(MarginClaim):
         """Refuse scales that do not fit."""
         design = self.subject.design
         n, m = len(design.A[0]), len(design.B[0][0])
-        if self._given and any(pieces != 1 for pieces in self.subject.pieces):
+        if self._of_lyapunov and any(pieces != 1 for pieces in self.subject.pieces):
             raise FormatError("pieces must be 1 for errors of a gain that was given")
         require_numbers((self.error,), 1, "error")
         pairs = sum(len(part.pairs) for part in design.region)
@@ -95,14 +95,14 @@ class GainError(MarginClaim):
             raise FormatError(f"columns must hold {n} rows of {n} numbers")
 
     @property
-    def _given(self) -> bool:
+    def _of_lyapunov(self) -> bool:
         return self.subject.design.method == "lyapunov"
 
     def work(self) -> tuple[int, int]:
         """Return how many inequalities there are, and half their size."""
         design = self.subject.design
         size = 2 * len(design.A[0]) + len(self.rows)
-        if not self._given:
+        if not self._of_lyapunov:
             return self.pieces_work(self.subject.degree()), size
         pairs = zip(design.region, design.evidence, strict=True)
         count = sum(
@@ -115,7 +115,7 @@ class GainError(MarginClaim):
     def inequalities(self) -> Iterator[Inequality]:
         """Yield X > 0 and the bordered F > 0 of every part of the region."""
         subject, region, numbers = self.subject, self.subject.design.region, iter(self.mu)
-        if self._given:
+        if self._of_lyapunov:
             for part, evidence in zip(region, subject.design.evidence, strict=True):
                 yield from self._of_given(part, evidence, numbers)
             return

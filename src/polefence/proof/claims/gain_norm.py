@@ -74,7 +74,7 @@ class GainNorm(Claim):
 
     @property
     def _units(self) -> str:
-        """What one unit of each state and input is, where it is not one of the plant's."""
+        """Units of states and inputs, where they are not the plant's."""
         said = [
             f"{name} in units of {', '.join(digits(unit, 4) for unit in units)}"
             for name, units, digits in (

@@ -36,7 +36,7 @@ class Observer(Claim):
 
     @property
     def C(self) -> list[Rationals]:
-        """What is measured, at every vertex."""
+        """Rows of the measured outputs, at every vertex."""
         return [_transposed(B) for B in self.dual.B]
 
     @classmethod

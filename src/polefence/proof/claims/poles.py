@@ -409,7 +409,7 @@ def _slack(table: Table, blank: Poles, n: int) -> tuple[Evidence, ...]:
     return (replace(own, G=G, epsilon=table.number("epsilon", 0)),)
 
 
-def _given(table: Table, blank: Poles, n: int) -> tuple[Evidence, ...]:
+def _lyapunov(table: Table, blank: Poles, n: int) -> tuple[Evidence, ...]:
     multiple = blank.law.scheduled
     return tuple(
         read_evidence(part, n, blank.sizes, multiple=multiple)
@@ -417,4 +417,9 @@ def _given(table: Table, blank: Poles, n: int) -> tuple[Evidence, ...]:
     )
 
 
-_EVIDENCE = {"quadratic": _quadratic, "scheduled": _scheduled, "slack": _slack, "lyapunov": _given}
+_EVIDENCE = {
+    "quadratic": _quadratic,
+    "scheduled": _scheduled,
+    "slack": _slack,
+    "lyapunov": _lyapunov,
+}

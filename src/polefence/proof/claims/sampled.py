@@ -235,7 +235,7 @@ class Sampled(Claim):
 
     @property
     def domain(self) -> str:
-        """Where alpha lives: with parameters on their box, where the law can be told there."""
+        """Domain of alpha: with parameters their box, where the law can be told there."""
         law = self.design.law
         if self.ranges and (law.K is not None or law.degree == 1):
             return "box"  # at products a law of degree one is multi-affine in the box's coordinates

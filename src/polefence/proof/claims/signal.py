@@ -181,7 +181,7 @@ class SignalClaim(Claim):
 
     @property
     def under(self) -> str:
-        """What moves the signal, in words."""
+        """The motion that the bound is about, in words."""
         raise NotImplementedError
 
     @property

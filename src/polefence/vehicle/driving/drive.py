@@ -66,7 +66,7 @@ LOOKS = 20  # instants at which poles are looked at
 
 @dataclass(frozen=True, eq=False)
 class Setup:
-    """What moves a plant, and with which hardware.
+    """A plant, its excitation and its hardware.
 
     Attributes
     ----------
@@ -121,7 +121,7 @@ class Setup:
 
 @dataclass(frozen=True, eq=False)
 class Run:
-    """What came of it.
+    """Outcome of a run.
 
     Attributes
     ----------

@@ -46,7 +46,7 @@ Gains = Callable[[Array], Array]
 
 @dataclass(frozen=True, eq=False)
 class Solution:
-    """What comes out: states at all instants, and what a controller did where one did.
+    """States at all instants, and the demands of a controller where there is one.
 
     Attributes
     ----------
@@ -225,7 +225,7 @@ class Learner:
 
     @property
     def parameters(self) -> Array:
-        """What is believed now, (count, q)."""
+        """Present estimates, (count, q)."""
         return self.own.parameters(self.beliefs[-1].shares)
 
     def learn(self, z: Array, slope: Array, demand: Array) -> None:
@@ -246,7 +246,7 @@ class Learner:
 
 
 class Controller:
-    """What happens at samples.
+    """A sampling controller.
 
     With ``sampling`` a demand is computed and held; without, the gain is set anew at each sample
     of the learner and u = K x in between.

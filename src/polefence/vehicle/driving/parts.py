@@ -233,7 +233,7 @@ Scheduling = Measured | Estimated
 
 @dataclass(frozen=True)
 class Hardware:
-    """What stands between law and plant, and beside the plant.
+    """Hardware between law and plant, and beside the plant.
 
     Attributes
     ----------

@@ -35,7 +35,7 @@ JUMP, TINY = 1e-6, 1e-9
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Drive:
-    """What came of a drive, for ``count`` cars at equal instants.
+    """Outcome of a drive, for ``count`` cars at equal instants.
 
     Attributes
     ----------
@@ -283,7 +283,7 @@ def _hardware(model: Model, own: Record, times: Array) -> tuple[list[Event], Any
 
 
 def _contact(model: Model, own: Record) -> list[tuple[str, Any, Array, str]]:
-    """Where the tyre would have to pull: the linear tyre is no tyre any more."""
+    """Spans where the tyre would have to pull: the linear tyre is no tyre any more."""
     known = model.known
     if known is None or known.tyre_force is None:
         return []
@@ -331,7 +331,7 @@ class Event:
 
 @dataclass(frozen=True, eq=False)
 class Motion:
-    """What the parameters did: (count, time, q) arrays, in their units."""
+    """Motion of the parameters: (count, time, q) arrays, in their units."""
 
     space: Space
     true: Array
@@ -449,7 +449,7 @@ def summary(events: Sequence[Event], count: int) -> list[str]:
 
 @dataclass(frozen=True, eq=False)
 class Claims:
-    """What margins prove: one row a claim, in the parameters' units, infinite for any rate.
+    """Bounds that margins prove: one row a claim, in the parameters' units, infinite for any rate.
 
     Without parameters a row has one number, of weight.
     """

@@ -23,7 +23,7 @@ ROUNDING = 1e-9
 
 @dataclass(frozen=True, eq=False)
 class Space:
-    """Where a plant's parameters live; without parameters, the weights alpha of its vertices."""
+    """Space of a plant's parameters; without parameters, the weights alpha of its vertices."""
 
     plant: UncertainPlant
 
@@ -170,7 +170,7 @@ def read_trajectories(plant: UncertainPlant, given: Any, times: Array) -> Trajec
     if isinstance(given, Mapping):
         return Trajectories(space, (_car(space, given, times),))
     if callable(given):
-        return Trajectories(space, (_whole(given, len(space.names)),))
+        return Trajectories(space, (_of_all_parameters(given, len(space.names)),))
     if isinstance(given, Sequence) and given and all(isinstance(g, Mapping) for g in given):
         return Trajectories(space, tuple(_car(space, g, times) for g in given))
     try:
@@ -226,7 +226,7 @@ def _trajectory(name: str, given: Any, times: Array) -> float | Trajectory:
     return lambda t: np.interp(t, times, values)
 
 
-def _whole(given: Trajectory, width: int) -> Trajectory:
+def _of_all_parameters(given: Trajectory, width: int) -> Trajectory:
     return _checked(given, "parameters", (width,))
 
 

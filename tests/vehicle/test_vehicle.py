@@ -108,6 +108,8 @@ def test_nothing_is_recognised_by_its_names(physical, make_random):
     assert ride(replace(physical, vehicle=None)) is None
     with pytest.raises(InputError, match=r"not described as a vehicle; add a table \[vehicle\]"):
         require_ride(make_random(1, 3, 1, 2))
+    with pytest.raises(InputError, match=r"no signal 'tyre force variation': .* \[vehicle\]"):
+        replace(physical, vehicle=None).signal("tyre force variation")
 
 
 @pytest.mark.parametrize(

@@ -340,7 +340,9 @@ def _reproved(
         if count is not None:
             count.most += AGAIN * certificate.claim().least
         holds = certificate.prove().proved and design.label == row["method"]
-    except (ValueError, KeyError, TypeError) as error:
+    except KeyError as error:
+        raise InputError(f"{where} holds no proof: {error} is missing; remove the file") from error
+    except (ValueError, TypeError) as error:
         raise InputError(f"{where} holds no proof: {error}; remove the file") from error
     if not holds:
         raise InputError(f"{where} is not proved by what it holds; remove the file to start anew")

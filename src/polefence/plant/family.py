@@ -25,7 +25,7 @@ from polefence.plant.expression import RationalFunction, counted, evaluate
 from polefence.plant.outputs import Output, inputs, pick, split, states
 from polefence.plant.parameters import Parameter, check_label, check_name, exact, simplex_weights
 from polefence.plant.system import Array, Exact, System, read_matrix
-from polefence.plant.vehicle import Vehicle
+from polefence.plant.vehicle import OF_A_CAR, Vehicle
 
 MAX_VERTICES = 256
 MAX_BITS = 20_000  # of the common denominator: the exact checker's bound
@@ -300,7 +300,12 @@ class UncertainPlant:
         InputError
             If there is none of that name.
         """
-        return pick(self.signals, name)
+        known = self.signals
+        if self.vehicle is None and name in OF_A_CAR and name not in [own.name for own in known]:
+            raise InputError(
+                f"no signal {name!r}: cars have it by a table [vehicle], and {self.name} has none"
+            )
+        return pick(known, name)
 
     @cached_property
     def A(self) -> Array:

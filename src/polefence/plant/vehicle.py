@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 ACCELERATION = "sprung-mass acceleration"
 UNSPRUNG = "unsprung-mass acceleration"
 TYRE_FORCE = "tyre force variation"
+OF_A_CAR = (ACCELERATION, UNSPRUNG, TYRE_FORCE)
 SENSES = {"compression": 1, "extension": -1}
 NEARLY = Fraction(1, 100)  # of the forces on both masses, where digits of matrices are rounded
 

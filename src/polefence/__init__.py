@@ -17,10 +17,6 @@ from polefence.base.errors import (
 )
 from polefence.design.certificate import Certificate, Check
 from polefence.design.design import Design, check
-from polefence.design.given import analyse, worst_case
-from polefence.design.limits import Limit, limits
-from polefence.design.margins import estimation_error, gain_error, in_service, parameter_rate
-from polefence.design.observer import observe
 from polefence.design.place import place, tightest
 from polefence.law.laws import FixedGain, GainTable, ScheduledGain
 from polefence.lmi.conditions.methods import METHODS, Scheduled, Slack, build
@@ -44,6 +40,10 @@ __version__ = VERSION
 if TYPE_CHECKING:
     from polefence import examples, export, response, vehicle
     from polefence.base.workers import processes
+    from polefence.design.given import analyse, worst_case
+    from polefence.design.limits import Limit, limits
+    from polefence.design.margins import estimation_error, gain_error, in_service, parameter_rate
+    from polefence.design.observer import observe
     from polefence.design.requirements.energy_peak import EnergyPeak
     from polefence.design.requirements.gain import Gain
     from polefence.design.requirements.gain_norm import GainNorm
@@ -60,6 +60,15 @@ if TYPE_CHECKING:
 
 # Loaded when they are first asked for, so that the rest is there at once.
 _LATER = {
+    "analyse": "polefence.design.given",
+    "worst_case": "polefence.design.given",
+    "Limit": "polefence.design.limits",
+    "limits": "polefence.design.limits",
+    "estimation_error": "polefence.design.margins",
+    "gain_error": "polefence.design.margins",
+    "in_service": "polefence.design.margins",
+    "parameter_rate": "polefence.design.margins",
+    "observe": "polefence.design.observer",
     "processes": "polefence.base.workers",
     "GainNorm": "polefence.design.requirements.gain_norm",
     "Optimised": "polefence.design.signals.optimise",

@@ -57,7 +57,6 @@ def main() -> None:
             for seed in range(options.first, options.first + options.plants):
                 plant, centre = draw(seed)
                 try:
-                    plant.require_controllable()
                     design, found = tightest_near(plant, centre, method, None)
                 except PolefenceError as error:
                     count["undecided"] += 1

@@ -6,10 +6,8 @@ import doctest
 import importlib.util
 import json
 import re
-import shlex
 from fractions import Fraction
 from itertools import product
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -28,10 +26,11 @@ from polefence import (
 from polefence.base.errors import ParameterValueError
 from polefence.cli.main import main
 from polefence.design.table import TableAnalysis, _exact_table
-from polefence.examples import family, spec_path
+from polefence.examples import family
 from polefence.law.laws import table_from
 from polefence.plant.points import values_text
 from polefence.show.plots import analysis_figure, render, table_figure
+from support.console import blocks, follow
 from support.paths import DOCS
 
 
@@ -375,21 +374,8 @@ def test_the_pages_python_and_commands_do_what_they_show(example, tmp_path, caps
     result = doctest.testfile(str(page), module_relative=False, optionflags=flags)
     assert result.attempted >= 5
     assert result.failed == 0
-    monkeypatch.chdir(tmp_path)
-    (tmp_path / "f4e.toml").write_text((spec_path("f4e")).read_text())
     car = family("quarter-car-physical")
     gains = analyse(car, example.table(car), HalfPlane(0), depth=0)
     (tmp_path / "car-gains.json").write_text(example.plain(gains))
-    shells = re.findall(r"```console\n(.*?)```", page.read_text(), re.DOTALL)
-    steps = [step for shell in shells for step in shell.split("$ ")[1:]]
-    assert len(steps) >= 6
-    for step in steps:
-        command, _, wanted = step.partition("\n")
-        command, _, target = command.partition(" > ")
-        status = main(shlex.split(command)[1:])
-        assert status == (1 if wanted.startswith("refuted") else 0), command
-        got = capsys.readouterr().out
-        if target:
-            Path(target).write_text(got)
-            continue
-        assert doctest.OutputChecker().check_output(wanted, got, doctest.ELLIPSIS), (command, got)
+    for block in blocks(page.read_text()):
+        follow(block, tmp_path, monkeypatch, capsys)

@@ -4,22 +4,19 @@ from __future__ import annotations
 
 import importlib.util
 import re
-import shlex
 import shutil
-from pathlib import Path
 
 import numpy as np
 import pytest
 
 from polefence import check, load, place
-from polefence.cli.main import main
 from polefence.examples import spec_path
 from polefence.region.text import load_region
 from polefence.show.plots import sampled
+from support.console import blocks, follow
 from support.paths import DOCS
 
 PAGE = (DOCS / "regions.md").read_text()
-CONSOLE = re.findall(r"```console\n(.*?)```", PAGE, re.DOTALL)
 
 
 @pytest.fixture(scope="module")
@@ -30,37 +27,12 @@ def example():
     return module
 
 
-@pytest.mark.parametrize("block", CONSOLE)
+@pytest.mark.parametrize("block", blocks(PAGE))
 def test_the_commands_print_what_the_page_shows(block, tmp_path, monkeypatch, capsys):
     shutil.copy(spec_path("f16"), tmp_path)  # that of the page's first command
     (cart,) = re.findall(r"```toml\n(.*?)```", PAGE, re.DOTALL)
     (tmp_path / "cart.toml").write_text(cart)
-    follows(block, tmp_path, monkeypatch, capsys)
-
-
-def follows(block, folder, monkeypatch, capsys):
-    """Run a block's commands and compare what they print; "..." stands for anything in a line."""
-    monkeypatch.chdir(folder)
-    sessions = re.split(r"^\$ ", block, flags=re.MULTILINE)[1:]
-    assert sessions
-    for session in sessions:
-        command, _, shown = session.partition("\n")
-        command, _, target = command.partition(" > ")
-        main(shlex.split(command)[1:])
-        said = capsys.readouterr()
-        if target:
-            Path(target).write_text(said.out)
-            continue
-        pattern = re.escape(shown).replace(re.escape("..."), ".*?")
-        assert re.fullmatch(pattern, said.out + said.err), said
-
-
-def test_the_reference_shows_what_tightest_prints(tmp_path, monkeypatch, capsys):
-    stage = re.search(r"```toml\n(.*?)```", (DOCS / "spec.md").read_text(), re.DOTALL)[1]
-    (tmp_path / "stage.toml").write_text(stage)
-    blocks = re.findall(r"```console\n(.*?)```", (DOCS / "cli.md").read_text(), re.DOTALL)
-    (block,) = [block for block in blocks if "polefence tightest" in block]
-    follows(block, tmp_path, monkeypatch, capsys)
+    follow(block, tmp_path, monkeypatch, capsys)
 
 
 def row(start):

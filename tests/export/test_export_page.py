@@ -1,24 +1,17 @@
 """docs/export.md: its commands print what it shows, its examples run, its numbers are measured."""
 
 import re
-import shlex
 import subprocess
 import sys
-from pathlib import Path
 
 import pytest
 
 from polefence.cli.main import main
+from support.console import blocks, follow
 from support.paths import DOCS
 
 PAGE = (DOCS / "export.md").read_text()
-CONSOLE = re.findall(r"```console\n(.*?)```", PAGE, re.DOTALL)
 PYTHON = re.findall(r"```python\n(.*?)```", PAGE, re.DOTALL)
-SESSIONS = [
-    session.partition("\n")
-    for block in CONSOLE
-    for session in re.split(r"^\$ ", block, flags=re.MULTILINE)[1:]
-]
 
 
 @pytest.fixture(scope="module")
@@ -26,26 +19,9 @@ def folder(tmp_path_factory):
     return tmp_path_factory.mktemp("page")
 
 
-def alike(shown, said):
-    """Lines as shown; "..." at the end stands for any."""
-    if shown.endswith("...\n"):
-        shown = shown[: -len("...\n")]
-        said = said[: len(shown)]
-    assert shown.splitlines() == said.splitlines()
-
-
-@pytest.mark.parametrize("command", range(len(SESSIONS)))
-def test_the_commands_print_what_the_page_shows(command, folder, monkeypatch, capsys):
-    monkeypatch.chdir(folder)
-    line, _, shown = SESSIONS[command]
-    line, _, target = line.partition(" > ")
-    status = main(shlex.split(line)[1:])
-    said = capsys.readouterr()
-    assert status == ("not exported" in shown), line
-    if target:
-        Path(target).write_text(said.out)
-    else:
-        alike(shown, said.out or said.err)
+@pytest.mark.parametrize("block", blocks(PAGE))
+def test_the_commands_print_what_the_page_shows(block, folder, monkeypatch, capsys):
+    follow(block, folder, monkeypatch, capsys)
 
 
 @pytest.mark.parametrize("example", range(len(PYTHON)))

@@ -23,6 +23,7 @@ SLOW = (
     "design/signals/test_tradeoff.py",
     "export/test_c_quality.py",
     "export/test_c_observer.py",
+    "docs/test_consoles.py",
     "design/test_table.py",
     "design/margins/test_service.py",
     "vehicle/test_signs.py",

@@ -1,0 +1,61 @@
+"""Pages whose commands no test of their own runs: they print what is shown, digit for digit."""
+
+from __future__ import annotations
+
+import re
+
+import pytest
+
+from polefence.examples import spec_text
+from support.console import alike, blocks, follow
+from support.paths import DOCS
+
+CAR = ("car.toml", spec_text("quarter-car-physical"))
+STAGE = (
+    "stage.toml",
+    re.search(r"```toml\n(.*?)```", (DOCS / "tutorial.md").read_text(), re.DOTALL)[1],
+)
+PAGES = {  # with what a reader has before the first command
+    "cli": STAGE,
+    "index": None,
+    "observers": None,
+    "proof": STAGE,
+    "reproduction": None,
+    "service": CAR,
+    "tutorial": STAGE,
+}
+ELSEWHERE = {"analysis", "export", "regions", "ride", "simulate", "tradeoff", "vectors"}
+NOT_RUN = {"dependencies", "export-misra", "export-observer", "report"}  # installs, checks C, draws
+INSTALLED = re.compile(r"^\$ (?:python3 -m venv|polefence --version)")
+
+
+@pytest.mark.parametrize("page", PAGES)
+def test_the_commands_print_what_the_page_shows(page, tmp_path, monkeypatch, capsys):
+    if PAGES[page]:
+        name, text = PAGES[page]
+        (tmp_path / name).write_text(text)
+    for block in blocks((DOCS / f"{page}.md").read_text()):
+        if not INSTALLED.match(block):
+            follow(block, tmp_path, monkeypatch, capsys)
+
+
+def test_every_page_with_commands_is_one_that_is_run():
+    found = {page.stem for page in DOCS.glob("*.md") if blocks(page.read_text())}
+    assert found == PAGES.keys() | ELSEWHERE | NOT_RUN
+
+
+@pytest.mark.parametrize(
+    "said",
+    [
+        "radius 1.234 proved     0.10\n  K = [1 2; 3 4]\n",
+        "radius 1.235  proved     0.10\n  K = [1 2; 3 4.1]\n",
+        "radius 1.235  proved     0.10\n  K = [1 2; 3]\n",
+        "radius 1.235  proved     0.10\n",
+        "radius 1.235  proved     0.10\n  K = [1 2; 3 4]\nmore\n",
+    ],
+)
+def test_a_difference_is_seen(said):
+    shown = "radius 1.235  proved     0.22\n  K = [1 2; 3 4]\n"
+    alike(shown, "radius 1.235  proved     9.10\n  K = [1 2; 3 4.0004]\n")
+    with pytest.raises((AssertionError, ValueError)):
+        alike(shown, said)

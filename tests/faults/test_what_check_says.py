@@ -380,3 +380,90 @@ def test_nothing_is_changed_by_being_looked_at(here, capsys):
     for file in FILES:
         said_by(capsys, "check", file)
     assert {path: path.read_bytes() for path in Path().rglob("*") if path.is_file()} == before
+
+
+OUTPUTS = PLANT.replace(
+    "[matrices]",
+    '[outputs]\n"effort [kN]" = {D = [0.001]}\n"rate" = {C = ["-k", -0.1], D = [1], F = [1, 0.3]}\n'
+    "[matrices]",
+)
+ON_OUTPUTS = """
+[[specification]]
+kind = "rms"
+signal = ["effort", "x"]
+density = 1
+disturbances = {push = 0.5}
+minimise = true
+[[specification]]
+kind = "gain"
+signal = ["rate", "x"]
+at_most = 90
+"""
+
+
+@pytest.fixture(scope="module")
+def with_outputs(tmp_path_factory):
+    """A design of a plant that names outputs, with bounds on vectors of them."""
+    folder = tmp_path_factory.mktemp("outputs")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(folder)
+        Path("rows.toml").write_text(OUTPUTS + ON_OUTPUTS)
+        assert main(["optimise", "rows.toml", "--method", "quadratic", "-o", "rows"]) == 0
+    return folder
+
+
+def _smaller(document):
+    """The effort counted in MN, by the plant's output and by the claim's."""
+    for outputs in (document["plant"]["outputs"], document["claims"][1]["outputs"]):
+        outputs[0]["D"] = [[1e-6]]
+
+
+def _hidden(document):
+    """The same, of a file whose plant has no such output."""
+    _smaller(document)
+    del document["plant"]["outputs"][0]
+
+
+def _undriven(document):
+    """Without the way straight through, which the gain has."""
+    document["plant"]["outputs"][1].pop("F")
+    document["claims"][2]["outputs"][0].pop("F")
+
+
+def _added(document):
+    """An output that the spec does not have."""
+    own = {"name": "ease", "C": [[0, 0]], "D": [[1e-9]]}
+    document["plant"]["outputs"].append(own)
+    document["claims"][1]["outputs"][0] = own
+
+
+def _in_other_units(document):
+    document["plant"]["outputs"][0]["unit"] = "N"
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (_smaller, "other signals: 'effort' = 1e-06 u1, spec 0.001 u1"),
+        (_hidden, "other signals: 'effort' = 1e-06 u1, spec 0.001 u1"),
+        (_undriven, "other signals: 'rate' = -x1 - 0.1 x2 + u1 at vertex 1; "),
+        (_added, "other signals: 'ease' is none of the spec's"),
+        (_in_other_units, "other units: 'effort' in 'N', spec 'kN'"),
+    ],
+)
+def test_outputs_are_the_specs(with_outputs, tmp_path, monkeypatch, capsys, change, message):
+    """The plant's own outputs are a file's words as its names are: a spec has others."""
+    monkeypatch.chdir(tmp_path)
+    shutil.copytree(with_outputs, tmp_path, dirs_exist_ok=True)
+    assert said_by(capsys, "check", "rows", "--spec", "rows.toml")[0] == 0
+    edited("rows/design.json", change)
+    assert said_by(capsys, "check", "rows")[0] == 0  # true of what is written out
+    status, out = said_by(capsys, "check", "rows", "--spec", "rows.toml")
+    assert status == 1
+    assert f"rows: but NOT about rows.toml: {message}" in out
+
+
+def test_an_output_that_no_claim_is_about_may_be_another(with_outputs, tmp_path, capsys):
+    spec = tmp_path / "more.toml"
+    spec.write_text((OUTPUTS + ON_OUTPUTS).replace("[outputs]", '[outputs]\n"more" = {C = [1, 1]}'))
+    assert said_by(capsys, "check", str(with_outputs / "rows"), "--spec", str(spec))[0] == 0

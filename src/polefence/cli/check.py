@@ -14,7 +14,7 @@ from polefence import proof
 from polefence.base.errors import DesignFileError, InputError
 from polefence.base.files import read_bytes, write_bytes
 from polefence.cli.common import NOT_PROVED, PROVED, say, write_json
-from polefence.design.certificate import plant_of
+from polefence.design.certificate import file_plant, plant_of
 from polefence.design.design import check_document, is_proof_file, read_document
 from polefence.design.measured import read_measured
 from polefence.design.requirements.text import RoadSpectrum, load_specifications
@@ -24,9 +24,11 @@ from polefence.plant.family import UncertainPlant
 from polefence.plant.spec import load
 from polefence.proof.claims.observer import Observer
 from polefence.proof.claims.rounding import Rounded
+from polefence.proof.claims.signal import SignalClaim
 from polefence.proof.document import Document
+from polefence.proof.plant import Plant
 from polefence.proof.reading import MAX_BYTES
-from polefence.proof.text import quoted
+from polefence.proof.text import output_text, quoted
 
 NAMES_ARE_ITS_OWN = (
     "note: about the plant in the file. Its vertices, names, units and ranges are compared with",
@@ -149,6 +151,8 @@ def _against(document: Document, plant: UncertainPlant, spec: str) -> str | None
     for claim in document.claims:
         if difference is None and isinstance(claim, Observer):
             difference = _other_measured(claim, plant)
+        if difference is None and isinstance(claim, SignalClaim):
+            difference = _other_signal(claim, document.plant, file_plant(plant))
     return difference
 
 
@@ -194,6 +198,27 @@ def _other_measured(observer: Observer, plant: UncertainPlant) -> str | None:
         for k, (row, state) in enumerate(zip(own, C, strict=True)):
             if tuple(row) != state:
                 return f"other measurements: C[{k + 1}] is not {quoted(observer.measured[k])} alone"
+    return None
+
+
+def _other_signal(claim: SignalClaim, found: Plant, plant: Plant) -> str | None:
+    """Say which output of a claim is another than the spec's of that name.
+
+    One that neither has is the file's own, and the claim says so.
+    """
+    for own in claim.outputs:
+        mine, theirs = found.signal(own.name), plant.signal(own.name)
+        if mine is theirs is None:
+            continue
+        if theirs is None:
+            return f"other signals: {quoted(own.name)} is none of the spec's"
+        if (own.C, own.D, own.F) != (theirs.C, theirs.D, theirs.F):
+            ours, other = (output_text(each.C, each.D, each.F) for each in (own, theirs))
+            other = other if other != ours else f"the same to six digits: {other}"
+            return f"other signals: {quoted(own.name)} = {ours}, spec {other}"
+        if mine is not None and mine.unit != theirs.unit:
+            units = f"{quoted(mine.unit)}, spec {quoted(theirs.unit)}"
+            return f"other units: {quoted(own.name)} in {units}"
     return None
 
 

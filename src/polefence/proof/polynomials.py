@@ -203,7 +203,9 @@ def symmetric(
     """
     whole = math.lcm(*(each.whole for row in rows for each in row))
     shapes = [[each.shape for each in row] for row in rows]
-    upper = [[each.raised(degrees).over(whole) for each in row] for row in rows]
+    forms = {id(each): each for row in rows for each in row}  # one may stand in many places
+    raised = {key: each.raised(degrees).over(whole) for key, each in forms.items()}
+    upper = [[raised[id(each)] for each in row] for row in rows]
 
     def at(e: Exponent, i: int, k: int) -> Integers:
         high, wide = shapes[i][k]

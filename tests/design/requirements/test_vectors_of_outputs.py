@@ -422,3 +422,45 @@ def test_a_spec_that_makes_no_sense_is_one_line(tmp_path, old, new, message, cap
     assert out == ""
     assert err.count("\n") == 1
     assert "two.toml" in err
+
+
+@pytest.mark.parametrize("scale", [10**400, 1e200, 1e-200])
+def test_a_scale_is_a_number_that_doubles_square(scale):
+    with pytest.raises(InputError, match="disturbance 'road' times .*: give a"):
+        Rms("a", disturbances={"road": scale})
+
+
+def test_a_number_beyond_doubles_is_no_limit():
+    for make in (lambda x: Gain("a", x), lambda x: Rms("a", density=x)):
+        with pytest.raises(InputError, match="must be a positive number"):
+            make(10**400)
+
+
+def test_disturbances_of_a_peak_from_initial_states_are_refused():
+    with pytest.raises(InputError, match="disturbances are for an impulse"):
+        InitialPeak("a", points=[[1, 0, 0]], disturbances=["wind"])
+    assert InitialPeak("a", points=[[1, 0, 0]], impulse=1.0, disturbances=["wind"]).points
+
+
+def test_initial_states_that_python_hashes_alike_are_two():
+    """hash(-1.0) is hash(-2.0): each bound is of its own initial state, given as a list or not."""
+    plant = single()
+    near, far = (InitialPeak("a", 50.0, points=[[x, 0, 0]]) for x in (-1.0, -2.0))
+    sources = {own.source(plant, None).name for own in (near, far)}
+    assert len(sources) == 2
+    done = optimise(plant, Rms(("b", "u")), [near, far], method="quadratic")
+    assert [bound.specification for bound in done.bounds[1:3]] == [near, far]
+    with pytest.raises(InputError, match="points must be a list of initial states"):
+        InitialPeak("a", points=[1, 0, 0])
+
+
+def test_what_passes_straight_through_is_said_with_file_and_remedy(tmp_path, capsys):
+    from polefence.cli.main import main
+
+    path = tmp_path / "through.toml"
+    outputs = '[outputs]\n"t" = {C = [1, 0], F = [1, 0]}\n[[vertex]]'
+    path.write_text(SPEC.replace("[[vertex]]", outputs).replace('["a", "b"]', '["a", "t"]'))
+    assert main(["optimise", str(path)]) == 2
+    err = capsys.readouterr().err
+    assert f"{path}: a disturbance passes straight into 't'; bound its gain" in err
+    assert err.count("\n") == 1

@@ -57,7 +57,17 @@ class InitialPeak(Specification):
     def __post_init__(self) -> None:
         super().__post_init__()
         _require_square(self.name, self.ellipsoid)
-        object.__setattr__(self, "ellipsoid", tuple(map(tuple, self.ellipsoid)))
+        self._settle("ellipsoid", tuple(map(tuple, self.ellipsoid)))
+        try:
+            self._settle("points", tuple(map(tuple, self.points)))
+        except TypeError as error:
+            raise InputError(
+                f"{self.name!r}: points must be a list of initial states, [[...], [...]]"
+            ) from error
+        if self.disturbances is not None and not self.impulse:
+            raise InputError(
+                f"{self.name!r}: disturbances are for an impulse; give one, or leave them out"
+            )
         numbers = [
             self.impulse,
             *(x for own in (self.points, self.ellipsoid) for p in own for x in p),
@@ -109,7 +119,7 @@ class InitialPeak(Specification):
             found += [self.impulse * E[:, :, k : k + 1] for k in np.flatnonzero(acting)]
         X0 = np.array(self.ellipsoid, dtype=float) if self.ellipsoid else None
         own = self.points, self.impulse, self.ellipsoid, self.scales(plant)
-        name = f"points {hash(own)}"
+        name = f"points {own!r}"  # a hash would take -1 for -2
         return conditions.Points(name, tuple(found), X0)
 
     def claim(

@@ -24,6 +24,7 @@ from polefence.proof.laws import Evidence, Law
 from polefence.proof.matrices import Rationals
 from polefence.proof.text import exactly
 
+SMALLEST, LARGEST = 1e-30, 1e30  # of a scale: its square, times that of E, is to be a double
 # Names that need no quotes in a list.
 _PLAIN = re.compile(r"""[^\s,*\[\]"]([^,*\[\]"]*[^\s,*\[\]"])?""")
 
@@ -228,9 +229,8 @@ class Specification:
         InputError
             Saying what is missing.
         """
-        self.outputs(plant)
         disturbance(plant)
-        self.scales(plant)
+        self.exact_outputs(plant)
 
     def source(self, plant: UncertainPlant, domain: Domain) -> conditions.Source:
         """Return what moves the signal."""
@@ -345,7 +345,12 @@ def _channels(value: Any) -> tuple[tuple[str, float], ...]:
         if names.count(name) > 1:
             raise InputError(f"disturbance {name!r} is there twice; give it once")
         if not (is_number(scale) and scale > 0):
-            raise InputError(f"disturbance {name!r} times {scale!r}: give a positive number")
+            raise InputError(f"disturbance {name!r} times {shown(scale)}: give a positive number")
+        if not SMALLEST <= scale <= LARGEST:
+            raise InputError(
+                f"disturbance {name!r} times {scale:g}: give a number from {SMALLEST:g} to "
+                f"{LARGEST:g}, or use another unit"
+            )
     return tuple((name, float(scale)) for name, scale in pairs)
 
 
@@ -363,7 +368,12 @@ def _chosen(value: Any, where: str) -> Any:
 
 def is_number(value: Any) -> bool:
     """Whether a value is a finite number."""
-    return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        return False
+    try:
+        return math.isfinite(value)
+    except OverflowError:  # of an integer that is no double
+        return False
 
 
 def number(value: Any, where: str) -> float:
@@ -410,7 +420,10 @@ def rows(
         If a disturbance passes straight into it, unless it may.
     """
     if signal.F and not direct:
-        raise InputError(f"a disturbance passes straight into {signal.name!r}")
+        raise InputError(
+            f"a disturbance passes straight into {signal.name!r}; bound its gain, or choose others "
+            "by disturbances"
+        )
     C, D, _ = signal.exact(plant)
     return [[list(row)] for row in C], [[list(row)] for row in D]
 

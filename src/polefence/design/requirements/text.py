@@ -248,7 +248,10 @@ def _specification(
         if key not in table:
             raise SpecError(f"{where}: {key} is missing; {_remedy(key)}")
         if not isinstance(table[key], str) and not (key == "signal" and _is_vector(table[key])):
-            raise SpecError(f"{where}: {key} = {shown(table[key])} must be text; {_remedy(key)}")
+            wanted = "text, or a list of names" if key == "signal" else "text"
+            raise SpecError(
+                f"{where}: {key} = {shown(table[key])} must be {wanted}; {_remedy(key)}"
+            )
     if own is None:
         raise SpecError(f"{where}: kind = {shown(kind)} is unknown; {suggest(str(kind), KINDS)}")
     signal = table["signal"]

@@ -14,7 +14,8 @@ from polefence.proof.claims import EnergyPeak, Gain, Output, Rms, Subject, prove
 from polefence.proof.claims.signal import MAX_ENTRIES
 from polefence.proof.document import from_plain, loads
 from polefence.proof.laws import Evidence, Law
-from polefence.proof.work import FormatError
+from polefence.proof.polynomials import bernstein, constant, symmetric
+from polefence.proof.work import FormatError, counted
 
 ROWS, N, SIZE, WAYS, INPUTS = 3, 4, 2, 2, 2
 
@@ -328,3 +329,22 @@ def test_each_entry_is_part_of_the_work():
     one.require()
     with pytest.raises(FormatError, match="than are checked here"):
         replace(claim, outputs=claim.outputs * 8).require()
+
+
+def test_what_stands_in_many_places_is_raised_once():
+    """X once an entry, and zeros between them: the work does not grow with their number."""
+    example = Example("rms", False, "simplex")
+    X = bernstein(several(example.W), (N,), 1)
+    zero = constant(several([np.zeros((SIZE, SIZE))])[0], (N,))
+
+    def spent(rows):
+        with counted() as work:
+            blocks = list(symmetric(rows, (5,)))
+        return work.spent, blocks
+
+    (alone, blocks), (nothing, _) = spent([[X]]), spent([[zero]])
+    work, several_blocks = spent([[X, zero, zero], [X, zero], [X]])
+    assert work < alone + nothing
+    for (e, one), (f, own) in zip(blocks, several_blocks, strict=True):
+        assert e == f
+        assert np.array_equal(np.array(own), np.kron(np.eye(3, dtype=int), np.array(one)))

@@ -7,6 +7,7 @@ import re
 import shlex
 import subprocess
 import sys
+from decimal import Decimal
 from pathlib import Path
 
 import numpy as np
@@ -17,6 +18,7 @@ from polefence.cli.main import main
 COMMAND = re.compile(r"^\$ ((?:.*\\\n)*.*)\n((?:(?!\$ ).*\n)*)", re.MULTILINE)
 FAILS = re.compile(r"(?:\S+: )?(?:refuted|not \w+)\b")
 SECONDS = re.compile(r"(?<=  proved  ) +\d+\.\d\d$", re.MULTILINE)
+NUMBER = re.compile(r"(?<![\w.])-?\d+\.\d+(?:e[+-]?\d+)?(?![\w.])")
 GAIN = re.compile(r"^(  [KL](?: at vertex \d+)? =) \[(.*)\]$", re.MULTILINE)
 
 
@@ -54,12 +56,19 @@ def answer(command, capsys):
 
 
 def alike(shown, said):
-    """Compare text and digits; not seconds, gains to 0.1 %; "..." stands for anything."""
+    """Compare the text, and numbers to a unit of the last digit, in which processors may differ.
+
+    Seconds are not compared, gains to 0.1 %; "..." stands for anything.
+    """
     gains, printed = dict(GAIN.findall(shown)), dict(GAIN.findall(said))
     for name, numbers in gains.items():
         found = re.split(r"; | ", printed.get(name, ""))
         wanted = np.array(re.split(r"; | ", numbers), float)
         assert np.array(found, float) == pytest.approx(wanted, rel=1e-3), said
     shown, said = (GAIN.sub(r"\1 #", SECONDS.sub("", text)) for text in (shown, said))
-    pattern = re.escape(shown).replace(re.escape("..."), ".*?")
-    assert re.fullmatch(pattern, said, re.DOTALL), said
+    texts = [re.escape(text).replace(re.escape("..."), ".*?") for text in NUMBER.split(shown)]
+    found = re.fullmatch(r"(-?\d+\.\d+(?:e[+-]?\d+)?)".join(texts), said, re.DOTALL)
+    assert found, said
+    for wanted, number in zip(map(Decimal, NUMBER.findall(shown)), found.groups(), strict=True):
+        unit = Decimal(1).scaleb(int(wanted.as_tuple().exponent))
+        assert abs(Decimal(number) - wanted) <= unit, (number, said)

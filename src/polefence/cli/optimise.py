@@ -418,7 +418,7 @@ def _rests(done: Optimised, rows: Sequence[Row]) -> tuple[Rest, ...]:
 def _rest_lines(done: Optimised, rows: Sequence[Row]) -> list[str]:
     """Say where a disturbance that stays leaves the signals, and what is beyond its limit there."""
     lines, beyond = [], dict[str, float]()
-    limits = [row.bound.specification for row in rows if row.bound.specification.kind == "rms"]
+    limits = [row.bound.specification for row in rows if row.bound.specification.limits_rms]
     found = _rests(done, rows)
     for source in dict.fromkeys(rest.source.label for rest in found):
         own = [rest for rest in found if rest.source.label == source]

@@ -41,6 +41,7 @@ class RelativeRms(Rms):
 
     kind = "relative rms"
     vector = False
+    limits_rms = False
 
     @classmethod
     def without_density(cls, where: str) -> float:  # noqa: ARG003

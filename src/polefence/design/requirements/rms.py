@@ -42,6 +42,7 @@ class Rms(Specification):
     kind = "rms"
     keys = ("density", "weight", "disturbances")
     vector = True
+    limits_rms = True
 
     def __post_init__(self) -> None:
         super().__post_init__()

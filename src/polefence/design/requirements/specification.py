@@ -25,6 +25,9 @@ from polefence.proof.matrices import Rationals
 from polefence.proof.text import exactly
 
 SMALLEST, LARGEST = 1e-30, 1e30  # of a scale: its square, times that of E, is to be a double
+SIGNAL_REMEDY = (
+    'name a state or an input, or of a quarter car for example "sprung-mass acceleration"'
+)
 # Names that need no quotes in a list.
 _PLAIN = re.compile(r"""[^\s,*\[\]"]([^,*\[\]"]*[^\s,*\[\]"])?""")
 
@@ -85,6 +88,7 @@ class Specification:
     vector: ClassVar[bool] = False  # whether it may be of a vector of signals
     keys: ClassVar[tuple[str, ...]] = ()  # of a table, besides kind, signal, at_most, minimise
     of_signal: ClassVar[bool] = True  # else of the law
+    limits_rms: ClassVar[bool] = False  # whether its limit is one on an rms, not on a ratio of two
     direct: ClassVar[bool] = False  # whether a disturbance may pass straight into the signal
     power: ClassVar[int] = 2  # of the bound, that grows with the r of a condition
 
@@ -108,6 +112,33 @@ class Specification:
             Naming the value that cannot be used.
         """
         return cls(row.table["signal"], **row.given())
+
+    @classmethod
+    def signal_of(cls, value: Any) -> Any:
+        """Return the signal that a table, or a list on a line, writes: by default a name, or names.
+
+        Parameters
+        ----------
+        value : Any
+            Of a list on a line with numbers, ``[a * 2, b]``, a mapping.
+
+        Raises
+        ------
+        SpecError
+            If the kind is of no such signal.
+        """
+        names = value if isinstance(value, list) else [value]
+        if names and all(isinstance(name, str) for name in names):
+            return value
+        if isinstance(value, Mapping):
+            raise SpecError("signals have no scales; define a weighted one in [outputs]")
+        raise SpecError(
+            f"signal = {shown(value)} must be text, or a list of names; {SIGNAL_REMEDY}"
+        )
+
+    def of(self, output: Output) -> Specification:
+        """Return it of one other output."""
+        return replace(self, signal=output)
 
     def _settle(self, name: str, value: Any) -> None:
         object.__setattr__(self, name, value)  # it is frozen

@@ -18,18 +18,19 @@ from polefence.design.requirements.gain_norm import GainNorm
 from polefence.design.requirements.initial_peak import InitialPeak
 from polefence.design.requirements.relative_rms import RelativeRms
 from polefence.design.requirements.rms import Rms
-from polefence.design.requirements.specification import Row, Specification, listed, number
+from polefence.design.requirements.specification import (
+    SIGNAL_REMEDY,
+    Row,
+    Specification,
+    listed,
+    number,
+)
 from polefence.plant.spec import specification_tables
 from polefence.proof.claims.gain_norm import LAW
 from polefence.response.stationary import velocity_density
 
 KINDS: dict[str, type[Specification]] = {
-    "rms": Rms,
-    "relative rms": RelativeRms,
-    "energy peak": EnergyPeak,
-    "initial peak": InitialPeak,
-    "gain": Gain,
-    "gain norm": GainNorm,
+    str(own.kind): own for own in (Rms, RelativeRms, EnergyPeak, InitialPeak, Gain, GainNorm)
 }
 COMMON = ("kind", "signal", "at_most", "minimise")
 ONLY_TABLES = ("points", "ellipsoid", "rows", "columns", "disturbances")
@@ -157,16 +158,15 @@ def parse_specification(
     if not of or not signal.strip() or (less and not limit.strip()):
         raise InputError(f"{text!r} is not of the form KIND of SIGNAL <= LIMIT; write {EXAMPLE!r}")
     if match := _FROM.fullmatch(signal):
-        signal, table["disturbances"] = match["rest"], _channels(match["items"], text)
+        signal, table["disturbances"] = match["rest"], _acting(match["items"], text)
     signal = signal.strip()
     table |= {"kind": " ".join(kind.split()).casefold(), "signal": signal}
     if signal.startswith("[") and signal.endswith("]"):
         names = _items(signal[1:-1], text)
-        if any(scale is not None for _, scale in names):
-            raise InputError(
-                f"{text!r}: signals have no scales; define a weighted one in [outputs]"
-            )
-        table["signal"] = [name for name, _ in names]
+        weighted = any(scale is not None for _, scale in names)
+        table["signal"] = (
+            _scaled(names, text, "signal") if weighted else [name for name, _ in names]
+        )
     if less:
         table["at_most"] = _value(limit.strip())
     return _specification(table, repr(text), road, known)
@@ -190,13 +190,17 @@ def _unquoted(name: str, text: str) -> str:
         raise InputError(f"{text!r}: cannot read {name}; mend its quotes") from error
 
 
-def _channels(items: str, text: str) -> dict[str, Fraction]:
+def _acting(items: str, text: str) -> dict[str, Fraction]:
     """Return the disturbances that act, with scales."""
-    found = _items(items, text)
+    return _scaled(_items(items, text), text, "disturbance")
+
+
+def _scaled(found: list[tuple[str, Fraction | None]], text: str, what: str) -> dict[str, Fraction]:
+    """Return names with what each is multiplied by, one where that is left out."""
     names = [name for name, _ in found]
     for name in names:
         if names.count(name) > 1:
-            raise InputError(f"{text!r}: disturbance {name!r} is there twice; give it once")
+            raise InputError(f"{text!r}: {what} {name!r} is there twice; give it once")
     return {name: Fraction(1) if scale is None else scale for name, scale in found}
 
 
@@ -247,16 +251,14 @@ def _specification(
     for key in ("kind", "signal"):
         if key not in table:
             raise SpecError(f"{where}: {key} is missing; {_remedy(key)}")
-        if not isinstance(table[key], str) and not (key == "signal" and _is_vector(table[key])):
-            wanted = "text, or a list of names" if key == "signal" else "text"
-            raise SpecError(
-                f"{where}: {key} = {shown(table[key])} must be {wanted}; {_remedy(key)}"
-            )
+    if not isinstance(kind, str):
+        raise SpecError(f"{where}: kind = {shown(kind)} must be text; {_remedy('kind')}")
     if own is None:
-        raise SpecError(f"{where}: kind = {shown(kind)} is unknown; {suggest(str(kind), KINDS)}")
-    signal = table["signal"]
-    if isinstance(signal, list):
-        signal = signal[0] if len(signal) == 1 else listed(signal)
+        raise SpecError(f"{where}: kind = {shown(kind)} is unknown; {suggest(kind, KINDS)}")
+    try:
+        signal = _words(own.signal_of(table["signal"]))
+    except SpecError as error:
+        raise SpecError(f"{where}: {error}") from error
     if not own.of_signal and signal != LAW:
         raise SpecError(f"{where}: signal = {shown(signal)}; a {kind} is of {LAW}; leave it out")
     where = f"{where}, {kind} of {signal}"
@@ -270,8 +272,12 @@ def _specification(
         raise SpecError(f"{where}: {error}") from error
 
 
-def _is_vector(value: Any) -> bool:
-    return isinstance(value, list) and bool(value) and all(isinstance(x, str) for x in value)
+def _words(signal: Any) -> str:
+    """Return a signal as a line has it: a name, a list, or a list with numbers."""
+    if isinstance(signal, Mapping):
+        return listed(list(signal), [f" * {value}" for value in signal.values()])
+    names = signal if isinstance(signal, list) else [signal]
+    return str(names[0]) if len(names) == 1 else listed(names)
 
 
 def _placed(text: str, where: str) -> str:
@@ -287,4 +293,4 @@ def _known(table: Mapping[str, Any], known: tuple[str, ...], where: str) -> None
 def _remedy(key: str) -> str:
     if key == "kind":
         return f"one of {', '.join(map(repr, KINDS))}"
-    return 'name a state or an input, or of a quarter car for example "sprung-mass acceleration"'
+    return SIGNAL_REMEDY

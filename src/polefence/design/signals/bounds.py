@@ -75,7 +75,7 @@ class Bound:
     specification : Specification
     level : float
         In the signal's unit; of a gain, per unit of the disturbance.
-    claim : PerformanceClaim
+    claim : BoundClaim
         With its evidence.
     degree : int
         Of the Lyapunov polynomial; of a gain norm of the law's.
@@ -362,7 +362,7 @@ def _parts(plant: UncertainPlant, law: Any, own: Specification, alpha: Array) ->
             alone = [[x if j == k else 0 for j, x in enumerate(row)] for row in rows]
             if any(map(any, alone)):
                 one = Output(signal.name, signal.unit, **{key: alone})
-                found.append(sampled(plant, law, replace(own, signal=one), alpha).worst)
+                found.append(sampled(plant, law, own.of(one), alpha).worst)
     return max(found)
 
 

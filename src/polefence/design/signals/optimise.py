@@ -135,8 +135,7 @@ def optimise(
     plant : UncertainPlant
         With a disturbance, E.
     minimise : Specification or None
-        `Rms`, `RelativeRms`, `EnergyPeak`, `InitialPeak`, `Gain` or `GainNorm`; None: any law
-        within the limits will do.
+        Of any kind of `polefence.design.requirements`; None: any law within the limits will do.
     subject_to : sequence of Specification
         Each with its ``at_most``.
     region : Region, optional

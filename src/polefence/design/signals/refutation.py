@@ -142,7 +142,9 @@ def refute_limits(
         raise InputError(f"{plant.name} is in discrete time; specifications are of continuous time")
     for own in specifications:
         require_type(own, Specification, "specifications", "for example Rms('force', 700)")
-    asked = [s for s in specifications if type(s) is Rms and s.at_most is not None]
+    asked = [
+        s for s in specifications if isinstance(s, Rms) and s.limits_rms and s.at_most is not None
+    ]
     for chosen in dict.fromkeys(s.disturbances for s in asked):
         found = _refuted_together(plant, tuple(s for s in asked if s.disturbances == chosen))
         if found is not None:

@@ -616,7 +616,7 @@ class Search:
             return ()
         own, found = own.absolute(), []  # without control an input has no rms
         for signal in inputs(self.task.plant):
-            like = replace(own, signal=replace(signal, name=f"{signal.name}, implied"))
+            like = own.of(replace(signal, name=f"{signal.name}, implied"))
             worst = self._worst(law, like)
             if 0 < worst < np.inf:
                 found.append(replace(like, at_most=room * worst))

@@ -27,6 +27,7 @@ from polefence.design.requirements.specification import (
 )
 from polefence.plant.spec import specification_tables
 from polefence.proof.claims.gain_norm import LAW
+from polefence.proof.text import exactly
 from polefence.response.stationary import velocity_density
 
 KINDS: dict[str, type[Specification]] = {
@@ -275,7 +276,8 @@ def _specification(
 def _words(signal: Any) -> str:
     """Return a signal as a line has it: a name, a list, or a list with numbers."""
     if isinstance(signal, Mapping):
-        return listed(list(signal), [f" * {value}" for value in signal.values()])
+        ends = ["" if x == 1 else f" * {exactly(float(x))}" for x in signal.values()]
+        return listed(list(signal), ends)
     names = signal if isinstance(signal, list) else [signal]
     return str(names[0]) if len(names) == 1 else listed(names)
 

@@ -150,9 +150,11 @@ def seeded(plant: UncertainPlant, count: int = 10_000, seed: int = SEED_OF_VALUE
     """Return points of a family as alpha (count, N): its vertices, and others at random.
 
     Where the plant has parameters the others are uniform in the box of their values; else on the
-    simplex.
+    simplex. Of one vertex it is that alone.
     """
     N = len(plant.vertices)
+    if N == 1:
+        return np.ones((1, 1))
     random, more = np.random.default_rng(seed), max(count - N, 0)
     if plant.parameters:
         values = [random.uniform(float(p.low), float(p.high), more) for p in plant.parameters]

@@ -19,6 +19,7 @@ from polefence.design.requirements.relative_rms import RelativeRms
 from polefence.design.requirements.rms import Rms
 from polefence.design.requirements.specification import limit_text
 from polefence.design.requirements.text import load_specifications, parse_specification
+from polefence.design.signals.augmented import with_weights
 from polefence.design.signals.bounds import best_bound, kept_bound, sampled
 from polefence.design.signals.optimise import optimise
 from polefence.plant.outputs import Output
@@ -276,14 +277,16 @@ def test_limits_on_the_same_signal_from_other_disturbances_are_other_limits():
 def test_a_weight_filters_each_entry():
     plant = single()
     own = Rms(("a", "c"), 9.0, DENSITY, weight="Wk")
-    found = optimise(plant, None, [own], method="quadratic")
+    longer, (weighted,) = with_weights(plant, (own,))
     states = len(WK.state_space()[0])
-    assert found.plant.shape[0] == 3 + 2 * states
-    weighted = found.bounds[0].specification
+    assert longer.shape[0] == 3 + 2 * states
     assert weighted.name == '["a, Wk", "c, Wk"]'
-    each = [replace(weighted, signal=signal) for signal in weighted.entries]
-    squares = [sampled(found.plant, found.law, one).worst ** 2 for one in each]
-    assert sampled(found.plant, found.law, weighted).worst ** 2 == pytest.approx(sum(squares))
+    squares = [sampled(longer, None, weighted.of(one)).worst ** 2 for one in weighted.entries]
+    assert sampled(longer, None, weighted).worst ** 2 == pytest.approx(sum(squares))
+    # each is what its own filter, and no other, makes of it
+    for one, square in zip(("a", "c"), squares, strict=True):
+        alone, (filtered,) = with_weights(plant, (replace(own, signal=one),))
+        assert sampled(alone, None, filtered).worst ** 2 == pytest.approx(square)
 
 
 # --- what is written -----------------------------------------------------------------------------

@@ -134,7 +134,8 @@ def is_region(found):
     """Whether the numbers make one; what is none is bad input."""
     parts = first(found)["region"].get("parts", [first(found)["region"]])
     try:
-        region_of([(p["kind"], [p[key] for key in regions.KINDS[p["kind"]].names()]) for p in parts])
+        names = {kind: part.names() for kind, part in regions.KINDS.items()}
+        region_of([(p["kind"], [p[key] for key in names[p["kind"]]]) for p in parts])
     except RegionError:
         return False
     return True

@@ -11,6 +11,8 @@ from polefence import Design, Disk, parse_region, tightest
 from polefence.lmi.conditions.methods import Scheduled
 from polefence.show.plots import (
     STYLES,
+    BoundsPanel,
+    bounds_figure,
     curves,
     limits_figure,
     poles_figure,
@@ -137,3 +139,16 @@ def test_the_papers_figure_is_the_same_twice():
         for kind in ("svg", "svg")
     )
     assert first == second
+
+
+def test_labels_of_vectors_stay_within_the_figure():
+    long = "rms of [deflection over 1 mm, force over 10 N] from [ground velocity * 0.001, wind * 2]\n[N]"
+    x = np.linspace(0, 1, 9)
+    figure = bounds_figure(
+        x, "m [kg]", [BoundsPanel(label, 2.0, 1 + x, None) for label in (long, "a")]
+    )
+    figure.canvas.draw()
+    for ax in figure.axes:
+        box = ax.yaxis.label.get_window_extent()
+        assert box.y0 >= 0
+        assert box.y1 <= figure.bbox.y1

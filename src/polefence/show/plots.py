@@ -836,7 +836,8 @@ def bounds_figure(x: Array, x_label: str, panels: Sequence[BoundsPanel]) -> Figu
             ax.plot(x[::every], panel.passive[::every], **PASSIVE)
         ax.plot(x[::every], panel.values[::every], **OWN)
         ax.axhline(panel.bound, **BOUND)
-        ax.set_ylabel(panel.label)
+        label = _wrapped(panel.label, 32)
+        ax.set_ylabel(label, fontsize="medium" if label.count("\n") < 2 else 8)
         ax.set_ylim(bottom=0, top=1.08 * max(ax.get_ylim()[1] / 1.05, panel.bound))
         if k >= len(panels) - columns:
             ax.set_xlabel(x_label)
@@ -845,6 +846,12 @@ def bounds_figure(x: Array, x_label: str, panels: Sequence[BoundsPanel]) -> Figu
         ax.set_axis_off()
     figure.legend(handles=_cloud_handles(panels), loc="outside lower center", ncols=3, fontsize=8.5)
     return figure
+
+
+def _wrapped(label: str, width: int) -> str:
+    """Return a label in lines that are no longer, as those of vectors would be."""
+    lines = (wrap(line, width, break_on_hyphens=False) for line in label.splitlines())
+    return "\n".join(part for line in lines for part in line)
 
 
 def _cloud_handles(panels: Sequence[BoundsPanel]) -> list[Any]:
@@ -897,6 +904,6 @@ def front_figure(front: Front) -> Figure:
         ax.annotate(row["name"], at, textcoords="offset points", fontsize=8.5, **place)
     ax.margins(0.06, 0.1)
     ax.set_xlabel(f"worst {front.labels[0]}")
-    ax.set_ylabel(f"worst {front.labels[1]}")
+    ax.set_ylabel(_wrapped(f"worst {front.labels[1]}", 56))
     ax.legend(loc="best", fontsize=8.5)
     return figure

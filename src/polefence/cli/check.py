@@ -208,7 +208,7 @@ def _other_signal(claim: SignalClaim, found: Plant, plant: Plant) -> str | None:
     """
     for own in claim.outputs:
         mine, theirs = found.signal(own.name), plant.signal(own.name)
-        if mine is theirs is None:
+        if mine is None and theirs is None:
             continue
         if theirs is None:
             return f"other signals: {quoted(own.name)} is none of the spec's"

@@ -401,7 +401,7 @@ def test_a_spec_says_vectors_and_disturbances(tmp_path):
 @pytest.mark.parametrize(
     ("old", "new", "message"),
     [
-        ('["a", "b"]', '["a", 3]', "signal = a list must be text|signal = "),
+        ('["a", "b"]', '["a", 3]', r"signal\[2\] = 3 must be text; name a state"),
         ('["a", "b"]', "[]", "signal = "),
         ('["a", "b"]', '["a", "a"]', "there twice"),
         ("{road = 0.5, wind = 20}", '{road = "x"}', "disturbances.road = 'x' must be a finite"),

@@ -132,9 +132,11 @@ class Specification:
             return value
         if isinstance(value, Mapping):
             raise SpecError("signals have no scales; define a weighted one in [outputs]")
-        raise SpecError(
-            f"signal = {shown(value)} must be text, or a list of names; {SIGNAL_REMEDY}"
-        )
+        for k, name in enumerate(names):
+            if isinstance(value, list) and not isinstance(name, str):
+                raise SpecError(f"signal[{k + 1}] = {shown(name)} must be text; {SIGNAL_REMEDY}")
+        found = "an empty list" if value == [] else shown(value)
+        raise SpecError(f"signal = {found} must be text, or a list of names; {SIGNAL_REMEDY}")
 
     def of(self, output: Output) -> Specification:
         """Return it of one other output."""
@@ -233,7 +235,8 @@ class Specification:
 
     def squares(self, plant: UncertainPlant) -> Any:
         """Return the squares of the disturbances' scales, (q,); 1 where each acts as it is."""
-        return np.square(self.scales(plant)) if self.scales(plant) else 1.0
+        scales = self.scales(plant)
+        return np.square(scales) if scales else 1.0
 
     def entering(self, plant: UncertainPlant) -> Array:
         """Return E at the vertices, (N, n, q), of the disturbances as they are scaled.
@@ -247,10 +250,10 @@ class Specification:
 
     def unit(self, plant: UncertainPlant) -> str:
         """Return the unit of the bound, or the units of the entries where they differ."""
-        units = [own.unit or "1" for own in self.outputs(plant)]
+        units = [own.unit for own in self.outputs(plant)]
         if len(set(units)) > 1:
-            return f"mixed units: {', '.join(units)}"
-        return self.outputs(plant)[0].unit
+            return f"mixed units: {', '.join(unit or '1' for unit in units)}"
+        return units[0]
 
     def require_fit(self, plant: UncertainPlant) -> None:
         """Refuse a plant without the signal, or without what moves it.

@@ -36,7 +36,7 @@ from polefence.lmi.conditions.methods import method_label
 from polefence.lmi.conditions.pencil import Index
 from polefence.plant.family import UncertainPlant
 from polefence.plant.system import Array
-from polefence.proof.matrices import Rationals
+from polefence.proof.matrices import Rationals, identity
 from polefence.proof.refutation import RmsLimit, RmsRefutation, prove_refutation
 from polefence.proof.text import number_text
 from polefence.proof.work import FormatError
@@ -335,7 +335,7 @@ class Regular:
 
 def regular(A: Rationals, B: Rationals, E: Rationals, C: Rationals, D: Rationals) -> Regular | None:
     """Return the plant of fewer states; None if no state or input is left."""
-    plant = Regular(A, B, E, C, D, _eye(len(A)))
+    plant = Regular(A, B, E, C, D, identity(len(A)))
     while hidden := _null_space(plant.D):
         found = _without_inputs(plant, hidden)
         if found is None:
@@ -370,7 +370,7 @@ def _without_zeros(plant: Regular) -> Regular | None:
     F = [[-x for x in row[m:]] for row in _reduced(both)[0]]
     A, C = _sum(plant.A, _product(plant.B, F)), _sum(plant.C, _product(plant.D, F))
     seen, power = _settled(_reduced(C)[0], A, C), _settled(_reduced(A)[0], A, [])
-    G, pivots = _reduced(_null_space([*seen, *power]) if seen or power else _eye(n))
+    G, pivots = _reduced(_null_space([*seen, *power]) if seen or power else identity(n))
     if not pivots:
         return plant
     if len(pivots) == n:
@@ -404,10 +404,6 @@ def _quotient(G: Rationals, pivots: list[int], n: int) -> tuple[Rationals, Ratio
         for g, p in zip(G, pivots, strict=True):
             row[p] -= g[q]
     return T, [[_ONE * (i == q) for q in others] for i in range(n)]
-
-
-def _eye(n: int) -> Rationals:
-    return [[_ONE * (i == j) for j in range(n)] for i in range(n)]
 
 
 def _transposed(matrix: Rationals) -> Rationals:

@@ -1,4 +1,4 @@
-"""Control laws u = K x, in any form that users have: a gain, a scheduled gain, a table of gains."""
+"""Control laws in any form that users have: a gain, a scheduled or polynomial one, a table."""
 
 from __future__ import annotations
 
@@ -15,6 +15,7 @@ import numpy as np
 from polefence.base.errors import InputError, ParameterValueError, require_type, suggest
 from polefence.law.coordinates import Coordinates
 from polefence.plant.family import UncertainPlant
+from polefence.plant.outputs import Output
 from polefence.plant.parameters import Parameter, exact, simplex_weights
 from polefence.plant.polynomial import Domain
 from polefence.plant.system import Array
@@ -199,7 +200,125 @@ class ScheduledGain:
         return _product(self.gain(alpha, clamp), x)
 
 
-Law = FixedGain | ScheduledGain
+@dataclass(frozen=True, eq=False, repr=False)
+class PolynomialGain:
+    """u = K(p) y, y = C x what is measured, K a polynomial: the sum of its terms' gains times c^e.
+
+    c are the parameters' coordinates in [-1, 1], in which the plant is multi-affine: from the lower
+    to the upper bound of p, or of 1/p where the plant is affine in that. Of a plant without
+    parameters they are alpha, and all terms have one degree.
+
+    Parameters
+    ----------
+    powers : sequence of sequence of int
+        Exponents e of each term.
+    gains : (terms, m, r) array
+        [input unit / unit of the signal]
+    measured : tuple of Output, optional
+        The signals y; all states by default.
+    parameters : tuple of Parameter
+        The plant's.
+
+    Raises
+    ------
+    InputError
+        If the shapes do not fit together.
+    """
+
+    powers: tuple[tuple[int, ...], ...]
+    gains: Array
+    measured: tuple[Output, ...] = ()
+    parameters: tuple[Parameter, ...] = ()
+
+    def __post_init__(self) -> None:
+        powers = tuple(tuple(int(power) for power in e) for e in self.powers)
+        object.__setattr__(self, "powers", powers)
+        object.__setattr__(self, "gains", _frozen(self.gains, 3, "gains"))
+        object.__setattr__(self, "measured", tuple(self.measured))
+        widths = {len(e) for e in powers}
+        if len(widths) != 1 or len(powers) != len(self.gains) or len(set(powers)) < len(powers):
+            raise InputError("powers must be one a gain, of one length, each once")
+        if self.parameters and widths != {len(self.parameters)}:
+            raise InputError(f"powers must have {len(self.parameters)} exponents, one a parameter")
+        if not self.parameters and len({sum(e) for e in powers}) > 1:
+            raise InputError("terms in alpha must be of one degree")
+        if self.measured and len(self.measured) != self.gains.shape[2]:
+            raise InputError(
+                f"{len(self.measured)} signals are measured; the gains have {self.gains.shape[2]}"
+            )
+
+    @property
+    def domain(self) -> Domain:
+        """The simplices in which alpha lives."""
+        count = len(self.powers[0])
+        return Domain((2,) * count if self.parameters else (count,))
+
+    @property
+    def degree(self) -> int:
+        """Degree of K(p) C(p) in each parameter, or in alpha."""
+        own = max(max(e, default=0) if self.parameters else sum(e) for e in self.powers)
+        return own + int(any(len(output.C) > 1 for output in self.measured))
+
+    @property
+    def constant(self) -> bool:
+        """Whether it is one gain of states."""
+        return self.degree == 0
+
+    @cached_property
+    def C(self) -> Array:
+        """Rows of what is measured, (N, r, n), or (1, r, n) where they are the same everywhere."""
+        if not self.measured:
+            return np.eye(self.gains.shape[2])[None]
+        count = max(len(output.C) for output in self.measured)
+        rows = [np.array([[float(x) for x in row] for row in y.C]) for y in self.measured]
+        return np.stack([np.broadcast_to(C, (count, C.shape[1])) for C in rows], axis=1)
+
+    def __repr__(self) -> str:
+        _, m, r = self.gains.shape
+        return f"<PolynomialGain {m} x {r}, {len(self.powers)} terms, degree {self.degree}>"
+
+    def terms(self, alpha: Any) -> Array:
+        """Return c^e of each term at alpha (..., N), as (..., terms)."""
+        a = np.asarray(alpha, dtype=float)
+        c = self.domain.coordinates(a)
+        c = c[..., 1::2] - c[..., ::2] if self.parameters else c
+        return np.asarray(np.prod(c[..., None, :] ** np.array(self.powers), axis=-1))
+
+    def gain(self, alpha: Any = None, clamp: bool = False) -> Array:
+        """Return K(alpha) C(alpha), the gain of all states, (..., m, n) for alpha (..., N).
+
+        Raises
+        ------
+        ParameterValueError
+            If alpha is missing, or lies off the simplex by more than rounding, unless ``clamp``.
+        """
+        a = check_alpha(alpha, self.domain.corners, clamp)
+        C = self.C[0] if len(self.C) == 1 else np.tensordot(a, self.C, 1)
+        return np.asarray(np.tensordot(self.terms(a), self.gains, 1) @ C)
+
+    def gain_at(self, clamp: bool = False, **values: Any) -> Array:
+        """Return the gain of all states at physical parameter values.
+
+        Raises
+        ------
+        ParameterValueError
+            If a value is missing, unknown, or outside its interval (unless ``clamp``).
+        """
+        weights = simplex_weights(self.parameters, values, clamp)
+        return self.gain([float(w) for w in weights])
+
+    def control(self, alpha: Any, x: Any, clamp: bool = False) -> Array:
+        """Return u = K(alpha) C(alpha) x, (..., m) for x (..., n).
+
+        Raises
+        ------
+        InputError
+            If x does not end in n states, or alpha lies off the simplex (unless ``clamp``).
+        """
+        return _product(self.gain(alpha, clamp), x)
+
+
+Law = FixedGain | ScheduledGain | PolynomialGain
 
 
 def _product(K: Array, x: Any) -> Array:
@@ -242,13 +361,25 @@ def given_law(plant: UncertainPlant, law: Any) -> Law:
     """
     require_type(plant, UncertainPlant, "plant", "polefence.load(path) reads one")
     law = law.as_law() if hasattr(law, "as_law") else law
-    if not isinstance(law, FixedGain | ScheduledGain):
+    if not isinstance(law, FixedGain | ScheduledGain | PolynomialGain):
         law = FixedGain(_matrix(plant, law))
     n, m = plant.shape
-    shape = law.K.shape if isinstance(law, FixedGain) else law.Z.shape[1:]
+    shape = shape_of(law)
     if shape != (m, n):
         raise InputError(f"the gain is {shape[0]} x {shape[1]}; {plant.name} needs {m} x {n}")
-    return law if isinstance(law, FixedGain) else _scheduled(plant, law)
+    if isinstance(law, ScheduledGain):
+        return _scheduled(plant, law)
+    if isinstance(law, PolynomialGain):
+        _require_vertices(plant, law)
+    return law
+
+
+def shape_of(law: Law) -> tuple[int, int]:
+    """Return the numbers of inputs and states of a law."""
+    if isinstance(law, PolynomialGain):
+        return law.gains.shape[1], law.C.shape[2]
+    m, n = law.K.shape if isinstance(law, FixedGain) else law.Z.shape[1:]
+    return m, n
 
 
 def _matrix(plant: UncertainPlant, law: Any) -> Any:
@@ -269,15 +400,19 @@ def _matrix(plant: UncertainPlant, law: Any) -> Any:
     return K
 
 
-def _scheduled(plant: UncertainPlant, law: ScheduledGain) -> ScheduledGain:
+def _require_vertices(plant: UncertainPlant, law: ScheduledGain | PolynomialGain) -> None:
     N = len(plant.vertices)
     if law.domain.corners != N:
         raise InputError(f"the law has {law.domain.corners} vertices; {plant.name} has {N}")
     theirs, ours = (_ranges(each.parameters) for each in (law, plant))
     if theirs and ours and theirs != ours:
         raise InputError(f"the law's parameters, or their ranges, are not those of {plant.name}")
-    if ours and law.degree == 1:
-        return replace(law, sizes=Domain.of("box", N).sizes)
+
+
+def _scheduled(plant: UncertainPlant, law: ScheduledGain) -> ScheduledGain:
+    _require_vertices(plant, law)
+    if plant.parameters and law.degree == 1:
+        return replace(law, sizes=Domain.of("box", len(plant.vertices)).sizes)
     return law
 
 
@@ -287,7 +422,7 @@ def _ranges(parameters: Sequence[Parameter]) -> list[tuple[str, Fraction, Fracti
 
 def domain_of(plant: UncertainPlant, law: Law) -> Domain:
     """Return where a claim is made: the law's own domain; the box where there are parameters."""
-    if isinstance(law, ScheduledGain):
+    if not isinstance(law, FixedGain):
         return law.domain
     return Domain.of("box" if plant.parameters else "simplex", len(plant.vertices))
 

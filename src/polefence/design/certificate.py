@@ -14,12 +14,13 @@ from polefence.base import VERSION
 from polefence.base.errors import DesignFileError, InputError, PlantError
 from polefence.design.counterexample import counterexample
 from polefence.design.measured import dual_plant
-from polefence.law.laws import FixedGain, Law, ScheduledGain
+from polefence.law.laws import FixedGain, Law, PolynomialGain, ScheduledGain
 from polefence.plant.family import UncertainPlant
 from polefence.plant.outputs import Output
 from polefence.plant.parameters import Parameter
 from polefence.plant.system import Array
 from polefence.plant.vehicle import Vehicle
+from polefence.proof import laws
 from polefence.proof import plant as files
 from polefence.proof.claims.base import Claim, Verdict, prove
 from polefence.proof.claims.observer import Observer
@@ -76,7 +77,7 @@ class Certificate:
     region : Region
     method : str
         "quadratic", "slack", "scheduled" or "lyapunov".
-    law : FixedGain or ScheduledGain
+    law : Law
         For "scheduled" its W, Z are the evidence.
     evidence : mapping
         quadratic: ``W`` (n, n); slack: ``P`` (count, n, n) and ``G`` (n, n), and where they are not
@@ -115,9 +116,10 @@ class Certificate:
         PlantError
             If the checker does not take such a claim.
         """
-        plant = _bare_plant(self.plant)
+        polynomial = isinstance(self.law, PolynomialGain)  # which names what it measures
+        plant = file_plant(self.plant) if polynomial else _bare_plant(self.plant)
         try:
-            law, on = read_law(Table.of(self._law(), "law"), plant.n, plant.m)
+            law, on = read_law(Table.of(self._law(), "law"), plant)
             own = {"region": self.region.document(), "method": self.method}
             table = Table.of(own | {"evidence": _plain_data(self.evidence)})
             claim = Poles.read(table, plant, law, plant.domain(on) if on else "")
@@ -130,7 +132,12 @@ class Certificate:
         law = self.law
         if isinstance(law, FixedGain):
             return {"kind": "fixed", "K": law.K.tolist()}
-        on = "box" if len(law.sizes) > 1 else "simplex"
+        on = "box" if len(law.domain.sizes) > 1 else "simplex"
+        if isinstance(law, PolynomialGain):
+            pairs = zip(law.powers, law.gains.tolist(), strict=True)
+            terms = [{"powers": list(e), "K": K} for e, K in pairs]
+            measured = {"measured": [own.name for own in law.measured]} if law.measured else {}
+            return {"kind": "polynomial", "on": on, "terms": terms} | measured
         table = {"kind": "scheduled", "W": law.W.tolist(), "Z": law.Z.tolist()}
         return table | {"degree": law.degree, "on": on}
 
@@ -198,12 +205,39 @@ class Certificate:
             raise DesignFileError("no claim of it is about a region; name a design's file")
         region = region_of([(part.kind, part.numbers) for part in claim.region])
         law: Law
-        if claim.law.K is not None:
+        if claim.law.polynomial:
+            law = polynomial_of(claim.law, plant)
+        elif claim.law.K is not None:
             law = FixedGain(_floats(claim.law.K)[0])
         else:
             W, Z = _floats(claim.law.W or []), _floats(claim.law.Z or [])
             law = ScheduledGain(W, Z, plant.parameters, claim.law.degree, claim.sizes)
         return cls(plant, region, claim.method, law, _evidence(claim), observed)
+
+
+def polynomial_of(law: laws.Law, plant: UncertainPlant) -> PolynomialGain:
+    """Return a polynomial law of a file."""
+    measured = tuple(plant.signal(name) for name in law.measured)
+    return PolynomialGain(law.powers, _floats(law.K or []), measured, plant.parameters)
+
+
+def exact_law(law: Law) -> laws.Law:
+    """Return a law in exact rationals."""
+    if isinstance(law, FixedGain):
+        return laws.Law([_rationals(law.K)])
+    if isinstance(law, ScheduledGain):
+        W, Z = ([_rationals(M) for M in own] for own in (law.W, law.Z))
+        return laws.Law(None, W, Z, law.degree)
+    names = tuple(own.name for own in law.measured)
+    N, rows = law.domain.corners, [own.C for own in law.measured]
+    each = [[C if len(C) > 1 else C * N for C in rows]] if rows else []
+    C = tuple([list(C[k]) for C in own] for own in each for k in range(N))
+    K, degree = [_rationals(K) for K in law.gains], laws.total_degree(law.powers)
+    return laws.Law(K, degree=degree, powers=law.powers, measured=names, C=C)
+
+
+def _rationals(matrix: Array) -> Rationals:
+    return [[Fraction(x) for x in row] for row in matrix.tolist()]
 
 
 def _evidence(claim: Poles) -> dict[str, Any]:

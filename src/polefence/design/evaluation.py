@@ -131,14 +131,15 @@ class _Loops:
         else:
             coordinates = _middle(lyapunov.X)
             X = np.tensordot(basis, coordinates.forms(lyapunov.X), 1)
-            K = coordinates.feedback(law.K[None])
+            gains = law.gain(places)
+            K = coordinates.feedback(gains)
         A = np.tensordot(places, coordinates.loops(plant.A), 1)
         B = np.tensordot(places, coordinates.inputs(plant.B), 1)
         C: Array = np.asarray(np.linalg.cholesky((X + X.swapaxes(-1, -2)) / 2), dtype=float)
         left: Array = np.asarray(np.linalg.solve(C, B), dtype=float)
         closed, back = np.linalg.solve(C, A) @ C + left @ K @ C, coordinates.inverse @ C
         if not isinstance(law, ScheduledGain):
-            return cls(closed, ((left, law.K, back),))
+            return cls(closed, ((left, gains, back),))
         right: Array = np.asarray(np.linalg.solve(W, C), dtype=float)
         T, moved = coordinates.T, left @ K
         terms = (moved, W, right), (left, Z, right), (moved, T, back), (left, K @ T, back)

@@ -17,7 +17,15 @@ from polefence.design.counterexample import counterexample, first_worst, worst_p
 from polefence.design.design import Design
 from polefence.design.search import Deadline, first
 from polefence.design.table import TableAnalysis, analyse_table
-from polefence.law.laws import FixedGain, GainTable, Law, ScheduledGain, domain_of, given_law
+from polefence.law.laws import (
+    FixedGain,
+    GainTable,
+    Law,
+    PolynomialGain,
+    ScheduledGain,
+    domain_of,
+    given_law,
+)
 from polefence.lmi.conditions.lyapunov import Loop
 from polefence.lmi.conditions.target import Around, Decays, Disks, Goal, Sectors
 from polefence.lmi.solve.lyapunov import LyapunovPolynomial, least, points_inside
@@ -131,7 +139,7 @@ def analyse(
     Parameters
     ----------
     plant : UncertainPlant
-    law : (m, n) matrix, FixedGain, ScheduledGain, Design, GainTable or control.StateSpace
+    law : (m, n) matrix, any law of `polefence.law`, Design or control.StateSpace
         u = K x. Of python-control's ``lqr``, whose u is -K x, give -K. A ``StateSpace`` must be a
         static gain.
     region : Region
@@ -243,6 +251,10 @@ def _loop(plant: UncertainPlant, law: Law, rows: Array) -> Loop:
         eye = {(0,) * sum(domain.sizes): np.eye(n)}
         both = {(0,) * sum(domain.sizes): np.vstack([np.eye(n), law.K])}
         return Loop(elevated(eye, domain, 1), times(AB, both), domain)
+    if isinstance(law, PolynomialGain):
+        both = bernstein(domain, law.form, law.degree)
+        eye = elevated({(0,) * sum(domain.sizes): np.eye(n)}, domain, law.degree + 1)
+        return Loop(eye, times(AB, both), domain)
     W = bernstein(domain, law.W, law.degree)
     both = bernstein(domain, np.concatenate([law.W, law.Z], axis=1), law.degree)
     return Loop(elevated(W, domain, 1), times(AB, both), domain, W)
@@ -257,7 +269,8 @@ def forms(plant: UncertainPlant, law: Law, parts: int = 1) -> Iterator[tuple[int
         If the plant is so large that the exact checker does not take even the first.
     """
     n, domain = plant.shape[0], domain_of(plant, law)
-    own = 2 * law.degree if isinstance(law, ScheduledGain) else 0
+    own = 0 if isinstance(law, FixedGain) else law.degree
+    own *= 2 if isinstance(law, ScheduledGain) else 1
     for degree, elevation in LADDER:
         blocks = domain.count(degree + 1 + own + elevation)
         unknowns = domain.count(degree) * n * (n + 1) // 2

@@ -273,6 +273,14 @@ class PolynomialGain:
         rows = [np.array([[float(x) for x in row] for row in y.C]) for y in self.measured]
         return np.stack([np.broadcast_to(C, (count, C.shape[1])) for C in rows], axis=1)
 
+    @cached_property
+    def form(self) -> Array:
+        """Bernstein coefficients of [I; K C], (count, n + m, n), of the law's degree."""
+        at = self.domain.nodes(self.degree)
+        K = self.gain(at)
+        one = np.broadcast_to(np.eye(K.shape[-1]), (len(K), K.shape[-1], K.shape[-1]))
+        return self.domain.interpolated(np.concatenate([one, K], axis=1), self.degree)
+
     def __repr__(self) -> str:
         _, m, r = self.gains.shape
         return f"<PolynomialGain {m} x {r}, {len(self.powers)} terms, degree {self.degree}>"

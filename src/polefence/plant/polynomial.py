@@ -105,6 +105,20 @@ class Domain:
             first = (first[..., :, None] * other[..., None, :]).reshape(*first.shape[:-1], -1)
         return np.asarray(first)
 
+    def nodes(self, degree: int) -> Array:
+        """Return as many points alpha as there are Bernstein polynomials of a degree, (count, N).
+
+        Corners among them: extrema of Chebyshev's polynomials on each interval, a lattice on a
+        simplex of more corners.
+        """
+        return self.alpha(_nodes(self.sizes, degree))
+
+    def interpolated(self, values: Array, degree: int) -> Array:
+        """Return the Bernstein coefficients (count, ...) of what has these values at the nodes."""
+        flat = values.reshape(len(values), -1)
+        found = np.linalg.solve(self.basis(self.nodes(degree), degree), flat)
+        return np.asarray(found.reshape(values.shape))
+
     def elevated(self, degree: int, times: int) -> list[dict[int, int]]:
         """Return for each monomial of the raised degree which Bernstein coefficients enter it.
 
@@ -119,6 +133,21 @@ class Domain:
         j is a corner (A is of degree 1 in each simplex), k a Bernstein coefficient of X.
         """
         return _pairs(self.sizes, degree, elevation)
+
+
+@cache
+def _nodes(sizes: tuple[int, ...], degree: int) -> Array:
+    columns = []
+    for size in sizes:
+        if size == 2:
+            turns = np.pi * np.arange(degree + 1) / degree if degree else np.full(1, np.pi / 2)
+            low = (1 + np.cos(turns)) / 2
+            columns.append(np.stack([low, 1 - low], axis=1))
+        elif degree:
+            columns.append(np.array(_simplex(size, degree)) / degree)
+        else:
+            columns.append(np.full((1, size), 1 / size))
+    return np.array([np.concatenate(parts) for parts in product(*columns)])
 
 
 @cache

@@ -72,7 +72,7 @@ class Document:
     law : Law or Interpolated, optional
     claims : tuple of Claim
     on : str
-        Domain of a scheduled law, "simplex" or "box".
+        Domain of a law that is not fixed, "simplex" or "box".
     export : mapping, optional
         What exported code says of itself beside what is proved; no proof reads it.
     polefence : str
@@ -157,10 +157,10 @@ def _require_format(data: Any) -> None:
 
 
 def _read_law(table: Table, plant: Plant) -> tuple[Law | Interpolated, str]:
-    kind = table.word("kind", ("fixed", "scheduled", "table"))
+    kind = table.word("kind", ("fixed", "scheduled", "polynomial", "table"))
     if kind == "table":
         return read_interpolated(table, plant), ""
-    law, on = read_law(table, plant.n, plant.m)
+    law, on = read_law(table, plant)
     return law, plant.domain(on) if on else ""
 
 

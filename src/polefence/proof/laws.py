@@ -2,21 +2,38 @@
 
 With W = I and Z = K for a gain, and K = Z W^-1 for a scheduled law, X is W V, so that [X; K X] is
 [W; Z] V, a polynomial too: V = 1 where X is the law's own W, else Q for a gain, and for a scheduled
-law multiple + Q W.
+law multiple + Q W. The dual form needs no V: W Q (A W + B Z) is W (Q A_c) W.
+
+A polynomial law is u = K(p) y, K the sum of gains times c^e: c the parameters' coordinates in
+[-1, 1], or alpha where there are none; y = C x are states, or outputs of the plant.
 """
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from fractions import Fraction
 from typing import Any
 
-from polefence.proof.matrices import Rationals, identity
-from polefence.proof.polynomials import Polynomial, Sizes, bernstein, count_of
-from polefence.proof.reading import Table, plain
+from polefence.proof.matrices import Rationals, identity, mix, product
+from polefence.proof.plant import Plant
+from polefence.proof.polynomials import (
+    MAX_DEGREE,
+    Exponent,
+    Polynomial,
+    Sizes,
+    affine,
+    below,
+    bernstein,
+    constant,
+    corners_of,
+    count_of,
+)
+from polefence.proof.reading import Table, plain, shown
 from polefence.proof.work import FormatError
 
 DOMAINS = ("simplex", "box")
+MAX_TERMS, MAX_MEASURED = 500, 200  # of a polynomial law
 
 
 @dataclass(frozen=True)
@@ -24,18 +41,28 @@ class Law:
     """K constant (``K`` alone); one K a corner, multi-affine between; or Z(alpha) W(alpha)^-1.
 
     Coefficients of W and Z are those of Bernstein polynomials: of ``degree`` in each simplex, in
-    the order of `monomials`.
+    the order of `monomials`. With ``powers``, one exponent a K, it is a polynomial, of signals that
+    are ``measured``: their names, and their rows C at every vertex; of all states where there are
+    none.
     """
 
     K: list[Rationals] | None = None
     W: list[Rationals] | None = None
     Z: list[Rationals] | None = None
     degree: int = 0
+    powers: tuple[Exponent, ...] = ()
+    measured: tuple[str, ...] = ()
+    C: tuple[Rationals, ...] = ()
 
     @property
     def fixed(self) -> bool:
         """Whether it is made of gains alone."""
-        return self.K is not None and self.W is None and self.Z is None
+        return self.K is not None and self.W is None and self.Z is None and not self.powers
+
+    @property
+    def polynomial(self) -> bool:
+        """Whether it is a polynomial."""
+        return bool(self.powers)
 
     @property
     def scheduled(self) -> bool:
@@ -47,11 +74,53 @@ class Law:
         if self.K is None:
             pairs = zip(self.W or [], self.Z or [], strict=True)
             return bernstein([w + z for w, z in pairs], sizes, self.degree)
+        if self.powers:
+            gain = self._gain(sizes)
+            return below(constant(identity(gain.shape[1]), sizes), gain)
         eye = identity(len(self.K[0][0]))
         return bernstein([eye + k for k in self.K], sizes, int(len(self.K) > 1))
 
+    @property
+    def form_degree(self) -> int:
+        """Degree of [I; K], or [W; Z], at most, in each simplex."""
+        if self.K is None:
+            return self.degree
+        if not self.powers:
+            return int(len(self.K) > 1)
+        alpha = bool(self.measured) and any(self.C[0] != C for C in self.C)
+        return self.degree + int(alpha)
+
+    def _gain(self, sizes: Sizes) -> Polynomial:
+        """Return K C of a polynomial law."""
+        found: Polynomial | None = None
+        for e, K in zip(self.powers, self.K or [], strict=True):
+            term = constant(K, sizes)
+            for j, power in enumerate(e):
+                for _ in range(power):
+                    term = _coordinate(sizes, j, len(e)) * term
+            found = term if found is None else found + term
+        if found is None:
+            raise FormatError("a polynomial law has no terms")
+        return found * affine(self.C, sizes) if self.C else found
+
+    def gain(self, alpha: list[Fraction], at: list[Fraction]) -> Rationals:
+        """Return K, of a law without W, for weights alpha and their coordinates in each simplex."""
+        K = self.K or []
+        if not self.powers:
+            return K[0] if len(K) == 1 else mix(alpha, K)
+        ends = zip(at[::2], at[1::2], strict=True) if len(self.powers[0]) != len(at) else ()
+        c = [high - low for low, high in ends] or at
+        values = [math.prod(map(pow, c, e), start=Fraction(1)) for e in self.powers]
+        own = mix(values, K)
+        return product(own, mix(alpha, list(self.C))) if self.C else own
+
     def write(self, on: str) -> dict[str, Any]:
-        """Return it as a file has it; ``on`` is the domain of a scheduled law."""
+        """Return it as a file has it; ``on`` is the domain of one that is not fixed."""
+        if self.powers:
+            pairs = zip(self.powers, self.K or [], strict=True)
+            terms = [{"powers": list(e), "K": plain(K)} for e, K in pairs]
+            own: dict[str, Any] = {"kind": "polynomial", "on": on, "terms": terms}
+            return own | ({"measured": list(self.measured)} if self.measured else {})
         if self.K is not None:
             return {"kind": "fixed", "K": plain(self.K[0])}
         table: dict[str, Any] = {"kind": "scheduled", "W": plain(self.W), "Z": plain(self.Z)}
@@ -59,14 +128,70 @@ class Law:
         return table | ({"on": on} if on == "box" else {})
 
 
-def read_law(table: Table, n: int, m: int) -> tuple[Law, str]:
+def read_law(table: Table, plant: Plant) -> tuple[Law, str]:
     """Read a law; return the domain of a scheduled one too, "" for a gain, which has none."""
-    if table.word("kind", ("fixed", "scheduled")) == "fixed":
+    n, m = plant.n, plant.m
+    kind = table.word("kind", ("fixed", "scheduled", "polynomial"))
+    if kind == "fixed":
         return Law([table.matrix("K", m, n)]), ""
+    if kind == "polynomial":
+        return _read_polynomial(table, plant), table.word("on", DOMAINS)
     W, Z = table.matrices("W", n, n), table.matrices("Z", m, n)
     if len(W) != len(Z):
         raise FormatError(f"{table.path('Z')} holds {len(Z)} matrices; W holds {len(W)}")
     return Law(None, W, Z, table.whole("degree", 1)), table.word("on", DOMAINS, "simplex")
+
+
+def _read_polynomial(table: Table, plant: Plant) -> Law:
+    rows, measured, C = table.tables("terms", MAX_TERMS), table.texts("measured"), []
+    for name in measured[:MAX_MEASURED]:
+        own = plant.signal(name)
+        if own is None or own.F or any(map(any, (D[0] for D in own.D))):
+            raise FormatError(
+                f"{table.path('measured')}: {shown(name)} is no state or output of the plant, free "
+                "of inputs and disturbances"
+            )
+        C.append(own.C)
+    if len(measured) > MAX_MEASURED or len(set(measured)) < len(measured):
+        raise FormatError(f"{table.path('measured')}: a name is there twice, or there are too many")
+    r = len(C) if C else plant.n
+    K = [row.matrix("K", plant.m, r) for row in rows]
+    powers = tuple(row.wholes("powers") for row in rows)
+    stacked = tuple([row for (row,) in each] for each in zip(*C, strict=True))
+    return Law(K, degree=total_degree(powers), powers=powers, measured=measured, C=stacked)
+
+
+def total_degree(powers: tuple[Exponent, ...]) -> int:
+    """Return the largest sum of exponents."""
+    return max(map(sum, powers), default=0)
+
+
+def require_terms(law: Law, sizes: Sizes) -> None:
+    """Refuse a polynomial law whose exponents do not fit, or whose degree is too high."""
+    powers, count = law.powers, len(law.powers[0])
+    if len(law.K or []) != len(powers) or len(set(powers)) < len(powers):
+        raise FormatError("law.terms: each exponent belongs to one gain")
+    if any(len(e) != count or min(e, default=0) < 0 for e in powers):
+        raise FormatError("law.terms: powers must be whole numbers, as many in each term")
+    alpha = len(sizes) == 1 and count == sizes[0]
+    if not alpha and (count != len(sizes) or set(sizes) != {2}):
+        raise FormatError(f"law.terms: powers must be {len(sizes)}, one a parameter")
+    if alpha and len({sum(e) for e in powers}) > 1:
+        raise FormatError("law.terms: in alpha all must have one degree")
+    if law.degree != total_degree(powers) or law.degree > MAX_DEGREE:
+        raise FormatError(f"law.terms: the degree must be 0 to {MAX_DEGREE}")
+    if law.C and len(law.C) != corners_of(sizes):
+        raise FormatError("law.measured: rows are missing at a vertex")
+
+
+def _coordinate(sizes: Sizes, j: int, count: int) -> Polynomial:
+    """Return alpha_j, or the coordinate of parameter j from -1 to 1."""
+    length = sum(sizes)
+    if len(sizes) == 1 and count == sizes[0]:
+        return Polynomial({tuple(int(i == j) for i in range(length)): [[1]]}, sizes, (1,))
+    low, high = (tuple(int(i == 2 * j + k) for i in range(length)) for k in range(2))
+    degrees = tuple(int(f == j) for f in range(len(sizes)))
+    return Polynomial({low: [[-1]], high: [[1]]}, sizes, degrees)
 
 
 @dataclass(frozen=True)
@@ -76,7 +201,8 @@ class Evidence:
     ``X`` its Bernstein coefficients, or those of Q for a scheduled law (none where it is the law's
     own W, times ``multiple`` if that holds one number), ``degree`` its degree, ``elevation`` the d
     of (sum of alpha)^d; ``multiple`` (as many as X) for scheduled laws given; ``G`` and ``epsilon``
-    for slack; ``tau`` for right-hand sides.
+    for slack; ``tau`` for right-hand sides. ``dual``: X holds the coefficients of the Q of the dual
+    form.
     """
 
     X: list[Rationals]
@@ -86,9 +212,11 @@ class Evidence:
     G: Rationals | None = None
     epsilon: Fraction = Fraction(0)
     tau: Fraction = Fraction(0)
+    dual: bool = False
 
     def write(self, letter: str = "X") -> dict[str, Any]:
-        """Return the polynomial as a file has it."""
+        """Return the polynomial as a file has it; of the dual form the letter is Q."""
+        letter = "Q" if self.dual else letter
         table: dict[str, Any] = {letter: plain(self.X), "degree": self.degree}
         table |= {"multiple": plain(self.multiple)} if self.multiple else {}
         return table | {"elevation": self.elevation}
@@ -135,5 +263,5 @@ def lifted(law: Law, evidence: Evidence, sizes: Sizes) -> Polynomial:
 def degree_of(law: Law, evidence: Evidence) -> int:
     """Return the degree of [X; K X]."""
     if law.K is not None:
-        return evidence.degree + int(len(law.K) > 1)
+        return evidence.degree + law.form_degree
     return evidence.degree + 2 * law.degree if evidence.X else law.degree

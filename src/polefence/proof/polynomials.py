@@ -189,6 +189,21 @@ def diagonal(values: Sequence[Fraction], sizes: Sizes) -> Polynomial:
     return constant(rows, sizes)
 
 
+def below(upper: Polynomial, lower: Polynomial) -> Polynomial:
+    """Return one polynomial's rows above another's."""
+    degrees, whole = joint([upper, lower]), math.lcm(upper.whole, lower.whole)
+    one, two = (each.raised(degrees).over(whole) for each in (upper, lower))
+    none = [[[0] * each.shape[1] for _ in range(each.shape[0])] for each in (upper, lower)]
+    keys = dict.fromkeys([*one, *two])
+    terms = {e: [*one.get(e, none[0]), *two.get(e, none[1])] for e in keys}
+    return Polynomial(terms, upper.sizes, degrees, whole)
+
+
+def corners_of(sizes: Sizes) -> int:
+    """Return the number of vertices of the family."""
+    return math.prod(sizes)
+
+
 def joint(polynomials: Sequence[Polynomial]) -> tuple[int, ...]:
     """Return the least degrees that all can be raised to."""
     return tuple(map(max, zip(*(each.degrees for each in polynomials), strict=True)))

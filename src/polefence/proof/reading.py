@@ -171,6 +171,13 @@ class Table:
             raise FormatError(f"{self.path(key)} must be a whole number, {least} to {most}")
         return value
 
+    def wholes(self, key: str) -> tuple[int, ...]:
+        """Return a list of exponents."""
+        values = self.items(key, MAX_VERTICES)
+        if any(type(value) is not int or not 0 <= value <= MAX_DEGREE for value in values):
+            raise FormatError(f"{self.path(key)} must hold whole numbers, 0 to {MAX_DEGREE}")
+        return tuple(values)
+
     def number(self, key: str, default: int | None = None) -> Fraction:
         """Return a number."""
         if default is not None and key not in self:

@@ -24,7 +24,7 @@ from polefence.design.evaluation import Lyapunov, domain_of, lyapunovs
 from polefence.design.given import analyse
 from polefence.design.search import first, rising
 from polefence.law.coordinates import Coordinates
-from polefence.law.laws import FixedGain
+from polefence.law.laws import FixedGain, PolynomialGain
 from polefence.plant.polynomial import Domain, Polynomial, bernstein, binomial, elevated, times
 from polefence.plant.system import Array
 from polefence.proof import work
@@ -255,6 +255,10 @@ def _balanced(design: Design, own: Lyapunov, region: Region) -> Balanced:
     A, B, X, degree, first = plant.A, plant.B, own.X, own.degree, None
     if isinstance(law, FixedGain):
         KX: Array = law.K @ X
+    elif isinstance(law, PolynomialGain):
+        both = times(bernstein(domain, law.form, law.degree), bernstein(domain, X, degree))
+        degree += law.degree
+        X, KX = np.split(_stacked(both, domain, degree), [plant.shape[0]], axis=1)
     elif own.multiple is None:
         KX = law.Z
     else:

@@ -10,7 +10,9 @@ import numpy as np
 
 from polefence.base.errors import InputError
 from polefence.design.requirements.specification import Row, Specification, is_number
+from polefence.law.laws import Law
 from polefence.lmi.conditions import performance as conditions
+from polefence.lmi.solve.gramians import Loops
 from polefence.plant.family import UncertainPlant
 from polefence.plant.polynomial import Domain
 from polefence.plant.system import Array
@@ -47,6 +49,10 @@ class EnergyPeak(Specification):
         return conditions.noise(
             f"energy{self.scales(plant) or ''}", domain, self.entering(plant), 1.0
         )
+
+    def loops(self, plant: UncertainPlant, law: Law) -> Loops | None:
+        """Return the closed loops of the dual form."""
+        return self._loops(plant, law, self.norm)
 
     def claim(
         self,

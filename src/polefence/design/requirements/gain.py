@@ -10,7 +10,9 @@ import numpy as np
 
 from polefence.design.requirements.rms import Rms
 from polefence.design.requirements.specification import Specification
+from polefence.law.laws import Law
 from polefence.lmi.conditions import performance as conditions
+from polefence.lmi.solve.gramians import Loops
 from polefence.plant.family import UncertainPlant
 from polefence.plant.outputs import disturbances, stacked
 from polefence.plant.polynomial import Domain
@@ -53,6 +55,10 @@ class Gain(Specification):
     def source(self, plant: UncertainPlant, domain: Domain) -> conditions.Source:  # noqa: ARG002
         """Return the way the disturbances enter."""
         return conditions.Through(f"gain{self.scales(plant) or ''}", self.entering(plant))
+
+    def loops(self, plant: UncertainPlant, law: Law) -> Loops | None:
+        """Return the closed loops of the dual form."""
+        return self._loops(plant, law, 1.0, gain=True)
 
     def claim(
         self,

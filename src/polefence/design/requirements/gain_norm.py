@@ -11,7 +11,7 @@ import numpy as np
 
 from polefence.base.errors import InputError, SpecError, shown
 from polefence.design.requirements.specification import Row, Specification, is_number, number
-from polefence.law.laws import FixedGain, Law
+from polefence.law.laws import FixedGain, Law, PolynomialGain
 from polefence.lmi.conditions import performance as conditions
 from polefence.lmi.conditions.gain_norm import Norm
 from polefence.plant.family import UncertainPlant
@@ -150,9 +150,10 @@ def levels(plant: UncertainPlant, law: Law, own: GainNorm) -> Iterator[tuple[flo
     if isinstance(law, FixedGain):
         yield float(own.norms(plant, law.K)), 0
         return
-    domain, degree = law.domain, law.degree
+    domain, degree, n = law.domain, law.degree, plant.shape[0]
+    form = law.form if isinstance(law, PolynomialGain) else np.concatenate([law.W, law.Z], axis=1)
     rows, columns = (np.array(each) for each in own.units(plant))
-    H, Z = law.W / columns[:, None], law.Z / rows[:, None]
+    H, Z = form[:, :n] / columns[:, None], form[:, n:] / rows[:, None]
     right = np.linalg.inv(H.mean(axis=0))
     P, Q = (bernstein(domain, each @ right, degree) for each in (H, Z))
     square = times({e: p.T for e, p in P.items()}, P)

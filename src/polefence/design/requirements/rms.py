@@ -11,7 +11,9 @@ import numpy as np
 
 from polefence.base.errors import InputError, SpecError, shown, suggest
 from polefence.design.requirements.specification import Row, Specification, is_number
+from polefence.law.laws import Law
 from polefence.lmi.conditions import performance as conditions
+from polefence.lmi.solve.gramians import Loops
 from polefence.plant.family import UncertainPlant
 from polefence.plant.outputs import Output
 from polefence.plant.polynomial import Domain
@@ -90,6 +92,10 @@ class Rms(Specification):
         """Return white noise."""
         name = f"noise {self.density!r}{self.scales(plant) or ''}"
         return conditions.noise(name, domain, self.entering(plant), self.density / 2)
+
+    def loops(self, plant: UncertainPlant, law: Law) -> Loops | None:
+        """Return the closed loops of the dual form."""
+        return self._loops(plant, law, (self.density / 2) ** 0.5)
 
     def claim(
         self,

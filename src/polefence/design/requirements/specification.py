@@ -13,14 +13,17 @@ from typing import Any, ClassVar, Self, cast
 import numpy as np
 
 from polefence.base.errors import InputError, SpecError, shown, suggest
+from polefence.law.laws import Law
 from polefence.lmi.conditions import performance as conditions
+from polefence.lmi.solve.gramians import Loops
 from polefence.plant.family import UncertainPlant
-from polefence.plant.outputs import Output, Signal, disturbances
+from polefence.plant.outputs import Output, Signal, disturbances, stacked
 from polefence.plant.polynomial import Domain
 from polefence.plant.system import Array
 from polefence.proof import claims as proof
+from polefence.proof import laws
 from polefence.proof.claims.signal import MAX_ENTRIES
-from polefence.proof.laws import Evidence, Law
+from polefence.proof.laws import Evidence
 from polefence.proof.matrices import Rationals
 from polefence.proof.text import exactly
 
@@ -282,6 +285,19 @@ class Specification:
         level = 1.0 if level is None else level
         return source, conditions.Output(self.title, source.name, C, D, level, unit is None)
 
+    def loops(self, plant: UncertainPlant, law: Law) -> Loops | None:  # noqa: ARG002
+        """Return the closed loops as the dual form of the bound has them; None where it has none.
+
+        The bound is then the root of tr E'QE, or the gain.
+        """
+        return None
+
+    def _loops(self, plant: UncertainPlant, law: Law, size: float, gain: bool = False) -> Loops:
+        """Return the loops whose disturbances are so many times as large."""
+        C, D, F = stacked(plant, self.outputs(plant))
+        E = size * self.entering(plant)
+        return Loops(plant, law, C, D, E, np.asarray(self.scaled(plant, F)), gain)
+
     def exact_outputs(self, plant: UncertainPlant) -> tuple[proof.Output, ...]:
         """Return the signal, or the entries of a vector, in exact rationals.
 
@@ -469,7 +485,7 @@ def floats(matrices: list[Rationals]) -> Array:
 
 def claim_of(
     plant: UncertainPlant,
-    law: Law,
+    law: laws.Law,
     on: str,
     specification: Specification,
     evidence: Evidence,

@@ -12,7 +12,7 @@ import numpy as np
 from polefence.base.errors import InputError
 from polefence.design.requirements.rms import WEIGHTS
 from polefence.design.requirements.specification import Specification, rows
-from polefence.law.laws import FixedGain, Law
+from polefence.law.laws import FixedGain, Law, PolynomialGain
 from polefence.plant.family import UncertainPlant
 from polefence.plant.outputs import Output, inputs, padded, states
 from polefence.plant.system import Exact, System
@@ -98,6 +98,10 @@ def without_feedback(law: Law, plant: UncertainPlant) -> Law:
     n = plant.shape[0]
     if isinstance(law, FixedGain):
         return FixedGain(np.pad(law.K, ((0, 0), (0, n - law.K.shape[1]))))
+    if isinstance(law, PolynomialGain):
+        measured = law.measured or states(plant)[: law.C.shape[2]]
+        wider = tuple(padded(own, n - len(own.C[0])) for own in measured)
+        return replace(law, measured=wider)
     own = law.W.shape[1]
     W = np.tile(np.eye(n), (len(law.W), 1, 1))
     # any W does that is positive and of a size; the proofs have Lyapunov matrices of their own

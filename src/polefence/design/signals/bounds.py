@@ -18,7 +18,7 @@ import numpy as np
 
 from polefence.base.errors import InputError, NotProvedError, PlantError, SolverError
 from polefence.base.files import write_documents
-from polefence.design.certificate import Certificate
+from polefence.design.certificate import Certificate, exact_law
 from polefence.design.design import FILE_NAME, check
 from polefence.design.given import loop_with
 from polefence.design.requirements.gain_norm import GainNorm, levels
@@ -28,13 +28,14 @@ from polefence.law.laws import FixedGain, Law, domain_of
 from polefence.lmi.conditions import performance
 from polefence.lmi.conditions.lyapunov import Loop
 from polefence.lmi.conditions.performance import Source
+from polefence.lmi.solve.gramians import Dual, duals
 from polefence.lmi.solve.interior_point import TOLERANCE
 from polefence.lmi.solve.lyapunov import LyapunovPolynomial, points_given, work
 from polefence.plant.family import UncertainPlant
 from polefence.plant.outputs import Output
 from polefence.plant.points import seeded
 from polefence.plant.system import Array
-from polefence.proof import laws, matrices
+from polefence.proof import matrices
 from polefence.proof.claims.base import prove
 from polefence.proof.claims.gain_norm import BoundClaim
 from polefence.proof.document import Document
@@ -51,6 +52,7 @@ NEAR = (TOLERANCE, 1e-6, 1e-4, 1e-2)
 POOR = 0.05  # a point whose r is farther from the least than this share proves little
 MOST_WORK = 3e8  # of one search beyond the first [multiplications an iteration]
 WORTH = 1e-3  # a smaller bound by less than this share ends the climb
+CLOSE = 2e-3  # a bound within this share of the worst sample is good enough
 
 Known = tuple[Evidence, float]
 
@@ -98,13 +100,18 @@ def best_bound(
 ) -> Bound | None:
     """Return the least bound that is proved with Lyapunov polynomials of growing degree.
 
+    Dual ones, found by interpolation, come first; an LMI is solved where they are not close.
+
     Parameters
     ----------
     known : pair of Evidence and float, optional
         What proves the bound of that level as far as floats tell; tried where nothing lower is
         proved otherwise.
     """
-    best: Bound | None = None
+    best = _dual_bound(plant, law, specification)
+    if best is not None and best.level <= _sample(plant, law, specification) * (1 + CLOSE):
+        return best
+    climbed = np.inf
     for points in _climb(plant, law, specification, 1.0):
         own = first(
             _stepped(plant, law, specification, evidence, specification.level(r))
@@ -113,16 +120,43 @@ def best_bound(
         )
         if own is None:
             continue
-        worth = best is None or own.level < best.level * (1 - WORTH)
         if best is None or own.level < best.level:
             best = own
-        if not worth:
+        if own.level >= climbed * (1 - WORTH):
             break
+        climbed = own.level
     if known is not None and (best is None or known[1] * (1 + STEPS[0]) < best.level):
         own = known_bound(plant, law, specification, known)
         if own is not None and (best is None or own.level < best.level):
             best = own
     return best
+
+
+def _dual_bound(plant: UncertainPlant, law: Law, specification: Specification) -> Bound | None:
+    """Return the least bound that dual polynomials prove; None where the kind has none."""
+    best: Bound | None = None
+    for own in _duals(plant, law, specification):
+        if best is None or own.level < best.level * (1 - WORTH):
+            found = _stepped(plant, law, specification, _dual_evidence(own), own.level)
+            best = found if best is None or (found and found.level < best.level) else best
+    return best
+
+
+def _duals(plant: UncertainPlant, law: Law, specification: Specification) -> Iterator[Dual]:
+    loops = specification.loops(plant, law)
+    if loops is None:
+        return
+    with suppress(InputError, np.linalg.LinAlgError):
+        yield from duals(loops, _sample(plant, law, specification), WORTH)
+
+
+def _sample(plant: UncertainPlant, law: Law, specification: Specification) -> float:
+    """Return the worst value at a few points."""
+    return sampled(plant, law, specification, seeded(plant, len(plant.vertices) + FEW)).worst
+
+
+def _dual_evidence(own: Dual) -> Evidence:
+    return Evidence([_rationals(Q) for Q in own.Q], own.degree, dual=True)
 
 
 def known_bound(
@@ -169,6 +203,11 @@ def kept_bound(
     limit = specification.at_most or 0.0
     if known is not None and (own := known_bound(plant, law, specification, known)) is not None:
         return own
+    for dual in _duals(plant, law, specification):
+        if dual.level < limit:
+            own = _proved(plant, law, specification, _dual_evidence(dual), limit)
+            if own is not None:
+                return own
     for points in _climb(plant, law, specification, limit):
         for number, (evidences, r) in enumerate(points):
             if r < 1:
@@ -270,15 +309,6 @@ def _congruent(left: matrices.Rationals, middle: matrices.Rationals) -> matrices
 
 def _dot(a: Sequence[Fraction], b: Sequence[Fraction]) -> Fraction:
     return sum((x * y for x, y in zip(a, b, strict=True)), Fraction(0))
-
-
-def exact_law(law: Law) -> laws.Law:
-    """Return a law in exact rationals."""
-    if isinstance(law, FixedGain):
-        return laws.Law([_rationals(law.K)])
-    return laws.Law(
-        None, [_rationals(W) for W in law.W], [_rationals(Z) for Z in law.Z], law.degree
-    )
 
 
 def _rationals(matrix: Array) -> matrices.Rationals:

@@ -16,14 +16,14 @@ from typing import Any, Unpack
 from polefence.base import VERSION, workers
 from polefence.base.errors import InputError, PolefenceError, require_type
 from polefence.base.files import make_folder, read_text, write_documents, write_text
-from polefence.design.certificate import Certificate
+from polefence.design.certificate import Certificate, exact_law
 from polefence.design.checks import require_domain, require_movable, require_region
 from polefence.design.design import FILE_NAME, Design
 from polefence.design.limits import LABEL
 from polefence.design.requirements.specification import Specification, claim_of
 from polefence.design.rows import Row, Run, RunOptions, plant_summary
 from polefence.design.signals.augmented import with_weights
-from polefence.design.signals.bounds import best_bound, bounds_file, exact_law, sampled
+from polefence.design.signals.bounds import best_bound, bounds_file, sampled
 from polefence.design.signals.optimise import Optimised, optimise
 from polefence.law.laws import FixedGain, Law, ScheduledGain
 from polefence.lmi.conditions.methods import Method, Scheduled, method_label, options

@@ -1,7 +1,7 @@
 """Peak of a signal from rest, under disturbances of bounded energy.
 
 -(N + N' + E E') > 0 and [ g^2, e Y ; e Y', X ] > 0: x' X^-1 x is at most the integral of |w|^2 so
-far.
+far. The dual form is that of the rms: g^2 - e^2 tr E' Q E > 0.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from fractions import Fraction
 from typing import Any, ClassVar
 
-from polefence.proof.claims.signal import Rows, SignalClaim, Subject, noise
+from polefence.proof.claims.signal import Rows, SignalClaim, Subject, dual_of_noise, noise
 from polefence.proof.plant import Output
 from polefence.proof.polynomials import Polynomial, number
 from polefence.proof.reading import Table, plain
@@ -22,6 +22,7 @@ class EnergyPeak(SignalClaim):
     """|y(t)| stays within ``level``, from rest, for all w whose L2 norm is at most ``norm``."""
 
     kind: ClassVar[str] = "energy peak"
+    has_dual: ClassVar[bool] = True
 
     norm: Fraction = Fraction(1)
 
@@ -48,6 +49,10 @@ class EnergyPeak(SignalClaim):
             "of the noise": [[driven]],
             "of the output": [[corner, Y.times(self.norm)], [X]],
         }
+
+    def dual_rows(self) -> Rows:
+        """Return what bounds the observability Gramian, and the disturbances in it."""
+        return dual_of_noise(self, self.level**2, self.norm**2)
 
     @property
     def under(self) -> str:

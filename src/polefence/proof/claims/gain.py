@@ -1,7 +1,9 @@
 """L2 gain from the disturbances to a signal, by the bounded real lemma.
 
 X > 0 and, with z = C x + D u + F w of p rows and q disturbances,
-[ -(N + N'), -E, -Y' ; *, g I_q, -F' ; *, *, g I_p ] > 0.
+[ -(N + N'), -E, -Y' ; *, g I_q, -F' ; *, *, g I_p ] > 0; in the dual form with N = Q (A + B K),
+Y = C + D K and Q E in place of E, or -(N + N' + (Q E E'Q + Y'Y) / g) > 0 where F is zero: a
+polynomial whose coefficients prove more than those of the blocks.
 """
 
 from __future__ import annotations
@@ -21,6 +23,7 @@ class Gain(SignalClaim):
     kind: ClassVar[str] = "gain"
     direct: ClassVar[bool] = True
     most: ClassVar[int] = MAX_ENTRIES
+    has_dual: ClassVar[bool] = True
 
     @property
     def least_degree(self) -> int:
@@ -34,16 +37,27 @@ class Gain(SignalClaim):
 
     def rows(self, X: Polynomial, minus: Polynomial, Y: Polynomial) -> Rows:
         """Return X, and the bounded real lemma."""
-        sizes, q, N = X.sizes, self.subject.q, len(self.subject.A)
-        none = [[[Fraction(0)] * q]] * N
+        E = scaled(self.subject.E, self.scales, X.sizes)
+        return {"of X": [[X]], "of the gain": self._lemma(minus, E, Y)}
+
+    def dual_rows(self) -> Rows:
+        """Return the lemma of the dual form."""
+        Q, WQ, N, Y = self.subject.dual_loop(self.outputs)
+        E, both = WQ * scaled(self.subject.E, self.scales, Q.sizes), N + N.T
+        if self.level and not any(own.F for own in self.outputs):
+            moved = (E * E.T + Y.T * Y).times(1 / self.level)
+            return {"of the gain": [[-(both + moved)]]}
+        return {"of the gain": self._lemma(-both, E, Y)}
+
+    def _lemma(self, minus: Polynomial, E: Polynomial, Y: Polynomial) -> list[list[Polynomial]]:
+        sizes, q = minus.sizes, self.subject.q
+        none = [[[Fraction(0)] * q]] * len(self.subject.A)
         F = scaled(stacked([own.F or none for own in self.outputs]), self.scales, sizes)
-        E = scaled(self.subject.E, self.scales, sizes)
-        lemma = [
+        return [
             [minus, E.times(-1), Y.T.times(-1)],
             [diagonal([self.level] * q, sizes), F.T.times(-1)],
             [diagonal([self.level] * len(self.outputs), sizes)],
         ]
-        return {"of X": [[X]], "of the gain": lemma}
 
     @property
     def under(self) -> str:

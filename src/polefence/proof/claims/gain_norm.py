@@ -102,7 +102,7 @@ class GainNorm(Claim):
         for key, units, count in (("rows", self.rows, m), ("columns", self.columns, n)):
             if len(units) != count or any(unit <= 0 for unit in units):
                 raise FormatError(f"{key} must hold {count} positive numbers")
-        degree = 2 * (law.degree if law.K is None else int(len(law.K) > 1))
+        degree = 2 * law.form_degree
         count = count_of(subject.sizes, degree + subject.evidence.elevation)
         require_work(least_work(count, n + m))
 

@@ -53,7 +53,7 @@ class Observer(Claim):
             raise FormatError(f"{table.path('measured')} must name each row of C")
         A, B = (list(map(_transposed, matrices)) for matrices in (plant.A, C))
         dual = replace(plant, A=A, B=B, E=[])
-        own, on = read_law(table.table("law"), dual.n, dual.m)
+        own, on = read_law(table.table("law"), dual)
         return cls(Poles.read(table, dual, own, on), measured)
 
     def write(self) -> dict[str, Any]:

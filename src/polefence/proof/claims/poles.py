@@ -35,6 +35,7 @@ from polefence.proof.laws import (
     degree_of,
     lifted,
     read_evidence,
+    require_terms,
 )
 from polefence.proof.matrices import (
     LONGEST,
@@ -73,7 +74,7 @@ from polefence.proof.regions import (
     write_region,
 )
 from polefence.proof.roots import all_inside
-from polefence.proof.text import region_text
+from polefence.proof.text import quoted, region_text
 from polefence.proof.work import MAX_WORK, FormatError
 
 METHODS = ("quadratic", "slack", "scheduled", "lyapunov")
@@ -150,7 +151,7 @@ class Poles(Claim):
     @property
     def under(self) -> str:
         """The law, the domain and the method in words."""
-        law = "one gain K" if self.law.fixed else f"K(alpha) = Z W^-1 of degree {self.law.degree}"
+        law = law_text(self.law)
         domain = f"the simplex of {len(self.A)} vertices"
         if self.on == "box":
             domain = f"the box of {len(self.sizes)} parameters"
@@ -166,7 +167,8 @@ class Poles(Claim):
         require_region(self.region)
         if self.on not in DOMAINS or (self.on == "box" and N & (N - 1)):
             raise FormatError(f"{N} vertices do not make a {self.on}")
-        belongs = {"scheduled": law.scheduled, "lyapunov": law.scheduled or law.fixed}
+        free = law.scheduled or law.fixed or law.polynomial
+        belongs = {"scheduled": law.scheduled, "lyapunov": free}
         wanted = len(self.region) if self.method == "lyapunov" else 1
         if not belongs.get(self.method, law.fixed) or len(self.evidence) != wanted:
             raise FormatError(f"law and evidence do not belong to method {self.method!r}")
@@ -175,8 +177,14 @@ class Poles(Claim):
         weighted = self.weights
         if weighted and (len(weighted) != N or self.method != "lyapunov" or law.scheduled):
             raise FormatError("weights do not belong here")
-        if law.K is not None and len(law.K) not in ((1, N) if self.method == "lyapunov" else (1,)):
+        if law.polynomial:
+            require_terms(law, self.sizes)
+        elif law.K is not None and len(law.K) not in (
+            (1, N) if self.method == "lyapunov" else (1,)
+        ):
             raise FormatError("a fixed law has one K")
+        if any(each.dual for each in self.evidence):
+            raise FormatError("a region has no dual form of its inequalities")
         self._require_counts()
         if self.least > MAX_WORK:
             raise FormatError(
@@ -318,7 +326,7 @@ class Poles(Claim):
         law, at = self.law, coordinates(alpha, self.sizes)
         if law.K is not None:
             W = identity(len(A))
-            Z = law.K[0] if len(law.K) == 1 else mix(alpha, law.K)
+            Z = law.gain(alpha, at)
         else:
             values = basis(at, self.sizes, law.degree)
             W, Z = mix(values, law.W or []), mix(values, law.Z or [])
@@ -364,6 +372,16 @@ class _Theorem1(Inequality):
         """Yield (15) to (17)."""
         for place, matrix in super().blocks():
             yield replace(place, own=_numbered(place.powers)), matrix
+
+
+def law_text(law: Law) -> str:
+    """Say of which form a law is, and what it measures."""
+    if law.fixed:
+        return "one gain K"
+    if law.scheduled:
+        return f"K(alpha) = Z W^-1 of degree {law.degree}"
+    what = ", ".join(map(quoted, law.measured)) if law.measured else "all states"
+    return f"a polynomial gain of degree {law.degree} of {what}"
 
 
 def _numbered(e: Exponent) -> str:

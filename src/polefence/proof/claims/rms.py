@@ -4,6 +4,10 @@
 stationary covariance, and Y X^-1 Y' < g^2. The rms of a vector z is the root of E z'z, that of the
 sum of its entries' squares: with the rows Y_j of Y side by side and X once for each of them on the
 diagonal, one inequality says sum_j Y_j X^-1 Y_j' < g^2, and no further evidence is needed.
+
+The dual form: Q > 0 at a vertex, -(N + N' + Y'Y) > 0 with N = Q (A + B K), Y = C + D K, and
+g^2 - S tr E'QE > 0: Q is more than the observability Gramian. The products are polynomials; in
+blocks the coefficients of Y would stand squared in place of those of Y'Y, which proves less.
 """
 
 from __future__ import annotations
@@ -18,6 +22,7 @@ from polefence.proof.claims.signal import (
     SignalClaim,
     Subject,
     bounded,
+    dual_of_noise,
     noise,
 )
 from polefence.proof.plant import Output
@@ -35,6 +40,7 @@ class Rms(SignalClaim):
 
     kind: ClassVar[str] = "rms"
     most: ClassVar[int] = MAX_ENTRIES
+    has_dual: ClassVar[bool] = True
 
     intensity: Fraction = Fraction(1)
 
@@ -62,6 +68,10 @@ class Rms(SignalClaim):
         driven = minus - noise(self.subject.E, self.intensity, X.sizes, self.scales)
         corner = number(self.level**2, X.sizes)
         return {"of the noise": [[driven]], "of the output": bounded(corner, X, Y)}
+
+    def dual_rows(self) -> Rows:
+        """Return what bounds the observability Gramian, and the noise in it."""
+        return dual_of_noise(self, self.level**2, self.intensity)
 
     @property
     def under(self) -> str:

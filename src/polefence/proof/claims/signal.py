@@ -3,7 +3,8 @@
 For x' = (A + B K) x + E w, y = C x + D u with one row y, or with some the vector z of several, and
 for every alpha of the simplex or the box. With a Lyapunov polynomial X, N = (A + B K) X and
 Y = (C + D K) X are polynomials too; what each kind asks of them is from Boyd et al. (1994),
-chapters 6 and 10, and Scherer, Gahinet & Chilali (1997). Every inequality is a polynomial,
+chapters 6 and 10, and Scherer, Gahinet & Chilali (1997); some have a dual form too, with Q(alpha)
+about as large as the observability Gramian. Every inequality is a polynomial,
 homogeneous in each simplex; it holds if all of its coefficients, times (sum of alpha)^elevation,
 are positive definite. All that is about one loop is raised to one degree, the least that they need.
 
@@ -32,6 +33,7 @@ from polefence.proof.polynomials import (
     count_of,
     diagonal,
     joint,
+    number,
 )
 from polefence.proof.reading import Table, plain, plain_rows
 from polefence.proof.regions import HalfPlane
@@ -82,29 +84,38 @@ class Subject:
 
     def loop(self, outputs: Sequence[Output]) -> tuple[Polynomial, Polynomial, Polynomial]:
         """Return X, N = (A + B K) X and Y = (C + D K) X, all of one degree."""
-        n, C, D = self.n, stacked([y.C for y in outputs]), stacked([y.D for y in outputs])
-        plant = bernstein(  # [A, B; C, D]
-            [
-                [left + right for left, right in zip([*A, *c], [*B, *d], strict=True)]
-                for A, B, c, d in zip(self.A, self.B, C, D, strict=True)
-            ],
-            self.sizes,
-            1,
-            MAX_BITS,
-        )
-        XKX = lifted(self.law, self.evidence, self.sizes)
-        NY = plant * XKX
+        n, XKX = self.n, lifted(self.law, self.evidence, self.sizes)
+        NY = self._plant(outputs) * XKX
         X = XKX.part(slice(n)).raised(NY.degrees)
         return X, NY.part(slice(n)), NY.part(slice(n, None))
+
+    def _plant(self, outputs: Sequence[Output]) -> Polynomial:
+        """Return [A, B; C, D]."""
+        C, D = stacked([y.C for y in outputs]), stacked([y.D for y in outputs])
+        rows = [
+            [left + right for left, right in zip([*A, *c], [*B, *d], strict=True)]
+            for A, B, c, d in zip(self.A, self.B, C, D, strict=True)
+        ]
+        return bernstein(rows, self.sizes, 1, MAX_BITS)
 
     @property
     def as_poles(self) -> Poles:
         """A claim of the same loop and evidence about the half-plane Re z < 0."""
-        evidence, method = self.evidence, "lyapunov"
+        evidence, method = replace(self.evidence, dual=False), "lyapunov"
         if not evidence.X and self.law.W is not None:
             evidence, method = replace(evidence, multiple=()), "scheduled"
         region = (HalfPlane(Fraction(0)),)
         return Poles(method, self.A, self.B, region, self.law, (evidence,), self.on)
+
+    def dual_loop(
+        self, outputs: Sequence[Output]
+    ) -> tuple[Polynomial, Polynomial, Polynomial, Polynomial]:
+        """Return Q, and with K = Z W^-1 (W = I of other laws) W Q, W Q (A W + B Z), C W + D Z."""
+        n, evidence, form = self.n, self.evidence, self.law.form(self.sizes)
+        both = self._plant(outputs) * form
+        Q = bernstein(evidence.X, self.sizes, evidence.degree)
+        WQ = Q if self.law.K is not None else form.part(slice(n)) * Q
+        return Q, WQ, WQ * both.part(slice(n)), both.part(slice(n, None))
 
     def require(self, evidence: Evidence | None = None) -> None:
         """Refuse a plant, a law and evidence that do not fit."""
@@ -116,9 +127,12 @@ class Subject:
         if self.q:
             require_shapes(self.E, N, n, self.q, "E")
         own, law = self.evidence if evidence is None else evidence, self.law
-        each = ((law.K, m, "K"), (law.W, n, "W"), (law.Z, m, "Z"), (own.X, n, "X"))
-        for matrices, rows, where in each:
-            require_shapes(matrices or [], len(matrices or []), rows, n, where)
+        r = len(law.C[0]) if law.C else n
+        each = ((law.K, m, r, "K"), (law.W, n, n, "W"), (law.Z, m, n, "Z"), (own.X, n, n, "X"))
+        for matrices, rows, columns, where in each:
+            require_shapes(matrices or [], len(matrices or []), rows, columns, where)
+        if law.C:
+            require_shapes(list(law.C), N, r, n, "the measured rows")
         if own.epsilon:
             raise FormatError("epsilon belongs to designs of the method slack")
         if not own.X and (own.degree or len(own.multiple) > 1):
@@ -149,6 +163,7 @@ class SignalClaim(Claim):
     letters: ClassVar[str] = "ABE"
     driven: ClassVar[bool] = True  # whether it is about a disturbance
     direct: ClassVar[bool] = False  # whether one may pass straight into the output
+    has_dual: ClassVar[bool] = False  # whether there is a dual form of its inequalities
     most: ClassVar[int] = 1  # entries of a vector
 
     subject: Subject
@@ -177,6 +192,14 @@ class SignalClaim(Claim):
 
     def rows(self, X: Polynomial, minus: Polynomial, Y: Polynomial) -> Rows:
         """Return the blocks of X, -(N + N') and Y that are to be positive."""
+        raise NotImplementedError
+
+    def dual_rows(self) -> Rows:
+        """Return the blocks of the dual form, Q > 0 aside.
+
+        They imply Q A + A'Q < 0 on all of a connected domain, so that Q is singular nowhere: it is
+        positive definite everywhere if it is at one vertex, that of its first coefficient.
+        """
         raise NotImplementedError
 
     @property
@@ -311,6 +334,8 @@ class SignalClaim(Claim):
             if own.F:
                 require_shapes(list(own.F), N, 1, subject.q, "F")
         subject.require()
+        if subject.evidence.dual and (not self.has_dual or subject.evidence.multiple):
+            raise FormatError(f"a bound on {self.kind} has no dual form of this kind")
         for key in ("level", "intensity", "norm"):
             if getattr(self, key, 0) < 0:
                 raise FormatError(f"{key} must be zero or more")
@@ -343,10 +368,16 @@ class SignalClaim(Claim):
 
     def inequalities(self) -> Iterator[Inequality]:
         """Yield what proves the claim; all that is about its loop is raised to one degree."""
+        evidence, sizes = self.subject.evidence, self.subject.sizes
+        if evidence.dual:
+            Q = {"of Q at vertex 1": [[constant(evidence.X[0], sizes)]]}
+            for name, blocks in (Q | self.dual_rows()).items():
+                yield Inequality.raised(name, blocks, evidence.elevation)
+            return
         X, N, Y = self.subject.loop(self.outputs)
         rows = self.rows(X, (N + N.T).times(-1), Y)
         least = joint([form for blocks in rows.values() for row in blocks for form in row])
-        degrees = tuple(degree + self.subject.evidence.elevation for degree in least)
+        degrees = tuple(degree + evidence.elevation for degree in least)
         for name, blocks in rows.items():
             yield Inequality(name, blocks, degrees)
 
@@ -363,7 +394,10 @@ def read_subject(table: Table, plant: Plant, law: Law, on: str) -> Subject:
         evidence = Evidence([], elevation=elevation, multiple=(table.number("scale", 1),))
     else:
         sizes = sizes_of(len(plant.A), on)
-        evidence = read_evidence(table, plant.n, sizes, multiple=law.scheduled)
+        dual = "Q" in table
+        letter = "Q" if dual else "X"
+        evidence = read_evidence(table, plant.n, sizes, letter, multiple=law.scheduled and not dual)
+        evidence = replace(evidence, dual=dual)
     return Subject(plant.A, plant.B, plant.E, law, evidence, on)
 
 
@@ -408,6 +442,17 @@ def noise(
     """Return the intensity times E E', each column of E times its scale."""
     form = scaled(E, scales, sizes)
     return (form * form.T).times(intensity)
+
+
+def dual_of_noise(claim: SignalClaim, square: Fraction, intensity: Fraction) -> Rows:
+    """Return that Q is more than the observability Gramian, and intensity tr E'QE < the square."""
+    Q, _, N, Y = claim.subject.dual_loop(claim.outputs)
+    E = scaled(claim.subject.E, claim.scales, Q.sizes)
+    left = number(square, Q.sizes)
+    for k in range(claim.subject.q):
+        column = E.part(slice(None), slice(k, k + 1))
+        left = left - (column.T * Q * column).times(intensity)
+    return {"of the output": [[-(N + N.T + Y.T * Y)]], "of the noise": [[left]]}
 
 
 def varies(matrices: list[Rationals]) -> bool:

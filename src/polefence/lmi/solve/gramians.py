@@ -1,0 +1,290 @@
+"""Dual Lyapunov polynomials of a loop that is given, by interpolation: no LMI is solved.
+
+At each point of a family the least Q of A'Q + Q A + C'C <= 0 is the observability Gramian, an
+analytic function of the point: the polynomial that has its values at nodes misses the equation by
+what falls off geometrically with its degree. A constant R, added to C'C, makes up for what it
+misses: the smallest, as the bound tells sizes, of which no coefficient of the inequality is
+negative. What is bounded then exceeds the truth by about what the interpolation misses. Of a gain Q
+is the solution of the Riccati equation at a level somewhat above it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import suppress
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from polefence.law.laws import FixedGain, Law, ScheduledGain, domain_of, right_divide
+from polefence.plant.family import UncertainPlant
+from polefence.plant.polynomial import Domain
+from polefence.plant.system import Array
+
+ROUNDS = 8  # in which R grows
+OVER = 1.3  # times what is missed, since R moves what is missed
+ROOM = 1e-7  # of the bound's square, for rounding
+# How far above the worst sample a gain is tried, one after the other.
+ABOVE = (1e-4, 1e-3, 5e-3, 2e-2, 0.1)
+MOST = 3e8  # of the work on one polynomial [multiplications]
+SMALL = 1e-7  # of the largest, what a direction is taken to be moved at least
+
+
+@dataclass(frozen=True, eq=False)
+class Dual:
+    """Bernstein coefficients of Q (count, n, n), of a degree, and the level that it proves."""
+
+    Q: Array
+    degree: int
+    level: float
+
+
+@dataclass(frozen=True, eq=False)
+class Loops:
+    """Closed loops of a family, with outputs and disturbances: what a bound is about.
+
+    Attributes
+    ----------
+    plant : UncertainPlant
+    law : Law
+    C, D, E, F : arrays (N, ., .)
+        At the vertices, disturbances scaled.
+    gain : bool
+        Whether the bound is the gain from them, else the root of tr E'QE.
+    """
+
+    plant: UncertainPlant
+    law: Law
+    C: Array
+    D: Array
+    E: Array
+    F: Array
+    gain: bool = False
+
+    @property
+    def domain(self) -> Domain:
+        """Where alpha lives."""
+        return domain_of(self.plant, self.law)
+
+    @property
+    def rows(self) -> int:
+        """Degree of C W + D Z."""
+        return 1 if isinstance(self.law, FixedGain) else self.law.degree + 1
+
+    @property
+    def left(self) -> int:
+        """Degree of W, by which all is multiplied from the left."""
+        return self.law.degree if isinstance(self.law, ScheduledGain) else 0
+
+    @property
+    def degree(self) -> int:
+        """Degree of what is multiplied with Q."""
+        return self.left + self.rows
+
+    def work(self, degree: int) -> float:
+        """Return about how many multiplications a round takes for Q of a degree."""
+        n, count = self.plant.shape[0], self.domain.count(self.degree + degree)
+        return float(count) ** 2 * n**2 + count * (2 * n) ** 3 * 10
+
+    def at(self, alpha: Array) -> tuple[Array, Array, Array, Array, Array]:
+        """Return W (I but of scheduled laws), A W + B Z, C W + D Z, E and F at points."""
+        each = (self.plant.A, self.plant.B, self.C, self.D, self.E, self.F)
+        A, B, C, D, E, F = (np.tensordot(alpha, M, 1) for M in each)
+        n = A.shape[-1]
+        if not isinstance(self.law, ScheduledGain):
+            W = np.broadcast_to(np.eye(n), A.shape)
+            Z = self.law.gain(alpha)
+        else:
+            basis = self.law.domain.basis(alpha, self.law.degree)
+            W, Z = (np.tensordot(basis, M, 1) for M in (self.law.W, self.law.Z))
+        return W, A @ W + B @ Z, C @ W + D @ Z, E, F
+
+    def closed(self, alpha: Array) -> tuple[Array, Array, Array, Array]:
+        """Return A + B K, C + D K, E and F at points."""
+        W, N, Y, E, F = self.at(alpha)
+        if not isinstance(self.law, ScheduledGain):
+            return N, Y, E, F
+        return right_divide(N, W), right_divide(Y, W), E, F
+
+
+def lyapunov(A: Array, Q: Array) -> Array:
+    """Return X of A X + X A' + Q = 0, batched, through eigenvectors, once refined."""
+    values, V = np.linalg.eig(A)
+    inverse = np.linalg.inv(V)
+    left, right = V.swapaxes(-1, -2).conj(), inverse.swapaxes(-1, -2).conj()
+    sums = values[..., :, None] + values.conj()[..., None, :]
+
+    def solved(M: Array) -> Array:
+        X = -(V @ ((inverse @ M @ right) / sums) @ left).real
+        return np.asarray((X + X.swapaxes(-1, -2)) / 2)
+
+    X = solved(Q)
+    AX = A @ X
+    return X + solved(AX + AX.swapaxes(-1, -2) + Q)
+
+
+def riccati(A: Array, S: Array, Q: Array) -> Array | None:
+    """Return the stabilising X of A'X + X A + X S X + Q = 0, batched; None where there is none."""
+    n = A.shape[-1]
+    top = np.concatenate([A, S], axis=-1)
+    H = np.concatenate([top, np.concatenate([-Q, -A.swapaxes(-1, -2)], axis=-1)], axis=-2)
+    values, V = np.linalg.eig(H)
+    if not np.all((values.real < 0).sum(axis=-1) == n):
+        return None
+    order = np.argsort(values.real, axis=-1)[..., :n]
+    stable = np.take_along_axis(V, order[..., None, :], axis=-1)
+    X = np.linalg.solve(stable[..., :n, :].swapaxes(-1, -2), stable[..., n:, :].swapaxes(-1, -2))
+    real = X.swapaxes(-1, -2).real
+    return np.asarray((real + real.swapaxes(-1, -2)) / 2)
+
+
+def duals(loops: Loops, worst: float, near: float = 1e-3, most: int = 4) -> Iterator[Dual]:
+    """Yield dual polynomials of rising degree, until one proves what is near the worst sample.
+
+    Parameters
+    ----------
+    worst : float
+        What is bounded, at the worst point known.
+    near : float
+        How far above it a level ends the climb, as a share.
+    most : int
+        The highest degree.
+    """
+    first = int(loops.domain.corners > 1)
+    for degree in range(first, most + 1 if first else 1):
+        if loops.work(degree) * ROUNDS > MOST and degree > first:
+            return
+        found: Dual | None = None
+        with suppress(np.linalg.LinAlgError):
+            found = _Interpolation(loops, degree).found(worst)
+        if found is not None:
+            yield found
+            if found.level <= worst * (1 + near):
+                return
+
+
+@dataclass(frozen=True, eq=False)
+class _Interpolation:
+    """The search for R at one degree of Q."""
+
+    loops: Loops
+    degree: int
+
+    @cached_property
+    def nodes(self) -> tuple[Array, Array, Array, Array]:
+        """The closed loops at the nodes of Q."""
+        return self.loops.closed(self.loops.domain.nodes(self.degree))
+
+    @cached_property
+    def raised(self) -> tuple[Array, tuple[Array, Array, Array, Array, Array]]:
+        """The values of the Bernstein polynomials of Q, and the loops, at the product's nodes."""
+        domain = self.loops.domain
+        at = domain.nodes(self.total)
+        return domain.basis(at, self.degree), self.loops.at(at)
+
+    @cached_property
+    def units(self) -> Array:
+        """T in which the mean covariance of the state is about the identity, X = T T'."""
+        A, _, E, _ = self.nodes
+        X = lyapunov(A, E @ E.swapaxes(-1, -2)).mean(axis=0)
+        size = np.sqrt(np.maximum(np.diag(X), 0))
+        size = np.where(size > 0, size, size.max() or 1.0)
+        values, V = np.linalg.eigh(X / np.outer(size, size))
+        values = np.maximum(values, SMALL * max(values.max(), SMALL))
+        return np.asarray(size[:, None] * V * np.sqrt(values))
+
+    def found(self, worst: float) -> Dual | None:
+        """Return what is found, of a gain at the first level where something is."""
+        if not self.loops.gain:
+            return self._grown(None)
+        each = (self._grown(worst * (1 + above)) for above in ABOVE)
+        return next((own for own in each if own is not None), None)
+
+    def _grown(self, level: float | None) -> Dual | None:
+        """Let R grow until every coefficient is positive; None if it does not end."""
+        T, n = self.units, len(self.units)
+        inverse, R, over = np.linalg.inv(T), np.zeros((n, n)), OVER
+        for _ in range(ROUNDS):
+            Q = self._coefficients(R, level)
+            if Q is None:
+                return None
+            missed, bound = self._missed(Q, level)
+            missed = T.T @ missed @ T
+            if np.linalg.eigvalsh(missed).max() < 0 < np.linalg.eigvalsh(T.T @ Q[0] @ T).min():
+                return Dual(Q, self.degree, bound)
+            more, over = over * majorant(missed) + ROOM * bound**2 * np.eye(n), over * OVER
+            R = R + inverse.T @ more @ inverse
+        return None
+
+    def _coefficients(self, R: Array, level: float | None) -> Array | None:
+        """Return Bernstein coefficients of Q for this R."""
+        A, Y, E, F = self.nodes
+        turned = A.swapaxes(-1, -2)
+        Yt, Et = Y.swapaxes(-1, -2), E.swapaxes(-1, -2)
+        found: Array | None
+        if level is None:
+            found = lyapunov(turned, Yt @ Y + R)
+        else:
+            a, b, c = _inverse(level, F)
+            found = riccati(A + E @ b @ Y, E @ a @ Et, Yt @ c @ Y + R)
+        if found is None:
+            return None
+        return self.loops.domain.interpolated(found, self.degree)
+
+    def _missed(self, Q: Array, level: float | None) -> tuple[Array, float]:
+        """Return by how much each coefficient misses the inequality, and the bound."""
+        basis, (W, N, Y, E, F) = self.raised
+        own = W @ np.tensordot(basis, Q, 1)
+        both, Yt = own @ N, Y.swapaxes(-1, -2)
+        both = both + both.swapaxes(-1, -2)
+        if level is None:
+            EQE = np.einsum("pik,pij,pjk->p", E, np.tensordot(basis, Q, 1), E)
+            bound = float(np.sqrt(max(self._bernstein(EQE).max(), 0.0)))
+            missed = self._bernstein(both + Yt @ Y)
+        elif not np.any(F):
+            bound, QE = level, own @ E
+            missed = self._bernstein(both + (Yt @ Y + QE @ QE.swapaxes(-1, -2)) / level)
+        else:
+            bound, (N, QE, Y, F) = level, map(self._bernstein, (both, own @ E, Y, F))
+            a, b, c = _inverse(level, F)
+            cross, Yt = QE @ b @ Y, Y.swapaxes(-1, -2)
+            missed = N + QE @ a @ QE.swapaxes(-1, -2) + cross + cross.swapaxes(-1, -2) + Yt @ c @ Y
+        if isinstance(self.loops.law, ScheduledGain):
+            middle = np.linalg.inv(W.mean(axis=0))
+            missed = middle.T @ missed @ middle
+        return missed, bound
+
+    def _bernstein(self, values: Array) -> Array:
+        return self.loops.domain.interpolated(values, self.total)
+
+    @property
+    def total(self) -> int:
+        """Degree of the inequality."""
+        loops = self.loops
+        squares = [2 * loops.rows]
+        if loops.gain and not np.any(loops.F):
+            varies = bool(np.ptp(loops.E, axis=0).any())
+            squares.append(2 * (self.degree + loops.left + varies))
+        return max(self.degree + loops.degree, *squares)
+
+
+def _inverse(level: float, F: Array) -> tuple[Array, Array, Array]:
+    """Return the blocks a, b, c of the inverse of [g I, -F'; -F, g I]."""
+    Ft = F.swapaxes(-1, -2)
+    a = np.linalg.inv(level * np.eye(F.shape[-1]) - Ft @ F / level)
+    c = np.linalg.inv(level * np.eye(F.shape[-2]) - F @ Ft / level)
+    return a, a @ Ft / level, c
+
+
+def majorant(matrices: Array) -> Array:
+    """Return a symmetric matrix that none of some exceeds, of a trace that is nearly the least."""
+    R = np.zeros(matrices.shape[-2:])
+    for k in np.argsort([-np.trace(_positive(M)) for M in matrices]):
+        R = R + _positive(matrices[k] - R)
+    return R
+
+
+def _positive(M: Array) -> Array:
+    values, V = np.linalg.eigh((M + M.T) / 2)
+    return np.asarray((V * np.maximum(values, 0)) @ V.T)

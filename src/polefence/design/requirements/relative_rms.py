@@ -18,6 +18,7 @@ import numpy as np
 from polefence.base.errors import InputError
 from polefence.design.requirements.rms import Rms
 from polefence.design.requirements.specification import disturbance
+from polefence.law.laws import Law
 from polefence.lmi.conditions import performance as conditions
 from polefence.plant.family import UncertainPlant
 from polefence.plant.polynomial import Domain, Polynomial, bernstein, elevated, times
@@ -71,6 +72,9 @@ class RelativeRms(Rms):
         on = "box" if len(domain.sizes) > 1 else "simplex"
         disturbance(plant)
         return baseline(plant, on, self.density / 2, self.scales(plant))
+
+    def loops(self, plant: UncertainPlant, law: Law) -> None:
+        """Return nothing: what is bounded is a ratio to another loop's."""
 
     def claim(
         self, subject: proof.Subject, level: Fraction, plant: UncertainPlant

@@ -52,6 +52,7 @@ NEAR = (TOLERANCE, 1e-6, 1e-4, 1e-2)
 POOR = 0.05  # a point whose r is farther from the least than this share proves little
 MOST_WORK = 3e8  # of one search beyond the first [multiplications an iteration]
 WORTH = 1e-3  # a smaller bound by less than this share ends the climb
+NEAREST = 1e-4  # so near the worst sample dual polynomials end
 CLOSE = 2e-3  # a bound within this share of the worst sample is good enough
 
 Known = tuple[Evidence, float]
@@ -108,38 +109,48 @@ def best_bound(
         What proves the bound of that level as far as floats tell; tried where nothing lower is
         proved otherwise.
     """
-    best = _dual_bound(plant, law, specification)
-    if best is not None and best.level <= _sample(plant, law, specification) * (1 + CLOSE):
-        return best
-    climbed = np.inf
+    climbs, loops, close = [_dual_bounds, _climbed], specification.loops(plant, law), 0.0
+    if loops is not None:
+        close = _sample(plant, law, specification) * (1 + CLOSE)
+    best: Bound | None = None
+    for climb in reversed(climbs) if loops is not None and loops.gain else climbs:
+        for own in climb(plant, law, specification):
+            if best is None or own.level < best.level:
+                best = own
+        if best is not None and best.level <= close:
+            break
+    if known is not None and (best is None or known[1] * (1 + STEPS[0]) < best.level):
+        given = known_bound(plant, law, specification, known)
+        if given is not None and (best is None or given.level < best.level):
+            best = given
+    return best
+
+
+def _climbed(plant: UncertainPlant, law: Law, specification: Specification) -> Iterator[Bound]:
+    """Yield bounds of Lyapunov polynomials of rising degree that LMIs give."""
+    last = np.inf
     for points in _climb(plant, law, specification, 1.0):
         own = first(
             _stepped(plant, law, specification, evidence, specification.level(r))
             for evidences, r in points
             for evidence in evidences
         )
-        if own is None:
-            continue
-        if best is None or own.level < best.level:
-            best = own
-        if own.level >= climbed * (1 - WORTH):
-            break
-        climbed = own.level
-    if known is not None and (best is None or known[1] * (1 + STEPS[0]) < best.level):
-        own = known_bound(plant, law, specification, known)
-        if own is not None and (best is None or own.level < best.level):
-            best = own
-    return best
+        if own is not None:
+            yield own
+            if own.level >= last * (1 - WORTH):
+                return
+            last = own.level
 
 
-def _dual_bound(plant: UncertainPlant, law: Law, specification: Specification) -> Bound | None:
-    """Return the least bound that dual polynomials prove; None where the kind has none."""
-    best: Bound | None = None
-    for own in _duals(plant, law, specification):
-        if best is None or own.level < best.level * (1 - WORTH):
-            found = _stepped(plant, law, specification, _dual_evidence(own), own.level)
-            best = found if best is None or (found and found.level < best.level) else best
-    return best
+def _dual_bounds(plant: UncertainPlant, law: Law, specification: Specification) -> Iterator[Bound]:
+    """Yield bounds of dual polynomials, if the kind has them."""
+    last = np.inf
+    for dual in _duals(plant, law, specification):
+        if dual.level < last:
+            own = _stepped(plant, law, specification, _dual_evidence(dual), dual.level)
+            if own is not None:
+                yield own
+                last = own.level
 
 
 def _duals(plant: UncertainPlant, law: Law, specification: Specification) -> Iterator[Dual]:
@@ -147,7 +158,7 @@ def _duals(plant: UncertainPlant, law: Law, specification: Specification) -> Ite
     if loops is None:
         return
     with suppress(InputError, np.linalg.LinAlgError):
-        yield from duals(loops, _sample(plant, law, specification), WORTH)
+        yield from duals(loops, _sample(plant, law, specification), NEAREST)
 
 
 def _sample(plant: UncertainPlant, law: Law, specification: Specification) -> float:

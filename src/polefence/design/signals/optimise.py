@@ -40,7 +40,9 @@ from polefence.design.signals.search import (
     together,
     unbounded,
 )
+from polefence.design.signals.tuned import tuned_candidates
 from polefence.law.laws import Law
+from polefence.law.structure import Structure
 from polefence.lmi.conditions.methods import Method, Scheduled, options
 from polefence.lmi.solve.search import Reached, singular_is_failure
 from polefence.plant.family import UncertainPlant
@@ -48,6 +50,7 @@ from polefence.region.regions import HalfPlane, Region
 
 __all__ = ["Optimised", "optimise", "relaxed"]
 
+ENOUGH = 2e-3  # a law proved so close to its worst sample needs no other
 POOR = 0.05  # a bound that is proved so far above the design's own is of a law gone wrong
 
 
@@ -71,6 +74,8 @@ class Optimised:
         How far the law stands from an infimum that none attains, or none that can be proved.
     cut : str
         Why the search was cut before its end; empty where it was not.
+    structure : Structure, optional
+        Of a law that was tuned; None of one that an LMI gave.
     """
 
     design: Design
@@ -79,6 +84,7 @@ class Optimised:
     designed: Region | None
     retreat: Retreat | None = None
     cut: str = ""
+    structure: Structure | None = None
 
     def __repr__(self) -> str:
         return f"<Optimised {self.plant.name!r}: {'; '.join(map(str, self.bounds))}>"
@@ -127,6 +133,7 @@ def optimise(
     region: Region | None = None,
     method: Method | None = None,
     budget: float | None = None,
+    structure: Structure | None = None,
 ) -> Optimised:
     """Design the law with the smallest worst case of one signal, within limits on others.
 
@@ -146,6 +153,9 @@ def optimise(
     budget : float, optional
         Time after which no further law is looked for [s]; the answer then says so in its ``cut``.
         Without one the same question has the same answer on every machine, however slow.
+    structure : Structure, optional
+        What the law may measure, what schedules it, its degree and free numbers: it is tuned.
+        Where it has states of its own the answer's plant has them too.
 
     Returns
     -------
@@ -168,6 +178,8 @@ def optimise(
         raise InputError("nothing to minimise and no limits: polefence.place is for regions alone")
     if minimise is not None:
         require_type(minimise, Specification, "minimise", "for example Rms('force')")
+    if structure is not None and method is not None:
+        raise InputError("a method belongs to laws that an LMI gives; leave it out, or structure")
     method = method or Scheduled(1, 0, "box" if plant.parameters else "simplex")
     _require_method(plant, method)
     if len(plant.vertices) == 1:  # one gain is every law
@@ -187,6 +199,8 @@ def optimise(
     task = replace(
         _task(larger, found, minimise is not None, asked, method), asked=(plant, tuple(subject_to))
     )
+    if structure is not None:
+        return _tuned(task, structure)
     if larger is plant:
         return _settled(task, deadline)
     bare = tuple(s.unweighted() for s in asked_for)
@@ -225,6 +239,26 @@ def _weighted(task: Task, bare: Task, deadline: Deadline) -> Optimised:
     if simple is None or (task.minimise and best.bounds[0].level < simple.bounds[0].level):
         return best
     return replace(simple, shared=best.shared, cut=best.cut)
+
+
+def _tuned(task: Task, structure: Structure) -> Optimised:
+    """Return the best law of a structure that is proved."""
+    structure.require_fit(task.plant)
+    best: Optimised | None = None
+    for own in tuned_candidates(task, structure):
+        found = _bounded(task, own)
+        if found is None or (best is not None and _level(best) <= _level(found)):
+            continue
+        best = replace(found, structure=structure)
+        if task.minimise is None or _level(best) <= own.estimate * (1 + ENOUGH):
+            break
+        if best is not None and _level(best) <= own.estimate:
+            break
+    if best is None:
+        raise NotProvedError(
+            "no law of this structure was found that is proved to keep region and limits"
+        )
+    return best
 
 
 def _require_method(plant: UncertainPlant, method: Method) -> None:

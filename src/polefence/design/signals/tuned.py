@@ -1,0 +1,68 @@
+"""Laws of a structure that are searched directly, then proved as any law that is given.
+
+A law at the edge of its limits has no proof: they are asked for somewhat tighter, and tighter still
+where the law that is found has none. What is proved are limits and region as they were asked for.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+
+from polefence.base.errors import RegionError
+from polefence.design.signals.search import Candidate, Task, candidate
+from polefence.design.tune.search import Tuned, tune
+from polefence.law.laws import Law
+from polefence.law.structure import Structure
+from polefence.region.regions import Disk, Ellipse, HalfPlane, Region, Sector
+
+# How much tighter limits and region are asked for than they are to be proved, one after the other.
+TIGHTER = (5e-4, 3e-3, 2e-2)
+MOST = 3  # laws of one search that proofs are looked for
+WORSE = 0.02  # than the best of its search, a law that proofs are still looked for
+
+
+def tuned_candidates(
+    task: Task, structure: Structure, starts: Sequence[Law] = ()
+) -> Iterator[Candidate]:
+    """Yield laws with proofs of region and limits, from tighter and tighter requirements."""
+    for share in TIGHTER:
+        limits = tuple(
+            own if own.at_most is None else replace(own, at_most=own.at_most * (1 - share))
+            for own in task.limits
+        )
+        region = tighter(task.region, share)
+        found = tune(task.plant, structure, task.minimise, limits, region, starts)
+        for own in _promising(found):
+            proved = candidate(task, own.law, region, estimate=own.level)
+            if proved is not None:
+                yield proved
+        starts = (*starts, *(own.law for own in found[:1]))
+
+
+def _promising(found: Sequence[Tuned]) -> Iterator[Tuned]:
+    kept = [own for own in found if own.kept]
+    for own in kept[:MOST]:
+        if own.level <= kept[0].level * (1 + WORSE):
+            yield own
+
+
+def tighter(region: Region, share: float) -> Region:
+    """Return a region within another, as much smaller as a share of its size says."""
+    kept: Region | None = None
+    for part in region.parts:
+        own = part
+        try:
+            if isinstance(part, Disk):
+                own = Disk(part.centre, part.radius * (1 - share))
+            elif isinstance(part, HalfPlane):
+                own = HalfPlane(part.decay + share * abs(part.decay))
+            elif isinstance(part, Sector):
+                own = Sector(part.damping + share * (1 - part.damping))
+            elif isinstance(part, Ellipse):
+                radii = (part.real * (1 - share), part.imaginary * (1 - share))
+                own = Ellipse(part.centre, *radii)
+        except RegionError:  # none of that size
+            own = part
+        kept = own if kept is None else kept & own
+    return region if kept is None else kept

@@ -12,7 +12,7 @@ from polefence.base.errors import InputError
 from polefence.design.requirements.specification import Row, Specification, is_number
 from polefence.law.laws import Law
 from polefence.lmi.conditions import performance as conditions
-from polefence.lmi.solve.gramians import Loops
+from polefence.lmi.solve.gramians import DualProblem
 from polefence.plant.family import UncertainPlant
 from polefence.plant.polynomial import Domain
 from polefence.plant.system import Array
@@ -50,9 +50,9 @@ class EnergyPeak(Specification):
             f"energy{self.scales(plant) or ''}", domain, self.entering(plant), 1.0
         )
 
-    def loops(self, plant: UncertainPlant, law: Law) -> Loops | None:
+    def dual(self, plant: UncertainPlant, law: Law) -> DualProblem | None:
         """Return the closed loops of the dual form."""
-        return self._loops(plant, law, self.norm)
+        return self._dual(plant, law, self.norm)
 
     def claim(
         self,

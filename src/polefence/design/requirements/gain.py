@@ -12,7 +12,7 @@ from polefence.design.requirements.rms import Rms
 from polefence.design.requirements.specification import Specification
 from polefence.law.laws import Law
 from polefence.lmi.conditions import performance as conditions
-from polefence.lmi.solve.gramians import Loops
+from polefence.lmi.solve.gramians import DualProblem
 from polefence.plant.family import UncertainPlant
 from polefence.plant.outputs import disturbances, stacked
 from polefence.plant.polynomial import Domain
@@ -56,9 +56,9 @@ class Gain(Specification):
         """Return the way the disturbances enter."""
         return conditions.Through(f"gain{self.scales(plant) or ''}", self.entering(plant))
 
-    def loops(self, plant: UncertainPlant, law: Law) -> Loops | None:
+    def dual(self, plant: UncertainPlant, law: Law) -> DualProblem | None:
         """Return the closed loops of the dual form."""
-        return self._loops(plant, law, 1.0, gain=True)
+        return self._dual(plant, law, 1.0, gain=True)
 
     def claim(
         self,

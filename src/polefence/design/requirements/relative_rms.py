@@ -73,7 +73,7 @@ class RelativeRms(Rms):
         disturbance(plant)
         return baseline(plant, on, self.density / 2, self.scales(plant))
 
-    def loops(self, plant: UncertainPlant, law: Law) -> None:
+    def dual(self, plant: UncertainPlant, law: Law) -> None:
         """Return nothing: what is bounded is a ratio to another loop's."""
 
     def claim(

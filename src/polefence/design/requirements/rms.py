@@ -13,7 +13,7 @@ from polefence.base.errors import InputError, SpecError, shown, suggest
 from polefence.design.requirements.specification import Row, Specification, is_number
 from polefence.law.laws import Law
 from polefence.lmi.conditions import performance as conditions
-from polefence.lmi.solve.gramians import Loops
+from polefence.lmi.solve.gramians import DualProblem
 from polefence.plant.family import UncertainPlant
 from polefence.plant.outputs import Output
 from polefence.plant.polynomial import Domain
@@ -93,9 +93,9 @@ class Rms(Specification):
         name = f"noise {self.density!r}{self.scales(plant) or ''}"
         return conditions.noise(name, domain, self.entering(plant), self.density / 2)
 
-    def loops(self, plant: UncertainPlant, law: Law) -> Loops | None:
+    def dual(self, plant: UncertainPlant, law: Law) -> DualProblem | None:
         """Return the closed loops of the dual form."""
-        return self._loops(plant, law, (self.density / 2) ** 0.5)
+        return self._dual(plant, law, (self.density / 2) ** 0.5)
 
     def claim(
         self,

@@ -15,7 +15,7 @@ import numpy as np
 from polefence.base.errors import InputError, SpecError, shown, suggest
 from polefence.law.laws import Law
 from polefence.lmi.conditions import performance as conditions
-from polefence.lmi.solve.gramians import Loops
+from polefence.lmi.solve.gramians import DualProblem
 from polefence.plant.family import UncertainPlant
 from polefence.plant.outputs import Output, Signal, disturbances, stacked
 from polefence.plant.polynomial import Domain
@@ -285,18 +285,20 @@ class Specification:
         level = 1.0 if level is None else level
         return source, conditions.Output(self.title, source.name, C, D, level, unit is None)
 
-    def loops(self, plant: UncertainPlant, law: Law) -> Loops | None:  # noqa: ARG002
+    def dual(self, plant: UncertainPlant, law: Law) -> DualProblem | None:  # noqa: ARG002
         """Return the closed loops as the dual form of the bound has them; None where it has none.
 
         The bound is then the root of tr E'QE, or the gain.
         """
         return None
 
-    def _loops(self, plant: UncertainPlant, law: Law, size: float, gain: bool = False) -> Loops:
+    def _dual(
+        self, plant: UncertainPlant, law: Law, size: float, gain: bool = False
+    ) -> DualProblem:
         """Return the loops whose disturbances are so many times as large."""
         C, D, F = stacked(plant, self.outputs(plant))
         E = size * self.entering(plant)
-        return Loops(plant, law, C, D, E, np.asarray(self.scaled(plant, F)), gain)
+        return DualProblem(plant, law, C, D, E, np.asarray(self.scaled(plant, F)), gain)
 
     def exact_outputs(self, plant: UncertainPlant) -> tuple[proof.Output, ...]:
         """Return the signal, or the entries of a vector, in exact rationals.

@@ -109,11 +109,11 @@ def best_bound(
         What proves the bound of that level as far as floats tell; tried where nothing lower is
         proved otherwise.
     """
-    climbs, loops, close = [_dual_bounds, _climbed], specification.loops(plant, law), 0.0
-    if loops is not None:
+    climbs, problem, close = [_dual_bounds, _climbed], specification.dual(plant, law), 0.0
+    if problem is not None:
         close = _sample(plant, law, specification) * (1 + CLOSE)
     best: Bound | None = None
-    for climb in reversed(climbs) if loops is not None and loops.gain else climbs:
+    for climb in reversed(climbs) if problem is not None and problem.gain else climbs:
         for own in climb(plant, law, specification):
             if best is None or own.level < best.level:
                 best = own
@@ -154,11 +154,11 @@ def _dual_bounds(plant: UncertainPlant, law: Law, specification: Specification) 
 
 
 def _duals(plant: UncertainPlant, law: Law, specification: Specification) -> Iterator[Dual]:
-    loops = specification.loops(plant, law)
-    if loops is None:
+    problem = specification.dual(plant, law)
+    if problem is None:
         return
     with suppress(InputError, np.linalg.LinAlgError):
-        yield from duals(loops, _sample(plant, law, specification), NEAREST)
+        yield from duals(problem, _sample(plant, law, specification), NEAREST)
 
 
 def _sample(plant: UncertainPlant, law: Law, specification: Specification) -> float:

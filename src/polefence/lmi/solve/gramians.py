@@ -41,7 +41,7 @@ class Dual:
 
 
 @dataclass(frozen=True, eq=False)
-class Loops:
+class DualProblem:
     """Closed loops of a family, with outputs and disturbances: what a bound is about.
 
     Attributes
@@ -139,7 +139,7 @@ def riccati(A: Array, S: Array, Q: Array) -> Array | None:
     return np.asarray((real + real.swapaxes(-1, -2)) / 2)
 
 
-def duals(loops: Loops, worst: float, near: float = 1e-3, most: int = 4) -> Iterator[Dual]:
+def duals(problem: DualProblem, worst: float, near: float = 1e-3, most: int = 4) -> Iterator[Dual]:
     """Yield dual polynomials of rising degree, until one proves what is near the worst sample.
 
     Parameters
@@ -151,13 +151,13 @@ def duals(loops: Loops, worst: float, near: float = 1e-3, most: int = 4) -> Iter
     most : int
         The highest degree.
     """
-    first = int(loops.domain.corners > 1)
+    first = int(problem.domain.corners > 1)
     for degree in range(first, most + 1 if first else 1):
-        if loops.work(degree) * ROUNDS > MOST and degree > first:
+        if problem.work(degree) * ROUNDS > MOST and degree > first:
             return
         found: Dual | None = None
         with suppress(np.linalg.LinAlgError):
-            found = _Interpolation(loops, degree).found(worst)
+            found = _Interpolation(problem, degree).found(worst)
         if found is not None:
             yield found
             if found.level <= worst * (1 + near):
@@ -168,20 +168,20 @@ def duals(loops: Loops, worst: float, near: float = 1e-3, most: int = 4) -> Iter
 class _Interpolation:
     """The search for R at one degree of Q."""
 
-    loops: Loops
+    problem: DualProblem
     degree: int
 
     @cached_property
     def nodes(self) -> tuple[Array, Array, Array, Array]:
         """The closed loops at the nodes of Q."""
-        return self.loops.closed(self.loops.domain.nodes(self.degree))
+        return self.problem.closed(self.problem.domain.nodes(self.degree))
 
     @cached_property
     def raised(self) -> tuple[Array, tuple[Array, Array, Array, Array, Array]]:
         """The values of the Bernstein polynomials of Q, and the loops, at the product's nodes."""
-        domain = self.loops.domain
+        domain = self.problem.domain
         at = domain.nodes(self.total)
-        return domain.basis(at, self.degree), self.loops.at(at)
+        return domain.basis(at, self.degree), self.problem.at(at)
 
     @cached_property
     def units(self) -> Array:
@@ -196,7 +196,7 @@ class _Interpolation:
 
     def found(self, worst: float) -> Dual | None:
         """Return what is found, of a gain at the first level where something is."""
-        if not self.loops.gain:
+        if not self.problem.gain:
             return self._grown(None)
         each = (self._grown(worst * (1 + above)) for above in ABOVE)
         return next((own for own in each if own is not None), None)
@@ -230,7 +230,7 @@ class _Interpolation:
             found = riccati(A + E @ b @ Y, E @ a @ Et, Yt @ c @ Y + R)
         if found is None:
             return None
-        return self.loops.domain.interpolated(found, self.degree)
+        return self.problem.domain.interpolated(found, self.degree)
 
     def _missed(self, Q: Array, level: float | None) -> tuple[Array, float]:
         """Return by how much each coefficient misses the inequality, and the bound."""
@@ -250,23 +250,23 @@ class _Interpolation:
             a, b, c = _inverse(level, F)
             cross, Yt = QE @ b @ Y, Y.swapaxes(-1, -2)
             missed = N + QE @ a @ QE.swapaxes(-1, -2) + cross + cross.swapaxes(-1, -2) + Yt @ c @ Y
-        if isinstance(self.loops.law, ScheduledGain):
+        if isinstance(self.problem.law, ScheduledGain):
             middle = np.linalg.inv(W.mean(axis=0))
             missed = middle.T @ missed @ middle
         return missed, bound
 
     def _bernstein(self, values: Array) -> Array:
-        return self.loops.domain.interpolated(values, self.total)
+        return self.problem.domain.interpolated(values, self.total)
 
     @property
     def total(self) -> int:
         """Degree of the inequality."""
-        loops = self.loops
-        squares = [2 * loops.rows]
-        if loops.gain and not np.any(loops.F):
-            varies = bool(np.ptp(loops.E, axis=0).any())
-            squares.append(2 * (self.degree + loops.left + varies))
-        return max(self.degree + loops.degree, *squares)
+        problem = self.problem
+        squares = [2 * problem.rows]
+        if problem.gain and not np.any(problem.F):
+            varies = bool(np.ptp(problem.E, axis=0).any())
+            squares.append(2 * (self.degree + problem.left + varies))
+        return max(self.degree + problem.degree, *squares)
 
 
 def _inverse(level: float, F: Array) -> tuple[Array, Array, Array]:
@@ -274,7 +274,7 @@ def _inverse(level: float, F: Array) -> tuple[Array, Array, Array]:
     Ft = F.swapaxes(-1, -2)
     a = np.linalg.inv(level * np.eye(F.shape[-1]) - Ft @ F / level)
     c = np.linalg.inv(level * np.eye(F.shape[-2]) - F @ Ft / level)
-    return a, a @ Ft / level, c
+    return np.asarray(a), np.asarray(a @ Ft / level), np.asarray(c)
 
 
 def majorant(matrices: Array) -> Array:

@@ -140,25 +140,35 @@ class _Family:
     def __init__(self, claim: Poles, domain: Domain, measure: Measure) -> None:
         self.A, self.B = (np.array(M, dtype=float) for M in (claim.A, claim.B))
         self.domain, self.law, self.measure = domain, claim.law, measure
-        self.K = None if claim.law.K is None else np.array(claim.law.K[0], dtype=float)
+        law = claim.law
+        self.K = None if law.K is None else np.array(law.K, dtype=float)
+        self.C = np.array(law.C, dtype=float) if law.C else None
         if self.K is None:
-            self.W, self.Z = (np.array(M, dtype=float) for M in (claim.law.W, claim.law.Z))
+            self.W, self.Z = (np.array(M, dtype=float) for M in (law.W, law.Z))
 
     def values(self, coordinates: Array) -> Array:
         alpha = self.domain.alpha(coordinates)
         A, B = np.tensordot(alpha, self.A, 1), np.tensordot(alpha, self.B, 1)
         try:
-            if self.K is not None:
-                K = self.K
-            else:
-                basis = self.domain.basis(alpha, self.law.degree)
-                K = right_divide(np.tensordot(basis, self.Z, 1), np.tensordot(basis, self.W, 1))
-            poles = np.linalg.eigvals(A + B @ K)
+            poles = np.linalg.eigvals(A + B @ self._gains(coordinates, alpha))
         except np.linalg.LinAlgError:  # a law that is singular somewhere: look point by point
             if len(coordinates) == 1:
                 return np.array([np.inf])
             return np.concatenate([self.values(a[None]) for a in coordinates])
         return np.asarray(self.measure(poles))
+
+    def _gains(self, coordinates: Array, alpha: Array) -> Array:
+        powers = self.law.powers
+        if powers and self.K is not None:
+            c = coordinates
+            if len(powers[0]) != c.shape[-1]:
+                c = c[..., 1::2] - c[..., ::2]
+            K = np.tensordot(np.prod(c[..., None, :] ** np.array(powers), axis=-1), self.K, 1)
+            return np.asarray(K if self.C is None else K @ np.tensordot(alpha, self.C, 1))
+        if self.K is not None:
+            return np.asarray(self.K[0])
+        basis = self.domain.basis(alpha, self.law.degree)
+        return right_divide(np.tensordot(basis, self.Z, 1), np.tensordot(basis, self.W, 1))
 
 
 def _climb(family: _Family, point: Array, worst: float) -> tuple[Array, float]:

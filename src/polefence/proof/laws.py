@@ -11,8 +11,9 @@ A polynomial law is u = K(p) y, K the sum of gains times c^e: c the parameters' 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from fractions import Fraction
+from itertools import product as cartesian
 from typing import Any
 
 from polefence.proof.matrices import Rationals, identity, mix, product
@@ -30,10 +31,13 @@ from polefence.proof.polynomials import (
     count_of,
 )
 from polefence.proof.reading import Table, plain, shown
-from polefence.proof.work import FormatError
+from polefence.proof.work import RATIONAL, FormatError, spend
 
 DOMAINS = ("simplex", "box")
 MAX_TERMS, MAX_MEASURED = 500, 200  # of a polynomial law
+MAX_CELLS = 1000
+
+Point = tuple[Fraction, ...]
 
 
 @dataclass(frozen=True)
@@ -113,6 +117,33 @@ class Law:
         values = [math.prod(map(pow, c, e), start=Fraction(1)) for e in self.powers]
         own = mix(values, K)
         return product(own, mix(alpha, list(self.C))) if self.C else own
+
+    def inside(self, low: Point, high: Point) -> Law:
+        """Return the same law on a part of the box, in coordinates of that part.
+
+        c = low + high - 1 + (high - low) c' for bounds that are weights of each upper end.
+        """
+        if self.fixed and len(self.K or []) == 1:
+            return self
+        if not self.polynomial or len(self.powers[0]) != len(low):
+            raise FormatError("cells belong to one gain, or to a law polynomial in the parameters")
+        found: dict[Exponent, Rationals] = {}
+        ends = list(zip(low, high, strict=True))
+        for e, K in zip(self.powers, self.K or [], strict=True):
+            spend(RATIONAL * len(K) * len(K[0]) * math.prod(power + 1 for power in e), 64, 64)
+            for own in cartesian(*(range(power + 1) for power in e)):
+                factor = math.prod(
+                    (
+                        math.comb(power, i) * (a + b - 1) ** (power - i) * (b - a) ** i
+                        for (a, b), power, i in zip(ends, e, own, strict=True)
+                    ),
+                    start=Fraction(1),
+                )
+                term = [[factor * x for x in row] for row in K]
+                found[own] = add(found[own], term) if own in found else term
+        gains, powers = list(found.values()), tuple(found)
+        C = tuple(on_corners(list(self.C), low, high)) if self.C else ()
+        return replace(self, K=gains, degree=total_degree(powers), powers=powers, C=C)
 
     def write(self, on: str) -> dict[str, Any]:
         """Return it as a file has it; ``on`` is the domain of one that is not fixed."""
@@ -202,7 +233,7 @@ class Evidence:
     own W, times ``multiple`` if that holds one number), ``degree`` its degree, ``elevation`` the d
     of (sum of alpha)^d; ``multiple`` (as many as X) for scheduled laws given; ``G`` and ``epsilon``
     for slack; ``tau`` for right-hand sides. ``dual``: X holds the coefficients of the Q of the dual
-    form.
+    form. ``cells``: parts of the box, each with evidence of its own; X is then empty.
     """
 
     X: list[Rationals]
@@ -213,13 +244,66 @@ class Evidence:
     epsilon: Fraction = Fraction(0)
     tau: Fraction = Fraction(0)
     dual: bool = False
+    cells: tuple[Piece, ...] = ()
+
+    @property
+    def highest(self) -> int:
+        """The degree, of cells the highest."""
+        return max([self.degree, *(piece.evidence.degree for piece in self.cells)])
 
     def write(self, letter: str = "X") -> dict[str, Any]:
         """Return the polynomial as a file has it; of the dual form the letter is Q."""
+        if self.cells:
+            bounds = [{"low": plain(own.low), "high": plain(own.high)} for own in self.cells]
+            pairs = zip(bounds, self.cells, strict=True)
+            return {"cells": [each | own.evidence.write(letter) for each, own in pairs]}
         letter = "Q" if self.dual else letter
         table: dict[str, Any] = {letter: plain(self.X), "degree": self.degree}
         table |= {"multiple": plain(self.multiple)} if self.multiple else {}
         return table | {"elevation": self.elevation}
+
+
+@dataclass(frozen=True)
+class Piece:
+    """A part of the box of the parameters, with evidence for it.
+
+    ``low`` and ``high`` are weights of each parameter's upper end, from 0 to 1.
+    """
+
+    low: Point
+    high: Point
+    evidence: Evidence
+
+    @property
+    def volume(self) -> Fraction:
+        """Share of the box."""
+        sides = (b - a for a, b in zip(self.low, self.high, strict=True))
+        return math.prod(sides, start=Fraction(1))
+
+
+def on_corners(vertices: list[Rationals], low: Point, high: Point) -> list[Rationals]:
+    """Return what is multi-affine on the box at the corners of a part of it."""
+    found = []
+    for corner in cartesian(*zip(low, high, strict=True)):
+        pairs = ((1 - t, t) for t in corner)
+        found.append(mix([math.prod(w, start=Fraction(1)) for w in cartesian(*pairs)], vertices))
+    return found
+
+
+def add(one: Rationals, other: Rationals) -> Rationals:
+    """Return the sum of two matrices."""
+    pairs = zip(one, other, strict=True)
+    return [[a + b for a, b in zip(*rows, strict=True)] for rows in pairs]
+
+
+def read_cells(table: Table, n: int, sizes: Sizes, dual: bool) -> Evidence:
+    """Read evidence of parts of the box."""
+    found = []
+    for row in table.tables("cells", MAX_CELLS):
+        low, high = (row.numbers(key, len(sizes)) for key in ("low", "high"))
+        own = read_evidence(row, n, sizes, "Q" if dual else "X")
+        found.append(Piece(low, high, replace(own, dual=dual)))
+    return Evidence([], dual=dual, cells=tuple(found))
 
 
 def read_evidence(

@@ -297,7 +297,7 @@ def _proved(
         raise PlantError(f"{plant.name}: {error}") from error
     if not verdict.proved:
         return None
-    degree = evidence.degree
+    degree = evidence.highest
     if isinstance(specification, GainNorm):
         degree = 0 if isinstance(law, FixedGain) else law.degree
     return Bound(specification, level, claim, degree, verdict.reason)

@@ -52,6 +52,8 @@ class DualProblem:
         At the vertices, disturbances scaled.
     gain : bool
         Whether the bound is the gain from them, else the root of tr E'QE.
+    cell : pair of tuples, optional
+        The part of the box that it is about: weights of each parameter's upper end.
     """
 
     plant: UncertainPlant
@@ -61,6 +63,7 @@ class DualProblem:
     E: Array
     F: Array
     gain: bool = False
+    cell: tuple[tuple[float, ...], tuple[float, ...]] | None = None
 
     @property
     def domain(self) -> Domain:
@@ -88,7 +91,15 @@ class DualProblem:
         return float(count) ** 2 * n**2 + count * (2 * n) ** 3 * 10
 
     def at(self, alpha: Array) -> tuple[Array, Array, Array, Array, Array]:
-        """Return W (I but of scheduled laws), A W + B Z, C W + D Z, E and F at points."""
+        """Return W (I but of scheduled laws), A W + B Z, C W + D Z, E and F at points.
+
+        Of a cell alpha are weights of its own corners.
+        """
+        if self.cell is not None:
+            low, high = map(np.array, self.cell)
+            own = self.domain.coordinates(alpha)[..., 1::2]
+            t = low + (high - low) * own
+            alpha = self.domain.alpha(np.stack([1 - t, t], axis=-1).reshape(*t.shape[:-1], -1))
         each = (self.plant.A, self.plant.B, self.C, self.D, self.E, self.F)
         A, B, C, D, E, F = (np.tensordot(alpha, M, 1) for M in each)
         n = A.shape[-1]

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, ClassVar, Self
+from fractions import Fraction
+from typing import Any, ClassVar, Protocol, Self
 
 from polefence.proof.laws import Law
 from polefence.proof.matrices import Integers, Rationals, is_positive_definite, is_symmetric
@@ -120,6 +121,34 @@ class Verdict:
     def noted(self, note: str) -> Verdict:
         """Return the verdict with a further reason."""
         return replace(self, reason=f"{self.reason}; {note}", note=note)
+
+
+class Box(Protocol):
+    """A box with its lower and upper corner."""
+
+    @property
+    def low(self) -> tuple[Fraction, ...]:
+        """The lower corner."""
+
+    @property
+    def high(self) -> tuple[Fraction, ...]:
+        """The upper corner."""
+
+
+def untiled(cells: Sequence[Box], total: Fraction | int) -> str:
+    """Say how the cells, each in the box, fail to tile it."""
+    active: list[Box] = []
+    for cell in sorted(cells, key=lambda c: c.low):
+        active = [c for c in active if c.high[0] > cell.low[0]]
+        if any(_overlap(cell, other) for other in active):
+            return "two cells overlap"
+        active.append(cell)
+    return "" if total == 1 else "the cells do not fill the box"
+
+
+def _overlap(one: Box, other: Box) -> bool:
+    sides = zip(one.low, one.high, other.low, other.high, strict=True)
+    return all(max(a, c) < min(b, d) for a, b, c, d in sides)
 
 
 def undecided(reason: str) -> Verdict:

@@ -9,14 +9,14 @@ with weights q, proves it. Points where a pole leaves are checked exactly, too.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from fractions import Fraction
 from itertools import pairwise, product
 from math import prod
 from typing import Any, ClassVar, Self
 
-from polefence.proof.claims.base import Claim, Verdict, prove
+from polefence.proof.claims.base import Claim, Verdict, prove, untiled
 from polefence.proof.claims.poles import Poles
 from polefence.proof.laws import Evidence, Law, read_evidence
 from polefence.proof.matrices import Rationals, least_work, mix, quotient
@@ -249,7 +249,7 @@ class Cells(Claim):
             if not verdict.proved:
                 return Verdict("undecided", f"cell {k + 1}: {verdict.reason}", count, verdict.place)
             count += verdict.count
-        fault = _untiled(self.cells, sum(self.shares.values()))
+        fault = untiled(self.cells, sum(self.shares.values()))
         note = f"{shares_text(self.shares, len(self.cells))} in exact arithmetic"
         return Verdict(self.answer, note, count, note=note).unless(fault)
 
@@ -283,22 +283,6 @@ def cell_work(table: Interpolated, degree: int, elevation: int) -> int:
     """Return the least that one part of a cell costs to check."""
     blocks = (degree + 2 + elevation + 1) ** len(table.axes)
     return least_work(blocks, 2 * len(table.A[0]))
-
-
-def _untiled(cells: Sequence[Cell], total: Fraction | int) -> str:
-    """Say how the cells, each in the box, fail to tile it."""
-    active: list[Cell] = []
-    for cell in sorted(cells, key=lambda c: c.low):
-        active = [c for c in active if c.high[0] > cell.low[0]]
-        if any(_overlap(cell, other) for other in active):
-            return "two cells overlap"
-        active.append(cell)
-    return "" if total == 1 else "the cells do not fill the box"
-
-
-def _overlap(one: Cell, other: Cell) -> bool:
-    sides = zip(one.low, one.high, other.low, other.high, strict=True)
-    return all(max(a, c) < min(b, d) for a, b, c, d in sides)
 
 
 # --- reading and writing -------------------------------------------------------------------------

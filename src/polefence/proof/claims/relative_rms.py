@@ -49,6 +49,7 @@ class RelativeRms(SignalClaim):
     """The rms of y is less than ``level`` times that of the baseline, at every alpha."""
 
     kind: ClassVar[str] = "relative rms"
+    has_cells: ClassVar[bool] = False  # the baseline is of the whole box
 
     baseline: Baseline
     intensity: Fraction = Fraction(1)

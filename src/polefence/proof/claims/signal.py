@@ -19,9 +19,27 @@ from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from typing import Any, ClassVar, Self
 
-from polefence.proof.claims.base import Claim, Inequality, require_law, require_work
+from polefence.proof.claims.base import (
+    Claim,
+    Inequality,
+    Verdict,
+    require_law,
+    require_work,
+    undecided,
+    untiled,
+)
 from polefence.proof.claims.poles import Poles
-from polefence.proof.laws import DOMAINS, Evidence, Law, lifted, read_evidence
+from polefence.proof.laws import (
+    DOMAINS,
+    MAX_CELLS,
+    Evidence,
+    Law,
+    Piece,
+    lifted,
+    on_corners,
+    read_cells,
+    read_evidence,
+)
 from polefence.proof.matrices import MAX_BITS, Rationals, least_work
 from polefence.proof.plant import Output, Plant, sizes_of, split
 from polefence.proof.polynomials import (
@@ -164,6 +182,7 @@ class SignalClaim(Claim):
     driven: ClassVar[bool] = True  # whether it is about a disturbance
     direct: ClassVar[bool] = False  # whether one may pass straight into the output
     has_dual: ClassVar[bool] = False  # whether there is a dual form of its inequalities
+    has_cells: ClassVar[bool] = True  # whether it can be proved in parts of the box
     most: ClassVar[int] = 1  # entries of a vector
 
     subject: Subject
@@ -322,6 +341,21 @@ class SignalClaim(Claim):
 
     def require(self) -> None:
         """Refuse what is incomplete, of shapes that do not fit, or out of all proportion."""
+        evidence = self.subject.evidence
+        pieces = [self._with(evidence.cells[0].evidence)] if evidence.cells else [self]
+        pieces[0]._require_parts()
+        if evidence.cells:
+            if replace(evidence, cells=(), dual=False) != Evidence([]):
+                raise FormatError("cells: each has its own evidence, and there is no other")
+            pieces = [self.inside(piece) for piece in evidence.cells]
+        for own in pieces:
+            own._require_parts()
+        require_work(sum(own.least for own in pieces))
+
+    def _with(self, evidence: Evidence) -> Self:
+        return replace(self, subject=replace(self.subject, evidence=evidence))
+
+    def _require_parts(self) -> None:
         subject = self.subject
         if not subject.A or not subject.A[0] or not subject.B or not subject.B[0]:
             raise FormatError("vertices are missing")
@@ -343,12 +377,17 @@ class SignalClaim(Claim):
             raise FormatError("E is missing: no disturbance acts on the loop")
         self.require_own()
         self._require_disturbances()
+
+    @property
+    def least(self) -> int:
+        """The least that it takes to prove without cells, whatever its numbers."""
+        subject, law, own = self.subject, self.subject.law, self.subject.evidence
         poles = subject.as_poles
-        natural = poles.degree(replace(poles.evidence[0], elevation=0))
-        count = count_of(
-            subject.sizes, max(natural, self.least_degree) + subject.evidence.elevation
-        )
-        require_work(least_work(count * self.blocks_at_most, self.largest) + self.more_work)
+        degrees = [poles.degree(replace(poles.evidence[0], elevation=0)), self.least_degree]
+        if own.dual:  # of Y'Y, and Q E E'Q
+            degrees = [degrees[0], 2 * (law.form_degree + 1)]
+        count = count_of(subject.sizes, max(degrees) + own.elevation)
+        return least_work(count * self.blocks_at_most, self.largest) + self.more_work
 
     def _require_disturbances(self) -> None:
         """Refuse scales that do not fit, and noise that is in the output itself."""
@@ -368,6 +407,37 @@ class SignalClaim(Claim):
 
     def inequalities(self) -> Iterator[Inequality]:
         """Yield what proves the claim; all that is about its loop is raised to one degree."""
+        for k, piece in enumerate(self.subject.evidence.cells):
+            for own in self.inside(piece).inequalities():
+                yield replace(own, piece=f", cell {k + 1}")
+        if not self.subject.evidence.cells:
+            yield from self._of_loop()
+
+    def decided(self) -> Verdict:
+        """Prove it; cells must make up the box."""
+        cells = self.subject.evidence.cells
+        fault = untiled(cells, sum(own.volume for own in cells)) if cells else ""
+        return undecided(fault) if fault else super().decided()
+
+    def inside(self, piece: Piece) -> Self:
+        """Return the claim about a part of the box."""
+        own, low, high = self.subject, piece.low, piece.high
+        if not self.has_cells or own.sizes != (2,) * len(low):
+            raise FormatError(f"cells: a bound on {self.kind} has none here")
+        if any(not 0 <= a < b <= 1 for a, b in zip(low, high, strict=True)):
+            raise FormatError("cells: one is empty, or not within the box")
+        A, B = (on_corners(matrices, low, high) for matrices in (own.A, own.B))
+        E = on_corners(own.E, low, high) if own.E else []
+        law = own.law.inside(low, high)
+        subject = replace(own, A=A, B=B, E=E, law=law, evidence=piece.evidence)
+        outputs = []
+        for y in self.outputs:
+            C, D = (on_corners(rows, low, high) for rows in (y.C, y.D))
+            F = tuple(on_corners(list(y.F), low, high)) if y.F else ()
+            outputs.append(replace(y, C=C, D=D, F=F))
+        return replace(self, subject=subject, outputs=tuple(outputs))
+
+    def _of_loop(self) -> Iterator[Inequality]:
         evidence, sizes = self.subject.evidence, self.subject.sizes
         if evidence.dual:
             Q = {"of Q at vertex 1": [[constant(evidence.X[0], sizes)]]}
@@ -394,7 +464,11 @@ def read_subject(table: Table, plant: Plant, law: Law, on: str) -> Subject:
         evidence = Evidence([], elevation=elevation, multiple=(table.number("scale", 1),))
     else:
         sizes = sizes_of(len(plant.A), on)
-        dual = "Q" in table
+        cells = table.tables("cells", MAX_CELLS) if "cells" in table else []
+        dual = "Q" in (cells[0] if cells else table)
+        if cells:
+            evidence = read_cells(table, plant.n, sizes, dual)
+            return Subject(plant.A, plant.B, plant.E, law, evidence, on)
         letter = "Q" if dual else "X"
         evidence = read_evidence(table, plant.n, sizes, letter, multiple=law.scheduled and not dual)
         evidence = replace(evidence, dual=dual)
@@ -404,7 +478,7 @@ def read_subject(table: Table, plant: Plant, law: Law, on: str) -> Subject:
 def write_evidence(subject: Subject) -> dict[str, Any]:
     """Return what `read_subject` reads."""
     evidence, on = subject.evidence, {"on": subject.on} if subject.law.fixed else {}
-    if evidence.X:
+    if evidence.X or evidence.cells:
         return evidence.write() | on
     table: dict[str, Any] = {"own": True}
     if evidence.multiple:

@@ -114,7 +114,7 @@ def _direction(
     P[:n, :n] = H
     G = np.zeros((m + 1, n + 2))
     G[:m, :n] = rows.slopes
-    G[:m, n], G[:m, n + 1] = -rows.objective, -1.0 * ~rows.objective
+    G[:m, n], G[:m, n + 1] = -1.0 * rows.objective, -1.0 * ~rows.objective
     G[m, n + 1] = -1.0
     size = max(1.0, float(np.abs(values).max()))
     while True:
@@ -174,5 +174,5 @@ def _updated(H: Array, s: Array, y: Array | None, fresh: bool) -> Array:
         return H
     own = float(s @ y)
     if own < 0.2 * size:
-        y = y + 0.8 * size / (size - own) * (Hs - y) if size > own else y
+        y = Hs + 0.8 * size / (size - own) * (y - Hs)
     return np.asarray(H - np.outer(Hs, Hs) / size + np.outer(y, y) / float(s @ y))

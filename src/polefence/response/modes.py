@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
 
@@ -26,6 +26,7 @@ class Modes:
     """
 
     A: Array
+    _covariances: dict[int, tuple[Array, Array]] = field(default_factory=dict, init=False)
 
     @cached_property
     def _parts(self) -> tuple[Any, Any, Any]:
@@ -61,6 +62,14 @@ class Modes:
         total = self.poles[:, :, None] + self.poles.conj()[:, None, :]
         X = _product(V, (U @ W @ _adjoint(U)) / -total, _adjoint(V))
         return _checked(self.A, X, W)
+
+    def covariance(self, E: Array) -> Array:
+        """Return X of A X + X A' + E E' = 0; of one array E it is found once."""
+        known = self._covariances.get(id(E))
+        if known is None:
+            known = E, self.lyapunov(E @ np.swapaxes(E, 1, 2))
+            self._covariances[id(E)] = known
+        return known[1]
 
     def observed(self, W: Array) -> Array:
         """Return Q of A' Q + Q A + W = 0 for symmetric W, (count, n, n); A is stable."""

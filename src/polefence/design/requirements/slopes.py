@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -69,10 +68,10 @@ class Loops:
         """The closed loops' own matrices, (count, n, n)."""
         return self.modes.A
 
-    @cached_property
+    @property
     def covariance(self) -> Array:
         """X of A X + X A' + E E' = 0."""
-        return self.modes.lyapunov(self.E @ np.swapaxes(self.E, 1, 2))
+        return self.modes.covariance(self.E)
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,6 +97,7 @@ def of_noise(loops: Loops) -> Slopes:
     """Return the root of trace C X C', A X + X A' + E E' = 0: by Q of A' Q + Q A + C' C = 0."""
     X, C = loops.covariance, loops.C
     Q = loops.modes.observed(np.swapaxes(C, 1, 2) @ C)
-    values = np.sqrt(np.maximum(np.einsum("apn,anm,apm->a", C, X, C, optimize=True), 0.0))
+    CX = C @ X
+    values = np.sqrt(np.maximum((CX * C).sum(axis=(1, 2)), 0.0))
     size = np.where(values > 0, values, 1.0)[:, None, None]
-    return Slopes(values, np.arange(len(values)), Q @ X / size, C @ X / size)
+    return Slopes(values, np.arange(len(values)), Q @ X / size, CX / size)

@@ -2,7 +2,7 @@
 
 What is minimised is max f subject to h <= 0, through the exact penalty max f + rho max(0, h). All
 rows are known with their slopes, so that kinks between them are met as corners of a quadratic
-program; curvature is BFGS's, of the rows that are active. A point at which nothing can be evaluated
+program, within a reach that adapts; curvature is BFGS's, of the rows that are active. A point at which nothing can be evaluated
 counts as infinitely bad.
 """
 
@@ -17,12 +17,24 @@ import numpy as np
 from polefence.design.tune.quadratic import minimum
 from polefence.plant.system import Array
 
-STEPS = 150
-ENOUGH = 1e-7  # of a decrease that is foreseen
-ARMIJO, HALVINGS = 1e-3, 25
+ENOUGH = 1e-8  # of a decrease that is foreseen
+LEAST, BAD, GOOD = 1e-3, 0.3, 0.7  # shares of what is foreseen: taken, less reach, more reach
+STALL = 6  # steps that must be worth it
 PENALTY, MOST_PENALTY = 10.0, 1e7
 FIRST = 0.3  # length of the first step, of a point's own size
+SHORTEST = 1e-9
 ACTIVE = 1e-7  # of a multiplier
+
+
+@dataclass(frozen=True)
+class Effort:
+    """How long a search goes on: most steps, and the decrease that a few of them must be worth."""
+
+    steps: int
+    worth: float
+
+
+FULL, QUICK = Effort(100, 3e-5), Effort(15, 1e-3)
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,7 +71,7 @@ Evaluate = Callable[[Array], Rows | None]
 
 
 def descend(
-    evaluate: Evaluate, theta: Array, target: float = -np.inf, steps: int = STEPS
+    evaluate: Evaluate, theta: Array, target: float = -np.inf, effort: Effort = FULL
 ) -> tuple[Array, Rows] | None:
     """Return a local minimum and the rows there; None where nothing can be evaluated at first.
 
@@ -71,23 +83,29 @@ def descend(
     here = evaluate(theta)
     if here is None:
         return None
-    H, rho, fresh = _first(here, theta), PENALTY, True
-    for _ in range(steps):
+    H, rho, reach = _first(here, theta), PENALTY, FIRST * max(1.0, float(np.abs(theta).max()))
+    fresh, merits = True, list[float]()
+    for _ in range(effort.steps):
+        merits.append(_merit(here, rho))
         if here.level <= target and here.excess <= 0:
             break
-        d, z, rho, foreseen = _direction(here, here.values, H, rho)
+        if len(merits) > STALL and merits[-1 - STALL] - merits[-1] < effort.worth:
+            break
+        d, z, rho, foreseen = _direction(here, here.values, H, rho, reach)
         if not foreseen > ENOUGH:
-            if fresh:
-                break
-            H, fresh = _first(here, theta), True
-            continue
-        found = _line(evaluate, theta, here, d, (H, rho, foreseen))
+            break
+        length = float(np.abs(d).max())
+        found, share = _tried(evaluate, theta, here, d, (H, rho, reach, foreseen))
         if found is None:
-            if fresh:
+            reach = length / 4
+            if reach < SHORTEST * max(1.0, float(np.abs(theta).max())):
                 break
-            H, fresh = _first(here, theta), True
             continue
         after, there = found
+        if share < BAD:
+            reach = length / 2
+        elif share > GOOD and length > 0.9 * reach:
+            reach *= 2.5
         H = _updated(H, after - theta, _turn(here, there, after - theta, z), fresh)
         theta, here, fresh = after, there, False
     return theta, here
@@ -106,48 +124,51 @@ def _first(rows: Rows, theta: Array) -> Array:
 
 
 def _direction(
-    rows: Rows, values: Array, H: Array, rho: float
+    rows: Rows, values: Array, H: Array, rho: float, reach: float
 ) -> tuple[Array, Array, float, float]:
-    """Return the step to the quadratic program's minimum, multipliers, rho and the decrease."""
+    """Return the quadratic program's step within reach, multipliers, rho and the decrease."""
     n, m = len(H), len(values)
     P = np.zeros((n + 2, n + 2))
     P[:n, :n] = H
-    G = np.zeros((m + 1, n + 2))
+    G = np.zeros((m + 1 + 2 * n, n + 2))
     G[:m, :n] = rows.slopes
     G[:m, n], G[:m, n + 1] = -1.0 * rows.objective, -1.0 * ~rows.objective
     G[m, n + 1] = -1.0
-    size = max(1.0, float(np.abs(values).max()))
+    G[m + 1 : m + 1 + n, :n], G[m + 1 + n :, :n] = np.eye(n), -np.eye(n)
+    h = np.concatenate([-values, [0.0], np.full(2 * n, reach)])
     while True:
         q = np.zeros(n + 2)
         q[n], q[n + 1] = 1.0, rho
-        x, z = minimum(P, q, G, np.append(-values, 0.0))
-        if x[n + 1] <= 1e-7 * size or rho >= MOST_PENALTY or rows.objective.all():
+        x, z = minimum(P, q, G, h)
+        if rows.objective.all() or rho >= MOST_PENALTY:
             break
-        if rows.excess > 0 and x[n + 1] <= 0.5 * rows.excess:
-            break  # it is under way
+        if x[n + 1] <= max(1e-7, 0.5 * rows.excess):  # kept, or under way
+            break
+        if x[n + 1] >= 0.99 * rows.excess:
+            break  # out of reach
         rho *= 10
     return x[:n], z[:m], rho, _merit(rows, rho) - float(x[n] + rho * max(0.0, x[n + 1]))
 
 
-def _line(
-    evaluate: Evaluate, theta: Array, here: Rows, d: Array, model: tuple[Array, float, float]
-) -> tuple[Array, Rows] | None:
-    """Return the first point along d that is lower by enough; once, the step is bent before."""
-    H, rho, foreseen = model
-    merit, share = _merit(here, rho), 1.0
-    for k in range(HALVINGS):
-        there = evaluate(theta + share * d)
-        if there is not None and _merit(there, rho) <= merit - ARMIJO * share * foreseen:
-            return theta + share * d, there
-        if k == 0 and there is not None and len(there.values) == len(here.values):
-            # rows are curved: the program again with their values at the end of the step
-            bent, _, _, _ = _direction(here, there.values - here.slopes @ d, H, rho)
-            if np.linalg.norm(bent - d) < np.linalg.norm(d):
-                there = evaluate(theta + bent)
-                if there is not None and _merit(there, rho) <= merit - ARMIJO * foreseen:
-                    return theta + bent, there
-        share /= 2
-    return None
+def _tried(
+    evaluate: Evaluate, theta: Array, here: Rows, d: Array, model: tuple[Array, float, float, float]
+) -> tuple[tuple[Array, Rows] | None, float]:
+    """Return the point a step leads to, if it is lower, and its share of the decrease foreseen.
+
+    Where the step itself falls short it is bent once, as the rows are.
+    """
+    H, rho, reach, foreseen = model
+    merit = _merit(here, rho)
+    there = evaluate(theta + d)
+    share = -np.inf if there is None else (merit - _merit(there, rho)) / foreseen
+    found = None if there is None else (theta + d, there)
+    if there is not None and share < BAD and len(there.values) == len(here.values):
+        bent, _, _, _ = _direction(here, there.values - here.slopes @ d, H, rho, reach)
+        again = evaluate(theta + bent)
+        if again is not None and (merit - _merit(again, rho)) / foreseen > share:
+            share = (merit - _merit(again, rho)) / foreseen
+            found = theta + bent, again
+    return (found if share > LEAST else None), share
 
 
 def _turn(here: Rows, there: Rows, s: Array, z: Array) -> Array | None:

@@ -28,7 +28,7 @@ from polefence.response.modes import Modes
 
 REGION, LIMITS, LEVEL, SMALL = "region", "limits", "level", "small"  # phases of a search
 MARGIN, LEAST_MARGIN = 1e-4, 1e-6  # what is kept is kept by so much; where it has no size
-WIDE = 1.001  # times the best level: within it the smallest law is looked for
+WIDE = 1.0005  # times the best level: within it the smallest law is looked for
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,9 +96,8 @@ class Task:
         D = np.zeros((len(alpha), 0, self.plant.shape[1]))
         bare = Channel(A, B, np.swapaxes(none, 1, 2), none, D, empty)
         channels = [bare, *(own.channel(self.plant, alpha) for own in self.requirements)]
-        return Points(
-            self, alpha, self.unknowns.at(alpha), tuple(each.in_units(d) for each in channels)
-        )
+        scaled = _shared([each.in_units(d) for each in channels])
+        return Points(self, alpha, self.unknowns.at(alpha), scaled)
 
 
 @dataclass(frozen=True, eq=False)
@@ -265,8 +264,17 @@ class Points:
             self,
             alpha=self.alpha[some],
             unknowns=at,
-            channels=tuple(each[some] for each in self.channels),
+            channels=_shared([each[some] for each in self.channels]),
         )
+
+
+def _shared(channels: Sequence[Channel]) -> tuple[Channel, ...]:
+    """Return channels with one array for one noise, so that its covariance is found once."""
+    found = list[Channel]()
+    for own in channels:
+        same = [old.E for old in found if np.array_equal(old.E, own.E)]
+        found.append(replace(own, E=same[0]) if same else own)
+    return tuple(found)
 
 
 def _largest(own: Found, count: int) -> Array:

@@ -21,7 +21,7 @@ def minimum(P: Array, q: Array, G: Array, h: Array) -> tuple[Array, Array]:
         Without negative eigenvalues; what it leaves free the rows must bound.
     q, G, h : (n,), (m, n), (m,) arrays
     """
-    from scipy.linalg import cho_factor, cho_solve  # deferred: slow to import
+    from scipy.linalg.lapack import dpotrf, dpotrs  # deferred: slow to import
 
     size = np.maximum(np.abs(G).max(axis=1), 1e-12)
     G, h = G / size[:, None], h / size
@@ -37,14 +37,13 @@ def minimum(P: Array, q: Array, G: Array, h: Array) -> tuple[Array, Array]:
         if small and np.abs(primal).max() <= CLOSE * scale_p and gap <= CLOSE:
             break
         w = z / s
-        try:
-            factor = cho_factor(P + eye + (G.T * w) @ G, check_finite=False)
-        except np.linalg.LinAlgError:
+        factor, failed = dpotrf(P + eye + (G.T * w) @ G)
+        if failed:
             break
 
         def step(target: Any, w: Array = w, factor: Any = factor) -> tuple[Array, Array, Array]:
             right = -dual - G.T @ (w * primal + (target - s * z) / s)  # noqa: B023
-            dx = cho_solve(factor, right, check_finite=False)
+            dx, _ = dpotrs(factor, right)
             ds = -primal - G @ dx  # noqa: B023
             return dx, ds, (target - s * z - z * ds) / s  # noqa: B023
 

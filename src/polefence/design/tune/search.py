@@ -15,7 +15,7 @@ import numpy as np
 
 from polefence.base.errors import InputError
 from polefence.design.requirements.specification import Specification
-from polefence.design.tune.descent import descend
+from polefence.design.tune.descent import FULL, QUICK, Effort, descend
 from polefence.design.tune.measures import LEVEL, LIMITS, REGION, SMALL, WIDE, Points, Task
 from polefence.design.tune.starts import regulators, typical
 from polefence.design.tune.unknowns import Unknowns
@@ -31,7 +31,7 @@ from polefence.region.regions import HalfPlane, Region, bounds_speed
 INSIDE, ON_EDGES = 160, 3  # points of the cloud: in the family, and on each edge
 MOST_CORNERS, MOST_CLOUD = 16, 600
 RANDOM, SEED = 4, 20261122  # starts at random
-BEST = 3  # of the starts that are followed to the end
+BEST, LAST = 3, 2  # starts that are followed at the corners, and over the family
 ROUNDS, MORE = 10, 1e-4  # of added points, and by how much one must be worse
 HALVINGS = 7  # of the steps of a search for the worst point
 KEPT = 1e-6
@@ -199,8 +199,9 @@ class _Search:
 
     def run(self, laws: Sequence[Law]) -> list[Tuned]:
         """Return what all starts lead to, the best first."""
-        reached = [self._improved(theta, self.first) for theta in self._starts(laws)]
-        found = [self._tuned(own) for own in map(self._finished, _distinct(reached))]
+        quick = [self._improved(theta, self.first, QUICK) for theta in self._starts(laws)]
+        reached = [self._improved(own.theta, self.first) for own in _distinct(quick)[:BEST]]
+        found = [self._tuned(self._finished(own)) for own in _distinct(reached)[:LAST]]
         given = [self._given(law) for law in laws if self._of_structure(law)]
         found += [own for own in given if own.kept]
         return sorted(found, key=lambda own: (not own.kept, own.level))
@@ -219,7 +220,7 @@ class _Search:
         # none is exactly where poles coincide
         return [theta + NUDGE * random.normal(size=own.size) for theta in found]
 
-    def _improved(self, theta: Array, points: Points) -> _Reached:
+    def _improved(self, theta: Array, points: Points, effort: Effort = FULL) -> _Reached:
         """Return where the phases lead to at some points: into the region, the limits, down."""
         for phase in (REGION, LIMITS):
             found = descend(lambda x, own=phase: points.rows(x, own), theta, 0.0)
@@ -230,7 +231,7 @@ class _Search:
                 return _Reached(theta, points, rows.level, self._level(points, theta))
         for _ in range(SCALINGS):
             unit = abs(self._level(points, theta)) or 1.0
-            found = descend(lambda x, own=unit: points.rows(x, LEVEL, own), theta)
+            found = descend(lambda x, own=unit: points.rows(x, LEVEL, own), theta, effort=effort)
             if found is None:
                 break
             theta, rows = found
@@ -381,4 +382,4 @@ def _distinct(reached: Sequence[_Reached]) -> list[_Reached]:
         alike = found and abs(own.level - found[-1].level) <= ALIKE * abs(found[-1].level)
         if np.isfinite(own.excess) and not alike:
             found.append(own)
-    return found[:BEST]
+    return found

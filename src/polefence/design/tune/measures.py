@@ -27,7 +27,7 @@ from polefence.region.regions import Region
 from polefence.response.modes import Modes
 
 REGION, LIMITS, LEVEL, SMALL = "region", "limits", "level", "small"  # phases of a search
-MARGIN, LEAST_MARGIN = 1e-4, 1e-6  # what is kept is kept by so much; where it has no size
+MARGIN = 1e-4  # by which what must be kept is kept
 WIDE = 1.0005  # times the best level: within it the smallest law is looked for
 
 
@@ -77,7 +77,7 @@ class Task:
     fastest: float
 
     @cached_property
-    def sides(self) -> list[tuple[Side, float]]:
+    def sides(self) -> list[Side]:
         """The region's inequalities."""
         return sides_of(self.region, self.sizes.rate)
 
@@ -167,9 +167,8 @@ class Points:
     def bounds(self, K: Array, modes: Modes) -> list[tuple[Found, float]]:
         """Return what loops must keep, but for requirements: kept where zero or less; margins."""
         found = []
-        for side, _ in self.task.sides:
-            sized = float(np.abs(side.L0).max()) > 0
-            found.append((self.side(side, modes), MARGIN if sized else LEAST_MARGIN))
+        for side in self.task.sides:
+            found.append((self.side(side, modes), MARGIN))
         if np.isfinite(self.task.fastest):
             own = self.speed(modes)
             found.append((replace(own, values=own.values - 1), 0.0))

@@ -19,8 +19,8 @@ from polefence.response.modes import Modes
 ANGLES = 64
 
 
-def sides_of(region: Region, rate: float) -> list[tuple[Side, float]]:
-    """Return a region's inequalities, each to grow by a length of its own, and these lengths.
+def sides_of(region: Region, rate: float) -> list[Side]:
+    """Return a region's inequalities, each growing by a length of its own.
 
     Parameters
     ----------
@@ -31,7 +31,7 @@ def sides_of(region: Region, rate: float) -> list[tuple[Side, float]]:
     for L, M in region.pairs():
         slope = _steepest(M)
         length = float(np.linalg.norm(L, 2)) / slope or rate
-        found.append((Side(L, -slope * length * np.eye(len(L)), M, np.zeros_like(M)), length))
+        found.append(Side(L, -slope * length * np.eye(len(L)), M, np.zeros_like(M)))
     return found
 
 

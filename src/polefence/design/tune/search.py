@@ -142,7 +142,7 @@ def _task(
     for own in limits:
         if own.at_most is None:
             raise InputError(f"the limit of {own.name!r} is missing; give at_most")
-    sizes = typical(plant)
+    sizes = typical(plant, structure.rows(plant).mean(axis=0))
     free = isinstance(minimise, Side) and plant.sample_time is not None
     if region is None:
         region = HalfPlane(0.0)
@@ -199,6 +199,9 @@ class _Search:
 
     def run(self, laws: Sequence[Law]) -> list[Tuned]:
         """Return what all starts lead to, the best first."""
+        nothing = self.task.unknowns.law(np.zeros(self.task.unknowns.size))
+        if self.task.minimise is None and (own := self._given(nothing)).kept:
+            return [own]
         quick = [self._improved(theta, self.first, QUICK) for theta in self._starts(laws)]
         reached = [self._improved(own.theta, self.first) for own in _distinct(quick)[:BEST]]
         found = [self._tuned(self._finished(own)) for own in _distinct(reached)[:LAST]]

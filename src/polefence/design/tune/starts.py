@@ -46,11 +46,17 @@ def middle(plant: UncertainPlant) -> tuple[Array, Array, Array]:
     return A, B, np.mean(E, axis=0) if E else np.zeros((n, 0))
 
 
-def typical(plant: UncertainPlant) -> Sizes:
-    """Return sizes of states and inputs under a plain regulator, moved by the plant's own noise."""
+def typical(plant: UncertainPlant, measured: Array) -> Sizes:
+    """Return sizes of states and inputs under a plain regulator, moved by the plant's own noise.
+
+    Parameters
+    ----------
+    measured : (r, n) array
+        Rows of what is measured.
+    """
     A, B, E = middle(plant)
     n, m = B.shape
-    d = balancing(A[None])
+    d = _even(A, B, measured)
     A, B, E = A / d[:, None] * d, B / d[:, None], E / d[:, None]
     poles = np.abs(np.linalg.eigvals(A))
     rate = float(np.exp(np.log(np.maximum(poles, 1e-3 * max(poles.max(), 1e-30))).mean()))
@@ -69,6 +75,15 @@ def typical(plant: UncertainPlant) -> Sizes:
         sizes = u * np.maximum(forces, FLOOR * max(float(forces.max()), FLOOR))
     own = np.sqrt(np.maximum(np.diag(X), FLOOR**2 * np.diag(X).max()))
     return Sizes(own * d, sizes, X / np.outer(own, own), rate)
+
+
+def _even(A: Array, B: Array, C: Array) -> Array:
+    """Return units of states in which they move one another, and signals and inputs, evenly."""
+    n, m, r = len(A), B.shape[1], len(C)
+    whole = np.zeros((n + m + r, n + m + r))
+    whole[:n, :n], whole[:n, n : n + m], whole[n + m :, :n] = A, B, C
+    whole[n : n + m, n + m :] = 1.0
+    return balancing(whole[None])[:n]
 
 
 def regulator(A: Array, B: Array, Q: Array, R: Array, S: Array | None = None) -> Array | None:

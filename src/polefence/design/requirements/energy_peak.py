@@ -9,6 +9,7 @@ from typing import Any, Self
 import numpy as np
 
 from polefence.base.errors import InputError
+from polefence.design.requirements.slopes import Channel, Loops, Slopes, of_noise
 from polefence.design.requirements.specification import Row, Specification, is_number
 from polefence.law.laws import Law
 from polefence.lmi.conditions import performance as conditions
@@ -77,3 +78,12 @@ class EnergyPeak(Specification):
         psd = 2 * self.norm**2 * self.squares(plant)
         found = stationary(plant, law, alpha, psd, self.outputs(plant))
         return np.array(found.rms[:, 0])
+
+    def channel(self, plant: UncertainPlant, alpha: Array) -> Channel:
+        """Return it with disturbances of unit norm."""
+        own = super().channel(plant, alpha)
+        return replace(own, E=self.norm * own.E)
+
+    def slopes(self, loops: Loops) -> Slopes:
+        """Return the peak with its slopes."""
+        return of_noise(loops)

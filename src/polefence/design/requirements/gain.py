@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from polefence.design.requirements.rms import Rms
+from polefence.design.requirements.slopes import Loops, Slopes
 from polefence.design.requirements.specification import Specification
 from polefence.law.laws import Law
 from polefence.lmi.conditions import performance as conditions
@@ -20,6 +21,7 @@ from polefence.plant.system import Array
 from polefence.proof import claims as proof
 from polefence.response.closed import close
 from polefence.response.linear import frequency
+from polefence.response.peaks import largest, peaks, response
 from polefence.response.stationary import STABLE, stationary
 
 UNIT = 2.0  # one-sided density of noise of intensity one
@@ -88,16 +90,23 @@ class Gain(Specification):
         def swept(points: Array, count: int) -> Array:
             asked = np.append(0.0, np.geomspace(low, high, count)) / (2 * np.pi)
             found = self.scaled(plant, frequency(plant, law, points, asked, outputs).gain)
-            return np.asarray(_largest(found).max(axis=1))
+            return np.asarray(largest(found).max(axis=1))
 
         values = swept(alpha, COARSE)
         worst = np.argsort(-values)[:FEW]
         values[worst] = np.maximum(values[worst], swept(alpha[worst], FINE))
         return values
 
-
-def _largest(G: Array) -> Array:
-    """Return the largest singular values of matrices; of one row or column its length."""
-    if 1 in G.shape[-2:]:
-        return np.asarray(np.sqrt((np.abs(G) ** 2).sum(axis=(-2, -1))))
-    return np.asarray(np.linalg.norm(G, 2, axis=(-2, -1)))
+    def slopes(self, loops: Loops) -> Slopes:
+        """Return peaks of the largest singular value with their slopes."""
+        A, E, C, F = loops.A, loops.E, loops.C, loops.F
+        points, w, _ = peaks(A, E, C, F, loops.modes.poles)
+        A, E, C, F = (M[points] for M in (A, E, C, F))
+        G = response(A, E, C, F, w[:, None])[:, 0]
+        u, values, vt = np.linalg.svd(G, full_matrices=False)
+        u, v = u[:, :, 0], vt[:, 0].conj()
+        s = 1j * w[:, None, None] * np.eye(A.shape[-1]) - A
+        right = np.linalg.solve(s, E @ v[:, :, None])[:, None, :, 0]
+        left = np.linalg.solve(np.swapaxes(s.conj(), 1, 2), np.swapaxes(C, 1, 2) @ u[:, :, None])
+        dA, dC = (left.conj() * right).real, (u.conj()[:, :, None] * right).real
+        return Slopes(values[:, 0], points, dA, dC)

@@ -10,6 +10,7 @@ from typing import Any, Self
 import numpy as np
 
 from polefence.base.errors import InputError, SpecError, shown
+from polefence.design.requirements.slopes import Channel, Loops, Slopes
 from polefence.design.requirements.specification import Row, Specification, is_number, number
 from polefence.law.laws import FixedGain, Law, PolynomialGain
 from polefence.lmi.conditions import performance as conditions
@@ -25,6 +26,7 @@ from polefence.response.closed import gains
 ELEVATIONS, MOST = (0, 1, 2, 4, 8, 16), 3000
 # The design keeps this share of the limit, so that its proof has something to spare.
 KEPT = 1 - 1e-4
+NEAR = 0.8  # singular values that have slopes, of the largest
 
 
 @dataclass(frozen=True)
@@ -143,6 +145,22 @@ class GainNorm(Specification):
         """Return the norms of gains (..., m, n), in floats."""
         rows, columns = (np.array(own) for own in self.units(plant))
         return np.asarray(np.linalg.norm(K * columns / rows[:, None], 2, axis=(-2, -1)))
+
+    def channel(self, plant: UncertainPlant, alpha: Array) -> Channel:
+        """Return it with z = diag(rows)^-1 u, and x = diag(columns) w."""
+        rows, columns = (np.array(own) for own in self.units(plant))
+        n, m = plant.shape
+        moved = np.diag(columns), np.zeros((m, n)), np.diag(1 / rows), np.zeros((m, n))
+        each = (np.broadcast_to(M, (len(alpha), *M.shape)) for M in moved)
+        return Channel(*plant.at(alpha), *each)
+
+    def slopes(self, loops: Loops) -> Slopes:
+        """Return the norm with its slopes: all singular values near the largest."""
+        u, values, vt = np.linalg.svd(loops.C @ loops.E, full_matrices=False)
+        points, some = np.nonzero(values >= NEAR * values[:, :1])
+        left, right = u[points, :, some], (loops.E[points] @ vt[points, some, :, None])[..., 0]
+        dC = left[:, :, None] * right[:, None, :]
+        return Slopes(values[points, some], points, np.zeros_like(loops.A[points]), dC)
 
 
 def levels(plant: UncertainPlant, law: Law, own: GainNorm) -> Iterator[tuple[float, int]]:

@@ -10,6 +10,7 @@ from typing import Any, Self
 import numpy as np
 
 from polefence.base.errors import InputError, SpecError
+from polefence.design.requirements.slopes import Channel, Loops, Slopes
 from polefence.design.requirements.specification import (
     Row,
     Specification,
@@ -19,6 +20,7 @@ from polefence.design.requirements.specification import (
 )
 from polefence.lmi.conditions import performance as conditions
 from polefence.plant.family import UncertainPlant
+from polefence.plant.outputs import stacked
 from polefence.plant.polynomial import Domain
 from polefence.plant.system import Array
 from polefence.proof import claims as proof
@@ -30,6 +32,10 @@ from polefence.response.stationary import STABLE, stationary
 # Time followed, of the slowest pole's time constant; step, of the fastest's.
 FOLLOWED, STEP = 5.0, 0.25
 GROUP = 2_000_000  # samples at once
+# For slopes: time constants followed, steps a radian and a mode; peaks that count, so many a loop.
+LASTING, A_RADIAN, MOST_STEPS = 14.0, 4, 800
+NEAR, MOST = 0.8, 3
+TINY = np.finfo(float).tiny
 
 
 @dataclass(frozen=True)
@@ -174,6 +180,75 @@ class InitialPeak(Specification):
                 each.append(np.sum([squares(axis, part) for axis in axes], axis=0))
             found[part] = np.max([y.max(axis=1) for y in each], axis=0)
         return np.sqrt(found)
+
+    def channel(self, plant: UncertainPlant, alpha: Array) -> Channel:
+        """Return it with the initial states as columns of E, the ellipsoid's axes behind them."""
+        C, D, F = stacked(plant, self.outputs(plant))
+        starts = [np.array(p, dtype=float)[:, None] for p in (*self.points, *_axes(self))]
+        each = [np.broadcast_to(M, (len(alpha), *M.shape)) for M in starts]
+        if self.impulse:
+            E = self.impulse * np.array(self._impulses(plant)) * disturbance(plant)
+            each.insert(len(self.points), np.tensordot(alpha, E[:, :, np.any(E, axis=(0, 1))], 1))
+        C, D = (np.tensordot(alpha, M, 1) for M in (C, D))
+        E = np.concatenate(each, axis=2)
+        return Channel(*plant.at(alpha), E, C, D, np.zeros((len(alpha), 1, E.shape[2])))
+
+    def slopes(self, loops: Loops) -> Slopes:
+        """Return the peaks with their slopes."""
+        from scipy.linalg import expm  # deferred: slow to import
+
+        q = loops.E.shape[2]
+        alone = q - len(self.ellipsoid)
+        groups = [slice(k, k + 1) for k in range(alone)] + [slice(alone, q)] * (q > alone)
+        found = [row for k in range(len(loops.A)) for row in _peaks(loops, k, groups)]
+        points, which, time = (np.array(column) for column in zip(*found, strict=True))
+        A, C = loops.A[points], loops.C[points]
+        n = A.shape[1]
+        motion = expm(A * time[:, None, None])
+        y = C @ motion @ loops.E[points]
+        y *= np.array([[k in range(*groups[g].indices(q)) for k in range(q)] for g in which])[:, None]
+        values = np.sqrt((y**2).sum(axis=(1, 2)))
+        start = loops.E[points] @ np.swapaxes(y, 1, 2) / np.maximum(values, TINY)[:, None, None]
+        # the integral of e^A'(t - s) C' x0' e^A's over s, as a block of an exponential
+        both = np.zeros((len(A), 2 * n, 2 * n))
+        both[:, :n, :n] = both[:, n:, n:] = np.swapaxes(A, 1, 2)
+        both[:, :n, n:] = np.swapaxes(start @ C, 1, 2)
+        dA = expm(both * time[:, None, None])[:, :n, n:]
+        return Slopes(values, points, dA, np.swapaxes(motion @ start, 1, 2))
+
+
+def _peaks(loops: Loops, k: int, groups: list[slice]) -> list[tuple[int, int, float]]:
+    """Return loop, group of columns and instant of the peaks that count, the highest first."""
+    poles = loops.modes.poles[k]
+    each = [np.zeros(1)]
+    for pole in poles:
+        lasting = LASTING / max(-pole.real, TINY)
+        steps = int(np.clip(lasting * abs(pole) * A_RADIAN, 20, MOST_STEPS))
+        each.append(np.linspace(0, lasting, steps))
+    time = np.unique(np.concatenate(each))
+    left, right = loops.C[k] @ loops.modes.right[k], loops.modes.left[k] @ loops.E[k]
+    found = []
+    for g, group in enumerate(groups):
+
+        def square(t: Array, order: int, own: Any = right[:, group]) -> Array:
+            y, v, a = (
+                ((left * poles**j * np.exp(np.outer(t, poles))) @ own).real for j in range(3)
+            )
+            return np.asarray([(y * y), 2 * y * v, 2 * (v * v + y * a)][order].sum(axis=1))
+
+        y = square(time, 0)
+        inner = (y >= np.append(-1.0, y[:-1])) & (y > np.append(y[1:], -1.0))
+        at = np.flatnonzero(inner)
+        at = at[np.argsort(-y[at], kind="stable")][:MOST]
+        t = time[at]
+        low, high = time[np.maximum(at - 1, 0)], time[np.minimum(at + 1, len(time) - 1)]
+        for _ in range(4):
+            slope, bend = square(t, 1), square(t, 2)
+            step = np.divide(slope, bend, out=np.zeros_like(t), where=bend < -1e-12 * abs(slope))
+            t = np.clip(t - step, low, high)
+        found += [(float(v), k, g, float(s)) for v, s in zip(square(t, 0), t, strict=True)]
+    found.sort(key=lambda row: -row[0])
+    return [row[1:] for row in found[:MOST] if row[0] >= NEAR**2 * found[0][0]]
 
 
 def _require_square(name: str, ellipsoid: Any) -> None:

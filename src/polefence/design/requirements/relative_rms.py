@@ -17,6 +17,7 @@ import numpy as np
 
 from polefence.base.errors import InputError
 from polefence.design.requirements.rms import Rms
+from polefence.design.requirements.slopes import Channel
 from polefence.design.requirements.specification import disturbance
 from polefence.law.laws import Law
 from polefence.lmi.conditions import performance as conditions
@@ -92,6 +93,12 @@ class RelativeRms(Rms):
     def values(self, plant: UncertainPlant, law: Any, alpha: Array) -> Array:
         """Return the ratio."""
         return super().values(plant, law, alpha) / super().values(plant, None, alpha)
+
+    def channel(self, plant: UncertainPlant, alpha: Array) -> Channel:
+        """Return it with the signal in units of its rms without control."""
+        own = super().channel(plant, alpha)
+        size = super().values(plant, None, alpha)[:, None, None]
+        return replace(own, C=own.C / size, D=own.D / size)
 
 
 @dataclass(frozen=True, eq=False)

@@ -10,6 +10,7 @@ from typing import Any, Self
 import numpy as np
 
 from polefence.base.errors import InputError, SpecError, shown, suggest
+from polefence.design.requirements.slopes import Channel, Loops, Slopes, of_noise
 from polefence.design.requirements.specification import Row, Specification, is_number
 from polefence.law.laws import Law
 from polefence.lmi.conditions import performance as conditions
@@ -112,3 +113,12 @@ class Rms(Specification):
         psd = self.density * self.squares(plant)
         found = stationary(plant, law, alpha, psd, self.outputs(plant))
         return np.asarray(np.linalg.norm(found.rms, axis=1))
+
+    def channel(self, plant: UncertainPlant, alpha: Array) -> Channel:
+        """Return it with disturbances of unit intensity."""
+        own = super().channel(plant, alpha)
+        return replace(own, E=(self.density / 2) ** 0.5 * own.E)
+
+    def slopes(self, loops: Loops) -> Slopes:
+        """Return the rms with its slopes."""
+        return of_noise(loops)

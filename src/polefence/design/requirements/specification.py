@@ -13,6 +13,7 @@ from typing import Any, ClassVar, Self, cast
 import numpy as np
 
 from polefence.base.errors import InputError, SpecError, shown, suggest
+from polefence.design.requirements.slopes import Channel, Loops, Slopes
 from polefence.law.laws import Law
 from polefence.lmi.conditions import performance as conditions
 from polefence.lmi.solve.gramians import DualProblem
@@ -333,6 +334,16 @@ class Specification:
         InputError
             If a loop is not stable, or a response cannot be computed.
         """
+        raise NotImplementedError
+
+    def channel(self, plant: UncertainPlant, alpha: Array) -> Channel:
+        """Return what moves its signal, and the signal, at points alpha (count, N)."""
+        C, D, F = stacked(plant, self.outputs(plant))
+        moved = self.entering(plant), C, D, self.scaled(plant, F)
+        return Channel(*plant.at(alpha), *(np.tensordot(alpha, M, 1) for M in moved))
+
+    def slopes(self, loops: Loops) -> Slopes:
+        """Return what is bounded in closed loops of its `channel`, with slopes; they are stable."""
         raise NotImplementedError
 
 

@@ -1,0 +1,103 @@
+"""What a requirement measures at points of a family, and its slopes with respect to the loop."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from polefence.plant.system import Array
+from polefence.response.modes import Modes
+
+
+@dataclass(frozen=True, eq=False)
+class Channel:
+    """x' = A x + B u + E w, z = C x + D u + F w at ``count`` points: what one requirement is of.
+
+    Attributes
+    ----------
+    A, B, E, C, D, F : (count, n, n), (count, n, m), (count, n, q), (count, p, n), (count, p, m),
+        (count, p, q) arrays
+    """
+
+    A: Array
+    B: Array
+    E: Array
+    C: Array
+    D: Array
+    F: Array
+
+    def __getitem__(self, some: Any) -> Channel:
+        return Channel(*(getattr(self, key)[some] for key in "ABECDF"))
+
+    def in_units(self, d: Array) -> Channel:
+        """Return it with states in units d (n,)."""
+        column = d[:, None]
+        A, B, E = self.A / column * d, self.B / column, self.E / column
+        return replace(self, A=A, B=B, E=E, C=self.C * d)
+
+    def closed(self, K: Array, modes: Modes) -> Loops:
+        """Return the loops under gains K (count, m, n), with the modes of A + B K."""
+        return Loops(modes, self.E, self.C + self.D @ K, self.F)
+
+    def slopes(self, own: Slopes) -> Array:
+        """Return slopes with respect to K (rows, m, n)."""
+        B, D = (np.swapaxes(M[own.points], 1, 2) for M in (self.B, self.D))
+        return np.asarray(B @ own.dA + D @ own.dC)
+
+
+@dataclass(frozen=True, eq=False)
+class Loops:
+    """x' = A x + E w, z = C x + F w: closed loops at ``count`` points.
+
+    Attributes
+    ----------
+    modes : Modes
+        Of A.
+    E, C, F : (count, n, q), (count, p, n), (count, p, q) arrays
+    """
+
+    modes: Modes
+    E: Array
+    C: Array
+    F: Array
+
+    @property
+    def A(self) -> Array:
+        """The closed loops' own matrices, (count, n, n)."""
+        return self.modes.A
+
+    @property
+    def covariance(self) -> Array:
+        """X of A X + X A' + E E' = 0."""
+        return self.modes.covariance(self.E)
+
+
+@dataclass(frozen=True, eq=False)
+class Slopes:
+    """Values, one or more a point where more are near the worst, and their slopes.
+
+    Attributes
+    ----------
+    values : (rows,) array
+    points : (rows,) array of int
+        Numbers of the points.
+    dA, dC : (rows, n, n), (rows, p, n) arrays
+        With respect to the loops' A and C.
+    """
+
+    values: Array
+    points: Any
+    dA: Array
+    dC: Array
+
+
+def of_noise(loops: Loops) -> Slopes:
+    """Return the root of trace C X C', A X + X A' + E E' = 0: by Q of A' Q + Q A + C' C = 0."""
+    X, C = loops.covariance, loops.C
+    Q = loops.modes.observed(np.swapaxes(C, 1, 2) @ C)
+    CX = C @ X
+    values = np.sqrt(np.maximum((CX * C).sum(axis=(1, 2)), 0.0))
+    size = np.where(values > 0, values, 1.0)[:, None, None]
+    return Slopes(values, np.arange(len(values)), Q @ X / size, CX / size)

@@ -1,0 +1,1 @@
+"""Laws of any structure, searched directly: proposed here, proved elsewhere."""

@@ -1,0 +1,199 @@
+"""Sequential quadratic programming for the largest of many functions, within limits on others.
+
+What is minimised is max f subject to h <= 0, through the exact penalty max f + rho max(0, h). All
+rows are known with their slopes, so that kinks between them are met as corners of a quadratic
+program, within a reach that adapts; curvature is BFGS's, of the rows that are active. A point at which nothing can be evaluated
+counts as infinitely bad.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from polefence.design.tune.quadratic import minimum
+from polefence.plant.system import Array
+
+ENOUGH = 1e-8  # of a decrease that is foreseen
+LEAST, BAD, GOOD = 1e-3, 0.3, 0.7  # shares of what is foreseen: taken, less reach, more reach
+STALL = 6  # steps that must be worth it
+PENALTY, MOST_PENALTY = 10.0, 1e7
+FIRST = 0.3  # length of the first step, of a point's own size
+SHORTEST = 1e-9
+ACTIVE = 1e-7  # of a multiplier
+
+
+@dataclass(frozen=True)
+class Effort:
+    """How long a search goes on: most steps, and the decrease that a few of them must be worth."""
+
+    steps: int
+    worth: float
+
+
+FULL, QUICK = Effort(100, 3e-5), Effort(15, 1e-3)
+
+
+@dataclass(frozen=True, eq=False)
+class Rows:
+    """Functions at one point, with slopes.
+
+    Attributes
+    ----------
+    values : (rows,) array
+    slopes : (rows, n) array
+    groups : (rows,) array of int
+        Rows of one group are taken for the same function in any order: peaks, poles.
+    objective : (rows,) array of bool
+        Whether it is one of those whose largest is minimised; else it is to be zero at most.
+    """
+
+    values: Array
+    slopes: Array
+    groups: Any
+    objective: Any
+
+    @property
+    def level(self) -> float:
+        """The largest of what is minimised."""
+        return float(self.values[self.objective].max())
+
+    @property
+    def excess(self) -> float:
+        """The largest of the others; what is above zero is not kept."""
+        return float(self.values[~self.objective].max(initial=-np.inf))
+
+
+Evaluate = Callable[[Array], Rows | None]
+
+
+def descend(
+    evaluate: Evaluate, theta: Array, target: float = -np.inf, effort: Effort = FULL
+) -> tuple[Array, Rows] | None:
+    """Return a local minimum and the rows there; None where nothing can be evaluated at first.
+
+    Parameters
+    ----------
+    target : float
+        Where the level is below it, and all is kept, the search ends.
+    """
+    here = evaluate(theta)
+    if here is None:
+        return None
+    H, rho, reach = _first(here, theta), PENALTY, FIRST * max(1.0, float(np.abs(theta).max()))
+    fresh, merits = True, list[float]()
+    for _ in range(effort.steps):
+        merits.append(_merit(here, rho))
+        if here.level <= target and here.excess <= 0:
+            break
+        if len(merits) > STALL and merits[-1 - STALL] - merits[-1] < effort.worth:
+            break
+        d, z, rho, foreseen = _direction(here, here.values, H, rho, reach)
+        if not foreseen > ENOUGH:
+            break
+        length = float(np.abs(d).max())
+        found, share = _tried(evaluate, theta, here, d, (H, rho, reach, foreseen))
+        if found is None:
+            reach = length / 4
+            if reach < SHORTEST * max(1.0, float(np.abs(theta).max())):
+                break
+            continue
+        after, there = found
+        if share < BAD:
+            reach = length / 2
+        elif share > GOOD and length > 0.9 * reach:
+            reach *= 2.5
+        H = _updated(H, after - theta, _turn(here, there, after - theta, z), fresh)
+        theta, here, fresh = after, there, False
+    return theta, here
+
+
+def _merit(rows: Rows, rho: float) -> float:
+    return rows.level + rho * max(0.0, rows.excess)
+
+
+def _first(rows: Rows, theta: Array) -> Array:
+    """Return the curvature at which the first step is of a modest length."""
+    some = rows.objective if rows.excess <= 0 else ~rows.objective
+    steepest = rows.slopes[some][rows.values[some].argmax()]
+    length = FIRST * max(1.0, float(np.linalg.norm(theta)))
+    return max(float(np.linalg.norm(steepest)) / length, 1e-8) * np.eye(len(theta))
+
+
+def _direction(
+    rows: Rows, values: Array, H: Array, rho: float, reach: float
+) -> tuple[Array, Array, float, float]:
+    """Return the quadratic program's step within reach, multipliers, rho and the decrease."""
+    n, m = len(H), len(values)
+    P = np.zeros((n + 2, n + 2))
+    P[:n, :n] = H
+    G = np.zeros((m + 1 + 2 * n, n + 2))
+    G[:m, :n] = rows.slopes
+    G[:m, n], G[:m, n + 1] = -1.0 * rows.objective, -1.0 * ~rows.objective
+    G[m, n + 1] = -1.0
+    G[m + 1 : m + 1 + n, :n], G[m + 1 + n :, :n] = np.eye(n), -np.eye(n)
+    h = np.concatenate([-values, [0.0], np.full(2 * n, reach)])
+    while True:
+        q = np.zeros(n + 2)
+        q[n], q[n + 1] = 1.0, rho
+        x, z = minimum(P, q, G, h)
+        if rows.objective.all() or rho >= MOST_PENALTY:
+            break
+        if x[n + 1] <= max(1e-7, 0.5 * rows.excess):  # kept, or under way
+            break
+        if x[n + 1] >= 0.99 * rows.excess:
+            break  # out of reach
+        rho *= 10
+    return x[:n], z[:m], rho, _merit(rows, rho) - float(x[n] + rho * max(0.0, x[n + 1]))
+
+
+def _tried(
+    evaluate: Evaluate, theta: Array, here: Rows, d: Array, model: tuple[Array, float, float, float]
+) -> tuple[tuple[Array, Rows] | None, float]:
+    """Return the point a step leads to, if it is lower, and its share of the decrease foreseen.
+
+    Where the step itself falls short it is bent once, as the rows are.
+    """
+    H, rho, reach, foreseen = model
+    merit = _merit(here, rho)
+    there = evaluate(theta + d)
+    share = -np.inf if there is None else (merit - _merit(there, rho)) / foreseen
+    found = None if there is None else (theta + d, there)
+    if there is not None and share < BAD and len(there.values) == len(here.values):
+        bent, _, _, _ = _direction(here, there.values - here.slopes @ d, H, rho, reach)
+        again = evaluate(theta + bent)
+        if again is not None and (merit - _merit(again, rho)) / foreseen > share:
+            share = (merit - _merit(again, rho)) / foreseen
+            found = theta + bent, again
+    return (found if share > LEAST else None), share
+
+
+def _turn(here: Rows, there: Rows, s: Array, z: Array) -> Array | None:
+    """Return by how much the slopes of the active rows turned, each found again in its group."""
+    active = np.flatnonzero(z > ACTIVE * z.sum())
+    both = here.groups[active, None] == there.groups[None, :]
+    if not np.all(both.any(axis=1)):
+        return None
+    mean = (here.slopes[active] @ s)[:, None] / 2 + (there.slopes @ s)[None, :] / 2
+    miss = np.abs(there.values[None, :] - here.values[active, None] - mean)
+    again = np.where(both, miss, np.inf).argmin(axis=1)
+    return np.asarray(z[active] @ (there.slopes[again] - here.slopes[active]))
+
+
+def _updated(H: Array, s: Array, y: Array | None, fresh: bool) -> Array:
+    """Return the curvature after a step, damped as Powell has it."""
+    if y is None:
+        return H
+    if fresh and (y @ s) > 1e-8 * np.linalg.norm(y) * np.linalg.norm(s):
+        H = max(float(y @ y) / float(y @ s), 1e-8) * np.eye(len(H))
+    Hs = H @ s
+    size = float(s @ Hs)
+    if not size > 0:
+        return H
+    own = float(s @ y)
+    if own < 0.2 * size:
+        y = Hs + 0.8 * size / (size - own) * (y - Hs)
+    return np.asarray(H - np.outer(Hs, Hs) / size + np.outer(y, y) / float(s @ y))

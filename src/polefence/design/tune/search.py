@@ -1,0 +1,388 @@
+"""The search: laws of a structure with the least worst case, from several starts.
+
+A law is first brought into the region, then within the limits, then to the least level, at a few
+points of the family. Where it is worse elsewhere these points are added, and it is improved again.
+Last comes the smallest law that is as good to a thousandth.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from polefence.base.errors import InputError
+from polefence.design.requirements.specification import Specification
+from polefence.design.tune.descent import FULL, QUICK, Effort, descend
+from polefence.design.tune.measures import LEVEL, LIMITS, REGION, SMALL, WIDE, Points, Task
+from polefence.design.tune.starts import regulators, typical
+from polefence.design.tune.unknowns import Unknowns
+from polefence.law.laws import Law, ScheduledGain
+from polefence.law.structure import Structure
+from polefence.lmi.conditions.target import Goal, Side
+from polefence.plant.family import UncertainPlant
+from polefence.plant.points import edges, inside
+from polefence.plant.polynomial import Domain
+from polefence.plant.system import Array
+from polefence.region.regions import HalfPlane, Region, bounds_speed
+
+INSIDE, ON_EDGES = 160, 3  # points of the cloud: in the family, and on each edge
+MOST_CORNERS, MOST_CLOUD = 16, 600
+RANDOM, SEED = 4, 20261122  # starts at random
+BEST, LAST = 3, 2  # starts that are followed at the corners, and over the family
+ROUNDS, MORE = 10, 1e-4  # of added points, and by how much one must be worse
+HALVINGS = 7  # of the steps of a search for the worst point
+KEPT = 1e-6
+FAST = 100.0  # times the plant's own and the region's rates, where nothing bounds the gain
+ALIKE = 1e-3  # of laws that count as one
+FEW = 40  # points at which a start is fitted
+NUDGE = 1e-4
+SCALINGS, HALF = 5, 0.5  # of the level's unit: anew where the level fell below that share of it
+REPAIRS = 4  # of a small law, at points where it is worse
+FEASIBLE = 1e-6
+APART, DIGITS = 1e-6, 12  # of points
+AT_SPEED = 0.5  # of the bound on poles' speed: a law so fast is bounded by it
+SAME = 1e-6  # of gains
+
+
+@dataclass(frozen=True, eq=False)
+class Tuned:
+    """A law that a search found; nothing of it is proved.
+
+    Attributes
+    ----------
+    law : Law
+        A `FixedGain` where the structure is one gain of plain states.
+    level : float
+        The worst of what is minimised at the points that were looked at.
+    alpha : (N,) array
+        Where.
+    kept : bool
+        Whether limits, region and largest gain are kept at all of them.
+    bounded_by : str
+        What stopped the gain from growing further; empty where nothing had to.
+    """
+
+    law: Law
+    level: float
+    alpha: Array
+    kept: bool
+    bounded_by: str
+
+
+def tune(
+    plant: UncertainPlant,
+    structure: Structure,
+    minimise: Specification | None,
+    limits: Sequence[Specification] = (),
+    region: Region | None = None,
+    starts: Sequence[Law] = (),
+) -> list[Tuned]:
+    """Search laws of a structure; return those found, the best first.
+
+    Parameters
+    ----------
+    minimise : Specification or None
+        None: the law's own size, that of its gain in typical units of signals and inputs.
+    limits : sequence of Specification
+        Each with its ``at_most``.
+    region : Region, optional
+        For the poles; stability by default.
+    starts : sequence of Law
+        Laws to start from besides the search's own. One that is of the structure and keeps
+        everything is among the results, so that these are never worse.
+
+    Raises
+    ------
+    InputError
+        If the structure or a specification does not fit the plant.
+    """
+    return _Search(_task(plant, structure, minimise, tuple(limits), region)).run(starts)
+
+
+def tune_region(
+    plant: UncertainPlant,
+    structure: Structure,
+    goal: Goal,
+    limits: Sequence[Specification] = (),
+    starts: Sequence[Law] = (),
+) -> list[Tuned]:
+    """Search laws with the least r of a region that grows with r; return them, the best first.
+
+    Parameters
+    ----------
+    goal : Disks, Around, Decays or Sectors
+        The level is its r, as `polefence.lmi.conditions.target` has it.
+    limits, starts
+        As `tune` has them.
+
+    Raises
+    ------
+    InputError
+        As `tune` raises.
+    """
+    (side,) = (own for own in goal.target(1.0).sides if np.any(own.L1) or np.any(own.M1))
+    within = getattr(goal, "within", None)
+    return _Search(_task(plant, structure, side, tuple(limits), within)).run(starts)
+
+
+def _task(
+    plant: UncertainPlant,
+    structure: Structure,
+    minimise: Specification | Side | None,
+    limits: tuple[Specification, ...],
+    region: Region | None,
+) -> Task:
+    structure.require_fit(plant)
+    for own in (minimise, *limits):
+        if isinstance(own, Specification):
+            own.require_fit(plant)
+    for own in limits:
+        if own.at_most is None:
+            raise InputError(f"the limit of {own.name!r} is missing; give at_most")
+    sizes = typical(plant, structure.rows(plant).mean(axis=0))
+    free = isinstance(minimise, Side) and plant.sample_time is not None
+    if region is None:
+        region = HalfPlane(0.0)
+    elif not region.stable and plant.sample_time is None:
+        region = region & HalfPlane(0.0)
+    rates = [np.abs(np.linalg.eigvals(v)).max() for v in plant.A]
+    fastest = FAST * max(*rates, region.scale, sizes.rate)
+    if bounds_speed(region) or structure.largest_gain is not None or free:
+        fastest = np.inf
+    unknowns = Unknowns(plant, structure, sizes.states, sizes.inputs)
+    return Task(plant, unknowns, minimise, limits, region, sizes, float(fastest))
+
+
+@dataclass(frozen=True, eq=False)
+class _Reached:
+    """Numbers that a start led to.
+
+    Attributes
+    ----------
+    theta : (size,) array
+    points : Points
+        At which it was improved.
+    excess : float
+        By how much something is not kept there, zero or less where all is.
+    level : float
+        The worst there of what is minimised.
+    """
+
+    theta: Array
+    points: Points
+    excess: float
+    level: float
+
+    @property
+    def rank(self) -> tuple[float, float]:
+        """What is less is better."""
+        return max(self.excess, 0.0), self.level
+
+
+class _Search:
+    """A task with the points that it is looked at."""
+
+    def __init__(self, task: Task) -> None:
+        count = len(task.plant.vertices)
+        self.task = task
+        self.domain = Domain.of("box" if task.plant.parameters else "simplex", count)
+        corners = np.eye(count)
+        if count > MOST_CORNERS:
+            some = np.random.default_rng(SEED).permutation(count)[:MOST_CORNERS]
+            corners = corners[np.sort(some)]
+        self.first = task.at(corners)
+        self.places = _cloud(self.domain)
+        self.cloud = task.at(self.domain.alpha(self.places))
+
+    def run(self, laws: Sequence[Law]) -> list[Tuned]:
+        """Return what all starts lead to, the best first."""
+        nothing = self.task.unknowns.law(np.zeros(self.task.unknowns.size))
+        if self.task.minimise is None and (own := self._given(nothing)).kept:
+            return [own]
+        quick = [self._improved(theta, self.first, QUICK) for theta in self._starts(laws)]
+        reached = [self._improved(own.theta, self.first) for own in _distinct(quick)[:BEST]]
+        found = [self._tuned(self._finished(own)) for own in _distinct(reached)[:LAST]]
+        given = [self._given(law) for law in laws if self._of_structure(law)]
+        found += [own for own in given if own.kept]
+        return sorted(found, key=lambda own: (not own.kept, own.level))
+
+    def _starts(self, laws: Sequence[Law]) -> list[Array]:
+        task, own = self.task, self.task.unknowns
+        alpha = self.cloud.alpha[:: max(1, len(self.cloud.alpha) // FEW)]
+        few, root = own.at(alpha), _root(task.sizes.covariance)
+        gains = [np.asarray(law.gain(alpha)) * own.states for law in laws]
+        for K in regulators(task.plant, task.sizes, task.region, task.requirements):
+            gains.append(np.broadcast_to(K, (len(alpha), *K.shape)))
+        found = [few.nearest(K, root) for K in gains]
+        found.append(np.zeros(own.size))
+        random = np.random.default_rng(SEED)
+        found += [random.normal(size=own.size) for _ in range(RANDOM)]
+        # none is exactly where poles coincide
+        return [theta + NUDGE * random.normal(size=own.size) for theta in found]
+
+    def _improved(self, theta: Array, points: Points, effort: Effort = FULL) -> _Reached:
+        """Return where the phases lead to at some points: into the region, the limits, down."""
+        for phase in (REGION, LIMITS):
+            found = descend(lambda x, own=phase: points.rows(x, own), theta, 0.0)
+            if found is None:
+                return _Reached(theta, points, np.inf, np.inf)
+            theta, rows = found
+            if rows.level > 0:
+                return _Reached(theta, points, rows.level, self._level(points, theta))
+        for _ in range(SCALINGS):
+            unit = abs(self._level(points, theta)) or 1.0
+            found = descend(lambda x, own=unit: points.rows(x, LEVEL, own), theta, effort=effort)
+            if found is None:
+                break
+            theta, rows = found
+            if rows.level > HALF:
+                break
+        own = points.rows(theta, LIMITS)
+        excess = np.inf if own is None else own.level
+        return _Reached(theta, points, excess, self._level(points, theta))
+
+    def _level(self, points: Points, theta: Array) -> float:
+        return float(self._worst(points, theta)[0].max())
+
+    @staticmethod
+    def _worst(points: Points, theta: Array) -> Array:
+        inner = points.unknowns.gains(theta)
+        return points.worst(inner @ points.unknowns.C, inner)
+
+    def _finished(self, own: _Reached) -> _Reached:
+        """Return it improved at points where it is worse, then made small."""
+        for _ in range(ROUNDS):
+            more = self._more(own)
+            if more is None:
+                break
+            own = self._improved(own.theta, more)
+        if own.excess > 0 or self.task.minimise is None:
+            return own
+        smaller, level = own, own.level + (WIDE - 1) * abs(own.level)
+        for _ in range(REPAIRS):
+            points = smaller.points
+            found = descend(lambda x, at=points: at.rows(x, SMALL, level), smaller.theta)
+            if found is None or found[1].excess > FEASIBLE:
+                return own
+            smaller = _Reached(found[0], points, 0.0, self._level(points, found[0]))
+            more = self._more(smaller)
+            if more is None:
+                return smaller
+            smaller = replace(smaller, points=more)
+        return own
+
+    def _more(self, own: _Reached) -> Points | None:
+        """Return the points with those at which a law is worse; None where there are none."""
+        worst, alpha = self._looked(lambda points: self._worst(points, own.theta))
+        here = self._worst(own.points, own.theta).max(axis=1)
+        if not np.isfinite(here[0]) and not np.isfinite(worst[0]):
+            here[0] = worst[0]
+        slack = np.append(MORE * abs(here[0]), np.full(len(here) - 1, KEPT / 2))
+        beyond = np.append(here[:1], np.maximum(here[1:], 0.0)) + slack
+        new = alpha[worst > np.where(np.isnan(beyond), np.inf, beyond)]
+        have = own.points.alpha
+        far = [a for a in new if np.abs(have - a).max(axis=1).min() > APART]
+        if not far:
+            return None
+        return self.task.at(np.vstack([have, np.unique(np.round(far, DIGITS), axis=0)]))
+
+    def _looked(self, worst: Any) -> tuple[Array, Array]:
+        """Return the worst of each measure over the family, and where: from the cloud, uphill.
+
+        Parameters
+        ----------
+        worst : callable
+            From points to the values of all measures there, (measures, count).
+        """
+        found = worst(self.cloud)
+        best = found.argmax(axis=1)
+        values, places = found.max(axis=1), self.places[best]
+        if len(self.places) == 1:
+            return values, self.domain.alpha(places)
+        corners = np.array(self.domain.monomials(1), dtype=float)
+        moves = self._moves(corners.shape[1])
+        share = 0.25
+        for _ in range(HALVINGS):
+            near = places[:, None] + share * np.stack([to(places) for to in moves], axis=1)
+            own = worst(self.task.at(self.domain.alpha(near.reshape(-1, near.shape[2]))))
+            own = own.reshape(len(values), len(values), len(moves))[np.arange(len(values)), np.arange(len(values))]
+            at = own.argmax(axis=1)
+            higher = own[np.arange(len(at)), at] > values
+            places = np.where(higher[:, None], near[np.arange(len(at)), at], places)
+            values = np.maximum(values, own.max(axis=1))
+            share /= 2
+        return values, self.domain.alpha(places)
+
+    def _moves(self, count: int) -> list[Any]:
+        """Return ways towards each corner of each simplex, the others as they are."""
+        cuts = np.cumsum((0, *self.domain.sizes))
+        found = []
+        for first, last in zip(cuts[:-1], cuts[1:], strict=True):
+            for corner in range(first, last):
+                target = np.eye(count)[corner]
+                part = np.zeros(count)
+                part[first:last] = 1.0
+                found.append(lambda c, t=target, own=part: (t - c) * own)
+        return found
+
+    def _tuned(self, own: _Reached) -> Tuned:
+        worst, alpha = self._looked(lambda points: self._worst(points, own.theta))
+        there = self._worst(own.points, own.theta)
+        return self._answer(self.task.unknowns.law(own.theta), worst, alpha, there, own.points.alpha)
+
+    def _given(self, law: Law) -> Tuned:
+        def worst(points: Points) -> Array:
+            K = np.asarray(law.gain(points.alpha)) * self.task.unknowns.states
+            return points.worst(K, points.unknowns.of(law, points.alpha))
+
+        found, alpha = self._looked(worst)
+        return self._answer(law, found, alpha, found[:, None], alpha[:1])
+
+    def _answer(self, law: Law, worst: Array, alpha: Array, there: Array, where: Array) -> Tuned:
+        k = int(there[0].argmax())
+        level, at = max((float(there[0, k]), k), (float(worst[0]), -1))
+        kept = np.maximum(worst, there.max(axis=1))
+        fast, bound = 1 + len(self.task.sides), ""
+        if np.isfinite(self.task.fastest) and kept[fast] > AT_SPEED - 1:
+            bound = f"poles of at most {self.task.fastest:.2g} 1/s"
+        place = alpha[0] if at < 0 else where[at]
+        return Tuned(law, level, place, bool(np.all(kept[1:] <= KEPT)), bound)
+
+    def _of_structure(self, law: Law) -> bool:
+        """Whether a law is one of the structure."""
+        own = self.task.unknowns
+        if isinstance(law, ScheduledGain):
+            free = self.task.unknowns.structure
+            return free.measured is None and free.schedule is None and free.pattern is None
+        K = np.asarray(law.gain(self.cloud.alpha)) * own.states
+        at = own.at(self.cloud.alpha)
+        theta = at.nearest(K, np.eye(len(own.states)))
+        rest = np.abs(at.gains(theta) @ at.C - K).max()
+        return bool(rest <= SAME * np.abs(K).max())
+
+
+def _root(X: Array) -> Array:
+    values, vectors = np.linalg.eigh(X)
+    return np.asarray(vectors * np.sqrt(np.maximum(values, 1e-6 * values.max())))
+
+
+def _cloud(domain: Domain) -> Array:
+    """Return points of a domain in its own coordinates: corners, edges, and within."""
+    if domain.corners == 1:
+        return np.ones((1, 1))
+    if domain.corners <= MOST_CORNERS:
+        return np.vstack([edges(domain, ON_EDGES), inside(domain, INSIDE)])
+    return np.vstack([np.array(domain.monomials(1), dtype=float)[:MOST_CLOUD], inside(domain, INSIDE)])
+
+
+def _distinct(reached: Sequence[_Reached]) -> list[_Reached]:
+    """Return the best, each of a level of its own."""
+    found = list[_Reached]()
+    for own in sorted(reached, key=lambda own: own.rank):
+        alike = found and abs(own.level - found[-1].level) <= ALIKE * abs(found[-1].level)
+        if np.isfinite(own.excess) and not alike:
+            found.append(own)
+    return found

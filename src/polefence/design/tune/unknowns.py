@@ -1,0 +1,138 @@
+"""Free numbers of a law: from numbers to gains at points, and slopes the way back."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from polefence.law.laws import FixedGain, Law, PolynomialGain
+from polefence.law.structure import Structure
+from polefence.plant.family import UncertainPlant
+from polefence.plant.system import Array
+
+
+@dataclass(frozen=True, eq=False)
+class Unknowns:
+    """The free numbers theta of a structure, in units that are typical of the plant.
+
+    Attributes
+    ----------
+    plant : UncertainPlant
+    structure : Structure
+    states, inputs : (n,), (m,) arrays
+        Typical sizes.
+    """
+
+    plant: UncertainPlant
+    structure: Structure
+    states: Array
+    inputs: Array
+
+    @cached_property
+    def rows(self) -> Array:
+        """C of what is measured at the vertices, (N, r, n) or (1, r, n), states in their sizes."""
+        return self.structure.rows(self.plant) * self.states
+
+    @cached_property
+    def signals(self) -> Array:
+        """Typical sizes of what is measured, (r,)."""
+        found = np.sqrt((self.rows**2).sum(axis=2)).max(axis=0)
+        return np.asarray(np.where(found > 0, found, 1.0))
+
+    @cached_property
+    def blank(self) -> PolynomialGain:
+        """The law of zeros."""
+        return self._law(np.zeros(self.size))
+
+    @cached_property
+    def pattern(self) -> Array:
+        """What one of each number adds to each entry of K, (m r, numbers)."""
+        free = self.structure.free(self.plant).ravel()
+        entry = (self.inputs[:, None] / self.signals).ravel()
+        found = np.zeros((len(free), int(free.max()) + 1))
+        for k in range(found.shape[1]):
+            found[free == k, k] = np.exp(np.log(entry[free == k]).mean())
+        return found
+
+    @cached_property
+    def terms(self) -> int:
+        """Number of the law's terms."""
+        return len(self.structure.powers(self.plant))
+
+    @property
+    def size(self) -> int:
+        """How many numbers there are."""
+        return self.terms * int(self.pattern.shape[1])
+
+    def coefficients(self, theta: Array) -> Array:
+        """Return the gains of the terms, (terms, m, r)."""
+        flat = theta.reshape(self.terms, -1) @ self.pattern.T
+        return np.asarray(flat.reshape(self.terms, len(self.inputs), len(self.signals)))
+
+    def _law(self, theta: Array) -> PolynomialGain:
+        return self.structure.law(self.plant, self.coefficients(theta))
+
+    def law(self, theta: Array) -> Law:
+        """Return the law of these numbers: one gain of plain states as a `FixedGain`."""
+        found = self._law(theta)
+        rows = found.C[0]
+        plain = np.all(np.isin(rows, (0, 1))) and np.all(rows.sum(axis=1) == 1)
+        return FixedGain(found.gains[0] @ rows) if found.constant and plain else found
+
+    def at(self, alpha: Array) -> At:
+        """Return what these numbers are at points alpha (count, N)."""
+        weights = alpha if len(self.rows) > 1 else np.ones((len(alpha), 1))
+        return At(self, self.blank.terms(alpha), np.tensordot(weights, self.rows, 1))
+
+
+@dataclass(frozen=True, eq=False)
+class At:
+    """The unknowns at points: gains and their slopes.
+
+    Attributes
+    ----------
+    unknowns : Unknowns
+    terms : (count, terms) array
+    C : (count, r, n) array
+        Of states in their sizes.
+    """
+
+    unknowns: Unknowns
+    terms: Array
+    C: Array
+
+    def gains(self, theta: Array) -> Array:
+        """Return K of what is measured, (count, m, r)."""
+        return np.asarray(np.tensordot(self.terms, self.unknowns.coefficients(theta), 1))
+
+    def of(self, law: Law, alpha: Array) -> Array:
+        """Return the gain that a law has of what is measured, (count, m, r)."""
+        if isinstance(law, PolynomialGain):
+            return np.asarray(np.tensordot(law.terms(alpha), law.gains, 1))
+        K = np.asarray(law.gain(alpha)) * self.unknowns.states
+        C = self.C
+        return np.stack([np.linalg.lstsq(c.T, k.T, rcond=None)[0].T for c, k in zip(C, K, strict=True)])
+
+    def slopes(self, points: Any, dK: Array) -> Array:
+        """Return slopes with respect to theta (rows, size) from those with respect to K."""
+        flat = dK.reshape(len(dK), -1) @ self.unknowns.pattern
+        return np.asarray((self.terms[points][:, :, None] * flat[:, None, :]).reshape(len(dK), -1))
+
+    def nearest(self, K: Array, weights: Array) -> Array:
+        """Return theta whose gains are nearest to gains of all states.
+
+        Parameters
+        ----------
+        K : (count, m, n) array
+            Of states in their sizes.
+        weights : (n, n) array
+            The distance is that of the rows of K times this.
+        """
+        size = self.unknowns.size
+        each = [self.gains(row) @ self.C @ weights for row in np.eye(size)]
+        rows = np.stack(each, axis=-1) / self.unknowns.inputs[:, None, None]
+        right = K @ weights / self.unknowns.inputs[:, None]
+        return np.asarray(np.linalg.lstsq(rows.reshape(-1, size), right.ravel(), rcond=1e-9)[0])

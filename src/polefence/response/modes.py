@@ -1,0 +1,107 @@
+"""Modes of many matrices at once: poles and their slopes, Lyapunov equations, responses."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from polefence.plant.system import Array
+from polefence.response.stationary import lyapunov
+
+# Of a Lyapunov equation: above that share of its terms it is solved without eigenvectors.
+RESIDUAL = 1e-9
+DEFECT = 1e-7  # by which a matrix without a full set of eigenvectors is moved
+
+
+@dataclass(frozen=True, eq=False)
+class Modes:
+    """Eigenvalues and eigenvectors of matrices A.
+
+    Attributes
+    ----------
+    A : (count, n, n) array
+    """
+
+    A: Array
+    _covariances: dict[int, tuple[Array, Array]] = field(default_factory=dict, init=False)
+
+    @cached_property
+    def _parts(self) -> tuple[Any, Any, Any]:
+        poles, right = np.linalg.eig(self.A)
+        try:
+            return poles, right, np.linalg.inv(right)
+        except np.linalg.LinAlgError:
+            return _moved(self.A)
+
+    @property
+    def poles(self) -> Any:
+        """Eigenvalues, (count, n) complex."""
+        return self._parts[0]
+
+    @property
+    def right(self) -> Any:
+        """Eigenvectors as columns, (count, n, n) complex."""
+        return self._parts[1]
+
+    @property
+    def left(self) -> Any:
+        """The inverse of `right`: its rows are left eigenvectors."""
+        return self._parts[2]
+
+    @property
+    def abscissa(self) -> float:
+        """The largest real part of all."""
+        return float(self.poles.real.max())
+
+    def lyapunov(self, W: Array) -> Array:
+        """Return X of A X + X A' + W = 0 for symmetric W, (count, n, n); A is stable."""
+        V, U = self.right, self.left
+        total = self.poles[:, :, None] + self.poles.conj()[:, None, :]
+        X = _product(V, (U @ W @ _adjoint(U)) / -total, _adjoint(V))
+        return _checked(self.A, X, W)
+
+    def covariance(self, E: Array) -> Array:
+        """Return X of A X + X A' + E E' = 0; of one array E it is found once."""
+        known = self._covariances.get(id(E))
+        if known is None:
+            known = E, self.lyapunov(E @ np.swapaxes(E, 1, 2))
+            self._covariances[id(E)] = known
+        return known[1]
+
+    def observed(self, W: Array) -> Array:
+        """Return Q of A' Q + Q A + W = 0 for symmetric W, (count, n, n); A is stable."""
+        V, U = self.right, self.left
+        total = self.poles.conj()[:, :, None] + self.poles[:, None, :]
+        Q = _product(_adjoint(U), (_adjoint(V) @ W @ V) / -total, U)
+        return _checked(np.swapaxes(self.A, 1, 2), Q, W)
+
+
+def _adjoint(M: Any) -> Any:
+    return np.swapaxes(M.conj(), 1, 2)
+
+
+def _product(left: Any, middle: Any, right: Any) -> Array:
+    found = (left @ middle @ right).real
+    return np.asarray((found + np.swapaxes(found, 1, 2)) / 2)
+
+
+def _checked(A: Array, X: Array, W: Array) -> Array:
+    """Return X, solved anew where eigenvectors are too near to one another."""
+    half = A @ X
+    rest = np.abs(half + np.swapaxes(half, 1, 2) + W).max(axis=(1, 2))
+    size = np.abs(half).max(axis=(1, 2)) + np.abs(W).max(axis=(1, 2))
+    bad = np.flatnonzero(~(rest <= RESIDUAL * size))
+    if len(bad):
+        X[bad] = lyapunov(A[bad], W[bad])
+    return X
+
+
+def _moved(A: Array) -> tuple[Any, Any, Any]:
+    """Return the parts of matrices moved a little, by which they have eigenvectors."""
+    size = np.abs(A).max(axis=(1, 2), keepdims=True) + np.finfo(float).tiny
+    n = A.shape[-1]
+    poles, right = np.linalg.eig(A + DEFECT * size * np.cos(np.arange(n * n).reshape(n, n)))
+    return poles, right, np.linalg.inv(right)

@@ -1,0 +1,146 @@
+"""Peaks of frequency responses, of many loops at once: where a Hamiltonian says that they are."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from polefence.plant.system import Array
+
+GRID = 24  # frequencies between the slowest and the fastest rate, besides the poles' own
+NEAR, MOST = 0.8, 3  # peaks that count: this share of the highest, so many a loop
+ZOOMS, POINTS = 7, 7  # into each peak
+CLOSE = 1e-7  # to which the highest is one, relative
+ON_AXIS = 1e-7  # real part of an eigenvalue that is imaginary, relative
+CLIMBS = 8
+
+
+def response(A: Array, E: Array, C: Array, F: Array, frequency: Array) -> Any:
+    """Return C (jw - A)^-1 E + F, (count, f, p, q), at w (count, f) [rad/s]."""
+    s = 1j * frequency[..., None, None] * np.eye(A.shape[-1])
+    with np.errstate(all="ignore"):
+        X = np.linalg.solve(s - A[:, None], np.broadcast_to(E[:, None], (*s.shape[:2], *E.shape[1:])))
+    return C[:, None] @ X + F[:, None]
+
+
+def largest(G: Any) -> Array:
+    """Return the largest singular values of matrices; of one row or column its length."""
+    if 1 in G.shape[-2:]:
+        return np.asarray(np.sqrt((np.abs(G) ** 2).sum(axis=(-2, -1))))
+    return np.asarray(np.linalg.norm(G, 2, axis=(-2, -1)))
+
+
+def peaks(A: Array, E: Array, C: Array, F: Array, poles: Any) -> tuple[Array, Array, Array]:
+    """Return peaks of the largest singular value: their loops, frequencies [rad/s], and heights.
+
+    Of each loop the highest, and others near it in height. That no other is higher is decided by
+    the imaginary eigenvalues of a Hamiltonian matrix (Bruinsma & Steinbuch, 1990).
+
+    Parameters
+    ----------
+    A, E, C, F : (count, n, n), (count, n, q), (count, p, n), (count, p, q) arrays
+        A stable.
+    poles : (count, n) complex array
+        Eigenvalues of A.
+    """
+
+    def height(w: Array, some: Any = slice(None)) -> Array:
+        return largest(response(A[some], E[some], C[some], F[some], w))
+
+    grid = _grid(poles)
+    loops, w, top = _climbed(height, grid, height(grid), np.arange(len(A)))
+    for _ in range(CLIMBS):
+        best = np.zeros(len(A))
+        np.maximum.at(best, loops, top)
+        higher = _higher(A, E, C, F, best * (1 + CLOSE))
+        missed = [k for k, found in enumerate(higher) if len(found)]
+        if not missed:
+            break
+        gained = False
+        for k in missed:
+            edges = higher[k]
+            middle = np.concatenate([(edges[1:] + edges[:-1]) / 2, edges])[None]
+            more = height(middle, slice(k, k + 1))
+            j = int(more.argmax())
+            if more[0, j] > best[k] * (1 + CLOSE):
+                around = np.array([[edges[0] / 2, middle[0, j], 2 * edges[-1]]])
+                own = _zoomed(height, np.array([k]), around)
+                loops, w = np.append(loops, k), np.append(w, own[0])
+                top, gained = np.append(top, own[1]), True
+        if not gained:
+            break
+    best = np.zeros(len(A))
+    np.maximum.at(best, loops, top)
+    kept = top >= NEAR * best[loops]
+    order = np.lexsort((w[kept], loops[kept]))
+    return loops[kept][order], w[kept][order], top[kept][order]
+
+
+def _grid(poles: Any) -> Array:
+    """Return frequencies, (count, f), rising: zero, the poles' own, and some between and beyond."""
+    sizes = np.abs(poles)
+    fast = np.maximum(sizes.max(axis=1), np.finfo(float).tiny)
+    slow = np.maximum(sizes.min(axis=1), 1e-6 * fast)
+    share = np.linspace(0, 1, GRID)
+    even = (slow / 5)[:, None] * ((25 * fast / slow)[:, None]) ** share
+    own = np.concatenate([sizes, np.abs(poles.imag)], axis=1)
+    ends = np.stack([0 * fast, 1e4 * fast], axis=1)
+    return np.sort(np.concatenate([even, own, ends], axis=1), axis=1)
+
+
+def _climbed(height: Any, grid: Array, values: Array, loops: Any) -> tuple[Any, Array, Array]:
+    """Return the highest of the local peaks on a grid, each zoomed into."""
+    left = np.pad(values[:, :-1], ((0, 0), (1, 0)), constant_values=-1.0)
+    right = np.pad(values[:, 1:], ((0, 0), (0, 1)), constant_values=-1.0)
+    local = np.where((values >= left) & (values > right), values, -1.0)
+    some = np.argsort(-local, axis=1, kind="stable")[:, :MOST]
+    rows = np.repeat(loops, some.shape[1])
+    at = some.ravel()
+    real = local[rows, at] >= 0.5 * values.max(axis=1)[rows]
+    rows, at = rows[real], at[real]
+    last = grid.shape[1] - 1
+    around = np.stack(
+        [grid[rows, np.maximum(at - 1, 0)], grid[rows, at], grid[rows, np.minimum(at + 1, last)]], 1
+    )
+    return rows, *_zoomed(height, rows, around)
+
+
+def _zoomed(height: Any, loops: Any, around: Array) -> tuple[Array, Array]:
+    """Return the highest point within intervals (k, 3): low, a point inside, high."""
+    low, best, high = around.T
+    top = height(best[:, None], loops)[:, 0]
+    share = np.linspace(0, 1, POINTS + 2)
+    each = np.arange(len(loops))
+    for _ in range(ZOOMS):
+        w = np.sort(np.append(low[:, None] + (high - low)[:, None] * share, best[:, None], 1), 1)
+        values = height(w, loops)
+        j = values.argmax(axis=1)
+        best, top = w[each, j], values[each, j]
+        low, high = w[each, np.maximum(j - 1, 0)], w[each, np.minimum(j + 1, w.shape[1] - 1)]
+    return best, top
+
+
+def _higher(A: Array, E: Array, C: Array, F: Array, level: Array) -> list[Array]:
+    """Return for each loop the frequencies at which a singular value has that level, rising."""
+    found = [np.zeros(0)] * len(A)
+    direct = largest(F)
+    some = np.flatnonzero((level > direct * (1 + CLOSE)) & (level > 0))
+    if not len(some):
+        return found
+    A, E, C, F = A[some], E[some], C[some], F[some]
+    square = level[some, None, None] ** 2
+    Et, Ct, Ft = (np.swapaxes(M, 1, 2) for M in (E, C, F))
+    R = np.linalg.inv(square * np.eye(E.shape[2]) - Ft @ F)
+    middle = A + E @ R @ Ft @ C
+    # scaled so that both blocks off the diagonal are of one size
+    up, down = E @ R @ Et, Ct @ (np.eye(C.shape[1]) + F @ R @ Ft) @ C
+    size = [np.abs(M).max(axis=(1, 2), keepdims=True) for M in (up, down)]
+    scale = np.sqrt(np.maximum(size[1], 1e-300) / np.maximum(size[0], 1e-300))
+    H = np.block([[middle, up * scale], [-down / scale, -np.swapaxes(middle, 1, 2)]])
+    values = np.linalg.eigvals(H)
+    for k, own in zip(some, values, strict=True):
+        imaginary = np.abs(own.real) <= ON_AXIS * np.abs(own).max()
+        w = np.sort(own.imag[imaginary & (own.imag >= 0)])
+        found[k] = w
+    return found

@@ -247,7 +247,10 @@ def _known(
     try:
         own.require_fit(plant)
         if isinstance(own, Rms) and road is not None and own.density == road.density:
-            count = sum(map(bool, own.scales(plant))) or plant.disturbance_count
+            acting: Sequence[float] = plant.physical
+            if own.disturbances is not None:
+                acting = own.scales(plant) or (1.0,) * plant.disturbance_count
+            count = sum(map(bool, acting))
             if count != 1:
                 raise InputError(
                     f"{plant.name} has {count} disturbances; a road is one; give density, or "

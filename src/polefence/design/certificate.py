@@ -306,6 +306,7 @@ def file_plant(plant: UncertainPlant) -> files.Plant:
         disturbances=plant.disturbances,
         outputs=tuple(_file_output(plant, own) for own in plant.every_output),
         vehicle=None if plant.vehicle is None else asdict(plant.vehicle),
+        noise=plant.noise,
     )
 
 
@@ -354,6 +355,7 @@ def plant_of(plant: files.Plant) -> UncertainPlant:
             sample_time=plant.sample_time,
             outputs=outputs,
             vehicle=None if plant.vehicle is None else Vehicle(**plant.vehicle),
+            noise=plant.noise,
         )
         parameters = tuple(
             Parameter(p.name, p.low, p.high, p.unit, f"1/{p.name}" if p.inverted else p.name)

@@ -22,7 +22,7 @@ from polefence.base.errors import (
     suggest,
 )
 from polefence.plant.expression import RationalFunction, counted, evaluate
-from polefence.plant.outputs import Output, inputs, pick, split, states
+from polefence.plant.outputs import Output, disturbances, inputs, pick, split, states
 from polefence.plant.parameters import Parameter, check_label, check_name, exact, simplex_weights
 from polefence.plant.system import Array, Exact, System, read_matrix
 from polefence.plant.vehicle import OF_A_CAR, Vehicle
@@ -53,6 +53,9 @@ class UncertainPlant:
         What is measured or cared about besides states and inputs, and what a vehicle gives.
     vehicle : Vehicle, optional
         Which signals are those of a car.
+    noise : tuple of str
+        Disturbances, by their names without the unit, that are noise of sensors: white, of the
+        one-sided density 1 whatever else acts.
 
     Raises
     ------
@@ -69,6 +72,7 @@ class UncertainPlant:
     sample_time: Fraction | None = None
     outputs: tuple[Output, ...] = ()
     vehicle: Vehicle | None = None
+    noise: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         check_label(self.name, "name")
@@ -107,6 +111,10 @@ class UncertainPlant:
                 raise PlantError(
                     f"{attribute} names {len(given)} signals; the matrices have {width}"
                 )
+        known = [own.name for own in disturbances(self)]
+        for name in self.noise:
+            if name not in known:
+                raise PlantError(f"noise: no disturbance {name!r}; {suggest(str(name), known)}")
         self._read_outputs()
 
     def _read_outputs(self) -> None:
@@ -276,6 +284,11 @@ class UncertainPlant:
     def disturbance_count(self) -> int:
         """Number of disturbances q."""
         return _width(self.vertices[0].exact_E)
+
+    @property
+    def physical(self) -> tuple[bool, ...]:
+        """Whether each disturbance is one of the plant, and no noise of a sensor."""
+        return tuple(own.name not in self.noise for own in disturbances(self))
 
     @cached_property
     def _of_vehicle(self) -> tuple[Output, ...]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import re
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import fields
 from decimal import Decimal
 from fractions import Fraction
@@ -16,6 +16,7 @@ from polefence.base.errors import InputError, SpecError, shown, suggest
 from polefence.base.files import read_text
 from polefence.plant.expression import decimal, evaluate
 from polefence.plant.family import UncertainPlant
+from polefence.plant.larger import with_actuator, with_sensor
 from polefence.plant.outputs import Output, split
 from polefence.plant.parameters import Parameter, exact
 from polefence.plant.system import Exact
@@ -26,14 +27,21 @@ MAX_BYTES = 1_000_000
 DEEPEST, MOST_QUOTED = 16, 200
 DEEP_KEY = re.compile(rf"(?<![\w\"'-])(?:[\w\"'-]+[ \t]*\.[ \t]*){{{DEEPEST}}}")
 QUOTED_KEY = re.compile(r"[\"'][ \t]*\.")
-_NAMES = ("states", "inputs", "disturbances")
+_NAMES = ("states", "inputs", "disturbances", "noise")
 QUARTER_CAR = "quarter car"  # the one model of a vehicle
 _TOP = {"name", "region", "sample_time", "specification", "road", *_NAMES}
 _TOP |= {"outputs", "vehicle", "constants", "parameter", "definitions", "matrices", "vertex"}
+_TOP |= {"actuator", "sensor", "law"}
+_HARDWARE: dict[
+    str, tuple[Callable[..., UncertainPlant], set[str]]
+] = {  # in the order in which it is put into the plant
+    "actuator": (with_actuator, {"bandwidth", "order", "damping"}),
+    "sensor": (with_sensor, {"bandwidth", "noise"}),
+}
 
 
 def load(path: str | Path) -> UncertainPlant:
-    """Read a plant family from a TOML spec; decimals are exact.
+    """Read a plant family from a TOML spec, with its actuators and sensors; decimals are exact.
 
     Raises
     ------
@@ -48,7 +56,7 @@ def loads(text: str, source: str = "spec") -> UncertainPlant:
     """Read a plant family from the text of a spec; see `load`."""
     data = _toml(text, source)
     try:
-        return _plant(data)
+        return _with_hardware(_plant(data), data)
     except InputError as error:
         raise type(error)(f"{source}: {_one_line(error)}") from error
 
@@ -81,6 +89,28 @@ def specification_tables(path: str | Path) -> tuple[list[dict[str, Any]], dict[s
         return _requirements(data)
     except InputError as error:
         raise type(error)(f"{path}: {error}") from error
+
+
+def law_table(path: str | Path) -> dict[str, Any] | None:
+    """Return the table ``[law]`` of a spec as it is written, None where it has none.
+
+    Raises
+    ------
+    SpecError
+        If the file is missing, too long, no TOML, or this is no table.
+    """
+    data = _toml(read_text(Path(path), MAX_BYTES, SpecError), str(path))
+    try:
+        return _law(data)
+    except InputError as error:
+        raise type(error)(f"{path}: {error}") from error
+
+
+def _law(data: Mapping[str, Any]) -> dict[str, Any] | None:
+    table = data.get("law")
+    if table is not None and not isinstance(table, dict):
+        raise SpecError("law must be a table; write [law]")
+    return table
 
 
 def _requirements(data: Mapping[str, Any]) -> tuple[list[dict[str, Any]], dict[str, Any] | None]:
@@ -119,6 +149,7 @@ def _plant(data: Mapping[str, Any]) -> UncertainPlant:
     names["name"] = _text(data.get("name", "plant"), "name")
     _text(data.get("region", ""), "region")
     _requirements(data)
+    _law(data)
     if "sample_time" in data:
         names["sample_time"] = _sample_time(data["sample_time"])
     if "vehicle" in data:
@@ -131,6 +162,24 @@ def _plant(data: Mapping[str, Any]) -> UncertainPlant:
     if "matrices" not in data:
         raise SpecError("neither [[vertex]] nor [matrices] is given; give A and B in one of them")
     return _from_expressions(data, names)
+
+
+def _with_hardware(plant: UncertainPlant, data: Mapping[str, Any]) -> UncertainPlant:
+    """Return the plant behind the actuators and sensors of a spec."""
+    for key, (put, known) in _HARDWARE.items():
+        tables = data.get(key, {})
+        if not isinstance(tables, dict):
+            raise SpecError(f"{key} must be a table; write [{key}.NAME]")
+        for name, table in tables.items():
+            where = f"{key}.{shown(name)}"
+            if not isinstance(table, dict):
+                raise SpecError(f'{where} must be a table; write [{key}."NAME"], bandwidth = 30')
+            _known(table, known, f"{where}: ")
+            if key == "actuator":
+                _need(table, ("bandwidth",), where)
+            values: dict[str, Any] = {k: _finite(v, f"{where}: {k}") for k, v in table.items()}
+            plant = put(plant, name, **values)
+    return plant
 
 
 def _sample_time(value: Any) -> Fraction:

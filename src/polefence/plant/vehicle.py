@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 from polefence.base.errors import PlantError, suggest
 from polefence.plant.outputs import Output, disturbances, inputs, rate_of, states
 from polefence.plant.parameters import check_label
-from polefence.plant.system import System
+from polefence.plant.system import Exact, System
 from polefence.proof.text import quoted
 
 if TYPE_CHECKING:
@@ -43,7 +43,7 @@ class Vehicle:
     suspension_deflection, tyre_deflection, sprung_velocity, unsprung_velocity : str
         States.
     force : str
-        Input.
+        Input, or the state behind an actuator that follows an input.
     road : str
         Disturbance, where the plant has any.
     suspension_positive, tyre_positive : "compression" or "extension"
@@ -87,9 +87,41 @@ class Vehicle:
         )
         return first, second, third, fourth
 
+    def lag(self, plant: UncertainPlant) -> int | None:
+        """Return the number of the force among the states, None where it is an input."""
+        names = [own.name for own in states(plant)]
+        return names.index(self.force) if self.force in names else None
+
     def input(self, plant: UncertainPlant) -> int:
-        """Return the number of the force among the inputs."""
-        return _number(self.force, [own.name for own in inputs(plant)], "force: no input")
+        """Return the number of the input that is the force, or that the force follows.
+
+        Raises
+        ------
+        PlantError
+            If there is none, or several move the force alike.
+        """
+        place = self.lag(plant)
+        if place is None:
+            return _number(self.force, [own.name for own in inputs(plant)], "force: no input")
+        reached, before = {place}, set[int]()
+        while reached != before:  # by the fewest integrations
+            acting = {
+                j for v in plant.vertices for i in reached for j, x in enumerate(v.exact_B[i]) if x
+            }
+            if len(acting) == 1:
+                return acting.pop()
+            if acting:
+                raise PlantError(f"vehicle: force: {len(acting)} inputs move {quoted(self.force)}")
+            before = reached
+            reached = before | {
+                k for v in plant.vertices for i in before for k, x in enumerate(v.exact_A[i]) if x
+            }
+        raise PlantError(f"vehicle: force: no input moves the state {quoted(self.force)}")
+
+    def _push(self, plant: UncertainPlant) -> tuple[str, int]:
+        """Return the matrix and the column by which the force acts."""
+        place = self.lag(plant)
+        return ("B", self.input(plant)) if place is None else ("A", place)
 
     def outputs(self, plant: UncertainPlant) -> tuple[Output, ...]:
         """Return accelerations and, where the matrices say kt, the variation of the tyre's force.
@@ -115,9 +147,9 @@ class Vehicle:
     def _tyre_stiffness(self, plant: UncertainPlant) -> Fraction | None:
         """Return kt where it is the same positive number at every vertex."""
         _, tyre, _, unsprung = self.places(plant)
-        force = self.input(plant)
+        letter, force = self._push(plant)
         found = {
-            self.sense[1] * -v.exact_A[unsprung][tyre] / v.exact_B[unsprung][force]
+            self.sense[1] * -v.exact_A[unsprung][tyre] / _exact(v, letter)[unsprung][force]
             for v in plant.vertices
         }
         kt = found.pop()
@@ -126,10 +158,11 @@ class Vehicle:
     def _check(self, plant: UncertainPlant) -> None:
         if plant.sample_time is not None:
             raise PlantError("vehicle: the equations of a car are in continuous time")
-        places, force, road = self.places(plant), self.input(plant), self.column(plant)
+        places, push, road = self.places(plant), self._push(plant), self.column(plant)
+        self.input(plant)
         for vertex in plant.vertices:
             self._check_kinematics(vertex, places, road)
-            _check_forces(vertex, places, force)
+            _check_forces(vertex, places, push)
 
     def column(self, plant: UncertainPlant) -> int | None:
         """Return the number of the road among the disturbances, where the plant has any."""
@@ -154,14 +187,19 @@ class Vehicle:
 _REMEDY = "check suspension_positive and tyre_positive, or leave the vehicle out"
 
 
-def _check_forces(vertex: System, places: Sequence[int], force: int) -> None:
+def _exact(vertex: System, letter: str) -> Exact:
+    return vertex.exact_A if letter == "A" else vertex.exact_B
+
+
+def _check_forces(vertex: System, places: Sequence[int], push: tuple[str, int]) -> None:
     """Refuse forces between the masses that are not equal and opposite, as far as digits say."""
-    (x1, x2, x3, x4), A, B = places, vertex.exact_A, vertex.exact_B
+    (x1, x2, x3, x4), A, (letter, force) = places, vertex.exact_A, push
+    B = _exact(vertex, letter)
     for i, sign, way in ((x3, 1, "up on the sprung"), (x4, -1, "down on the unsprung")):
         if sign * B[i][force] <= 0:
             raise PlantError(
-                f"vehicle: {vertex.name}: B[{i + 1}][{force + 1}] = {_text(B[i][force])}, but the "
-                f"force acts {way} mass; change its sign in B"
+                f"vehicle: {vertex.name}: {letter}[{i + 1}][{force + 1}] = {_text(B[i][force])}, "
+                f"but the force acts {way} mass; change its sign in {letter}"
             )
     for i, j, k, n, sign in ((x3, x1, x4, x1, 1), (x3, x3, x4, x3, 1), (x3, x3, x3, x4, -1)):
         one, other = A[i][j] / B[i][force], sign * A[k][n] / B[k][force]
@@ -169,8 +207,8 @@ def _check_forces(vertex: System, places: Sequence[int], force: int) -> None:
             minus = "-" if sign < 0 else ""
             raise PlantError(
                 f"vehicle: {vertex.name}: spring and damper push both masses alike, but "
-                f"A[{i + 1}][{j + 1}] / B[{i + 1}][{force + 1}] = {_text(one)} and "
-                f"{minus}A[{k + 1}][{n + 1}] / B[{k + 1}][{force + 1}] = {_text(other)}"
+                f"A[{i + 1}][{j + 1}] / {letter}[{i + 1}][{force + 1}] = {_text(one)} and {minus}A"
+                f"[{k + 1}][{n + 1}] / {letter}[{k + 1}][{force + 1}] = {_text(other)}"
             )
     if A[x3][x2]:
         raise PlantError(

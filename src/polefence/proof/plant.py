@@ -41,7 +41,8 @@ class Plant:
     """x' = A x + B u + E w, or x(t + sample_time) = ..., at the vertices, with names.
 
     ``E`` is empty where no disturbance acts. ``ranges`` has one entry a parameter, none for a plant
-    given by its vertices. ``vehicle`` is plain data that no proof reads.
+    given by its vertices. ``vehicle`` is plain data that no proof reads, and ``noise`` names
+    disturbances.
     """
 
     A: list[Rationals]
@@ -55,6 +56,7 @@ class Plant:
     outputs: tuple[Output, ...] = ()
     sample_time: Fraction | None = None
     vehicle: Any = None
+    noise: tuple[str, ...] = ()
 
     @property
     def n(self) -> int:
@@ -130,6 +132,7 @@ class Plant:
             _outputs(table, (n, m, q), len(A)),
             table.number("sample_time") if "sample_time" in table else None,
             table.at("vehicle") if "vehicle" in table else None,
+            table.texts("noise") if "noise" in table else (),
         )
         if plant.sample_time is not None and plant.sample_time <= 0:
             raise FormatError(f"{table.path('sample_time')} must be positive")
@@ -151,6 +154,8 @@ class Plant:
             ]
         if self.vehicle is not None:
             table["vehicle"] = self.vehicle
+        if self.noise:
+            table["noise"] = list(self.noise)
         table["parameters"] = [
             {
                 "name": own.name,

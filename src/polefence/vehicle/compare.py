@@ -166,8 +166,9 @@ def _law(plant: UncertainPlant, name: str, disk: tuple[float, float]) -> Any:
 def _quantities(plant: UncertainPlant, law: Any, alpha: Array, density: float) -> Array | str:
     """Return the quantities at all points, (count, quantities); or why there are none."""
     known, loops = require_ride(plant), close(plant, law, alpha)
-    if loops.E.shape[-1] != 1:
-        raise InputError(f"{plant.name} has {loops.E.shape[-1]} disturbances; a road is one")
+    if sum(plant.physical) != 1:
+        raise InputError(f"{plant.name} has {sum(plant.physical)} disturbances; a road is one")
+    psd = np.where(plant.physical, density, 1.0)
     first, second = known.places[2:]
     velocities = states(plant)
     relative = weighted_sum(
@@ -183,7 +184,7 @@ def _quantities(plant: UncertainPlant, law: Any, alpha: Array, density: float) -
     if len(bad):
         pole = float(np.linalg.eigvals(A[bad[0]]).real.max())
         return f"unstable: a pole at {pole:.3g} 1/s at {point_text(plant, loops.alpha[bad[0]])}"
-    C, X = _weighted(A, E, C, density)
+    C, X = _weighted(A, E, C, psd)
     R = np.einsum("cpn,cnm,cqm->cpq", C, X, C, optimize=True)
     rms = np.sqrt(np.maximum(np.diagonal(R, axis1=1, axis2=2), 0.0))
     weighted, acceleration, tyre, travel, force, apart = rms.T
@@ -194,19 +195,19 @@ def _quantities(plant: UncertainPlant, law: Any, alpha: Array, density: float) -
     return np.stack(columns, axis=1)
 
 
-def _weighted(A: Array, E: Array, C: Array, density: float) -> tuple[Array, Array]:
+def _weighted(A: Array, E: Array, C: Array, psd: Array) -> tuple[Array, Array]:
     """Return outputs and covariance of the loop with Wk behind the first of its outputs.
 
     The weighted output comes first, the others after it.
     """
     (count, n, _), (Aw, Bw, Cw, Dw) = E.shape, WK.state_space()
     size = n + len(Aw)
-    both, into = np.zeros((count, size, size)), np.zeros((count, size, 1))
+    both, into = np.zeros((count, size, size)), np.zeros((count, size, E.shape[-1]))
     both[:, :n, :n], both[:, n:, n:], both[:, n:, :n] = A, Aw, Bw @ C[:, :1]
     into[:, :n] = E
     rows = np.zeros((count, C.shape[1] + 1, size))
     rows[:, 1:, :n], rows[:, :1, :n], rows[:, :1, n:] = C, Dw @ C[:, :1], Cw
-    return rows, covariance(both, into, density)
+    return rows, covariance(both, into, psd)
 
 
 def _drawn(mean: Array, sizes: Array) -> Array:

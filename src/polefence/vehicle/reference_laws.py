@@ -106,8 +106,9 @@ def lqr(plant: UncertainPlant, sizes: Sizes | None = None) -> FixedGain:
     It minimises the integral of (acceleration / a)^2 + (travel / b)^2 + (tyre / d)^2 + (u / f)^2
     with the `Sizes` a, b, d, f, where acceleration depends on states and force alike, which makes
     a cross term. The state is that of the four `vehicle.STATES`: the integral of the deflection
-    has no cost and is not fed back, unless ``sizes.integral`` gives it one. No claim over the
-    family comes with it.
+    has no cost and is not fed back, unless ``sizes.integral`` gives it one. An actuator's lag is
+    not in the design: the law sets the demand as if the force were there at once. No claim over
+    the family comes with it.
 
     Raises
     ------
@@ -123,7 +124,7 @@ def lqr(plant: UncertainPlant, sizes: Sizes | None = None) -> FixedGain:
     if sizes.integral is not None:
         kept.append(_integral(plant, known))
     A, B = plant.at(nominal(plant))
-    A, B = A[np.ix_(kept, kept)], B[np.ix_(kept, [known.input])]
+    A, B = A[np.ix_(kept, kept)], known.push(A, B)[kept][:, None]
     eye = np.eye(len(kept))
     state = [A[2] / sizes.acceleration, eye[0] / sizes.travel, eye[1] / sizes.tyre, 0 * eye[0]]
     force = [B[2] / sizes.acceleration, [0.0], [0.0], [1 / sizes.force]]

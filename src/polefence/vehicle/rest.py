@@ -62,6 +62,8 @@ def rests(
 ) -> tuple[Rest, ...]:
     """Return where each disturbance leaves each signal; none for those that come to no rest.
 
+    Noise of sensors is left out: it has no mean.
+
     Parameters
     ----------
     law : None, Law, Design, GainTable or (m, n) array
@@ -79,6 +81,8 @@ def rests(
     sources, asked, values, scale = final(plant, law, points, signals)
     found = []
     for j, source in enumerate(sources):
+        if source.name in plant.noise:
+            continue
         for i, own in enumerate(asked):
             if np.all(np.isfinite(values[:, i, j])):
                 low, high = float(values[:, i, j].min()), float(values[:, i, j].max())
@@ -96,5 +100,5 @@ def held_words(plant: UncertainPlant, source: Signal) -> str:
 
 def is_grade(plant: UncertainPlant) -> bool:
     """Whether the one disturbance is the road's velocity under a car, in m/s."""
-    roads = [split(name) for name in plant.disturbances]
+    roads = [split(name) for name in plant.disturbances if split(name)[0] not in plant.noise]
     return plant.vehicle is not None and roads == [(plant.vehicle.road, "m/s")]

@@ -11,6 +11,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
+
 from polefence.base.errors import InputError
 from polefence.plant.family import UncertainPlant
 from polefence.plant.outputs import Output, inputs, states
@@ -61,9 +63,11 @@ class Ride:
     sense : tuple of int
         Of suspension and tyre: 1 where compression is positive, -1 where extension is.
     input : int
-        Number of the actuator force among the inputs.
+        Number of the input that is the actuator force, or that the force follows.
     road : int, optional
         Number of the road's velocity among the disturbances, where the plant has any.
+    lag : int, optional
+        Number in the plant's state of the actuator force, where it follows its input with a lag.
     """
 
     travel: Output
@@ -76,6 +80,15 @@ class Ride:
     sense: tuple[int, int] = (1, 1)
     input: int = 0
     road: int | None = None
+    lag: int | None = None
+
+    def push(self, A: Array, B: Array) -> Array:
+        """Return how the force moves the state (..., n), from A and B at points."""
+        if self.lag is None:
+            return np.asarray(B[..., :, self.input])
+        column, masses = np.zeros(A.shape[:-1]), list(self.places[2:])
+        column[..., masses] = A[..., masses, self.lag]
+        return column
 
     @property
     def signals(self) -> tuple[Output, ...]:
@@ -110,19 +123,20 @@ def ride(plant: UncertainPlant) -> Ride | None:
     car = plant.vehicle
     if car is None:
         return None
-    places, number = car.places(plant), car.input(plant)
+    places, number, lag = car.places(plant), car.input(plant), car.lag(plant)
     known = {output.name: output for output in plant.every_output}
     return Ride(
         travel=states(plant)[places[0]],
         tyre=states(plant)[places[1]],
         acceleration=known[ACCELERATION],
         unsprung=known[UNSPRUNG],
-        force=inputs(plant)[number],
+        force=inputs(plant)[number] if lag is None else states(plant)[lag],
         tyre_force=known.get(TYRE_FORCE),
         places=places,
         sense=car.sense,
         input=number,
         road=car.column(plant),
+        lag=lag,
     )
 
 
@@ -147,7 +161,8 @@ def masses(plant: UncertainPlant, known: Ride, alpha: Array) -> Masses:
     """Return masses, stiffnesses and damping at points alpha (..., N), read off A and B."""
     A, B = plant.at(alpha)
     first, second, third, fourth = known.places
-    m1, m2 = 1 / B[..., third, known.input], -1 / B[..., fourth, known.input]
+    force = known.push(A, B)
+    m1, m2 = 1 / force[..., third], -1 / force[..., fourth]
     suspension, tyre = known.sense
     return Masses(
         m1,

@@ -89,6 +89,11 @@ class Rms(Specification):
         """Return it of the signal itself."""
         return replace(self, weight=None)
 
+    @property
+    def unnamed_noise(self) -> float:
+        """As often as makes its density one."""
+        return float(1 / np.sqrt(self.density))
+
     def source(self, plant: UncertainPlant, domain: Domain) -> conditions.Source:
         """Return white noise."""
         name = f"noise {self.density!r}{self.scales(plant) or ''}"

@@ -77,7 +77,8 @@ class Specification:
         In the signal's unit.
     disturbances : sequence of str, or mapping of str to float, optional
         Those that act, by name; with a mapping this many times each: w = diag(s) v, and what is
-        bounded is of v. All, as they are, by default. Held as pairs of name and number.
+        bounded is of v. All, as they are, by default; but noise of sensors (`UncertainPlant.noise`)
+        acts by default on an rms alone, and with its own density. Held as pairs of name and number.
 
     Raises
     ------
@@ -217,13 +218,18 @@ class Specification:
     def scales(self, plant: UncertainPlant) -> tuple[float, ...]:
         """Return how many times each disturbance acts; nothing where each does as it is.
 
+        Where none are named, noise of sensors counts `unnamed_noise` times.
+
         Raises
         ------
         InputError
             If there is none of a name.
         """
         if self.disturbances is None:
-            return ()
+            physical = plant.physical
+            if all(physical) or not (any(physical) or self.unnamed_noise):
+                return ()
+            return tuple(1.0 if own else self.unnamed_noise for own in physical)
         disturbance(plant)
         names, chosen = [own.name for own in disturbances(plant)], dict(self.disturbances)
         for name in chosen:
@@ -231,6 +237,11 @@ class Specification:
                 raise InputError(f"no disturbance {name!r}; {suggest(name, names)}")
         found = tuple(float(chosen.get(name, 0.0)) for name in names)
         return () if all(scale == 1 for scale in found) else found
+
+    @property
+    def unnamed_noise(self) -> float:
+        """How many times noise of sensors acts where no disturbances are named: not at all."""
+        return 0.0
 
     def scaled(self, plant: UncertainPlant, matrices: Any) -> Any:
         """Return E, F or a response (..., q), each column times its disturbance's scale."""

@@ -1,4 +1,4 @@
-"""Plants with more states: a filter on one of their signals, or actuators with dynamics."""
+"""Plants with a filter on one of their signals, as weighted specifications need it."""
 
 from __future__ import annotations
 
@@ -14,8 +14,9 @@ from polefence.design.requirements.rms import WEIGHTS
 from polefence.design.requirements.specification import Specification, rows
 from polefence.law.laws import FixedGain, Law, PolynomialGain
 from polefence.plant.family import UncertainPlant
-from polefence.plant.outputs import Output, inputs, padded, states
-from polefence.plant.system import Exact, System
+from polefence.plant.larger import with_dynamics
+from polefence.plant.outputs import Output, padded
+from polefence.plant.system import Exact
 
 
 def with_filter(
@@ -40,27 +41,13 @@ def with_filter(
         If a disturbance passes straight into the signal.
     """
     a, b, c, d = (_exact(M) for M in system)
-    C, D = rows(plant, signal)
-    n, zero = plant.shape[0], Fraction(0)
-    k = len(a)
-    vertices = []
-    for vertex, Cj, Dj in zip(plant.vertices, C, D, strict=True):
-        below = [[b[i][0] * x for x in Cj[0]] + list(a[i]) for i in range(k)]
-        A = [[*row, *[zero] * k] for row in vertex.exact_A] + below
-        B = [list(row) for row in vertex.exact_B] + [[b[i][0] * x for x in Dj[0]] for i in range(k)]
-        E = None
-        if vertex.exact_E is not None:
-            q = len(vertex.exact_E[0])
-            E = [list(row) for row in vertex.exact_E] + [[zero] * q for _ in range(k)]
-        vertices.append(
-            System(_matrix(A), _matrix(B), None if E is None else _matrix(E), vertex.name)
-        )
-    names = (*(s.label for s in states(plant)), *(f"{name} state {i + 1}" for i in range(k)))
     if d[0][0]:
         raise InputError(f"the filter {name} has a direct way through it; give one without")
-    outputs = tuple(padded(output, k) for output in plant.outputs)
-    larger = replace(plant, vertices=tuple(vertices), states=names, outputs=outputs)
-    return larger, Output(f"{signal.name}, {name}", signal.unit, C=[zero] * n + list(c[0]))
+    rows(plant, signal)
+    labels = [f"{name} state {i + 1}" for i in range(len(a))]
+    larger = with_dynamics(plant, (signal,), a, b, labels)
+    behind = [Fraction(0)] * plant.shape[0] + list(c[0])
+    return larger, Output(f"{signal.name}, {name}", signal.unit, C=behind)
 
 
 def with_weights(
@@ -108,56 +95,6 @@ def without_feedback(law: Law, plant: UncertainPlant) -> Law:
     W *= np.trace(law.W.mean(axis=0)) / own
     W[:, :own, :own] = law.W
     return replace(law, W=W, Z=np.pad(law.Z, ((0, 0), (0, 0), (0, n - own))))
-
-
-def with_actuator(plant: UncertainPlant, bandwidth: float) -> UncertainPlant:
-    """Return the plant behind first-order actuators: what was an input is a state, u its demand.
-
-    Parameters
-    ----------
-    bandwidth : float
-        [rad/s]
-
-    Raises
-    ------
-    InputError
-        If the bandwidth is not positive.
-    """
-    if not (np.isfinite(bandwidth) and bandwidth > 0):
-        raise InputError(f"bandwidth = {bandwidth!r} must be a positive number [rad/s]")
-    w, zero = Fraction(bandwidth), Fraction(0)
-    n, m = plant.shape
-    vertices = []
-    for vertex in plant.vertices:
-        A = [[*ra, *rb] for ra, rb in zip(vertex.exact_A, vertex.exact_B, strict=True)]
-        A += [[zero] * n + [-w if i == j else zero for j in range(m)] for i in range(m)]
-        B = [[zero] * m for _ in range(n)]
-        B += [[w if i == j else zero for j in range(m)] for i in range(m)]
-        E = None
-        if vertex.exact_E is not None:
-            E = [list(row) for row in vertex.exact_E] + [[zero] * len(vertex.exact_E[0])] * m
-        vertices.append(
-            System(_matrix(A), _matrix(B), None if E is None else _matrix(E), vertex.name)
-        )
-    names = tuple(s.label for s in states(plant)) + tuple(s.label for s in inputs(plant))
-    demands = tuple(f"demand of {s.label}" for s in inputs(plant))
-    outputs = []
-    for output in plant.outputs:
-        C, D, _ = output.exact(plant)
-        both = [(*c, *d) for c, d in zip(C, D, strict=True)]
-        outputs.append(replace(output, C=both, D=()))
-    return replace(
-        plant,
-        vertices=tuple(vertices),
-        states=names,
-        inputs=demands,
-        outputs=tuple(outputs),
-        vehicle=None,  # its force is no input any more
-    )
-
-
-def _matrix(lists: list[list[Fraction]]) -> Exact:
-    return tuple(tuple(row) for row in lists)
 
 
 def _exact(matrix: Any) -> Exact:

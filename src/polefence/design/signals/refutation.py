@@ -145,8 +145,8 @@ def refute_limits(
     asked = [
         s for s in specifications if isinstance(s, Rms) and s.limits_rms and s.at_most is not None
     ]
-    for chosen in dict.fromkeys(s.disturbances for s in asked):
-        found = _refuted_together(plant, tuple(s for s in asked if s.disturbances == chosen))
+    for chosen in dict.fromkeys(s.scales(plant) for s in asked):
+        found = _refuted_together(plant, tuple(s for s in asked if s.scales(plant) == chosen))
         if found is not None:
             return found
     return None

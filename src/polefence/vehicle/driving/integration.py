@@ -234,6 +234,7 @@ class Learner:
         x, third, fourth = (known.places[i] for i in (0, 2, 3))
         acts = z[:, model.plant.shape[0] :] if model.actuator.rate else None
         force = (model.actuator.limited(demand) if acts is None else acts)[:, known.input]
+        force = force if known.lag is None else z[:, known.lag]
         compression = known.sense[0] * z[:, x]
         rate = z[:, fourth] - z[:, third]
         clean = np.stack([force, rate, compression, slope[:, third]], axis=1)
@@ -372,7 +373,7 @@ class Model:
         g = self.forcing(self.entry(alpha), times, k)
         if self.gravity and self.known is not None:
             place = self.known.places[2]
-            share = self.first_load * B[..., place, self.known.input]
+            share = self.first_load * self.known.push(A, B)[..., place]
             g[..., place] -= self.gravity * (1 - share)
         return A, B, g
 
@@ -398,7 +399,7 @@ class Model:
         """Return the equations at times (T,) that lie in steps number k (T,)."""
         A, B, g = self.open(times, k)
         n, m = self.plant.shape
-        S = B[..., :, self.known.input] if self.known else np.zeros(B.shape[:-1])
+        S = self.known.push(A, B) if self.known else np.zeros(B.shape[:-1])
         if self.width > n:
             rate, lead = self.actuator.rate, A.shape[:-2]
             F = np.zeros((*lead, n + m, n + m))

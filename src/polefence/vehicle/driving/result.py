@@ -189,11 +189,11 @@ def record(model: Model, solution: Solution, reading: Reading | None) -> Record:
         A, B, g = model.open(times, last)
         rates[part] = (A @ x[part, :, :, None] + B @ applied[part][..., None])[..., 0] + g
         if model.known is not None:
-            mass[part] = _mass(model, model.known, B)
+            mass[part] = _mass(model, model.known, model.known.push(A, B))
         if model.stops is not None and model.known is not None:
             i, sense = model.known.places[0], model.known.sense[0]
             stops[part] = model.stops.force(sense * x[part, :, i], sense * rates[part, :, i])
-            rates[part] += stops[part, :, None] * B[..., :, model.known.input]
+            rates[part] += stops[part, :, None] * model.known.push(A, B)
     every = np.arange(total)
     last = np.minimum(every, excitation.steps - 1)
     times = np.where(every > last, excitation.steps - INSIDE, every + INSIDE) * excitation.step
@@ -201,9 +201,9 @@ def record(model: Model, solution: Solution, reading: Reading | None) -> Record:
     return Record(excitation.disturbance(times, last), *(np.swapaxes(v, 0, 1) for v in arrays))
 
 
-def _mass(model: Model, known: Ride, B: Array) -> Array:
-    """Return both masses together, as the force's entries in B say them; the first load's."""
-    up, down = (B[..., known.places[i], known.input] for i in (2, 3))
+def _mass(model: Model, known: Ride, push: Array) -> Array:
+    """Return both masses together, as the force's entries say them; the first load's."""
+    up, down = (push[..., known.places[i]] for i in (2, 3))
     return np.asarray((model.first_load if model.gravity else 1 / up) - 1 / down)
 
 

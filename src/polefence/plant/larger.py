@@ -1,0 +1,347 @@
+"""Larger plants: actuators, sensors, filters and the states of a law as states of the plant."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+from fractions import Fraction
+from typing import Any
+
+from polefence.base.errors import InputError, shown, suggest
+from polefence.plant.family import UncertainPlant
+from polefence.plant.outputs import Output, disturbances, inputs, padded, pick, split, states
+from polefence.plant.parameters import exact
+from polefence.plant.system import Exact, System
+
+DAMPING = Fraction("0.7071")  # of an actuator of order 2
+DIGITS = 12  # that 2 pi f and other irrational entries are rounded to
+MOST_STATES = 20  # of a law
+
+ZERO, ONE = Fraction(0), Fraction(1)
+
+
+def with_dynamics(
+    plant: UncertainPlant, signals: Sequence[Output], a: Exact, b: Exact, labels: Sequence[str]
+) -> UncertainPlant:
+    """Return the plant with states z behind its own, z' = a z + b y.
+
+    Parameters
+    ----------
+    signals : sequence of Output
+        y; inputs and disturbances may pass straight into them.
+    a : (k, k) rationals
+    b : (k, len(signals)) rationals
+    labels : k names, with units
+    """
+    k, vertices = len(a), []
+    each = [signal.exact(plant) for signal in signals]
+    for j, own in enumerate(plant.vertices):
+        C, D, F = ([rows[letter][j] for rows in each] for letter in range(3))
+        A = [*((*row, *(ZERO,) * k) for row in own.exact_A)]
+        A += [(*left, *right) for left, right in zip(_product(b, C), a, strict=True)]
+        B = (*own.exact_B, *_product(b, D))
+        E = None if own.exact_E is None else (*own.exact_E, *_product(b, F))
+        vertices.append(System(tuple(A), B, E, own.name))
+    return replace(
+        plant,
+        vertices=tuple(vertices),
+        states=(*_labels(states(plant)), *labels),
+        outputs=tuple(padded(output, k) for output in plant.outputs),
+    )
+
+
+def with_actuator(
+    plant: UncertainPlant, name: str, bandwidth: Any, order: int = 1, damping: Any = None
+) -> UncertainPlant:
+    """Return the plant with an actuator: what was an input is a state, and u its demand.
+
+    With w = 2 pi bandwidth a force f follows its demand u by f' = w (u - f), or, of order 2, by
+    f'' = w^2 (u - f) - 2 damping w f'. The state has the input's name and unit.
+
+    Parameters
+    ----------
+    name : str
+        Of the input.
+    bandwidth : number
+        [Hz]; of order 2 the natural frequency.
+    order : 1 or 2
+    damping : number, optional
+        Damping ratio of an actuator of order 2; 0.7071 by default.
+
+    Raises
+    ------
+    InputError
+        If there is no input of this name, or a number is out of range.
+    """
+    where = f"actuator of {name!r}"
+    i, own = _input(plant, name, where)
+    w = _rate(bandwidth, where)
+    if order not in (1, 2) or isinstance(order, bool):
+        raise InputError(f"{where}: order = {shown(order)} must be 1 or 2")
+    if order == 1 and damping is not None:
+        raise InputError(f"{where}: damping belongs to order = 2; leave it out")
+    order = int(order)
+    ratio = DAMPING if damping is None else _positive(damping, f"{where}: damping")
+    a: Exact = ((-w,),)
+    labels = [own.label]
+    if order == 2:
+        square = _rounded(float(w) ** 2)
+        a = ((ZERO, ONE), (-square, -_rounded(2 * float(ratio * w))))
+        labels.append(f"rate of {own.name} [{own.unit or 1}/s]")
+    n, m = plant.shape
+    _require_new(plant, labels[1:])
+    vertices = []
+    for vertex in plant.vertices:
+        force = [row[i] for row in vertex.exact_B]
+        more = (ZERO,) * (order - 1)
+        A = [(*row, x, *more) for row, x in zip(vertex.exact_A, force, strict=True)]
+        A += [(*(ZERO,) * n, *row) for row in a]
+        B = [(*row[:i], ZERO, *row[i + 1 :]) for row in vertex.exact_B]
+        B += [_unit(m, i, -a[-1][0] if k == order - 1 else ZERO) for k in range(order)]
+        E = vertex.exact_E
+        E = None if E is None else (*E, *((ZERO,) * len(E[0]),) * order)
+        vertices.append(System(tuple(A), tuple(B), E, vertex.name))
+    demands = [f"demand of {u.label}" if j == i else u.label for j, u in enumerate(inputs(plant))]
+    return replace(
+        plant,
+        vertices=tuple(vertices),
+        states=(*_labels(states(plant)), *labels),
+        inputs=tuple(demands),
+        outputs=tuple(_behind(plant, output, i, order) for output in plant.outputs),
+    )
+
+
+def _behind(plant: UncertainPlant, output: Output, i: int, order: int) -> Output:
+    """Return an output whose part of input i is that of a state, the first of those added."""
+    C, D, _ = output.exact(plant)
+    more = (ZERO,) * (order - 1)
+    return replace(
+        output,
+        C=[(*c, d[i], *more) for c, d in zip(C, D, strict=True)],
+        D=[(*d[:i], ZERO, *d[i + 1 :]) for d in D],
+    )
+
+
+def with_sensor(
+    plant: UncertainPlant, name: str, bandwidth: Any = None, noise: Any = None
+) -> UncertainPlant:
+    """Return the plant with a sensor: a state "measured NAME" that follows the signal.
+
+    x' = w (y + v - x) with w = 2 pi bandwidth, y the signal and v white noise. The noise is a
+    disturbance "noise of NAME", scaled so that of the one-sided density 1 it has the rms ``noise``
+    in the sensor's output.
+
+    Parameters
+    ----------
+    name : str
+        Of a state or an output; an input or a disturbance may pass straight into it.
+    bandwidth : number
+        [Hz]
+    noise : number, optional
+        Rms in the sensor's output while the signal is zero [the signal's unit].
+
+    Raises
+    ------
+    InputError
+        If there is no such signal, it has a sensor already, or a number is out of range.
+    """
+    where = f"sensor of {name!r}"
+    known = (*states(plant), *plant.every_output)
+    try:
+        own = pick(known, split(str(name))[0])
+    except InputError as error:
+        raise InputError(f"{where}: {error}") from error
+    if bandwidth is None:
+        why = "bandwidth is missing" if noise is None else "noise without a bandwidth has no rms"
+        raise InputError(f"{where}: {why}; give bandwidth, in Hz")
+    w = _rate(bandwidth, where)
+    label = _labelled(f"measured {own.name}", own.unit)
+    if label in plant.states:
+        raise InputError(f"{where}: {own.name} has a sensor already; keep one")
+    _require_new(plant, (label,))
+    larger = with_dynamics(plant, (own,), ((-w,),), ((w,),), (label,))
+    if noise is None:
+        return larger
+    # x' = -w x + e v, v of two-sided density 1/2, has the variance e^2 / (4 w)
+    size = _positive(noise, f"{where}: noise")
+    return _with_noise(larger, f"noise of {own.name}", _rounded(2 * float(size) * math.sqrt(w)))
+
+
+def _with_noise(plant: UncertainPlant, label: str, size: Fraction) -> UncertainPlant:
+    """Return the plant with one more disturbance, that acts on its last state."""
+    if label in [own.name for own in disturbances(plant)]:
+        raise InputError(f"{plant.name} has a disturbance {label!r} already; rename it")
+    last, vertices = plant.shape[0] - 1, []
+    for own in plant.vertices:
+        rows = own.exact_E or ((),) * (last + 1)
+        E = tuple((*row, size if i == last else ZERO) for i, row in enumerate(rows))
+        vertices.append(System(own.exact_A, own.exact_B, E, own.name))
+    outputs = (replace(y, F=tuple((*row, ZERO) for row in y.F)) for y in plant.outputs)
+    return replace(
+        plant,
+        vertices=tuple(vertices),
+        disturbances=(*_labels(disturbances(plant)), label),
+        outputs=tuple(outputs),
+        noise=(*plant.noise, label),
+    )
+
+
+def with_states(plant: UncertainPlant, count: int) -> UncertainPlant:
+    """Return the plant with states of its law behind its own, x_c' = u_c with inputs u_c.
+
+    A gain of the larger plant is a law of that order: its entries are A_c, B_c, C_c and D_c.
+
+    Parameters
+    ----------
+    count : int
+        0 to `MOST_STATES`.
+
+    Raises
+    ------
+    InputError
+        If it is out of range, or the plant is in discrete time.
+    """
+    require_order(count)
+    if not count:
+        return plant
+    labels = law_states(count)
+    _require_new(plant, (*labels, *law_rates(count)))
+    vertices = []
+    for own in plant.vertices:
+        n, m = own.shape
+        A = (*((*row, *(ZERO,) * count) for row in own.exact_A), *((ZERO,) * (n + count),) * count)
+        B = [(*row, *(ZERO,) * count) for row in own.exact_B]
+        B += [_unit(m + count, m + i, ONE) for i in range(count)]
+        E = own.exact_E
+        E = None if E is None else (*E, *((ZERO,) * len(E[0]),) * count)
+        vertices.append(System(A, tuple(B), E, own.name))
+    more = (ZERO,) * count
+    outputs = (padded(y, count) for y in plant.outputs)
+    return replace(
+        plant,
+        vertices=tuple(vertices),
+        states=(*_labels(states(plant)), *labels),
+        inputs=(*_labels(inputs(plant)), *law_rates(count)),
+        outputs=tuple(replace(y, D=tuple((*row, *more) for row in y.D)) for y in outputs),
+    )
+
+
+def law_states(count: int) -> tuple[str, ...]:
+    """Return the names of the states of a law."""
+    return tuple(f"law state {i + 1}" for i in range(count))
+
+
+def law_rates(count: int) -> tuple[str, ...]:
+    """Return the names of the inputs that are the rates of the states of a law."""
+    return tuple(f"rate of law state {i + 1}" for i in range(count))
+
+
+def require_order(count: Any) -> None:
+    """Refuse an order of a law that is no whole number from 0 to `MOST_STATES`."""
+    if isinstance(count, bool) or not isinstance(count, int):
+        raise InputError(f"order = {shown(count)} must be a whole number")
+    if not 0 <= count <= MOST_STATES:
+        raise InputError(f"order = {count} must be 0 to {MOST_STATES}")
+
+
+def with_pid(
+    plant: UncertainPlant, signals: Sequence[Output], bandwidth: Any
+) -> tuple[UncertainPlant, tuple[str, ...]]:
+    """Return the plant with integrals and filtered derivatives of signals, and what a PID measures.
+
+    The derivative is w (y - z) with z' = w (y - z), w = 2 pi bandwidth.
+
+    Parameters
+    ----------
+    signals : sequence of Output
+        Of states alone.
+    bandwidth : number
+        [Hz]
+
+    Returns
+    -------
+    plant : UncertainPlant
+    names : tuple of str
+        The signals, then their integrals, then their derivatives.
+
+    Raises
+    ------
+    InputError
+        If the bandwidth is not positive, or a state has one of the names.
+    """
+    w, r, n = _rate(bandwidth, "pid: derivative"), len(signals), plant.shape[0]
+    eye = tuple(_unit(r, i, ONE) for i in range(r))
+    integrals = [_labelled(f"pid integral of {y.name}", f"{y.unit} s".strip()) for y in signals]
+    filtered = [_labelled(f"pid filter of {y.name}", y.unit) for y in signals]
+    a = (*((ZERO,) * 2 * r for _ in range(r)), *(_unit(2 * r, r + i, -w) for i in range(r)))
+    b = (*eye, *(_unit(r, i, w) for i in range(r)))
+    _require_new(plant, (*integrals, *filtered))
+    larger = with_dynamics(plant, signals, a, b, (*integrals, *filtered))
+    derivatives = []
+    for i, own in enumerate(signals):
+        C, _, _ = own.exact(plant)
+        rows = [(*(w * x for x in row), *_unit(2 * r, r + i, -w)) for row in C]
+        derivatives.append(Output(f"pid derivative of {own.name}", f"{own.unit or 1}/s", rows))
+    larger = replace(larger, outputs=(*larger.outputs, *derivatives))
+    names = [own.name for own in signals]
+    names += [state.name for state in states(larger)[n : n + r]]
+    return larger, (*names, *(own.name for own in derivatives))
+
+
+def _input(plant: UncertainPlant, name: str, where: str) -> tuple[int, Output]:
+    known = inputs(plant)
+    names = [own.name for own in known]
+    word = split(str(name))[0]
+    if word not in names:
+        raise InputError(f"{where}: no input {word!r}; {suggest(word, names)}")
+    return names.index(word), known[names.index(word)]
+
+
+def _require_new(plant: UncertainPlant, labels: Sequence[str]) -> None:
+    if plant.sample_time is not None:
+        raise InputError(
+            f"{plant.name} is in discrete time; actuators, sensors and states of a law are of "
+            "continuous time: write them into its matrices"
+        )
+    known = [own.name for own in (*states(plant), *inputs(plant), *plant.outputs)]
+    for label in labels:
+        if split(label)[0] in known:
+            raise InputError(f"{plant.name} has a signal {split(label)[0]!r} already; rename it")
+
+
+def _rate(bandwidth: Any, where: str) -> Fraction:
+    """Return 2 pi times a bandwidth in Hz [rad/s]."""
+    return _rounded(2 * math.pi * float(_positive(bandwidth, f"{where}: bandwidth")))
+
+
+def _positive(value: Any, what: str) -> Fraction:
+    found = exact(value, what)
+    if found <= 0:
+        raise InputError(f"{what} = {shown(value)} must be a positive number")
+    return found
+
+
+def _rounded(value: float) -> Fraction:
+    return Fraction(f"{value:.{DIGITS}g}")
+
+
+def _labelled(name: str, unit: str) -> str:
+    return f"{name} [{unit}]" if unit else name
+
+
+def _labels(signals: Sequence[Any]) -> tuple[str, ...]:
+    return tuple(own.label for own in signals)
+
+
+def _unit(width: int, place: int, value: Fraction) -> tuple[Fraction, ...]:
+    return tuple(value if j == place else ZERO for j in range(width))
+
+
+def _product(b: Exact, rows: Sequence[Sequence[Fraction]]) -> Exact:
+    """Return b times a matrix of rows."""
+    columns = list(zip(*rows, strict=True))
+    return tuple(
+        tuple(sum((x * y for x, y in zip(own, column, strict=True)), ZERO) for column in columns)
+        for own in b
+    )

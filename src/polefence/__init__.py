@@ -55,6 +55,8 @@ if TYPE_CHECKING:
     from polefence.design.signals.optimise import Optimised, optimise
     from polefence.design.signals.tradeoff import tradeoff
     from polefence.law.control import from_control, to_control
+    from polefence.law.structure import Structure, load_structure
+    from polefence.plant.larger import with_actuator, with_sensor
     from polefence.region.text import load_region
     from polefence.show import plots
 
@@ -84,6 +86,10 @@ _LATER = {
     "tradeoff": "polefence.design.signals.tradeoff",
     "from_control": "polefence.law.control",
     "to_control": "polefence.law.control",
+    "Structure": "polefence.law.structure",
+    "load_structure": "polefence.law.structure",
+    "with_actuator": "polefence.plant.larger",
+    "with_sensor": "polefence.plant.larger",
     "load_region": "polefence.region.text",
 }
 _ROOMS = {
@@ -127,6 +133,7 @@ __all__ = [
     "Slack",
     "SpecError",
     "Specification",
+    "Structure",
     "System",
     "UncertainPlant",
     "UncontrollableError",
@@ -145,6 +152,7 @@ __all__ = [
     "load",
     "load_region",
     "load_specifications",
+    "load_structure",
     "observe",
     "optimise",
     "parameter_rate",
@@ -158,6 +166,8 @@ __all__ = [
     "to_control",
     "tradeoff",
     "vehicle",
+    "with_actuator",
+    "with_sensor",
     "worst_case",
 ]
 

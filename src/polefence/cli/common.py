@@ -10,6 +10,7 @@ import sys
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager, redirect_stdout
 from contextvars import ContextVar
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, TextIO
 
@@ -19,7 +20,9 @@ from polefence.base.errors import InputError
 from polefence.base.files import check_document, check_target, make_folder, write_bytes, write_text
 from polefence.design.design import FILE_NAME, Design
 from polefence.design.limits import Limit
+from polefence.design.requirements.text import parse_names
 from polefence.law.laws import FixedGain
+from polefence.law.structure import Structure, load_structure
 from polefence.lmi.conditions.methods import METHODS, Method, Scheduled, Slack
 from polefence.plant.family import UncertainPlant
 from polefence.proof.text import visible
@@ -38,6 +41,7 @@ MOST_GAINS = 8  # vertices whose gains are printed one by one
 _standard: ContextVar[TextIO | None] = ContextVar("standard output", default=None)
 
 OPTIONS = ("degree", "elevation", "on")
+STRUCTURE = ("measured", "schedule", "degree", "order", "largest_gain")
 
 
 @contextmanager
@@ -313,6 +317,61 @@ def _degree(text: str) -> int | str:
         return int(text)
     except ValueError as error:
         raise argparse.ArgumentTypeError(f"{text!r} is no whole number, and not auto") from error
+
+
+def add_structure_options(parser: argparse.ArgumentParser, degree: bool = True) -> None:
+    """Declare the options of a law's structure; without ``degree`` the parser has that already."""
+    group = parser.add_argument_group(
+        "structure of the law", "what takes the place of the spec's [law], key by key"
+    )
+    group.add_argument(
+        "--measured", metavar="NAMES", help="'A, B': states or outputs; default: all states"
+    )
+    group.add_argument(
+        "--schedule", metavar="NAMES", help="parameters in the law; none: one gain; default: all"
+    )
+    if degree:
+        group.add_argument(
+            "--degree", type=int, metavar="N", help="of the law in the parameters; default: 1"
+        )
+    group.add_argument("--order", type=int, metavar="N", help="states of the law's own; default: 0")
+    group.add_argument(
+        "--largest-gain", type=float, metavar="X", help="that no entry of the law may exceed"
+    )
+
+
+def structure_of_options(plant: UncertainPlant, options: Any) -> Structure | None:
+    """Return the structure that the spec and the options ask for, None where neither does.
+
+    With --method there is none: its laws are of all states.
+
+    Raises
+    ------
+    InputError
+        If an option cannot be used, or the structure does not fit the plant.
+    """
+    given = {k: v for k in STRUCTURE if (v := getattr(options, k, None)) is not None}
+    if getattr(options, "method", None) is not None:
+        for key in given:
+            if key != "degree":
+                raise InputError(
+                    f"--{key.replace('_', '-')} is for laws of any structure; leave it out, or "
+                    f"--method {options.method}"
+                )
+        return None
+    for key in ("measured", "schedule"):
+        if key in given:
+            bare = key == "schedule" and given[key].strip() == "none"
+            try:
+                given[key] = () if bare else parse_names(given[key])
+            except InputError as error:
+                raise InputError(f"--{key} {error}") from error
+    written = load_structure(options.spec)
+    if written is None and not given:
+        return None
+    found = replace(written or Structure(), **given)
+    found.require_fit(plant)
+    return found
 
 
 def method_of(name: str, options: Any) -> Method:

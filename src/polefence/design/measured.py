@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from fractions import Fraction
 from typing import Any
 
@@ -175,6 +175,53 @@ def require_observable(
                 break
     if worst is not None:
         raise UnobservableError(_message(plant, C, names, *worst))
+
+
+def require_detectable(
+    plant: UncertainPlant, measured: Sequence[Output], region: Region | None = None
+) -> None:
+    """Refuse signals that do not see a mode of the plant that is not in the region.
+
+    No law that feeds them back moves it, whatever its order. It is looked for at the vertices and
+    in the middle of them.
+
+    Parameters
+    ----------
+    measured : sequence of Output
+        Of states alone.
+    region : Region, optional
+        Where it is not given, what is stable for the plant's kind of time.
+
+    Raises
+    ------
+    UnobservableError
+        Naming the pole, and what to measure besides.
+    """
+    asked = stable_region(plant) if region is None else region
+    rows = [own.exact(plant)[0] for own in measured]
+    C: tuple[Exact, ...] = tuple(zip(*rows, strict=True))
+    A = tuple(vertex.exact_A for vertex in plant.vertices)
+    places = [*zip([v.name for v in plant.vertices], A, C, strict=True)]
+    if len(A) > 1:
+        places.append(("the middle of its vertices", _mean(A), _mean(C)))
+    for where, own, seen in places:
+        outside = modes_outside(fixed_modes(transposed(own), transposed(seen)), asked)
+        if outside is not None:
+            names, helps = " and ".join(repr(s.name) for s in measured), _remedy(plant, C)
+            raise UnobservableError(
+                f"{plant.name}, {where}: not detectable: what is measured ({names}) does not see "
+                f"the pole {outside}, not {'stable' if region is None else f'in {region}'}, and no "
+                "law that feeds it back moves that; measure more"
+                + (f", for example also {helps}" if helps else "")
+            )
+
+
+def _mean(matrices: tuple[Exact, ...]) -> Exact:
+    share = Fraction(1, len(matrices))
+    return tuple(
+        tuple(share * sum(entries, Fraction(0)) for entries in zip(*rows, strict=True))
+        for rows in zip(*matrices, strict=True)
+    )
 
 
 def _message(

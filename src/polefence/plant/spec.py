@@ -32,9 +32,8 @@ QUARTER_CAR = "quarter car"  # the one model of a vehicle
 _TOP = {"name", "region", "sample_time", "specification", "road", *_NAMES}
 _TOP |= {"outputs", "vehicle", "constants", "parameter", "definitions", "matrices", "vertex"}
 _TOP |= {"actuator", "sensor", "law"}
-_HARDWARE: dict[
-    str, tuple[Callable[..., UncertainPlant], set[str]]
-] = {  # in the order in which it is put into the plant
+# what is put around a plant, in this order
+_HARDWARE: dict[str, tuple[Callable[..., UncertainPlant], set[str]]] = {
     "actuator": (with_actuator, {"bandwidth", "order", "damping"}),
     "sensor": (with_sensor, {"bandwidth", "noise"}),
 }

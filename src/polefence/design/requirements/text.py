@@ -173,6 +173,20 @@ def parse_specification(
     return _specification(table, repr(text), road, known)
 
 
+def parse_names(text: str) -> tuple[str, ...]:
+    """Read a list of names from a line, ``A, B``; a name with one of ``,*[]"`` in it in quotes.
+
+    Raises
+    ------
+    InputError
+        If it is none.
+    """
+    found = _items(text, text)
+    if any(scale is not None for _, scale in found):
+        raise InputError(f"{text!r}: names have no numbers here; write NAME, NAME")
+    return tuple(name for name, _ in found)
+
+
 def _items(items: str, text: str) -> list[tuple[str, Fraction | None]]:
     """Return the names of a list, and what each is multiplied by."""
     found, at = list[tuple[str, Fraction | None]](), 0

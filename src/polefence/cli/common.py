@@ -370,7 +370,10 @@ def structure_of_options(plant: UncertainPlant, options: Any) -> Structure | Non
     if written is None and not given:
         return None
     found = replace(written or Structure(), **given)
-    found.require_fit(plant)
+    try:
+        found.require_fit(plant)
+    except InputError as error:
+        raise type(error)(f"{options.spec}: {error}") from error
     return found
 
 

@@ -74,7 +74,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         say(_one_line(answer), file=sys.stderr)
         return NOT_PROVED
     except UncontrollableError as error:
-        say(f"polefence: {options.spec}: {_one_line(error)}", file=sys.stderr)
+        where = f"{options.spec}: " if hasattr(options, "spec") else ""
+        say(f"polefence: {where}{_one_line(error)}", file=sys.stderr)
         return BAD_INPUT
     except (InputError, MissingExtraError) as error:
         say(f"polefence: {_one_line(error)}", file=sys.stderr)

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from polefence.base.errors import InputError, NotProvedError, suggest
+from polefence.base.errors import InputError, NotProvedError, UncontrollableError, suggest
 from polefence.design.place import place
 from polefence.law.laws import check_alpha
 from polefence.lmi.conditions.methods import METHODS
@@ -159,7 +159,7 @@ def _law(plant: UncertainPlant, name: str, disk: tuple[float, float]) -> Any:
         return skyhook(plant) if name == "skyhook" else lqr(plant)
     try:
         return place(plant, Disk(*disk), name)
-    except NotProvedError as answer:
+    except (NotProvedError, UncontrollableError) as answer:
         return NoLaw(str(answer))
 
 

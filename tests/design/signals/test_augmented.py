@@ -1,4 +1,4 @@
-"""Plants with a filter or an actuator in series: against plain block matrices."""
+"""Plants with a filter in series: against plain block matrices."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from scipy.linalg import solve_continuous_lyapunov
 
 from polefence import InputError
 from polefence.design.requirements.rms import Rms
-from polefence.design.signals.augmented import with_actuator, with_filter, without_feedback
+from polefence.design.signals.augmented import with_filter, without_feedback
 from polefence.design.signals.bounds import best_bound
 from polefence.examples import family
 from polefence.law.laws import FixedGain
@@ -49,19 +49,6 @@ def test_a_weighted_rms_is_that_of_the_series(car):
         c = np.array(signal.C[0], dtype=float)
         worst = max(worst, float(np.sqrt(c @ X @ c)))
     assert worst < bound.level < worst * 1.01
-
-
-def test_an_actuator_lags(car):
-    slow = with_actuator(car, 50.0)
-    A, B = slow.at([0.1, 0.2, 0.3, 0.4])
-    plain_A, plain_B = car.at([0.1, 0.2, 0.3, 0.4])
-    assert np.allclose(A, np.block([[plain_A, plain_B], [np.zeros((1, 4)), -50 * np.eye(1)]]))
-    assert np.allclose(B[:, 0], [0, 0, 0, 0, 50])
-    assert slow.states[-1] == car.inputs[0]
-    assert not any(vertex.fixed.count for vertex in slow.vertices)
-    for wrong in (0.0, -1.0, float("nan")):
-        with pytest.raises(InputError, match="bandwidth"):
-            with_actuator(car, wrong)
 
 
 def test_a_filter_with_a_direct_way_is_refused(car):

@@ -335,13 +335,31 @@ class Regular:
 
 def regular(A: Rationals, B: Rationals, E: Rationals, C: Rationals, D: Rationals) -> Regular | None:
     """Return the plant of fewer states; None if no state or input is left."""
-    plant = Regular(A, B, E, C, D, identity(len(A)))
+    plant = _without_unseen(Regular(A, B, E, C, D, identity(len(A))))
     while hidden := _null_space(plant.D):
         found = _without_inputs(plant, hidden)
         if found is None:
             return None
         plant = found
     return _without_zeros(plant)
+
+
+def _without_unseen(plant: Regular) -> Regular:
+    """Return the plant without states, such as a sensor's, that no output depends on, if stable."""
+    size = range(len(plant.A))
+    kept = {i for i in size if any(row[i] for row in plant.C)}
+    while more := {k for i in kept for k in size if plant.A[i][k]} - kept:
+        kept |= more
+    left = sorted(set(size) - kept)
+    if not (left and kept):
+        return plant
+    dropped = np.array([[float(plant.A[i][k]) for k in left] for i in left])
+    if np.linalg.eigvals(dropped).real.max() >= 0:
+        return plant
+    rows = sorted(kept)
+    A, C = ([[row[k] for k in rows] for row in M] for M in (plant.A, plant.C))
+    B, E, T = ([M[i] for i in rows] for M in (plant.B, plant.E, plant.T))
+    return Regular([A[i] for i in rows], B, E, C, plant.D, T)
 
 
 def _without_inputs(plant: Regular, hidden: Rationals) -> Regular | None:

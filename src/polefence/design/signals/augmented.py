@@ -15,7 +15,7 @@ from polefence.design.requirements.specification import Specification, rows
 from polefence.law.laws import FixedGain, Law, PolynomialGain
 from polefence.plant.family import UncertainPlant
 from polefence.plant.larger import with_dynamics
-from polefence.plant.outputs import Output, padded
+from polefence.plant.outputs import Output, padded, states
 from polefence.plant.system import Exact
 
 

@@ -1,0 +1,123 @@
+"""Structures of laws on the command line: options, the spec's [law], and what is refused."""
+
+from __future__ import annotations
+
+import argparse
+
+import pytest
+
+from polefence import InputError, Structure
+from polefence.cli.common import add_structure_options, structure_of_options
+from polefence.cli.main import main
+from polefence.examples import spec_text
+from polefence.plant.spec import load
+
+LAW = '\n[law]\nmeasured = ["tyre deflection"]\ndegree = 2\n'
+MEASURED = "suspension deflection, sprung-mass velocity"
+
+
+@pytest.fixture
+def spec(tmp_path):
+    path = tmp_path / "car.toml"
+    path.write_text(spec_text("quarter-car-ride"))
+    return path
+
+
+def asked(spec, *words, method=None):
+    parser = argparse.ArgumentParser()
+    add_structure_options(parser)
+    options = parser.parse_args(words)
+    options.spec, options.method = spec, method
+    return structure_of_options(load(spec), options)
+
+
+def test_where_nothing_is_asked_there_is_none(spec):
+    assert asked(spec) is None
+
+
+def test_options_say_what_the_spec_does(spec):
+    words = ["--measured", MEASURED, "--schedule", "m1,beta", "--degree", "3", "--order", "2"]
+    found = asked(spec, *words, "--largest-gain", "1e5")
+    assert found == Structure(
+        ("suspension deflection", "sprung-mass velocity"), ("m1", "beta"), 3, 1e5, order=2
+    )
+    assert asked(spec, "--schedule", "none") == Structure(schedule=())
+
+
+def test_options_take_the_place_of_the_specs_key_by_key(spec):
+    spec.write_text(spec.read_text() + LAW)
+    assert asked(spec) == Structure(("tyre deflection",), degree=2)
+    assert asked(spec, "--degree", "0") == Structure(("tyre deflection",), degree=0)
+    assert asked(spec, "--measured", "suspension deflection").degree == 2
+
+
+def test_a_method_is_of_all_states(spec):
+    spec.write_text(spec.read_text() + LAW)
+    assert asked(spec, method="quadratic") is None
+    assert asked(spec, "--degree", "2", method="scheduled") is None
+    with pytest.raises(InputError, match="--largest-gain is for laws of any structure; leave it"):
+        asked(spec, "--largest-gain", "3", method="scheduled")
+
+
+WRONG = {
+    ("--measured", "tyre deflexion"): "no signal 'tyre deflexion'; did you mean 'tyre deflection'?",
+    ("--measured", "actuator force"): "an input passes straight into 'actuator force'",
+    ("--measured", "a * 2"): "names have no numbers here",
+    ("--measured", "a,"): "cannot read",
+    ("--schedule", "m3"): "schedule: no parameter 'm3'",
+    ("--order", "-1"): "order = -1 must be 0 to 20",
+    ("--degree", "9"): "degree = 9 must be 0 to 8",
+    ("--largest-gain", "-1"): "largest_gain = -1.0 must be a positive number",
+    ("--order", "19", "--degree", "2"): "free numbers; at most 500 are tuned",
+}
+
+
+@pytest.mark.parametrize(("words", "said"), WRONG.items())
+def test_what_cannot_be_is_said_in_one_line(words, said, spec):
+    with pytest.raises(InputError) as caught:
+        asked(spec, *words)
+    assert said in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+FAULTS = {
+    '[sensor."tyre deflexion"]\nbandwidth = 9': "no signal 'tyre deflexion'; did you mean 'tyre",
+    '[sensor."tyre deflection"]\nnoise = 9': "noise without a bandwidth has no rms",
+    '[sensor."tyre deflection"]': "bandwidth is missing",
+    '[sensor."tyre deflection"]\nbandwidth = -9': "bandwidth = -9 must be a positive number",
+    '[sensor."tyre deflection"]\nbandwidth = "9 Hz"': "bandwidth = '9 Hz' must be a finite number",
+    '[sensor."tyre deflection"]\nbandwith = 9': "unknown key 'bandwith'; did you mean 'bandwidth'",
+    '[sensor."tyre deflection"]\nbandwidth = 9\nnoise = -1': "noise = -1 must be a positive number",
+    '[sensor."tyre deflection"]\nbandwidth = 9\n[sensor."tyre deflection [m]"]\nbandwidth = 9':
+        "has a sensor already",
+    '[sensor."tyre deflection"]\nbandwidth = 9\n[sensor."tyre deflection"]\nbandwidth = 9':
+        "not valid TOML",
+    "sensor = 3": "sensor must be a table",
+    "[sensor]\nx = 3": "sensor.'x' must be a table",
+    "[actuator.force]\nbandwidth = 9": "no input 'force'; known: actuator force",
+    '[actuator."actuator force"]\nbandwidth = 0': "bandwidth = 0 must be a positive number",
+    '[actuator."actuator force"]\norder = 2': "bandwidth is missing",
+    '[actuator."actuator force"]\nbandwidth = 9\norder = 3': "order = 3 must be 1 or 2",
+    '[actuator."actuator force"]\nbandwidth = 1e99\norder = 2': "is out of range",
+    "law = 1": "law must be a table",
+}  # fmt: skip
+
+
+@pytest.mark.parametrize(("text", "said"), FAULTS.items())
+def test_hardware_that_cannot_be_gets_one_line_and_exit_2(text, said, tmp_path, capsys):
+    path = tmp_path / "car.toml"
+    # before the first table, as keys at the top must be
+    own = spec_text("quarter-car-ride")
+    path.write_text(f"{text}\n{own}" if not text.startswith("[") else f"{own}\n{text}\n")
+    assert main(["design", str(path), "--disk", "-40", "36"]) == 2
+    said_line = capsys.readouterr().err
+    assert said_line.startswith(f"polefence: {path}: ")
+    assert said in said_line
+    assert said_line.count("\n") == 1
+
+
+def test_noise_of_a_disturbance_that_is_not_there(tmp_path, capsys):
+    path = tmp_path / "car.toml"
+    path.write_text('noise = ["rod velocity"]\n' + spec_text("quarter-car-ride"))
+    assert main(["design", str(path), "--disk", "-40", "36"]) == 2
+    assert "noise: no disturbance 'rod velocity'; did you mean" in capsys.readouterr().err

@@ -28,7 +28,7 @@ from polefence.law.laws import FixedGain, Law, domain_of
 from polefence.lmi.conditions import performance
 from polefence.lmi.conditions.lyapunov import Loop
 from polefence.lmi.conditions.performance import Source
-from polefence.lmi.solve.gramians import Dual, duals
+from polefence.lmi.solve.gramians import Dual, duals, in_parts
 from polefence.lmi.solve.interior_point import TOLERANCE
 from polefence.lmi.solve.lyapunov import LyapunovPolynomial, points_given, work
 from polefence.plant.family import UncertainPlant
@@ -39,7 +39,7 @@ from polefence.proof import matrices
 from polefence.proof.claims.base import prove
 from polefence.proof.claims.gain_norm import BoundClaim
 from polefence.proof.document import Document
-from polefence.proof.laws import Evidence
+from polefence.proof.laws import Evidence, Piece
 from polefence.proof.work import FormatError
 from polefence.region.text import digits_up
 
@@ -53,6 +53,7 @@ POOR = 0.05  # a point whose r is farther from the least than this share proves 
 MOST_WORK = 3e8  # of one search beyond the first [multiplications an iteration]
 WORTH = 1e-3  # a smaller bound by less than this share ends the climb
 NEAREST = 1e-4  # so near the worst sample dual polynomials end
+IN_PARTS = (1e-3, 5e-3, 2e-2)  # above the worst sample a level is proved in parts of the box
 CLOSE = 2e-3  # a bound within this share of the worst sample is good enough
 
 Known = tuple[Evidence, float]
@@ -109,7 +110,11 @@ def best_bound(
         What proves the bound of that level as far as floats tell; tried where nothing lower is
         proved otherwise.
     """
-    climbs, problem, close = [_dual_bounds, _climbed], specification.dual(plant, law), 0.0
+    climbs, problem, close = (
+        [_dual_bounds, _in_parts, _climbed],
+        specification.dual(plant, law),
+        0.0,
+    )
     if problem is not None:
         close = _sample(plant, law, specification) * (1 + CLOSE)
     best: Bound | None = None
@@ -151,6 +156,35 @@ def _dual_bounds(plant: UncertainPlant, law: Law, specification: Specification) 
             if own is not None:
                 yield own
                 last = own.level
+
+
+def _in_parts(plant: UncertainPlant, law: Law, specification: Specification) -> Iterator[Bound]:
+    """Yield bounds of dual polynomials on parts of the box, if the kind has them."""
+    problem = specification.dual(plant, law)
+    if problem is None:
+        return
+    worst = _sample(plant, law, specification)
+    for share in IN_PARTS:
+        own = _proved_in_parts(plant, law, specification, worst * (1 + share))
+        if own is not None:
+            yield own
+            return
+
+
+def _proved_in_parts(
+    plant: UncertainPlant, law: Law, specification: Specification, level: float
+) -> Bound | None:
+    problem = specification.dual(plant, law)
+    parts = None if problem is None else in_parts(problem, level)
+    if parts is None:
+        return None
+    pieces = tuple(
+        Piece(
+            tuple(map(Fraction, own.low)), tuple(map(Fraction, own.high)), _dual_evidence(own.dual)
+        )
+        for own in parts
+    )
+    return _proved(plant, law, specification, Evidence([], dual=True, cells=pieces), level)
 
 
 def _duals(plant: UncertainPlant, law: Law, specification: Specification) -> Iterator[Dual]:
@@ -219,6 +253,9 @@ def kept_bound(
             own = _proved(plant, law, specification, _dual_evidence(dual), limit)
             if own is not None:
                 return own
+    own = _proved_in_parts(plant, law, specification, limit)
+    if own is not None:
+        return own
     for points in _climb(plant, law, specification, limit):
         for number, (evidences, r) in enumerate(points):
             if r < 1:

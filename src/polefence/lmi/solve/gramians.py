@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -22,12 +22,15 @@ from polefence.plant.family import UncertainPlant
 from polefence.plant.polynomial import Domain
 from polefence.plant.system import Array
 
+Point = tuple[float, ...]
+
 ROUNDS = 8  # in which R grows
 OVER = 1.3  # times what is missed, since R moves what is missed
 ROOM = 1e-7  # of the bound's square, for rounding
 # How far above the worst sample a gain is tried, one after the other.
 ABOVE = (1e-4, 1e-3, 5e-3, 2e-2, 0.1)
 MOST = 3e8  # of the work on one polynomial [multiplications]
+DEGREES, MOST_PARTS = (2, 4), 64  # on parts of the box
 SMALL = 1e-7  # of the largest, what a direction is taken to be moved at least
 
 
@@ -89,6 +92,20 @@ class DualProblem:
         """Return about how many multiplications a round takes for Q of a degree."""
         n, count = self.plant.shape[0], self.domain.count(self.degree + degree)
         return float(count) ** 2 * n**2 + count * (2 * n) ** 3 * 10
+
+    @property
+    def widest(self) -> int:
+        """Number of the parameter along which the closed loop changes most, in a cell."""
+        count = len(self.domain.sizes)
+        ends = np.full((2 * count, count), 0.5)
+        for k in range(count):
+            ends[2 * k : 2 * k + 2, k] = 0.0, 1.0
+        alpha = self.domain.alpha(np.stack([1 - ends, ends], axis=-1).reshape(len(ends), -1))
+        A, _, _, _ = self.closed(alpha)
+        X = np.linalg.eigvals(A)
+        low, high = (np.sort_complex(X[s::2]) for s in (0, 1))
+        size = np.abs(X).max(axis=-1).mean()
+        return int((np.abs(high - low).max(axis=-1) / size).argmax())
 
     def at(self, alpha: Array) -> tuple[Array, Array, Array, Array, Array]:
         """Return W (I but of scheduled laws), A W + B Z, C W + D Z, E and F at points.
@@ -176,6 +193,56 @@ def duals(problem: DualProblem, worst: float, near: float = 1e-3, most: int = 4)
 
 
 @dataclass(frozen=True, eq=False)
+class Part:
+    """A dual polynomial on a part of the box; ``low`` and ``high`` are weights of upper ends."""
+
+    low: Point
+    high: Point
+    dual: Dual
+
+
+def in_parts(problem: DualProblem, level: float, most: int = MOST_PARTS) -> list[Part] | None:
+    """Return parts that make up the box, on each of which a dual polynomial proves the level.
+
+    A part on which none does is halved along the parameter along which the loop changes most.
+
+    Parameters
+    ----------
+    most : int
+        How many parts there may be; None is returned where that is not enough.
+    """
+    count = len(problem.domain.sizes)
+    if set(problem.domain.sizes) != {2} or problem.left:
+        return None
+    open_, done = [((0.0,) * count, (1.0,) * count)], list[Part]()
+    while open_:
+        if len(open_) + len(done) > most:
+            return None
+        low, high = open_.pop()
+        own = replace(problem, cell=(low, high))
+        found = next((d for d in _each(own, level) if d.level < level), None)
+        if found is not None:
+            done.append(Part(low, high, found))
+            continue
+        k = own.widest
+        middle = (low[k] + high[k]) / 2
+        open_ += [
+            (low, (*high[:k], middle, *high[k + 1 :])),
+            ((*low[:k], middle, *low[k + 1 :]), high),
+        ]
+    return done
+
+
+def _each(problem: DualProblem, level: float) -> Iterator[Dual]:
+    """Yield dual polynomials of some degrees, in a cell; of a gain at the level itself."""
+    for degree in DEGREES:
+        with suppress(np.linalg.LinAlgError):
+            found = _Interpolation(problem, degree).proving(level)
+            if found is not None:
+                yield found
+
+
+@dataclass(frozen=True, eq=False)
 class _Interpolation:
     """The search for R at one degree of Q."""
 
@@ -211,6 +278,10 @@ class _Interpolation:
             return self._grown(None)
         each = (self._grown(worst * (1 + above)) for above in ABOVE)
         return next((own for own in each if own is not None), None)
+
+    def proving(self, level: float) -> Dual | None:
+        """Return what is found, of a gain somewhat below the level."""
+        return self._grown(level * (1 - ROOM) if self.problem.gain else None)
 
     def _grown(self, level: float | None) -> Dual | None:
         """Let R grow until every coefficient is positive; None if it does not end."""

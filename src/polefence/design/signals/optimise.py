@@ -17,6 +17,7 @@ import numpy as np
 from polefence.base.errors import InputError, NotProvedError, SolverError, require_type
 from polefence.design.checks import require_domain, require_movable, require_region
 from polefence.design.design import Design
+from polefence.design.measured import require_detectable
 from polefence.design.requirements.specification import Specification
 from polefence.design.search import Deadline
 from polefence.design.signals.augmented import with_weights, without_feedback
@@ -46,6 +47,7 @@ from polefence.law.structure import Structure
 from polefence.lmi.conditions.methods import Method, Scheduled, options
 from polefence.lmi.solve.search import Reached, singular_is_failure
 from polefence.plant.family import UncertainPlant
+from polefence.plant.outputs import states
 from polefence.region.regions import HalfPlane, Region
 
 __all__ = ["Optimised", "optimise", "relaxed"]
@@ -200,7 +202,7 @@ def optimise(
         _task(larger, found, minimise is not None, asked, method), asked=(plant, tuple(subject_to))
     )
     if structure is not None:
-        return _tuned(task, structure)
+        return _tuned(*_structured(task, structure))
     if larger is plant:
         return _settled(task, deadline)
     bare = tuple(s.unweighted() for s in asked_for)
@@ -243,22 +245,36 @@ def _weighted(task: Task, bare: Task, deadline: Deadline) -> Optimised:
 
 def _tuned(task: Task, structure: Structure) -> Optimised:
     """Return the best law of a structure that is proved."""
-    structure.require_fit(task.plant)
     best: Optimised | None = None
     for own in tuned_candidates(task, structure):
         found = _bounded(task, own)
-        if found is None or (best is not None and _level(best) <= _level(found)):
-            continue
-        best = replace(found, structure=structure)
-        if task.minimise is None or _level(best) <= own.estimate * (1 + ENOUGH):
-            break
-        if best is not None and _level(best) <= own.estimate:
+        if found is not None and (best is None or _level(found) < _level(best)):
+            best = replace(found, structure=structure)
+        if best is not None and (
+            task.minimise is None or _level(best) <= own.estimate * (1 + ENOUGH)
+        ):
             break
     if best is None:
         raise NotProvedError(
             "no law of this structure was found that is proved to keep region and limits"
         )
     return best
+
+
+def _structured(task: Task, structure: Structure) -> tuple[Task, Structure]:
+    """Return the task for the plant of which the law is a gain, and that gain's structure."""
+    bare, plant = (task.asked[0] if task.asked else task.plant), task.plant
+    structure.require_fit(bare)
+    require_detectable(bare, structure.outputs(bare), task.region)
+    if structure.measured is None and plant is not bare:  # filters are no sensors
+        structure = replace(structure, measured=tuple(own.name for own in states(bare)))
+    larger, gain = structure.extended(plant)
+    n, more = plant.shape[0], larger.shape[0] - plant.shape[0]
+    if more:
+        limits = tuple(own.extended(n, more) for own in task.limits)
+        minimise = task.minimise and task.minimise.extended(n, more)
+        task = replace(task, plant=larger, limits=limits, minimise=minimise)
+    return task, gain
 
 
 def _require_method(plant: UncertainPlant, method: Method) -> None:

@@ -244,9 +244,19 @@ def _weighted(task: Task, bare: Task, deadline: Deadline) -> Optimised:
 
 
 def _tuned(task: Task, structure: Structure) -> Optimised:
-    """Return the best law of a structure that is proved."""
-    best: Optimised | None = None
-    for own in tuned_candidates(task, structure):
+    """Return the best law of a structure that is proved, no worse than the best of one gain."""
+    best, failure = (
+        None,
+        NotProvedError(
+            "no law of this structure was found that is proved to keep region and limits"
+        ),
+    )
+    if structure.degree and structure.schedule != () and len(task.plant.vertices) > 1:
+        with suppress(NotProvedError):
+            best = _tuned(task, replace(structure, schedule=()))
+            if task.minimise is None:
+                return best
+    for own in tuned_candidates(task, structure, () if best is None else (best.law,)):
         found = _bounded(task, own)
         if found is not None and (best is None or _level(found) < _level(best)):
             best = replace(found, structure=structure)
@@ -255,9 +265,7 @@ def _tuned(task: Task, structure: Structure) -> Optimised:
         ):
             break
     if best is None:
-        raise NotProvedError(
-            "no law of this structure was found that is proved to keep region and limits"
-        )
+        raise failure
     return best
 
 

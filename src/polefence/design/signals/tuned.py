@@ -31,10 +31,10 @@ def tuned_candidates(
             own if own.at_most is None else replace(own, at_most=own.at_most * (1 - share))
             for own in task.limits
         )
-        region = tighter(task.region, share)
-        found = tune(task.plant, structure, task.minimise, limits, region, starts)
+        asked = task.minimise, limits, tighter(task.region, share)
+        found = tune(task.plant, structure, *asked, starts)
         for own in _promising(found):
-            proved = candidate(task, own.law, region, estimate=own.level)
+            proved = candidate(task, own.law, asked[2], estimate=own.level)
             if proved is not None:
                 yield proved
         starts = (*starts, *(own.law for own in found[:1]))

@@ -16,6 +16,7 @@ from polefence.cli.common import (
     PROVED,
     ROUNDING,
     TOO_LARGE,
+    add_structure_options,
     check_results,
     check_targets,
     every_alpha,
@@ -24,6 +25,7 @@ from polefence.cli.common import (
     method_of,
     say,
     spec_argument,
+    structure_of_options,
     write_figure,
     write_json,
 )
@@ -95,9 +97,16 @@ def specification_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--region", metavar="TEXT", help="for the poles; default: the spec's, else stability"
     )
-    parser.add_argument("--method", choices=METHODS, default="scheduled", help="default: scheduled")
     parser.add_argument(
-        "--degree", type=int, metavar="N", help="scheduled: degree of W and Z in alpha; default: 1"
+        "--method",
+        choices=METHODS,
+        help="a law that an LMI gives; default: the better of scheduled and one that is tuned",
+    )
+    parser.add_argument(
+        "--degree",
+        type=int,
+        metavar="N",
+        help="of the law in the parameters; with --method of W and Z in alpha; default: 1",
     )
     parser.add_argument(
         "--elevation", type=int, metavar="N", help="scheduled: of the design's inequalities; "
@@ -108,6 +117,7 @@ def specification_arguments(parser: argparse.ArgumentParser) -> None:
         choices=("simplex", "box"),
         help="scheduled; default: box, simplex for a plant without parameters",
     )
+    add_structure_options(parser, degree=False)
 
 
 def optimise_command(options: Any) -> int:
@@ -115,27 +125,28 @@ def optimise_command(options: Any) -> int:
     plant = load(options.spec)
     road = road_of(options)
     least, limits = wanted(plant, options, road)
-    region, method = region_of_options(options), method_of_options(plant, options)
+    region, structure = region_of_options(options), structure_of_options(plant, options)
+    method = _method_if_given(plant, options)
     check_results(options)
     check_targets(folder=options.output, names=(FILE_NAME,))
-    done = optimise(plant, least, limits, region, method)
+    done = optimise(plant, least, limits, region, method, structure=structure)
     rows = rows_of(done)
     require_agreement(rows)
     _finish(done, rows, method, options)
     return PROVED
 
 
-def _finish(done: Optimised, rows: Sequence[Row], method: Method, options: Any) -> None:
+def _finish(done: Optimised, rows: Sequence[Row], method: Method | None, options: Any) -> None:
     """Write files, then print: nobody need read the output to its end."""
     saved = None if options.output is None else done.save(options.output)
-    label = "quadratic" if isinstance(done.law, FixedGain) else method_label(method)
+    label = label_of(done)
     if options.json is not None:
         write_json(options.json, document_of(done, rows, label))
     if options.plot is not None:
         write_figure(options.plot, figure_of(done, rows))
     say(*lines_of(done, rows, label))
     # of one vertex one gain is every law
-    if label != method_label(method) and len(done.plant.vertices) > 1:
+    if method is not None and label != method_label(method) and len(done.plant.vertices) > 1:
         say(f"  one gain: no law of {method_label(method)} that was found is better")
     if saved is not None:
         say(f"saved: {saved}")
@@ -265,6 +276,22 @@ def region_of_options(options: Any) -> Region | None:
     return load_region(options.spec) if options.region is None else parse_region(options.region)
 
 
+def label_of(done: Optimised) -> str:
+    """Return the form of a law: of one that an LMI gave the method."""
+    if done.structure is not None:
+        return done.structure.words(done.plant)
+    return "quadratic" if isinstance(done.law, FixedGain) else done.design.label
+
+
+def _method_if_given(plant: UncertainPlant, options: Any) -> Method | None:
+    if options.method is not None:
+        return method_of_options(plant, options)
+    for key in ("elevation", "on"):
+        if getattr(options, key) is not None:
+            raise InputError(f"--{key} belongs to --method scheduled; name that too")
+    return None
+
+
 def method_of_options(plant: UncertainPlant, options: Any) -> Method:
     """Return the method; degree 1, elevation 0, the box of the parameters unless told otherwise."""
     method = method_of(options.method, options)
@@ -369,6 +396,11 @@ def lines_of(done: Optimised, rows: Sequence[Row], label: str) -> list[str]:
     lines += _design_lines(done)
     if done.cut:
         lines.append(f"  the search was cut: {done.cut}")
+    if done.bounded_by:
+        lines.append(
+            f"  {done.bounded_by} stopped the gain from growing: it would go on to fall; limit an "
+            "input, the gain (--largest-gain) or an actuator's bandwidth"
+        )
     if done.design.note:
         lines.append(done.design.note)
     elif not _samples_keep_region(done, rows[0].own.alpha):

@@ -233,6 +233,17 @@ class Structure:
         measured = () if self.measured is None else self.outputs(plant)
         return PolynomialGain(self.powers(plant), gains, measured, plant.parameters)
 
+    def words(self, plant: UncertainPlant) -> str:
+        """Say what law it is, of the plant that it is a gain of."""
+        powers = self.powers(plant)
+        names = [p.name for k, p in enumerate(plant.parameters) if any(e[k] for e in powers)] or [
+            "alpha"
+        ] * any(map(any, powers)) * (len(plant.vertices) > 1)
+        form = "one gain"
+        if names and self.degree:
+            form = f"a gain of degree {self.degree} in {' and '.join(names)}"
+        return f"{form} of {'all states' if self.measured is None else ', '.join(self.measured)}"
+
     def require_fit(self, plant: UncertainPlant) -> None:
         """Refuse a plant that the structure does not fit.
 

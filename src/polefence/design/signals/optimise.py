@@ -7,9 +7,10 @@ polynomial of its own, and the region with one for each of its parts.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -78,6 +79,8 @@ class Optimised:
         Why the search was cut before its end; empty where it was not.
     structure : Structure, optional
         Of a law that was tuned; None of one that an LMI gave.
+    bounded_by : str
+        What stopped the gain of a tuned law from growing further; empty where nothing had to.
     """
 
     design: Design
@@ -87,6 +90,7 @@ class Optimised:
     retreat: Retreat | None = None
     cut: str = ""
     structure: Structure | None = None
+    bounded_by: str = ""
 
     def __repr__(self) -> str:
         return f"<Optimised {self.plant.name!r}: {'; '.join(map(str, self.bounds))}>"
@@ -150,8 +154,9 @@ def optimise(
     region : Region, optional
         For the poles; stability by default.
     method : str or Scheduled, optional
-        "quadratic" (one gain) or `Scheduled`; by default of degree 1 and elevation 0, on the box
-        where the plant has parameters.
+        Of a law that an LMI gives: "quadratic" (one gain), "scheduled" (degree 1, elevation 0, on
+        the box where the plant has parameters) or `Scheduled`. By default the better of this last
+        one and a law that is tuned, polynomial of degree 1 in the parameters.
     budget : float, optional
         Time after which no further law is looked for [s]; the answer then says so in its ``cut``.
         Without one the same question has the same answer on every machine, however slow.
@@ -182,7 +187,9 @@ def optimise(
         require_type(minimise, Specification, "minimise", "for example Rms('force')")
     if structure is not None and method is not None:
         raise InputError("a method belongs to laws that an LMI gives; leave it out, or structure")
-    method = method or Scheduled(1, 0, "box" if plant.parameters else "simplex")
+    either = structure is None and method is None
+    if method is None or method == "scheduled":
+        method = Scheduled(1, 0, "box" if plant.parameters else "simplex")
     _require_method(plant, method)
     if len(plant.vertices) == 1:  # one gain is every law
         method = "quadratic"
@@ -203,10 +210,35 @@ def optimise(
     )
     if structure is not None:
         return _tuned(*_structured(task, structure))
-    if larger is plant:
-        return _settled(task, deadline)
-    bare = tuple(s.unweighted() for s in asked_for)
-    return _weighted(task, _task(plant, bare, minimise is not None, asked, method), deadline)
+    bare = _task(plant, tuple(s.unweighted() for s in asked_for), bool(minimise), asked, method)
+    search = partial(_settled, task) if larger is plant else partial(_weighted, task, bare)
+    return _best_of_all(task, search, deadline) if either else search(deadline)
+
+
+def _best_of_all(
+    task: Task, search: Callable[[Deadline], Optimised], deadline: Deadline
+) -> Optimised:
+    """Return the better of a law that an LMI gives, and one that is tuned from it."""
+    best: Optimised | None = None
+    failure: NotProvedError | None = None
+    try:
+        best = search(deadline)
+    except NotProvedError as error:
+        if error.refutation is not None:
+            raise
+        failure = error
+    if best is not None and (task.minimise is None or deadline.passed):
+        return best
+    tuned: Optimised | None = None
+    with suppress(InputError, NotProvedError):
+        starts = () if best is None or best.plant is not task.plant else (best.law,)
+        tuned = _tuned(*_structured(task, Structure()), starts)
+    if tuned is None:
+        if best is None:
+            raise failure or NotProvedError("not proved")
+        return best
+    runnable = best is not None and best.retreat is None and not is_too_fast(best.plant, best.law)
+    return best if best is not None and runnable and _level(best) <= _level(tuned) else tuned
 
 
 def _task(
@@ -243,7 +275,7 @@ def _weighted(task: Task, bare: Task, deadline: Deadline) -> Optimised:
     return replace(simple, shared=best.shared, cut=best.cut)
 
 
-def _tuned(task: Task, structure: Structure) -> Optimised:
+def _tuned(task: Task, structure: Structure, starts: Sequence[Law] = ()) -> Optimised:
     """Return the best law of a structure that is proved, no worse than the best of one gain."""
     best, failure = (
         None,
@@ -253,13 +285,14 @@ def _tuned(task: Task, structure: Structure) -> Optimised:
     )
     if structure.degree and structure.schedule != () and len(task.plant.vertices) > 1:
         with suppress(NotProvedError):
-            best = _tuned(task, replace(structure, schedule=()))
+            best = _tuned(task, replace(structure, schedule=()), starts)
             if task.minimise is None:
                 return best
-    for own in tuned_candidates(task, structure, () if best is None else (best.law,)):
+    starts = (*starts, *(() if best is None else (best.law,)))
+    for own, bounded_by in tuned_candidates(task, structure, starts):
         found = _bounded(task, own)
         if found is not None and (best is None or _level(found) < _level(best)):
-            best = replace(found, structure=structure)
+            best = replace(found, structure=structure, bounded_by=bounded_by)
         if best is not None and (
             task.minimise is None or _level(best) <= own.estimate * (1 + ENOUGH)
         ):

@@ -24,8 +24,11 @@ WORSE = 0.02  # than the best of its search, a law that proofs are still looked 
 
 def tuned_candidates(
     task: Task, structure: Structure, starts: Sequence[Law] = ()
-) -> Iterator[Candidate]:
-    """Yield laws with proofs of region and limits, from tighter and tighter requirements."""
+) -> Iterator[tuple[Candidate, str]]:
+    """Yield laws with proofs of region and limits, from tighter and tighter requirements.
+
+    Beside each stands what stopped its gain from growing further; nothing where nothing had to.
+    """
     for share in TIGHTER:
         limits = tuple(
             own if own.at_most is None else replace(own, at_most=own.at_most * (1 - share))
@@ -36,7 +39,7 @@ def tuned_candidates(
         for own in _promising(found):
             proved = candidate(task, own.law, asked[2], estimate=own.level)
             if proved is not None:
-                yield proved
+                yield proved, own.bounded_by
         starts = (*starts, *(own.law for own in found[:1]))
 
 

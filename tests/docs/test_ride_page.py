@@ -145,7 +145,9 @@ def test_fewer_limits_are_no_worse(said):
     """Of the third command's limits all but one are left out."""
     spec = said[0] / "ride.toml"
     least, limits = load_specifications(spec)
-    one = pf.optimise(load(spec), least, limits[:1], HalfPlane(1) & Sector(0.15))
+    one = pf.optimise(
+        load(spec), least, limits[:1], HalfPlane(1) & Sector(0.15), method="scheduled"
+    )
     assert one.bounds[0].level <= minimised(said, SHOWN[2][0]) * (1 + 1e-4)
 
 
@@ -156,7 +158,7 @@ def test_a_part_of_the_region_that_a_law_keeps_anyway_costs_nothing(said):
     decay = Design.load(said[0] / "level")
     assert decay.region == HalfPlane(0.5)
     assert pf.analyse(plant, decay.law, damped).proved
-    both = pf.optimise(plant, least, limits, HalfPlane(0.5) & damped)
+    both = pf.optimise(plant, least, limits, HalfPlane(0.5) & damped, method="scheduled")
     assert both.design.region == HalfPlane(0.5) & damped
     level = minimised(said, "polefence optimise level.toml -o level")
     assert both.bounds[0].level <= level * (1 + 1e-3)

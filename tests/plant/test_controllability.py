@@ -136,7 +136,7 @@ def test_a_fixed_mode_outside_is_named_with_its_vertex_and_pole(lagging):
     with pytest.raises(UncontrollableError, match=r"cart, vertex 2.*2 of 3.*pole -4, not in disk"):
         place(lagging, Disk(-3, 0.9))
     with pytest.raises(UncontrollableError, match=r"vertex 1.*pole -3, not in half_plane\(3.5\)"):
-        optimise(lagging, GainNorm(), region=HalfPlane(3.5))
+        optimise(lagging, GainNorm(), region=HalfPlane(3.5), method="scheduled")
     with pytest.raises(UncontrollableError, match="vertex 1.*pole -3"):
         tightest(lagging, of="sector", within=HalfPlane(3.2))
 

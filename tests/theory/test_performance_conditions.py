@@ -287,7 +287,7 @@ def test_a_force_limit_is_the_trade_off_of_riccati(share):
     log = brentq(lambda log: lqr(np.exp(log))[1] - limit, np.log(1e-4), np.log(1e4), xtol=1e-12)
     expected = np.sqrt(lqr(np.exp(log))[0])
     limits = [Rms(FORCE, float(np.sqrt(limit)), 2.0)]
-    found = optimise(plant, Rms(OUTPUT, None, 2.0), limits)
+    found = optimise(plant, Rms(OUTPUT, None, 2.0), limits, method="scheduled")
     assert found.bounds[0].level == pytest.approx(expected, rel=1e-4)
     assert found.shared == pytest.approx(expected, rel=1e-4)
     # the optimum is at the limit, and nothing is below it

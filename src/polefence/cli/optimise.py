@@ -139,7 +139,7 @@ def optimise_command(options: Any) -> int:
 def _finish(done: Optimised, rows: Sequence[Row], method: Method | None, options: Any) -> None:
     """Write files, then print: nobody need read the output to its end."""
     saved = None if options.output is None else done.save(options.output)
-    label = label_of(done)
+    label = label_of(done, method)
     if options.json is not None:
         write_json(options.json, document_of(done, rows, label))
     if options.plot is not None:
@@ -276,11 +276,14 @@ def region_of_options(options: Any) -> Region | None:
     return load_region(options.spec) if options.region is None else parse_region(options.region)
 
 
-def label_of(done: Optimised) -> str:
+def label_of(done: Optimised, method: Method | None) -> str:
     """Return the form of a law: of one that an LMI gave the method."""
     if done.structure is not None:
         return done.structure.words(done.plant)
-    return "quadratic" if isinstance(done.law, FixedGain) else done.design.label
+    if isinstance(done.law, FixedGain):
+        return "quadratic"
+    on = "box" if done.plant.parameters else "simplex"
+    return method_label(Scheduled(1, 0, on) if method is None else method)
 
 
 def _method_if_given(plant: UncertainPlant, options: Any) -> Method | None:
@@ -398,8 +401,8 @@ def lines_of(done: Optimised, rows: Sequence[Row], label: str) -> list[str]:
         lines.append(f"  the search was cut: {done.cut}")
     if done.bounded_by:
         lines.append(
-            f"  {done.bounded_by} stopped the gain from growing: it would go on to fall; limit an "
-            "input, the gain (--largest-gain) or an actuator's bandwidth"
+            f"  nothing but {done.bounded_by}, a bound of the search, stopped the gain from growing: "
+            "limit an input or the gain (--largest-gain), or give the actuator its bandwidth"
         )
     if done.design.note:
         lines.append(done.design.note)

@@ -56,7 +56,7 @@ def stage():
 @pytest.fixture(scope="module")
 def designed(stage):
     limits = [InitialPeak("force", 0.6, ellipsoid=X0), Rms("force", 3.0, 2.0)]
-    return optimise(stage, Rms("x", None, 2.0), limits, HalfPlane(0.1))
+    return optimise(stage, Rms("x", None, 2.0), limits, HalfPlane(0.1), method="scheduled")
 
 
 def turning(rate=3.0):
@@ -271,7 +271,12 @@ def test_tables_hold_exact_numbers(tmp_path):
 
 def test_what_does_not_fit_is_refused(stage):
     with pytest.raises(InputError, match="the ellipsoid must be 2 x 2"):
-        optimise(stage, Rms("x", None, 2.0), [InitialPeak("x", 1.0, ellipsoid=((1,),))])
+        optimise(
+            stage,
+            Rms("x", None, 2.0),
+            [InitialPeak("x", 1.0, ellipsoid=((1,),))],
+            method="scheduled",
+        )
     for value, message in {
         ((0.0,),): "give points or an impulse, or an ellipsoid",
         ((float("nan"),),): "finite numbers",

@@ -65,7 +65,9 @@ def two():
 
 @pytest.fixture(scope="module")
 def designed(two):
-    return optimise(two, rms("x"), [rms("force", 3.0), GainNorm(2.5, (2.0,), (0.5, 1.0))])
+    return optimise(
+        two, rms("x"), [rms("force", 3.0), GainNorm(2.5, (2.0,), (0.5, 1.0))], method="scheduled"
+    )
 
 
 def points(domain, count=3, seed=0):
@@ -431,7 +433,7 @@ def test_what_does_not_fit_is_refused(two):
     with pytest.raises(InputError, match="must be a positive number"):
         GainNorm(0)
     with pytest.raises(InputError, match="rows of the gain norm holds 2 numbers"):
-        optimise(two, rms("x"), [GainNorm(1.0, (1.0, 2.0))])
+        optimise(two, rms("x"), [GainNorm(1.0, (1.0, 2.0))], method="scheduled")
     # a law that is no longer the plant's own: filters' states are in units of one
     plant, (_, norm) = with_weights(two, (Rms("v", None, 2.0, "Wk"), GainNorm(1.0, None, (2, 3))))
     assert norm.columns == (2, 3, *(1.0,) * (plant.shape[0] - 2))
@@ -442,5 +444,5 @@ def test_plants_without_disturbance_are_taken(two):
         TWO_STATES.replace("E = [[0], [1]]", "").replace('disturbances = ["w [m/s2]"]', "")
     )
     start = InitialPeak("x", 1.2, ((1.0, 0.0),))
-    done = optimise(bare, GainNorm(), [start])
+    done = optimise(bare, GainNorm(), [start], method="scheduled")
     assert sampled(bare, done.law, GainNorm(), seeded(bare, 50)).worst <= done.bounds[0].level

@@ -69,7 +69,7 @@ def designed(two):
         InitialPeak("force", 3.0, points=((0.3, 0.0), (0.1, -0.4)), impulse=0.5),
         Gain(Output("speed and force", C=[0, 1], D=[0.125]), 3.0),
     ]
-    return optimise(two, rms("force"), limits)
+    return optimise(two, rms("force"), limits, method="scheduled")
 
 
 # --- closed forms: u = -k x has mean squares x^2 = S / (2 (k - a)), u^2 = k^2 x^2 ----------------
@@ -94,7 +94,7 @@ def test_the_least_force_is_that_of_the_closed_form(one, method, limit):
 def test_what_one_matrix_proves_is_proved(two, method):
     """It is no less than the bound of the answer."""
     asked = two, rms("force"), [rms("x", 0.6)], HalfPlane(0.1), method
-    done = optimise(*asked)
+    done = optimise(*asked, method="scheduled")
     assert done.bounds[0].level <= done.shared < math.inf
     task = Task(two, asked[1], tuple(asked[2]), asked[3], method or Scheduled(1, 0, "box"))
     found = task.reached(asked[3])
@@ -119,10 +119,10 @@ def test_where_one_matrix_has_no_proof_nothing_is_said_of_it(one, method, nothin
 def test_limits_are_bracketed(one, share, reached):
     limits = [rms("x", 0.1), rms("force", 5.2 * share)]  # the least, by the closed form
     if reached:
-        assert optimise(one, rms("x"), limits).bounds[0].level <= 0.1
+        assert optimise(one, rms("x"), limits, method="scheduled").bounds[0].level <= 0.1
         return
     with pytest.raises(NotProvedError, match="no law keeps these at once") as answer:
-        optimise(one, rms("x"), limits)
+        optimise(one, rms("x"), limits, method="scheduled")
     named = str(answer.value).partition("times each: ")[2]
     assert named == "rms of x <= 0.1; rms of force <= 5.19948"
 
@@ -130,17 +130,22 @@ def test_limits_are_bracketed(one, share, reached):
 def test_a_conflict_names_no_more_than_it_takes(one):
     limits = [rms("x", 0.1), Gain("x", 50.0), rms("force", 1.9), EnergyPeak("x", 9.0)]
     with pytest.raises(NotProvedError) as answer:
-        optimise(one, rms("x"), limits, HalfPlane(0.1))
+        optimise(one, rms("x"), limits, HalfPlane(0.1), method="scheduled")
     # stable alone takes a force of 2
     assert str(answer.value).endswith("times it: rms of force <= 1.9")
     with pytest.raises(NotProvedError, match="finds no law for these together") as answer:
-        optimise(one, rms("x"), [Gain("x", 0.01), rms("force", 2.1), EnergyPeak("x", 9.0)])
+        optimise(
+            one,
+            rms("x"),
+            [Gain("x", 0.01), rms("force", 2.1), EnergyPeak("x", 9.0)],
+            method="scheduled",
+        )
     assert str(answer.value).endswith("left out: gain of x <= 0.01; rms of force <= 2.1")
 
 
 def test_a_region_out_of_reach_is_not_proved(one):
     with pytest.raises(NotProvedError, match="rms of force <= 3"):
-        optimise(one, rms("force"), [rms("force", 3.0)], HalfPlane(50))
+        optimise(one, rms("force"), [rms("force", 3.0)], HalfPlane(50), method="scheduled")
 
 
 # --- what is proved against other computations --------------------------------------------------
@@ -191,7 +196,7 @@ def test_everything_that_is_proved_is_met(designed):
 
 def test_the_ratio_to_no_control_is_met_point_by_point(two):
     least, limits = RelativeRms("v", density=DENSITY), [rms("force", 3.0)]
-    done = optimise(two, least, limits)
+    done = optimise(two, least, limits, method="scheduled")
     alpha = seeded(two, 40)
     ratios = []
     for (A, E, _), bare in zip(
@@ -213,7 +218,10 @@ def worst(sample):
 
 def test_the_region_is_proved_as_it_was_asked(designed, one):
     parts = HalfPlane(0.3) & Sector(0.2)
-    asked = (HalfPlane(0), designed), (parts, optimise(one, rms("force"), [rms("x", 0.4)], parts))
+    asked = (
+        (HalfPlane(0), designed),
+        (parts, optimise(one, rms("force"), [rms("x", 0.4)], parts, method="scheduled")),
+    )
     for region, done in asked:
         assert done.design.region == region
         assert check(done.design).proved
@@ -287,7 +295,7 @@ def test_what_does_not_fit_is_refused(one, case):
     asked, message = REFUSED[case]
     least, limits = (rms("force"), asked) if isinstance(asked, list) else (asked, [])
     with pytest.raises(InputError) as error:
-        optimise(one, least, limits)
+        optimise(one, least, limits, method="scheduled")
     assert message in str(error.value) or case.startswith("no s")
     assert "\n" not in str(error.value)
 
@@ -305,15 +313,15 @@ def test_a_limit_is_a_positive_number(value):
 def test_plants_that_say_too_little_are_refused(one):
     bare = loads(ONE_STATE.replace("E = [[1]]", "").replace('disturbances = ["w [m/s]"]', ""))
     with pytest.raises(InputError, match="says nowhere how a disturbance enters; give E"):
-        optimise(bare, rms("force"))
+        optimise(bare, rms("force"), method="scheduled")
     with pytest.raises(InputError, match="is in discrete time"):
-        optimise(loads("sample_time = 1\n" + ONE_STATE), rms("force"))
+        optimise(loads("sample_time = 1\n" + ONE_STATE), rms("force"), method="scheduled")
     with pytest.raises(InputError, match="give points or an impulse"):
         InitialPeak("x", 1.0)
     with pytest.raises(InputError, match="an initial state has 1 numbers"):
-        optimise(one, rms("force"), [InitialPeak("x", 1.0, ((1.0, 2.0),))])
+        optimise(one, rms("force"), [InitialPeak("x", 1.0, ((1.0, 2.0),))], method="scheduled")
     with pytest.raises(InputError, match="a disturbance passes straight into 'rate'"):
-        optimise(one, rms(rate_of(one, "x", "rate")))
+        optimise(one, rms(rate_of(one, "x", "rate")), method="scheduled")
     with pytest.raises(InputError, match="optimise goes with 'quadratic' and Scheduled"):
         optimise(one, rms("force"), method="slack")
 

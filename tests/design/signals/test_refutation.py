@@ -349,7 +349,7 @@ def test_a_signal_that_free_inputs_keep_small_is_not_refuted(car):
 def test_optimise_says_refuted_only_with_the_proof(one):
     asked = [Rms("x", 0.1, 2.0), Gain("x", 50.0), Rms("force", 5.0, 2.0)]
     with pytest.raises(NotProvedError, match=r"^refuted: at vertex 2 \(a = 2\)") as answer:
-        optimise(one, Rms("x", density=2.0), asked)
+        optimise(one, Rms("x", density=2.0), asked, method="scheduled")
     found = answer.value.refutation
     assert found.specifications == (asked[0], asked[2])
     assert prove_refutation(found.claim).proved
@@ -362,5 +362,5 @@ def test_optimise_says_refuted_only_with_the_proof(one):
         assert answer.value.refutation is None
     # in conflict without the region too: named without it
     with pytest.raises(NotProvedError, match="no law keeps these at once") as answer:
-        optimise(one, Rms("x", density=2.0), asked, HalfPlane(50))
+        optimise(one, Rms("x", density=2.0), asked, HalfPlane(50), method="scheduled")
     assert answer.value.refutation.specifications == (asked[0], asked[2])

@@ -67,7 +67,7 @@ def test_a_nearly_optimal_law_is_proved_and_says_how_near():
     A, B, E = [[0.0, 1.0], [0.0, 0.0]], [[0.0], [1.0]], [[1.0], [0.0]]
     plant = UncertainPlant.from_vertices([A], [B], [E])
     y = Output("y", C=[1, -1])
-    done = optimise(plant, Gain(y))
+    done = optimise(plant, Gain(y), method="scheduled")
     assert done.bounds[0].level * (1 + 1e-6) >= 1
     assert done.bounds[0].level <= 1.02
     worst = sampled(plant, done.law, Gain(y)).worst
@@ -94,6 +94,6 @@ def test_a_bound_is_never_below_what_is_sampled():
 
 def test_of_one_vertex_the_law_is_one_gain():
     plant = UncertainPlant.from_vertices([[[0.0, 1.0], [0.0, 0.0]]], [[[0], [1]]], [[[0], [1]]])
-    done = optimise(plant, Rms("x1"), [Rms("u1", at_most=1)], HalfPlane(0.1))
+    done = optimise(plant, Rms("x1"), [Rms("u1", at_most=1)], HalfPlane(0.1), method="scheduled")
     assert isinstance(done.law, FixedGain)
     assert np.array_equal(seeded(plant, 3), [[1.0]])

@@ -37,7 +37,7 @@ def tuned_candidates(
         asked = task.minimise, limits, tighter(task.region, share)
         found = tune(task.plant, structure, *asked, starts)
         for own in _promising(found):
-            proved = candidate(task, own.law, asked[2], estimate=own.level)
+            proved = candidate(task, own.law, task.region, estimate=own.level)
             if proved is not None:
                 yield proved, own.bounded_by
         starts = (*starts, *(own.law for own in found[:1]))

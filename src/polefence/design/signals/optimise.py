@@ -7,7 +7,7 @@ polynomial of its own, and the region with one for each of its parts.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
@@ -50,9 +50,11 @@ from polefence.lmi.solve.search import Reached, singular_is_failure
 from polefence.plant.family import UncertainPlant
 from polefence.plant.outputs import states
 from polefence.region.regions import HalfPlane, Region
+from polefence.region.text import digits_up
 
 __all__ = ["Optimised", "optimise", "relaxed"]
 
+MOST_NEAR = 6  # limits that are looked at where not all can be kept
 ENOUGH = 2e-3  # a law proved so close to its worst sample needs no other
 POOR = 0.05  # a bound that is proved so far above the design's own is of a law gone wrong
 
@@ -276,19 +278,48 @@ def _weighted(task: Task, bare: Task, deadline: Deadline) -> Optimised:
 
 
 def _tuned(task: Task, structure: Structure, starts: Sequence[Law] = ()) -> Optimised:
-    """Return the best law of a structure that is proved, no worse than the best of one gain."""
-    best, failure = (
-        None,
-        NotProvedError(
-            "no law of this structure was found that is proved to keep region and limits"
-        ),
+    """Return the best law of a structure that is proved.
+
+    Raises
+    ------
+    NotProvedError
+        If there is none. It says which limits could be kept, proved of a law each.
+    """
+    best = _best_tuned(task, structure, starts)
+    if best is not None:
+        return best
+    reason = "no law of this structure was found that is proved to keep the region"
+    if not task.limits:
+        raise NotProvedError(reason)
+    near = list(_attainable(task, structure, starts))
+    advice = (
+        f"with {' or '.join(near)}, the other limits as they are, there is one"
+        if near
+        else ("nor with any one of the limits left out")
     )
+    raise NotProvedError(f"{reason} and the limits, which does not refute them; {advice}")
+
+
+def _attainable(task: Task, structure: Structure, starts: Sequence[Law]) -> Iterator[str]:
+    """Yield for each limit what it would have to be for a law that keeps all others."""
+    for own in task.limits[:MOST_NEAR]:
+        others = tuple(other for other in task.limits if other is not own)
+        found = _best_tuned(
+            replace(task, minimise=replace(own, at_most=None), limits=others), structure, starts
+        )
+        if found is not None:
+            yield f"{own.title} <= {digits_up(_level(found))}"
+
+
+def _best_tuned(task: Task, structure: Structure, starts: Sequence[Law]) -> Optimised | None:
+    """Return the best law of a structure that is proved, no worse than the best of one gain."""
+    best: Optimised | None = None
     if structure.degree and structure.schedule != () and len(task.plant.vertices) > 1:
-        with suppress(NotProvedError):
-            best = _tuned(task, replace(structure, schedule=()), starts)
+        best = _best_tuned(task, replace(structure, schedule=()), starts)
+        if best is not None:
+            starts = (*starts, best.law)
             if task.minimise is None:
                 return best
-    starts = (*starts, *(() if best is None else (best.law,)))
     for own, bounded_by in tuned_candidates(task, structure, starts):
         found = _bounded(task, own)
         if found is not None and (best is None or _level(found) < _level(best)):
@@ -297,8 +328,6 @@ def _tuned(task: Task, structure: Structure, starts: Sequence[Law] = ()) -> Opti
             task.minimise is None or _level(best) <= own.estimate * (1 + ENOUGH)
         ):
             break
-    if best is None:
-        raise failure
     return best
 
 

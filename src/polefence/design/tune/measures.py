@@ -149,12 +149,12 @@ class Points:
         dK = slopes(modes, self.channels[0].B, points, which, dx, dy)
         return Found(size / fastest, points, dK)
 
-    def entries(self, K: Array, largest: float) -> Found:
-        """Return the magnitudes of the entries of gains, of the largest that is allowed."""
-        points, i, j = np.nonzero(np.ones_like(K))
-        dK = np.zeros((len(points), *K.shape[1:]))
-        dK[np.arange(len(points)), i, j] = np.sign(K[points, i, j]) / largest
-        return Found(np.abs(K[points, i, j]) / largest, points, dK, inner=True)
+    def entries(self, K: Array, largest: Array) -> Found:
+        """Return the magnitudes of the entries of gains, of the largest that is allowed of each."""
+        points, i, j = np.nonzero(np.broadcast_to(np.isfinite(largest), K.shape))
+        dK, most = np.zeros((len(points), *K.shape[1:])), largest[i, j]
+        dK[np.arange(len(points)), i, j] = np.sign(K[points, i, j]) / most
+        return Found(np.abs(K[points, i, j]) / most, points, dK, inner=True)
 
     def size(self, K: Array) -> Found:
         """Return the norms of gains in typical units."""
@@ -172,8 +172,8 @@ class Points:
         if np.isfinite(self.task.fastest):
             own = self.speed(modes)
             found.append((replace(own, values=own.values - 1), 0.0))
-        largest = self.task.unknowns.structure.largest_gain
-        if largest is not None:
+        largest = self.task.unknowns.largest
+        if np.any(np.isfinite(largest)):
             own = self.entries(K, largest)
             found.append((replace(own, values=own.values - 1), MARGIN))
         return found

@@ -150,7 +150,7 @@ def _task(
         region = region & HalfPlane(0.0)
     rates = [np.abs(np.linalg.eigvals(v)).max() for v in plant.A]
     fastest = FAST * max(*rates, region.scale, sizes.rate)
-    if bounds_speed(region) or structure.largest_gain is not None or free:
+    if bounds_speed(region) or np.all(np.isfinite(structure.largest(plant))) or free:
         fastest = np.inf
     unknowns = Unknowns(plant, structure, sizes.states, sizes.inputs)
     return Task(plant, unknowns, minimise, limits, region, sizes, float(fastest))

@@ -58,6 +58,11 @@ class Unknowns:
         return found
 
     @cached_property
+    def largest(self) -> Array:
+        """What the magnitude of each entry of K may be, (m, r)."""
+        return self.structure.largest(self.plant)
+
+    @cached_property
     def terms(self) -> int:
         """Number of the law's terms."""
         return len(self.structure.powers(self.plant))

@@ -17,7 +17,6 @@ from polefence.base.errors import (
 )
 from polefence.design.certificate import Certificate, Check
 from polefence.design.design import Design, check
-from polefence.design.place import place, tightest
 from polefence.law.laws import FixedGain, GainTable, ScheduledGain
 from polefence.lmi.conditions.methods import METHODS, Scheduled, Slack, build
 from polefence.lmi.solve.engine import engine
@@ -53,6 +52,7 @@ if TYPE_CHECKING:
     from polefence.design.requirements.specification import Specification
     from polefence.design.requirements.text import load_specifications, parse_specification
     from polefence.design.signals.optimise import Optimised, optimise
+    from polefence.design.signals.placed import place, tightest
     from polefence.design.signals.tradeoff import tradeoff
     from polefence.law.control import from_control, to_control
     from polefence.law.structure import Structure, load_structure
@@ -64,6 +64,8 @@ if TYPE_CHECKING:
 _LATER = {
     "analyse": "polefence.design.given",
     "worst_case": "polefence.design.given",
+    "place": "polefence.design.signals.placed",
+    "tightest": "polefence.design.signals.placed",
     "Limit": "polefence.design.limits",
     "limits": "polefence.design.limits",
     "estimation_error": "polefence.design.margins",

@@ -288,14 +288,17 @@ def method_arguments(
         )
     else:
         parser.add_argument(
-            "--method", choices=METHODS, default="scheduled", help="default: scheduled"
+            "--method",
+            choices=METHODS,
+            help="a law that an LMI gives; default: scheduled, unless the spec or an option asks "
+            "for a structure",
         )
     parser.add_argument(
         "--degree",
         type=_degree if auto else int,
         metavar="N|auto" if auto else "N",
-        help="scheduled, slack: degree of the Lyapunov matrix in alpha; default: 1"
-        + ("; auto: raised until it is proved" if auto else ""),
+        help="scheduled, slack: degree of the Lyapunov matrix in alpha; of a structure: of the law "
+        "in the parameters; default: 1" + ("; auto: raised until it is proved" if auto else ""),
     )
     parser.add_argument(
         "--elevation",
@@ -367,7 +370,7 @@ def structure_of_options(plant: UncertainPlant, options: Any) -> Structure | Non
             except InputError as error:
                 raise InputError(f"--{key} {error}") from error
     written = load_structure(options.spec)
-    if written is None and not given:
+    if written is None and set(given) <= {"degree"}:  # of a law that an LMI gives
         return None
     found = replace(written or Structure(), **given)
     try:
@@ -375,6 +378,24 @@ def structure_of_options(plant: UncertainPlant, options: Any) -> Structure | Non
     except InputError as error:
         raise type(error)(f"{options.spec}: {error}") from error
     return found
+
+
+def refuse_method_options(options: Any) -> None:
+    """Refuse options of methods where a structure is asked for.
+
+    Raises
+    ------
+    InputError
+        Naming the first.
+    """
+    for key in ("elevation", "on", "budget", "right_hand_sides"):
+        if getattr(options, key, None):
+            raise InputError(
+                f"--{key.replace('_', '-')} is for laws that an LMI gives; leave it out, or name "
+                "--method"
+            )
+    if getattr(options, "degree", None) == "auto":
+        raise InputError("--degree auto is for laws that an LMI gives; give a number")
 
 
 def method_of(name: str, options: Any) -> Method:

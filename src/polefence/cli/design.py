@@ -8,17 +8,20 @@ from typing import Any
 from polefence.base.errors import InputError
 from polefence.cli.common import (
     PROVED,
+    add_structure_options,
     check_results,
     every_alpha,
     method_arguments,
     method_of,
+    refuse_method_options,
     report,
     result_arguments,
     spec_argument,
+    structure_of_options,
 )
 from polefence.design.checks import example_region, implies_stability
-from polefence.design.place import place
 from polefence.design.rows import plant_summary
+from polefence.design.signals.placed import place
 from polefence.lmi.conditions.methods import Method, Scheduled
 from polefence.plant.family import UncertainPlant
 from polefence.plant.spec import load
@@ -50,19 +53,24 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         action="store_true",
         help="scheduled: keep the right-hand sides of the paper's (15)-(17), for a disk",
     )
+    add_structure_options(parser, degree=False)
     result_arguments(parser)
 
 
 def design_command(options: Any) -> int:
     """Design a law for a region, prove it, and save it."""
     plant = load(options.spec)
-    region = _region(plant, options)
-    method = _method(options)
+    region, structure = _region(plant, options), structure_of_options(plant, options)
+    method = None
+    if structure is None:
+        method = _method(options)
+    else:
+        refuse_method_options(options)
     if options.right_hand_sides and not isinstance(region, Disk):
         raise InputError(f"--right-hand-sides is for a single disk, not {region}")
     check_results(options)
-    design = place(plant, region, method)
-    label = design.label
+    design = place(plant, region, method, structure=structure)
+    label = design.label if structure is None else structure.words(plant)
     lines = [
         f"proved: {label} keeps all poles of {plant.name!r} in {region} for {every_alpha(design)}"
     ]
@@ -94,10 +102,10 @@ def _region(plant: UncertainPlant, options: Any) -> Region:
 
 
 def _method(options: Any) -> Method:
-    method = method_of(options.method, options)
+    method = method_of(options.method or "scheduled", options)
     if not options.right_hand_sides:
         return method
-    if options.method != "scheduled":
+    if options.method not in (None, "scheduled"):
         raise InputError(f"--right-hand-sides belongs to the method scheduled, not {method}")
     if method != "scheduled":
         raise InputError("--right-hand-sides is for degree 1 on the simplex; leave the others out")

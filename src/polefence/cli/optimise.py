@@ -23,6 +23,7 @@ from polefence.cli.common import (
     gain_lines,
     gains_of,
     method_of,
+    refuse_method_options,
     say,
     spec_argument,
     structure_of_options,
@@ -44,6 +45,7 @@ from polefence.design.signals.bounds import AGREED, Bound, Sampled, sampled
 from polefence.design.signals.optimise import Optimised, optimise
 from polefence.design.signals.search import Retreat
 from polefence.law.laws import FixedGain
+from polefence.law.structure import Structure
 from polefence.lmi.conditions.methods import Method, Scheduled, method_label
 from polefence.plant.family import UncertainPlant
 from polefence.plant.outputs import split
@@ -106,7 +108,7 @@ def specification_arguments(parser: argparse.ArgumentParser) -> None:
         "--degree",
         type=int,
         metavar="N",
-        help="of the law in the parameters; with --method of W and Z in alpha; default: 1",
+        help="of W and Z in alpha; of a structure: of the law in the parameters; default: 1",
     )
     parser.add_argument(
         "--elevation", type=int, metavar="N", help="scheduled: of the design's inequalities; "
@@ -126,7 +128,7 @@ def optimise_command(options: Any) -> int:
     road = road_of(options)
     least, limits = wanted(plant, options, road)
     region, structure = region_of_options(options), structure_of_options(plant, options)
-    method = _method_if_given(plant, options)
+    method = _method_if_given(plant, options, structure)
     check_results(options)
     check_targets(folder=options.output, names=(FILE_NAME,))
     done = optimise(plant, least, limits, region, method, structure=structure)
@@ -286,13 +288,18 @@ def label_of(done: Optimised, method: Method | None) -> str:
     return method_label(Scheduled(1, 0, on) if method is None else method)
 
 
-def _method_if_given(plant: UncertainPlant, options: Any) -> Method | None:
-    if options.method is not None:
-        return method_of_options(plant, options)
-    for key in ("elevation", "on"):
-        if getattr(options, key) is not None:
-            raise InputError(f"--{key} belongs to --method scheduled; name that too")
-    return None
+def _method_if_given(
+    plant: UncertainPlant, options: Any, structure: Structure | None
+) -> Method | None:
+    """Return the method that the options ask for, by name or by an option of it."""
+    asked = [key for key in ("elevation", "on", "degree") if getattr(options, key) is not None]
+    if structure is not None:
+        refuse_method_options(options)
+        return None
+    if options.method is None and not asked:
+        return None
+    named = argparse.Namespace(**vars(options) | {"method": options.method or "scheduled"})
+    return method_of_options(plant, named)
 
 
 def method_of_options(plant: UncertainPlant, options: Any) -> Method:
@@ -401,8 +408,9 @@ def lines_of(done: Optimised, rows: Sequence[Row], label: str) -> list[str]:
         lines.append(f"  the search was cut: {done.cut}")
     if done.bounded_by:
         lines.append(
-            f"  nothing but {done.bounded_by}, a bound of the search, stopped the gain from growing: "
-            "limit an input or the gain (--largest-gain), or give the actuator its bandwidth"
+            f"  nothing but a bound of the search, {done.bounded_by}, stopped the gain from "
+            "growing: limit an input or the gain (--largest-gain), or give the actuator its "
+            "bandwidth"
         )
     if done.design.note:
         lines.append(done.design.note)

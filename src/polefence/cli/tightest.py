@@ -9,18 +9,21 @@ from typing import Any
 from polefence.base.errors import InputError
 from polefence.cli.common import (
     PROVED,
+    add_structure_options,
     check_results,
     every_alpha,
     method_arguments,
     method_of,
+    refuse_method_options,
     report,
     result_arguments,
     spec_argument,
+    structure_of_options,
 )
 from polefence.design.checks import example_centre
 from polefence.design.design import Design
-from polefence.design.place import tightest
 from polefence.design.rows import plant_summary
+from polefence.design.signals.placed import tightest
 from polefence.plant.spec import load
 from polefence.proof.text import exactly
 from polefence.region.regions import Disk
@@ -53,6 +56,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="half_plane, sector: a region to hold besides, 'disk(-40, 39)'",
     )
     method_arguments(parser)
+    add_structure_options(parser, degree=False)
     result_arguments(parser)
 
 
@@ -69,15 +73,20 @@ def tightest_command(options: Any) -> int:
     if options.of == "disk" and options.centre is None:
         raise InputError(f"--of disk needs {centre}")
     within = None if options.within is None else parse_region(options.within)
-    method = method_of(options.method, options)
+    structure, method = structure_of_options(plant, options), None
+    if structure is None:
+        method = method_of(options.method or "scheduled", options)
+    else:
+        refuse_method_options(options)
     check_results(options)
-    design = tightest(plant, options.centre, method, of=options.of, within=within)
+    design = tightest(
+        plant, options.centre, method, of=options.of, within=within, structure=structure
+    )
+    label = design.label if structure is None else structure.words(plant)
     value, text = _answer(options.of, design)
     rest = " & ".join(short_text(part) for part in design.region.parts[1:])
     beside = f", within {rest}" if rest else ""
-    lines = [
-        f"proved: {text}{beside}, for {every_alpha(design)} of {plant.name!r} by {design.label}"
-    ]
+    lines = [f"proved: {text}{beside}, for {every_alpha(design)} of {plant.name!r} by {label}"]
     if options.of != "disk" and (within is None or within.parts != design.region.parts[1:]):
         lines.append(
             "note: a disk bounds the poles' speed, or gains would be without bound; choose"
@@ -97,7 +106,7 @@ def tightest_command(options: Any) -> int:
         "lower": design.lower,
         "unrunnable": design.unrunnable,
         "region": design.region.document(),
-        "method": design.label,
+        "method": label,
         "status": "proved",
     }
     report(design, lines, summary, options)

@@ -1,0 +1,197 @@
+"""Laws for a region alone: by an LMI, or tuned where a structure is asked for."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from polefence.base.errors import InputError, NotProvedError, require_type
+from polefence.design import place as lmi
+from polefence.design.checks import require_movable, require_region
+from polefence.design.design import Design
+from polefence.design.given import analyse
+from polefence.design.measured import require_detectable
+from polefence.design.signals.tuned import tighter
+from polefence.design.tune.search import tune, tune_region
+from polefence.law.laws import Law
+from polefence.law.structure import Structure
+from polefence.lmi.conditions.methods import Method
+from polefence.lmi.conditions.target import FASTEST, Decays, Disks, Goal, Sectors
+from polefence.lmi.solve.smallest import typical_rate
+from polefence.plant.family import UncertainPlant
+from polefence.plant.points import seeded
+from polefence.region.regions import Disk, HalfPlane, Region, Sector, bounded
+from polefence.response.closed import close
+
+TIGHTER = (1e-3, 1e-2, 5e-2)  # shares by which a region is asked for smaller than it is to be
+STEPS = (1e-6, 1e-5, 1e-4, 1e-3, 1e-2)  # from the worst sample to what is to be proved
+SAMPLES = 500
+
+
+def place(
+    plant: UncertainPlant,
+    region: Region,
+    method: Method | None = None,
+    allow_unproved: bool = False,
+    *,
+    structure: Structure | None = None,
+) -> Design:
+    """Design a law that keeps all poles of the whole family in a region, and prove it.
+
+    Parameters
+    ----------
+    plant : UncertainPlant
+    region : Region
+        `Disk`, `HalfPlane`, `Sector`, `VerticalStrip`, `HorizontalStrip`, `Ellipse`, or several
+        joined by ``&``.
+    method : str, Scheduled or Slack, optional
+        "quadratic" (Lemma 1), "slack" (Lemma 2), "scheduled" (Theorem 1, the default).
+    allow_unproved : bool
+        Return the numerical answer even where its proof fails (``Design.proved`` tells).
+    structure : Structure, optional
+        What the law may be, in place of a method: the smallest gain is searched, in typical units
+        of signals and inputs. Where it has states of its own the answer's plant has them too.
+
+    Raises
+    ------
+    NotProvedError
+        If the region is not proved; for a disk, its ``best`` is the smallest disk of this centre
+        that is.
+    InputError
+        If the structure does not fit the plant, or method and structure are both given.
+    RegionError
+        If the region does not fit the plant's time (continuous or discrete).
+    UncontrollableError
+        If a vertex has a pole that no gain moves and that is not in the region.
+    """
+    if structure is None:
+        return lmi.place(plant, region, method or "scheduled", allow_unproved)
+    _require_structure_alone(method, allow_unproved)
+    require_type(region, Region, "region", "for example polefence.Disk(-40, 31)")
+    plant, gain = _extended(plant, structure, region)
+    starts = list[Law]()
+    for share in TIGHTER:
+        found = tune(plant, gain, None, (), tighter(region, share), starts)
+        for own in (own for own in found if own.kept):
+            answer = analyse(plant, own.law, region)
+            if answer.certificate is not None and answer.proved:
+                return Design(answer.certificate)
+        starts += [own.law for own in found[:1]]
+    raise NotProvedError(
+        f"no {gain.words(plant)} was found that is proved to keep all poles in {region}"
+    )
+
+
+def tightest(
+    plant: UncertainPlant,
+    centre: float | None = None,
+    method: Method | None = None,
+    allow_unproved: bool = False,
+    *,
+    of: str = "disk",
+    within: Region | None = None,
+    structure: Structure | None = None,
+) -> Design:
+    """Design for the smallest region of a kind, and prove it.
+
+    Parameters
+    ----------
+    centre : float
+        Real coordinate of a disk's centre, negative (-40) [1/s]; for a discrete-time plant inside
+        the unit circle.
+    method : str, Scheduled or Slack, optional
+        As `place` has it.
+    of : str
+        "disk" about the centre; "half_plane", the largest decay rate; "sector", the largest
+        damping ratio.
+    within : Region, optional
+        For "half_plane" and "sector": a fixed region to hold besides.
+    structure : Structure, optional
+        What the law may be, in place of a method.
+
+    Returns
+    -------
+    Design
+        For a disk ``design.region.radius`` is proved; where ``design.lower`` is not None, that
+        radius is proved to be out of the method's reach, and where ``design.unrunnable`` is not, a
+        smaller one is proved, but only of laws that doubles cannot evaluate. Otherwise
+        ``design.region`` is the `HalfPlane` or `Sector`, with ``within``.
+
+    Raises
+    ------
+    NotProvedError
+        If none could be proved (the solver failed on this problem, or ``within`` is out of reach).
+    InputError
+        If the structure does not fit the plant, or method and structure are both given.
+    UncontrollableError
+        If a vertex has a pole that no gain moves and that is not stable, or not in ``within``.
+    """
+    if structure is None:
+        own = method or "scheduled"
+        return lmi.tightest(plant, centre, own, allow_unproved, of=of, within=within)
+    _require_structure_alone(method, allow_unproved)
+    if of not in ("disk", "half_plane", "sector"):
+        raise InputError(f"of = {of!r} is unknown; use 'disk', 'half_plane' or 'sector'")
+    if (of == "disk") != (centre is not None) or (of == "disk" and within is not None):
+        raise InputError("a disk needs a centre and takes no region within, others have no centre")
+    plant, gain = _extended(plant, structure, within)
+    if of != "disk":
+        within = bounded(within, lmi.SPEED * typical_rate(plant.A))
+    found = tune_region(plant, gain, _goal(of, centre, within))
+    for law in (each.law for each in found if each.kept):
+        design = _proved(plant, law, of, centre, within)
+        if design is not None:
+            return design
+    raise NotProvedError(f"no {gain.words(plant)} was found of which a {of} is proved")
+
+
+def _require_structure_alone(method: Method | None, allow_unproved: bool) -> None:
+    if method is not None or allow_unproved:
+        raise InputError(
+            "a method and allow_unproved belong to laws that an LMI gives; leave them out, or the "
+            "structure"
+        )
+
+
+def _extended(
+    plant: UncertainPlant, structure: Structure, region: Region | None
+) -> tuple[UncertainPlant, Structure]:
+    """Return the plant of which the law is a gain, and that gain's structure; refuse misfits."""
+    require_type(plant, UncertainPlant, "plant", "polefence.load(path) reads one")
+    structure.require_fit(plant)
+    if plant.sample_time is not None:
+        raise InputError(f"{plant.name} is in discrete time; laws of a structure are of continuous")
+    require_region(plant, HalfPlane(0) if region is None else region)
+    require_movable(plant, region)
+    require_detectable(plant, structure.outputs(plant), region)
+    return structure.extended(plant)
+
+
+def _goal(of: str, centre: float | None, within: Region | None) -> Goal:
+    if centre is not None:
+        return Disks(centre)
+    size = 1.0 if within is None else within.scale
+    return Decays(FASTEST * size, within) if of == "half_plane" else Sectors(size, within)
+
+
+def _proved(
+    plant: UncertainPlant, law: Law, of: str, centre: float | None, within: Region | None
+) -> Design | None:
+    """Return the smallest region that is proved of a law, None where none near the worst is."""
+    poles = close(plant, law, seeded(plant, SAMPLES), disturbed=False).poles()
+    for step in STEPS:
+        region = _region_of(of, centre, poles, step)
+        answer = analyse(plant, law, region if within is None else region & within)
+        if answer.certificate is not None and answer.proved:
+            return Design(answer.certificate)
+    return None
+
+
+def _region_of(of: str, centre: float | None, poles: np.ndarray, step: float) -> Region:
+    """Return the smallest region of a kind that has all poles, a little wider."""
+    if centre is not None:
+        return Disk(centre, float(np.abs(poles - centre).max()) * (1 + step))
+    if of == "half_plane":
+        decay = -float(poles.real.max())
+        return HalfPlane(decay - step * max(abs(decay), 1e-3))
+    damping = float((-poles.real / np.abs(poles)).min())
+    return Sector(max(damping, 0.0) * (1 - step))

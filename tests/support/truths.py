@@ -101,23 +101,48 @@ def coordinates(alpha, sizes):
     return np.array(found)
 
 
+def measured(plant, names, count):
+    """Rows of states and outputs of these names, at every vertex; None for all states."""
+    found, n = [], len(plant["vertices"][0]["A"])
+    for name in names:
+        states = [label.partition("[")[0].strip() for label in plant.get("states", [])]
+        if name in states:
+            rows = np.eye(n)[[states.index(name)] * count]
+        else:
+            own = next(output for output in plant["outputs"] if output["name"] == name)
+            rows = np.broadcast_to(array(own["C"]), (count, n))
+        found.append(rows)
+    return np.stack(found, axis=1) if found else None
+
+
 class Law:
     """K(alpha)."""
 
-    def __init__(self, table, count):
+    def __init__(self, table, count, plant=None):
         self.fixed = table["kind"] == "fixed"
         self.on = table.get("on", "simplex")
         if self.fixed:
             self.K = array(table["K"])
             return
         self.degree = table.get("degree", 1)
+        self.polynomial = table["kind"] == "polynomial"
+        if self.polynomial:
+            self.terms = [(np.array(t["powers"]), array(t["K"])) for t in table["terms"]]
+            self.C = None if plant is None else measured(plant, table.get("measured", []), count)
         box = self.on == "box" and count > 1
         self.sizes = (2,) * (count.bit_length() - 1) if box else (count,)
-        self.W, self.Z = array(table["W"]), array(table["Z"])
+        if not self.polynomial:
+            self.W, self.Z = array(table["W"]), array(table["Z"])
 
     def gain(self, alpha):
         if self.fixed:
             return self.K
+        if self.polynomial:
+            c = coordinates(alpha, self.sizes)
+            if len(self.terms[0][0]) < len(c):
+                c = c[1::2] - c[::2]
+            K = sum(np.prod(c**e) * K for e, K in self.terms)
+            return K if self.C is None else K @ np.tensordot(alpha, self.C, 1)
         weights = basis(coordinates(alpha, self.sizes), self.sizes, self.degree)
         W, Z = (np.tensordot(weights, M, 1) for M in (self.W, self.Z))
         return np.linalg.solve(W.T, Z.T).T
@@ -379,7 +404,11 @@ def false(document, seed=0):
     """Whether samples contradict a claim of a file, plain data of JSON."""
     plant = Plant(document["plant"], seed)
     table = document.get("law")
-    law = table if table is None or table["kind"] == "table" else Law(table, len(plant.A))
+    law = (
+        table
+        if table is None or table["kind"] == "table"
+        else (Law(table, len(plant.A), document["plant"]))
+    )
     with np.errstate(all="ignore"):
         return any(FALSE[claim["kind"]](plant, law, claim) for claim in document["claims"])
 

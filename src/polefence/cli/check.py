@@ -6,6 +6,7 @@ import argparse
 import hashlib
 import io
 import zipfile
+from collections.abc import Iterable
 from fractions import Fraction
 from pathlib import Path
 from typing import Any
@@ -26,7 +27,8 @@ from polefence.proof.claims.observer import Observer
 from polefence.proof.claims.rounding import Rounded
 from polefence.proof.claims.signal import SignalClaim
 from polefence.proof.document import Document
-from polefence.proof.plant import Plant
+from polefence.proof.laws import Law
+from polefence.proof.plant import Output, Plant
 from polefence.proof.reading import MAX_BYTES
 from polefence.proof.text import output_text, quoted
 
@@ -152,7 +154,10 @@ def _against(document: Document, plant: UncertainPlant, spec: str) -> str | None
         if difference is None and isinstance(claim, Observer):
             difference = _other_measured(claim, plant)
         if difference is None and isinstance(claim, SignalClaim):
-            difference = _other_signal(claim, document.plant, file_plant(plant))
+            difference = _other_signal(claim.outputs, document.plant, file_plant(plant))
+    if difference is None and isinstance(document.law, Law) and document.law.measured:
+        own = [document.plant.signal(name) for name in document.law.measured]
+        difference = _other_signal(filter(None, own), document.plant, file_plant(plant))
     return difference
 
 
@@ -201,12 +206,12 @@ def _other_measured(observer: Observer, plant: UncertainPlant) -> str | None:
     return None
 
 
-def _other_signal(claim: SignalClaim, found: Plant, plant: Plant) -> str | None:
-    """Say which output of a claim is another than the spec's of that name.
+def _other_signal(outputs: Iterable[Output], found: Plant, plant: Plant) -> str | None:
+    """Say which output of a claim, or of a law, is another than the spec's of that name.
 
     One that neither has is the file's own, and the claim says so.
     """
-    for own in claim.outputs:
+    for own in outputs:
         mine, theirs = found.signal(own.name), plant.signal(own.name)
         if mine is None and theirs is None:
             continue

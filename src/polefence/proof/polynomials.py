@@ -124,7 +124,7 @@ class Polynomial:
                 _add(terms, lower, times(e[coordinate], matrix))
         ends = [sum(self.sizes[: f + 1]) for f in range(len(self.sizes))]
         own = next(f for f, end in enumerate(ends) if coordinate < end)
-        return self._with(terms, tuple(d - (f == own) for f, d in enumerate(self.degrees)))
+        return self._with(terms, tuple(max(d - (f == own), 0) for f, d in enumerate(self.degrees)))
 
     def composed(self, forms: Sequence[Polynomial], sizes: Sizes) -> Polynomial:
         """Return it with forms (1 x 1, in each simplex of one degree) in place of coordinates.

@@ -54,6 +54,8 @@ class Observer(Claim):
         A, B = (list(map(_transposed, matrices)) for matrices in (plant.A, C))
         dual = replace(plant, A=A, B=B, E=[])
         own, on = read_law(table.table("law"), dual)
+        if own.polynomial:
+            raise FormatError(f"{table.path('law')} must be fixed or scheduled, of an observer")
         return cls(Poles.read(table, dual, own, on), measured)
 
     def write(self) -> dict[str, Any]:

@@ -74,7 +74,7 @@ from polefence.proof.regions import (
     write_region,
 )
 from polefence.proof.roots import all_inside
-from polefence.proof.text import quoted, region_text
+from polefence.proof.text import output_text, quoted, region_text
 from polefence.proof.work import MAX_WORK, FormatError
 
 METHODS = ("quadratic", "slack", "scheduled", "lyapunov")
@@ -380,7 +380,11 @@ def law_text(law: Law) -> str:
         return "one gain K"
     if law.scheduled:
         return f"K(alpha) = Z W^-1 of degree {law.degree}"
-    what = ", ".join(map(quoted, law.measured)) if law.measured else "all states"
+    none: list[Rationals] = [[[]]] * len(law.C)
+    rows = ([[own[k]] for own in law.C] for k in range(len(law.measured)))
+    pairs = zip(law.measured, rows, strict=True)
+    named = [f"{quoted(name)} = {output_text(C, none)}" for name, C in pairs]
+    what = ", ".join(named) or "all states"
     return f"a polynomial gain of degree {law.degree} of {what}"
 
 

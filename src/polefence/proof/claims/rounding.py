@@ -146,6 +146,8 @@ class Rounded(Claim):
         code, gain = self.code, self.gain
         design = gain.subject.design
         m, n, law = len(design.B[0][0]), len(design.A[0]), design.law
+        if law.polynomial:
+            raise FormatError("code: a polynomial law has no proofs here")
         if type(code.bits) is not int or code.bits not in DIGITS:
             raise FormatError("code.bits must be 32 or 64")
         _require_numbers(code)

@@ -191,7 +191,7 @@ class Sampled(Claim):
         """Refuse what is incomplete, of shapes that do not fit, or out of all proportion."""
         design = self.design
         n, m, law = len(design.A[0]), len(design.B[0][0]), design.law
-        if design.weights or (law.K is not None and len(law.K) != 1):
+        if design.weights or not (law.scheduled or (law.fixed and len(law.K or []) == 1)):
             raise FormatError("this kind of plant or law has no proofs here")
         if self.ranges and len(design.A) != 2 ** len(self.ranges):
             raise FormatError("the vertices are not those of the parameters")

@@ -368,7 +368,8 @@ class SignalClaim(Claim):
             if own.F:
                 require_shapes(list(own.F), N, 1, subject.q, "F")
         subject.require()
-        if subject.evidence.dual and (not self.has_dual or subject.evidence.multiple):
+        evidence = subject.evidence
+        if evidence.dual and (not self.has_dual or evidence.multiple or not evidence.X):
             raise FormatError(f"a bound on {self.kind} has no dual form of this kind")
         for key in ("level", "intensity", "norm"):
             if getattr(self, key, 0) < 0:

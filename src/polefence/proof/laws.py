@@ -130,7 +130,8 @@ class Law:
         found: dict[Exponent, Rationals] = {}
         ends = list(zip(low, high, strict=True))
         for e, K in zip(self.powers, self.K or [], strict=True):
-            spend(RATIONAL * len(K) * len(K[0]) * math.prod(power + 1 for power in e), 64, 64)
+            count, length = math.prod(power + 1 for power in e), longest((low, high)) * (sum(e) + 1)
+            spend(RATIONAL * count * (len(e) + len(K) * len(K[0])), length, length)
             for own in cartesian(*(range(power + 1) for power in e)):
                 factor = math.prod(
                     (
@@ -283,11 +284,18 @@ class Piece:
 
 def on_corners(vertices: list[Rationals], low: Point, high: Point) -> list[Rationals]:
     """Return what is multi-affine on the box at the corners of a part of it."""
-    found = []
+    found, length = [], longest((low, high)) * len(low)
+    spend(RATIONAL * len(vertices) ** 2 * len(low), length, length)
     for corner in cartesian(*zip(low, high, strict=True)):
         pairs = ((1 - t, t) for t in corner)
         found.append(mix([math.prod(w, start=Fraction(1)) for w in cartesian(*pairs)], vertices))
     return found
+
+
+def longest(points: tuple[Point, ...]) -> int:
+    """Return the length of the longest numerator or denominator."""
+    pairs = (x.as_integer_ratio() for point in points for x in point)
+    return max((max(map(int.bit_length, pair)) for pair in pairs), default=0)
 
 
 def add(one: Rationals, other: Rationals) -> Rationals:

@@ -4,8 +4,14 @@ At each point of a family the least Q of A'Q + Q A + C'C <= 0 is the observabili
 analytic function of the point: the polynomial that has its values at nodes misses the equation by
 what falls off geometrically with its degree. A constant R, added to C'C, makes up for what it
 misses: the smallest, as the bound tells sizes, of which no coefficient of the inequality is
-negative. What is bounded then exceeds the truth by about what the interpolation misses. Of a gain Q
-is the solution of the Riccati equation at a level somewhat above it.
+negative. What is bounded then exceeds the truth by about what the interpolation misses.
+
+Of a gain Q is the solution of a Riccati equation, at each point of a level of its own, between the
+gain there and the one level that is claimed, at which it then proves more than it needs. Next to
+the gain itself the solution is an analytic function of the point, as long as the frequency of the
+gain is; at one level for all points it has a branch point just outside the family, where the gain
+comes to exceed that. The nearer the levels are to the claimed one, the less does a change of that
+frequency matter: the best of some shares is taken.
 """
 
 from __future__ import annotations
@@ -31,6 +37,11 @@ ROOM = 1e-7  # of the bound's square, for rounding
 ABOVE = (1e-4, 1e-3, 5e-3, 2e-2, 0.1)
 MOST = 3e8  # of the work on one polynomial [multiplications]
 DEGREES, MOST_PARTS = (2, 4), 64  # on parts of the box
+LOWEST = 0.03  # of a level, what a point's own is at least
+NEXT = 1e-3  # above the last least level the search for the next begins
+SHARES = (0.0, 0.25, 0.5, 0.75)  # of the way from the least levels to the one that is claimed
+BARELY = 1e-5  # by which a point's own level exceeds the least there
+ON_AXIS = 1e-7  # of the largest root, what is taken for the imaginary axis
 SMALL = 1e-7  # of the largest, what a direction is taken to be moved at least
 
 
@@ -155,9 +166,7 @@ def lyapunov(A: Array, Q: Array) -> Array:
 def riccati(A: Array, S: Array, Q: Array) -> Array | None:
     """Return the stabilising X of A'X + X A + X S X + Q = 0, batched; None where there is none."""
     n = A.shape[-1]
-    top = np.concatenate([A, S], axis=-1)
-    H = np.concatenate([top, np.concatenate([-Q, -A.swapaxes(-1, -2)], axis=-1)], axis=-2)
-    values, V = np.linalg.eig(H)
+    values, V = np.linalg.eig(_hamiltonian(A, S, Q))
     if not np.all((values.real < 0).sum(axis=-1) == n):
         return None
     order = np.argsort(values.real, axis=-1)[..., :n]
@@ -165,6 +174,17 @@ def riccati(A: Array, S: Array, Q: Array) -> Array | None:
     X = np.linalg.solve(stable[..., :n, :].swapaxes(-1, -2), stable[..., n:, :].swapaxes(-1, -2))
     real = X.swapaxes(-1, -2).real
     return np.asarray((real + real.swapaxes(-1, -2)) / 2)
+
+
+def has_stabilising(A: Array, S: Array, Q: Array) -> Array:
+    """Whether there is a stabilising solution, of each of a batch: no root on that axis."""
+    values = np.linalg.eigvals(_hamiltonian(A, S, Q))
+    return np.asarray(np.abs(values.real).min(-1) > ON_AXIS * np.abs(values).max(-1))
+
+
+def _hamiltonian(A: Array, S: Array, Q: Array) -> Array:
+    top = np.concatenate([A, S], axis=-1)
+    return np.concatenate([top, np.concatenate([-Q, -A.swapaxes(-1, -2)], axis=-1)], axis=-2)
 
 
 def duals(problem: DualProblem, worst: float, near: float = 1e-3, most: int = 4) -> Iterator[Dual]:
@@ -287,8 +307,18 @@ class _Interpolation:
         """Let R grow until every coefficient is positive; None if it does not end."""
         T, n = self.units, len(self.units)
         inverse, R, over = np.linalg.inv(T), np.zeros((n, n)), OVER
-        for _ in range(ROUNDS):
-            Q = self._coefficients(R, level)
+        share = SHARES[0]
+        least: Array | None = np.zeros(len(self.nodes[0]))
+        Q: Array | None
+        for k in range(ROUNDS):
+            if level is None:
+                Q = self._gramians(R)
+            else:
+                least = None if least is None else self._least(R, level, least)
+                if least is None:
+                    return None
+                share = share if k else self._share(level, least)
+                Q = self._solutions(R, level, least, share)
             if Q is None:
                 return None
             missed, bound = self._missed(Q, level)
@@ -299,20 +329,49 @@ class _Interpolation:
             R = R + inverse.T @ more @ inverse
         return None
 
-    def _coefficients(self, R: Array, level: float | None) -> Array | None:
-        """Return Bernstein coefficients of Q for this R."""
-        A, Y, E, F = self.nodes
-        turned = A.swapaxes(-1, -2)
-        Yt, Et = Y.swapaxes(-1, -2), E.swapaxes(-1, -2)
-        found: Array | None
-        if level is None:
-            found = lyapunov(turned, Yt @ Y + R)
-        else:
-            a, b, c = _inverse(level, F)
-            found = riccati(A + E @ b @ Y, E @ a @ Et, Yt @ c @ Y + R)
-        if found is None:
-            return None
+    def _gramians(self, R: Array) -> Array:
+        """Return Bernstein coefficients of the observability Gramians, with R."""
+        A, Y, _, _ = self.nodes
+        found = lyapunov(A.swapaxes(-1, -2), Y.swapaxes(-1, -2) @ Y + R)
         return self.problem.domain.interpolated(found, self.degree)
+
+    def _solutions(self, R: Array, level: float, least: Array, share: float) -> Array | None:
+        """Return Bernstein coefficients of solutions at levels a share above the least."""
+        levels = np.minimum(least * (1 + BARELY), level)
+        found = riccati(*self._equations(R, levels ** (1 - share) * level**share))
+        return None if found is None else self.problem.domain.interpolated(found, self.degree)
+
+    def _share(self, level: float, least: Array) -> float:
+        """Return the share with which the least is missed before there is an R."""
+        T, zero, sizes = self.units, np.zeros_like(self.units), []
+        for share in SHARES:
+            Q = self._solutions(zero, level, least, share)
+            missed = None if Q is None else T.T @ self._missed(Q, level)[0] @ T
+            sizes.append(np.inf if missed is None else float(np.trace(majorant(missed))))
+        return SHARES[int(np.argmin(sizes))]
+
+    def _equations(self, R: Array, levels: Array) -> tuple[Array, Array, Array]:
+        """Return A, S and Q of the Riccati equations of levels at the nodes."""
+        A, Y, E, F = self.nodes
+        a, b, c = _inverse(levels[:, None, None], F)
+        return A + E @ b @ Y, E @ a @ E.swapaxes(-1, -2), Y.swapaxes(-1, -2) @ c @ Y + R
+
+    def _least(self, R: Array, level: float, low: Array) -> Array | None:
+        """Return the least levels at which there are solutions at the nodes, with R.
+
+        None where one is above the level; ``low`` are known to be no more.
+        """
+        F = self.nodes[3]
+        straight = np.linalg.norm(F, 2, axis=(-2, -1)) * (1 + BARELY)
+        low, high = np.maximum(np.maximum(low, LOWEST * level), straight), np.full(len(F), level)
+        if low.max() > level or not np.all(has_stabilising(*self._equations(R, high))):
+            return None
+        middle = np.minimum(low * (1 + NEXT), level)
+        while np.any(low < high / (1 + BARELY / 2)):
+            there = has_stabilising(*self._equations(R, middle))
+            low, high = np.where(there, low, middle), np.where(there, middle, high)
+            middle = np.sqrt(low * high)
+        return high
 
     def _missed(self, Q: Array, level: float | None) -> tuple[Array, float]:
         """Return by how much each coefficient misses the inequality, and the bound."""
@@ -351,7 +410,7 @@ class _Interpolation:
         return max(self.degree + problem.degree, *squares)
 
 
-def _inverse(level: float, F: Array) -> tuple[Array, Array, Array]:
+def _inverse(level: Array | float, F: Array) -> tuple[Array, Array, Array]:
     """Return the blocks a, b, c of the inverse of [g I, -F'; -F, g I]."""
     Ft = F.swapaxes(-1, -2)
     a = np.linalg.inv(level * np.eye(F.shape[-1]) - Ft @ F / level)

@@ -401,7 +401,9 @@ class SignalClaim(Claim):
 
     def symmetric(self) -> Iterator[tuple[str, Rationals]]:
         """Yield W and the Lyapunov matrices."""
-        families = {"W": self.subject.law.W or [], "Lyapunov matrix": self.subject.evidence.X}
+        own = self.subject.evidence
+        of_cells = (X for piece in own.cells for X in piece.evidence.X)
+        families = {"W": self.subject.law.W or [], "Lyapunov matrix": [*own.X, *of_cells]}
         for name, matrices in families.items():
             for k, matrix in enumerate(matrices):
                 yield f"{name} {k + 1}", matrix

@@ -18,6 +18,7 @@ from polefence.design.requirements.slopes import Channel
 from polefence.design.requirements.specification import Specification
 from polefence.design.tune.descent import Rows
 from polefence.design.tune.poles import growth, sides_of, slopes
+from polefence.design.tune.smooth import curve_of, smooth_growth
 from polefence.design.tune.starts import Sizes
 from polefence.design.tune.unknowns import At, Unknowns
 from polefence.lmi.conditions.target import Side
@@ -58,8 +59,8 @@ class Task:
     ----------
     plant : UncertainPlant
     unknowns : Unknowns
-    minimise : Specification, Side, or None
-        A side is a part of a region that grows; None is for the law's own size.
+    minimise : Specification, tuple of Side, or None
+        Sides are of a region that grows; None is for the law's own size.
     limits : tuple of Specification
     region : Region
     sizes : Sizes
@@ -70,7 +71,7 @@ class Task:
 
     plant: UncertainPlant
     unknowns: Unknowns
-    minimise: Specification | Side | None
+    minimise: Specification | tuple[Side, ...] | None
     limits: tuple[Specification, ...]
     region: Region
     sizes: Sizes
@@ -124,8 +125,11 @@ class Points:
         return Modes(A) if np.all(np.isfinite(A)) and np.abs(A).max() < 1e100 else None
 
     def evaluable(self, modes: Modes) -> Any:
-        """Return at which points requirements can be evaluated, (count,)."""
-        poles = modes.poles
+        """Return at which points limits and level can be evaluated, (count,): most ask for stability."""
+        poles, own = modes.poles, self.task.minimise
+        turning = isinstance(own, tuple) and any(np.any(side.M1) for side in own)
+        if not self.task.requirements and not turning:
+            return np.full(len(poles), True)
         return np.all(poles.real < -1e-12 * np.abs(poles).max(axis=1)[:, None], axis=1)
 
     def requirement(self, k: int, K: Array, modes: Modes) -> Found:
@@ -134,8 +138,18 @@ class Points:
         own = self.task.requirements[k].slopes(channel.closed(K, modes))
         return Found(own.values, own.points, channel.slopes(own))
 
-    def side(self, side: Side, modes: Modes) -> Found:
-        """Return the growth of a side at every pole of the upper half-plane."""
+    def side(self, side: Side, modes: Modes, kappa: float | None = None) -> Found:
+        """Return the growth of a side at every pole of the upper half-plane.
+
+        Parameters
+        ----------
+        kappa : float, optional
+            Of one that is smooth, where the side has one.
+        """
+        curve = None if kappa is None else curve_of(side, self.task.sizes.rate)
+        if kappa is not None and curve is not None:
+            values, dA = smooth_growth(side, curve, modes, kappa)
+            return Found(values, np.arange(len(values)), np.swapaxes(self.channels[0].B, 1, 2) @ dA)
         points, which = np.nonzero(modes.poles.imag >= 0)
         values, dx, dy = growth(side, modes.poles[points, which])
         return Found(values, points, slopes(modes, self.channels[0].B, points, which, dx, dy))
@@ -164,11 +178,13 @@ class Points:
         dK = K * weight**2 / np.where(values > 0, values, 1.0)[:, None, None]
         return Found(values, np.arange(len(K)), dK, inner=True)
 
-    def bounds(self, K: Array, modes: Modes) -> list[tuple[Found, float]]:
+    def bounds(
+        self, K: Array, modes: Modes, kappa: float | None = None
+    ) -> list[tuple[Found, float]]:
         """Return what loops must keep, but for requirements: kept where zero or less; margins."""
         found = []
         for side in self.task.sides:
-            found.append((self.side(side, modes), MARGIN))
+            found.append((self.side(side, modes, kappa), MARGIN))
         if np.isfinite(self.task.fastest):
             own = self.speed(modes)
             found.append((replace(own, values=own.values - 1), 0.0))
@@ -188,35 +204,43 @@ class Points:
             found.append((Found(values, each.points, dK), MARGIN))
         return found
 
-    def level(self, K: Array, inner: Array, modes: Modes) -> Found:
+    def level(
+        self, K: Array, inner: Array, modes: Modes, kappa: float | None = None
+    ) -> Found:
         """Return what is minimised, at gains of all states, and of what is measured."""
         if self.task.minimise is None:
             return self.size(inner)
-        if isinstance(self.task.minimise, Side):
-            return self.side(self.task.minimise, modes)
+        if isinstance(self.task.minimise, tuple):
+            each = [self.side(side, modes, kappa) for side in self.task.minimise]
+            parts = ([getattr(own, key) for own in each] for key in ("values", "points", "dK"))
+            return Found(*(np.concatenate(part) for part in parts))
         return self.requirement(0, K, modes)
 
-    def rows(self, theta: Array, phase: str, unit: float = 1.0) -> Rows | None:
+    def rows(
+        self, theta: Array, phase: str, unit: float = 1.0, kappa: float | None = None
+    ) -> Rows | None:
         """Return everything that a phase of a search minimises and keeps; None where it cannot be.
 
         Parameters
         ----------
         unit : float
             Of the level, so that it is about one.
+        kappa : float, optional
+            Of regions that are smooth: in their own phase, and of one that is to be small.
         """
         inner = self.unknowns.gains(theta)
         K = inner @ self.unknowns.C
         modes = self.modes(K)
         if modes is None or not np.all(np.isfinite(modes.left)):
             return None
-        found = self.bounds(inner, modes)
+        found = self.bounds(inner, modes, kappa if phase == REGION else None)
         if phase != REGION:
-            if self.task.requirements and not np.all(self.evaluable(modes)):
+            if not np.all(self.evaluable(modes)):
                 return None
             found += self.limited(K, modes)
         kept = [_kept(own, margin) for own, margin in found]
         if phase == LEVEL:
-            own = self.level(K, inner, modes)
+            own = self.level(K, inner, modes, kappa)
             kept.insert(0, _scaled(own, unit))
         elif phase == SMALL:
             kept.insert(0, self.size(inner))
@@ -245,7 +269,7 @@ class Points:
         modes = self.modes(K)
         if modes is None:
             return np.full((2, len(K)), np.inf)
-        good = self.evaluable(modes) if self.task.requirements else np.full(len(K), True)
+        good = self.evaluable(modes)
         some = self if np.all(good) else self[good]
         own = Modes(modes.A[good])
         bounds = [_largest(found, len(K)) for found, _ in self.bounds(inner, modes)]

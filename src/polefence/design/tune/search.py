@@ -30,6 +30,7 @@ from polefence.region.regions import HalfPlane, Region, bounds_speed
 
 INSIDE, ON_EDGES = 160, 3  # points of the cloud: in the family, and on each edge
 MOST_CORNERS, MOST_CLOUD = 16, 600
+SMOOTH = 3.0, 100.0, 1e4  # kappa, one after the other, before poles themselves
 RANDOM, SEED = 4, 20261122  # starts at random
 BEST, LAST = 3, 2  # starts that are followed at the corners, and over the family
 ROUNDS, MORE = 10, 1e-4  # of added points, and by how much one must be worse
@@ -123,15 +124,15 @@ def tune_region(
     InputError
         As `tune` raises.
     """
-    (side,) = (own for own in goal.target(1.0).sides if np.any(own.L1) or np.any(own.M1))
+    sides = tuple(own for own in goal.target(1.0).sides if np.any(own.L1) or np.any(own.M1))
     within = getattr(goal, "within", None)
-    return _Search(_task(plant, structure, side, tuple(limits), within)).run(starts)
+    return _Search(_task(plant, structure, sides, tuple(limits), within)).run(starts)
 
 
 def _task(
     plant: UncertainPlant,
     structure: Structure,
-    minimise: Specification | Side | None,
+    minimise: Specification | tuple[Side, ...] | None,
     limits: tuple[Specification, ...],
     region: Region | None,
 ) -> Task:
@@ -143,7 +144,7 @@ def _task(
         if own.at_most is None:
             raise InputError(f"the limit of {own.name!r} is missing; give at_most")
     sizes = typical(plant, structure.rows(plant).mean(axis=0))
-    free = isinstance(minimise, Side) and plant.sample_time is not None
+    free = isinstance(minimise, tuple) and plant.sample_time is not None
     if region is None:
         region = HalfPlane(0.0)
     elif not region.stable and plant.sample_time is None:
@@ -223,22 +224,30 @@ class _Search:
         # none is exactly where poles coincide
         return [theta + NUDGE * random.normal(size=own.size) for theta in found]
 
-    def _improved(self, theta: Array, points: Points, effort: Effort = FULL) -> _Reached:
+    def _improved(
+        self, theta: Array, points: Points, effort: Effort = FULL, smooth: Sequence[float] = SMOOTH
+    ) -> _Reached:
         """Return where the phases lead to at some points: into the region, the limits, down."""
-        for phase in (REGION, LIMITS):
-            found = descend(lambda x, own=phase: points.rows(x, own), theta, 0.0)
+        for phase, kappa in ((REGION, SMOOTH[0]), (REGION, SMOOTH[-1]), (REGION, None), (LIMITS, None)):
+            found = descend(
+                lambda x, own=phase, k=kappa: points.rows(x, own, kappa=k), theta, 0.0
+            )
             if found is None:
                 return _Reached(theta, points, np.inf, np.inf)
             theta, rows = found
-            if rows.level > 0:
+            if rows.level > 0 and kappa is None:
                 return _Reached(theta, points, rows.level, self._level(points, theta))
-        for _ in range(SCALINGS):
+        of_poles = isinstance(self.task.minimise, tuple)
+        for kappa in (*smooth, None) if of_poles else (None,) * SCALINGS:
             unit = abs(self._level(points, theta)) or 1.0
-            found = descend(lambda x, own=unit: points.rows(x, LEVEL, own), theta, effort=effort)
+            most = QUICK if of_poles and kappa != smooth[-1] else effort
+            found = descend(
+                lambda x, own=unit, k=kappa: points.rows(x, LEVEL, own, k), theta, effort=most
+            )
             if found is None:
                 break
             theta, rows = found
-            if rows.level > HALF:
+            if rows.level > HALF and not of_poles:
                 break
         own = points.rows(theta, LIMITS)
         excess = np.inf if own is None else own.level
@@ -258,7 +267,7 @@ class _Search:
             more = self._more(own)
             if more is None:
                 break
-            own = self._improved(own.theta, more)
+            own = self._improved(own.theta, more, smooth=SMOOTH[-1:])
         if own.excess > 0 or self.task.minimise is None:
             return own
         smaller, level = own, own.level + (WIDE - 1) * abs(own.level)

@@ -14,6 +14,7 @@ ZOOMS, POINTS = 7, 7  # into each peak
 CLOSE = 1e-7  # to which the highest is one, relative
 ON_AXIS = 1e-7  # real part of an eigenvalue that is imaginary, relative
 CLIMBS = 8
+SAME, ONE = 1e-6, 1e-2  # frequencies of a grid, and of peaks, that are one, relative
 
 
 def response(A: Array, E: Array, C: Array, F: Array, frequency: Array) -> Any:
@@ -72,9 +73,15 @@ def peaks(A: Array, E: Array, C: Array, F: Array, poles: Any) -> tuple[Array, Ar
             break
     best = np.zeros(len(A))
     np.maximum.at(best, loops, top)
-    kept = top >= NEAR * best[loops]
-    order = np.lexsort((w[kept], loops[kept]))
-    return loops[kept][order], w[kept][order], top[kept][order]
+    order = np.lexsort((-top, loops))
+    some = list[int]()
+    for k in order[(top >= NEAR * best[loops])[order]]:
+        # the same peak, reached twice
+        again = (j for j in some if loops[j] == loops[k] and abs(w[j] - w[k]) <= ONE * w[k])
+        if next(again, None) is None:
+            some.append(int(k))
+    some.sort(key=lambda k: (loops[k], w[k]))
+    return loops[some], w[some], top[some]
 
 
 def _grid(poles: Any) -> Array:
@@ -86,7 +93,14 @@ def _grid(poles: Any) -> Array:
     even = (slow / 5)[:, None] * ((25 * fast / slow)[:, None]) ** share
     own = np.concatenate([sizes, np.abs(poles.imag)], axis=1)
     ends = np.stack([0 * fast, 1e4 * fast], axis=1)
-    return np.sort(np.concatenate([even, own, ends], axis=1), axis=1)
+    return np.stack([_apart(row) for row in np.concatenate([even, own, ends], axis=1)])
+
+
+def _apart(w: Array) -> Array:
+    """Return frequencies rising, those that are nearly equal put beyond the others."""
+    w = np.sort(w)
+    new = np.append(True, np.diff(w) > SAME * w[1:])
+    return np.append(w[new], w[-1] * np.arange(2.0, 2 + np.count_nonzero(~new)))
 
 
 def _climbed(height: Any, grid: Array, values: Array, loops: Any) -> tuple[Any, Array, Array]:

@@ -1,0 +1,78 @@
+"""Quadratic programs by their optimality conditions; descents to known minima."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from polefence.design.tune.descent import FULL, Rows, descend
+from polefence.design.tune.quadratic import minimum
+
+
+@pytest.mark.parametrize(("n", "m"), [(1, 2), (5, 40), (20, 200)])
+def test_a_quadratic_program_meets_its_optimality_conditions(n, m):
+    random = np.random.default_rng(n)
+    half = random.normal(size=(n, n))
+    P, q, G = half @ half.T + 0.1 * np.eye(n), 5 * random.normal(size=n), random.normal(size=(m, n))
+    h = random.uniform(0, 1, m)
+    x, z = minimum(P, q, G, h)
+    assert (G @ x - h).max() < 1e-8
+    assert z.min() >= 0
+    assert np.abs(P @ x + q + G.T @ z).max() < 1e-7
+    assert abs(z @ (G @ x - h)) < 1e-7
+
+
+def rows(pairs, objective):
+    values, slopes = (np.array(each, dtype=float) for each in zip(*pairs, strict=True))
+    return Rows(values, slopes, np.arange(len(values)), np.array(objective))
+
+
+def test_the_largest_of_smooth_functions_where_three_meet():
+    # Charalambous & Conn: max(x^2 + y^4, (2 - x)^2 + (2 - y)^2, 2 exp(y - x)), at (1, 1)
+    def evaluate(theta):
+        x, y = theta
+        last = 2 * np.exp(y - x)
+        return rows(
+            [
+                (x**2 + y**4, (2 * x, 4 * y**3)),
+                ((2 - x) ** 2 + (2 - y) ** 2, (2 * x - 4, 2 * y - 4)),
+                (last, (-last, last)),
+            ],
+            [True] * 3,
+        )
+
+    theta, found = descend(evaluate, np.array([2.0, 2.0]), effort=FULL)
+    assert theta == pytest.approx([1.13904, 0.89956], abs=1e-3)
+    assert found.level == pytest.approx(1.9522245, abs=1e-5)
+
+
+def test_a_limit_is_kept_and_active():
+    # the nearest point of the unit circle's outside to (0.5, 0)
+    def evaluate(theta):
+        x, y = theta
+        first = ((x - 0.5) ** 2 + y**2, (2 * (x - 0.5), 2 * y))
+        return rows([first, (1 - x**2 - y**2, (-2 * x, -2 * y))], [True, False])
+
+    theta, found = descend(evaluate, np.array([1.0, 2.0]), effort=FULL)
+    assert found.excess <= 1e-7
+    assert theta == pytest.approx([1, 0], abs=1e-2)
+    assert found.level == pytest.approx(0.25, abs=1e-4)
+
+
+def test_where_nothing_can_be_evaluated_is_never_gone_to():
+    def evaluate(theta):
+        (x,) = theta
+        return None if x <= 0 else rows([(x - np.log(x), (1 - 1 / x,))], [True])
+
+    assert descend(evaluate, np.array([-1.0])) is None
+    theta, found = descend(evaluate, np.array([5.0]), effort=FULL)
+    assert theta == pytest.approx([1], abs=1e-2)
+    assert found.level == pytest.approx(1, abs=1e-4)
+
+
+def test_a_target_ends_the_descent():
+    def evaluate(theta):
+        return rows([(theta @ theta, 2 * theta)], [True])
+
+    _, found = descend(evaluate, np.array([3.0, 4.0]), target=9.0)
+    assert 0 < found.level <= 9

@@ -20,8 +20,9 @@ SAME, ONE = 1e-6, 1e-2  # frequencies of a grid, and of peaks, that are one, rel
 def response(A: Array, E: Array, C: Array, F: Array, frequency: Array) -> Any:
     """Return C (jw - A)^-1 E + F, (count, f, p, q), at w (count, f) [rad/s]."""
     s = 1j * frequency[..., None, None] * np.eye(A.shape[-1])
+    right = np.broadcast_to(E[:, None], (*s.shape[:2], *E.shape[1:]))
     with np.errstate(all="ignore"):
-        X = np.linalg.solve(s - A[:, None], np.broadcast_to(E[:, None], (*s.shape[:2], *E.shape[1:])))
+        X = np.linalg.solve(s - A[:, None], right)
     return C[:, None] @ X + F[:, None]
 
 

@@ -183,7 +183,7 @@ class InitialPeak(Specification):
 
     def channel(self, plant: UncertainPlant, alpha: Array) -> Channel:
         """Return it with the initial states as columns of E, the ellipsoid's axes behind them."""
-        C, D, F = stacked(plant, self.outputs(plant))
+        C, D, _ = stacked(plant, self.outputs(plant))
         starts = [np.array(p, dtype=float)[:, None] for p in (*self.points, *_axes(self))]
         each = [np.broadcast_to(M, (len(alpha), *M.shape)) for M in starts]
         if self.impulse:
@@ -206,7 +206,8 @@ class InitialPeak(Specification):
         n = A.shape[1]
         motion = expm(A * time[:, None, None])
         y = C @ motion @ loops.E[points]
-        y *= np.array([[k in range(*groups[g].indices(q)) for k in range(q)] for g in which])[:, None]
+        own = [[groups[g].start <= k < groups[g].stop for k in range(q)] for g in which]
+        y *= np.array(own)[:, None]
         values = np.sqrt((y**2).sum(axis=(1, 2)))
         start = loops.E[points] @ np.swapaxes(y, 1, 2) / np.maximum(values, TINY)[:, None, None]
         # the integral of e^A'(t - s) C' x0' e^A's over s, as a block of an exponential

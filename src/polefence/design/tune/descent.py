@@ -2,8 +2,8 @@
 
 What is minimised is max f subject to h <= 0, through the exact penalty max f + rho max(0, h). All
 rows are known with their slopes, so that kinks between them are met as corners of a quadratic
-program, within a reach that adapts; curvature is BFGS's, of the rows that are active. A point at which nothing can be evaluated
-counts as infinitely bad.
+program, within a reach that adapts; curvature is BFGS's, of the rows that are active. A point at
+which nothing can be evaluated counts as infinitely bad.
 """
 
 from __future__ import annotations
@@ -144,7 +144,7 @@ def _direction(
             break
         if x[n + 1] <= max(1e-7, 0.5 * rows.excess):  # kept, or under way
             break
-        if x[n + 1] >= 0.99 * rows.excess:
+        if rows.excess > 0 and x[n + 1] >= 0.99 * rows.excess:
             break  # out of reach
         rho *= 10
     return x[:n], z[:m], rho, _merit(rows, rho) - float(x[n] + rho * max(0.0, x[n + 1]))

@@ -125,7 +125,7 @@ class Points:
         return Modes(A) if np.all(np.isfinite(A)) and np.abs(A).max() < 1e100 else None
 
     def evaluable(self, modes: Modes) -> Any:
-        """Return at which points limits and level can be evaluated, (count,): most ask for stability."""
+        """Return at which points limits and level are, (count,): most ask for stability."""
         poles, own = modes.poles, self.task.minimise
         turning = isinstance(own, tuple) and any(np.any(side.M1) for side in own)
         if not self.task.requirements and not turning:
@@ -182,9 +182,7 @@ class Points:
         self, K: Array, modes: Modes, kappa: float | None = None
     ) -> list[tuple[Found, float]]:
         """Return what loops must keep, but for requirements: kept where zero or less; margins."""
-        found = []
-        for side in self.task.sides:
-            found.append((self.side(side, modes, kappa), MARGIN))
+        found = [(self.side(side, modes, kappa), MARGIN) for side in self.task.sides]
         if np.isfinite(self.task.fastest):
             own = self.speed(modes)
             found.append((replace(own, values=own.values - 1), 0.0))
@@ -204,16 +202,17 @@ class Points:
             found.append((Found(values, each.points, dK), MARGIN))
         return found
 
-    def level(
-        self, K: Array, inner: Array, modes: Modes, kappa: float | None = None
-    ) -> Found:
+    def level(self, K: Array, inner: Array, modes: Modes, kappa: float | None = None) -> Found:
         """Return what is minimised, at gains of all states, and of what is measured."""
         if self.task.minimise is None:
             return self.size(inner)
         if isinstance(self.task.minimise, tuple):
             each = [self.side(side, modes, kappa) for side in self.task.minimise]
-            parts = ([getattr(own, key) for own in each] for key in ("values", "points", "dK"))
-            return Found(*(np.concatenate(part) for part in parts))
+            values, points, dK = (
+                np.concatenate([getattr(own, key) for own in each])
+                for key in ("values", "points", "dK")
+            )
+            return Found(values, points, dK)
         return self.requirement(0, K, modes)
 
     def rows(
@@ -258,7 +257,8 @@ class Points:
             slope = self.unknowns.slopes(own.points, dK)
             parts.append((own.values, slope, own.points + k * count, objective))
         found = Rows(*(np.concatenate(part) for part in zip(*parts, strict=True)))
-        return found if np.all(np.isfinite(found.values)) and np.all(np.isfinite(found.slopes)) else None
+        finite = np.all(np.isfinite(found.values)) and np.all(np.isfinite(found.slopes))
+        return found if finite else None
 
     def worst(self, K: Array, inner: Array) -> Array:
         """Return the worst of each measure at each point, (measures, count): the level first.
@@ -326,4 +326,3 @@ def _less(own: Found, level: float) -> Found:
     """Return values less a level, in shares of it."""
     size = abs(level) or 1.0
     return replace(own, values=(own.values - level) / size, dK=own.dK / size)
-

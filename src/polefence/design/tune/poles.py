@@ -54,7 +54,7 @@ def growth(side: Side, z: Any) -> tuple[Array, Array, Array]:
     def along(turn: complex) -> Array:
         dM = side.M0 + r[..., None, None] * side.M1
         dH = turn * dM + np.conj(turn) * np.swapaxes(dM, -1, -2)
-        return np.einsum("...i,...ij,...j->...", v.conj(), dH, v).real
+        return np.asarray(np.einsum("...i,...ij,...j->...", v.conj(), dH, v).real)
 
     return np.asarray(r), along(1.0), along(1j)
 

@@ -9,6 +9,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import partial
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -30,7 +32,7 @@ from polefence.region.regions import HalfPlane, Region, bounds_speed
 
 INSIDE, ON_EDGES = 160, 3  # points of the cloud: in the family, and on each edge
 MOST_CORNERS, MOST_CLOUD = 16, 600
-SMOOTH = 3.0, 100.0, 1e4  # kappa, one after the other, before poles themselves
+SMOOTH = 10.0, 300.0, 1e4  # kappa, one after the other, before poles themselves
 RANDOM, SEED = 4, 20261122  # starts at random
 BEST, LAST = 3, 2  # starts that are followed at the corners, and over the family
 ROUNDS, MORE = 10, 1e-4  # of added points, and by how much one must be worse
@@ -215,8 +217,8 @@ class _Search:
         alpha = self.cloud.alpha[:: max(1, len(self.cloud.alpha) // FEW)]
         few, root = own.at(alpha), _root(task.sizes.covariance)
         gains = [np.asarray(law.gain(alpha)) * own.states for law in laws]
-        for K in regulators(task.plant, task.sizes, task.region, task.requirements):
-            gains.append(np.broadcast_to(K, (len(alpha), *K.shape)))
+        some = regulators(task.plant, task.sizes, task.region, task.requirements)
+        gains += [np.broadcast_to(K, (len(alpha), *K.shape)) for K in some]
         found = [few.nearest(K, root) for K in gains]
         found.append(np.zeros(own.size))
         random = np.random.default_rng(SEED)
@@ -228,30 +230,36 @@ class _Search:
         self, theta: Array, points: Points, effort: Effort = FULL, smooth: Sequence[float] = SMOOTH
     ) -> _Reached:
         """Return where the phases lead to at some points: into the region, the limits, down."""
-        for phase, kappa in ((REGION, SMOOTH[0]), (REGION, SMOOTH[-1]), (REGION, None), (LIMITS, None)):
-            found = descend(
-                lambda x, own=phase, k=kappa: points.rows(x, own, kappa=k), theta, 0.0
-            )
+        rows = points.rows(theta, REGION)
+        outside = rows is None or rows.level > 0
+        regions = (SMOOTH[0], SMOOTH[-1], None) if outside else ()
+        for phase, kappa in (*((REGION, kappa) for kappa in regions), (LIMITS, None)):
+            found = descend(partial(points.rows, phase=phase, kappa=kappa), theta, 0.0)
             if found is None:
                 return _Reached(theta, points, np.inf, np.inf)
             theta, rows = found
             if rows.level > 0 and kappa is None:
                 return _Reached(theta, points, rows.level, self._level(points, theta))
+        theta = self._lowered(theta, points, effort, smooth)
+        last = points.rows(theta, LIMITS)
+        return _Reached(theta, points, last.level if last else np.inf, self._level(points, theta))
+
+    def _lowered(
+        self, theta: Array, points: Points, effort: Effort, smooth: Sequence[float]
+    ) -> Array:
+        """Return where the level is least, of numbers that keep everything."""
         of_poles = isinstance(self.task.minimise, tuple)
         for kappa in (*smooth, None) if of_poles else (None,) * SCALINGS:
             unit = abs(self._level(points, theta)) or 1.0
             most = QUICK if of_poles and kappa != smooth[-1] else effort
-            found = descend(
-                lambda x, own=unit, k=kappa: points.rows(x, LEVEL, own, k), theta, effort=most
-            )
+            evaluate = partial(points.rows, phase=LEVEL, unit=unit, kappa=kappa)
+            found = descend(evaluate, theta, effort=most)
             if found is None:
                 break
             theta, rows = found
             if rows.level > HALF and not of_poles:
                 break
-        own = points.rows(theta, LIMITS)
-        excess = np.inf if own is None else own.level
-        return _Reached(theta, points, excess, self._level(points, theta))
+        return theta
 
     def _level(self, points: Points, theta: Array) -> float:
         return float(self._worst(points, theta)[0].max())
@@ -273,7 +281,7 @@ class _Search:
         smaller, level = own, own.level + (WIDE - 1) * abs(own.level)
         for _ in range(REPAIRS):
             points = smaller.points
-            found = descend(lambda x, at=points: at.rows(x, SMALL, level), smaller.theta)
+            found = descend(partial(points.rows, phase=SMALL, unit=level), smaller.theta)
             if found is None or found[1].excess > FEASIBLE:
                 return own
             smaller = _Reached(found[0], points, 0.0, self._level(points, found[0]))
@@ -313,14 +321,13 @@ class _Search:
             return values, self.domain.alpha(places)
         corners = np.array(self.domain.monomials(1), dtype=float)
         moves = self._moves(corners.shape[1])
-        share = 0.25
+        share, each = 0.25, np.arange(len(values))
         for _ in range(HALVINGS):
             near = places[:, None] + share * np.stack([to(places) for to in moves], axis=1)
             own = worst(self.task.at(self.domain.alpha(near.reshape(-1, near.shape[2]))))
-            own = own.reshape(len(values), len(values), len(moves))[np.arange(len(values)), np.arange(len(values))]
+            own = own.reshape(len(each), len(each), len(moves))[each, each]
             at = own.argmax(axis=1)
-            higher = own[np.arange(len(at)), at] > values
-            places = np.where(higher[:, None], near[np.arange(len(at)), at], places)
+            places = np.where((own[each, at] > values)[:, None], near[each, at], places)
             values = np.maximum(values, own.max(axis=1))
             share /= 2
         return values, self.domain.alpha(places)
@@ -329,7 +336,7 @@ class _Search:
         """Return ways towards each corner of each simplex, the others as they are."""
         cuts = np.cumsum((0, *self.domain.sizes))
         found = []
-        for first, last in zip(cuts[:-1], cuts[1:], strict=True):
+        for first, last in pairwise(cuts):
             for corner in range(first, last):
                 target = np.eye(count)[corner]
                 part = np.zeros(count)
@@ -340,7 +347,8 @@ class _Search:
     def _tuned(self, own: _Reached) -> Tuned:
         worst, alpha = self._looked(lambda points: self._worst(points, own.theta))
         there = self._worst(own.points, own.theta)
-        return self._answer(self.task.unknowns.law(own.theta), worst, alpha, there, own.points.alpha)
+        law = self.task.unknowns.law(own.theta)
+        return self._answer(law, worst, alpha, there, own.points.alpha)
 
     def _given(self, law: Law) -> Tuned:
         def worst(points: Points) -> Array:
@@ -384,7 +392,8 @@ def _cloud(domain: Domain) -> Array:
         return np.ones((1, 1))
     if domain.corners <= MOST_CORNERS:
         return np.vstack([edges(domain, ON_EDGES), inside(domain, INSIDE)])
-    return np.vstack([np.array(domain.monomials(1), dtype=float)[:MOST_CLOUD], inside(domain, INSIDE)])
+    corners = np.array(domain.monomials(1), dtype=float)
+    return np.vstack([corners[:MOST_CLOUD], inside(domain, INSIDE)])
 
 
 def _distinct(reached: Sequence[_Reached]) -> list[_Reached]:

@@ -1,9 +1,9 @@
 """Regions kept smoothly: a bound on a Lyapunov matrix in place of the poles themselves.
 
-Where poles meet they have no slope. For a half-plane or a disk { z : a + b z + b' z' + e |z|^2 < 0 }
-the trace of X, a X + b A X + b' X A' + e A X A' + s I = 0, is smooth as long as all poles lie inside,
-and infinite at the edge. The least r of a region that grows with r, at which that trace is at most a
-number kappa times n, is therefore smooth in A, never less than that of the poles, and nears it as
+Where poles meet they have no slope. Take a half-plane or a disk, where a + b z + b' z' + e |z|^2 is
+negative. The trace of X, a X + b A X + b' X A' + e A X A' + s I = 0, is smooth as long as all poles
+lie inside, and infinite at the edge. Of a region that grows with r, the least r at which that trace
+is at most kappa n is therefore smooth in A, never less than that of the poles, and nears it as
 kappa grows (Vanbiervliet et al., 2009, for the half-plane).
 """
 
@@ -98,7 +98,7 @@ def smooth_growth(side: Side, curve: Curve, modes: Modes, kappa: float) -> tuple
     upper = np.where(z.imag >= 0, z, z.conj())
     low = growth(side, upper)[0].max(axis=1)
     r = _least(trace, low, kappa * n)
-    a, b = curve.at(r)
+    _, b = curve.at(r)
     D = inside(r)
     X = V @ (curve.s * P / -D) @ up
     Q = down @ (G / -np.swapaxes(D, 1, 2)) @ U
@@ -106,8 +106,8 @@ def smooth_growth(side: Side, curve: Curve, modes: Modes, kappa: float) -> tuple
     both = b[:, None, None] * (X @ Q) + curve.e * (X @ np.swapaxes(A, 1, 2) @ Q)
     dA = 2 * np.swapaxes(both, 1, 2).real
     da, db = curve.turn(r)
-    AX = A @ X
-    change = (da * np.ones(len(r)))[:, None, None] * X + 2 * (db * np.ones(len(r)))[:, None, None] * AX
+    da, db = (np.broadcast_to(own, r.shape)[:, None, None] for own in (da, db))
+    change = da * X + 2 * db * (A @ X)
     fall = np.einsum("aij,aji->a", Q, change).real
     return r, np.asarray(dA / -fall[:, None, None])
 

@@ -10,7 +10,7 @@ import numpy as np
 from polefence.design.requirements.specification import Specification
 from polefence.plant.family import UncertainPlant
 from polefence.plant.system import Array
-from polefence.region.regions import Disk, Region
+from polefence.region.regions import Disk, HalfPlane, Region
 from polefence.response.discrete import balancing
 from polefence.response.modes import Modes
 
@@ -136,8 +136,7 @@ def regulators(
     if plant.sample_time is not None:
         return
     cost = _cost(plant, sizes, asked)
-    decay = max((-float(p.distance(0.0)) for p in region.parts if not isinstance(p, Disk)), default=0.0)
-    decay = -min(decay, 0.0)
+    decay = max((part.scale for part in region.parts if isinstance(part, HalfPlane)), default=0.0)
     for shift in dict.fromkeys((0.0, 1.2 * decay)):
         for effort in EFFORTS:
             R = cost[n:, n:] + 1e-3 * effort * np.eye(m)

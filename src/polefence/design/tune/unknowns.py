@@ -118,8 +118,8 @@ class At:
         if isinstance(law, PolynomialGain):
             return np.asarray(np.tensordot(law.terms(alpha), law.gains, 1))
         K = np.asarray(law.gain(alpha)) * self.unknowns.states
-        C = self.C
-        return np.stack([np.linalg.lstsq(c.T, k.T, rcond=None)[0].T for c, k in zip(C, K, strict=True)])
+        pairs = zip(self.C, K, strict=True)
+        return np.stack([np.linalg.lstsq(c.T, k.T, rcond=None)[0].T for c, k in pairs])
 
     def slopes(self, points: Any, dK: Array) -> Array:
         """Return slopes with respect to theta (rows, size) from those with respect to K."""

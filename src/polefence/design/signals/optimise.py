@@ -42,7 +42,7 @@ from polefence.design.signals.search import (
     together,
     unbounded,
 )
-from polefence.design.signals.tuned import tuned_candidates
+from polefence.design.signals.tuned import tuned_candidates, with_filters
 from polefence.law.laws import Law
 from polefence.law.structure import Structure
 from polefence.lmi.conditions.methods import Method, Scheduled, options
@@ -211,7 +211,7 @@ def optimise(
         _task(larger, found, minimise is not None, asked, method), asked=(plant, tuple(subject_to))
     )
     if structure is not None:
-        return _tuned(*_structured(task, structure))
+        return _tuned(*_structured(task, structure), _simpler(task, structure))
     bare = _task(plant, tuple(s.unweighted() for s in asked_for), bool(minimise), asked, method)
     search = partial(_settled, task) if larger is plant else partial(_weighted, task, bare)
     return _best_of_all(task, search, deadline) if either else search(deadline)
@@ -329,6 +329,19 @@ def _best_tuned(task: Task, structure: Structure, starts: Sequence[Law]) -> Opti
         ):
             break
     return best
+
+
+def _simpler(task: Task, structure: Structure) -> tuple[Law, ...]:
+    """Return the best law without states of its own, as one that has them, to start from."""
+    if not structure.order:
+        return ()
+    static, gain = _structured(task, replace(structure, order=0))
+    found = _best_tuned(static, gain, ())
+    if found is None:
+        return ()
+    larger = _structured(task, structure)[0].plant
+    law = with_filters(found.law, static.plant, larger, gain, task.region)
+    return () if law is None else (law,)
 
 
 def _structured(task: Task, structure: Structure) -> tuple[Task, Structure]:

@@ -96,7 +96,7 @@ def document():
         (lambda law: law.update(measured=["b"]), "no state or output"),
         (lambda law: law.update(measured=["u1"]), "no state or output"),
         (lambda law: law.update(measured="a"), "list"),
-        (lambda law: law.update(on="simplex"), "powers must be|one a parameter|1 a"),
+        (lambda law: law.update(on="simplex"), "evidence.Q holds"),
         (lambda law: law.pop("on"), "on is missing"),
         (lambda law: law.update(kind="fixed"), "K is missing"),
     ],
@@ -107,6 +107,16 @@ def test_a_fault_in_a_law_is_named(change, words):
     change(table["law"])
     with pytest.raises(FormatError, match=words):
         check(loads(json.dumps(table)))
+
+
+def test_alpha_is_told_from_a_parameter():
+    """Of two vertices without a parameter one exponent would be a coordinate that nobody named."""
+    case = Case("rms", ("polynomial", 1))
+    table = json.loads(case.document(case.worst * 1.1).dumps())
+    assert check(loads(json.dumps(table))).proved
+    table["plant"]["parameters"], table["law"]["on"] = [], "simplex"
+    with pytest.raises(FormatError, match="one a parameter, or one a vertex"):
+        loads(json.dumps(table))
 
 
 def test_a_name_that_two_signals_have_is_none_to_measure():
@@ -139,8 +149,8 @@ def test_the_claim_says_what_is_measured():
         "box",
     )
     said = poles.statement(file_plant(plant))
-    assert '"force" = x1' in said
-    assert '"sum" = 2 x1 + x2' in said
+    assert "'force' = x1" in said
+    assert "'sum' = 2 x1 + x2" in said
 
 
 @pytest.mark.parametrize("kind", ["rounding", "sampled"])

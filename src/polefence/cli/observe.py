@@ -52,7 +52,7 @@ def observe_command(options: Any) -> int:
     """Design an observer, prove where the poles of its error lie, and save it."""
     plant = load(options.spec)
     region = Disk(*options.disk) if options.region is None else parse_region(options.region)
-    method = method_of(options.method, options)
+    method = method_of(options.method or "scheduled", options)
     check_targets(options.json, folder=options.output, names=(FILE_NAME,))
     observer = observe(plant, options.measured, region, method)
     label = observer.design.label

@@ -189,6 +189,9 @@ def _read_polynomial(table: Table, plant: Plant) -> Law:
     r = len(C) if C else plant.n
     K = [row.matrix("K", plant.m, r) for row in rows]
     powers = tuple(row.wholes("powers") for row in rows)
+    counts = (len(plant.A), len(plant.ranges) or len(plant.A))
+    if any(len(e) not in counts for e in powers):
+        raise FormatError(f"{table.path('terms')}: powers must be one a parameter, or one a vertex")
     stacked = tuple([row for (row,) in each] for each in zip(*C, strict=True))
     return Law(K, degree=total_degree(powers), powers=powers, measured=measured, C=stacked)
 

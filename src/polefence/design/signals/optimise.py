@@ -42,7 +42,7 @@ from polefence.design.signals.search import (
     together,
     unbounded,
 )
-from polefence.design.signals.tuned import tuned_candidates, with_filters
+from polefence.design.signals.tuned import reduced_compensators, tuned_candidates, with_filters
 from polefence.law.laws import Law
 from polefence.law.structure import Structure
 from polefence.lmi.conditions.methods import Method, Scheduled, options
@@ -336,12 +336,9 @@ def _simpler(task: Task, structure: Structure) -> tuple[Law, ...]:
     if not structure.order:
         return ()
     static, gain = _structured(task, replace(structure, order=0))
-    found = _best_tuned(static, gain, ())
-    if found is None:
-        return ()
-    larger = _structured(task, structure)[0].plant
-    law = with_filters(found.law, static.plant, larger, gain, task.region)
-    return () if law is None else (law,)
+    found, larger = _best_tuned(static, gain, ()), _structured(task, structure)[0].plant
+    law = found and with_filters(found.law, static.plant, larger, gain, task.region)
+    return (*([law] if law else []), *reduced_compensators(static, larger, gain))
 
 
 def _structured(task: Task, structure: Structure) -> tuple[Task, Structure]:

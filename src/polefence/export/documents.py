@@ -23,9 +23,16 @@ from polefence.design.measured import DUAL
 from polefence.design.observer import Observer
 from polefence.export.guarantee import Timing, milliseconds
 from polefence.export.observer import observer_sources
-from polefence.export.program import Fixed, Program, Scheduled, Share, number
+from polefence.export.program import (
+    Fixed,
+    Polynomial,
+    Program,
+    Scheduled,
+    Share,
+    number,
+)
 from polefence.export.sources import Texts, context, environment, sources
-from polefence.law.laws import FixedGain, Law, ScheduledGain
+from polefence.law.laws import FixedGain, Law, PolynomialGain, ScheduledGain
 from polefence.plant.family import UncertainPlant
 from polefence.proof.claims.base import Claim
 from polefence.proof.claims.observer import Observer as ObserverClaim
@@ -192,20 +199,30 @@ def code_law(law: Law) -> Law:
 
 
 def names(design: Design | Certificate) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """Return the names of states and inputs, numbered where the plant has none."""
+    """Return the names of states and inputs, numbered where the plant has none.
+
+    Of a law of measured signals, theirs in place of the states'.
+    """
     plant: UncertainPlant = design.plant
     n, m = plant.shape
+    inputs = tuple(plant.inputs) or tuple(f"input {j + 1}" for j in range(m))
+    if isinstance(design.law, PolynomialGain) and design.law.measured:
+        return tuple(own.label for own in design.law.measured), inputs
     states = tuple(plant.states) or tuple(f"state {j + 1}" for j in range(n))
-    return states, tuple(plant.inputs) or tuple(f"input {j + 1}" for j in range(m))
+    return states, inputs
 
 
 def rebuilt_program(code: Code, certificate: Certificate) -> Program:
     """Return the program that has these constants."""
     form, law = number(code.bits), certificate.law
+    measured = isinstance(law, PolynomialGain) and bool(law.measured)
     if code.K is not None or isinstance(law, FixedGain):
-        return Fixed(form, _floats(code.K))
+        return Fixed(form, _floats(code.K), measured)
     pairs = zip(certificate.plant.parameters, code.shares, strict=False)
     shares = tuple(Share(p, float(s.low), float(s.high), float(s.scale)) for p, s in pairs)
+    if isinstance(law, PolynomialGain):
+        gains = np.array([_floats(each) for each in code.terms])
+        return Polynomial(form, shares, law.domain, law.powers, gains, measured)
     W, Z = (np.array([_floats(each) for each in table]) for table in (code.W, code.Z))
     return Scheduled(form, shares, law.domain, law.degree, _floats(code.T), W, Z)
 
@@ -453,8 +470,12 @@ def own_readme(
 def local_bytes(made: Program) -> int:
     """Return the bytes of the arrays that an update keeps on the stack."""
     n, m = made.shape
-    if not isinstance(made, Scheduled):
+    if isinstance(made, Fixed):
         return m * made.number.bits // 8
     own = len(made.shares) * 2 if made.shares else made.domain.corners
-    count = own + sum(made.domain.sizes) + len(made.W) + (n + 1) * n + m
+    count = own + sum(made.domain.sizes) + m
+    if isinstance(made, Scheduled):
+        count += len(made.W) + (n + 1) * n
+    else:
+        count += len(made.gains) + len(made.powers[0])
     return count * made.number.bits // 8

@@ -26,10 +26,10 @@ from polefence.export.documents import (
 from polefence.export.fmu import fmu
 from polefence.export.guarantee import Guarantee, Timing, guarantee, timing
 from polefence.export.observer import observer_sources
-from polefence.export.program import Program, number, program
+from polefence.export.program import Program, is_one, number, program
 from polefence.export.sources import MARKER, Texts, check_c_name, sources
 from polefence.export.vectors import harness, makefile
-from polefence.law.laws import FixedGain
+from polefence.law.laws import PolynomialGain
 from polefence.plant.parameters import Parameter
 from polefence.proof.document import FORMAT
 from polefence.response.discrete import Sampling
@@ -197,6 +197,8 @@ def _require_observer(
     if observer is None:
         return
     observer.feedback(design)  # refuses another plant's
+    if isinstance(design.law, PolynomialGain) and design.law.measured:
+        raise InputError("the law takes measured signals, not states; leave out the observer")
     if sampling is None and design.plant.sample_time is None:
         raise InputError("an observer's code needs the sample time; give sampling (--sample-time)")
     if not observer.design.proved and not allow_unproved:
@@ -269,7 +271,7 @@ def _scheduled_on(design: Design, given: str | None) -> tuple[Parameter, ...]:
         raise InputError(f"given = {given!r} is unknown; use {' or '.join(GIVEN)}")
     if given == "parameters" and not design.plant.parameters:
         raise InputError("given = 'parameters': this plant was given by its vertices; use 'alpha'")
-    if isinstance(code_law(design.law), FixedGain) or given == "alpha":
+    if is_one(code_law(design.law)) or given == "alpha":
         return ()
     return design.plant.parameters
 

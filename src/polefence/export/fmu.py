@@ -23,7 +23,7 @@ from typing import TYPE_CHECKING, Any
 
 from polefence.base.errors import InputError
 from polefence.export import sources as c99
-from polefence.export.program import Program, Scheduled
+from polefence.export.program import Fixed, Program
 from polefence.export.sources import Texts
 
 if TYPE_CHECKING:
@@ -181,7 +181,7 @@ def variables(program: Program, texts: Texts, common: dict[str, Any]) -> dict[st
     common : dict
         `c99.context` of the two.
     """
-    shares = program.shares if isinstance(program, Scheduled) else ()
+    shares = () if isinstance(program, Fixed) else program.shares
     middles = [float((s.parameter.low + s.parameter.high) / 2) for s in shares]
     given = common["given"]
     starts = [0.0] * len(texts.states) + (middles or [1 / len(given) for _ in given])
@@ -190,7 +190,7 @@ def variables(program: Program, texts: Texts, common: dict[str, Any]) -> dict[st
         (f"alpha_{j + 1}", "") for j in range(len(given))
     ]
     named += [split(text) for text in texts.inputs]
-    fallbacks = [f"x{i + 1}" for i in range(len(texts.states))]
+    fallbacks = [f"{common['vector']}{i + 1}" for i in range(len(texts.states))]
     fallbacks += [f"{common['letter']}{j + 1}" for j in range(len(given))]
     fallbacks += [f"u{i + 1}" for i in range(len(texts.inputs))]
     names = unique([name for name, _ in named], fallbacks, ("time", "flags"))
@@ -213,7 +213,7 @@ def variables(program: Program, texts: Texts, common: dict[str, Any]) -> dict[st
 
 def _flags(common: dict[str, Any]) -> str:
     meanings = [(1, common.get("clamped")), (2, common.get("not_a_number"))]
-    meanings += [(4, "x not finite, or too large to compute with: u is 0")]
+    meanings += [(4, f"{common['vector']} not finite, or too large to compute with: u is 0")]
     meanings += [(8, "u was cut to its limit" if common["limits"] else None)]
     return "Sum of " + "; ".join(f"{bit} {text}" for bit, text in meanings if text)
 

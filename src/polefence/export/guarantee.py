@@ -26,17 +26,19 @@ from polefence.export.sampled import (
     sampling_effect,
 )
 from polefence.law.coordinates import Coordinates
-from polefence.law.laws import FixedGain
+from polefence.law.laws import Law, PolynomialGain, ScheduledGain
 from polefence.plant.polynomial import Domain, Polynomial, bernstein, binomial, elevated, times
 from polefence.plant.system import Array
 from polefence.proof.claims.base import prove
 from polefence.proof.claims.gain_error import GainError
 from polefence.proof.claims.margins import Subject
-from polefence.proof.claims.rounding import Code, Rounded, Share, rounding_error
+from polefence.proof.claims.rounding import Code, Rounded, Share, gain_errors, rounding_error
 from polefence.proof.text import milliseconds_text
 from polefence.proof.work import FormatError
 from polefence.region.text import digits_down, digits_up
 from polefence.response.discrete import Sampling
+
+Columns = tuple[Fraction | tuple[Fraction, ...], ...]  # as `GainError` has them
 
 ELEVATIONS = 8
 ENOUGH = 0.95  # a higher elevation must gain so much
@@ -81,10 +83,13 @@ class Guarantee:
         return self.rounding / self.tolerated if self.tolerated > 0 else inf
 
     def bound(self, x: Array) -> Array:
-        """Return what is proved of the error of u, (count, m) for x (count, n)."""
+        """Return what is proved of the error of u, (count, m) for x, or y, (count, n)."""
         if self.claim is None:
             raise InputError("nothing is proved of the rounding of this code")
         gain = self.claim.gain
+        if self.claim.code.T is None:
+            E = np.array(gain_errors(self.claim), dtype=float)
+            return np.asarray(np.abs(x) @ E.T)
         size = np.linalg.norm(x @ np.array(gain.right, dtype=float).T, axis=-1)
         return np.asarray(self.rounding * size[:, None] * np.array(gain.rows, dtype=float))
 
@@ -98,7 +103,7 @@ class Guarantee:
 
 def guarantee(design: Design, program: Program) -> Guarantee:
     """Prove that the region holds with the gain as the code computes it, or say why not."""
-    rows, columns = scales(program)
+    rows, columns = scales(program, design.law)
     own = claimed_design(design)
     if own is None:
         reason = "nothing is proved of errors of this gain; design with 'scheduled' or 'quadratic'"
@@ -109,11 +114,11 @@ def guarantee(design: Design, program: Program) -> Guarantee:
         needed = float(rounding_error(claim))
     except FormatError as problem:
         return Guarantee(own, inf, -1.0, None, str(problem))
-    tolerated, gain = gain_claim(own, rows, columns, needed)
+    tolerated, gain = gain_claim(own, rows, np.array(columns, dtype=float), needed)
     if gain is None:
         reason = _refusal(program.number, needed, tolerated)
         return Guarantee(own, needed, tolerated, None, reason)
-    claim = replace(claim, gain=gain)
+    claim = replace(claim, gain=replace(gain, columns=columns))
     verdict = prove(claim)
     if not verdict.proved:
         return Guarantee(own, needed, tolerated, None, verdict.reason)
@@ -138,21 +143,34 @@ def code_of(program: Program) -> Code:
     shares = tuple(
         Share(Fraction(s.low), Fraction(s.high), Fraction(s.scale)) for s in program.shares
     )
+    if not isinstance(program, Scheduled):
+        return Code(bits, shares=shares, terms=tuple(map(exactly, program.gains)))
     W, Z = (tuple(map(exactly, each)) for each in (program.W, program.Z))
     return Code(bits, None, exactly(program.T), W, Z, shares)
 
 
-def scales(program: Program) -> tuple[Array, Array]:
+def scales(program: Program, law: Law) -> tuple[Array, Columns]:
     """Return what an error of the gain is measured by: the rows' scales, and C of S D C.
 
-    For a fixed gain the largest entry of each column, else T.
+    For a fixed gain and a polynomial one the largest entry of each column, else T. Of signals that
+    are measured with the same rows everywhere, no more of them than states, multiples of those.
     """
     if isinstance(program, Scheduled):
         size = np.linalg.norm(program.Z, axis=-1).max(axis=0)
-        return _rows(size), program.T
-    size = np.abs(program.K)
-    columns = size.max(axis=0)
-    return _rows(size.max(axis=1)), _short(np.where(columns > 0, columns, columns.max() or 1.0))
+        return _rows(size), tuple(map(tuple, exactly(program.T)))
+    rows, own = _rows(program.sizes.max(axis=1)), _filled(program.sizes.max(axis=0))
+    if not (isinstance(law, PolynomialGain) and law.measured):
+        return rows, own
+    count, n = law.C.shape[1:]
+    if len(law.C) > 1 or count > n:
+        return rows, _filled((program.sizes @ np.abs(law.C).max(axis=0)).max(axis=0))
+    matrix = [tuple(t * c for c in y.C[0]) for t, y in zip(own, law.measured, strict=True)]
+    return rows, (*matrix, *[(Fraction(0),) * n] * (n - count))
+
+
+def _filled(columns: Array) -> tuple[Fraction, ...]:
+    """Return positive scales, that of a column of zeros as large as any."""
+    return _exact(_short(np.where(columns > 0, columns, columns.max() or 1.0)))
 
 
 def _rows(size: Array) -> Array:
@@ -166,12 +184,11 @@ def _short(values: Array) -> Array:
     return np.asarray(np.ldexp(np.round(mantissa * 2.0**BITS), exponent - BITS))
 
 
-def _blank(design: Design, rows: Array, columns: Array) -> GainError:
+def _blank(design: Design, rows: Array, columns: Columns) -> GainError:
     """Return a claim of no error, for what of it the bound on rounding needs."""
     ranges = ranges_of(design.plant)
     subject = Subject(design.certificate.claim(), ranges, (1,) * len(ranges))
-    right = tuple(map(tuple, exactly(columns))) if columns.ndim == 2 else _exact(columns)
-    return GainError(subject, Fraction(0), _exact(rows), right, ())
+    return GainError(subject, Fraction(0), _exact(rows), columns, ())
 
 
 def _exact(values: Array) -> tuple[Fraction, ...]:
@@ -180,10 +197,10 @@ def _exact(values: Array) -> tuple[Fraction, ...]:
 
 def _with_bounds(design: Design, program: Program, claim: Rounded) -> Rounded:
     """Find bounds on W' and on Z' W'^-1, at the elevation that makes them sharpest."""
-    if isinstance(program, Fixed) or isinstance(design.law, FixedGain):
+    if not (isinstance(program, Scheduled) and isinstance(design.law, ScheduledGain)):
         return claim
     own = Coordinates(program.T)
-    rows = scales(program)[0][:, None]
+    rows = scales(program, design.law)[0][:, None]
     domain, degree = program.domain, program.degree
     W = bernstein(domain, own.forms(design.law.W), degree)
     Z = bernstein(domain, own.gains(design.law.Z) / rows, degree)

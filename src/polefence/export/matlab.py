@@ -10,7 +10,7 @@ import numpy as np
 
 from polefence.base.files import write_bytes
 from polefence.design.design import Design
-from polefence.law.laws import FixedGain
+from polefence.law.laws import FixedGain, PolynomialGain
 from polefence.plant.family import UncertainPlant
 from polefence.plant.polynomial import binomial
 from polefence.plant.system import Array
@@ -28,7 +28,9 @@ def mat(design: Design, path: str | Path) -> Path:
     ``K`` (m, n) of one gain, else ``T`` (n, n), ``W`` (n, n, count) and ``Z`` (m, n, count), the
     Bernstein coefficients where W is the identity in the middle of the family, K = Z W^-1 T, see
     `ScheduledGain`, with ``degree``, ``exponents`` (count, coordinates) and ``multinomials``
-    (count, 1) of their terms, and ``sizes``, the corners of each simplex of the coordinates;
+    (count, 1) of their terms, and ``sizes``, the corners of each simplex of the coordinates; of a
+    polynomial law ``gains`` (m, r, terms), ``powers`` (terms, coordinates), ``measured``, the names
+    of the signals y, and ``C`` (r, n, 1 or N), y = C x, see `PolynomialGain`;
     ``parameters``, a structure array (``name``, ``low``, ``high``, ``unit``, ``inverted`` where the
     plant is affine in 1/p); cell arrays ``states``, ``inputs``, ``disturbances`` of names; texts
     ``name``, ``method``, ``region``, ``statement``; and ``sample_time`` [s], in discrete time.
@@ -95,6 +97,14 @@ def _law(design: Design) -> dict[str, Any]:
     law = design.law
     if isinstance(law, FixedGain):
         return {"K": np.array(law.K)}
+    if isinstance(law, PolynomialGain):
+        measured = tuple(own.label for own in law.measured) or design.plant.states
+        return {
+            "gains": _stacked(law.gains),
+            "powers": np.array(law.powers, dtype=float),
+            "measured": _cells(measured),
+            "C": _stacked(law.C),
+        }
     sizes, exponents = law.domain.sizes, law.domain.monomials(law.degree)
     W, Z = law.even
     return {

@@ -3,6 +3,9 @@
 A scheduled law u = Z(alpha) W(alpha)^-1 x becomes Z' W'^-1 (T x) with W' = T W T', Z' = Z T',
 where T is chosen so that W' is the identity at the centre of the family: whatever the units of the
 states, its entries are near one.
+
+A polynomial law has no such scaling: all powers c^e are found once, then each entry of the gain is
+a sum of as many products as there are terms; Horner's scheme would take no fewer.
 """
 
 from __future__ import annotations
@@ -14,7 +17,7 @@ import numpy as np
 
 from polefence.base.errors import InputError
 from polefence.law.coordinates import Coordinates
-from polefence.law.laws import FixedGain, Law, ScheduledGain
+from polefence.law.laws import FixedGain, Law, PolynomialGain, ScheduledGain
 from polefence.plant.parameters import Parameter
 from polefence.plant.polynomial import Domain, Exponent, binomial
 from polefence.plant.system import Array
@@ -47,23 +50,78 @@ class Share:
 
 @dataclass(frozen=True, eq=False)
 class Fixed:
-    """u = K x.
+    """u = K x, or K y of signals that are measured.
 
     Attributes
     ----------
     number : Number
     K : (m, n) array
         As the code has it: every entry a number of the format.
+    measured : bool
+        Whether it is given y.
     """
 
     number: Number
     K: Array
+    measured: bool = False
 
     @property
     def shape(self) -> tuple[int, int]:
-        """States and inputs."""
+        """States, or signals, and inputs."""
         m, n = self.K.shape
         return n, m
+
+    @property
+    def sizes(self) -> Array:
+        """Largest sizes of the gain's entries, (m, n)."""
+        return np.abs(self.K)
+
+
+@dataclass(frozen=True, eq=False)
+class Polynomial:
+    """u = K(c) x, or K(c) y of signals that are measured, K the sum of its terms' gains times c^e.
+
+    c are alpha, or the coordinates of parameters from -1 to 1: see `PolynomialGain`.
+
+    Attributes
+    ----------
+    number : Number
+    shares : tuple of Share
+        Empty where the code is given alpha itself.
+    domain : Domain
+    powers : tuple of exponents
+    gains : (terms, m, n) array
+        As the code has them: every entry a number of the format.
+    measured : bool
+        Whether it is given y.
+    """
+
+    number: Number
+    shares: tuple[Share, ...]
+    domain: Domain
+    powers: tuple[Exponent, ...]
+    gains: Array
+    measured: bool = False
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """States, or signals, and inputs."""
+        _, m, n = self.gains.shape
+        return n, m
+
+    @property
+    def sizes(self) -> Array:
+        """Largest sizes of the gain's entries, (m, n)."""
+        return np.asarray(np.abs(self.gains).sum(axis=0))
+
+    @property
+    def signed(self) -> bool:
+        """Whether c are coordinates of parameters."""
+        return self.domain.sizes != (len(self.powers[0]),)
+
+    def weights(self) -> list[tuple[int, Exponent]]:
+        """Return for each term its factor, one, and its exponents of c."""
+        return [(1, e) for e in self.powers]
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,7 +160,7 @@ class Scheduled:
         return [(binomial(self.domain.sizes, e), e) for e in self.domain.monomials(self.degree)]
 
 
-Program = Fixed | Scheduled
+Program = Fixed | Polynomial | Scheduled
 
 
 def program(law: Law, parameters: tuple[Parameter, ...], number: Number) -> Program:
@@ -120,25 +178,38 @@ def program(law: Law, parameters: tuple[Parameter, ...], number: Number) -> Prog
     """
     if isinstance(law, FixedGain):
         return Fixed(number, _held(number.nearest(law.K), "K"))
-    if not law.degree:
-        raise InputError("a law of degree 0 is one gain; export FixedGain(law.gain(alpha))")
-    count = law.domain.count(law.degree)
+    count = len(law.gains) if isinstance(law, PolynomialGain) else law.domain.count(law.degree)
     if count > MAX_TERMS:
         raise InputError(f"a law of {count} coefficients is not exported; at most {MAX_TERMS}")
     if parameters and 2 ** len(parameters) != law.domain.corners:
         raise InputError("the plant's vertices are not those of its parameters; export with alpha")
+    shares = tuple(_share(p, number) for p in parameters)
+    if isinstance(law, PolynomialGain):
+        gains, measured = _held(number.nearest(law.gains), "K"), bool(law.measured)
+        if is_one(law):
+            return Fixed(number, gains[0], measured)
+        return Polynomial(number, shares, law.domain, law.powers, gains, measured)
+    if not law.degree:
+        raise InputError("a law of degree 0 is one gain; export FixedGain(law.gain(alpha))")
     T = _held(number.nearest(_whitening(law)), "T")
     coordinates = Coordinates(T)
     W, Z = coordinates.forms(law.W), coordinates.gains(law.Z)
     return Scheduled(
         number,
-        tuple(_share(p, number) for p in parameters),
+        shares,
         law.domain,
         law.degree,
         T,
         _held(number.nearest(W), "W"),
         _held(number.nearest(Z), "Z"),
     )
+
+
+def is_one(law: Law) -> bool:
+    """Whether a law is one gain of what it is given."""
+    if isinstance(law, PolynomialGain):
+        return len(law.powers) == 1 and (not any(law.powers[0]) or law.domain.corners == 1)
+    return isinstance(law, FixedGain)
 
 
 def exactly(matrix: Array) -> Exact:

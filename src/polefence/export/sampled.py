@@ -25,11 +25,20 @@ from polefence.design.margins.claims import above, balanced
 from polefence.design.margins.kinds import Scales, largest_of
 from polefence.design.search import edge
 from polefence.export.program import exactly
-from polefence.law.laws import FixedGain, Law, ScheduledGain, check_alpha, domain_of, given_law
+from polefence.law.laws import (
+    FixedGain,
+    Law,
+    PolynomialGain,
+    ScheduledGain,
+    check_alpha,
+    domain_of,
+    given_law,
+)
 from polefence.lmi.conditions.target import Disks
 from polefence.lmi.solve.lyapunov import least
 from polefence.lmi.solve.starts import start_matrix
 from polefence.plant.family import UncertainPlant
+from polefence.plant.outputs import Output
 from polefence.plant.points import edges, inside, values_at
 from polefence.plant.polynomial import Domain
 from polefence.plant.system import Array
@@ -591,7 +600,7 @@ def _terms(family: Family) -> int:
 def _with_bounds(blank: Sampled, family: Family) -> Sampled:
     """Add bounds on the law in the claim's coordinates."""
     law, own = family.design.law, family.coordinates
-    if isinstance(law, FixedGain):
+    if not isinstance(law, ScheduledGain):
         return blank
     W, Z = own.T @ law.W @ own.T.T, law.Z @ own.T.T / own.scale[:, None]
     smallest = float(np.linalg.eigvalsh((W + W.swapaxes(1, 2)) / 2).min())
@@ -766,12 +775,25 @@ def _law(design: Design, plant: UncertainPlant, coordinates: Coordinates) -> Law
         K = np.zeros((m + n, width))
         K[:m, :n] = law.K @ np.linalg.inv(T) / coordinates.scale[:, None]
         return FixedGain(K)
+    if isinstance(law, PolynomialGain):
+        return _polynomial(law, coordinates, width)
     W = np.tile(np.eye(width), (len(law.W), 1, 1))
     own = T @ law.W @ T.T
     W[:, :n, :n] = (own + own.swapaxes(1, 2)) / 2
     Z = np.zeros((len(W), m + n, width))
     Z[:, :m, :n] = law.Z @ T.T / coordinates.scale[:, None]
     return ScheduledGain(W, Z, plant.parameters, law.degree, law.sizes)
+
+
+def _polynomial(law: PolynomialGain, coordinates: Coordinates, width: int) -> PolynomialGain:
+    """Return the law in these coordinates, with no gain of v, and of none the remainder."""
+    C = np.pad(law.C @ np.linalg.inv(coordinates.T), ((0, 0), (0, 0), (0, width - law.C.shape[2])))
+    gains = law.gains / coordinates.scale[:, None]
+    gains = np.pad(gains, ((0, 0), (0, law.C.shape[2]), (0, 0)))
+    if len(C) == 1:
+        return replace(law, gains=gains @ C[0], measured=())
+    rows = zip(law.measured, np.moveaxis(C, 1, 0), strict=True)
+    return replace(law, gains=gains, measured=tuple(Output(y.name, y.unit, own) for y, own in rows))
 
 
 def _middle(family: Family, evidence: Mapping[str, Any]) -> Array:

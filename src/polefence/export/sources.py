@@ -15,7 +15,16 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from polefence.base.errors import InputError
-from polefence.export.program import LEAST, MOST, Fixed, Number, Program, Scheduled, Share
+from polefence.export.program import (
+    LEAST,
+    MOST,
+    Fixed,
+    Number,
+    Polynomial,
+    Program,
+    Scheduled,
+    Share,
+)
 from polefence.plant.polynomial import Exponent
 from polefence.region.text import digits_down, digits_up
 
@@ -53,7 +62,7 @@ class Texts:
     statement : tuple of str
         What is guaranteed, in lines.
     states, inputs : tuple of str
-        Names with units.
+        Names with units; of a law of measured signals theirs in place of the states'.
     sample_time : float, optional
         From one update to the next [s], where one is known; then also the delay from x to u in
         samples.
@@ -94,8 +103,10 @@ def environment() -> Environment:
 def context(program: Program, texts: Texts) -> dict[str, Any]:
     """Return what every template is given."""
     number, name = program.number, texts.name
+    measured = not isinstance(program, Scheduled) and program.measured
+    vector, width = ("y", "MEASURED") if measured else ("x", "STATES")
     arguments = [
-        f"const {name}_real x[{name.upper()}_STATES]",
+        f"const {name}_real {vector}[{name.upper()}_{width}]",
         f"{name}_real u[{name.upper()}_INPUTS]",
     ]
     common: dict[str, Any] = {
@@ -105,6 +116,9 @@ def context(program: Program, texts: Texts) -> dict[str, Any]:
         "title": texts.title,
         "statement": texts.statement,
         "states": texts.states,
+        "vector": vector,
+        "WIDTH": width,
+        "signals": "measured signals" if measured else "states",
         "inputs": texts.inputs,
         "number": number,
         "prefix": number.largest[:3],
@@ -115,6 +129,7 @@ def context(program: Program, texts: Texts) -> dict[str, Any]:
         "delay": texts.delay,
         "K": [],
         "T": [],
+        "gains": [],
         "given": [],
         "GIVEN": "",
         "bounds": [],
@@ -123,28 +138,42 @@ def context(program: Program, texts: Texts) -> dict[str, Any]:
     }
     common |= {key: number.text(v) for key, v in (("zero", 0.0), ("half", 0.5), ("one", 1.0))}
     if isinstance(program, Fixed):
-        common |= {"formula": "u = K x, the same for every parameter value."}
+        common |= {"formula": f"u = K {vector}, the same for every parameter value."}
         common |= {"K": rows(number, program.K)}
     else:
-        common |= _scheduled(program, name)
+        common |= _varying(program, name) | _tables(program, vector)
         array = f"{common['letter']}[{name.upper()}_{common['GIVEN']}]"
         arguments.insert(0, f"const {name}_real {array}")
     return common | {"arguments": arguments, "signature": ", ".join(arguments)}
 
 
-def _scheduled(program: Scheduled, name: str) -> dict[str, Any]:
+def _tables(program: Polynomial | Scheduled, vector: str) -> dict[str, Any]:
+    """Return the formula of a law that varies, and its constants."""
     number, (n, _) = program.number, program.shape
+    if isinstance(program, Polynomial):
+        found = ", c from the parameters, -1 to 1" if program.shares else " of alpha"
+        how = f"u = K(c) {vector}, K a polynomial{found}."
+        flat = program.gains.reshape(len(program.gains), -1).T
+        return {"formula": how, "gains": rows(number, flat), "terms": len(flat[0])}
     lower = np.tril_indices(n)
+    return {
+        "formula": "u = Z(alpha) W(alpha)^-1 T x"
+        + (", alpha from the parameters." if program.shares else "."),
+        "T": [number.text(v) for v in program.T[lower]],
+        "W": rows(number, program.W[:, lower[0], lower[1]].T),
+        "Z": rows(number, program.Z.reshape(len(program.Z), -1).T),
+        "terms": len(program.W),
+    }
+
+
+def _varying(program: Polynomial | Scheduled, name: str) -> dict[str, Any]:
+    """Return what concerns the parameters, or alpha."""
+    number = program.number
     by_parameters = bool(program.shares)
     given = [_interval_text(share) for share in program.shares] or [
         f"weight of vertex {j + 1}" for j in range(program.domain.corners)
     ]
     return {
-        "formula": "u = Z(alpha) W(alpha)^-1 T x"
-        + (", alpha from the parameters." if by_parameters else "."),
-        "T": [number.text(v) for v in program.T[lower]],
-        "W": rows(number, program.W[:, lower[0], lower[1]].T),
-        "Z": rows(number, program.Z.reshape(len(program.Z), -1).T),
         "given": given,
         "by_parameters": by_parameters,
         "loose": number.text(1e-4 if number.bits == 32 else 1e-9),
@@ -162,7 +191,6 @@ def _scheduled(program: Scheduled, name: str) -> dict[str, Any]:
         if by_parameters
         else "alpha had NaN, infinity or no weight: equal weights were taken",
         "weighing": weighing(program, f"{name}_real"),
-        "terms": len(program.W),
         "weights": []
         if _straight(program)
         else [_term(number, each, e) for each, e in program.weights()],
@@ -194,19 +222,27 @@ def _signed(number: Number, value: float) -> str:
     return f"({text})" if text.startswith("-") else text
 
 
-def weighing(program: Scheduled, real: str) -> list[str]:
+def weighing(program: Polynomial | Scheduled, real: str) -> list[str]:
     """Return the lines of C that find the coordinates in the law's simplices.
 
-    They are c, or at once the weights w where these are the coordinates.
+    They are c, or at once the weights w where these are the coordinates. Coordinates of parameters
+    from -1 to 1 are the differences of the weights of the parameters' ends.
     """
+    if not (isinstance(program, Polynomial) and program.signed):
+        return _weighing(program, real, "w" if _straight(program) else "c")
+    count = len(program.powers[0])
+    lines = [f"{real} c[{count}];", *_weighing(program, real, "ends"), ""]
+    return lines + [f"c[{k}] = ends[{2 * k + 1}] - ends[{2 * k}];" for k in range(count)]
+
+
+def _weighing(program: Polynomial | Scheduled, real: str, c: str) -> list[str]:
     sizes, count = program.domain.sizes, len(program.shares)
-    c = "w" if _straight(program) else "c"
-    arrays = [] if c == "w" else [f"{real} c[{sum(sizes)}];"]
+    arrays = [] if c == "w" else [f"{real} {c}[{sum(sizes)}];"]
     if not program.shares:
         if len(sizes) == 1:
             return [*arrays, f"const uint32_t flags = onto_simplex(alpha, {c});"]
         arrays.append(f"{real} a[{program.domain.corners}];")
-        return [*arrays, "const uint32_t flags = onto_simplex(alpha, a);", "", *_sums(sizes)]
+        return [*arrays, "const uint32_t flags = onto_simplex(alpha, a);", "", *_sums(sizes, c)]
     inside = [
         f"const {real} p{k} = inside(p[{k}], P{k}_LOW, P{k}_HIGH, &flags);" for k in range(count)
     ]
@@ -219,8 +255,9 @@ def weighing(program: Scheduled, real: str) -> list[str]:
     return lines if own else lines + _products(c, count)
 
 
-def _straight(program: Scheduled) -> bool:
-    return program.degree == 1 and len(program.domain.sizes) == 1
+def _straight(program: Polynomial | Scheduled) -> bool:
+    one = isinstance(program, Scheduled) and program.degree == 1
+    return one and len(program.domain.sizes) == 1
 
 
 def _placed(number: Number, k: int, share: Share, m: str) -> list[str]:
@@ -240,14 +277,14 @@ def _products(c: str, count: int) -> list[str]:
     ]
 
 
-def _sums(sizes: tuple[int, ...]) -> list[str]:
+def _sums(sizes: tuple[int, ...], c: str) -> list[str]:
     """Return the lines that make the coordinates of alpha: on a box, its marginals."""
     corners = list(product(*(range(size) for size in sizes)))
     lines, start = list[str](), 0
     for axis, size in enumerate(sizes):
         for value in range(size):
             own = [f"a[{j}]" for j, corner in enumerate(corners) if corner[axis] == value]
-            lines.append(f"c[{start + value}] = {' + '.join(own)};")
+            lines.append(f"{c}[{start + value}] = {' + '.join(own)};")
         start += size
     return lines
 
@@ -256,7 +293,7 @@ def _term(number: Number, multinomial: int, exponent: Exponent) -> str:
     factors = [f"c[{j}]" for j, power in enumerate(exponent) for _ in range(power)]
     if multinomial != 1:
         factors.insert(0, number.text(float(multinomial)))
-    return " * ".join(factors)
+    return " * ".join(factors) or number.text(1.0)
 
 
 def sources(program: Program, texts: Texts) -> dict[str, str]:

@@ -6,7 +6,7 @@ They are written into the C test that ships with the code, and are the same for 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from fractions import Fraction
 from typing import Any
@@ -14,9 +14,9 @@ from typing import Any
 import numpy as np
 
 from polefence.base.errors import InputError
-from polefence.export.program import NUMBERS, Fixed, Program, Scheduled, Share
+from polefence.export.program import NUMBERS, Fixed, Polynomial, Program, Scheduled, Share, is_one
 from polefence.export.sources import MARKER, Texts, context, environment
-from polefence.law.laws import FixedGain, Law, ScheduledGain
+from polefence.law.laws import FixedGain, Law, PolynomialGain, ScheduledGain
 from polefence.plant.parameters import simplex_weights
 from polefence.plant.polynomial import binomial
 from polefence.plant.system import Array
@@ -141,7 +141,7 @@ def _limits(program: Program, limits: tuple[float, ...]) -> Array:
 def _taken(program: Program, given: Array) -> tuple[Array, Flags]:
     """Return what the code takes in place of what it is given, and its flags."""
     flags = np.zeros(len(given), dtype=np.int64)
-    if not isinstance(program, Scheduled):
+    if isinstance(program, Fixed):
         return given, flags
     if not program.shares:
         return _taken_weights(given)
@@ -167,7 +167,7 @@ def _bounds(shares: tuple[Share, ...]) -> tuple[Array, Array]:
 
 def _inside(program: Program, random: np.random.Generator, count: int) -> Array:
     """Return points of the set, every fourth value at an end or a vertex."""
-    if not isinstance(program, Scheduled):
+    if isinstance(program, Fixed):
         return np.empty((count, 0))
     if program.shares:
         low, high = _bounds(program.shares)
@@ -182,7 +182,7 @@ def _inside(program: Program, random: np.random.Generator, count: int) -> Array:
 
 def _faulty(program: Program) -> tuple[Array, list[Array]]:
     """Return the middle of the set, and points with faults."""
-    if not isinstance(program, Scheduled):
+    if isinstance(program, Fixed):
         return np.empty(0), []
     if not program.shares:
         return _faulty_weights(program.domain.corners)
@@ -297,19 +297,43 @@ def expected(program: Program, law: Law, given: Array, x: Array) -> tuple[Array,
     InputError
         If the program is not that of a law of this kind and size.
     """
-    fixed = isinstance(program, Fixed)
-    shape = law.K.shape if isinstance(law, FixedGain) else law.Z.shape[1:]
-    if fixed != isinstance(law, FixedGain) or shape != program.shape[::-1]:
+    if not _is_of(program, law):
         raise InputError(f"{law!r} is not the law of this code, which is {program.shape[::-1]}")
-    if isinstance(law, FixedGain) or isinstance(program, Fixed):
-        K = law.gain(None)
-        answers = [(_float(_rationals(K) @ _rationals(v)), np.abs(K) @ np.abs(v)) for v in x]
+    if isinstance(program, Fixed) or not isinstance(law, ScheduledGain):
+        gains = _gains(program, law, given)
+        pairs = ((K, _rationals(v)) for K, v in zip(gains, x, strict=True))
+        answers = [(_float(K @ v), _float(np.abs(K) @ np.abs(v))) for K, v in pairs]
     else:
         Z, W = _whole(_rationals(law.Z)), _whole(_rationals(law.W))
         alphas = [_alpha(program, values) for values in given]
         answers = [_at(law, Z, W, alpha, v) for alpha, v in zip(alphas, x, strict=True)]
     u, scale = (np.array(column) for column in zip(*answers, strict=True))
     return u, scale
+
+
+def _is_of(program: Program, law: Law) -> bool:
+    if isinstance(law, PolynomialGain):
+        own, shape = is_one(law), law.gains.shape[1:]
+        kind: type[Program] = Fixed if own else Polynomial
+    elif isinstance(law, FixedGain):
+        kind, shape = Fixed, law.K.shape
+    else:
+        kind, shape = Scheduled, law.Z.shape[1:]
+    return isinstance(program, kind) and shape == program.shape[::-1]
+
+
+def _gains(program: Program, law: Law, given: Array) -> Iterator[Rationals]:
+    """Yield the gains of what the code is given, exactly."""
+    if isinstance(law, PolynomialGain) and isinstance(program, Polynomial):
+        K = _rationals(law.gains)
+        for values in given:
+            c = law.domain.coordinates(_alpha(program, values))
+            c = c[1::2] - c[::2] if program.signed else c
+            terms = [math.prod(c ** np.array(e)) for e in law.powers]
+            yield np.tensordot(np.array(terms), K, 1)
+        return
+    K = _rationals(law.gains[0] if isinstance(law, PolynomialGain) else law.gain(None))
+    yield from (K for _ in given)
 
 
 def _at(law: ScheduledGain, Z: Whole, W: Whole, alpha: Rationals, x: Array) -> tuple[Array, Array]:
@@ -356,7 +380,7 @@ def _float(values: Rationals) -> Array:
     return np.asarray(values, dtype=float)
 
 
-def _alpha(program: Scheduled, given: Array) -> Rationals:
+def _alpha(program: Polynomial | Scheduled, given: Array) -> Rationals:
     """Return the vertices' weights as rationals: of parameters the product, the first slowest."""
     if not program.shares:
         weights = _rationals(np.maximum(given, 0.0))

@@ -91,7 +91,7 @@ class Law:
             return self.degree
         if not self.powers:
             return int(len(self.K) > 1)
-        alpha = bool(self.measured) and any(self.C[0] != C for C in self.C)
+        alpha = any(self.C[0] != C for C in self.C)
         return self.degree + int(alpha)
 
     def _gain(self, sizes: Sizes) -> Polynomial:
@@ -208,7 +208,7 @@ def require_terms(law: Law, sizes: Sizes) -> None:
         raise FormatError("law.terms: each exponent belongs to one gain")
     if any(len(e) != count or min(e, default=0) < 0 for e in powers):
         raise FormatError("law.terms: powers must be whole numbers, as many in each term")
-    alpha = len(sizes) == 1 and count == sizes[0]
+    alpha = is_alpha(law, sizes)
     if not alpha and (count != len(sizes) or set(sizes) != {2}):
         raise FormatError(f"law.terms: powers must be {len(sizes)}, one a parameter")
     if alpha and len({sum(e) for e in powers}) > 1:
@@ -217,6 +217,11 @@ def require_terms(law: Law, sizes: Sizes) -> None:
         raise FormatError(f"law.terms: the degree must be 0 to {MAX_DEGREE}")
     if law.C and len(law.C) != corners_of(sizes):
         raise FormatError("law.measured: rows are missing at a vertex")
+
+
+def is_alpha(law: Law, sizes: Sizes) -> bool:
+    """Whether a polynomial law is one in alpha, not in the coordinates of parameters."""
+    return len(sizes) == 1 and len(law.powers[0]) == sizes[0]
 
 
 def _coordinate(sizes: Sizes, j: int, count: int) -> Polynomial:

@@ -7,7 +7,10 @@ The computed u is (K(alpha) + S D C) x for some D, which may depend on x, with S
 the claim about the gain; here is a bound on the norm of D. Operations round to nearest with
 relative errors of at most u, underflow apart; g(k) = k u / (1 - k u) bounds k of them in a row.
 
-A fixed gain: each entry is off by its own rounding and by g(n) of itself.
+A fixed gain: each entry is off by its own rounding and by g(n) of itself. A polynomial one of terms
+K_e c^e, |c| <= 1: by those of its t terms, g(n + t) of them, and by the errors of c^e. Of signals
+that are measured, y = C x, the law is off by E y: where C is one matrix, the claim's own C has rows
+that are multiples of its rows, else E y is at most |E| |C| |x|.
 
 A scheduled one, where C = T (and S is left out here): with W' = T W T', Z' = Z T', K' = Z' W'^-1,
 so that K = K' T, the code computes
@@ -34,6 +37,7 @@ from typing import Any, ClassVar, Self
 
 from polefence.proof.claims.base import Claim, Inequality, Verdict, require_work
 from polefence.proof.claims.gain_error import GainError
+from polefence.proof.laws import Law, is_alpha
 from polefence.proof.matrices import (
     MAX_BITS,
     Rationals,
@@ -49,6 +53,7 @@ from polefence.proof.plant import MAX_PARAMETERS, Plant, Range
 from polefence.proof.polynomials import (
     MAX_DEGREE,
     Polynomial,
+    Sizes,
     bernstein,
     count_of,
     diagonal,
@@ -78,7 +83,8 @@ class Code:
     """The constants of the code, with the bits of its numbers.
 
     One gain, that of one vertex too, has ``K`` alone. ``shares`` has one entry a parameter, none
-    where the code is given alpha itself. W and Z are Bernstein coefficients.
+    where the code is given alpha itself. W and Z are Bernstein coefficients; of a polynomial law
+    ``terms`` has the gains.
     """
 
     bits: int
@@ -87,6 +93,7 @@ class Code:
     W: tuple[Rationals, ...] = ()
     Z: tuple[Rationals, ...] = ()
     shares: tuple[Share, ...] = ()
+    terms: tuple[Rationals, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -112,27 +119,24 @@ class Rounded(Claim):
         below.word("kind", [GainError.kind])
         gain = GainError.read(below, plant, law, on)
         K, T = (own.matrix(key) if key in own else None for key in ("K", "T"))
-        W, Z = (tuple(own.matrices(key, None, None)) if key in own else () for key in ("W", "Z"))
-        code = Code(own.at("bits"), K, T, W, Z, _read_shares(own))
+        keys = ("W", "Z", "terms")
+        W, Z, terms = (tuple(own.matrices(key, None, None)) if key in own else () for key in keys)
+        code = Code(own.at("bits"), K, T, W, Z, _read_shares(own), terms)
         smallest, size = (own.number(key, 0) for key in ("smallest", "size"))
         return cls(gain, code, smallest, size, own.whole("elevation", 0))
 
     def write(self) -> dict[str, Any]:
         """Return what `read` reads."""
         code = self.code
+        own = ("K",) if code.K is not None else ("terms",) if code.terms else ("T", "W", "Z")
         table: dict[str, Any] = {"bits": code.bits}
-        if code.K is not None:
-            return {
-                "kind": self.kind,
-                "gain": self.gain.write(),
-                "code": table | {"K": plain(code.K)},
-            }
-        table |= {key: plain(getattr(code, key)) for key in ("T", "W", "Z")}
+        table |= {key: plain(getattr(code, key)) for key in own}
         if code.shares:
             keys = ("low", "high", "scale")
             table["shares"] = [{key: plain(getattr(s, key)) for key in keys} for s in code.shares]
-        table |= {"smallest": plain(self.smallest), "size": plain(self.size)}
-        table["elevation"] = self.elevation
+        if code.T is not None:
+            table |= {"smallest": plain(self.smallest), "size": plain(self.size)}
+            table["elevation"] = self.elevation
         return {"kind": self.kind, "gain": self.gain.write(), "code": table}
 
     def statement(self, plant: Plant) -> str:  # noqa: ARG002
@@ -143,29 +147,42 @@ class Rounded(Claim):
     def require(self) -> None:
         """Refuse constants that do not fit, or lead out of the numbers' range."""
         self.gain.require()
-        code, gain = self.code, self.gain
-        design = gain.subject.design
-        m, n, law = len(design.B[0][0]), len(design.A[0]), design.law
-        if law.polynomial:
-            raise FormatError("code: a polynomial law has no proofs here")
+        code, law = self.code, self.gain.subject.design.law
         if type(code.bits) is not int or code.bits not in DIGITS:
             raise FormatError("code.bits must be 32 or 64")
         _require_numbers(code)
-        if code.K is not None:
-            own = law.K if law.K is not None else law.W or []  # of one vertex K = Z W^-1
-            if len(own) != 1 or code.T is not None or code.W or code.Z:
-                raise FormatError("code: the law and its constants do not belong together")
-            if not all(isinstance(column, Fraction) for column in gain.columns):
-                raise FormatError("columns must be numbers for one gain")
-            require_shape(code.K, m, n, "code.K")
+        if code.K is not None or code.terms:
+            self._require_gains()
             return
         if law.W is None or law.Z is None or code.T is None or not law.degree:
             raise FormatError("code: the law and its constants do not belong together")
-        sizes = design.sizes
+        self._require_scheduled()
+
+    def _require_gains(self) -> None:
+        """Refuse gains, one or one a term, that are not those of the law."""
+        code, gain, law = self.code, self.gain, self.gain.subject.design.law
+        own = law.K if law.K is not None else law.W or []  # of one vertex K = Z W^-1
+        count = len(code.terms) if code.K is None else 1
+        one = code.K is None or not law.polynomial or _is_one(law, gain.subject.design.sizes)
+        both = code.K is not None and (code.terms or code.shares)
+        others = code.T is not None or code.W or code.Z or both
+        if len(own) != count or others or not one or (code.terms and not law.polynomial):
+            raise FormatError("code: the law and its constants do not belong together")
+        if code.shares and len(code.shares) != len(gain.subject.ranges):
+            raise FormatError("code.shares must hold one entry a parameter")
+        m, r = len(gain.rows), len(own[0][0])
+        for matrix in code.terms or [code.K or []]:
+            require_shape(matrix, m, r, "code.terms" if code.terms else "code.K")
+        _signal_scales(self)
+
+    def _require_scheduled(self) -> None:
+        code, gain = self.code, self.gain
+        design = gain.subject.design
+        m, n, law, sizes = len(design.B[0][0]), len(design.A[0]), design.law, design.sizes
         count = count_of(sizes, law.degree)
         if len(code.W) != count or len(code.Z) != count:
             raise FormatError(f"code: {count} matrices W and Z are needed, one a coefficient")
-        for name, rows, matrices in (("T", n, [code.T]), ("W", n, code.W), ("Z", m, code.Z)):
+        for name, rows, matrices in (("T", n, [code.T or []]), ("W", n, code.W), ("Z", m, code.Z)):
             for matrix in matrices:
                 require_shape(matrix, rows, n, f"code.{name}")
         if any(w[i][j] != w[j][i] for w in code.W for i in range(n) for j in range(i)):
@@ -181,7 +198,7 @@ class Rounded(Claim):
             raise FormatError(
                 f"smallest and code.W must lie between {float(SMALLEST):g} and its inverse"
             )
-        if gain.columns != tuple(map(tuple, code.T)):
+        if gain.columns != tuple(map(tuple, code.T or [])):
             raise FormatError("the columns of the gain's error must be those of T")
         number = count_of(sizes, 2 * law.degree + self.elevation)
         require_work(least_work(number, n + m))
@@ -210,7 +227,7 @@ def _read_shares(table: Table) -> tuple[Share, ...]:
 def _require_numbers(code: Code) -> None:
     """Refuse constants that the code cannot hold, or that lead out of its numbers' range."""
     shares = [[s.low, s.high, s.scale] for s in code.shares]
-    for matrix in [code.K or [], code.T or [], *code.W, *code.Z, shares]:
+    for matrix in [code.K or [], code.T or [], *code.W, *code.Z, *code.terms, shares]:
         for row in matrix:
             for value in row:
                 if value and not (LEAST <= abs(value) <= MOST and _is_held(value, code.bits)):
@@ -234,9 +251,13 @@ def rounding_error(claim: Rounded) -> Fraction:
     FormatError
         If a bound that the claim rests on does not hold.
     """
-    if claim.code.K is not None:
-        return _fixed(claim)
-    return _scheduled(claim)
+    if claim.code.T is not None:
+        return _scheduled(claim)
+    E, rows, scales = gain_errors(claim), claim.gain.rows, _signal_scales(claim)
+    if scales is None:  # of x, by the largest |C|
+        E, scales = product(E, _largest_entries(claim)), _numbers(claim.gain)
+    pairs = zip(E, rows, strict=True)
+    return norm([[e / s / t for e, t in zip(own, scales, strict=True)] for own, s in pairs])
 
 
 def in_a_row(code: Code, k: int) -> Fraction:
@@ -247,17 +268,80 @@ def in_a_row(code: Code, k: int) -> Fraction:
     return k * u / (1 - k * u)
 
 
-def _fixed(claim: Rounded) -> Fraction:
-    code, gain = claim.code, claim.gain
-    K, own = _gain(claim), code.K or []
-    gamma = in_a_row(code, len(K[0]))
-    columns = [c for c in gain.columns if isinstance(c, Fraction)]
-    return norm(
-        [
-            [(abs(a - b) + gamma * abs(b)) / s / t for a, b, t in zip(k, o, columns, strict=True)]
-            for k, o, s in zip(K, own, gain.rows, strict=True)
-        ]
-    )
+def gain_errors(claim: Rounded) -> Rationals:
+    """Return bounds on the errors of the entries of the gain, of one gain or a polynomial."""
+    code, law = claim.code, claim.gain.subject.design.law
+    own = [code.K] if code.K is not None else list(code.terms)
+    exact = [_gain(claim)] if code.K is not None else law.K or []
+    off = [Fraction(0)] if code.K is not None else power_errors(claim)
+    gamma = in_a_row(code, len(own[0][0]) + len(code.terms))
+    total = [[Fraction(0)] * len(row) for row in own[0]]
+    for a, b, t in zip(exact, own, off, strict=True):
+        part = t + gamma * (1 + t)
+        for i, row in enumerate(total):
+            for j in range(len(row)):
+                row[j] += abs(a[i][j] - b[i][j]) + part * abs(b[i][j])
+    return total
+
+
+def power_errors(claim: Rounded) -> list[Fraction]:
+    """Return bounds on the errors of c^e of each term."""
+    code, subject = claim.code, claim.gain.subject
+    law, sizes, unit = subject.design.law, subject.design.sizes, UNITS[code.bits]
+    in_alpha = is_alpha(law, sizes)
+    if code.shares:  # of the weights of a parameter's two ends
+        pairs = zip(code.shares, subject.ranges, strict=True)
+        ends = [share_error(code, share, given) + unit for share, given in pairs]
+        of_alpha = prod((1 + end for end in ends), start=1 + in_a_row(code, len(ends) - 1)) - 1
+    else:  # cut, summed, scaled, and for a box summed again
+        of_alpha = in_a_row(code, 2 * len(subject.design.A) + 2)
+        ends = [of_alpha] * len(sizes)
+    each = [of_alpha] * sizes[0] if in_alpha else [2 * end + unit * (1 + end) for end in ends]
+    return [
+        prod(((1 + off) ** power for off, power in zip(each, e, strict=True)), start=Fraction(1))
+        * (1 + in_a_row(code, sum(e)))
+        - 1
+        for e in law.powers
+    ]
+
+
+def _is_one(law: Law, sizes: Sizes) -> bool:
+    """Whether the only term of a polynomial law is one."""
+    return len(law.powers) == 1 and (not any(law.powers[0]) or sizes == (1,))
+
+
+def _numbers(gain: GainError) -> tuple[Fraction, ...]:
+    columns = tuple(c for c in gain.columns if isinstance(c, Fraction))
+    if len(columns) != len(gain.columns):
+        raise FormatError("columns must be numbers for a law of states")
+    return columns
+
+
+def _signal_scales(claim: Rounded) -> tuple[Fraction, ...] | None:
+    """Return the scales of the errors' columns: of the signals; None where those are of states."""
+    gain, C = claim.gain, claim.gain.subject.design.law.C
+    if not C:
+        return _numbers(gain)
+    if all(isinstance(column, Fraction) for column in gain.columns):
+        return None
+    found, right = list[Fraction](), gain.right
+    if len(C[0]) > len(right) or any(other != C[0] for other in C):
+        raise FormatError("columns must be numbers where so many signals are measured, or C varies")
+    for own, row in zip(C[0], right, strict=False):
+        k = next((k for k, value in enumerate(own) if value), 0)
+        scale = row[k] / own[k] if own[k] else Fraction(1)
+        if scale <= 0 or row != [scale * value for value in own]:
+            raise FormatError("columns must be multiples of the rows of what is measured")
+        found.append(scale)
+    return tuple(found)
+
+
+def _largest_entries(claim: Rounded) -> Rationals:
+    """Return the largest absolute values of the entries of what is measured."""
+    C = claim.gain.subject.design.law.C
+    return [
+        [max(map(abs, each)) for each in zip(*rows, strict=True)] for rows in zip(*C, strict=True)
+    ]
 
 
 def _gain(claim: Rounded) -> Rationals:

@@ -191,7 +191,8 @@ class Sampled(Claim):
         """Refuse what is incomplete, of shapes that do not fit, or out of all proportion."""
         design = self.design
         n, m, law = len(design.A[0]), len(design.B[0][0]), design.law
-        if design.weights or not (law.scheduled or (law.fixed and len(law.K or []) == 1)):
+        fixed = law.fixed and len(law.K or []) == 1
+        if design.weights or not (law.scheduled or law.polynomial or fixed):
             raise FormatError("this kind of plant or law has no proofs here")
         if self.ranges and len(design.A) != 2 ** len(self.ranges):
             raise FormatError("the vertices are not those of the parameters")
@@ -237,6 +238,8 @@ class Sampled(Claim):
     def domain(self) -> str:
         """Domain of alpha: with parameters their box, where the law can be told there."""
         law = self.design.law
+        if law.polynomial:
+            return self.design.on
         if self.ranges and (law.K is not None or law.degree == 1):
             return "box"  # at products a law of degree one is multi-affine in the box's coordinates
         return self.design.on
@@ -304,6 +307,10 @@ def _inputs(step: Rationals, n: int, m: int, delay: int) -> Rationals:
 def _law(claim: Sampled) -> Law:
     n, m = len(claim.T), len(claim.scale)
     law = claim.design.law
+    if law.polynomial:
+        own, none = steps.transformed_terms(claim), [ZERO] * (m if claim.delay else 0)
+        K = [k + [[ZERO] * len(k[0]) for _ in range(n)] for k in own.K or []]
+        return replace(own, K=K, C=tuple([row + none for row in rows] for rows in own.C))
     if law.K is not None:
         return Law([_widened(steps.transformed_gain(claim), n, m, claim.delay)])
     W, Z = steps.transformed(claim)

@@ -14,9 +14,11 @@ left out sum to at most b^(p + 1) / (p + 1)! / (1 - b / (p + 2)).
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from fractions import Fraction
 from typing import TYPE_CHECKING
 
+from polefence.proof.laws import Law
 from polefence.proof.matrices import (
     MAX_BITS,
     Integers,
@@ -95,12 +97,16 @@ def _largest(claim: Sampled, sizes: Sizes, M: list[Rationals]) -> Fraction:
     n, width = len(M[0]), len(M[0][0])
     eye = [row + [Fraction(0)] * (width - n) for row in identity(n)]
     steps = bernstein(claim.steps, sizes, 1) - constant(eye, sizes)
-    off = steps - _series(bernstein(M, sizes, 1), claim.terms)
+    return root(_largest_square(steps - _series(bernstein(M, sizes, 1), claim.terms)))
+
+
+def _largest_square(P: Polynomial) -> Fraction:
+    """Return the largest square of the Frobenius norm of a Bernstein coefficient."""
     largest = Fraction(0)
-    for e, matrix in off.terms.items():
+    for e, matrix in P.terms.items():
         square = sum(x * x for row in matrix for x in row)
-        largest = max(largest, Fraction(square, (off.whole * multinomial(e, sizes)) ** 2))
-    return root(largest)
+        largest = max(largest, Fraction(square, (P.whole * multinomial(e, P.sizes)) ** 2))
+    return largest
 
 
 def _series(M: Polynomial, p: int) -> Polynomial:
@@ -143,7 +149,13 @@ def held_size(claim: Sampled) -> Fraction:
     FormatError
         If the bounds on the law that the claim gives do not hold.
     """
-    if claim.design.law.K is not None:
+    law = claim.design.law
+    if law.polynomial:
+        sizes = replace(claim.design, on=claim.domain).sizes
+        gain = root(
+            _largest_square(transformed_terms(claim).form(sizes).part(slice(len(claim.T), None)))
+        )
+    elif law.K is not None:
         gain = norm(transformed_gain(claim))
     else:
         _require_bounds(claim)
@@ -196,6 +208,17 @@ def transformed_gain(claim: Sampled) -> Rationals:
     """Return K' of a fixed gain."""
     (K,) = claim.design.law.K or [[]]
     return scaled(product(K, inverse(claim.T, "T")), claim.scale)
+
+
+def transformed_terms(claim: Sampled) -> Law:
+    """Return a polynomial law: S^-1 K of its terms, and C T^-1 of what is measured, or the states.
+
+    The names of what is measured are left out.
+    """
+    law, back = claim.design.law, inverse(claim.T, "T")
+    K = [scaled(k, claim.scale) for k in law.K or []]
+    C = law.C or (identity(len(back)),) * len(claim.design.A)
+    return replace(law, K=K, measured=(), C=tuple(product(rows, back) for rows in C))
 
 
 def vertices(claim: Sampled) -> list[Rationals]:

@@ -24,7 +24,7 @@ import numpy as np
 
 from polefence.design.certificate import Certificate
 from polefence.law.coordinates import Coordinates
-from polefence.law.laws import ScheduledGain, right_divide
+from polefence.law.laws import FixedGain, ScheduledGain, right_divide
 from polefence.plant.polynomial import Domain
 from polefence.plant.system import Array
 from polefence.region.regions import Pair, Region
@@ -57,7 +57,7 @@ def rounding_share(certificate: Certificate) -> float:
 def domain_of(certificate: Certificate) -> Domain:
     """Return where the certificate's polynomials live."""
     law = certificate.law
-    if isinstance(law, ScheduledGain):
+    if not isinstance(law, FixedGain):
         return law.domain
     on = str(certificate.evidence.get("on", "simplex"))
     return Domain.of(on, len(certificate.plant.vertices))

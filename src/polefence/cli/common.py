@@ -21,7 +21,8 @@ from polefence.base.files import check_document, check_target, make_folder, writ
 from polefence.design.design import FILE_NAME, Design
 from polefence.design.limits import Limit
 from polefence.design.requirements.text import parse_names
-from polefence.law.laws import FixedGain
+from polefence.law.laws import FixedGain, PolynomialGain
+from polefence.law.words import definitions, formula, terms_of
 from polefence.law.structure import Structure, load_structure
 from polefence.lmi.conditions.methods import METHODS, Method, Scheduled, Slack
 from polefence.plant.family import UncertainPlant
@@ -189,9 +190,11 @@ def every_alpha(design: Design, *others: str) -> str:
 
 
 def gains_of(law: Any, N: int) -> dict[str, Any]:
-    """Return the gain, or that at each vertex, as plain data."""
+    """Return the gain, that of each term of a polynomial, or that at each vertex, as plain data."""
     if isinstance(law, FixedGain):
         return {"K": law.K.tolist()}
+    if isinstance(law, PolynomialGain):
+        return {name: K.tolist() for name, K in terms_of(law).items()}
     corner = [[float(i == j) for i in range(N)] for j in range(N)]
     return {f"K at vertex {j + 1}": law.gain(alpha).tolist() for j, alpha in enumerate(corner)}
 
@@ -207,13 +210,13 @@ def report(design: Design, lines: list[str], summary: Mapping[str, Any], options
     gains = gains_of(design.law, len(design.plant.vertices))
     saved = None if options.output is None else design.save(options.output)
     if options.json is not None:
-        write_json(options.json, {**summary, "gains": gains})
+        write_json(options.json, {**summary, "gains": gains, **words_of(design.law)})
     if options.plot is not None:
         figure = poles_figure({design.plant.name: (cloud, corners)}, design.region)
         write_figure(options.plot, figure)
     if design.note:
         lines = [*lines, design.note]
-    say(*lines, *gain_lines(gains))
+    say(*lines, *law_lines(design.law, len(design.plant.vertices)))
     if saved is not None:
         say(f"saved: {saved}")
 
@@ -226,10 +229,31 @@ def write_figure(path: Path, figure: Any) -> None:
     write_bytes(path, render(figure, path.suffix[1:]))
 
 
+def words_of(law: Any) -> dict[str, Any]:
+    """Return what the gains of a polynomial law stand for, as plain data; nothing of others."""
+    if not isinstance(law, PolynomialGain):
+        return {}
+    return {"formula": formula(law), "where": definitions(law)}
+
+
+def law_lines(law: Any, N: int) -> list[str]:
+    """Return a law in lines: its gains, of a polynomial what they are and stand for."""
+    gains = gains_of(law, N)
+    if not isinstance(law, PolynomialGain):
+        return gain_lines(gains)
+    if law.constant and not law.measured:
+        return gain_lines(gains)
+    return [f"  {line}" for line in (formula(law), *definitions(law))] + _matrices(gains)
+
+
+def _matrices(gains: Mapping[str, list[list[float]]]) -> list[str]:
+    return [f"  {label} = {matrix_text(K)}" for label, K in gains.items()]
+
+
 def gain_lines(gains: Mapping[str, list[list[float]]]) -> list[str]:
     """Return gains in lines; of many vertices the least and the greatest entries alone."""
     if len(gains) <= MOST_GAINS:
-        return [f"  {label} = {matrix_text(K)}" for label, K in gains.items()]
+        return _matrices(gains)
     letter, every = next(iter(gains)).split()[0], np.array(list(gains.values()))
     where = f"  {letter} at {len(gains)} vertices"
     return [

@@ -20,13 +20,14 @@ from polefence.cli.common import (
     check_results,
     check_targets,
     every_alpha,
-    gain_lines,
     gains_of,
+    law_lines,
     method_of,
     refuse_method_options,
     say,
     spec_argument,
     structure_of_options,
+    words_of,
     write_figure,
     write_json,
 )
@@ -417,8 +418,7 @@ def lines_of(done: Optimised, rows: Sequence[Row], label: str) -> list[str]:
     elif not _samples_keep_region(done, rows[0].own.alpha):
         lines.append(TOO_LARGE)
     lines += _rest_lines(done, rows)
-    gains = gains_of(done.law, len(done.plant.vertices))
-    return lines + gain_lines(gains)
+    return lines + law_lines(done.law, len(done.plant.vertices))
 
 
 def _design_lines(done: Optimised) -> list[str]:
@@ -540,6 +540,7 @@ def document_of(done: Optimised, rows: Sequence[Row], label: str) -> dict[str, A
         "designed": None if done.designed is None else str(done.designed),
         "stepped back": None if done.retreat is None else _retreat_document(done.retreat),
         "gains": gains_of(done.law, len(done.plant.vertices)),
+        **words_of(done.law),
     }
 
 

@@ -26,10 +26,10 @@ from polefence.export.documents import (
 from polefence.export.fmu import fmu
 from polefence.export.guarantee import Guarantee, Timing, guarantee, timing
 from polefence.export.observer import observer_sources
-from polefence.export.program import Program, is_one, number, program
+from polefence.export.program import Program, number, program
 from polefence.export.sources import MARKER, Texts, check_c_name, sources
 from polefence.export.vectors import harness, makefile
-from polefence.law.laws import PolynomialGain
+from polefence.law.laws import PolynomialGain, is_one
 from polefence.plant.parameters import Parameter
 from polefence.proof.document import FORMAT
 from polefence.response.discrete import Sampling

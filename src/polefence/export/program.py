@@ -17,7 +17,7 @@ import numpy as np
 
 from polefence.base.errors import InputError
 from polefence.law.coordinates import Coordinates
-from polefence.law.laws import FixedGain, Law, PolynomialGain, ScheduledGain
+from polefence.law.laws import FixedGain, Law, PolynomialGain, ScheduledGain, is_one
 from polefence.plant.parameters import Parameter
 from polefence.plant.polynomial import Domain, Exponent, binomial
 from polefence.plant.system import Array
@@ -203,13 +203,6 @@ def program(law: Law, parameters: tuple[Parameter, ...], number: Number) -> Prog
         _held(number.nearest(W), "W"),
         _held(number.nearest(Z), "Z"),
     )
-
-
-def is_one(law: Law) -> bool:
-    """Whether a law is one gain of what it is given."""
-    if isinstance(law, PolynomialGain):
-        return len(law.powers) == 1 and (not any(law.powers[0]) or law.domain.corners == 1)
-    return isinstance(law, FixedGain)
 
 
 def exactly(matrix: Array) -> Exact:

@@ -14,9 +14,9 @@ from typing import Any
 import numpy as np
 
 from polefence.base.errors import InputError
-from polefence.export.program import NUMBERS, Fixed, Polynomial, Program, Scheduled, Share, is_one
+from polefence.export.program import NUMBERS, Fixed, Polynomial, Program, Scheduled, Share
 from polefence.export.sources import MARKER, Texts, context, environment
-from polefence.law.laws import FixedGain, Law, PolynomialGain, ScheduledGain
+from polefence.law.laws import FixedGain, Law, PolynomialGain, ScheduledGain, is_one
 from polefence.plant.parameters import simplex_weights
 from polefence.plant.polynomial import binomial
 from polefence.plant.system import Array

@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 
 from polefence.base.errors import InputError, MissingExtraError, ParameterValueError, PlantError
-from polefence.law.laws import FixedGain, Law
+from polefence.law.laws import Law, PolynomialGain, is_one
 from polefence.plant.family import UncertainPlant
-from polefence.plant.outputs import Output, split, stacked
+from polefence.plant.outputs import Output, split, stacked, states
 from polefence.plant.system import Array, System
 
 _NUMBERED = re.compile(r"(sys|[xuy])\[\d+\]")  # what python-control calls that which has no name
@@ -231,26 +231,41 @@ def law_to_control(
     control = _control()
     keys = _scheduled_by(plant, law, given)
     x, u, _ = signal_names(plant, keys)
+    y = x if not isinstance(law, PolynomialGain) else _measured_names(plant, law, keys)
     common = {
-        "inputs": [*x, *keys],
+        "inputs": [*y, *keys],
         "outputs": u,
         "dt": 0 if plant.sample_time is None else float(plant.sample_time),
         "name": name,
     }
-    if isinstance(law, FixedGain):
-        D = np.hstack([law.K, np.zeros((len(law.K), len(keys)))])
-        return control.ss([], [], [], D, **common)
-    n, by_alpha = plant.shape[0], given == "alpha" or not plant.parameters
+    if is_one(law):
+        K = law.gains[0] if isinstance(law, PolynomialGain) else law.gain()
+        return control.ss([], [], [], np.pad(K, ((0, 0), (0, len(keys)))), **common)
+    r, by_alpha = len(y), given == "alpha" or not plant.parameters
 
     def output(_t: float, _x: Array, signals: Any, _params: Any) -> Array:
-        """Return u; the first inputs are x."""
+        """Return u; the first inputs are x, or what is measured."""
         values = np.asarray(signals, dtype=float)
-        alpha: Any = values[n:]
+        alpha: Any = values[r:]
         if not by_alpha:
-            alpha = plant.alpha(clamp=clamp, **dict(zip(keys, values[n:].tolist(), strict=True)))
-        return law.control(alpha, values[:n], clamp)
+            alpha = plant.alpha(clamp=clamp, **dict(zip(keys, values[r:].tolist(), strict=True)))
+        if isinstance(law, PolynomialGain):
+            return np.asarray(law.own_gain(alpha, clamp) @ values[:r])
+        return law.control(alpha, values[:r], clamp)
 
     return control.nlsys(None, output, **common)
+
+
+def _measured_names(plant: UncertainPlant, law: PolynomialGain, keys: Sequence[str]) -> list[str]:
+    """Return names of what a law is given, those that `to_control` has for the plant's outputs."""
+    x, u, w = signal_names(plant, keys)
+    if not law.measured:
+        return x
+    others = [output.name for output in plant.every_output]
+    before = (*keys, *u, *w, *x)
+    names = [*x, *valid_names((*before, *others))[len(before) :]]
+    known = dict(zip([*(own.name for own in states(plant)), *others], names, strict=True))
+    return [known[own.name] for own in law.measured]
 
 
 def _scheduled_by(plant: UncertainPlant, law: Law, given: str) -> list[str]:
@@ -258,7 +273,7 @@ def _scheduled_by(plant: UncertainPlant, law: Law, given: str) -> list[str]:
     wanted = " or ".join(repr(g) for g in GIVEN) if plant.parameters else "'alpha'"
     if given not in ("", *GIVEN) or (given == "parameters" and not plant.parameters):
         raise InputError(f"given = {given!r} is not what {plant.name} has; use {wanted}")
-    if isinstance(law, FixedGain) and not given:
+    if is_one(law) and not given:
         return []
     if given == "alpha" or not plant.parameters:
         return [f"alpha{j + 1}" for j in range(len(plant.vertices))]

@@ -260,6 +260,11 @@ class PolynomialGain:
         return own + int(any(len(output.C) > 1 for output in self.measured))
 
     @property
+    def fixed(self) -> bool:
+        """Whether it is one gain of what is measured."""
+        return len(self.powers) == 1 and (not any(self.powers[0]) or self.domain.corners == 1)
+
+    @property
     def constant(self) -> bool:
         """Whether it is one gain of states."""
         return self.degree == 0
@@ -301,8 +306,23 @@ class PolynomialGain:
             If alpha is missing, or lies off the simplex by more than rounding, unless ``clamp``.
         """
         a = check_alpha(alpha, self.domain.corners, clamp)
-        C = self.C[0] if len(self.C) == 1 else np.tensordot(a, self.C, 1)
-        return np.asarray(np.tensordot(self.terms(a), self.gains, 1) @ C)
+        return self.told(a, a)
+
+    def own_gain(self, alpha: Any, clamp: bool = False) -> Array:
+        """Return K(alpha), the gain of what is measured, (..., m, r) for alpha (..., N).
+
+        Raises
+        ------
+        ParameterValueError
+            If alpha lies off the simplex by more than rounding, unless ``clamp``.
+        """
+        a = check_alpha(alpha, self.domain.corners, clamp)
+        return np.asarray(np.tensordot(self.terms(a), self.gains, 1))
+
+    def told(self, alpha: Any, law: Any) -> Array:
+        """Return the gain of all states of a plant at alpha where the law is told another one."""
+        C = self.C[0] if len(self.C) == 1 else np.tensordot(alpha, self.C, 1)
+        return np.asarray(np.tensordot(self.terms(law), self.gains, 1) @ C)
 
     def gain_at(self, clamp: bool = False, **values: Any) -> Array:
         """Return the gain of all states at physical parameter values.
@@ -380,6 +400,11 @@ def given_law(plant: UncertainPlant, law: Any) -> Law:
     if isinstance(law, PolynomialGain):
         _require_vertices(plant, law)
     return law
+
+
+def is_one(law: Law) -> bool:
+    """Whether a law is one gain of what it is given, and so never looks at the parameters."""
+    return isinstance(law, FixedGain) or (isinstance(law, PolynomialGain) and law.fixed)
 
 
 def shape_of(law: Law) -> tuple[int, int]:

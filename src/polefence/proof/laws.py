@@ -80,7 +80,8 @@ class Law:
             return bernstein([w + z for w, z in pairs], sizes, self.degree)
         if self.powers:
             gain = self._gain(sizes)
-            return below(constant(identity(gain.shape[1]), sizes), gain)
+            both = below(constant(identity(gain.shape[1]), sizes), gain)
+            return both.raised((max(both.degrees),) * len(sizes))
         eye = identity(len(self.K[0][0]))
         return bernstein([eye + k for k in self.K], sizes, int(len(self.K) > 1))
 

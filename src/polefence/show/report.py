@@ -14,7 +14,8 @@ from polefence.design.certificate import Check
 from polefence.design.checks import implies_stability
 from polefence.design.design import Design, check, require_kind
 from polefence.design.limits import Limit, limits
-from polefence.law.laws import FixedGain
+from polefence.law.laws import FixedGain, PolynomialGain
+from polefence.law.words import definitions, formula, terms_of
 from polefence.lmi.conditions.methods import METHODS
 from polefence.plant.family import UncertainPlant
 from polefence.plant.outputs import Output, inputs, states
@@ -156,6 +157,8 @@ def sections(
 
 def _claim(design: Design, answer: Check) -> Section:
     law = "one gain, u = K x" if isinstance(design.law, FixedGain) else "u = K(alpha) x"
+    if isinstance(design.law, PolynomialGain):
+        law = f"{'one gain' if design.law.fixed else 'a polynomial'}, {formula(design.law)}"
     rows = [
         ("plant", design.plant.name),
         ("region", short_text(design.region)),
@@ -259,6 +262,8 @@ def _front(front: tuple[str, bytes] | None) -> Section | None:
 
 def _gain(design: Design) -> Section:
     names = design.plant.states or tuple(f"x{i + 1}" for i in range(design.plant.shape[0]))
+    if isinstance(design.law, PolynomialGain):
+        return _terms(design, design.law, names)
     corners = np.eye(len(design.plant.vertices))
     gains = design.law.gain(corners)
     if isinstance(design.law, FixedGain):
@@ -275,6 +280,18 @@ def _gain(design: Design) -> Section:
         degree = f"of degree {design.law.degree} in the weights alpha of the vertices"
         text = (*text, f"Between the vertices K(alpha) = Z(alpha) W(alpha)^-1, W and Z {degree}.")
     return Section("The gain", tuple(text), Table(("u = K x", *names), rows))
+
+
+def _terms(design: Design, law: PolynomialGain, states: Sequence[str]) -> Section:
+    names = tuple(own.label for own in law.measured) or states
+    rows = tuple(
+        (f"{name} {_input(design, i)}".strip(), *(f"{k:.6g}" for k in row))
+        for name, K in terms_of(law).items()
+        for i, row in enumerate(K)
+    )
+    letter = "y" if law.measured else "x"
+    text = ("Six digits; use the numbers of the file.", f"{formula(law)}.", *definitions(law))
+    return Section("The gain", text, Table((f"u = K {letter}", *names), rows))
 
 
 def _input(design: Design, number: int) -> str:

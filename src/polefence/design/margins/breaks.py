@@ -15,6 +15,7 @@ from polefence.design.counterexample import leaves
 from polefence.design.design import Design
 from polefence.design.margins.kinds import Scales
 from polefence.design.search import edge, first
+from polefence.law.laws import PolynomialGain
 from polefence.plant.parameters import Parameter
 from polefence.plant.points import exact_alpha, inside, joint, weights_of
 from polefence.plant.polynomial import Domain
@@ -109,11 +110,13 @@ def estimate_break(
     claim = _claim(design, region)
 
     def exactly(error: float) -> tuple[tuple[Rationals, Rationals], str]:
-        """Return the loop of A(own) + B(own) K(estimated)."""
+        """Return the loop of A(own) + B(own) K(estimated), what is measured being C(own) x."""
         worst = int(_distance(pairs, region, error).argmax())
         own, estimated, example = pairs.exactly(error, worst)
         A, B = matrices.mix(own, claim.A), matrices.mix(own, claim.B)
-        frozen = replace(claim, A=[A] * len(claim.A), B=[B] * len(claim.A))
+        N, law = len(claim.A), claim.law
+        law = replace(law, C=(matrices.mix(own, list(law.C)),) * N) if law.C else law
+        frozen = replace(claim, A=[A] * N, B=[B] * N, law=law)
         return frozen.fraction_at(estimated), example
 
     return _confirmed(exactly, claim, [min(t * factor, 1.0) for factor in RETRIES])
@@ -224,7 +227,9 @@ class _Weights:
 def _closed(design: Design, plant: Array, law: Array) -> Array:
     """Return the loops of the plant at one alpha and the law at another."""
     A, B = design.plant.at(plant)
-    return np.asarray(A + B @ design.law.gain(law))
+    own = design.law
+    K = own.told(plant, law) if isinstance(own, PolynomialGain) else own.gain(law)
+    return np.asarray(A + B @ K)
 
 
 # --- errors of the gain --------------------------------------------------------------------------

@@ -178,7 +178,8 @@ class Balanced:
     """A design in state coordinates in which W is near to the identity.
 
     ``T`` are those coordinates: x = T y. ``domain`` is where the law's alpha lives, ``q`` the
-    number of parameters. ``elevation`` is that of the evidence of a law that was given.
+    number of parameters. ``elevation`` is that of the evidence of a law that was given,
+    ``constant`` whether W is the same everywhere.
     """
 
     A: Array
@@ -192,6 +193,7 @@ class Balanced:
     pairs: tuple[Pair, ...]
     disks: bool
     elevation: int | None = None
+    constant: bool = False
 
     @property
     def sizes(self) -> tuple[int, ...]:
@@ -290,6 +292,7 @@ def _balanced(design: Design, own: Lyapunov, region: Region) -> Balanced:
         region.pairs(),
         all(part.kind == "disk" for part in region.parts),
         own.elevation,
+        not (own.degree if isinstance(law, PolynomialGain) else degree),
     )
 
 

@@ -470,7 +470,7 @@ class RateQuestion:
         slopes = _slopes(loop, points, self.parameters, [float(s) for s in self.span])
         found = min((largest_step(still, slope) for slope in slopes), default=np.inf)
         # where all W are equal but for rounding, no rate is too large in floats
-        return Reached(min(found, FASTEST) if loop.degree else found, pieces, elevation)
+        return Reached(found if loop.constant else min(found, FASTEST), pieces, elevation)
 
     def claim(self, subject: Subject, reached: Reached) -> Rate:
         """Return the claim of a rate, or a little less."""
@@ -483,7 +483,7 @@ def _slopes(
     design: Balanced, points: Points, parameters: Sequence[Parameter], unit: Sequence[float]
 ) -> list[Array]:
     """Return the coefficients of dW/dt at every extreme of the rates ``unit``."""
-    if design.degree == 0:
+    if design.constant:
         return []
     if parameters:
         share = Domain(design.sizes).coordinates(points.law)[..., 1::2]

@@ -17,7 +17,7 @@ from polefence.design.design import Design, require_kind
 from polefence.design.margins import kinds
 from polefence.design.margins.breaks import estimate_break, gain_break
 from polefence.design.margins.claims import Balanced, Question, balanced, claimed_design, proved
-from polefence.law.laws import FixedGain
+from polefence.law.laws import is_one
 from polefence.plant.parameters import Parameter
 from polefence.proof.claims.estimate import Estimate
 from polefence.proof.claims.gain_error import GainError
@@ -58,7 +58,7 @@ class _Task:
     @property
     def fixed(self) -> bool:
         law = self.design.law
-        return isinstance(law, FixedGain) or not law.degree
+        return is_one(law) or not law.degree
 
     def spans(self) -> Iterator[tuple[str, str, tuple[Fraction, ...]]]:
         """Yield name, unit and span: of each parameter alone, and of all at once."""
@@ -204,7 +204,7 @@ def _rates(task: _Task, decay: float) -> tuple[Margin, ...]:
             )
         return ()
     whole = [("", "", tuple(p.high - p.low for p in task.parameters) or (Fraction(1),))]
-    if any(not own.degree for own in task.loops):  # constant: no rate is too large
+    if any(own.constant for own in task.loops):  # no rate is too large
         found = _rate(task, decay, *whole[0])
         if math.isinf(found.value):
             return (found,)

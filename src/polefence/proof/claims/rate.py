@@ -72,15 +72,22 @@ class Rate(MarginClaim):
         require_numbers((self.decay,), 1, "decay")
         if self.rates is not None:
             require_numbers(self.rates, count, "rates")
-        elif self.subject.degree(self.part):
+        elif not self._is_constant:
             raise FormatError("rates: only one W for all parameters holds at any rate")
+
+    @property
+    def _is_constant(self) -> bool:
+        """Whether one W is that of all parameters, whatever the degree of the law."""
+        design = self.subject.design
+        own = design.evidence[self.part].degree if design.law.polynomial else 1
+        return not own or not self.subject.degree(self.part)
 
     def work(self) -> tuple[int, int]:
         """Return how many inequalities there are, and half their size."""
         subject, design = self.subject, self.subject.design
         degree = subject.degree(self.part)
         signs = 1
-        if degree:
+        if degree and self.rates is not None:
             N, moving = len(design.A), sum(1 for r in self.rates or () if r)
             signs = 2**moving if subject.ranges else N * N
         return self.pieces_work(degree) * signs, len(design.A[0])

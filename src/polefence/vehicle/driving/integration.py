@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from polefence.base.errors import InputError, suggest
-from polefence.law.laws import FixedGain, GainTable, given_law
+from polefence.law.laws import FixedGain, GainTable, PolynomialGain, given_law
 from polefence.plant.family import UncertainPlant
 from polefence.plant.system import Array
 from polefence.response.discrete import Sampling
@@ -455,6 +455,12 @@ def gains_of(space: Space, law: Any) -> Gains:
 
         return table
     own = given_law(plant, law)
+    if isinstance(own, PolynomialGain) and len(own.C) > 1:
+        names = ", ".join(repr(y.name) for y in own.measured if len(y.C) > 1)
+        raise InputError(
+            f"the law takes {names}, which depends on the parameters: drives have laws of states "
+            "or of outputs that are the same for all parameters"
+        )
     if isinstance(own, FixedGain):
         return lambda values: np.broadcast_to(own.K, (*values.shape[:-1], m, n))
     return lambda values: own.gain(space.alpha(space.inside(values)), clamp=True)

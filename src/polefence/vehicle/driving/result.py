@@ -10,8 +10,9 @@ from typing import Any
 import numpy as np
 
 from polefence.base.errors import InputError
+from polefence.design.certificate import exact_law
 from polefence.design.margins import Margin, Margins
-from polefence.law.laws import FixedGain, GainTable, given_law
+from polefence.law.laws import GainTable, given_law, is_one
 from polefence.plant.family import UncertainPlant
 from polefence.plant.outputs import Output, choose, rate_place
 from polefence.plant.system import Array
@@ -494,10 +495,7 @@ def _require_same(service: Margins, space: Space, law: Any) -> None:
         raise InputError(f"the margins are of {plant.name}, not of {space.plant.name}")
     theirs = given_law(plant, service.design.law)
     own = None if law is None or isinstance(law, GainTable) else given_law(plant, law)
-    names = ("K",) if isinstance(theirs, FixedGain) else ("W", "Z")
-    if type(own) is not type(theirs) or not all(
-        np.array_equal(getattr(own, name), getattr(theirs, name)) for name in names
-    ):
+    if own is None or exact_law(own) != exact_law(theirs):
         raise InputError("the margins are another law's; give those of the law that drives")
 
 
@@ -505,7 +503,7 @@ def is_scheduled(space: Space, law: Any) -> bool:
     """Whether the law looks at the parameters at all."""
     if law is None or isinstance(law, GainTable):
         return law is not None
-    return not isinstance(given_law(space.plant, law), FixedGain)
+    return not is_one(given_law(space.plant, law))
 
 
 def rates_of(trajectories: Trajectories, excitation: Excitation) -> Array:

@@ -22,8 +22,8 @@ from polefence.design.design import FILE_NAME, Design
 from polefence.design.limits import Limit
 from polefence.design.requirements.text import parse_names
 from polefence.law.laws import FixedGain, PolynomialGain
-from polefence.law.words import definitions, formula, terms_of
 from polefence.law.structure import Structure, load_structure
+from polefence.law.words import definitions, formula, terms_of
 from polefence.lmi.conditions.methods import METHODS, Method, Scheduled, Slack
 from polefence.plant.family import UncertainPlant
 from polefence.proof.text import visible

@@ -239,7 +239,7 @@ def law_to_control(
         "name": name,
     }
     if is_one(law):
-        K = law.gains[0] if isinstance(law, PolynomialGain) else law.gain()
+        K = law.gains[0] if isinstance(law, PolynomialGain) else law.K
         return control.ss([], [], [], np.pad(K, ((0, 0), (0, len(keys)))), **common)
     r, by_alpha = len(y), given == "alpha" or not plant.parameters
 

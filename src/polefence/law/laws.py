@@ -8,7 +8,7 @@ from fractions import Fraction
 from functools import cached_property
 from itertools import pairwise
 from math import prod
-from typing import Any
+from typing import Any, TypeGuard
 
 import numpy as np
 
@@ -399,10 +399,11 @@ def given_law(plant: UncertainPlant, law: Any) -> Law:
         return _scheduled(plant, law)
     if isinstance(law, PolynomialGain):
         _require_vertices(plant, law)
-    return law
+    found: Law = law
+    return found
 
 
-def is_one(law: Law) -> bool:
+def is_one(law: Law) -> TypeGuard[FixedGain | PolynomialGain]:
     """Whether a law is one gain of what it is given, and so never looks at the parameters."""
     return isinstance(law, FixedGain) or (isinstance(law, PolynomialGain) and law.fixed)
 

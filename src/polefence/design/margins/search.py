@@ -17,7 +17,7 @@ from polefence.design.design import Design, require_kind
 from polefence.design.margins import kinds
 from polefence.design.margins.breaks import estimate_break, gain_break
 from polefence.design.margins.claims import Balanced, Question, balanced, claimed_design, proved
-from polefence.law.laws import is_one
+from polefence.law.laws import FixedGain, is_one
 from polefence.plant.parameters import Parameter
 from polefence.proof.claims.estimate import Estimate
 from polefence.proof.claims.gain_error import GainError
@@ -58,7 +58,7 @@ class _Task:
     @property
     def fixed(self) -> bool:
         law = self.design.law
-        return is_one(law) or not law.degree
+        return is_one(law) or (not isinstance(law, FixedGain) and not law.degree)
 
     def spans(self) -> Iterator[tuple[str, str, tuple[Fraction, ...]]]:
         """Yield name, unit and span: of each parameter alone, and of all at once."""

@@ -456,9 +456,9 @@ def gains_of(space: Space, law: Any) -> Gains:
         return table
     own = given_law(plant, law)
     if isinstance(own, PolynomialGain) and len(own.C) > 1:
-        names = ", ".join(repr(y.name) for y in own.measured if len(y.C) > 1)
+        varying = ", ".join(repr(y.name) for y in own.measured if len(y.C) > 1)
         raise InputError(
-            f"the law takes {names}, which depends on the parameters: drives have laws of states "
+            f"the law takes {varying}, which depends on the parameters: drives have laws of states "
             "or of outputs that are the same for all parameters"
         )
     if isinstance(own, FixedGain):

@@ -290,9 +290,10 @@ def test_code_of_a_law_that_is_zero():
 
 
 def test_scales_are_those_of_the_claim():
-    _, code, found = made("parameters")
+    design, code, found = made("parameters")
     assert isinstance(code, Code)
-    rows, columns = scales(code)
-    assert [list(map(float, row)) for row in found.claim.gain.columns] == columns.tolist()
+    rows, columns = scales(code, design.law)
+    assert found.claim.gain.columns == columns
+    assert [list(map(float, row)) for row in columns] == code.T.tolist()
     assert list(map(float, found.claim.gain.rows)) == rows.tolist()
     assert code_of(code) == found.claim.code

@@ -31,7 +31,7 @@ from support.shapes_of_laws import (
 
 PAGE = DOCS / "export-misra.md"
 CHECKED = ("fixed, two inputs with limits, double", "two parameters, limits")
-CHECKED += ("degree 2 on the box, alpha, double",)
+CHECKED += ("degree 2 on the box, alpha, double", "polynomial of signals, limits")
 CALLS = 4000
 labels = pytest.mark.parametrize("label", BY_LABEL)
 

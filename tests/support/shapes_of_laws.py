@@ -13,7 +13,8 @@ import pytest
 
 from polefence.export.program import Program, number, program
 from polefence.export.sources import Texts, sources
-from polefence.law.laws import FixedGain, Law, ScheduledGain
+from polefence.law.laws import FixedGain, Law, PolynomialGain, ScheduledGain
+from polefence.plant.outputs import Output
 from polefence.plant.parameters import Parameter
 from polefence.plant.polynomial import Domain
 from support.paths import ROOT
@@ -60,6 +61,8 @@ class Shape:
     parameters: tuple[Parameter, ...] = ()
     bits: int = 32
     limits: tuple[float, ...] = ()
+    powers: tuple[tuple[int, ...], ...] = ()  # a polynomial
+    measured: bool = False
 
     @property
     def _random(self) -> np.random.Generator:
@@ -74,6 +77,11 @@ class Shape:
     def law(self) -> Law:
         random, units = self._random.spawn(1)[0], self.units
         K = random.normal(size=(self.m, self.n))
+        if self.powers:
+            each = [K, *(0.2 * random.normal(size=(len(self.powers) - 1, *K.shape)))]
+            rows = enumerate(np.eye(self.n)) if self.measured else ()
+            y = tuple(Output(f"signal {k}", "m", row.tolist()) for k, row in rows)
+            return PolynomialGain(self.powers, np.array(each) / units, y, self.parameters)
         if not self.sizes:
             return FixedGain(K / units)
         W, Z = [], []
@@ -116,6 +124,7 @@ class Shape:
         return "\n".join(lines) + "\n"
 
 
+AFFINE = ((0, 0), (1, 0), (0, 1))
 SHAPES = [
     Shape("fixed, one input", 5, 1),
     Shape("fixed, two inputs with limits, double", 4, 2, bits=64, limits=(2.0, 0.7)),
@@ -135,6 +144,13 @@ SHAPES = [
     Shape("degree 2 on the simplex, alpha", 3, 1, (3,), 2),
     Shape("three parameters", 6, 2, (8,), parameters=(M1, BETA, LEFT)),
     Shape("three parameters on the box, double", 3, 1, (2, 2, 2), 1, (M1, BETA, LEFT), 64),
+    Shape("polynomial", 4, 1, (2, 2), 1, (M1, BETA), powers=((0, 0), (1, 0), (0, 2), (1, 1))),
+    Shape(
+        "polynomial of signals, limits", 3, 2, (2, 2), 1, (M1, LEFT), 32, (2.0, 0.7), AFFINE, True
+    ),
+    Shape("polynomial of one signal, double", 1, 1, (2,), 1, (BETA,), 64, (), ((0,), (3,)), True),
+    Shape("polynomial of alpha", 3, 1, (3,), powers=((2, 0, 0), (0, 2, 0), (1, 0, 1)), bits=64),
+    Shape("one gain of signals", 3, 1, powers=((0,),), measured=True),
 ]
 BY_LABEL = {shape.label: shape for shape in SHAPES}
 

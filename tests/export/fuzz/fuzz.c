@@ -7,6 +7,10 @@
 
 #include "bounds.h"
 
+#ifdef LAW_MEASURED /* signals y in place of the states */
+#define LAW_STATES LAW_MEASURED
+#endif
+
 #include <float.h>
 #include <math.h>
 #include <stdbool.h>

@@ -1,6 +1,10 @@
 /* Many updates in one call, for Python: row by row. */
 #include "law.h"
 
+#ifdef LAW_MEASURED /* signals y in place of the states */
+#define LAW_STATES LAW_MEASURED
+#endif
+
 #if defined(LAW_PARAMETERS)
 #define GIVEN LAW_PARAMETERS
 #elif defined(LAW_VERTICES)

@@ -7,6 +7,10 @@
 
 #include "law.h"
 
+#ifdef LAW_MEASURED /* signals y in place of the states */
+#define LAW_STATES LAW_MEASURED
+#endif
+
 #if defined(LAW_PARAMETERS)
 #include "inputs.h"
 #define GIVEN LAW_PARAMETERS

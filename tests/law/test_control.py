@@ -16,6 +16,7 @@ from polefence.design.requirements.specification import rows
 from polefence.law.control import from_control, to_control, valid_names
 from polefence.plant.outputs import Output
 from polefence.response.linear import step
+from support.polynomials import design as polynomial
 
 HERE = {"m1": 300.0, "beta": 2.0}
 
@@ -285,3 +286,32 @@ def test_what_it_refuses(design, monkeypatch):
     monkeypatch.setitem(sys.modules, "control", None)
     with pytest.raises(MissingExtraError, match=r"polefence\[control\]"):
         design.to_control()
+
+
+@pytest.mark.parametrize("kind", ["measured", "varying", "many"])
+@pytest.mark.parametrize("given", ["parameters", "alpha"])
+def test_a_polynomial_law_of_signals_is_given_the_plants_outputs(kind, given):
+    own = polynomial(kind)
+    alpha, law = own.plant.alpha(**HERE), own.to_control(given)
+    car = to_control(own.plant, alpha, outputs=True)
+    r = len(own.law.measured)
+    assert set(law.input_labels[:r]) <= set(car.output_labels)
+    keys = law.input_labels[r:]
+    loop = control.interconnect(
+        [car, law], inputs=["road_velocity", *keys], outputs=car.output_labels
+    )
+    here = list(HERE.values()) if given == "parameters" else list(alpha)
+    linear = loop.linearize(np.zeros(4), [0, *here])
+    same_poles(np.linalg.eigvals(linear.A), own.poles(alpha))
+
+
+def test_one_gain_of_signals_is_a_system_of_signals():
+    own = polynomial("one gain")
+    law = own.to_control()
+    assert isinstance(law, control.StateSpace)
+    assert np.array_equal(law.D, own.law.gains[0])
+    assert law.input_labels == [
+        "suspension_deflection",
+        "sprung_mass_velocity",
+        "unsprung_mass_velocity",
+    ]

@@ -11,10 +11,10 @@ from pathlib import Path
 import numpy as np
 
 from polefence import Design
-from polefence.export.program import Fixed, Program, Scheduled, number, program
+from polefence.export.program import Fixed, Program, number, program
 from polefence.export.sources import Texts, sources
 from polefence.export.vectors import harness, makefile
-from polefence.law.laws import Law, right_divide
+from polefence.law.laws import Law, PolynomialGain, right_divide
 from support.paths import ROOT
 
 HERE = ROOT / "tests" / "export" / "target"
@@ -96,7 +96,7 @@ class Export:
         given = np.where(ends < 2, ends.astype(real), given)
         scale = np.array([2.0**-11, 2.0**-5, 1, 1024], dtype=real)
         x = (real(2) * x - real(1)) * scale[spare[:, self.given :] & 3]
-        if isinstance(self.program, Scheduled):
+        if not isinstance(self.program, Fixed):
             given = self._inside(given)
         assert given.dtype == x.dtype == real
         return given, x
@@ -127,13 +127,19 @@ class Export:
         """
         given, x = (each.astype(float) for each in self.drawn(len(u)))
         alpha = self._alpha(given)
-        plain = self.law.gain(alpha, clamp=True)
-        right = plain if alpha is None else plain + self._correction(alpha, plain)
+        plain = self._gain(alpha)
+        exact = alpha is None or isinstance(self.law, PolynomialGain)
+        right = plain if exact else plain + self._correction(alpha, plain)
         scale = np.einsum("...ij,...j->...i", np.abs(plain), np.abs(x))
         return tuple(
             float((np.abs(u - np.einsum("...ij,...j->...i", K, x)) / scale).max())
             for K in (right, plain)
         )
+
+    def _gain(self, alpha: np.ndarray | None) -> np.ndarray:
+        if isinstance(self.law, PolynomialGain):
+            return self.law.gains[0] if alpha is None else self.law.own_gain(alpha, clamp=True)
+        return self.law.gain(alpha, clamp=True)
 
     def _correction(self, alpha: np.ndarray, K: np.ndarray) -> np.ndarray:
         a = alpha.astype(np.longdouble)

@@ -32,6 +32,7 @@ from polefence.vehicle.reference_laws import lqr
 from polefence.vehicle.roads import random_road
 from polefence.vehicle.vehicle import SIGNALS, quarter_car, ride
 from support.drives import drive
+from support.polynomials import design as polynomial
 
 H = 1e-3
 
@@ -720,3 +721,31 @@ def test_signals_come_by_name(physical, design):
     assert np.array_equal(ours.response([jolt]).values[..., 0], ours.rates[..., 2])
     with pytest.raises(InputError, match="no signal 'roll'"):
         ours.of("roll")
+
+
+# -- polynomial laws ----------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("kind", ["square", "measured", "many"])
+def test_a_polynomial_law_drives_as_its_gain_does(kind):
+    """At frozen parameters it is the fixed gain of that point."""
+    own, here = polynomial(kind), {"m1": 300.0, "beta": 2.0}
+    K = own.law.gain(own.plant.alpha(**here))
+    ours, gain = (drive(own.plant, law, wave, duration=0.5, parameters=here) for law in (own, K))
+    assert near(ours.states, gain.states, rel=1e-9)
+
+
+def test_margins_of_a_polynomial_law_are_its_own():
+    own, other = polynomial("affine"), polynomial("square")
+    proved = in_service(own)
+    slow = {"m1": 300.0, "beta": Ramp(0, 1, 0.0, 0.1)}
+    ours = drive(own.plant, own, duration=0.1, parameters=slow, margins=proved)
+    assert ours.covered.all()
+    with pytest.raises(InputError, match="another law's"):
+        drive(own.plant, other, duration=0.1, parameters=slow, margins=proved)
+
+
+def test_a_law_of_signals_that_vary_is_not_driven():
+    own = polynomial("varying")
+    with pytest.raises(InputError, match="'spring force', which depends on the parameters"):
+        drive(own.plant, own, duration=0.1, parameters={"m1": 300.0, "beta": 0.0})

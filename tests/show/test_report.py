@@ -12,9 +12,11 @@ import pytest
 from polefence import Design, Disk, HalfPlane, NotProvedError, UncertainPlant, analyse, place
 from polefence.cli.main import main
 from polefence.examples import family
+from polefence.law.words import definitions, formula
 from polefence.response.stationary import stationary, velocity_psd
 from polefence.show.report import comfort, html_report
 from polefence.vehicle.vehicle import require_ride
+from support.polynomials import design as polynomial
 from support.specs import ONE_STATE
 
 
@@ -175,3 +177,19 @@ def test_bounds_and_a_front_are_put_in(tmp_path, capsys):
     capsys.readouterr()
     assert main(["report", str(folder)]) == 1
     assert "undecided" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("kind", ["affine", "measured", "one gain"])
+def test_a_polynomial_law_is_said_by_its_terms(kind, tmp_path):
+    own = polynomial(kind)
+    own.save(tmp_path)
+    assert main(["report", str(tmp_path)]) == 0
+    page = Page((tmp_path / "report.html").read_text())
+    claim, gain = page.parts["What is claimed, and proved"], page.parts["The gain"]
+    assert formula(own.law) in claim
+    assert formula(own.law) in gain
+    for line in definitions(own.law):
+        assert line in gain
+    for K in own.law.gains + 0.0:  # no -0
+        assert all(f"|{k:.6g}|" in gain for k in K[0])
+    assert ("tyre deflection" in gain) is (kind == "affine")

@@ -9,7 +9,7 @@ import numpy as np
 from polefence.plant.system import Array
 
 GRID = 24  # frequencies between the slowest and the fastest rate, besides the poles' own
-NEAR, MOST = 0.8, 3  # peaks that count: this share of the highest, so many a loop
+NEAR, MOST = 0.5, 5  # peaks that count: this share of the highest, so many a loop
 ZOOMS, POINTS = 7, 7  # into each peak
 CLOSE = 1e-7  # to which the highest is one, relative
 ON_AXIS = 1e-7  # real part of an eigenvalue that is imaginary, relative

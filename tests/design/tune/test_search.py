@@ -202,3 +202,17 @@ def test_limits_that_nothing_keeps_leave_the_nearest(plant):
 def test_the_same_question_has_the_same_answer(plant):
     one, two = (tune(plant, FIXED, rms("x"), [rms("force", 1.2)]) for _ in range(2))
     assert [own.level for own in one] == [own.level for own in two]
+
+
+def test_a_pole_on_the_edge_is_not_in_the_region():
+    # no law is needed but for the pole at zero
+    plant = pf.UncertainPlant.from_vertices([np.diag([0.0, -1])], [np.eye(2)])
+    own = tune(plant, FIXED, None)[0]
+    assert own.kept
+    assert own.law.K[0, 0] < 0
+    assert poles(plant, own.law).real.max() < 0
+
+
+def test_what_a_law_cannot_move_is_not_kept():
+    plant = pf.UncertainPlant.from_vertices([np.diag([0.5, -1])], [[[0.0], [1.0]]])
+    assert not any(own.kept for own in tune(plant, FIXED, None))

@@ -25,6 +25,7 @@ from polefence.response.peaks import largest, peaks, response
 from polefence.response.stationary import STABLE, stationary
 
 UNIT = 2.0  # one-sided density of noise of intensity one
+NEAR = 0.7  # singular values that have slopes, of the largest at a peak
 COARSE, FINE, FEW = 60, 2000, 20  # frequencies at all points, and at the worst few
 
 
@@ -104,9 +105,11 @@ class Gain(Specification):
         A, E, C, F = (M[points] for M in (A, E, C, F))
         G = response(A, E, C, F, w[:, None])[:, 0]
         u, values, vt = np.linalg.svd(G, full_matrices=False)
-        u, v = u[:, :, 0], vt[:, 0].conj()
+        some, which = np.nonzero(values >= NEAR * values[:, :1])
+        u, v, values = u[some, :, which], vt[some, which].conj(), values[some, which]
+        points, w, A, E, C = (own[some] for own in (points, w, A, E, C))
         s = 1j * w[:, None, None] * np.eye(A.shape[-1]) - A
         right = np.linalg.solve(s, E @ v[:, :, None])[:, None, :, 0]
         left = np.linalg.solve(np.swapaxes(s.conj(), 1, 2), np.swapaxes(C, 1, 2) @ u[:, :, None])
         dA, dC = (left.conj() * right).real, (u.conj()[:, :, None] * right).real
-        return Slopes(values[:, 0], points, dA, dC)
+        return Slopes(values, points, dA, dC)

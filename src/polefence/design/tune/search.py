@@ -11,6 +11,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from itertools import pairwise
+from operator import attrgetter
 from typing import Any
 
 import numpy as np
@@ -37,7 +38,7 @@ RANDOM, SEED = 4, 20261122  # starts at random
 BEST, LAST = 3, 2  # starts that are followed at the corners, and over the family
 ROUNDS, MORE = 10, 1e-4  # of added points, and by how much one must be worse
 HALVINGS = 7  # of the steps of a search for the worst point
-KEPT = 1e-6
+KEPT, INSIDE_BY = 1e-6, 1e-9  # limits to rounding; a region is open
 FAST = 100.0  # times the plant's own and the region's rates, where nothing bounds the gain
 ALIKE = 1e-3  # of laws that count as one
 FEW = 40  # points at which a start is fitted
@@ -182,7 +183,7 @@ class _Reached:
     @property
     def rank(self) -> tuple[float, float]:
         """What is less is better."""
-        return max(self.excess, 0.0), self.level
+        return max(self.excess - FEASIBLE, 0.0), self.level
 
 
 class _Search:
@@ -206,7 +207,10 @@ class _Search:
         if self.task.minimise is None and (own := self._given(nothing)).kept:
             return [own]
         quick = [self._improved(theta, self.first, QUICK) for theta in self._starts(laws)]
-        reached = [self._improved(own.theta, self.first) for own in _distinct(quick)[:BEST]]
+        reached = [
+            min(self._improved(own.theta, self.first), own, key=attrgetter("rank"))
+            for own in _distinct(quick)[:BEST]
+        ]
         found = [self._tuned(self._finished(own)) for own in _distinct(reached)[:LAST]]
         given = [self._given(law) for law in laws if self._of_structure(law)]
         found += [own for own in given if own.kept]
@@ -231,14 +235,14 @@ class _Search:
     ) -> _Reached:
         """Return where the phases lead to at some points: into the region, the limits, down."""
         rows = points.rows(theta, REGION)
-        outside = rows is None or rows.level > 0
+        outside = rows is None or rows.level > FEASIBLE
         regions = (SMOOTH[0], SMOOTH[-1], None) if outside else ()
         for phase, kappa in (*((REGION, kappa) for kappa in regions), (LIMITS, None)):
             found = descend(partial(points.rows, phase=phase, kappa=kappa), theta, 0.0)
             if found is None:
                 return _Reached(theta, points, np.inf, np.inf)
             theta, rows = found
-            if rows.level > 0 and kappa is None:
+            if rows.level > FEASIBLE and kappa is None:
                 return _Reached(theta, points, rows.level, self._level(points, theta))
         theta = self._lowered(theta, points, effort, smooth)
         last = points.rows(theta, LIMITS)
@@ -276,7 +280,7 @@ class _Search:
             if more is None:
                 break
             own = self._improved(own.theta, more, smooth=SMOOTH[-1:])
-        if own.excess > 0 or self.task.minimise is None:
+        if own.excess > FEASIBLE or self.task.minimise is None:
             return own
         smaller, level = own, own.level + (WIDE - 1) * abs(own.level)
         for _ in range(REPAIRS):
@@ -366,7 +370,9 @@ class _Search:
         if np.isfinite(self.task.fastest) and kept[fast] > AT_SPEED - 1:
             bound = f"poles of at most {self.task.fastest:.2g} 1/s"
         place = alpha[0] if at < 0 else where[at]
-        return Tuned(law, level, place, bool(np.all(kept[1:] <= KEPT)), bound)
+        sides = slice(1, fast)
+        own = np.all(kept[1:] <= KEPT) and np.all(kept[sides] <= -INSIDE_BY)
+        return Tuned(law, level, place, bool(own), bound)
 
     def _of_structure(self, law: Law) -> bool:
         """Whether a law is one of the structure."""
@@ -399,7 +405,7 @@ def _cloud(domain: Domain) -> Array:
 def _distinct(reached: Sequence[_Reached]) -> list[_Reached]:
     """Return the best, each of a level of its own."""
     found = list[_Reached]()
-    for own in sorted(reached, key=lambda own: own.rank):
+    for own in sorted(reached, key=attrgetter("rank")):
         alike = found and abs(own.level - found[-1].level) <= ALIKE * abs(found[-1].level)
         if np.isfinite(own.excess) and not alike:
             found.append(own)

@@ -92,7 +92,6 @@ def test_fewer_limits_and_more_freedom_are_never_worse(plant):
     affine = tune(plant, Structure(), ride, limits[:1], starts=[more.law])[0]
     assert less.level >= more.level * (1 - 1e-9)
     assert affine.level <= more.level * (1 + 1e-9)
-    assert isinstance(affine.law, PolynomialGain)
 
 
 def test_limits_are_kept_where_nothing_was_looked_at(plant):
@@ -101,6 +100,7 @@ def test_limits_are_kept_where_nothing_was_looked_at(plant):
     alpha = seeded(plant, 500)
     assert own.kept
     assert limit.values(plant, own.law, alpha).max() <= 1.2 * (1 + 1e-6)
+    assert isinstance(own.law, PolynomialGain)
     worst = rms("x").values(plant, own.law, alpha).max()
     assert worst <= own.level * (1 + 2e-4)
     assert poles(plant, own.law).real.max() < -0.2

@@ -6,12 +6,13 @@ what falls off geometrically with its degree. A constant R, added to C'C, makes 
 misses: the smallest, as the bound tells sizes, of which no coefficient of the inequality is
 negative. What is bounded then exceeds the truth by about what the interpolation misses.
 
-Of a gain Q is the solution of a Riccati equation, at each point of a level of its own, between the
-gain there and the one level that is claimed, at which it then proves more than it needs. Next to
-the gain itself the solution is an analytic function of the point, as long as the frequency of the
-gain is; at one level for all points it has a branch point just outside the family, where the gain
-comes to exceed that. The nearer the levels are to the claimed one, the less does a change of that
-frequency matter: the best of some shares is taken.
+The bound is one number for all points. Where less is true Q may be larger: it is scaled until it
+tells about the same everywhere, and varies less. Of a gain Q is the solution of a Riccati equation,
+at each point of a level of its own, between the gain there and the one level that is claimed, at
+which it then proves more than it needs. Next to the gain itself the solution is an analytic
+function of the point, as long as the frequency of the gain is; at one level for all points it has a
+branch point just outside the family, where the gain comes to exceed that. Of some shares of the way
+between, the best is taken.
 """
 
 from __future__ import annotations
@@ -39,7 +40,7 @@ MOST = 3e8  # of the work on one polynomial [multiplications]
 DEGREES, MOST_PARTS = (2, 4), 64  # on parts of the box
 LOWEST = 0.03  # of a level, what a point's own is at least
 NEXT = 1e-3  # above the last least level the search for the next begins
-SHARES = (0.0, 0.25, 0.5, 0.75)  # of the way from the least levels to the one that is claimed
+SHARES = (1.0, 0.75, 0.5, 0.25, 0.0)  # of the way from what is least to what is claimed
 BARELY = 1e-5  # by which a point's own level exceeds the least there
 ON_AXIS = 1e-7  # of the largest root, what is taken for the imaginary axis
 SMALL = 1e-7  # of the largest, what a direction is taken to be moved at least
@@ -311,14 +312,12 @@ class _Interpolation:
         least: Array | None = np.zeros(len(self.nodes[0]))
         Q: Array | None
         for k in range(ROUNDS):
-            if level is None:
-                Q = self._gramians(R)
-            else:
+            if level is not None:
                 least = None if least is None else self._least(R, level, least)
                 if least is None:
                     return None
-                share = share if k else self._share(level, least)
-                Q = self._solutions(R, level, least, share)
+            share = share if k else self._share(level, least)
+            Q = self._solutions(R, level, least, share)
             if Q is None:
                 return None
             missed, bound = self._missed(Q, level)
@@ -329,19 +328,22 @@ class _Interpolation:
             R = R + inverse.T @ more @ inverse
         return None
 
-    def _gramians(self, R: Array) -> Array:
-        """Return Bernstein coefficients of the observability Gramians, with R."""
-        A, Y, _, _ = self.nodes
-        found = lyapunov(A.swapaxes(-1, -2), Y.swapaxes(-1, -2) @ Y + R)
-        return self.problem.domain.interpolated(found, self.degree)
-
-    def _solutions(self, R: Array, level: float, least: Array, share: float) -> Array | None:
-        """Return Bernstein coefficients of solutions at levels a share above the least."""
-        levels = np.minimum(least * (1 + BARELY), level)
-        found = riccati(*self._equations(R, levels ** (1 - share) * level**share))
+    def _solutions(self, R: Array, level: float | None, least: Array, share: float) -> Array | None:
+        """Return Bernstein coefficients of solutions that tell a share more than they need."""
+        found: Array | None
+        if level is None:
+            A, Y, E, _ = self.nodes
+            found = lyapunov(A.swapaxes(-1, -2), Y.swapaxes(-1, -2) @ Y + R)
+            squares = np.einsum("pik,pij,pjk->p", E, found, E)
+            top = float(squares.max())
+            if top > 0:
+                found *= (top / np.maximum(squares, LOWEST**2 * top))[:, None, None] ** (1 - share)
+        else:
+            levels = np.minimum(least * (1 + BARELY), level)
+            found = riccati(*self._equations(R, levels ** (1 - share) * level**share))
         return None if found is None else self.problem.domain.interpolated(found, self.degree)
 
-    def _share(self, level: float, least: Array) -> float:
+    def _share(self, level: float | None, least: Array) -> float:
         """Return the share with which the least is missed before there is an R."""
         T, zero, sizes = self.units, np.zeros_like(self.units), []
         for share in SHARES:

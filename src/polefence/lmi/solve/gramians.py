@@ -309,13 +309,13 @@ class _Interpolation:
         T, n = self.units, len(self.units)
         inverse, R, over = np.linalg.inv(T), np.zeros((n, n)), OVER
         share = SHARES[0]
-        least: Array | None = np.zeros(len(self.nodes[0]))
-        Q: Array | None
+        least: Array = np.zeros(len(self.nodes[0]))
         for k in range(ROUNDS):
             if level is not None:
-                least = None if least is None else self._least(R, level, least)
-                if least is None:
+                higher = self._least(R, level, least)
+                if higher is None:
                     return None
+                least = higher
             share = share if k else self._share(level, least)
             Q = self._solutions(R, level, least, share)
             if Q is None:

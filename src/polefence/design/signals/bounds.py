@@ -116,7 +116,8 @@ def best_bound(
         0.0,
     )
     if problem is not None:
-        close = _sample(plant, law, specification) * (1 + CLOSE)
+        with suppress(np.linalg.LinAlgError):  # of a law that is not defined somewhere
+            close = _sample(plant, law, specification) * (1 + CLOSE)
     best: Bound | None = None
     for climb in reversed(climbs) if problem is not None and problem.gain else climbs:
         for own in climb(plant, law, specification):

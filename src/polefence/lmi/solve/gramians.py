@@ -205,7 +205,7 @@ def duals(problem: DualProblem, worst: float, near: float = 1e-3, most: int = 4)
         if problem.work(degree) * ROUNDS > MOST and degree > first:
             return
         found: Dual | None = None
-        with suppress(np.linalg.LinAlgError):
+        with suppress(np.linalg.LinAlgError), np.errstate(all="ignore"):
             found = _Interpolation(problem, degree).found(worst)
         if found is not None:
             yield found
@@ -257,7 +257,7 @@ def in_parts(problem: DualProblem, level: float, most: int = MOST_PARTS) -> list
 def _each(problem: DualProblem, level: float) -> Iterator[Dual]:
     """Yield dual polynomials of some degrees, in a cell; of a gain at the level itself."""
     for degree in DEGREES:
-        with suppress(np.linalg.LinAlgError):
+        with suppress(np.linalg.LinAlgError), np.errstate(all="ignore"):
             found = _Interpolation(problem, degree).proving(level)
             if found is not None:
                 yield found
@@ -341,7 +341,9 @@ class _Interpolation:
         else:
             levels = np.minimum(least * (1 + BARELY), level)
             found = riccati(*self._equations(R, levels ** (1 - share) * level**share))
-        return None if found is None else self.problem.domain.interpolated(found, self.degree)
+        if found is None or not np.all(np.isfinite(found)):
+            return None
+        return self.problem.domain.interpolated(found, self.degree)
 
     def _share(self, level: float | None, least: Array) -> float:
         """Return the share with which the least is missed before there is an R."""

@@ -164,7 +164,10 @@ def _in_parts(plant: UncertainPlant, law: Law, specification: Specification) -> 
     problem = specification.dual(plant, law)
     if problem is None:
         return
-    worst = _sample(plant, law, specification)
+    try:
+        worst = _sample(plant, law, specification)
+    except np.linalg.LinAlgError:
+        return
     for share in IN_PARTS:
         own = _proved_in_parts(plant, law, specification, worst * (1 + share))
         if own is not None:

@@ -1,0 +1,54 @@
+"""Starts of laws with states: filters that stay as they are, seen by a plain gain."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from polefence import HalfPlane, Structure, UncertainPlant
+from polefence.design.tune.dynamic import filtered
+from polefence.design.tune.search import tune
+from polefence.plant.spec import loads
+from support.specs import TWO_STATES, rms
+
+REGION = HalfPlane(0.1)
+
+
+@pytest.fixture(scope="module")
+def plant():
+    return loads(TWO_STATES)
+
+
+@pytest.mark.parametrize(("order", "schedule"), [(1, ()), (2, ("m",))])
+def test_a_law_of_the_order_keeps_everything_and_is_better_than_one_without(plant, order, schedule):
+    own = Structure(("x",), schedule, order=order, largest_gain=2.0)
+    law = filtered(plant, own, rms("x"), (), REGION)[0]
+    larger, gain = own.extended(plant)
+    assert law.powers == gain.powers(larger)
+    alpha = np.random.default_rng(2).dirichlet(np.ones(2), (20, 2))
+    alpha = np.array([np.kron(*each) for each in alpha])
+    K = np.tensordot(law.terms(alpha), law.gains, 1)
+    assert np.abs(K[:, 0, 0]).max() <= 2.0
+    A, B = larger.at(alpha)
+    poles = np.linalg.eigvals(A + B @ law.gain(alpha))
+    assert poles.real.max() <= -0.1 + 1e-6
+    # the filter: of unit gain, and its pole in the region
+    assert np.allclose(law.gains[:, 1, 0], -law.gains[:, 1, 1])
+    static = tune(plant, Structure(("x",), schedule, largest_gain=2.0), rms("x"))[0]
+    level = rms("x").values(larger, law, np.eye(4)).max()
+    assert level < 0.9 * static.level
+
+
+def test_it_is_where_a_search_begins_that_is_no_worse(plant):
+    own = Structure(("x",), (), order=1, largest_gain=2.0)
+    laws = filtered(plant, own, rms("x"), (), REGION)
+    larger, gain = own.extended(plant)
+    found = tune(larger, gain, rms("x"), (), REGION, laws)[0]
+    assert found.kept
+    assert found.level <= rms("x").values(larger, laws[0], np.eye(4)).max() * (1 + 1e-6)
+
+
+def test_there_are_none_without_states_or_in_discrete_time(plant):
+    assert filtered(plant, Structure(("x",)), rms("x")) == ()
+    discrete = UncertainPlant.from_vertices([[[0.5]]], [[[1.0]]], sample_time=1)
+    assert filtered(discrete, Structure(order=1), None) == ()

@@ -66,7 +66,7 @@ WRONG = {
     ("--measured", "a,"): "cannot read",
     ("--schedule", "m3"): "schedule: no parameter 'm3'",
     ("--order", "-1"): "order = -1 must be 0 to 20",
-    ("--degree", "9"): "degree = 9 must be 0 to 8",
+    ("--degree", "9", "--schedule", "m1"): "degree = 9 must be 0 to 8",
     ("--largest-gain", "-1"): "largest_gain = -1.0 must be a positive number",
     ("--order", "19", "--degree", "2"): "free numbers; at most 500 are tuned",
 }

@@ -23,6 +23,7 @@ def spec(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     path = tmp_path / "active.toml"
     path.write_text(spec_text("quarter-car-ride") + HARDWARE)
+    (tmp_path / "ride.toml").write_text(spec_text("quarter-car-ride"))
     return path
 
 

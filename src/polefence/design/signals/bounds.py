@@ -110,6 +110,7 @@ def best_bound(
         What proves the bound of that level as far as floats tell; tried where nothing lower is
         proved otherwise.
     """
+    specification.require_fit(plant)
     climbs, problem, close = (
         [_dual_bounds, _in_parts, _climbed],
         specification.dual(plant, law),

@@ -42,7 +42,7 @@ from polefence.design.signals.search import (
     together,
     unbounded,
 )
-from polefence.design.signals.tuned import reduced_compensators, tuned_candidates, with_filters
+from polefence.design.signals.tuned import filtered, tuned_candidates, with_filters
 from polefence.law.laws import Law
 from polefence.law.structure import Structure
 from polefence.lmi.conditions.methods import Method, Scheduled, options
@@ -332,13 +332,18 @@ def _best_tuned(task: Task, structure: Structure, starts: Sequence[Law]) -> Opti
 
 
 def _simpler(task: Task, structure: Structure) -> tuple[Law, ...]:
-    """Return the best law without states of its own, as one that has them, to start from."""
+    """Return laws that have states of their own, to start from: simpler ones with filters.
+
+    That of the best law without states is as good as that; so nothing is lost by states.
+    """
     if not structure.order:
         return ()
     static, gain = _structured(task, replace(structure, order=0))
-    found, larger = _best_tuned(static, gain, ()), _structured(task, structure)[0].plant
+    larger = _structured(task, structure)[0].plant
+    found = _best_tuned(static, gain, ())
     law = found and with_filters(found.law, static.plant, larger, gain, task.region)
-    return (*([law] if law else []), *reduced_compensators(static, larger, gain))
+    own = replace(structure, measured=gain.measured)
+    return (*([law] if law else []), *filtered(static, own))
 
 
 def _structured(task: Task, structure: Structure) -> tuple[Task, Structure]:

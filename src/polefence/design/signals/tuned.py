@@ -7,25 +7,24 @@ where the law that is found has none. What is proved are limits and region as th
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from contextlib import suppress
 from dataclasses import replace
 
 import numpy as np
 
 from polefence.base.errors import RegionError
+from polefence.design.requirements.specification import Specification
 from polefence.design.signals.search import Candidate, Task, candidate
+from polefence.design.tune.dynamic import filtered as filters
 from polefence.design.tune.search import Tuned, tune
 from polefence.law.laws import FixedGain, Law, PolynomialGain
 from polefence.law.structure import Structure
-from polefence.lmi.solve.gramians import lyapunov
 from polefence.plant.family import UncertainPlant
-from polefence.plant.outputs import padded, stacked, states
+from polefence.plant.outputs import padded, states
 from polefence.plant.system import Array
 from polefence.region.regions import Disk, Ellipse, HalfPlane, Region, Sector
 
 # How much tighter limits and region are asked for than they are to be proved, one after the other.
 TIGHTER = (5e-4, 3e-3, 2e-2)
-CHEAP = (1e-1, 1e-3, 1e-6)  # weights of effort and of sensors' noise in a compensator
 MOST = 3  # laws of one search that proofs are looked for
 WORSE = 0.02  # than the best of its search, a law that proofs are still looked for
 
@@ -38,11 +37,7 @@ def tuned_candidates(
     Beside each stands what stopped its gain from growing further; nothing where nothing had to.
     """
     for share in TIGHTER:
-        limits = tuple(
-            own if own.at_most is None else replace(own, at_most=own.at_most * (1 - share))
-            for own in task.limits
-        )
-        asked = task.minimise, limits, tighter(task.region, share)
+        asked = task.minimise, _tighter(task, share), tighter(task.region, share)
         found = tune(task.plant, structure, *asked, starts)
         for own in _promising(found):
             proved = candidate(task, own.law, task.region, estimate=own.level)
@@ -97,69 +92,16 @@ def with_filters(
     return PolynomialGain(law.powers, gains, measured, law.parameters)
 
 
-def reduced_compensators(
-    task: Task, larger: UncertainPlant, structure: Structure
-) -> Iterator[FixedGain]:
-    """Yield regulators with a Kalman filter for the middle plant, cut to the states there are.
-
-    Parameters
-    ----------
-    task : Task
-        Of the plant without the law's states.
-    larger : UncertainPlant
-        With them.
-    structure : Structure
-        Of the law without states.
-    """
-    import scipy.linalg as la  # deferred: slow to import
-
-    plant, k = task.plant, larger.shape[0] - task.plant.shape[0]
-    middle = [v.E for v in plant.vertices if v.E is not None]
-    A, B, y = plant.A.mean(axis=0), plant.B.mean(axis=0), structure.rows(plant).mean(axis=0)
-    (n, m), own = plant.shape, task.minimise
-    E = np.mean(middle, axis=0) if middle else np.eye(n)
-    if own is None or not own.of_signal:
-        return
-    C, D, _ = (M.mean(axis=0) for M in stacked(plant, own.outputs(plant)))
-    for cheap in CHEAP:
-        with suppress(np.linalg.LinAlgError, ValueError):
-            size = np.abs(C).max() / max(np.abs(y).max(), 1e-300)
-            Q = C.T @ C + cheap * np.eye(n) * (np.trace(C.T @ C) / n)
-            R = D.T @ D + cheap * np.eye(m) * np.trace(B.T @ Q @ B) / m
-            P = la.solve_continuous_are(A, B, Q, R, s=C.T @ D)
-            K = -np.linalg.solve(R, B.T @ P + D.T @ C)
-            W = E @ E.T + cheap * np.eye(n) * (np.trace(E @ E.T) / n)
-            V = cheap * np.diag(np.maximum(np.diag(y @ W @ y.T), size**-2 * np.trace(W)))
-            S = la.solve_continuous_are(A.T, y.T, W, V)
-            L = S @ y.T @ np.linalg.inv(V)
-            Ac, Bc, Cc = _truncated(A + B @ K - L @ y, L, K, k)
-            gains = np.zeros((m + k, n + k))
-            gains[:m, n:], gains[m:, :n], gains[m:, n:] = Cc, Bc @ y, Ac
-            yield FixedGain(gains)
+def filtered(task: Task, structure: Structure) -> tuple[PolynomialGain, ...]:
+    """Return laws whose states are filters of signals, within limits that are somewhat tighter."""
+    region = tighter(task.region, TIGHTER[0])
+    return filters(task.plant, structure, task.minimise, _tighter(task, TIGHTER[0]), region)
 
 
-def _truncated(A: Array, B: Array, C: Array, k: int) -> tuple[Array, Array, Array]:
-    """Return a stable system of k states near another, by balanced truncation."""
-    import scipy.linalg as la  # deferred: slow to import
-
-    if np.linalg.eigvals(A).real.max() >= 0:
-        raise np.linalg.LinAlgError("the compensator is not stable by itself")
-    n = len(A)
-    P, Q = lyapunov(A, B @ B.T), lyapunov(A.T, C.T @ C)
-    values, V = np.linalg.eigh(P)
-    root = V * np.sqrt(np.maximum(values, values.max() * 1e-14))
-    s, U = np.linalg.eigh(root.T @ Q @ root)
-    order = np.argsort(-s)[: min(k, n)]
-    T = root @ U[:, order] / np.maximum(s[order], s.max() * 1e-14) ** 0.25
-    inverse = la.pinv(T)
-    found = inverse @ A @ T, inverse @ B, C @ T
-    if len(order) == k:
-        return found
-    more = k - len(order)  # states that nothing moves, and that move nothing
-    return (
-        la.block_diag(found[0], -np.eye(more) * np.abs(np.linalg.eigvals(A)).min()),
-        np.pad(found[1], ((0, more), (0, 0))),
-        np.pad(found[2], ((0, 0), (0, more))),
+def _tighter(task: Task, share: float) -> tuple[Specification, ...]:
+    return tuple(
+        own if own.at_most is None else replace(own, at_most=own.at_most * (1 - share))
+        for own in task.limits
     )
 
 

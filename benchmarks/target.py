@@ -3,7 +3,8 @@
 python benchmarks/target.py
 
 Needs arm-none-eabi-gcc with newlib, and qemu-system-arm. Laws of the quarter car, Table 1 uncertain
-by 20 %: five states, one input, four vertices. An update is counted from its first instruction to
+by 20 %: five states, one input, four vertices; "polynomial" is affine in the parameters, of three
+signals. An update is counted from its first instruction to
 its return, for random inputs inside the set: by the emulator's clock of 1 ns an instruction, with
 what the compiler's library executes for float64. Instructions are not cycles. "stated" is the sum
 of what the compiler says of all functions of the law's file, "used" what an update leaves of a
@@ -24,6 +25,7 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
 from polefence import Disk, Scheduled, place
 from polefence.examples import family
 from support.cortex import Export, export, missing_tools
+from support.polynomials import design
 
 LEVELS = ("-O2", "-O3")
 # law, given, bits
@@ -34,6 +36,7 @@ CASES = (
     ("degree 1", "alpha", 64),
     ("degree 2, box", "parameters", 32),
     ("degree 2, box", "alpha", 32),
+    ("polynomial", "parameters", 32),
     ("fixed", "parameters", 32),
     ("fixed", "parameters", 64),
 )
@@ -73,6 +76,7 @@ def main() -> None:
     designs = {
         "degree 1": place(plant, Disk(-40, 31), "scheduled"),
         "degree 2, box": place(plant, Disk(-40, 31), Scheduled(degree=2, on="box")),
+        "polynomial": design("measured"),
         "fixed": place(plant, Disk(-40, 35), "quadratic"),
     }
     costs, accuracy = [], []

@@ -17,7 +17,7 @@ from polefence.base.errors import (
 )
 from polefence.design.certificate import Certificate, Check
 from polefence.design.design import Design, check
-from polefence.law.laws import FixedGain, GainTable, ScheduledGain
+from polefence.law.laws import FixedGain, GainTable, PolynomialGain, ScheduledGain
 from polefence.lmi.conditions.methods import METHODS, Scheduled, Slack, build
 from polefence.lmi.solve.engine import engine
 from polefence.plant.family import UncertainPlant
@@ -127,6 +127,7 @@ __all__ = [
     "Parameter",
     "PlantError",
     "PolefenceError",
+    "PolynomialGain",
     "RelativeRms",
     "Rms",
     "Scheduled",

@@ -34,6 +34,8 @@ from polefence.export.program import (
 from polefence.export.sources import Texts, context, environment, sources
 from polefence.law.laws import FixedGain, Law, PolynomialGain, ScheduledGain
 from polefence.plant.family import UncertainPlant
+from polefence.plant.larger import MOST_STATES, law_rates, law_states
+from polefence.plant.outputs import states
 from polefence.proof.claims.base import Claim
 from polefence.proof.claims.observer import Observer as ObserverClaim
 from polefence.proof.claims.rounding import Code, Rounded, rounding_error
@@ -191,6 +193,26 @@ def require_law(design: Design) -> None:
         )
 
 
+def of_signals(design: Design) -> Design:
+    """Return a design whose law is of the states that its one gain uses, where it leaves some out.
+
+    Its proof is the same: K C is the same matrix.
+    """
+    law, plant, certificate = design.law, design.plant, design.certificate
+    if design.method != "lyapunov" or not isinstance(law, FixedGain):
+        return design
+    used = np.asarray(law.K.any(axis=0))
+    if used.all() or not used.any():
+        return design
+    signals = [own for own, kept in zip(states(plant), used, strict=True) if kept]
+    powers = (0,) * (len(plant.parameters) or len(plant.vertices))
+    own = PolynomialGain((powers,), law.K[None, :, used], tuple(signals), plant.parameters)
+    if certificate.claim().sizes != own.domain.sizes:
+        return design
+    evidence = {key: value for key, value in certificate.evidence.items() if key != "on"}
+    return replace(design, certificate=replace(certificate, law=own, evidence=evidence))
+
+
 def code_law(law: Law) -> Law:
     """Return the law as code computes it: that of one vertex is one gain."""
     if isinstance(law, ScheduledGain) and law.domain.corners == 1:
@@ -208,8 +230,7 @@ def names(design: Design | Certificate) -> tuple[tuple[str, ...], tuple[str, ...
     inputs = tuple(plant.inputs) or tuple(f"input {j + 1}" for j in range(m))
     if isinstance(design.law, PolynomialGain) and design.law.measured:
         return tuple(own.label for own in design.law.measured), inputs
-    states = tuple(plant.states) or tuple(f"state {j + 1}" for j in range(n))
-    return states, inputs
+    return tuple(plant.states) or tuple(f"state {j + 1}" for j in range(n)), inputs
 
 
 def rebuilt_program(code: Code, certificate: Certificate) -> Program:
@@ -417,7 +438,9 @@ def _timing(facts: Facts) -> Iterator[str]:
     time = f"Run every {milliseconds_text(Fraction(loop.sample_time))} ms{late}"
     if loop.decay is not None:
         rate = digits_down(loop.decay, 3)
-        yield f"{time}: with x measured the loop is proved to decay, at {rate} 1/s or faster."
+        signals = facts.rounded is not None and facts.rounded.gain.subject.design.law.C
+        given = "y" if signals else "x"
+        yield f"{time}: with {given} measured the loop is proved to decay, at {rate} 1/s or faster."
     else:
         yield f"{time}: NOT PROVED to be stable: {loop.reason}."
     where, slowest = "in" if seen.inside else "NOT all in", digits_down(seen.decay, 3)
@@ -462,9 +485,17 @@ def own_readme(
         "discrete": design.plant.sample_time is not None,
         "bytes": local_bytes(made),
         "observer": observed,
+        "own": _own_states(texts),
     }
     template = environment().get_template("README.md.j2")
     return template.render(context(made, texts) | facts)
+
+
+def _own_states(texts: Texts) -> list[tuple[int, int]]:
+    """Return the places of states that are the law's own in x or y, and of their rates in u."""
+    pairs = zip(law_states(MOST_STATES), law_rates(MOST_STATES), strict=True)
+    known = [pair for pair in pairs if pair[0] in texts.states and pair[1] in texts.inputs]
+    return [(texts.states.index(own), texts.inputs.index(rate)) for own, rate in known]
 
 
 def local_bytes(made: Program) -> int:

@@ -19,6 +19,7 @@ from polefence.export.documents import (
     guarantee_text,
     loop_of,
     names,
+    of_signals,
     own_readme,
     require_law,
     statement,
@@ -108,6 +109,8 @@ def export_c99(
     Parameters
     ----------
     design : Design
+        Of a law of measured signals the code is given these; of one gain that leaves out states,
+        where its proof is a Lyapunov polynomial, the others.
     bits : int
         32 or 64: the code computes in float or in double.
     name : str
@@ -141,6 +144,7 @@ def export_c99(
     """
     check_c_name(name)
     require_law(design)
+    design = of_signals(design) if observer is None else design
     made = program(code_law(design.law), _scheduled_on(design, given), number(bits))
     cuts = _limits(limits, design.plant.shape[1])
     _require_observer(design, observer, sampling, allow_unproved)

@@ -160,7 +160,7 @@ def test_a_part_of_the_region_that_a_law_keeps_anyway_costs_nothing(said):
     assert pf.analyse(plant, decay.law, damped).proved
     both = pf.optimise(plant, least, limits, HalfPlane(0.5) & damped, method="scheduled")
     assert both.design.region == HalfPlane(0.5) & damped
-    level = minimised(said, "polefence optimise level.toml -o level")
+    level = minimised(said, "polefence optimise level.toml --method scheduled -o level")
     assert both.bounds[0].level <= level * (1 + 1e-3)
 
 

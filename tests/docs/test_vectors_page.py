@@ -77,7 +77,7 @@ def test_what_the_block_gains_is_measured():
     entries = [weighted_sum(f"weighted {n}", "", [(s, plant.signal(n))]) for n, s in pairs]
     own = pf.Rms(entries, density=0.002)
     level, worst = best_bound(plant, law, own).level, sampled(plant, law, own).worst
-    assert worst < level < worst * (1 + 1e-6)
+    assert worst < level < worst * (1 + 1e-4)
     apart = [best_bound(plant, law, pf.Rms(y, density=0.002)).level for y in entries]
     assert np.sqrt(np.sum(np.square(apart))) / level == pytest.approx(1.08, abs=0.005)
     assert "8 % higher" in PAGE

@@ -34,7 +34,7 @@ class Effort:
     worth: float
 
 
-FULL, QUICK = Effort(200, 1e-5), Effort(15, 1e-3)
+FULL, EARLY, QUICK = Effort(200, 1e-5), Effort(60, 1e-4), Effort(15, 1e-3)
 
 
 @dataclass(frozen=True, eq=False)

@@ -18,7 +18,7 @@ import numpy as np
 
 from polefence.base.errors import InputError
 from polefence.design.requirements.specification import Specification
-from polefence.design.tune.descent import FULL, QUICK, Effort, descend
+from polefence.design.tune.descent import EARLY, FULL, QUICK, Effort, descend
 from polefence.design.tune.measures import LEVEL, LIMITS, REGION, SMALL, WIDE, Points, Task
 from polefence.design.tune.starts import regulators, typical
 from polefence.design.tune.unknowns import Unknowns
@@ -103,7 +103,7 @@ def tune(
     InputError
         If the structure or a specification does not fit the plant.
     """
-    return _Search(_task(plant, structure, minimise, tuple(limits), region)).run(starts)
+    return _run(_task(plant, structure, minimise, tuple(limits), region), starts)
 
 
 def tune_region(
@@ -129,7 +129,7 @@ def tune_region(
     """
     sides = tuple(own for own in goal.target(1.0).sides if np.any(own.L1) or np.any(own.M1))
     within = getattr(goal, "within", None)
-    return _Search(_task(plant, structure, sides, tuple(limits), within)).run(starts)
+    return _run(_task(plant, structure, sides, tuple(limits), within), starts)
 
 
 def _task(
@@ -158,6 +158,16 @@ def _task(
         fastest = np.inf
     unknowns = Unknowns(plant, structure, sizes.states, sizes.inputs)
     return Task(plant, unknowns, minimise, limits, region, sizes, float(fastest))
+
+
+def _run(task: Task, starts: Sequence[Law]) -> list[Tuned]:
+    """Return what a search finds, for which one gain is searched first: it is a special case."""
+    structure = task.unknowns.structure
+    if task.unknowns.terms > 1:
+        one = replace(task.unknowns, structure=replace(structure, schedule=()))
+        simple = _Search(replace(task, unknowns=one)).run(starts)
+        starts = (*starts, *(own.law for own in simple[:1]))
+    return _Search(task).run(starts)
 
 
 @dataclass(frozen=True, eq=False)
@@ -255,7 +265,8 @@ class _Search:
         of_poles = isinstance(self.task.minimise, tuple)
         for kappa in (*smooth, None) if of_poles else (None,) * SCALINGS:
             unit = abs(self._level(points, theta)) or 1.0
-            most = QUICK if of_poles and kappa != smooth[-1] else effort
+            early = of_poles and kappa != smooth[-1] and effort is FULL
+            most = EARLY if early else effort
             evaluate = partial(points.rows, phase=LEVEL, unit=unit, kappa=kappa)
             found = descend(evaluate, theta, effort=most)
             if found is None:

@@ -116,7 +116,7 @@ def guarantee(design: Design, program: Program) -> Guarantee:
         return Guarantee(own, inf, -1.0, None, str(problem))
     tolerated, gain = gain_claim(own, rows, np.array(columns, dtype=float), needed)
     if gain is None:
-        reason = _refusal(program.number, needed, tolerated)
+        reason = _refusal(program.number, needed, tolerated, design.method == "lyapunov")
         return Guarantee(own, needed, tolerated, None, reason)
     claim = replace(claim, gain=replace(gain, columns=columns))
     verdict = prove(claim)
@@ -125,13 +125,13 @@ def guarantee(design: Design, program: Program) -> Guarantee:
     return Guarantee(own, needed, tolerated, claim)
 
 
-def _refusal(number: Number, needed: float, tolerated: float) -> str:
+def _refusal(number: Number, needed: float, tolerated: float, given: bool) -> str:
     wider = "export with --float 64, or " if number.bits == 32 else ""
     allowed = digits_down(tolerated, 2) if tolerated > 0 else "none"
     return (
         f"rounding in float{number.bits} may change the gain by {digits_up(needed, 2)}, and "
         f"{allowed} is proved to leave the poles in the region; {wider}design for a slightly "
-        "larger region, or with --method quadratic"
+        f"larger region{'' if given else ', or with --method quadratic'}"
     )
 
 

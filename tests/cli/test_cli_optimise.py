@@ -71,7 +71,7 @@ def made(tmp_path_factory):
     (folder / "stage.toml").write_text(PLANT + ASKED)
     spec, out = str(folder / "stage.toml"), str(folder / "stage")
     more = ["--json", str(folder / "s.json"), "--plot", str(folder / "s.png")]
-    assert main(["optimise", spec, "-o", out, *more]) == 0
+    assert main(["optimise", spec, "--method", "scheduled", "-o", out, *more]) == 0
     return folder
 
 
@@ -154,7 +154,8 @@ def test_what_is_not_proved_names_the_conflict(here, capsys):
     assert out.endswith(" times each: rms of force <= 0.01; rms of x <= 0.3\n")
     assert not Path("no").exists() or not list(Path("no").iterdir())
     words = ["optimise", "stage.toml", "--limit", "rms of force <= 0.01 with density 2"]
-    out = ran(capsys, *words, "--limit", "gain of v <= 0.01", "-o", "no", status=1)
+    words += ["--limit", "gain of v <= 0.01", "--method", "scheduled"]
+    out = ran(capsys, *words, "-o", "no", status=1)
     assert out.startswith("not proved: scheduled(1, 0, box) finds no law for these together")
     assert not Path("no").exists() or not list(Path("no").iterdir())
 

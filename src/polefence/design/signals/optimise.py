@@ -234,7 +234,7 @@ def _best_of_all(
     tuned: Optimised | None = None
     with suppress(InputError, NotProvedError):
         starts = () if best is None or best.plant is not task.plant else (best.law,)
-        tuned = _tuned(*_structured(task, Structure()), starts)
+        tuned = _best_tuned(*_structured(task, Structure()), starts)
     if tuned is None:
         if best is None:
             raise failure or NotProvedError("not proved")

@@ -75,7 +75,7 @@ def designed(two):
 # --- closed forms: u = -k x has mean squares x^2 = S / (2 (k - a)), u^2 = k^2 x^2 ----------------
 
 
-@pytest.mark.parametrize("method", ["quadratic", None])
+@pytest.mark.parametrize("method", ["quadratic", "scheduled"])
 @pytest.mark.parametrize("limit", [None, 0.1, 0.4])
 def test_the_least_force_is_that_of_the_closed_form(one, method, limit):
     a = 2.0  # the worst
@@ -90,13 +90,13 @@ def test_the_least_force_is_that_of_the_closed_form(one, method, limit):
     assert [b.level for b in done.bounds[1:]] == [s.at_most for s in limits]
 
 
-@pytest.mark.parametrize("method", ["quadratic", None])
+@pytest.mark.parametrize("method", ["quadratic", Scheduled(1, 0, "box")])
 def test_what_one_matrix_proves_is_proved(two, method):
     """It is no less than the bound of the answer."""
     asked = two, rms("force"), [rms("x", 0.6)], HalfPlane(0.1), method
-    done = optimise(*asked, method="scheduled")
+    done = optimise(*asked)
     assert done.bounds[0].level <= done.shared < math.inf
-    task = Task(two, asked[1], tuple(asked[2]), asked[3], method or Scheduled(1, 0, "box"))
+    task = Task(two, asked[1], tuple(asked[2]), asked[3], method)
     found = task.reached(asked[3])
     law = task.law(found)
     W = Origin(task, found).known(law, asked[1])
@@ -104,7 +104,7 @@ def test_what_one_matrix_proves_is_proved(two, method):
     assert None not in evidence
 
 
-@pytest.mark.parametrize("method", ["quadratic", None])
+@pytest.mark.parametrize("method", ["quadratic", "scheduled"])
 @pytest.mark.parametrize("nothing", [None, "known_bound", "_own_region"])
 def test_where_one_matrix_has_no_proof_nothing_is_said_of_it(one, method, nothing, monkeypatch):
     if nothing is not None:

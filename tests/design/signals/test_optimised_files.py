@@ -45,7 +45,7 @@ def plant(tmp_path_factory) -> UncertainPlant:
 def test_the_file_claims_what_was_proved(plant, tmp_path, on, elevation, region):
     """Number for number: the law, where alpha lives, and every bound with its evidence."""
     asked = Rms("x", density=2.0), [Rms("force", at_most=2.0, density=2.0)]
-    found = optimise(plant, *asked, region, Scheduled(1, elevation, on), method="scheduled")
+    found = optimise(plant, *asked, region, Scheduled(1, elevation, on))
     proved = [bound.claim for bound in found.bounds]
     read = bounds_in(bounds_file(found.design.certificate, proved).dumps())
     assert read == proved

@@ -1,5 +1,6 @@
 """Infima that no law attains: a law close by is proved, or it is said that there is none."""
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -39,7 +40,7 @@ def servo():
 
 
 @pytest.mark.parametrize("own", [Gain("x1"), Rms("x1", density=1e-6)])
-@pytest.mark.parametrize("method", ["quadratic", None])
+@pytest.mark.parametrize("method", ["quadratic", "scheduled"])
 def test_what_falls_without_end_is_unbounded(own, method):
     with pytest.raises(NotProvedError, match=r"^unbounded: .* of x1 falls without end .* limit"):
         optimise(servo(), own, method=method)
@@ -55,10 +56,20 @@ def test_a_limit_makes_it_bounded():
 
 def test_the_command_says_what_to_limit(tmp_path, capsys):
     (tmp_path / "servo.toml").write_text(SERVO)
-    assert main(["optimise", str(tmp_path / "servo.toml"), "--minimise", "gain of angle"]) == 1
+    words = ["optimise", str(tmp_path / "servo.toml"), "--minimise", "gain of angle"]
+    assert main([*words, "--method", "scheduled"]) == 1
     said = capsys.readouterr()
     assert "unbounded: gain of angle falls without end" in said.out + said.err
     assert "limit the gain, the input or the actuator" in said.out + said.err
+
+
+def test_a_tuned_law_stops_at_a_bound_and_says_so(tmp_path, capsys):
+    (tmp_path / "servo.toml").write_text(SERVO)
+    words = ["optimise", str(tmp_path / "servo.toml"), "--minimise", "gain of angle"]
+    assert main(words) == 0
+    said = capsys.readouterr().out
+    assert "stopped the gain from growing: limit an input or the gain" in said
+    assert max(abs(float(x)) for x in re.findall(r"K = \[(.*?)\]", said)[0].split()) < 1e12
 
 
 def test_a_nearly_optimal_law_is_proved_and_says_how_near():

@@ -409,7 +409,7 @@ def test_one_row_that_fails_stops_nothing(spring, monkeypatch):
     def failing(plant, minimise, limits, *rest):
         if limits[0].at_most == 0.6:
             raise NotProvedError("a fault\nin two lines")
-        return optimise(plant, minimise, limits, *rest, method="scheduled")
+        return optimise(plant, minimise, limits, *rest)
 
     monkeypatch.setattr(module, "optimise", failing)
     found = tradeoff(spring, PLACE, PUSH, [0.6, 1.0], methods=["quadratic"])

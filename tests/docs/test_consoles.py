@@ -24,7 +24,9 @@ PAGES = {  # with what a reader has before the first command
     "service": CAR,
     "tutorial": STAGE,
 }
-ELSEWHERE = {"analysis", "export", "regions", "ride", "simulate", "tradeoff", "vectors"}
+ELSEWHERE = {
+    "analysis", "export", "regions", "ride", "simulate", "structures", "tradeoff", "vectors",
+}  # fmt: skip
 NOT_RUN = {"dependencies", "export-misra", "export-observer", "report"}  # installs, checks C, draws
 INSTALLED = re.compile(r"^\$ (?:python3 -m venv|polefence --version)")
 

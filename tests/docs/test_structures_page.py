@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import shlex
 
 import numpy as np
 import pytest
@@ -57,3 +58,15 @@ def test_every_key_has_its_row():
     table = PAGE.split("## The law")[1].split("##")[0]
     for key in Structure.__dataclass_fields__:
         assert f"| `{key}` |" in table
+
+
+def test_the_command_prints_about_what_the_page_shows(spec, capsys):
+    """Digits of a search that is not convex are those of a machine: a bound is near the page's."""
+    (shown,) = re.findall(r"```console\n(.*?)```", PAGE, re.DOTALL)
+    command = next(line for line in shown.splitlines() if " optimise " in line)
+    assert main(shlex.split(command)[2:]) == 0
+    said = capsys.readouterr().out
+    assert shown.splitlines()[2] == said.splitlines()[0]
+    row = re.compile(r"rms of sprung-mass acceleration \[m/s2\] +([0-9.]+) +([0-9.]+)")
+    (page,), (here,) = row.findall(shown), row.findall(said)
+    assert [*map(float, here)] == pytest.approx([*map(float, page)], rel=2e-3)

@@ -65,7 +65,7 @@ def made(tmp_path_factory):
         Path("stage.toml").write_text(PLANT + ASKED)
         Path("gains.json").write_text('{"grid": {"k": [1, 3]}, "gains": [[[-9, -6]], [[-8, -6]]]}')
         for words in (
-            ["optimise", "stage.toml", "-o", "stage"],
+            ["optimise", "stage.toml", "--method", "scheduled", "-o", "stage"],
             ["design", "stage.toml", "--disk", "-3", "2.5", "-o", "law"],
             ["service", "law", "--decay", "0.25", "-o", "margins"],
             ["analyse", "stage.toml", "--gain", "gains.json", "--region", "half_plane(0.5)",

@@ -15,8 +15,8 @@ from polefence import GainTable, HalfPlane, Parameter, Sector, UncertainPlant, a
 from polefence.design.table import _exact_table
 from polefence.proof import roots, work
 from polefence.proof.claims import cells
-from polefence.proof.claims.base import prove
-from polefence.proof.claims.cells import Cell, _untiled, cell_claim
+from polefence.proof.claims.base import prove, untiled
+from polefence.proof.claims.cells import Cell, cell_claim
 from support.files import first, only_claim_in
 
 
@@ -332,6 +332,6 @@ def test_many_cells_are_compared_in_reasonable_time():
         for i in range(40)
         for j in range(40)
     ]
-    assert not _untiled(tiles, 1)
+    assert not untiled(tiles, 1)
     wide = Cell(tiles[5].low, (sides[3], tiles[5].high[1]), "undecided")
-    assert _untiled([*tiles[:5], wide, *tiles[6:]], 1) == "two cells overlap"
+    assert untiled([*tiles[:5], wide, *tiles[6:]], 1) == "two cells overlap"

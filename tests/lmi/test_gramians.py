@@ -16,7 +16,6 @@ from polefence.lmi.solve.gramians import (
     duals,
     has_stabilising,
     in_parts,
-    lyapunov,
     majorant,
     riccati,
 )
@@ -39,15 +38,6 @@ def gain_of(A, E, Y, F):
         width = near[max(np.searchsorted(np.sort(grid), best) - 1, 0)]
         grid = np.append(np.linspace(max(best - width, 0), best + width, 50), best)
     return values.max()
-
-
-@pytest.mark.parametrize("n", [1, 2, 5])
-def test_lyapunov_s_equation_is_scipy_s(n):
-    random = np.random.default_rng(n)
-    A, half = stable(random, 4, n), random.normal(size=(4, n, n))
-    Q = half @ half.swapaxes(1, 2)
-    expected = [solve_continuous_lyapunov(a, -q) for a, q in zip(A, Q, strict=True)]
-    np.testing.assert_allclose(lyapunov(A, Q), expected, rtol=1e-9, atol=1e-9)
 
 
 @pytest.mark.parametrize("n", [1, 2, 5])

@@ -89,8 +89,39 @@ class FixedGain:
         return _product(self.gain(alpha, clamp), x)
 
 
+class _Scheduled:
+    """What laws that depend on alpha have in common."""
+
+    parameters: tuple[Parameter, ...]
+
+    def gain(self, alpha: Any, clamp: bool = False) -> Array:
+        """Return the gain of all states, (..., m, n) for alpha (..., N)."""
+        raise NotImplementedError
+
+    def gain_at(self, clamp: bool = False, **values: Any) -> Array:
+        """Return it at physical parameter values, for example ``gain_at(m1=300, beta=0)``.
+
+        Raises
+        ------
+        ParameterValueError
+            If a value is missing, unknown, or outside its interval (unless ``clamp``).
+        """
+        weights = simplex_weights(self.parameters, values, clamp)
+        return self.gain([float(w) for w in weights])
+
+    def control(self, alpha: Any, x: Any, clamp: bool = False) -> Array:
+        """Return u, (..., m) for x (..., n).
+
+        Raises
+        ------
+        InputError
+            If x does not end in n states, or alpha lies off the simplex (unless ``clamp``).
+        """
+        return _product(self.gain(alpha, clamp), x)
+
+
 @dataclass(frozen=True, eq=False, repr=False)
-class ScheduledGain:
+class ScheduledGain(_Scheduled):
     """u = K(alpha) x with K(alpha) = Z(alpha) W(alpha)^-1, Z and W polynomials in alpha.
 
     Leite & Peres (2005), equations (18), (19), of degree 1 on the simplex. It is evaluated as
@@ -178,30 +209,9 @@ class ScheduledGain:
         even = right_divide(np.tensordot(weights, Z, 1), np.tensordot(weights, W, 1))
         return even @ self.coordinates.T
 
-    def gain_at(self, clamp: bool = False, **values: Any) -> Array:
-        """Return K at physical parameter values, for example ``gain_at(m1=300, beta=0)``.
-
-        Raises
-        ------
-        ParameterValueError
-            If a value is missing, unknown, or outside its interval (unless ``clamp``).
-        """
-        weights = simplex_weights(self.parameters, values, clamp)
-        return self.gain([float(w) for w in weights])
-
-    def control(self, alpha: Any, x: Any, clamp: bool = False) -> Array:
-        """Return u = K(alpha) x, (..., m) for x (..., n).
-
-        Raises
-        ------
-        InputError
-            If x does not end in n states, or alpha lies off the simplex (unless ``clamp``).
-        """
-        return _product(self.gain(alpha, clamp), x)
-
 
 @dataclass(frozen=True, eq=False, repr=False)
-class PolynomialGain:
+class PolynomialGain(_Scheduled):
     """u = K(p) y, y = C x what is measured, K a polynomial: the sum of its terms' gains times c^e.
 
     c are the parameters' coordinates in [-1, 1], in which the plant is multi-affine: from the lower
@@ -297,13 +307,13 @@ class PolynomialGain:
         c = c[..., 1::2] - c[..., ::2] if self.parameters else c
         return np.asarray(np.prod(c[..., None, :] ** np.array(self.powers), axis=-1))
 
-    def gain(self, alpha: Any = None, clamp: bool = False) -> Array:
+    def gain(self, alpha: Any, clamp: bool = False) -> Array:
         """Return K(alpha) C(alpha), the gain of all states, (..., m, n) for alpha (..., N).
 
         Raises
         ------
         ParameterValueError
-            If alpha is missing, or lies off the simplex by more than rounding, unless ``clamp``.
+            If alpha lies off the simplex by more than rounding, unless ``clamp``.
         """
         a = check_alpha(alpha, self.domain.corners, clamp)
         return self.told(a, a)
@@ -323,27 +333,6 @@ class PolynomialGain:
         """Return the gain of all states of a plant at alpha where the law is told another one."""
         C = self.C[0] if len(self.C) == 1 else np.tensordot(alpha, self.C, 1)
         return np.asarray(np.tensordot(self.terms(law), self.gains, 1) @ C)
-
-    def gain_at(self, clamp: bool = False, **values: Any) -> Array:
-        """Return the gain of all states at physical parameter values.
-
-        Raises
-        ------
-        ParameterValueError
-            If a value is missing, unknown, or outside its interval (unless ``clamp``).
-        """
-        weights = simplex_weights(self.parameters, values, clamp)
-        return self.gain([float(w) for w in weights])
-
-    def control(self, alpha: Any, x: Any, clamp: bool = False) -> Array:
-        """Return u = K(alpha) C(alpha) x, (..., m) for x (..., n).
-
-        Raises
-        ------
-        InputError
-            If x does not end in n states, or alpha lies off the simplex (unless ``clamp``).
-        """
-        return _product(self.gain(alpha, clamp), x)
 
 
 Law = FixedGain | ScheduledGain | PolynomialGain

@@ -51,11 +51,6 @@ class Modes:
         """The inverse of `right`: its rows are left eigenvectors."""
         return self._parts[2]
 
-    @property
-    def abscissa(self) -> float:
-        """The largest real part of all."""
-        return float(self.poles.real.max())
-
     def lyapunov(self, W: Array) -> Array:
         """Return X of A X + X A' + W = 0 for symmetric W, (count, n, n); A is stable."""
         V, U = self.right, self.left

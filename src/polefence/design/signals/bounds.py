@@ -28,7 +28,7 @@ from polefence.law.laws import FixedGain, Law, domain_of
 from polefence.lmi.conditions import performance
 from polefence.lmi.conditions.lyapunov import Loop
 from polefence.lmi.conditions.performance import Source
-from polefence.lmi.solve.gramians import Dual, duals, in_parts
+from polefence.lmi.solve.gramians import Dual, DualProblem, duals, in_parts
 from polefence.lmi.solve.interior_point import TOLERANCE
 from polefence.lmi.solve.lyapunov import LyapunovPolynomial, points_given, work
 from polefence.plant.family import UncertainPlant
@@ -111,20 +111,14 @@ def best_bound(
         proved otherwise.
     """
     specification.require_fit(plant)
-    climbs, problem, close = (
-        [_dual_bounds, _in_parts, _climbed],
-        specification.dual(plant, law),
-        0.0,
-    )
-    if problem is not None:
-        with suppress(np.linalg.LinAlgError):  # of a law that is not defined somewhere
-            close = _sample(plant, law, specification) * (1 + CLOSE)
+    question = _Question.of(plant, law, specification)
+    climbs = [_dual_bounds, _in_parts, _climbed]
     best: Bound | None = None
-    for climb in reversed(climbs) if problem is not None and problem.gain else climbs:
-        for own in climb(plant, law, specification):
+    for climb in reversed(climbs) if question.gain else climbs:
+        for own in climb(question):
             if best is None or own.level < best.level:
                 best = own
-        if best is not None and best.level <= close:
+        if best is not None and best.level <= question.worst * (1 + CLOSE):
             break
     if known is not None and (best is None or known[1] * (1 + STEPS[0]) < best.level):
         given = known_bound(plant, law, specification, known)
@@ -133,76 +127,100 @@ def best_bound(
     return best
 
 
-def _climbed(plant: UncertainPlant, law: Law, specification: Specification) -> Iterator[Bound]:
+@dataclass(frozen=True, eq=False)
+class _Question:
+    """What is to be bounded, of which law.
+
+    Attributes
+    ----------
+    plant, law, specification
+    problem : DualProblem, optional
+        Its dual form; None of a kind that has none, or a law that is undefined somewhere.
+    worst : float
+        The worst value at a few points where there is a problem, else zero.
+    """
+
+    plant: UncertainPlant
+    law: Law
+    specification: Specification
+    problem: DualProblem | None = None
+    worst: float = 0.0
+
+    @classmethod
+    def of(cls, plant: UncertainPlant, law: Law, specification: Specification) -> _Question:
+        """Return the question with what samples say."""
+        problem = specification.dual(plant, law)
+        if problem is not None:
+            alpha = seeded(plant, len(plant.vertices) + FEW)
+            with suppress(InputError, np.linalg.LinAlgError):
+                worst = sampled(plant, law, specification, alpha).worst
+                return cls(plant, law, specification, problem, worst)
+        return cls(plant, law, specification)
+
+    @property
+    def gain(self) -> bool:
+        """Whether it is about a gain, of which LMIs are tried first."""
+        return self.problem is not None and self.problem.gain
+
+    @property
+    def duals(self) -> Iterator[Dual]:
+        """Dual polynomials of rising degree."""
+        return iter(()) if self.problem is None else duals(self.problem, self.worst, NEAREST)
+
+    def stepped(self, evidence: Evidence, level: float) -> Bound | None:
+        """Return the first step above a level at which evidence is a proof."""
+        return _stepped(self.plant, self.law, self.specification, evidence, level)
+
+    def proved(self, evidence: Evidence, level: float) -> Bound | None:
+        """Return the bound of that level if evidence proves it."""
+        return _proved(self.plant, self.law, self.specification, evidence, level)
+
+    def in_parts(self, level: float) -> Bound | None:
+        """Return the bound of that level if dual polynomials on parts of the box prove it."""
+        parts = None if self.problem is None else in_parts(self.problem, level)
+        if parts is None:
+            return None
+        pieces = (
+            Piece(tuple(map(Fraction, p.low)), tuple(map(Fraction, p.high)), _dual_evidence(p.dual))
+            for p in parts
+        )
+        return self.proved(Evidence([], dual=True, cells=tuple(pieces)), level)
+
+
+def _climbed(question: _Question) -> Iterator[Bound]:
     """Yield bounds of Lyapunov polynomials of rising degree that LMIs give."""
     last = np.inf
-    for points in _climb(plant, law, specification, 1.0):
-        own = first(
-            _stepped(plant, law, specification, evidence, specification.level(r))
+    own = question.specification
+    for points in _climb(question.plant, question.law, own, 1.0):
+        found = first(
+            question.stepped(evidence, own.level(r))
             for evidences, r in points
             for evidence in evidences
         )
-        if own is not None:
-            yield own
-            if own.level >= last * (1 - WORTH):
+        if found is not None:
+            yield found
+            if found.level >= last * (1 - WORTH):
                 return
-            last = own.level
+            last = found.level
 
 
-def _dual_bounds(plant: UncertainPlant, law: Law, specification: Specification) -> Iterator[Bound]:
+def _dual_bounds(question: _Question) -> Iterator[Bound]:
     """Yield bounds of dual polynomials, if the kind has them."""
     last = np.inf
-    for dual in _duals(plant, law, specification):
+    for dual in question.duals:
         if dual.level < last:
-            own = _stepped(plant, law, specification, _dual_evidence(dual), dual.level)
+            own = question.stepped(_dual_evidence(dual), dual.level)
             if own is not None:
                 yield own
                 last = own.level
 
 
-def _in_parts(plant: UncertainPlant, law: Law, specification: Specification) -> Iterator[Bound]:
-    """Yield bounds of dual polynomials on parts of the box, if the kind has them."""
-    problem = specification.dual(plant, law)
-    if problem is None:
-        return
-    try:
-        worst = _sample(plant, law, specification)
-    except np.linalg.LinAlgError:
-        return
-    for share in IN_PARTS:
-        own = _proved_in_parts(plant, law, specification, worst * (1 + share))
-        if own is not None:
-            yield own
-            return
-
-
-def _proved_in_parts(
-    plant: UncertainPlant, law: Law, specification: Specification, level: float
-) -> Bound | None:
-    problem = specification.dual(plant, law)
-    parts = None if problem is None else in_parts(problem, level)
-    if parts is None:
-        return None
-    pieces = tuple(
-        Piece(
-            tuple(map(Fraction, own.low)), tuple(map(Fraction, own.high)), _dual_evidence(own.dual)
-        )
-        for own in parts
-    )
-    return _proved(plant, law, specification, Evidence([], dual=True, cells=pieces), level)
-
-
-def _duals(plant: UncertainPlant, law: Law, specification: Specification) -> Iterator[Dual]:
-    problem = specification.dual(plant, law)
-    if problem is None:
-        return
-    with suppress(InputError, np.linalg.LinAlgError):
-        yield from duals(problem, _sample(plant, law, specification), NEAREST)
-
-
-def _sample(plant: UncertainPlant, law: Law, specification: Specification) -> float:
-    """Return the worst value at a few points."""
-    return sampled(plant, law, specification, seeded(plant, len(plant.vertices) + FEW)).worst
+def _in_parts(question: _Question) -> Iterator[Bound]:
+    """Yield the least bound of dual polynomials on parts of the box, if the kind has them."""
+    levels = (question.worst * (1 + share) for share in IN_PARTS)
+    found = first(map(question.in_parts, levels))
+    if found is not None:
+        yield found
 
 
 def _dual_evidence(own: Dual) -> Evidence:
@@ -253,12 +271,13 @@ def kept_bound(
     limit = specification.at_most or 0.0
     if known is not None and (own := known_bound(plant, law, specification, known)) is not None:
         return own
-    for dual in _duals(plant, law, specification):
+    question = _Question.of(plant, law, specification)
+    for dual in question.duals:
         if dual.level < limit:
-            own = _proved(plant, law, specification, _dual_evidence(dual), limit)
+            own = question.proved(_dual_evidence(dual), limit)
             if own is not None:
                 return own
-    own = _proved_in_parts(plant, law, specification, limit)
+    own = question.in_parts(limit)
     if own is not None:
         return own
     for points in _climb(plant, law, specification, limit):

@@ -23,7 +23,7 @@ from polefence.design.requirements.specification import Specification
 from polefence.design.search import Deadline
 from polefence.design.signals.augmented import with_weights, without_feedback
 from polefence.design.signals.bounds import Bound, agreed_bound, best_bound, save
-from polefence.design.signals.refutation import refusal
+from polefence.design.signals.refutation import refusal, refuted
 from polefence.design.signals.search import (
     CLOSE,
     FAR,
@@ -42,7 +42,8 @@ from polefence.design.signals.search import (
     together,
     unbounded,
 )
-from polefence.design.signals.tuned import filtered, tuned_candidates, with_filters
+from polefence.design.signals.tuned import filtered, tuned_candidates
+from polefence.design.tune.dynamic import beside_filters
 from polefence.law.laws import Law
 from polefence.law.structure import Structure
 from polefence.lmi.conditions.methods import Method, Scheduled, options
@@ -288,15 +289,16 @@ def _tuned(task: Task, structure: Structure, starts: Sequence[Law] = ()) -> Opti
     best = _best_tuned(task, structure, starts)
     if best is not None:
         return best
-    reason = "no law of this structure was found that is proved to keep the region"
+    reason = "not proved: no law of this structure was found that is proved to keep the region"
     if not task.limits:
         raise NotProvedError(reason)
+    refutation = refuted(task, task.limits)
+    if refutation is not None:
+        raise NotProvedError(str(refutation), refutation=refutation)
     near = list(_attainable(task, structure, starts))
-    advice = (
-        f"with {' or '.join(near)}, the other limits as they are, there is one"
-        if near
-        else ("nor with any one of the limits left out")
-    )
+    advice = "nor with any one of the limits left out"
+    if near:
+        advice = f"with {' or '.join(near)}, the other limits as they are, there is one"
     raise NotProvedError(f"{reason} and the limits, which does not refute them; {advice}")
 
 
@@ -341,7 +343,7 @@ def _simpler(task: Task, structure: Structure) -> tuple[Law, ...]:
     static, gain = _structured(task, replace(structure, order=0))
     larger = _structured(task, structure)[0].plant
     found = _best_tuned(static, gain, ())
-    law = found and with_filters(found.law, static.plant, larger, gain, task.region)
+    law = found and beside_filters(found.law, static.plant, larger, gain, task.region)
     own = replace(structure, measured=gain.measured)
     return (*([law] if law else []), *filtered(static, own))
 

@@ -256,7 +256,7 @@ def refusal(task: Task, reasons: Sequence[str]) -> NotProvedError:
     label = method_label(task.method)
     conflict = _conflict(task)
     if conflict:
-        refutation = _refuted(task, conflict)
+        refutation = refuted(task, conflict)
         if refutation is not None:
             return NotProvedError(str(refutation), refutation=refutation)
         named = [str(p) if isinstance(p, Region) else limit_text(p) for p in conflict]
@@ -273,7 +273,7 @@ def refusal(task: Task, reasons: Sequence[str]) -> NotProvedError:
     )
 
 
-def _refuted(task: Task, conflict: Sequence[Any]) -> Refutation | None:
+def refuted(task: Task, conflict: Sequence[Any]) -> Refutation | None:
     """Return the proof that no law keeps the limits in conflict, or a smallest set of all limits.
 
     What is in conflict for the search may have a part of the region in it, and some of the limits

@@ -16,11 +16,11 @@ import numpy as np
 
 from polefence.design.requirements.specification import Specification
 from polefence.design.tune.search import Tuned, tune
-from polefence.law.laws import PolynomialGain
+from polefence.law.laws import FixedGain, Law, PolynomialGain
 from polefence.law.structure import Structure
 from polefence.plant.family import UncertainPlant
 from polefence.plant.larger import with_dynamics
-from polefence.plant.outputs import states
+from polefence.plant.outputs import padded, states
 from polefence.region.regions import Disk, HalfPlane, Region
 
 SPEEDS = 0.3, 4.0  # a filter's pole, beside the slowest of the plant
@@ -67,6 +67,48 @@ def filtered(
                 law = _of_order(each, static, larger, structure, plant, i, float(pole))
                 found += [(each.level, law)] if law is not None else []
     return tuple(law for _, law in sorted(found, key=lambda each: each[0]))
+
+
+def beside_filters(
+    law: Law, plant: UncertainPlant, larger: UncertainPlant, structure: Structure, region: Region
+) -> Law | None:
+    """Return a law as one of a plant that has states of the law's own, which filter what it sees.
+
+    They follow the signals y, each at a rate of its own, and are not fed back: the loop is as it
+    was, and what feeding them back would bring has a slope. None where the region has no room for
+    them, or a law in alpha has terms that this cannot be written in.
+
+    Parameters
+    ----------
+    structure : Structure
+        That of the law, without states.
+    region : Region
+        Where the filters' poles are to be.
+    """
+    k, (m, n), names = larger.shape[0] - plant.shape[0], plant.shape[::-1], states(larger)
+    y = structure.outputs(plant)
+    found = [_pole(plant, region, speed) for speed in np.geomspace(*SPEEDS, k)]
+    if None in found:
+        return None
+    rates = np.array(found, dtype=float)
+    if isinstance(law, FixedGain):
+        C = np.array([[float(x) for x in own.C[0]] for own in y])
+        gains = np.zeros((1, m + k, n + k))
+        gains[0, :m, :n] = law.K
+        gains[0, m:, :n] = rates[:, None] * C[np.arange(k) % len(C)]
+        gains[0, m:, n:] = -np.diag(rates)
+        return FixedGain(gains[0])
+    if not isinstance(law, PolynomialGain) or (not law.parameters and law.degree > 1):
+        return None
+    r = law.gains.shape[2]
+    gains = np.zeros((len(law.gains), m + k, r + k))
+    gains[:, :m, :r] = law.gains
+    whole = [e for e in law.powers if not any(e)] or law.powers  # alpha sums to one
+    for j in (law.powers.index(e) for e in whole):
+        gains[j, m + np.arange(k), np.arange(k) % r] = rates
+        gains[j, m:, r:] = -np.diag(rates)
+    measured = (*(padded(own, k) for own in law.measured or states(plant)), *names[n:])
+    return PolynomialGain(law.powers, gains, measured, law.parameters)
 
 
 def _pole(plant: UncertainPlant, region: Region, speed: float) -> Fraction | None:

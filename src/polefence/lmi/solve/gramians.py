@@ -28,6 +28,7 @@ from polefence.law.laws import FixedGain, Law, ScheduledGain, domain_of, right_d
 from polefence.plant.family import UncertainPlant
 from polefence.plant.polynomial import Domain
 from polefence.plant.system import Array
+from polefence.response.modes import Modes
 
 Point = tuple[float, ...]
 
@@ -114,9 +115,9 @@ class DualProblem:
             ends[2 * k : 2 * k + 2, k] = 0.0, 1.0
         alpha = self.domain.alpha(np.stack([1 - ends, ends], axis=-1).reshape(len(ends), -1))
         A, _, _, _ = self.closed(alpha)
-        X = np.linalg.eigvals(A)
-        low, high = (np.sort_complex(X[s::2]) for s in (0, 1))
-        size = np.abs(X).max(axis=-1).mean()
+        poles = np.linalg.eigvals(A)
+        low, high = (np.sort_complex(poles[s::2]) for s in (0, 1))
+        size = np.abs(poles).max(axis=-1).mean()
         return int((np.abs(high - low).max(axis=-1) / size).argmax())
 
     def at(self, alpha: Array) -> tuple[Array, Array, Array, Array, Array]:
@@ -146,22 +147,6 @@ class DualProblem:
         if not isinstance(self.law, ScheduledGain):
             return N, Y, E, F
         return right_divide(N, W), right_divide(Y, W), E, F
-
-
-def lyapunov(A: Array, Q: Array) -> Array:
-    """Return X of A X + X A' + Q = 0, batched, through eigenvectors, once refined."""
-    values, V = np.linalg.eig(A)
-    inverse = np.linalg.inv(V)
-    left, right = V.swapaxes(-1, -2).conj(), inverse.swapaxes(-1, -2).conj()
-    sums = values[..., :, None] + values.conj()[..., None, :]
-
-    def solved(M: Array) -> Array:
-        X = -(V @ ((inverse @ M @ right) / sums) @ left).real
-        return np.asarray((X + X.swapaxes(-1, -2)) / 2)
-
-    X = solved(Q)
-    AX = A @ X
-    return X + solved(AX + AX.swapaxes(-1, -2) + Q)
 
 
 def riccati(A: Array, S: Array, Q: Array) -> Array | None:
@@ -276,6 +261,11 @@ class _Interpolation:
         return self.problem.closed(self.problem.domain.nodes(self.degree))
 
     @cached_property
+    def modes(self) -> Modes:
+        """Their modes."""
+        return Modes(self.nodes[0])
+
+    @cached_property
     def raised(self) -> tuple[Array, tuple[Array, Array, Array, Array, Array]]:
         """The values of the Bernstein polynomials of Q, and the loops, at the product's nodes."""
         domain = self.problem.domain
@@ -285,8 +275,7 @@ class _Interpolation:
     @cached_property
     def units(self) -> Array:
         """T in which the mean covariance of the state is about the identity, X = T T'."""
-        A, _, E, _ = self.nodes
-        X = lyapunov(A, E @ E.swapaxes(-1, -2)).mean(axis=0)
+        X = self.modes.covariance(self.nodes[2]).mean(axis=0)
         size = np.sqrt(np.maximum(np.diag(X), 0))
         size = np.where(size > 0, size, size.max() or 1.0)
         values, V = np.linalg.eigh(X / np.outer(size, size))
@@ -332,8 +321,8 @@ class _Interpolation:
         """Return Bernstein coefficients of solutions that tell a share more than they need."""
         found: Array | None
         if level is None:
-            A, Y, E, _ = self.nodes
-            found = lyapunov(A.swapaxes(-1, -2), Y.swapaxes(-1, -2) @ Y + R)
+            _, Y, E, _ = self.nodes
+            found = self.modes.observed(Y.swapaxes(-1, -2) @ Y + R)
             squares = np.einsum("pik,pij,pjk->p", E, found, E)
             top = float(squares.max())
             if top > 0:

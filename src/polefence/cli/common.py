@@ -378,12 +378,13 @@ def structure_of_options(plant: UncertainPlant, options: Any) -> Structure | Non
         If an option cannot be used, or the structure does not fit the plant.
     """
     given = {k: v for k in STRUCTURE if (v := getattr(options, k, None)) is not None}
-    if getattr(options, "method", None) is not None:
+    method = getattr(options, "method", None)
+    if method is not None:
         for key in given:
             if key != "degree":
                 raise InputError(
                     f"--{key.replace('_', '-')} is for laws of any structure; leave it out, or "
-                    f"--method {options.method}"
+                    f"--method {method if isinstance(method, str) else method[0]}"
                 )
         return None
     for key in ("measured", "schedule"):

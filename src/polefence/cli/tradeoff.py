@@ -13,15 +13,18 @@ from polefence.cli.common import (
     PROVED,
     STANDARD,
     Progress,
+    add_structure_options,
     check_figure,
     check_targets,
     jobs_of,
+    refuse_method_options,
     rows_file,
     say,
     say_over,
     size_of,
     spaced,
     spec_argument,
+    structure_of_options,
     sweep_arguments,
     write_figure,
     write_json,
@@ -38,7 +41,8 @@ from polefence.cli.optimise import (
 from polefence.design.requirements.specification import Specification, limit_text
 from polefence.design.requirements.text import load_specifications, parse_specification, spec_road
 from polefence.design.rows import Row
-from polefence.design.signals.tradeoff import Front, keep_references, tradeoff
+from polefence.design.signals.tradeoff import TUNED, Front, keep_references, tradeoff
+from polefence.law.structure import Structure
 from polefence.lmi.conditions.methods import Method
 from polefence.plant.family import UncertainPlant
 from polefence.plant.spec import load
@@ -89,7 +93,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--method", action="append", choices=METHODS, help="repeat for more; default: both"
     )
     parser.add_argument(
-        "--degree", type=int, metavar="N", help="scheduled: of W and Z in alpha; default: 1"
+        "--degree",
+        type=int,
+        metavar="N",
+        help="scheduled: of W and Z in alpha; of a structure: of the law in the parameters; "
+        "default: 1",
     )
     parser.add_argument(
         "--elevation", type=int, metavar="N", help="scheduled: of the inequalities; default: 0"
@@ -106,19 +114,22 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--plot", type=Path, metavar="FILE", help="draw the curves (.png, .svg, .pdf)"
     )
     sweep_arguments(parser)
+    add_structure_options(parser, degree=False)
 
 
 def tradeoff_command(options: Any) -> int:
     """Find the least proved bound on one signal for each limit on another."""
     plant = load(options.spec)
-    values, methods = _values(options), _methods(plant, options)
+    values, structure = _values(options), structure_of_options(plant, options)
+    methods = _methods(plant, options, structure)
     minimise, over, limits = _specifications(plant, options)
     region = region_of_options(options)
     check_figure(options.plot)
     path = rows_file(options)
     check_targets(options.json, options.plot)
-    progress = _Progress(len(values) * len(methods))
-    jobs = jobs_of(options, len(values) * len(methods))
+    rows = len(values) * len(methods or [TUNED])
+    progress = _Progress(rows)
+    jobs = jobs_of(options, rows)
     with processes(jobs) as executor, progress:
         front = tradeoff(
             plant,
@@ -128,6 +139,7 @@ def tradeoff_command(options: Any) -> int:
             limits,
             region,
             methods,
+            structure=structure,
             executor=executor,
             on_row=progress.show,
             path=path,
@@ -158,7 +170,12 @@ def _values(options: Any) -> list[float]:
     return list(dict.fromkeys(values))
 
 
-def _methods(plant: UncertainPlant, options: Any) -> list[Method]:
+def _methods(
+    plant: UncertainPlant, options: Any, structure: Structure | None
+) -> list[Method] | None:
+    if structure is not None:
+        refuse_method_options(options)
+        return None
     names = list(dict.fromkeys(options.method or METHODS))
     given = [key for key in ("degree", "elevation", "on") if getattr(options, key) is not None]
     if given and names == ["quadratic"]:

@@ -166,13 +166,17 @@ def analyse(
     require_region(plant, region)
     ladder = list(forms(plant, law, len(region.parts)))
     claim = certificate_of(plant, law, region, [placeholder(plant, law)] * len(region.parts))
-    alpha = counterexample(claim.claim())
-    if alpha is not None:
-        return _refuted(plant, law, region, alpha)
-    deadline = Deadline(budget)
-    parts = []
-    for part in region.parts:
-        evidence, last = _part(plant, law, part, ladder, deadline)
+    deadline, parts = Deadline(budget), list[dict[str, Any]]()
+    # of the lowest degree first: most laws that keep a region need no other
+    found = [_at(plant, law, part, ladder[0]) for part in region.parts]
+    if None in found:
+        alpha = counterexample(claim.claim())
+        if alpha is not None:
+            return _refuted(plant, law, region, alpha)
+    for part, first_found in zip(region.parts, found, strict=True):
+        evidence, last = first_found, ladder[0]
+        if evidence is None:
+            evidence, last = _higher(plant, law, part, ladder, deadline)
         if evidence is None:
             reason = (
                 f"no proof for {part} with Lyapunov polynomials up to degree {last[0]}, elevation "
@@ -188,29 +192,38 @@ def analyse(
     return Analysis(plant, law, region, answer, verdict.reason, certificate)
 
 
-def _part(
+def _higher(
     plant: UncertainPlant,
     law: Law,
     part: Region,
     ladder: list[tuple[int, int]],
     deadline: Deadline,
 ) -> tuple[dict[str, Any] | None, tuple[int, int]]:
-    """Return evidence that is proved for one part of a region, and the form tried last."""
-    last, loop = ladder[0], loop_of(plant, law)
-
-    def proved(found: LyapunovPolynomial) -> dict[str, Any] | None:
-        evidence = evidence_of(found, last)
-        holds = certificate_of(plant, law, part, [evidence]).prove().proved
-        return evidence if holds else None
-
-    for form in ladder:
-        if form != ladder[0] and deadline.passed:
+    """Return evidence of higher forms that is proved for one part, and the form tried last."""
+    last = ladder[0]
+    for form in ladder[1:]:
+        if deadline.passed:
             break
         last = form
-        evidence = first(map(proved, points_inside(loop, part, form)))
+        evidence = _at(plant, law, part, form)
         if evidence is not None:
             return evidence, form
     return None, last
+
+
+def _at(
+    plant: UncertainPlant, law: Law, part: Region, form: tuple[int, int]
+) -> dict[str, Any] | None:
+    """Return evidence of a form that is proved for one part of a region."""
+
+    def proved(found: LyapunovPolynomial) -> dict[str, Any] | None:
+        evidence = evidence_of(found, form)
+        holds = certificate_of(plant, law, part, [evidence]).prove().proved
+        return evidence if holds else None
+
+    with suppress(np.linalg.LinAlgError):  # a law without a value somewhere
+        return first(map(proved, points_inside(loop_of(plant, law), part, form)))
+    return None
 
 
 def _refuted(plant: UncertainPlant, law: Law, region: Region, alpha: list[Fraction]) -> Analysis:

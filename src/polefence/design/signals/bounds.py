@@ -137,7 +137,7 @@ class _Question:
     problem : DualProblem, optional
         Its dual form; None of a kind that has none, or a law that is undefined somewhere.
     worst : float
-        The worst value at a few points where there is a problem, else zero.
+        The worst value at a few points; zero where doubles find none.
     """
 
     plant: UncertainPlant
@@ -149,12 +149,10 @@ class _Question:
     @classmethod
     def of(cls, plant: UncertainPlant, law: Law, specification: Specification) -> _Question:
         """Return the question with what samples say."""
-        problem = specification.dual(plant, law)
-        if problem is not None:
-            alpha = seeded(plant, len(plant.vertices) + FEW)
-            with suppress(InputError, np.linalg.LinAlgError):
-                worst = sampled(plant, law, specification, alpha).worst
-                return cls(plant, law, specification, problem, worst)
+        alpha = seeded(plant, len(plant.vertices) + FEW)
+        with suppress(InputError, np.linalg.LinAlgError):
+            worst = sampled(plant, law, specification, alpha).worst
+            return cls(plant, law, specification, specification.dual(plant, law), worst)
         return cls(plant, law, specification)
 
     @property
@@ -272,6 +270,8 @@ def kept_bound(
     if known is not None and (own := known_bound(plant, law, specification, known)) is not None:
         return own
     question = _Question.of(plant, law, specification)
+    if question.worst > limit * (1 + AGREED):  # nor would a proof be taken
+        return None
     for dual in question.duals:
         if dual.level < limit:
             own = question.proved(_dual_evidence(dual), limit)

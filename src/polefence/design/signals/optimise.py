@@ -212,7 +212,7 @@ def optimise(
         _task(larger, found, minimise is not None, asked, method), asked=(plant, tuple(subject_to))
     )
     if structure is not None:
-        return _tuned(*_structured(task, structure), _simpler(task, structure))
+        return _tuned(*structured(task, structure), _simpler(task, structure))
     bare = _task(plant, tuple(s.unweighted() for s in asked_for), bool(minimise), asked, method)
     search = partial(_settled, task) if larger is plant else partial(_weighted, task, bare)
     return _best_of_all(task, search, deadline) if either else search(deadline)
@@ -235,7 +235,7 @@ def _best_of_all(
     tuned: Optimised | None = None
     with suppress(InputError, NotProvedError):
         starts = () if best is None or best.plant is not task.plant else (best.law,)
-        tuned = _best_tuned(*_structured(task, Structure()), starts)
+        tuned = _best_tuned(*structured(task, Structure()), starts)
     if tuned is None:
         if best is None:
             raise failure or NotProvedError("not proved")
@@ -292,9 +292,7 @@ def _tuned(task: Task, structure: Structure, starts: Sequence[Law] = ()) -> Opti
     reason = "not proved: no law of this structure was found that is proved to keep the region"
     if not task.limits:
         raise NotProvedError(reason)
-    refutation = refuted(task, task.limits)
-    if refutation is not None:
-        raise NotProvedError(str(refutation), refutation=refutation)
+    _refute(task)
     near = list(_attainable(task, structure, starts))
     advice = "nor with any one of the limits left out"
     if near:
@@ -340,15 +338,15 @@ def _simpler(task: Task, structure: Structure) -> tuple[Law, ...]:
     """
     if not structure.order:
         return ()
-    static, gain = _structured(task, replace(structure, order=0))
-    larger = _structured(task, structure)[0].plant
+    static, gain = structured(task, replace(structure, order=0))
+    larger = structured(task, structure)[0].plant
     found = _best_tuned(static, gain, ())
     law = found and beside_filters(found.law, static.plant, larger, gain, task.region)
     own = replace(structure, measured=gain.measured)
     return (*([law] if law else []), *filtered(static, own))
 
 
-def _structured(task: Task, structure: Structure) -> tuple[Task, Structure]:
+def structured(task: Task, structure: Structure) -> tuple[Task, Structure]:
     """Return the task for the plant of which the law is a gain, and that gain's structure."""
     bare, plant = (task.asked[0] if task.asked else task.plant), task.plant
     structure.require_fit(bare)
@@ -495,7 +493,7 @@ def _best(task: Task, deadline: Deadline) -> _Found:
     """Search, then prove the bound on what is minimised, from the law that samples least on."""
     # where no law that samples well has a proof, each must have one to count
     for proved in (False, True) if task.minimise else (False,):
-        search = Search(task, deadline, proved)
+        search = Search(task, deadline, proved, partial(_refute, task))
         search.run()
         best = _lowest(task, search)
         if best is not None:
@@ -503,6 +501,12 @@ def _best(task: Task, deadline: Deadline) -> _Found:
         if not search.candidates:
             break
     raise refusal(task, search.reasons)
+
+
+def _refute(task: Task) -> None:
+    refutation = refuted(task) if task.limits else None
+    if refutation is not None:
+        raise NotProvedError(str(refutation), refutation=refutation)
 
 
 def _lowest(task: Task, search: Search) -> Optimised | None:

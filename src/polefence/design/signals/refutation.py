@@ -273,7 +273,7 @@ def refusal(task: Task, reasons: Sequence[str]) -> NotProvedError:
     )
 
 
-def refuted(task: Task, conflict: Sequence[Any]) -> Refutation | None:
+def refuted(task: Task, conflict: Sequence[Any] = ()) -> Refutation | None:
     """Return the proof that no law keeps the limits in conflict, or a smallest set of all limits.
 
     What is in conflict for the search may have a part of the region in it, and some of the limits
@@ -283,7 +283,7 @@ def refuted(task: Task, conflict: Sequence[Any]) -> Refutation | None:
         return None
     plant, limits = task.asked
     own = [a for a, s in zip(limits, task.limits, strict=True) if any(s is p for p in conflict)]
-    if len(own) == len(conflict) and (found := refute_limits(plant, own)) is not None:
+    if own and len(own) == len(conflict) and (found := refute_limits(plant, own)) is not None:
         return found
     found = refute_limits(plant, limits)
     if found is not None:

@@ -12,7 +12,7 @@ way off the edge has a proof. Each step is the start of the next.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from itertools import chain, pairwise
@@ -327,8 +327,15 @@ class Search:
         The point for the whole region within the limits as they were asked.
     """
 
-    def __init__(self, task: Task, deadline: Deadline, proved: bool = False) -> None:
+    def __init__(
+        self,
+        task: Task,
+        deadline: Deadline,
+        proved: bool = False,
+        refute: Callable[[], None] = lambda: None,
+    ) -> None:
         self.task, self.deadline = task, deadline
+        self.refute = refute  # ends a search, by an error, that no law can be found in
         self.proved = proved  # whether the bound on what is minimised must have a proof at once
         self.candidates, self.reasons = list[Candidate](), list[str]()
         self.whole: Reached | None = None
@@ -457,6 +464,8 @@ class Search:
             found = task.reached(region)
         except SolverError as error:
             self.reasons.append(str(error))
+            if len(self.reasons) == 1:
+                self.refute()
             return None
         if task is self.task and region == task.region:
             self.whole = found if level_of(task, found) <= self.shared else self.whole

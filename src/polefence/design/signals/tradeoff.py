@@ -24,8 +24,10 @@ from polefence.design.requirements.specification import Specification, claim_of
 from polefence.design.rows import Row, Run, RunOptions, plant_summary
 from polefence.design.signals.augmented import with_weights
 from polefence.design.signals.bounds import best_bound, bounds_file, sampled
-from polefence.design.signals.optimise import Optimised, optimise
-from polefence.law.laws import FixedGain, Law, ScheduledGain
+from polefence.design.signals.optimise import Optimised, optimise, structured
+from polefence.design.signals.search import Task
+from polefence.law.laws import FixedGain, Law, PolynomialGain, ScheduledGain
+from polefence.law.structure import Structure
 from polefence.lmi.conditions.methods import Method, Scheduled, method_label, options
 from polefence.plant.family import UncertainPlant
 from polefence.plant.points import seeded
@@ -38,6 +40,7 @@ from polefence.proof.document import Document, from_plain
 from polefence.region.regions import HalfPlane, Region
 
 MAX_VALUES = 1000
+TUNED = "tuned"  # the label of rows whose laws are
 
 # Of a row whose law is taken over for another limit.
 TAKEN = ("status", "proved", "sampled", "law_of", "performance")
@@ -54,6 +57,7 @@ def tradeoff(
     region: Region | None = None,
     methods: Sequence[Method] | None = None,
     path: Path | None = None,
+    structure: Structure | None = None,
     **options: Unpack[RunOptions],
 ) -> Front:
     """Return the least proved bound on one signal for every limit on another.
@@ -78,6 +82,8 @@ def tradeoff(
         Called with each row as it is finished, before laws of other limits are taken over.
     path : Path, optional
         A JSON file that is kept up to date after every row.
+    structure : Structure, optional
+        Its laws are tuned, in rows of the method "tuned"; there are no others.
     resume : bool
         Keep the proved rows that are in the file already.
 
@@ -96,12 +102,10 @@ def tradeoff(
         replace(_checked(own, name), at_most=None)
         for own, name in ((minimise, "minimise"), (over, "over"))
     )
-    others = [_checked(own, "subject_to") for own in subject_to]
-    plant, (least, swept, *others) = with_weights(plant, (least, swept, *others))
-    asked = Asked(plant, least, swept, tuple(others), HalfPlane(0) if region is None else region)
-    if methods is None:
-        methods = ("quadratic", Scheduled(1, 0, "box" if plant.parameters else "simplex"))
-    named = {method_label(method): method for method in methods}
+    others = tuple(_checked(own, "subject_to") for own in subject_to)
+    asked_for = (swept, *others, least)
+    asked = _asked(plant, asked_for, HalfPlane(0) if region is None else region, structure)
+    named = _named(plant, methods, structure)
     limits = list(dict.fromkeys(float(value) for value in values))
     _require(asked, limits, list(named.values()))
     run = Run(path=path, **options)
@@ -117,6 +121,36 @@ def tradeoff(
     return Front(asked, tuple(done[key] for key in order))
 
 
+def _asked(
+    plant: UncertainPlant,
+    asked_for: tuple[Specification, ...],
+    region: Region,
+    structure: Structure | None,
+) -> Asked:
+    """Return the question, of the plant that laws of its answers are gains of."""
+    require_region(plant, region)
+    larger, found = with_weights(plant, asked_for)
+    task = Task(larger, found[-1], found[:-1], region, "quadratic", (plant, ()))
+    if structure is not None:
+        task, _ = structured(task, structure)
+    swept, *others = task.limits
+    least = found[-1] if task.minimise is None else task.minimise
+    return Asked(task.plant, least, swept, tuple(others), region, structure, (plant, asked_for))
+
+
+def _named(
+    plant: UncertainPlant, methods: Sequence[Method] | None, structure: Structure | None
+) -> dict[str, Method | None]:
+    """Return methods by their labels; None is that of laws that are tuned."""
+    if structure is not None:
+        if methods is not None:
+            raise InputError("methods are of laws that an LMI gives; leave them out, or structure")
+        return {TUNED: None}
+    if methods is None:
+        methods = ("quadratic", Scheduled(1, 0, "box" if plant.parameters else "simplex"))
+    return {method_label(method): method for method in methods}
+
+
 def _checked(own: Any, name: str) -> Specification:
     require_type(own, Specification, name, "for example Rms('actuator force')")
     if name == "subject_to" and own.at_most is None:
@@ -125,7 +159,7 @@ def _checked(own: Any, name: str) -> Specification:
     return found
 
 
-def _require(asked: Asked, values: list[float], methods: list[Method]) -> None:
+def _require(asked: Asked, values: list[float], methods: list[Method | None]) -> None:
     """Refuse, before any work, what no row could be computed for."""
     plant = asked.plant
     if plant.sample_time is not None:
@@ -135,6 +169,8 @@ def _require(asked: Asked, values: list[float], methods: list[Method]) -> None:
     for value in values:
         replace(asked.over, at_most=value)
     for method in methods:
+        if method is None:
+            continue
         require_domain(plant, method)
         o = options(method)
         if not isinstance(o, Scheduled) or o.degree == "auto" or o.right_hand_sides:
@@ -157,21 +193,23 @@ def _same(one: Specification, other: Specification) -> bool:
     return replace(one, at_most=None) == replace(other, at_most=None)
 
 
-def _row_of(asked: Asked, task: tuple[float, Method]) -> Row:
+def _row_of(asked: Asked, task: tuple[float, Method | None]) -> Row:
     """Return one row; whatever fails in it is its reason."""
     value, method = task
     start = time.perf_counter()
     found: Row
     try:
-        limits = (replace(asked.over, at_most=value), *asked.subject_to)
-        done = optimise(asked.plant, asked.minimise, limits, asked.region, method)
+        plant, (over, *others, least) = asked.bare
+        limits = (replace(over, at_most=value), *others)
+        done = optimise(plant, least, limits, asked.region, method, structure=asked.structure)
         found = _proved(asked, done, value)
     except PolefenceError as error:  # one row's failure is not the sweep's
         reason = " ".join(str(error).split()).removeprefix("not proved: ")
         nothing = dict.fromkeys(("proved", "sampled", "law_of", "own", "performance"))
         found = {"status": "not proved", **nothing, "bounds": [], "reason": reason}
     seconds = time.perf_counter() - start
-    return {"value": value, "method": method_label(method)} | found | {"seconds": seconds}
+    label = TUNED if method is None else method_label(method)
+    return {"value": value, "method": label} | found | {"seconds": seconds}
 
 
 def _proved(asked: Asked, done: Optimised, value: float) -> Row:
@@ -191,11 +229,15 @@ class Asked:
     Attributes
     ----------
     plant : UncertainPlant
-        With the states of filters that specifications ask for.
+        With the states of filters that specifications ask for, and of the law's own.
     minimise, over : Specification
         Without limits.
     subject_to : tuple of Specification
     region : Region
+    structure : Structure, optional
+        Of laws that are tuned.
+    bare : tuple of UncertainPlant and tuple of Specification
+        The plant as it was given, and what was asked of it: over, the limits, minimise.
     """
 
     plant: UncertainPlant
@@ -203,15 +245,22 @@ class Asked:
     over: Specification
     subject_to: tuple[Specification, ...]
     region: Region
+    structure: Structure | None
+    bare: tuple[UncertainPlant, tuple[Specification, ...]]
 
     def document(self) -> dict[str, Any]:
         """Return it as plain data, the plant by its digest."""
+        law = (
+            {}
+            if self.structure is None
+            else {"law": json.loads(json.dumps(asdict(self.structure)))}
+        )
         return {
             "minimise": _as_read_from_json(self.minimise),
             "over": _as_read_from_json(self.over),
             "subject_to": [_as_read_from_json(own) for own in self.subject_to],
             "region": self.region.document(),
-        }
+        } | law
 
 
 def _as_read_from_json(own: Specification) -> dict[str, Any]:
@@ -417,7 +466,8 @@ def _reproved(row: Row, asked: Asked) -> Row | None:
     numbers = (row["value"], row["proved"], row["law_of"], row["seconds"])
     real = all(isinstance(x, float | int) and math.isfinite(x) and x >= 0 for x in numbers)
     own = row["own"] is None or row["own"] >= row["proved"]
-    if not (real and own and LABEL.fullmatch(row["method"])):
+    tuned = asked.structure is not None
+    if not (real and own and (row["method"] == TUNED if tuned else LABEL.fullmatch(row["method"]))):
         return None
     document = from_plain(row["performance"])
     claims = [claim for claim in document.claims if isinstance(claim, BoundClaim)]
@@ -433,7 +483,7 @@ def _reproved(row: Row, asked: Asked) -> Row | None:
 def _of_plant(certificate: Certificate, plant: UncertainPlant) -> Certificate:
     """Return the claim as one about the plant asked for, of the same vertices."""
     law = certificate.law
-    if isinstance(law, ScheduledGain):
+    if isinstance(law, ScheduledGain | PolynomialGain):
         law = replace(law, parameters=plant.parameters)
     return replace(certificate, plant=plant, law=law) if _is_of(certificate, plant) else certificate
 

@@ -250,7 +250,7 @@ def test_one_fault_at_a_time(kind):
 # --- designs --------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("method", ["quadratic", None])
+@pytest.mark.parametrize("method", ["quadratic", "scheduled"])
 @pytest.mark.parametrize("limit", [2.5, 5.0, 40.0])
 def test_one_state_has_its_closed_form(one, method, limit):
     """u = -k x, k <= limit: x^2 = 1 / (2 (k - a)), a = 2 at the worst."""
@@ -262,7 +262,7 @@ def test_one_state_has_its_closed_form(one, method, limit):
     assert other.bounds[0].level == pytest.approx(done.bounds[0].level, rel=1e-4)
 
 
-@pytest.mark.parametrize("method", ["quadratic", None])
+@pytest.mark.parametrize("method", ["quadratic", "scheduled"])
 def test_the_least_gain_that_is_stable_is_bracketed(one, method):
     found = optimise(one, None, [GainNorm(2.002)], method=method)
     assert found.bounds[0].level == 2.002

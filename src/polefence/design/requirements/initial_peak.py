@@ -231,23 +231,23 @@ def _peaks(loops: Loops, k: int, groups: list[slice]) -> list[tuple[int, int, fl
     found = []
     for g, group in enumerate(groups):
 
-        def square(t: Array, order: int, own: Any = right[:, group]) -> Array:
-            y, v, a = (
-                ((left * poles**j * np.exp(np.outer(t, poles))) @ own).real for j in range(3)
-            )
-            return np.asarray([(y * y), 2 * y * v, 2 * (v * v + y * a)][order].sum(axis=1))
+        def response(t: Array, most: int, own: Any = right[:, group]) -> list[Array]:
+            each = left * np.exp(np.outer(t, poles))
+            return [((each * poles**j) @ own).real for j in range(most)]
 
-        y = square(time, 0)
+        y = np.sum(response(time, 1)[0] ** 2, axis=1)
         inner = (y >= np.append(-1.0, y[:-1])) & (y > np.append(y[1:], -1.0))
         at = np.flatnonzero(inner)
         at = at[np.argsort(-y[at], kind="stable")][:MOST]
         t = time[at]
         low, high = time[np.maximum(at - 1, 0)], time[np.minimum(at + 1, len(time) - 1)]
-        for _ in range(4):
-            slope, bend = square(t, 1), square(t, 2)
+        for _ in range(4):  # Newton's steps to where the square is at its highest
+            y, v, a = response(t, 3)
+            slope, bend = 2 * (y * v).sum(axis=1), 2 * (v * v + y * a).sum(axis=1)
             step = np.divide(slope, bend, out=np.zeros_like(t), where=bend < -1e-12 * abs(slope))
             t = np.clip(t - step, low, high)
-        found += [(float(v), k, g, float(s)) for v, s in zip(square(t, 0), t, strict=True)]
+        peaks = np.sum(response(t, 1)[0] ** 2, axis=1)
+        found += [(float(v), k, g, float(s)) for v, s in zip(peaks, t, strict=True)]
     found.sort(key=lambda row: -row[0])
     return [row[1:] for row in found[:MOST] if row[0] >= NEAR**2 * found[0][0]]
 

@@ -45,6 +45,8 @@ KINDS = {
     "guarantee": ("code/guarantee.json", [CHECK]),
     "observer": ("observer/design.json", [CHECK]),
     "observed": ("observed/guarantee.json", [CHECK]),
+    "tuned": ("tuned/design.json", [CHECK]),
+    "parts": ("parts/design.json", [CHECK]),
     "limits": ("limits.json", [LIMITS]),
     "tradeoff": ("tradeoff.json", [TRADEOFF]),
 }

@@ -8,6 +8,13 @@ import json
 from pathlib import Path
 
 from polefence.cli.main import main
+from polefence.design.given import analyse
+from polefence.design.requirements.gain import Gain
+from polefence.design.requirements.rms import Rms
+from polefence.design.signals import bounds
+from polefence.law.laws import PolynomialGain
+from polefence.plant.spec import load
+from polefence.region.regions import HalfPlane
 
 SPEC = """name = "mass"
 states = ["x [m]", "v [m/s]"]
@@ -93,7 +100,7 @@ FILES = (
     "quadratic/design.json", "scheduled/design.json", "slack/design.json", "lyapunov/design.json",
     "table/table.json", "service/estimate-k.json", "service/gain.json", "service/rate-k.json",
     "performance/design.json", "signals/design.json", "vectors/design.json", "code/guarantee.json",
-    "observer/design.json", "observed/guarantee.json",
+    "observer/design.json", "observed/guarantee.json", "tuned/design.json", "parts/design.json",
 )  # fmt: skip
 RUN = ["--sample-time", "0.001", "--float", "32"]
 LIMITS = [
@@ -143,3 +150,20 @@ def write_every_file(made: Path) -> None:
         TRADEOFF[:-1],
     ):
         assert quiet(words)[0] == 0, words
+    _write_polynomial(made)
+
+
+def _write_polynomial(made: Path) -> None:
+    """Write files of a polynomial law: with dual polynomials of the box, and of its parts."""
+    plant = load(made / "plain.toml")
+    measured = plant.signal("v"), plant.signal("x")
+    gains = [[[-3, -4]], [[0.25, -0.5]]]
+    law = PolynomialGain(((0,), (1,)), gains, measured, plant.parameters)
+    certificate = analyse(plant, law, HalfPlane(0.3)).design.certificate
+    asked = [bounds._Question.of(plant, law, own) for own in (Rms("x", density=1), Gain("x"))]
+    whole = [next(bounds._dual_bounds(own)).claim for own in asked]
+    bounds.save(certificate, whole, made / "tuned")
+    near = asked[0].in_parts(asked[0].worst * (1 + 1e-7))
+    assert near is not None
+    assert len(near.claim.subject.evidence.cells) > 1
+    bounds.save(certificate, [near.claim], made / "parts")

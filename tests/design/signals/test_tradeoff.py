@@ -18,12 +18,21 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.linalg import solve_continuous_lyapunov
 
-from polefence import NotProvedError, Parameter, Scheduled, UncertainPlant, load
+from polefence import (
+    FixedGain,
+    NotProvedError,
+    Parameter,
+    Scheduled,
+    Structure,
+    UncertainPlant,
+    load,
+)
 from polefence.base.errors import InputError
 from polefence.cli.main import main
 from polefence.design.design import check
 from polefence.design.requirements.gain import Gain
 from polefence.design.requirements.rms import Rms
+from polefence.design.signals.bounds import sampled
 from polefence.design.signals.optimise import optimise
 from polefence.design.signals.tradeoff import monotone, tradeoff
 from polefence.show.plots import front_figure
@@ -321,6 +330,43 @@ def document(spring, tmp_path_factory):
     return json.loads(path.read_text())
 
 
+TUNED = Structure(measured=("place", "speed"))
+
+
+def test_laws_of_a_structure_are_tuned_and_resumed(spring, document, tmp_path):
+    """One more freedom than that of one gain: no worse at any limit."""
+    path, fresh = tmp_path / "front.json", []
+    found = tradeoff(spring, PLACE, PUSH, SOME["values"], structure=TUNED, path=path)
+    assert found.proved
+    assert found.methods == ("tuned",)
+    for row, one in zip(found.rows, document["rows"], strict=True):
+        assert row["sampled"] <= row["proved"] <= one["proved"] * (1 + 1e-3)
+        assert row["bounds"][0]["proved"] <= row["value"]
+        assert found.design(row["value"], "tuned").certificate.prove().proved
+    asked = {"structure": TUNED, "path": path, "resume": True, "on_row": fresh.append}
+    again = tradeoff(spring, PLACE, PUSH, SOME["values"], **asked)
+    assert not fresh
+    assert again.rows == found.rows
+    with pytest.raises(InputError, match="other limits"):
+        tradeoff(spring, PLACE, PUSH, **SOME, path=path, resume=True)
+    changed = json.loads(path.read_text())
+    changed["rows"][0]["method"] = "quadratic"
+    path.write_text(json.dumps(changed))
+    with pytest.raises(InputError, match="damaged"):
+        tradeoff(spring, PLACE, PUSH, SOME["values"], **asked)
+
+
+def test_a_law_with_a_state_of_its_own_is_one_of_the_larger_plant(spring, tmp_path):
+    """Of the place alone no gain is a damper; a law with a state knows the speed."""
+    own = Structure(measured=("place",), schedule=(), order=1)
+    found = tradeoff(spring, PLACE, PUSH, [1.0], structure=own, path=tmp_path / "front.json")
+    (row,) = found.rows
+    assert found.asked.plant.shape == (3, 2)
+    assert row["bounds"][0]["proved"] <= 1.0
+    passive = sampled(spring, FixedGain([[0.0, 0.0]]), PLACE, np.eye(2)).worst
+    assert row["proved"] < 0.7 * passive
+
+
 def _first(change):
     return lambda document: change(document["rows"][0])
 
@@ -406,10 +452,10 @@ def test_a_file_of_another_question_is_refused(minimise, limits, document, sprin
 def test_one_row_that_fails_stops_nothing(spring, monkeypatch):
     module = import_module("polefence.design.signals.tradeoff")
 
-    def failing(plant, minimise, limits, *rest):
+    def failing(plant, minimise, limits, *rest, **options):
         if limits[0].at_most == 0.6:
             raise NotProvedError("a fault\nin two lines")
-        return optimise(plant, minimise, limits, *rest)
+        return optimise(plant, minimise, limits, *rest, **options)
 
     monkeypatch.setattr(module, "optimise", failing)
     found = tradeoff(spring, PLACE, PUSH, [0.6, 1.0], methods=["quadratic"])
@@ -424,7 +470,7 @@ def test_one_row_that_fails_stops_nothing(spring, monkeypatch):
 
 
 def test_a_bug_is_no_reason(spring, monkeypatch):
-    def failing(*_):
+    def failing(*_, **__):
         raise RuntimeError("a bug")
 
     monkeypatch.setattr(import_module("polefence.design.signals.tradeoff"), "optimise", failing)
@@ -444,6 +490,8 @@ def test_a_bug_is_no_reason(spring, monkeypatch):
         ({"methods": ["slack"]}, "'quadratic' and Scheduled"),
         ({"methods": [Scheduled("auto")]}, "'quadratic' and Scheduled"),
         ({"plant": "car.toml"}, "polefence.load"),
+        ({"structure": TUNED, "methods": ["quadratic"]}, "leave them out"),
+        ({"structure": Structure(measured=("plaice",))}, "measured: no"),
     ],
 )
 def test_what_cannot_be_asked_is_refused_before_any_work(change, said, spring):
@@ -464,6 +512,9 @@ def test_what_cannot_be_asked_is_refused_before_any_work(change, said, spring):
         ("--road C --speed 20 --value 1 --method quadratic --degree 2", "belongs to scheduled"),
         ("--road C --speed 20 --value 1 --limit 'rms of actuator force <= 2'", "--over sweeps"),
         ("--road C --speed 20 --value 1 --plot a.txt", "a figure ends in"),
+        ("--road C --speed 20 --value 1 --order 1 --method quadratic", "or --method quadratic"),
+        ("--road C --speed 20 --value 1 --order 1 --on box", "laws that an LMI gives"),
+        ("--road C --speed 20 --value 1 --measured nothing", "measured"),
     ],
 )
 def test_the_command_refuses_in_one_line(words, said, page, tmp_path, capsys):

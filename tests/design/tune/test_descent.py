@@ -22,6 +22,18 @@ def test_a_quadratic_program_meets_its_optimality_conditions(n, m):
     assert abs(z @ (G @ x - h)) < 1e-7
 
 
+def test_bounds_on_entries_are_rows_as_others_are():
+    random = np.random.default_rng(3)
+    half = random.normal(size=(6, 6))
+    P, q, G = half @ half.T, 5 * random.normal(size=6), random.normal(size=(9, 6))
+    h, some = random.uniform(0, 1, 9), np.eye(6)[:4]
+    x, z = minimum(P, q, G, h, 0.2, 4)
+    known, own = minimum(P, q, np.vstack([G, some, -some]), np.append(h, np.full(8, 0.2)))
+    assert np.abs(x[:4]).max() == pytest.approx(0.2, abs=1e-8)
+    assert x == pytest.approx(known, abs=1e-7)
+    assert z == pytest.approx(own[:9], abs=1e-6)
+
+
 def rows(pairs, objective):
     values, slopes = (np.array(each, dtype=float) for each in zip(*pairs, strict=True))
     return Rows(values, slopes, np.arange(len(values)), np.array(objective))

@@ -130,16 +130,15 @@ def _direction(
     n, m = len(H), len(values)
     P = np.zeros((n + 2, n + 2))
     P[:n, :n] = H
-    G = np.zeros((m + 1 + 2 * n, n + 2))
+    G = np.zeros((m + 1, n + 2))
     G[:m, :n] = rows.slopes
     G[:m, n], G[:m, n + 1] = -1.0 * rows.objective, -1.0 * ~rows.objective
     G[m, n + 1] = -1.0
-    G[m + 1 : m + 1 + n, :n], G[m + 1 + n :, :n] = np.eye(n), -np.eye(n)
-    h = np.concatenate([-values, [0.0], np.full(2 * n, reach)])
+    h = np.append(-values, 0.0)
     while True:
         q = np.zeros(n + 2)
         q[n], q[n + 1] = 1.0, rho
-        x, z = minimum(P, q, G, h)
+        x, z = minimum(P, q, G, h, reach, n)
         if rows.objective.all() or rho >= MOST_PENALTY:
             break
         if x[n + 1] <= max(1e-7, 0.5 * rows.excess):  # kept, or under way

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -12,7 +13,9 @@ STEPS, CLOSE = 60, 1e-10
 BACK = 0.995  # of the way to the boundary
 
 
-def minimum(P: Array, q: Array, G: Array, h: Array) -> tuple[Array, Array]:
+def minimum(
+    P: Array, q: Array, G: Array, h: Array, reach: float = np.inf, bounded: int = 0
+) -> tuple[Array, Array]:
     """Return x that minimises x' P x / 2 + q' x with G x <= h, and the multipliers of the rows.
 
     Parameters
@@ -20,31 +23,36 @@ def minimum(P: Array, q: Array, G: Array, h: Array) -> tuple[Array, Array]:
     P : (n, n) array
         Without negative eigenvalues; what it leaves free the rows must bound.
     q, G, h : (n,), (m, n), (m,) arrays
+    reach : float
+        What the magnitudes of the first entries of x may be.
+    bounded : int
+        How many of them.
     """
     from scipy.linalg.lapack import dpotrf, dpotrs  # deferred: slow to import
 
     size = np.maximum(np.abs(G).max(axis=1), 1e-12)
-    G, h = G / size[:, None], h / size
+    rows = _Rows(G / size[:, None], bounded)
+    h = np.concatenate([h / size, np.full(2 * bounded, reach)])
     n, m = len(q), len(h)
     x, z = np.zeros(n), np.ones(m) * max(1.0, float(np.abs(q).max()) / m)
     s = np.maximum(h, 1.0)
     scale_d, scale_p = 1 + np.abs(q).max(), 1 + np.abs(h[h < 1]).max(initial=0.0)
     eye = 1e-13 * max(1.0, float(np.trace(P)) / n) * np.eye(n)
     for _ in range(STEPS):
-        dual, primal = P @ x + q + G.T @ z, G @ x + s - h
+        dual, primal = P @ x + q + rows.back(z), rows.of(x) + s - h
         gap = float(s @ z) / m
         small = np.abs(dual).max() <= CLOSE * 10 * scale_d
         if small and np.abs(primal).max() <= CLOSE * scale_p and gap <= CLOSE:
             break
         w = z / s
-        factor, failed = dpotrf(P + eye + (G.T * w) @ G)
+        factor, failed = dpotrf(P + eye + rows.gram(w))
         if failed:
             break
 
         def step(target: Any, w: Array = w, factor: Any = factor) -> tuple[Array, Array, Array]:
-            right = -dual - G.T @ (w * primal + (target - s * z) / s)  # noqa: B023
+            right = -dual - rows.back(w * primal + (target - s * z) / s)  # noqa: B023
             dx, _ = dpotrs(factor, right)
-            ds = -primal - G @ dx  # noqa: B023
+            ds = -primal - rows.of(dx)  # noqa: B023
             return dx, ds, (target - s * z - z * ds) / s  # noqa: B023
 
         dx, ds, dz = step(0.0)
@@ -54,7 +62,35 @@ def minimum(P: Array, q: Array, G: Array, h: Array) -> tuple[Array, Array]:
         dx, ds, dz = step(centre - ds * dz)
         a, b = min(1.0, BACK * _reach(s, ds)), min(1.0, BACK * _reach(z, dz))
         x, s, z = x + a * dx, s + a * ds, z + b * dz
-    return x, z / size
+    return x, z[: len(G)] / size
+
+
+@dataclass(frozen=True, eq=False)
+class _Rows:
+    """Rows G, and below them those of the identity and its negative, for the first entries of x."""
+
+    G: Array
+    bounded: int
+
+    def of(self, x: Array) -> Array:
+        """Return rows times x."""
+        own = x[: self.bounded]
+        return np.concatenate([self.G @ x, own, -own])
+
+    def back(self, z: Array) -> Array:
+        """Return the transpose of the rows times z."""
+        m, n = len(self.G), self.bounded
+        found = self.G.T @ z[:m]
+        found[:n] += z[m : m + n] - z[m + n :]
+        return found
+
+    def gram(self, w: Array) -> Array:
+        """Return the rows' squares, each times its weight."""
+        m, n = len(self.G), self.bounded
+        found = (self.G.T * w[:m]) @ self.G
+        diagonal = np.arange(n)
+        found[diagonal, diagonal] += w[m : m + n] + w[m + n :]
+        return found
 
 
 def _reach(s: Array, ds: Array) -> float:

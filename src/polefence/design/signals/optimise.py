@@ -42,8 +42,7 @@ from polefence.design.signals.search import (
     together,
     unbounded,
 )
-from polefence.design.signals.tuned import filtered, tuned_candidates
-from polefence.design.tune.dynamic import beside_filters
+from polefence.design.signals.tuned import tuned_candidates, with_states
 from polefence.law.laws import Law
 from polefence.law.structure import Structure
 from polefence.lmi.conditions.methods import Method, Scheduled, options
@@ -332,18 +331,11 @@ def _best_tuned(task: Task, structure: Structure, starts: Sequence[Law]) -> Opti
 
 
 def _simpler(task: Task, structure: Structure) -> tuple[Law, ...]:
-    """Return laws that have states of their own, to start from: simpler ones with filters.
-
-    That of the best law without states is as good as that; so nothing is lost by states.
-    """
+    """Return laws that have states of their own, to start from; none for laws without."""
     if not structure.order:
         return ()
-    static, gain = structured(task, replace(structure, order=0))
-    larger = structured(task, structure)[0].plant
-    found = _best_tuned(static, gain, ())
-    law = found and beside_filters(found.law, static.plant, larger, gain, task.region)
-    own = replace(structure, measured=gain.measured)
-    return (*([law] if law else []), *filtered(static, own))
+    static = structured(task, replace(structure, order=0))
+    return tuple(with_states(*static, structured(task, structure)[0].plant))
 
 
 def structured(task: Task, structure: Structure) -> tuple[Task, Structure]:

@@ -11,11 +11,12 @@ from polefence.design.design import Design
 from polefence.design.given import analyse
 from polefence.design.measured import require_detectable
 from polefence.design.signals.tuned import tighter
+from polefence.design.tune.dynamic import observers
 from polefence.design.tune.search import tune, tune_region
 from polefence.law.laws import Law
 from polefence.law.structure import Structure
 from polefence.lmi.conditions.methods import Method
-from polefence.lmi.conditions.target import FASTEST, Decays, Disks, Goal, Sectors
+from polefence.lmi.conditions.target import Decays, Disks, Goal, Sectors
 from polefence.lmi.solve.smallest import typical_rate
 from polefence.plant.family import UncertainPlant
 from polefence.plant.points import seeded
@@ -67,8 +68,8 @@ def place(
         return lmi.place(plant, region, method or "scheduled", allow_unproved)
     _require_structure_alone(method, allow_unproved)
     require_type(region, Region, "region", "for example polefence.Disk(-40, 31)")
-    plant, gain = _extended(plant, structure, region)
-    starts = list[Law]()
+    bare, (plant, gain) = plant, _extended(plant, structure, region)
+    starts = list[Law](observers(bare, structure, (), region))
     for share in TIGHTER:
         found = tune(plant, gain, None, (), tighter(region, share), starts)
         for own in (own for own in found if own.kept):
@@ -133,10 +134,11 @@ def tightest(
         raise InputError(f"of = {of!r} is unknown; use 'disk', 'half_plane' or 'sector'")
     if (of == "disk") != (centre is not None) or (of == "disk" and within is not None):
         raise InputError("a disk needs a centre and takes no region within, others have no centre")
-    plant, gain = _extended(plant, structure, within)
+    bare, (plant, gain) = plant, _extended(plant, structure, within)
     if of != "disk":
         within = bounded(within, lmi.SPEED * typical_rate(plant.A))
-    found = tune_region(plant, gain, _goal(of, centre, within))
+    starts = observers(bare, structure, (), within)
+    found = tune_region(plant, gain, _goal(of, centre, within), (), starts)
     for law in (each.law for each in found if each.kept):
         design = _proved(plant, law, of, centre, within)
         if design is not None:
@@ -169,8 +171,7 @@ def _extended(
 def _goal(of: str, centre: float | None, within: Region | None) -> Goal:
     if centre is not None:
         return Disks(centre)
-    size = 1.0 if within is None else within.scale
-    return Decays(FASTEST * size, within) if of == "half_plane" else Sectors(size, within)
+    return Decays(0.0, within) if of == "half_plane" else Sectors(1.0, within)
 
 
 def _proved(

@@ -12,10 +12,11 @@ from dataclasses import replace
 from polefence.base.errors import RegionError
 from polefence.design.requirements.specification import Specification
 from polefence.design.signals.search import Candidate, Task, candidate
-from polefence.design.tune.dynamic import filtered as filters
-from polefence.design.tune.search import Tuned, tune
-from polefence.law.laws import Law, PolynomialGain
+from polefence.design.tune.dynamic import beside_filters, filtered, observers
+from polefence.design.tune.search import Tuned, rough, tune
+from polefence.law.laws import Law
 from polefence.law.structure import Structure
+from polefence.plant.family import UncertainPlant
 from polefence.region.regions import Disk, Ellipse, HalfPlane, Region, Sector
 
 # How much tighter limits and region are asked for than they are to be proved, one after the other.
@@ -48,10 +49,32 @@ def _promising(found: Sequence[Tuned]) -> Iterator[Tuned]:
             yield own
 
 
-def filtered(task: Task, structure: Structure) -> tuple[PolynomialGain, ...]:
-    """Return laws whose states are filters of signals, within limits that are somewhat tighter."""
-    region = tighter(task.region, TIGHTER[0])
-    return filters(task.plant, structure, task.minimise, _tighter(task, TIGHTER[0]), region)
+def with_states(task: Task, structure: Structure, larger: UncertainPlant) -> Iterator[Law]:
+    """Yield laws with states of their own, of limits that are somewhat tighter: to start from.
+
+    The first is the best one without, so that nothing is lost by states.
+
+    Parameters
+    ----------
+    task, structure : Task, Structure
+        Of the law without its states.
+    larger : UncertainPlant
+        The plant with the law's states.
+    """
+    plant, order = task.plant, larger.shape[0] - task.plant.shape[0]
+    region, limits = tighter(task.region, TIGHTER[0]), _tighter(task, TIGHTER[0])
+    asked = task.minimise, limits, region
+    for own in tune(plant, structure, *asked)[:1]:
+        law = beside_filters(own.law, plant, larger, structure, task.region)
+        yield from [law] if law is not None and own.kept else []
+    own = replace(structure, order=order)
+    yield from filtered(plant, own, *asked)
+    whole = rough(plant, Structure(schedule=()), *asked)
+    least = () if task.minimise is None else (task.minimise,)
+    if whole is not None:
+        least = tuple(replace(each, at_most=whole.level) for each in least)
+    known = () if whole is None else (whole.law,)
+    yield from observers(plant, own, (*least, *limits), region, known)
 
 
 def _tighter(task: Task, share: float) -> tuple[Specification, ...]:

@@ -71,7 +71,11 @@ Evaluate = Callable[[Array], Rows | None]
 
 
 def descend(
-    evaluate: Evaluate, theta: Array, target: float = -np.inf, effort: Effort = FULL
+    evaluate: Evaluate,
+    theta: Array,
+    target: float = -np.inf,
+    effort: Effort = FULL,
+    penalty: float = PENALTY,
 ) -> tuple[Array, Rows] | None:
     """Return a local minimum and the rows there; None where nothing can be evaluated at first.
 
@@ -79,11 +83,13 @@ def descend(
     ----------
     target : float
         Where the level is below it, and all is kept, the search ends.
+    penalty : float
+        At first, of what is not kept, beside the level.
     """
     here = evaluate(theta)
     if here is None:
         return None
-    H, rho, reach = _first(here, theta), PENALTY, FIRST * max(1.0, float(np.abs(theta).max()))
+    H, rho, reach = _first(here, theta), penalty, FIRST * max(1.0, float(np.abs(theta).max()))
     fresh, merits = True, list[float]()
     for _ in range(effort.steps):
         merits.append(_merit(here, rho))

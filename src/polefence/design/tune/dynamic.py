@@ -1,8 +1,9 @@
-"""Laws with states of their own from gains of what is measured and of one signal filtered.
+"""Laws with states of their own, to start from: observers, and gains of filtered signals.
 
 All numbers of such a law at once are a hard search: most starts end where a state is of little use.
+A regulator with an observer of the middle of the family, reduced to the law's order, uses them all.
 With a filter that stays as it is, a slow one of an acceleration or a quick one of a position, the
-law is a plain gain of one signal more, and a good one is found: a start for all numbers.
+law is a plain gain of one signal more, and a good one is found.
 """
 
 from __future__ import annotations
@@ -15,17 +16,152 @@ from itertools import product
 import numpy as np
 
 from polefence.design.requirements.specification import Specification
-from polefence.design.tune.search import Tuned, tune
+from polefence.design.tune.search import Tuned, rough
+from polefence.design.tune.starts import (
+    EFFORTS,
+    FASTER,
+    FLOOR_NOISE,
+    cost_of,
+    decay_of,
+    middle,
+    shifted,
+    typical,
+)
 from polefence.law.laws import FixedGain, Law, PolynomialGain
 from polefence.law.structure import Structure
 from polefence.plant.family import UncertainPlant
 from polefence.plant.larger import with_dynamics
 from polefence.plant.outputs import padded, states
+from polefence.plant.system import Array
 from polefence.region.regions import Disk, HalfPlane, Region
+from polefence.response.modes import Modes
 
 SPEEDS = 0.3, 4.0  # a filter's pole, beside the slowest of the plant
 TRIED, FACTOR = 40, 1.3  # of poles, until one is in the region
 MOST = 4  # signals that are filtered, one after the other
+TINY = 1e-30
+SHIFTS = 0.0, 0.06, 0.2  # decay rates of observers, beside the slowest of the plant
+
+
+def observers(
+    plant: UncertainPlant,
+    structure: Structure,
+    asked: Sequence[Specification] = (),
+    region: Region | None = None,
+    known: Sequence[Law] = (),
+) -> tuple[FixedGain, ...]:
+    """Return laws of a structure's order that are regulators with observers of the middle.
+
+    Of an order below the plant's the states that matter most to the loop are kept, of one above it
+    the others filter what is measured.
+
+    Parameters
+    ----------
+    plant : UncertainPlant
+        Without the law's states.
+    structure : Structure
+        With its order; there are none for order zero.
+    asked : sequence of Specification
+        What is minimised, and limits: what the regulator is to keep small.
+    known : sequence of Law
+        Of all states: these have observers as well, and come first.
+
+    Returns
+    -------
+    tuple of FixedGain
+        Of the larger plant that `Structure.extended` returns.
+    """
+    if not structure.order or plant.sample_time is not None:
+        return ()
+    C = structure.rows(plant).mean(axis=0)
+    sizes = typical(plant, C)
+    larger, gain = structure.extended(plant)
+    whole = typical(larger, gain.rows(larger).mean(axis=0))
+    d, (A, B, E), u = sizes.states, middle(plant), sizes.inputs
+    y = np.sqrt(np.maximum(np.diag(C * d @ sizes.covariance @ (C * d).T), TINY))
+    A, B, C = A / d[:, None] * d, B / d[:, None] * u, C * d / y[:, None]
+    (n, m), N = B.shape, len(plant.vertices)
+    cost, noise = cost_of(plant, sizes, asked), np.zeros((n + len(C),) * 2)
+    cost *= (n + m) / (np.trace(cost) or 1.0)
+    for own in (own for own in asked if own.of_signal):
+        E = own.channel(plant, np.full((1, N), 1 / N)).E[0]
+    E = E / d[:, None]
+    noise[:n, :n] = E @ E.T / (np.trace(E @ E.T) or 1.0) * n + FLOOR_NOISE * np.eye(n)
+    slow = _slowest(plant)
+    shifts = dict.fromkeys((*(s * slow for s in SHIFTS), FASTER * decay_of(region or HalfPlane(0))))
+    gains = [law.gain(np.full((1, N), 1 / N))[0] * d / u[:, None] for law in known]
+    pairs = [(K, 0.0, effort) for K, effort in product(gains, EFFORTS)]
+    for shift, effort in product(shifts, EFFORTS):
+        pairs.append((shifted(A, B, cost, shift, effort, sizes.rate), shift, effort))
+    found = []
+    for K, shift, effort in pairs:
+        L = shifted(A.T, C.T * sizes.rate, noise, shift, effort, sizes.rate)
+        if K is None or L is None:
+            continue
+        L = L.T * sizes.rate
+        loop = np.block([[A, B @ K], [-L @ C, A + B @ K + L @ C]])
+        own = _reduced(loop, n, structure.order)
+        if own is not None:
+            T, U = own
+            parts = -U @ L, U @ loop[n:, n:] @ T, K @ T
+            found.append(_compensator(plant, whole.states[n:], parts, C, (d, u)))
+    return tuple(found)
+
+
+def _reduced(loop: Array, n: int, order: int) -> tuple[Array, Array] | None:
+    """Return T and U of x_c = T z, z = U x_c, of the states behind the first n that matter most."""
+    modes = Modes(loop[None])
+    if not np.all(modes.poles.real < 0):
+        return None
+    eye = np.eye(len(loop))[None]
+    X, Q = modes.lyapunov(eye)[0], modes.observed(eye)[0]
+    values, vectors = np.linalg.eigh(X[n:, n:])
+    root = vectors * np.sqrt(np.maximum(values, 1e-12 * values.max()))
+    _, turn = np.linalg.eigh(root.T @ Q[n:, n:] @ root)
+    size = np.sqrt(np.trace(X[:n, :n]) / n)
+    T = root @ turn[:, ::-1] / size
+    return T[:, :order], np.linalg.inv(T)[:order]
+
+
+def _compensator(
+    plant: UncertainPlant,
+    own: Array,
+    parts: tuple[Array, Array, Array],
+    C: Array,
+    units: tuple[Array, Array],
+) -> FixedGain:
+    """Return the gain of the larger plant that has B_c, A_c and C_c; further states filter y.
+
+    Parameters
+    ----------
+    own : (k,) array
+        Sizes of the law's states.
+    parts : tuple of array
+        B_c, A_c and C_c, of states, signals and inputs in their sizes.
+    C : (r, n) array
+        Of states and signals in their sizes.
+    units : tuple of array
+        Sizes of states and inputs.
+    """
+    (b, a, c), (d, u), k = parts, units, len(own)
+    (m, n), used = (len(c), C.shape[1]), len(a)
+    gains = np.zeros((m + k, n + k))
+    gains[:m, n : n + used] = c * u[:, None]
+    gains[m : m + used, :n] = b @ C / d
+    gains[m : m + used, n : n + used] = a
+    rates = np.geomspace(*SPEEDS, k)[used:] * _slowest(plant)
+    rest = np.arange(used, k)
+    gains[m + rest, :n] = rates[:, None] * C[rest % len(C)] / d
+    gains[m + rest, n + rest] = -rates
+    gains[m:] *= own[:, None]
+    gains[:, n:] /= own
+    return FixedGain(gains)
+
+
+def _slowest(plant: UncertainPlant) -> float:
+    """Return the slowest rate of the plant, but for what hardly moves by itself."""
+    speeds = np.abs(np.linalg.eigvals(plant.A)).ravel()
+    return float(speeds[speeds > 1e-3 * speeds.max()].min()) if speeds.max() > 0 else 1.0
 
 
 def filtered(
@@ -49,7 +185,8 @@ def filtered(
     Returns
     -------
     tuple of PolynomialGain
-        Of the larger plant and the gain that `Structure.extended` returns; that keep everything.
+        Of the larger plant and the gain that `Structure.extended` returns; that keep everything at
+        the corners of the family.
     """
     if not structure.order or plant.sample_time is not None:
         return ()
@@ -61,11 +198,10 @@ def filtered(
         label = f"{own.name}, filtered"
         larger = with_dynamics(plant, (own,), ((-pole,),), ((pole,),), (label,))
         static = _with_signal(structure, plant, label)
-        best = tune(larger, static, minimise, limits, region)[:1]
-        for each in best:
-            if each.kept:
-                law = _of_order(each, static, larger, structure, plant, i, float(pole))
-                found += [(each.level, law)] if law is not None else []
+        best = rough(larger, static, minimise, limits, region)
+        if best is not None:
+            law = _of_order(best, static, larger, structure, plant, i, float(pole))
+            found += [(best.level, law)] if law is not None else []
     return tuple(law for _, law in sorted(found, key=lambda each: each[0]))
 
 
@@ -113,9 +249,7 @@ def beside_filters(
 
 def _pole(plant: UncertainPlant, region: Region, speed: float) -> Fraction | None:
     """Return a filter's pole, its sign turned, that lies in the region; None where none does."""
-    speeds = np.abs(np.linalg.eigvals(plant.A)).ravel()
-    speeds = speeds[speeds > 1e-3 * speeds.max()] if speeds.max() > 0 else np.ones(1)
-    tried = [speed * float(speeds.min()) * FACTOR**k for k in range(TRIED)]
+    tried = [speed * _slowest(plant) * FACTOR**k for k in range(TRIED)]
     tried += [-part.centre for part in region.parts if isinstance(part, Disk)]
     for pole in tried:
         if region.distance(np.array([-pole + 0j]))[0] < -1e-3 * pole:

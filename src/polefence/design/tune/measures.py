@@ -88,6 +88,12 @@ class Task:
         first = (self.minimise,) if isinstance(self.minimise, Specification) else ()
         return (*first, *self.limits)
 
+    def unit(self, level: float) -> float:
+        """Return what a level is measured in; a decay rate about zero in a rate of the plant."""
+        own = self.minimise
+        rated = isinstance(own, tuple) and not any(np.any(side.M1) for side in own)
+        return max(abs(level), self.sizes.rate) if rated else abs(level) or 1.0
+
     def at(self, alpha: Array) -> Points:
         """Return what is asked at points alpha (count, N)."""
         d = self.unknowns.states

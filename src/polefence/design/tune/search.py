@@ -35,6 +35,8 @@ INSIDE, ON_EDGES = 160, 3  # points of the cloud: in the family, and on each edg
 MOST_CORNERS, MOST_CLOUD = 16, 600
 SMOOTH = 10.0, 300.0, 1e4  # kappa, one after the other, before poles themselves
 RANDOM, SEED = 4, 20261122  # starts at random
+STRICT = 1e5  # of what is not quite kept at the end
+ENOUGH = 4  # laws that are given, beside which the search has no starts of its own
 BEST, LAST = 3, 2  # starts that are followed at the corners, and over the family
 ROUNDS, MORE = 10, 1e-4  # of added points, and by how much one must be worse
 HALVINGS = 7  # of the steps of a search for the worst point
@@ -104,6 +106,22 @@ def tune(
         If the structure or a specification does not fit the plant.
     """
     return _run(_task(plant, structure, minimise, tuple(limits), region), starts)
+
+
+def rough(
+    plant: UncertainPlant,
+    structure: Structure,
+    minimise: Specification | None,
+    limits: Sequence[Specification] = (),
+    region: Region | None = None,
+    starts: Sequence[Law] = (),
+) -> Tuned | None:
+    """Return what the best start of `tune` leads to at the corners: for starts of another search.
+
+    None where that keeps not even these.
+    """
+    task = _task(plant, structure, minimise, tuple(limits), region)
+    return _Search(task).rough(starts)
 
 
 def tune_region(
@@ -216,7 +234,7 @@ class _Search:
         nothing = self.task.unknowns.law(np.zeros(self.task.unknowns.size))
         if self.task.minimise is None and (own := self._given(nothing)).kept:
             return [own]
-        quick = [self._improved(theta, self.first, QUICK) for theta in self._starts(laws)]
+        quick = self._quick(laws)
         reached = [
             min(self._improved(own.theta, self.first), own, key=attrgetter("rank"))
             for own in _distinct(quick)[:BEST]
@@ -226,11 +244,26 @@ class _Search:
         found += [own for own in given if own.kept]
         return sorted(found, key=lambda own: (not own.kept, own.level))
 
+    def rough(self, laws: Sequence[Law]) -> Tuned | None:
+        """Return what the best start leads to at the corners, None where it does not keep them."""
+        for own in _distinct(self._quick(laws))[:1]:
+            best = min(self._improved(own.theta, self.first), own, key=attrgetter("rank"))
+            if best.excess <= FEASIBLE:
+                law = self.task.unknowns.law(best.theta)
+                return Tuned(law, best.level, self.first.alpha[0], True, "")
+        return None
+
+    def _quick(self, laws: Sequence[Law]) -> list[_Reached]:
+        """Return what all starts lead to at the corners in a few steps."""
+        return [self._improved(theta, self.first, QUICK) for theta in self._starts(laws)]
+
     def _starts(self, laws: Sequence[Law]) -> list[Array]:
         task, own = self.task, self.task.unknowns
         alpha = self.cloud.alpha[:: max(1, len(self.cloud.alpha) // FEW)]
         few, root = own.at(alpha), _root(task.sizes.covariance)
         gains = [np.asarray(law.gain(alpha)) * own.states for law in laws]
+        if len(gains) >= ENOUGH:
+            return [few.nearest(K, root) for K in gains]
         some = regulators(task.plant, task.sizes, task.region, task.requirements)
         gains += [np.broadcast_to(K, (len(alpha), *K.shape)) for K in some]
         found = [few.nearest(K, root) for K in gains]
@@ -256,6 +289,14 @@ class _Search:
                 return _Reached(theta, points, rows.level, self._level(points, theta))
         theta = self._lowered(theta, points, effort, smooth)
         last = points.rows(theta, LIMITS)
+        if last is not None and last.level > FEASIBLE:
+            evaluate = partial(
+                points.rows, phase=LEVEL, unit=self.task.unit(self._level(points, theta))
+            )
+            found = descend(evaluate, theta, effort=QUICK, penalty=STRICT)
+            if found is not None:
+                theta = found[0]
+                last = points.rows(theta, LIMITS)
         return _Reached(theta, points, last.level if last else np.inf, self._level(points, theta))
 
     def _lowered(
@@ -264,7 +305,7 @@ class _Search:
         """Return where the level is least, of numbers that keep everything."""
         of_poles = isinstance(self.task.minimise, tuple)
         for kappa in (*smooth, None) if of_poles else (None,) * SCALINGS:
-            unit = abs(self._level(points, theta)) or 1.0
+            unit = self.task.unit(self._level(points, theta))
             early = of_poles and kappa != smooth[-1] and effort is FULL
             most = EARLY if early else effort
             evaluate = partial(points.rows, phase=LEVEL, unit=unit, kappa=kappa)

@@ -45,6 +45,17 @@ class Curve:
         powers = np.asarray(r)[..., None] ** np.arange(3)
         return powers[..., : len(self.a)] @ self.a, powers[..., : len(self.b)] @ self.b
 
+    def powers(self, z: Array) -> list[Any]:
+        """Return the coefficients of a + b z_i + b' z_j' + e z_i z_j', lowest power of r first."""
+        left, right = z[:, :, None], z.conj()[:, None, :]
+        found = []
+        for k in range(max(len(self.a), len(self.b))):
+            own = complex(self.a[k]) if k < len(self.a) else 0j
+            b = self.b[k] if k < len(self.b) else 0.0
+            found.append(own + b * left + np.conj(b) * right)
+        found[0] = found[0] + self.e * left * right
+        return found
+
     def turn(self, r: Array) -> tuple[Any, Any]:
         """Return their derivatives."""
         a = sum(k * x * r ** (k - 1) for k, x in enumerate(self.a) if k)
@@ -82,22 +93,22 @@ def smooth_growth(side: Side, curve: Curve, modes: Modes, kappa: float) -> tuple
     z, V, U = modes.poles, modes.right, modes.left
     up, down = np.swapaxes(V.conj(), 1, 2), np.swapaxes(U.conj(), 1, 2)
     P, G, n = U @ down, up @ V, z.shape[1]
-    S = (P * np.swapaxes(G, 1, 2)).real * curve.s, (P * np.swapaxes(G, 1, 2)).imag * curve.s
+    S = P * np.swapaxes(G, 1, 2) * curve.s
+    powers = curve.powers(z)
 
     def inside(r: Array) -> Any:
-        a, b = curve.at(r)
-        b = b[:, None] * z
-        e = curve.e * z[:, :, None] * z.conj()[:, None, :]
-        return a[:, None, None] + b[:, :, None] + b.conj()[:, None, :] + e
+        found = powers[-1]
+        for own in powers[-2::-1]:
+            found = found * r[:, None, None] + own
+        return found
 
     def trace(r: Array) -> Array:
-        with np.errstate(all="ignore"):
-            D = -1 / inside(r)
-            return np.asarray((S[0] * D.real - S[1] * D.imag).sum(axis=(1, 2)))
+        return np.asarray(-(S / inside(r)).real.sum(axis=(1, 2)))
 
     upper = np.where(z.imag >= 0, z, z.conj())
     low = growth(side, upper)[0].max(axis=1)
-    r = _least(trace, low, kappa * n)
+    with np.errstate(all="ignore"):
+        r = _least(trace, low, kappa * n)
     _, b = curve.at(r)
     D = inside(r)
     X = V @ (curve.s * P / -D) @ up

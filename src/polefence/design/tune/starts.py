@@ -15,6 +15,7 @@ from polefence.response.discrete import balancing
 from polefence.response.modes import Modes
 
 EFFORTS = (1.0, 1e-3, 1e3)  # what inputs cost beside states
+FASTER = 1.2  # than the region asks for
 FLOOR = 1e-3  # of a size, beside the largest in balanced units
 FLOOR_NOISE = 1e-2  # on every state, beside the plant's own noise
 
@@ -58,7 +59,8 @@ def typical(plant: UncertainPlant, measured: Array) -> Sizes:
     n, m = B.shape
     d = _even(A, B, measured)
     A, B, E = A / d[:, None] * d, B / d[:, None], E / d[:, None]
-    poles = np.abs(np.linalg.eigvals(A))
+    moved = A.any(axis=0) | A.any(axis=1) | ~A.any()  # a law's own states have no rate yet
+    poles = np.abs(np.linalg.eigvals(A[moved][:, moved]))
     rate = float(np.exp(np.log(np.maximum(poles, 1e-3 * max(poles.max(), 1e-30))).mean()))
     rate = rate if rate > 1e-20 else 1.0
     pushes = np.linalg.norm(B, axis=0)
@@ -135,29 +137,52 @@ def regulators(
             yield from (K * u[:, None] for K in each if K is not None)
     if plant.sample_time is not None:
         return
-    cost = _cost(plant, sizes, asked)
-    decay = max((part.scale for part in region.parts if isinstance(part, HalfPlane)), default=0.0)
-    for shift in dict.fromkeys((0.0, 1.2 * decay)):
+    cost = cost_of(plant, sizes, asked)
+    for shift in dict.fromkeys((0.0, FASTER * decay_of(region))):
         for effort in EFFORTS:
-            R = cost[n:, n:] + 1e-3 * effort * np.eye(m)
-            Q = cost[:n, :n] + 1e-3 * np.eye(n)
-            turned = (A + shift * np.eye(n)) / sizes.rate
-            K = regulator(turned, B / sizes.rate, Q, R, cost[:n, n:])
+            K = shifted(A, B, cost, shift, effort, sizes.rate)
             if K is not None:
                 yield K * u[:, None]
 
 
-def _cost(plant: UncertainPlant, sizes: Sizes, asked: Sequence[Specification]) -> Array:
-    """Return weights of states and inputs, in their sizes: of the signals that are asked for."""
+def decay_of(region: Region) -> float:
+    """Return the decay rate that a region asks for."""
+    return max((part.scale for part in region.parts if isinstance(part, HalfPlane)), default=0.0)
+
+
+def shifted(
+    A: Array, B: Array, cost: Array, shift: float, effort: float, rate: float
+) -> Array | None:
+    """Return the gain of least cost of loops that decay faster than a shift; None where none does.
+
+    Parameters
+    ----------
+    cost : (n + m, n + m) array
+        Of states and inputs; a thousandth of one is added, for inputs as much more as effort says.
+    rate : float
+        Typical of A [1/s].
+    """
+    n, m = B.shape
+    R = cost[n:, n:] + 1e-3 * effort * np.eye(m)
+    Q = cost[:n, :n] + 1e-3 * np.eye(n)
+    return regulator((A + shift * np.eye(n)) / rate, B / rate, Q, R, cost[:n, n:])
+
+
+def cost_of(plant: UncertainPlant, sizes: Sizes, asked: Sequence[Specification]) -> Array:
+    """Return weights of states and inputs, in their sizes: of the signals that are asked for.
+
+    One at its limit counts as one; where not all have a limit, one of its typical size.
+    """
     n, m = plant.shape
     N = len(plant.vertices)
     found = np.zeros((n + m, n + m))
+    limited = all(own.at_most for own in asked)
     for own in asked:
         channel = own.channel(plant, np.full((1, N), 1 / N))
         if not own.of_signal:
             continue
         rows = np.hstack([channel.C[0] * sizes.states, channel.D[0] * sizes.inputs])
         spread = rows[:, :n] @ sizes.covariance @ rows[:, :n].T + rows[:, n:] @ rows[:, n:].T
-        size = float(np.trace(spread)) or 1.0
+        size = own.at_most**2 if limited and own.at_most else float(np.trace(spread)) or 1.0
         found += rows.T @ rows / size
     return found if asked else np.eye(n + m)

@@ -92,7 +92,8 @@ def tightest_command(options: Any) -> int:
             "note: a disk bounds the poles' speed, or gains would be without bound; choose"
         )
         disk = next(part for part in design.region.parts[::-1] if isinstance(part, Disk))
-        own = replace(disk, radius=float(f"{0.95 * disk.radius:.2g}"))
+        half = float(f"{disk.radius / 2:.2g}")
+        own = replace(disk, centre=-half, radius=half)
         lines.append(f"your own, such as --within '{short_text(own)}'")
     if design.unrunnable is not None:
         lines.append(

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from polefence.plant.system import Array
+from polefence.response.modes import Modes
 
 GRID = 24  # frequencies between the slowest and the fastest rate, besides the poles' own
 NEAR, MOST = 0.5, 5  # peaks that count: this share of the highest, so many a loop
@@ -14,6 +15,7 @@ ZOOMS, POINTS = 7, 7  # into each peak
 CLOSE = 1e-7  # to which the highest is one, relative
 ON_AXIS = 1e-7  # real part of an eigenvalue that is imaginary, relative
 CLIMBS = 8
+AGREED = 1e-9  # of responses by modes, relative
 SAME, ONE = 1e-6, 1e-2  # frequencies of a grid, and of peaks, that are one, relative
 
 
@@ -33,7 +35,7 @@ def largest(G: Any) -> Array:
     return np.asarray(np.linalg.norm(G, 2, axis=(-2, -1)))
 
 
-def peaks(A: Array, E: Array, C: Array, F: Array, poles: Any) -> tuple[Array, Array, Array]:
+def peaks(modes: Modes, E: Array, C: Array, F: Array) -> tuple[Array, Array, Array]:
     """Return peaks of the largest singular value: their loops, frequencies [rad/s], and heights.
 
     Of each loop the highest, and others near it in height. That no other is higher is decided by
@@ -41,15 +43,11 @@ def peaks(A: Array, E: Array, C: Array, F: Array, poles: Any) -> tuple[Array, Ar
 
     Parameters
     ----------
-    A, E, C, F : (count, n, n), (count, n, q), (count, p, n), (count, p, q) arrays
-        A stable.
-    poles : (count, n) complex array
-        Eigenvalues of A.
+    modes : Modes
+        Of stable A (count, n, n).
+    E, C, F : (count, n, q), (count, p, n), (count, p, q) arrays
     """
-
-    def height(w: Array, some: Any = slice(None)) -> Array:
-        return largest(response(A[some], E[some], C[some], F[some], w))
-
+    A, poles, height = modes.A, modes.poles, _height(modes, E, C, F)
     grid = _grid(poles)
     loops, w, top = _climbed(height, grid, height(grid), np.arange(len(A)))
     for _ in range(CLIMBS):
@@ -83,6 +81,31 @@ def peaks(A: Array, E: Array, C: Array, F: Array, poles: Any) -> tuple[Array, Ar
             some.append(int(k))
     some.sort(key=lambda k: (loops[k], w[k]))
     return loops[some], w[some], top[some]
+
+
+def _height(modes: Modes, E: Array, C: Array, F: Array) -> Any:
+    """Return the largest singular value as a function of frequencies (count, f), and of loops.
+
+    A sum over the modes; of matrices whose eigenvectors are too near to one another, solved.
+    """
+    poles, left, right = modes.poles, C @ modes.right, modes.left @ E
+
+    def solved(w: Array, some: Any = slice(None)) -> Array:
+        return largest(response(modes.A[some], E[some], C[some], F[some], w))
+
+    def summed(w: Array, some: Any = slice(None)) -> Array:
+        with np.errstate(all="ignore"):
+            each = 1 / (1j * w[:, :, None] - poles[some][:, None])
+            if left.shape[1] == right.shape[2] == 1:
+                G = (each @ (left[some, 0] * right[some, :, 0])[:, :, None])[..., None]
+            else:
+                G = (left[some][:, None] * each[:, :, None]) @ right[some][:, None]
+        return largest(G + F[some][:, None])
+
+    w = np.abs(poles)
+    known = solved(w)
+    agreed = np.abs(summed(w) - known) <= AGREED * known.max(axis=1, keepdims=True)
+    return summed if np.all(agreed) else solved
 
 
 def _grid(poles: Any) -> Array:

@@ -101,7 +101,7 @@ class Gain(Specification):
     def slopes(self, loops: Loops) -> Slopes:
         """Return peaks of the largest singular value with their slopes."""
         A, E, C, F = loops.A, loops.E, loops.C, loops.F
-        points, w, _ = peaks(A, E, C, F, loops.modes.poles)
+        points, w, _ = peaks(loops.modes, E, C, F)
         A, E, C, F = (M[points] for M in (A, E, C, F))
         G = response(A, E, C, F, w[:, None])[:, 0]
         u, values, vt = np.linalg.svd(G, full_matrices=False)

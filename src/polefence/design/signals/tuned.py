@@ -64,17 +64,18 @@ def with_states(task: Task, structure: Structure, larger: UncertainPlant) -> Ite
     plant, order = task.plant, larger.shape[0] - task.plant.shape[0]
     region, limits = tighter(task.region, TIGHTER[0]), _tighter(task, TIGHTER[0])
     asked = task.minimise, limits, region
-    for own in tune(plant, structure, *asked)[:1]:
-        law = beside_filters(own.law, plant, larger, structure, task.region)
-        yield from [law] if law is not None and own.kept else []
+    for found in tune(plant, structure, *asked)[:1]:
+        law = beside_filters(found.law, plant, larger, structure, task.region)
+        yield from [law] if law is not None and found.kept else []
     own = replace(structure, order=order)
     yield from filtered(plant, own, *asked)
     whole = rough(plant, Structure(schedule=()), *asked)
-    least = () if task.minimise is None else (task.minimise,)
-    if whole is not None:
-        least = tuple(replace(each, at_most=whole.level) for each in least)
+    wanted = list(limits)
+    if task.minimise is not None:
+        most = None if whole is None else whole.level
+        wanted.append(replace(task.minimise, at_most=most))
     known = () if whole is None else (whole.law,)
-    yield from observers(plant, own, (*least, *limits), region, known)
+    yield from observers(plant, own, wanted, region, known)
 
 
 def _tighter(task: Task, share: float) -> tuple[Specification, ...]:

@@ -9,7 +9,7 @@ law is a plain gain of one signal more, and a good one is found.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from fractions import Fraction
 from itertools import product
 
@@ -21,6 +21,7 @@ from polefence.design.tune.starts import (
     EFFORTS,
     FASTER,
     FLOOR_NOISE,
+    Sizes,
     cost_of,
     decay_of,
     middle,
@@ -36,11 +37,12 @@ from polefence.plant.system import Array
 from polefence.region.regions import Disk, HalfPlane, Region
 from polefence.response.modes import Modes
 
+NEAREST = 6  # observers to the region, at the vertices
+SHIFTS = 0.0, 0.06, 0.2  # decay rates of observers, beside the slowest of the plant
+TINY = 1e-30
 SPEEDS = 0.3, 4.0  # a filter's pole, beside the slowest of the plant
 TRIED, FACTOR = 40, 1.3  # of poles, until one is in the region
 MOST = 4  # signals that are filtered, one after the other
-TINY = 1e-30
-SHIFTS = 0.0, 0.06, 0.2  # decay rates of observers, beside the slowest of the plant
 
 
 def observers(
@@ -52,8 +54,10 @@ def observers(
 ) -> tuple[FixedGain, ...]:
     """Return laws of a structure's order that are regulators with observers of the middle.
 
-    Of an order below the plant's the states that matter most to the loop are kept, of one above it
-    the others filter what is measured.
+    They are the middle's own, some that decay faster, and laws of all states that are known, with
+    quick and slow observers; of these those nearest to the region over the family. Of an order
+    below the plant's the states that matter most to the loop are kept, of one above it the others
+    filter what is measured.
 
     Parameters
     ----------
@@ -73,39 +77,96 @@ def observers(
     """
     if not structure.order or plant.sample_time is not None:
         return ()
-    C = structure.rows(plant).mean(axis=0)
-    sizes = typical(plant, C)
+    region = region or HalfPlane(0.0)
     larger, gain = structure.extended(plant)
-    whole = typical(larger, gain.rows(larger).mean(axis=0))
-    d, (A, B, E), u = sizes.states, middle(plant), sizes.inputs
-    y = np.sqrt(np.maximum(np.diag(C * d @ sizes.covariance @ (C * d).T), TINY))
-    A, B, C = A / d[:, None] * d, B / d[:, None] * u, C * d / y[:, None]
-    (n, m), N = B.shape, len(plant.vertices)
-    cost, noise = cost_of(plant, sizes, asked), np.zeros((n + len(C),) * 2)
-    cost *= (n + m) / (np.trace(cost) or 1.0)
-    for own in (own for own in asked if own.of_signal):
-        E = own.channel(plant, np.full((1, N), 1 / N)).E[0]
+    own = typical(larger, gain.rows(larger).mean(axis=0)).states[plant.shape[0] :]
+    even = np.full((1, len(plant.vertices)), 1 / len(plant.vertices))
+    sizes = typical(plant, structure.rows(plant).mean(axis=0))
+    parts = _scaled(plant, structure, sizes, asked, even)
+    K = [law.gain(even)[0] * sizes.states / sizes.inputs[:, None] for law in known]
+    shifts = (*(s * _slowest(plant) for s in SHIFTS), FASTER * decay_of(region))
+    pairs = [(each, 0.0, effort) for each, effort in product(K, EFFORTS)]
+    pairs += [(None, *each) for each in product(dict.fromkeys(shifts), EFFORTS)]
+    laws = (_observer(plant, own, structure.order, sizes, parts, pair) for pair in pairs)
+
+    def outside(law: FixedGain) -> float:
+        each = (np.linalg.eigvals(v.A + v.B @ law.K) for v in larger.vertices)
+        return max(float(region.distance(poles).max()) for poles in each)
+
+    return tuple(sorted((law for law in laws if law is not None), key=outside)[:NEAREST])
+
+
+@dataclass(frozen=True, eq=False)
+class _Middle:
+    """The middle of a family, states, inputs and signals in their sizes.
+
+    Attributes
+    ----------
+    A, B, C : (n, n), (n, m), (r, n) arrays
+    cost, noise : (n + m, n + m), (n + r, n + r) arrays
+        Weights of a regulator, and intensities of an observer.
+    """
+
+    A: Array
+    B: Array
+    C: Array
+    cost: Array
+    noise: Array
+
+
+def _scaled(
+    plant: UncertainPlant,
+    structure: Structure,
+    sizes: Sizes,
+    asked: Sequence[Specification],
+    even: Array,
+) -> _Middle:
+    """Return the middle, with weights of what is asked and the noise that this is of."""
+    (A, B, E), d = middle(plant), sizes.states
+    C = structure.rows(plant).mean(axis=0) * d
+    y = np.sqrt(np.maximum(np.diag(C @ sizes.covariance @ C.T), TINY))
+    A, B, C = A / d[:, None] * d, B / d[:, None] * sizes.inputs, C / y[:, None]
+    (n, m), r = B.shape, len(C)
+    cost, noise = cost_of(plant, sizes, asked), np.zeros((n + r, n + r))
+    for each in (each for each in asked if each.of_signal):
+        E = each.channel(plant, even).E[0]
     E = E / d[:, None]
     noise[:n, :n] = E @ E.T / (np.trace(E @ E.T) or 1.0) * n + FLOOR_NOISE * np.eye(n)
-    slow = _slowest(plant)
-    shifts = dict.fromkeys((*(s * slow for s in SHIFTS), FASTER * decay_of(region or HalfPlane(0))))
-    gains = [law.gain(np.full((1, N), 1 / N))[0] * d / u[:, None] for law in known]
-    pairs = [(K, 0.0, effort) for K, effort in product(gains, EFFORTS)]
-    for shift, effort in product(shifts, EFFORTS):
-        pairs.append((shifted(A, B, cost, shift, effort, sizes.rate), shift, effort))
-    found = []
-    for K, shift, effort in pairs:
-        L = shifted(A.T, C.T * sizes.rate, noise, shift, effort, sizes.rate)
-        if K is None or L is None:
-            continue
-        L = L.T * sizes.rate
-        loop = np.block([[A, B @ K], [-L @ C, A + B @ K + L @ C]])
-        own = _reduced(loop, n, structure.order)
-        if own is not None:
-            T, U = own
-            parts = -U @ L, U @ loop[n:, n:] @ T, K @ T
-            found.append(_compensator(plant, whole.states[n:], parts, C, (d, u)))
-    return tuple(found)
+    return _Middle(A, B, C, cost * (n + m) / (np.trace(cost) or 1.0), noise)
+
+
+def _observer(
+    plant: UncertainPlant,
+    own: Array,
+    order: int,
+    sizes: Sizes,
+    at: _Middle,
+    pair: tuple[Array | None, float, float],
+) -> FixedGain | None:
+    """Return a regulator with its observer, both of a shift and an effort; None where none is.
+
+    Parameters
+    ----------
+    own : (order,) array
+        Sizes of the law's states.
+    pair : tuple
+        The regulator's gain, None for that of least cost; shift and effort.
+    """
+    A, B, C, rate = at.A, at.B, at.C, sizes.rate
+    K, shift, effort = pair
+    if K is None:
+        K = shifted(A, B, at.cost, shift, effort, rate)
+    L = shifted(A.T, C.T * rate, at.noise, shift, effort, rate)
+    if K is None or L is None:
+        return None
+    L = L.T * rate
+    loop = np.block([[A, B @ K], [-L @ C, A + B @ K + L @ C]])
+    found = _reduced(loop, len(A), order)
+    if found is None:
+        return None
+    T, U = found
+    parts = -U @ L, U @ loop[len(A) :, len(A) :] @ T, K @ T
+    return _compensator(plant, own, parts, C, (sizes.states, sizes.inputs))
 
 
 def _reduced(loop: Array, n: int, order: int) -> tuple[Array, Array] | None:

@@ -128,7 +128,7 @@ def regulators(
     """
     A, B, _ = middle(plant)
     d, u = sizes.states, sizes.inputs
-    n, m = B.shape
+    n = len(A)
     A, B = A / d[:, None] * d, B / d[:, None] * u
     for part in region.parts:
         if isinstance(part, Disk):

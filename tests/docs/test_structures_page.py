@@ -4,19 +4,33 @@ from __future__ import annotations
 
 import re
 import shlex
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from polefence import load_structure
+from polefence import FixedGain, HalfPlane, analyse, load_specifications, load_structure
 from polefence.cli.main import main
-from polefence.examples import spec_text
+from polefence.design.signals.bounds import kept_bound
+from polefence.examples import spec_path, spec_text
 from polefence.law.structure import Structure
 from polefence.plant.spec import load
 from support.paths import DOCS
 
 PAGE = (DOCS / "structures.md").read_text()
 HARDWARE, PI = re.findall(r"```toml\n(.*?)```", PAGE, re.DOTALL)
+
+
+def block(name):
+    """The console block of a command on a file of that name."""
+    found = re.findall(r"```console\n(.*?)```", PAGE, re.DOTALL)
+    return next(text for text in found if f" {name}" in text)
+
+
+def law(shown):
+    """The gain that a block shows."""
+    rows = re.search(r"^  K = \[(.*)\]$", shown, re.MULTILINE)[1].split(";")
+    return np.array([[*map(float, row.split())] for row in rows])
 
 
 @pytest.fixture
@@ -62,7 +76,7 @@ def test_every_key_has_its_row():
 
 def test_the_command_prints_about_what_the_page_shows(spec, capsys):
     """Digits of a search that is not convex are those of a machine: a bound is near the page's."""
-    (shown,) = re.findall(r"```console\n(.*?)```", PAGE, re.DOTALL)
+    shown = block("ride.toml")
     command = next(line for line in shown.splitlines() if " optimise " in line)
     assert main(shlex.split(command)[2:]) == 0
     said = capsys.readouterr().out
@@ -70,3 +84,43 @@ def test_the_command_prints_about_what_the_page_shows(spec, capsys):
     row = re.compile(r"rms of sprung-mass acceleration \[m/s2\] +([0-9.]+) +([0-9.]+)")
     (page,), (here,) = row.findall(shown), row.findall(said)
     assert [*map(float, here)] == pytest.approx([*map(float, page)], rel=2e-3)
+
+
+def classic(name):
+    """The plant of an example with its law's states, and the structure of that law's gain."""
+    plant, structure = load(spec_path(name)), load_structure(spec_path(name))
+    return *structure.extended(plant), structure.order
+
+
+def test_the_compensator_of_the_two_masses_decays_as_the_page_says():
+    shown = block("two.toml")
+    plant, _, _ = classic("two-masses")
+    decay = float(re.search(r"decay rate ([0-9.]+)", shown)[1]) - 1e-4  # the page rounds
+    K = FixedGain(law(shown))
+    assert decay > 0.25
+    assert analyse(plant, K, HalfPlane(decay)).proved
+    alpha = np.random.default_rng(5).dirichlet([1, 1], 1000)
+    A, B = plant.at(alpha)
+    assert np.linalg.eigvals(A + B @ K.K).real.max() < -decay
+    # of the position alone, and of the law's states
+    assert not np.any(K.K[:, [0, 2, 3]])
+
+
+def test_the_law_of_the_suspension_keeps_its_gains():
+    shown = block("car.toml")
+    plant, gain, order = classic("active-suspension")
+    own = gain.law(plant, law(shown)[None])
+    least, (limit,) = load_specifications(spec_path("active-suspension"))
+    assert analyse(plant, own, HalfPlane(0.99)).proved
+    (page,) = re.findall(r"gain of suspension deflection \[.*\] +([0-9.]+)", shown)
+    asked = replace(least.extended(5, order), at_most=1.03 * float(page))
+    assert kept_bound(plant, own, asked) is not None
+    alpha = np.random.default_rng(6).dirichlet([1, 1], (500, 2))
+    alpha = np.array([np.kron(*each) for each in alpha])
+    worst = least.extended(5, order).values(plant, own, alpha).max()
+    assert 0.97 * float(page) < worst <= 1.001 * float(page)
+    assert limit.extended(5, order).values(plant, own, alpha).max() <= 16 * 1.001
+    passive = least.values(
+        load(spec_path("active-suspension")), FixedGain(np.zeros((1, 5))), np.eye(4)
+    )
+    assert passive.max() == pytest.approx(0.396, abs=5e-4)

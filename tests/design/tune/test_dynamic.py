@@ -1,4 +1,4 @@
-"""Starts of laws with states: filters that stay as they are, seen by a plain gain."""
+"""Starts of laws with states: observers, and filters that stay as they are, seen by a gain."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from polefence import HalfPlane, Structure, UncertainPlant
-from polefence.design.tune.dynamic import filtered
+from polefence.design.tune.dynamic import filtered, observers
 from polefence.design.tune.search import tune
 from polefence.plant.spec import loads
 from support.specs import TWO_STATES, rms
@@ -52,3 +52,47 @@ def test_there_are_none_without_states_or_in_discrete_time(plant):
     assert filtered(plant, Structure(("x",)), rms("x")) == ()
     discrete = UncertainPlant.from_vertices([[[0.5]]], [[[1.0]]], sample_time=1)
     assert filtered(discrete, Structure(order=1), None) == ()
+
+
+def masses(k=None):
+    """Two masses and a spring, force on the first; the position of the second is measured."""
+    stiff = (0.5, 2.0) if k is None else (k, k)
+    A = [[[0, 0, 1, 0], [0, 0, 0, 1], [-x, x, 0, 0], [x, -x, 0, 0]] for x in stiff]
+    return UncertainPlant.from_vertices(A, [[[0.0], [0.0], [1.0], [0.0]]] * 2)
+
+
+def loops(plant, structure, laws):
+    larger, _ = structure.extended(plant)
+    return [[v.A + v.B @ law.K for v in larger.vertices] for law in laws]
+
+
+@pytest.mark.parametrize("order", [4, 6])
+def test_of_a_plant_that_is_known_an_observer_of_full_order_keeps_the_region(order):
+    plant, own = masses(k=1.0), Structure(("x2",), (), order=order)
+    laws = observers(plant, own, (), REGION)
+    assert laws
+    inside = [
+        REGION.distance(np.linalg.eigvals(both[0])).max() < 0 for both in loops(plant, own, laws)
+    ]
+    assert any(inside)
+    for law in laws:
+        # of the position alone; states beyond the plant's are filters that do nothing
+        assert not np.any(law.K[:, [0, 2, 3]])
+        assert not np.any(law.K[:5, 8:])
+        assert np.all(np.diag(law.K[5:, 8:]) < 0)
+
+
+def test_an_observer_of_the_middle_is_stable_there_and_reduced_to_the_order():
+    plant = masses()
+    for order in (2, 3, 4):
+        own = Structure(("x2",), (), order=order)
+        larger, gain = own.extended(plant)
+        A, B = larger.at(np.array([[0.5, 0.5]]))
+        laws = observers(plant, own, (), None)
+        poles = [np.linalg.eigvals(A[0] + B[0] @ law.K) for law in laws]
+        assert min(each.real.max() for each in poles) < 0
+        assert gain.rows(larger).shape[1] == order + 1
+
+
+def test_there_are_no_observers_without_states():
+    assert observers(masses(), Structure(("x2",), ())) == ()

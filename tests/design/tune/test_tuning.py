@@ -150,6 +150,7 @@ def test_a_region_of_every_part_is_kept(region, plant):
 GOALS = [
     (Disks(-2), lambda z: np.abs(z + 2)),
     (Decays(3), lambda z: 3 + z.real),
+    (Decays(0), lambda z: z.real),
     (Sectors(1), lambda z: np.where(z.real < 0, np.abs(z.imag) / np.abs(z.real - 1e-30), np.inf)),
 ]
 
@@ -164,7 +165,17 @@ def test_regions_are_smaller_than_any_gain_of_a_grid_has_them(goal, r, plant):
     each = np.linspace(-12, 12, 49)
     gains = np.array([[[a, b]] for a in each for b in each])
     loops = A + B @ gains[:, None]
-    assert own.level <= r(np.linalg.eigvals(loops)).max(axis=(1, 2)).min() * (1 + 1e-3) + 1e-6
+    least = r(np.linalg.eigvals(loops)).max(axis=(1, 2)).min()
+    assert own.level <= least + 1e-3 * abs(least) + 1e-6
+
+
+def test_a_decay_rate_is_found_in_any_unit_of_time(plant):
+    slow = pf.UncertainPlant.from_vertices(plant.A / 1024, plant.B / 1024)
+    own = [
+        tune_region(each, Structure(schedule=(), largest_gain=12.0), Decays(0))[0].level
+        for each in (plant, slow)
+    ]
+    assert own[1] * 1024 == pytest.approx(own[0], rel=5e-3)
 
 
 def test_a_pattern_holds():

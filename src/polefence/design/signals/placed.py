@@ -137,12 +137,18 @@ def tightest(
     bare, (plant, gain) = plant, _extended(plant, structure, within)
     if of != "disk":
         within = bounded(within, lmi.SPEED * typical_rate(plant.A))
-    starts = observers(bare, structure, (), within)
-    found = tune_region(plant, gain, _goal(of, centre, within), (), starts)
-    for law in (each.law for each in found if each.kept):
-        design = _proved(plant, law, of, centre, within)
-        if design is not None:
-            return design
+    starts = list[Law](observers(bare, structure, (), within))
+    for share in (0.0, *TIGHTER) if within is not None else (0.0,):
+        asked = None if within is None else tighter(within, share)
+        found = tune_region(plant, gain, _goal(of, centre, asked), (), starts)
+        kept = [own.law for own in found if own.kept]
+        for law in kept:
+            design = _proved(plant, law, of, centre, within)
+            if design is not None:
+                return design
+        if not kept:
+            break
+        starts += kept[:1]
     raise NotProvedError(f"no {gain.words(plant)} was found of which a {of} is proved")
 
 

@@ -141,16 +141,6 @@ def minimised(said, command):
     return float(NUMBER.findall(line)[0])
 
 
-def test_fewer_limits_are_no_worse(said):
-    """Of the third command's limits all but one are left out."""
-    spec = said[0] / "ride.toml"
-    least, limits = load_specifications(spec)
-    one = pf.optimise(
-        load(spec), least, limits[:1], HalfPlane(1) & Sector(0.15), method="scheduled"
-    )
-    assert one.bounds[0].level <= minimised(said, SHOWN[2][0]) * (1 + 1e-4)
-
-
 def test_a_part_of_the_region_that_a_law_keeps_anyway_costs_nothing(said):
     """The law for the decay alone keeps the damping too: asked for both, it is the answer still."""
     spec, damped = said[0] / "level.toml", Sector(0.15)

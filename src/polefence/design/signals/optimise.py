@@ -311,10 +311,11 @@ def _attainable(task: Task, structure: Structure, starts: Sequence[Law]) -> Iter
 
 
 def _best_tuned(task: Task, structure: Structure, starts: Sequence[Law]) -> Optimised | None:
-    """Return the best law of a structure that is proved, no worse than the best of one gain."""
+    """Return the best law of a structure that is proved, no worse than that of a lower degree."""
     best: Optimised | None = None
     if structure.degree and structure.schedule != () and len(task.plant.vertices) > 1:
-        best = _best_tuned(task, replace(structure, schedule=()), starts)
+        lower = {"degree": structure.degree - 1} if structure.degree > 1 else {"schedule": ()}
+        best = _best_tuned(task, replace(structure, **lower), starts)
         if best is not None:
             starts = (*starts, best.law)
             if task.minimise is None:

@@ -22,7 +22,7 @@ from polefence.design.tune.descent import EARLY, FULL, QUICK, Effort, descend
 from polefence.design.tune.measures import LEVEL, LIMITS, REGION, SMALL, WIDE, Points, Task
 from polefence.design.tune.starts import regulators, typical
 from polefence.design.tune.unknowns import Unknowns
-from polefence.law.laws import Law, ScheduledGain, is_one
+from polefence.law.laws import Law, ScheduledGain
 from polefence.law.structure import Structure
 from polefence.lmi.conditions.target import Goal, Side
 from polefence.plant.family import UncertainPlant
@@ -179,9 +179,9 @@ def _task(
 
 
 def _run(task: Task, starts: Sequence[Law]) -> list[Tuned]:
-    """Return what a search finds; one gain, a special case, is searched first if none is given."""
+    """Return what a search finds; one gain, a special case, is first if no such law is given."""
     structure = task.unknowns.structure
-    if task.unknowns.terms > 1 and not any(map(is_one, starts)):
+    if task.unknowns.terms > 1 and all(isinstance(own, ScheduledGain) for own in starts):
         one = replace(task.unknowns, structure=replace(structure, schedule=()))
         simple = _Search(replace(task, unknowns=one)).run(starts)
         starts = (*starts, *(own.law for own in simple[:1]))

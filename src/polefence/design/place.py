@@ -104,29 +104,7 @@ def place(
     method: Method = "scheduled",
     allow_unproved: bool = False,
 ) -> Design:
-    """Design a law that keeps all poles of the whole family in a region, and prove it.
-
-    Parameters
-    ----------
-    plant : UncertainPlant
-    region : Region
-        `Disk`, `HalfPlane`, `Sector`, `VerticalStrip`, `HorizontalStrip`, `Ellipse`, or several
-        joined by ``&``.
-    method : str, Scheduled or Slack
-        "quadratic" (Lemma 1), "slack" (Lemma 2), "scheduled" (Theorem 1).
-    allow_unproved : bool
-        Return the numerical answer even where its proof fails (``Design.proved`` tells).
-
-    Raises
-    ------
-    NotProvedError
-        If the region is not proved; for a disk, its ``best`` is the smallest disk of this centre
-        that is.
-    RegionError
-        If the region does not fit the plant's time (continuous or discrete).
-    UncontrollableError
-        If a vertex has a pole that no gain moves and that is not in the region.
-    """
+    """Design a law that an LMI gives: `polefence.place` without a structure."""
     require_type(plant, UncertainPlant, "plant", "polefence.load(path) reads one")
     require_domain(plant, method)
     require_type(region, Region, "region", "for example polefence.Disk(-40, 31)")
@@ -279,34 +257,7 @@ def tightest(
     of: str = "disk",
     within: Region | None = None,
 ) -> Design:
-    """Design for the smallest region of a kind that the method reaches, and prove it.
-
-    Parameters
-    ----------
-    centre : float
-        Real coordinate of a disk's centre, negative (-40) [1/s]; for a discrete-time plant inside
-        the unit circle.
-    of : str
-        "disk" about the centre; "half_plane", the largest decay rate; "sector", the largest
-        damping ratio.
-    within : Region, optional
-        For "half_plane" and "sector": a fixed region to hold besides.
-
-    Returns
-    -------
-    Design
-        For a disk ``design.region.radius`` is proved; where ``design.lower`` is not None, that
-        radius is proved to be out of the method's reach, and where ``design.unrunnable`` is not, a
-        smaller one is proved, but only of laws that doubles cannot evaluate. Otherwise
-        ``design.region`` is the `HalfPlane` or `Sector`, with ``within``.
-
-    Raises
-    ------
-    NotProvedError
-        If none could be proved (the solver failed on this problem, or ``within`` is out of reach).
-    UncontrollableError
-        If a vertex has a pole that no gain moves and that is not stable, or not in ``within``.
-    """
+    """Design for the smallest region that an LMI reaches: `polefence.tightest` without a structure."""
     require_type(plant, UncertainPlant, "plant", "polefence.load(path) reads one")
     require_domain(plant, method)
     if of not in ("disk", "half_plane", "sector"):

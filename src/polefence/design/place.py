@@ -257,7 +257,7 @@ def tightest(
     of: str = "disk",
     within: Region | None = None,
 ) -> Design:
-    """Design for the smallest region that an LMI reaches: `polefence.tightest` without a structure."""
+    """Design for the smallest region of an LMI: `polefence.tightest` without a structure."""
     require_type(plant, UncertainPlant, "plant", "polefence.load(path) reads one")
     require_domain(plant, method)
     if of not in ("disk", "half_plane", "sector"):

@@ -2,14 +2,15 @@
 
 What is minimised is max f subject to h <= 0, through the exact penalty max f + rho max(0, h). All
 rows are known with their slopes, so that kinks between them are met as corners of a quadratic
-program, within a reach that adapts; curvature is BFGS's, of the rows that are active. A point at
-which nothing can be evaluated counts as infinitely bad.
+program, within a reach that adapts; curvature is BFGS's, of the rows that are active. Where a step
+leads higher, what is high there was missed: its rows are kept as cuts, as bundle methods keep them
+(Apkarian, Noll & Prot, 2008). A point at which nothing can be evaluated counts as infinitely bad.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, fields, replace
 from typing import Any
 
 import numpy as np
@@ -19,10 +20,13 @@ from polefence.plant.system import Array
 
 ENOUGH = 1e-8  # of a decrease that is foreseen
 LEAST, BAD, GOOD = 1e-3, 0.3, 0.7  # shares of what is foreseen: taken, less reach, more reach
-STALL = 6  # steps that must be worth it
+STALL = 6  # steps taken that must be worth it
 PENALTY, MOST_PENALTY = 10.0, 1e7
 FIRST = 0.3  # length of the first step, of a point's own size
 SHORTEST = 1e-9
+SHORTER = 2.0  # by which the reach shrinks after a step that leads nowhere
+MISSED, CUTS, ALONG = 8, 6, 4.0  # rows, points that are kept, and how far, in steps
+AGAIN = 1e-3  # of a decrease, worth a search of a fresh curvature
 ACTIVE = 1e-7  # of a multiplier
 
 
@@ -34,7 +38,7 @@ class Effort:
     worth: float
 
 
-FULL, EARLY, QUICK = Effort(200, 1e-5), Effort(60, 1e-4), Effort(15, 1e-3)
+FULL, EARLY, QUICK = Effort(300, 1e-5), Effort(60, 1e-4), Effort(15, 1e-3)
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,6 +72,7 @@ class Rows:
 
 
 Evaluate = Callable[[Array], Rows | None]
+Cut = tuple[Array, Rows]  # where, and what is high there
 
 
 def descend(
@@ -89,32 +94,84 @@ def descend(
     here = evaluate(theta)
     if here is None:
         return None
-    H, rho, reach = _first(here, theta), penalty, FIRST * max(1.0, float(np.abs(theta).max()))
-    fresh, merits = True, list[float]()
+    rho, cuts, merits = penalty, list[Cut](), list[float]()
+    H, reach, fresh = _first(here, theta), _within(theta), True
+    ended = False
     for _ in range(effort.steps):
-        merits.append(_merit(here, rho))
         if here.level <= target and here.excess <= 0:
             break
-        if len(merits) > STALL and merits[-1 - STALL] - merits[-1] < effort.worth:
-            break
-        d, z, rho, foreseen = _direction(here, here.values, H, rho, reach)
-        if not foreseen > ENOUGH:
-            break
-        length = float(np.abs(d).max())
-        found, share = _tried(evaluate, theta, here, d, (H, rho, reach, foreseen))
-        if found is None:
-            reach = length / 4
-            if reach < SHORTEST * max(1.0, float(np.abs(theta).max())):
+        merits = merits or [_merit(here, rho)]
+        if ended or (len(merits) > STALL and merits[-1 - STALL] - merits[-1] < effort.worth):
+            if effort is not FULL or not merits[0] - merits[-1] >= AGAIN:
                 break
+            H, reach, fresh = _first(here, theta), _within(theta), True  # curvature was misleading
+            cuts, merits = [], [_merit(here, rho)]
+        known = _with(here, theta, cuts)
+        d, z, rho, foreseen = _direction(known, known.values, H, rho, reach)
+        ended = not foreseen > ENOUGH
+        if ended:
+            continue
+        length = float(np.abs(d).max())
+        there, found, share = _tried(evaluate, theta, here, d, (H, rho, reach, foreseen))
+        if found is None:
+            reach = length / SHORTER
+            shortest = SHORTEST * max(1.0, float(np.abs(theta).max()))
+            ended = reach < shortest or foreseen < effort.worth / STALL
+            if there is not None:
+                cuts = [*cuts, (theta + d, _high(here, there))][-CUTS:]
             continue
         after, there = found
         if share < BAD:
             reach = length / 2
         elif share > GOOD and length > 0.9 * reach:
             reach *= 2.5
+        z = _shared(here, known, z)
         H = _updated(H, after - theta, _turn(here, there, after - theta, z), fresh)
+        cuts = [own for own in cuts if np.abs(own[0] - after).max() <= ALONG * length]
         theta, here, fresh = after, there, False
+        merits.append(_merit(here, rho))
     return theta, here
+
+
+def _within(theta: Array) -> float:
+    return FIRST * max(1.0, float(np.abs(theta).max()))
+
+
+def _high(here: Rows, there: Rows) -> Rows:
+    """Return the rows of another point that are higher than the highest is here: those missed."""
+    some = np.flatnonzero(there.values >= _top(here, there))
+    some = some[np.argsort(-there.values[some], kind="stable")][:MISSED]
+    each = (there.values, there.slopes, there.groups, there.objective)
+    return Rows(*(own[some] for own in each))
+
+
+def _top(here: Rows, other: Rows) -> Array:
+    """Return for each row of another point the highest of its kind here."""
+    excess = here.excess if np.isfinite(here.excess) else 0.0
+    return np.where(other.objective, here.level, max(excess, 0.0))
+
+
+def _with(here: Rows, theta: Array, cuts: Sequence[Cut]) -> Rows:
+    """Return the rows with those that were missed, as they tell from afar, no higher than here."""
+    if not cuts:
+        return here
+    far = [
+        replace(own, values=np.minimum(own.values + own.slopes @ (theta - at), _top(here, own)))
+        for at, own in cuts
+    ]
+    each = ([getattr(own, f.name) for own in (here, *far)] for f in fields(Rows))
+    return Rows(*(np.concatenate(parts) for parts in each))
+
+
+def _shared(here: Rows, known: Rows, z: Array) -> Array:
+    """Return the multipliers of the rows here, with those of the missed ones of each group."""
+    count = len(here.values)
+    found = z[:count].copy()
+    for k in np.flatnonzero(z[count:] > 0) + count:
+        own = np.flatnonzero(here.groups == known.groups[k])
+        if len(own):
+            found[own[here.values[own].argmax()]] += z[k]
+    return found
 
 
 def _merit(rows: Rows, rho: float) -> float:
@@ -157,8 +214,8 @@ def _direction(
 
 def _tried(
     evaluate: Evaluate, theta: Array, here: Rows, d: Array, model: tuple[Array, float, float, float]
-) -> tuple[tuple[Array, Rows] | None, float]:
-    """Return the point a step leads to, if it is lower, and its share of the decrease foreseen.
+) -> tuple[Rows | None, tuple[Array, Rows] | None, float]:
+    """Return what a step leads to, the point if it is lower, and its share of what was foreseen.
 
     Where the step itself falls short it is bent once, as the rows are.
     """
@@ -173,7 +230,7 @@ def _tried(
         if again is not None and (merit - _merit(again, rho)) / foreseen > share:
             share = (merit - _merit(again, rho)) / foreseen
             found = theta + bent, again
-    return (found if share > LEAST else None), share
+    return there, (found if share > LEAST else None), share
 
 
 def _turn(here: Rows, there: Rows, s: Array, z: Array) -> Array | None:

@@ -26,19 +26,29 @@ FIRST = 0.3  # length of the first step, of a point's own size
 SHORTEST = 1e-9
 SHORTER = 2.0  # by which the reach shrinks after a step that leads nowhere
 MISSED, CUTS, ALONG = 8, 6, 4.0  # rows, points that are kept, and how far, in steps
-AGAIN = 1e-3  # of a decrease, worth a search of a fresh curvature
 ACTIVE = 1e-7  # of a multiplier
 
 
 @dataclass(frozen=True)
 class Effort:
-    """How long a search goes on: most steps, and the decrease that a few of them must be worth."""
+    """How long a search goes on.
+
+    Attributes
+    ----------
+    steps : int
+        At most.
+    worth : float
+        The decrease that a few of them must be worth.
+    again : float
+        What all of them must be worth for a search from their end, with a fresh curvature.
+    """
 
     steps: int
     worth: float
+    again: float = np.inf
 
 
-FULL, EARLY, QUICK = Effort(300, 1e-5), Effort(60, 1e-4), Effort(15, 1e-3)
+FULL, EARLY, QUICK = Effort(300, 1e-5, 1e-3), Effort(60, 1e-4), Effort(15, 1e-3)
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,7 +112,7 @@ def descend(
             break
         merits = merits or [_merit(here, rho)]
         if ended or (len(merits) > STALL and merits[-1 - STALL] - merits[-1] < effort.worth):
-            if effort is not FULL or not merits[0] - merits[-1] >= AGAIN:
+            if not merits[0] - merits[-1] >= effort.again:
                 break
             H, reach, fresh = _first(here, theta), _within(theta), True  # curvature was misleading
             cuts, merits = [], [_merit(here, rho)]

@@ -166,11 +166,10 @@ def main() -> None:
                 done[key] = apart(paths[name], kind == "uncertain")
                 if options.results:
                     options.results.write_text(json.dumps(done, indent=1))
-            sizes = ", ".join(
-                str(data[name][k].shape[j]) for k, j in (("A", 0), ("B", 1), ("C", 0))
-            )
+            own = data[name]
+            sizes = f"{len(own['A'])}, {own['B'].shape[1]}, {len(own['C'])}"
             found = [cell for which in NORMS for cell in cells(done[key][which])]
-            print(f"| {' | '.join([name, ', '.join(map(str, sizes)), *found])} |", flush=True)
+            print(f"| {' | '.join([name, sizes, *found])} |", flush=True)
             for which in NORMS:
                 if isinstance(done[key][which], str):
                     print(f"{key} {which}: {done[key][which]}", file=sys.stderr)

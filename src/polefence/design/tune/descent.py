@@ -20,11 +20,11 @@ from polefence.plant.system import Array
 
 ENOUGH = 1e-8  # of a decrease that is foreseen
 LEAST, BAD, GOOD = 1e-3, 0.3, 0.7  # shares of what is foreseen: taken, less reach, more reach
-STALL = 6  # steps taken that must be worth it
+STALL = 8  # steps taken that must be worth it
 PENALTY, MOST_PENALTY = 10.0, 1e7
 FIRST = 0.3  # length of the first step, of a point's own size
 SHORTEST = 1e-9
-SHORTER = 2.0  # by which the reach shrinks after a step that leads nowhere
+SHORTER = 3.0  # by which the reach shrinks after a step that leads nowhere
 MISSED, CUTS, ALONG = 8, 6, 4.0  # rows, points that are kept, and how far, in steps
 ACTIVE = 1e-7  # of a multiplier
 

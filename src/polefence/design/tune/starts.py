@@ -84,6 +84,9 @@ def _even(A: Array, B: Array, C: Array) -> Array:
     n, m, r = len(A), B.shape[1], len(C)
     whole = np.zeros((n + m + r, n + m + r))
     whole[:n, :n], whole[:n, n : n + m], whole[n + m :, :n] = A, B, C
+    rates = np.abs(np.diag(A))
+    alone = np.abs(whole[:n]).sum(axis=1) == rates
+    whole[:n][alone, n : n + m] = rates[alone, None]  # of a size that inputs would give it
     whole[n : n + m, n + m :] = 1.0
     return balancing(whole[None])[:n]
 

@@ -88,3 +88,27 @@ def test_a_target_ends_the_descent():
 
     _, found = descend(evaluate, np.array([3.0, 4.0]), target=9.0)
     assert 0 < found.level <= 9
+
+
+@pytest.mark.parametrize("start", [(3.0, 2.0), (-2.0, 0.7), (5.0, -4.0)])
+def test_kinks_are_found_where_only_the_highest_row_is_known(start):
+    # x^2 + 3 |y - x / 2|, one side at a time: a step across the kink is seen from beyond it only
+    def evaluate(theta):
+        x, y = theta
+        side = 3.0 if y > x / 2 else -3.0
+        return rows([(x**2 + side * (y - x / 2), (2 * x - side / 2, side))], [True])
+
+    _, found = descend(evaluate, np.array(start), effort=FULL)
+    assert 0 <= found.level <= 1e-3
+
+
+def test_the_norm_of_a_matrix_by_its_largest_singular_vectors_alone():
+    # the least norm of [[1, a], [b, c]] is one (Parrott), where both singular values may be one
+    def evaluate(theta):
+        a, b, c = theta
+        u, s, vt = np.linalg.svd([[1.0, a], [b, c]])
+        slope = np.outer(u[:, 0], vt[0])
+        return rows([(s[0], (slope[0, 1], slope[1, 0], slope[1, 1]))], [True])
+
+    _, found = descend(evaluate, np.array([2.0, -1.0, 3.0]), effort=FULL)
+    assert 1 <= found.level + 1e-12 <= 1.002

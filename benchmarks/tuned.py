@@ -135,16 +135,18 @@ def said(
     least: Specification,
     limits: tuple[Specification, ...],
 ) -> list[str]:
-    """Return the worst sample, and whether samples keep limits and region."""
+    """Return the worst sample, whether samples keep limits and region, and the largest gain."""
     if law is None:
-        return ["-", "-"]
+        return ["-", "-", "-"]
     alpha = seeded(plant, SAMPLES)
     A, B = plant.at(alpha)
     inside = CAR.distance(np.linalg.eigvals(A + B @ law.gain(alpha))).max() < SLACK
     kept = inside and all(
         sampled(plant, law, own, alpha).worst <= (own.at_most or 0) * (1 + SLACK) for own in limits
     )
-    return [f"{sampled(plant, law, least, alpha).worst:.5f}", "yes" if kept else "NO"]
+    largest = np.abs(law.gain(alpha)).max()
+    worst = sampled(plant, law, least, alpha).worst
+    return [f"{worst:.5f}", "yes" if kept else "NO", f"{largest:.3g}"]
 
 
 def timed(action: Callable[[], Any], repeats: int) -> tuple[Any, float]:
@@ -169,8 +171,8 @@ def main() -> None:
     if least is None:
         parser.error("the example minimises nothing")
     least, limits = replace(least, at_most=None), tuple(limits)
-    print("| law | route | proved [m/s2] | sampled | keeps | time [s] | over tuned |")
-    print("|---|---|--:|--:|---|--:|--:|")
+    print("| law | route | proved [m/s2] | sampled | keeps | largest K | time [s] | over tuned |")
+    print("|---|---|--:|--:|---|--:|--:|--:|")
     for name, (structure, method) in ROWS.items():
         routes: dict[str, Callable[[], Any]] = {
             "tuned, proved": lambda s=structure: pf.optimise(

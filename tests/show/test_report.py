@@ -179,7 +179,7 @@ def test_bounds_and_a_front_are_put_in(tmp_path, capsys):
     assert "undecided" in capsys.readouterr().err
 
 
-@pytest.mark.parametrize("kind", ["affine", "measured", "one gain"])
+@pytest.mark.parametrize("kind", ["affine", "measured"])
 def test_a_polynomial_law_is_said_by_its_terms(kind, tmp_path):
     own = polynomial(kind)
     own.save(tmp_path)

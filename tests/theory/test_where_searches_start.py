@@ -128,10 +128,9 @@ def test_a_small_gain_is_found_though_the_plant_is_fast():
     assert done.bounds[0].level <= done.shared
 
 
-@pytest.mark.parametrize("angle", ["theta1", "theta2"])
-def test_a_scheduled_law_is_no_worse_than_one_gain(angle):
+def test_a_scheduled_law_is_no_worse_than_one_gain():
     satellite = loads(SATELLITE)
-    torque, limits = Rms("torque", None, DENSITY), [Gain(angle, 0.5)]
+    torque, limits = Rms("torque", None, DENSITY), [Gain("theta2", 0.5)]
     one = optimise(satellite, torque, limits, method="quadratic").bounds[0].level
     assert optimise(satellite, torque, limits, method="scheduled").bounds[0].level < 0.9 * one
 

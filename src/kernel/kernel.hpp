@@ -1,4 +1,5 @@
-// The interior point of src/polefence/lmi/solve/interior_point.py on plain arrays: data, memory, entry points.
+// The interior points of src/polefence/lmi/solve/interior_point.py and of
+// src/polefence/design/tune/quadratic.py on plain arrays: data, memory, entry points.
 #pragma once
 #include <cstddef>
 #include <cstdint>
@@ -57,6 +58,13 @@ struct State {
     bool converged;
 };
 
+// Minimise x' P x / 2 + q' x with G x <= h, the first entries of x within -reach and reach.
+struct Program {
+    std::int64_t n, m, bounded;  // of x, rows of G, entries within reach
+    const double *P, *q, *G, *h;
+    double reach;
+};
+
 // Owns every array of a run; each is an allocation of its own, so that overruns show.
 class Memory {
   public:
@@ -72,8 +80,10 @@ class Memory {
 };
 
 bool run_plain(const Problem &, const Options &, State &, Memory &);
+void minimum_plain(const Program &, double *x, double *multipliers, Memory &);
 #ifdef POLEFENCE_AVX2
 bool run_avx2(const Problem &, const Options &, State &, Memory &);
+void minimum_avx2(const Program &, double *x, double *multipliers, Memory &);
 #endif
 
 }  // namespace polefence

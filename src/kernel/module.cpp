@@ -49,6 +49,7 @@ using polefence::Term;
 using Int = std::int64_t;
 using Vector = nb::ndarray<const double, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
 using Matrices = nb::ndarray<const double, nb::ndim<3>, nb::c_contig, nb::device::cpu>;
+using Matrix = nb::ndarray<const double, nb::ndim<2>, nb::c_contig, nb::device::cpu>;
 using Weights = nb::ndarray<const double, nb::ndim<2>, nb::c_contig, nb::device::cpu>;
 using Integers = nb::ndarray<const Int, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
 using Rows = nb::ndarray<const Int, nb::ndim<3>, nb::c_contig, nb::device::cpu>;
@@ -210,12 +211,45 @@ nb::tuple run(Int unknowns, const Integers &entries, const std::vector<FamilyArr
                           state.converged);
 }
 
+nb::tuple minimum(const Matrix &P, const Vector &q, const Matrix &G, const Vector &h, double reach,
+                  Int bounded, bool plain) {
+    const auto n = static_cast<Int>(q.shape(0)), m = static_cast<Int>(h.shape(0));
+    require(n > 0 && static_cast<Int>(P.shape(0)) == n && static_cast<Int>(P.shape(1)) == n,
+            "P does not fit");
+    require(static_cast<Int>(G.shape(0)) == m && static_cast<Int>(G.shape(1)) == n,
+            "G does not fit");
+    require(bounded >= 0 && bounded <= n && m + bounded > 0, "so many entries have no bounds");
+    auto *x = new double[static_cast<std::size_t>(n)];
+    nb::capsule x_owner(x, [](void *data) noexcept { delete[] static_cast<double *>(data); });
+    auto *z = new double[static_cast<std::size_t>(m)];
+    nb::capsule z_owner(z, [](void *data) noexcept { delete[] static_cast<double *>(data); });
+    const polefence::Program program{n, m, bounded, P.data(), q.data(), G.data(), h.data(), reach};
+    {
+        nb::gil_scoped_release release;
+        polefence::Memory memory;
+#ifdef POLEFENCE_AVX2
+        if (has_avx2() && !plain)
+            polefence::minimum_avx2(program, x, z, memory);
+        else
+#endif
+            polefence::minimum_plain(program, x, z, memory);
+        (void)plain;
+    }
+    using Out = nb::ndarray<nb::numpy, double, nb::ndim<1>>;
+    const std::size_t x_shape[] = {static_cast<std::size_t>(n)};
+    const std::size_t z_shape[] = {static_cast<std::size_t>(m)};
+    return nb::make_tuple(Out(x, 1, x_shape, x_owner), Out(z, 1, z_shape, z_owner));
+}
+
 }  // namespace
 
 NB_MODULE(_kernel, module) {
-    module.doc() = "The interior point of polefence.lmi.solve.interior_point, compiled.";
+    module.doc() = "The interior points of polefence.lmi.solve and polefence.design.tune, compiled.";
     module.def("instructions", [] { return std::string(has_avx2() ? "AVX2" : "baseline"); });
     module.def("run", &run, nb::arg("unknowns"), nb::arg("entries").noconvert(), nb::arg("families"),
                nb::arg("x").noconvert(), nb::arg("r"), nb::arg("tolerance"), nb::arg("enough"),
                nb::arg("order"), nb::arg("max_iterations"), nb::arg("plain") = false);
+    module.def("minimum", &minimum, nb::arg("P").noconvert(), nb::arg("q").noconvert(),
+               nb::arg("G").noconvert(), nb::arg("h").noconvert(), nb::arg("reach"),
+               nb::arg("bounded"), nb::arg("plain") = false);
 }

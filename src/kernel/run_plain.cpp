@@ -1,2 +1,3 @@
 #define POLEFENCE_RUN run_plain
+#define POLEFENCE_MINIMUM minimum_plain
 #include "run.inc"

@@ -1,4 +1,4 @@
-"""Quadratic programs by their optimality conditions; descents to known minima."""
+"""Descents to known minima."""
 
 from __future__ import annotations
 
@@ -6,32 +6,6 @@ import numpy as np
 import pytest
 
 from polefence.design.tune.descent import FULL, Rows, descend
-from polefence.design.tune.quadratic import minimum
-
-
-@pytest.mark.parametrize(("n", "m"), [(1, 2), (5, 40), (20, 200)])
-def test_a_quadratic_program_meets_its_optimality_conditions(n, m):
-    random = np.random.default_rng(n)
-    half = random.normal(size=(n, n))
-    P, q, G = half @ half.T + 0.1 * np.eye(n), 5 * random.normal(size=n), random.normal(size=(m, n))
-    h = random.uniform(0, 1, m)
-    x, z = minimum(P, q, G, h)
-    assert (G @ x - h).max() < 1e-8
-    assert z.min() >= 0
-    assert np.abs(P @ x + q + G.T @ z).max() < 1e-7
-    assert abs(z @ (G @ x - h)) < 1e-7
-
-
-def test_bounds_on_entries_are_rows_as_others_are():
-    random = np.random.default_rng(3)
-    half = random.normal(size=(6, 6))
-    P, q, G = half @ half.T, 5 * random.normal(size=6), random.normal(size=(9, 6))
-    h, some = random.uniform(0, 1, 9), np.eye(6)[:4]
-    x, z = minimum(P, q, G, h, 0.2, 4)
-    known, own = minimum(P, q, np.vstack([G, some, -some]), np.append(h, np.full(8, 0.2)))
-    assert np.abs(x[:4]).max() == pytest.approx(0.2, abs=1e-8)
-    assert x == pytest.approx(known, abs=1e-7)
-    assert z == pytest.approx(own[:9], abs=1e-6)
 
 
 def rows(pairs, objective):

@@ -1,4 +1,7 @@
-"""Quadratic programs with many rows, by an interior-point method."""
+"""Quadratic programs with many rows, by an interior-point method.
+
+It is compiled too, in src/kernel/quadratic.inc; this is the reference, and runs where that is not.
+"""
 
 from __future__ import annotations
 
@@ -7,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from polefence.lmi.solve.engine import kernel
 from polefence.plant.system import Array
 
 STEPS, CLOSE = 60, 1e-10
@@ -28,6 +32,18 @@ def minimum(
     bounded : int
         How many of them.
     """
+    compiled = kernel()
+    if compiled is None:
+        return reference(P, q, G, h, reach, bounded)
+    each = (np.ascontiguousarray(own, dtype=float) for own in (P, q, G, h))
+    x, z = compiled.minimum(*each, reach, bounded)
+    return x, z
+
+
+def reference(
+    P: Array, q: Array, G: Array, h: Array, reach: float, bounded: int
+) -> tuple[Array, Array]:
+    """Return what `minimum` does, in NumPy."""
     from scipy.linalg.lapack import dpotrf, dpotrs  # deferred: slow to import
 
     size = np.maximum(np.abs(G).max(axis=1), 1e-12)

@@ -1,4 +1,4 @@
-"""Choice of the interior point: the compiled kernel where it was built, else NumPy's reference."""
+"""Choice of the interior points: the compiled kernel where it was built, else NumPy's reference."""
 
 from __future__ import annotations
 
@@ -17,6 +17,12 @@ try:
     _kernel = import_module("polefence._kernel")
 except ImportError:  # installed without a compiler
     _kernel = None
+
+
+def kernel() -> Any:
+    """Return the compiled kernel, None where it was not built."""
+    return _kernel
+
 
 ENGINES = ("compiled", "numpy")
 

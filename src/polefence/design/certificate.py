@@ -83,7 +83,8 @@ class Certificate:
         quadratic: ``W`` (n, n); slack: ``P`` (count, n, n) and ``G`` (n, n), and where they are not
         those of Lemma 2 ``degree``, ``elevation``, ``on``, ``epsilon``; scheduled: ``tau`` and
         ``elevation``; lyapunov: ``on``, and ``parts``, for each part of the region ``X``,
-        ``degree``, ``elevation``, and for a scheduled law ``multiple``.
+        ``degree``, ``elevation``, and for a scheduled law ``multiple``; or ``cells``, parts of the
+        box with ``low``, ``high`` and these each.
     observed : UncertainPlant, optional
         The plant whose dual ``plant`` is, where the law is -L' of an observer: no law of a plant.
     """
@@ -253,12 +254,20 @@ def _evidence(claim: Poles) -> dict[str, Any]:
         own = form if form != {"degree": 1, "elevation": 0, "on": "simplex"} else {}
         own |= {"epsilon": float(first.epsilon)} if first.epsilon else {}
         return own | {"P": _floats(first.X), "G": _floats([first.G or []])[0]}
-    parts = []
-    for each in claim.evidence:
-        part = {"X": _floats(each.X), "degree": each.degree, "elevation": each.elevation}
-        multiple = {"multiple": np.array([float(v) for v in each.multiple])}
-        parts.append(part | multiple if each.multiple else part)
-    return ({"on": claim.on} if claim.law.fixed else {}) | {"parts": tuple(parts)}
+    parts = tuple(map(_part, claim.evidence))
+    return ({"on": claim.on} if claim.law.fixed else {}) | {"parts": parts}
+
+
+def _part(own: laws.Evidence) -> dict[str, Any]:
+    """Return the evidence for one part of a region."""
+    if own.cells:
+        bounds = ({"low": piece.low, "high": piece.high} for piece in own.cells)
+        ends = [{key: np.array(list(map(float, p))) for key, p in each.items()} for each in bounds]
+        pairs = zip(ends, own.cells, strict=True)
+        return {"cells": tuple(each | _part(piece.evidence) for each, piece in pairs)}
+    part = {"X": _floats(own.X), "degree": own.degree, "elevation": own.elevation}
+    multiple = {"multiple": np.array([float(v) for v in own.multiple])}
+    return part | multiple if own.multiple else part
 
 
 def _plain_data(value: Any) -> Any:

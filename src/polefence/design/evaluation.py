@@ -25,6 +25,7 @@ import numpy as np
 from polefence.design.certificate import Certificate
 from polefence.law.coordinates import Coordinates
 from polefence.law.laws import FixedGain, ScheduledGain, right_divide
+from polefence.plant.boxes import Box
 from polefence.plant.polynomial import Domain
 from polefence.plant.system import Array
 from polefence.region.regions import Pair, Region
@@ -74,23 +75,29 @@ def _places(domain: Domain) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class Lyapunov:
-    """X(alpha) = X, or W (multiple + X W) of a law that was given: Bernstein coefficients."""
+    """X(alpha) = X, or W (multiple + X W) of a law that was given: Bernstein coefficients.
+
+    On ``box`` alone, in its own coordinates, where there is one.
+    """
 
     X: Array
     degree: int
     multiple: Array | None = None
     elevation: int | None = None  # of the evidence of a law that was given
+    box: Box | None = None
 
 
 def lyapunovs(certificate: Certificate) -> Iterator[tuple[Region, Lyapunov]]:
-    """Yield each part of the region with the Lyapunov polynomial that proves it."""
+    """Yield each part of the region, and of the box, with what proves it there."""
     law, evidence, parts = certificate.law, certificate.evidence, certificate.region.parts
     if certificate.method == "lyapunov":
         scheduled = isinstance(law, ScheduledGain)
-        for part, own in zip(parts, evidence["parts"], strict=True):
-            degree, X = int(own["degree"]), np.asarray(own["X"])
-            multiple = np.asarray(own.get("multiple", np.zeros(len(X)))) if scheduled else None
-            yield part, Lyapunov(X, degree, multiple, int(own["elevation"]))
+        for part, each in zip(parts, evidence["parts"], strict=True):
+            for own in each.get("cells", [each]):
+                degree, X = int(own["degree"]), np.asarray(own["X"])
+                multiple = np.asarray(own.get("multiple", np.zeros(len(X)))) if scheduled else None
+                box = Box(tuple(own["low"]), tuple(own["high"])) if "low" in own else None
+                yield part, Lyapunov(X, degree, multiple, int(own["elevation"]), box)
         return
     if isinstance(law, ScheduledGain):
         found = Lyapunov(law.W, law.degree)
@@ -123,6 +130,8 @@ class _Loops:
     def of(cls, certificate: Certificate, lyapunov: Lyapunov, places: Array) -> _Loops:
         law, plant, domain = certificate.law, certificate.plant, domain_of(certificate)
         basis = domain.basis(places, lyapunov.degree)
+        if lyapunov.box is not None:
+            places = lyapunov.box.alpha(domain, places)
         if isinstance(law, ScheduledGain):
             coordinates = law.coordinates
             W, Z = (np.tensordot(law.domain.basis(places, law.degree), M, 1) for M in law.even)

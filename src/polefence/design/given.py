@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from fractions import Fraction
 from typing import Any, overload
 
@@ -23,6 +23,7 @@ from polefence.law.laws import (
     Law,
     PolynomialGain,
     ScheduledGain,
+    divisible,
     domain_of,
     given_law,
 )
@@ -30,17 +31,24 @@ from polefence.lmi.conditions.lyapunov import Loop
 from polefence.lmi.conditions.target import Around, Decays, Disks, Goal, Sectors
 from polefence.lmi.solve.lyapunov import LyapunovPolynomial, least, points_inside
 from polefence.lmi.solve.smallest import typical_rate
+from polefence.plant.boxes import MOST_PARTS, Box, divided, widest
 from polefence.plant.family import UncertainPlant
 from polefence.plant.points import values_at, values_text
 from polefence.plant.polynomial import bernstein, elevated, times
 from polefence.plant.system import Array
 from polefence.proof import matrices, work
+from polefence.proof.claims.base import prove
+from polefence.proof.claims.poles import Poles
+from polefence.proof.laws import Evidence, Piece
+from polefence.proof.polynomials import coordinates
 from polefence.region.regions import Disk, HalfPlane, Region, Sector, damping_of
 
 # Degree and elevation of the Lyapunov polynomial, one after the other.
 LADDER = ((0, 0), (1, 0), (1, 1), (2, 0), (2, 1), (3, 0), (3, 1))
 # What a step of the search may cost, beyond the first form [multiplications].
 MOST_WORK = 1e10
+# Degree and elevation in parts of the box, and what a step may cost there beyond the first form.
+IN_PARTS, MOST_IN_PART = ((0, 0), (1, 0)), 1e9
 
 TOLERANCES = (1e-8, 1e-6, 1e-4, 1e-2)
 # How far beyond the r that a point reaches in floats the exact proof is attempted.
@@ -49,6 +57,8 @@ STEPS = (1e-6, 1e-5, 1e-4, 1e-3, 1e-2)
 INSIDE = 0.98
 # A proof within this share of the worst point is near enough.
 NEAR = 1e-4
+# How far beyond the worst point a region is proved in parts of the box.
+BEYOND = (1e-4, 1e-3, 1e-2)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -133,8 +143,9 @@ def analyse(
     """Prove or refute that a given law keeps all poles of the whole family in a region.
 
     For one gain, or a law Z W^-1: Lyapunov polynomials of growing degree are tried, one for each
-    part of the region. For a table of gains: cell by cell, see `TableAnalysis`. For a plant with
-    parameters the family is that of the parameters' box.
+    part of the region; where those that are cheap do not prove it, one for each of some parts of
+    the box. For a table of gains: cell by cell, see `TableAnalysis`. For a plant with parameters
+    the family is that of the parameters' box.
 
     Parameters
     ----------
@@ -161,12 +172,22 @@ def analyse(
     """
     if isinstance(law, GainTable):
         return analyse_table(plant, law, region, depth, budget)
-    law = given_law(plant, law)
+    return _analysed(plant, given_law(plant, law), region, Deadline(budget), MOST_PARTS)
+
+
+def analyse_whole(plant: UncertainPlant, law: Law, region: Region) -> Analysis:
+    """Analyse a law as `analyse` does, with one Lyapunov polynomial for all of the box."""
+    return _analysed(plant, law, region, Deadline(None), 1)
+
+
+def _analysed(
+    plant: UncertainPlant, law: Law, region: Region, deadline: Deadline, most: int
+) -> Analysis:
     require_type(region, Region, "region", "for example polefence.Disk(-40, 31)")
     require_region(plant, region)
     ladder = list(forms(plant, law, len(region.parts)))
     claim = certificate_of(plant, law, region, [placeholder(plant, law)] * len(region.parts))
-    deadline, parts = Deadline(budget), list[dict[str, Any]]()
+    parts = list[dict[str, Any]]()
     # of the lowest degree first: most laws that keep a region need no other
     found = [_at(plant, law, part, ladder[0]) for part in region.parts]
     if None in found:
@@ -174,15 +195,15 @@ def analyse(
         if alpha is not None:
             return _refuted(plant, law, region, alpha)
     for part, first_found in zip(region.parts, found, strict=True):
-        evidence, last = first_found, ladder[0]
+        evidence = first_found
         if evidence is None:
-            evidence, last = _higher(plant, law, part, ladder, deadline)
+            search = _Search(plant, law, part, ladder, deadline, most)
+            evidence = search.proof()
+            if search.alpha is not None:
+                return _refuted(plant, law, region, search.alpha)
         if evidence is None:
-            reason = (
-                f"no proof for {part} with Lyapunov polynomials up to degree {last[0]}, elevation "
-                f"{last[1]}; no counterexample either"
-            )
-            if deadline.passed and last != ladder[-1]:
+            reason = f"no proof for {part} with {search.tried}; no counterexample either"
+            if deadline.passed and search.last != ladder[-1]:
                 reason += f"; {deadline}"
             return Analysis(plant, law, region, "undecided", reason)
         parts.append(evidence)
@@ -192,23 +213,131 @@ def analyse(
     return Analysis(plant, law, region, answer, verdict.reason, certificate)
 
 
-def _higher(
-    plant: UncertainPlant,
-    law: Law,
-    part: Region,
-    ladder: list[tuple[int, int]],
-    deadline: Deadline,
-) -> tuple[dict[str, Any] | None, tuple[int, int]]:
-    """Return evidence of higher forms that is proved for one part, and the form tried last."""
-    last = ladder[0]
-    for form in ladder[1:]:
-        if deadline.passed:
-            break
-        last = form
-        evidence = _at(plant, law, part, form)
-        if evidence is not None:
-            return evidence, form
-    return None, last
+class _Search:
+    """The search for evidence of one part of a region, beyond the lowest form.
+
+    ``last`` is the form of the whole box tried last; ``alpha``, where there is one, refutes it.
+    """
+
+    def __init__(
+        self,
+        plant: UncertainPlant,
+        law: Law,
+        part: Region,
+        ladder: Sequence[tuple[int, int]],
+        deadline: Deadline,
+        most: int,
+    ) -> None:
+        self.plant, self.law, self.part, self.ladder = plant, law, part, ladder
+        self.deadline = deadline
+        self.most = _most_parts(plant, law, most)
+        self.last, self.halved = ladder[0], False
+        self.alpha: list[Fraction] | None = None
+
+    @property
+    def tried(self) -> str:
+        """What was tried, in words."""
+        degree, elevation = self.last
+        found = f"Lyapunov polynomials up to degree {degree}, elevation {elevation}"
+        return found + f", nor in {self.most} parts of the box" * self.halved
+
+    def proof(self) -> dict[str, Any] | None:
+        """Return evidence of a higher form, else of low ones in parts of the box."""
+        for form in self.ladder[1:]:
+            if self.deadline.passed:
+                return None
+            self.last = form
+            evidence = _at(self.plant, self.law, self.part, form)
+            if evidence is not None:
+                return evidence
+        return self.in_parts()
+
+    def in_parts(self) -> dict[str, Any] | None:
+        """Return evidence in parts of the box, None where there are too many."""
+        if self.most < 2 or self.deadline.passed:
+            return None
+        self.halved = True
+        plant, law = self.plant, self.law
+        claim = certificate_of(plant, law, self.part, [placeholder(plant, law)]).claim()
+        loop = loop_of(plant, law)
+
+        def proving(box: Box) -> Evidence | None:
+            return _evidence_in(box, claim, loop, self.part, self._forms)
+
+        def along(box: Box) -> int | None:
+            self.alpha = _leaving(box, claim)
+            return None if self.alpha or self.deadline.passed else self._widest(box)
+
+        whole = Box.whole(loop.domain)
+        halves = list(whole.halves(self._widest(whole)))
+        with suppress(np.linalg.LinAlgError):
+            parts = divided(halves, proving, along, self.most)
+            return parts and {"cells": tuple(_cell(box, own) for box, own in parts)}
+        return None
+
+    @property
+    def _forms(self) -> list[tuple[int, int]]:
+        first, *higher = IN_PARTS
+        works = ((form, _work(self.plant, self.law, form)) for form in higher)
+        return [first, *(form for form, own in works if own <= MOST_IN_PART)]
+
+    def _widest(self, box: Box) -> int:
+        plant, law, domain = self.plant, self.law, domain_of(self.plant, self.law)
+
+        def loops(own: Array) -> Array:
+            alpha = box.alpha(domain, own)
+            A, B = plant.at(alpha)
+            return np.asarray(A + B @ law.gain(alpha))
+
+        return widest(domain, loops)
+
+
+def _most_parts(plant: UncertainPlant, law: Law, most: int) -> int:
+    """Return in how many parts of the box a claim is searched for and checked."""
+    if not divisible(plant, law):
+        return 1
+    checked = matrices.least_work(_blocks(plant, law, IN_PARTS[-1]), 2 * plant.shape[0])
+    found = MOST_PARTS * MOST_IN_PART / _work(plant, law, IN_PARTS[0])
+    return min(most, work.MAX_WORK // checked, int(found))
+
+
+def _evidence_in(
+    box: Box, claim: Poles, loop: Loop, part: Region, ladder: Sequence[tuple[int, int]]
+) -> Evidence | None:
+    """Return evidence that proves a claim about one part of a region in a part of the box."""
+    inside = claim.inside(_piece(box, claim.evidence[0]))
+    own = loop.inside(box)
+    for form in ladder:
+        for found in points_inside(own, part, form):
+            X = [[[Fraction(e) for e in row] for row in Q] for Q in found.Q.tolist()]
+            evidence = Evidence(X, *form)
+            if prove(replace(inside, evidence=(evidence,))).proved:
+                return evidence
+    return None
+
+
+def _leaving(box: Box, claim: Poles) -> list[Fraction] | None:
+    """Return an alpha in a part of the box at which a pole leaves the region, None if none was."""
+    piece = _piece(box, claim.evidence[0])
+    alpha = counterexample(claim.inside(piece))
+    if alpha is None:
+        return None
+    own, whole = coordinates(alpha, claim.sizes)[1::2], [Fraction(1)]
+    for low, high, t in zip(piece.low, piece.high, own, strict=True):
+        at = low + (high - low) * t
+        whole = [a * w for a in whole for w in (1 - at, at)]
+    return whole
+
+
+def _piece(box: Box, evidence: Evidence) -> Piece:
+    return Piece(tuple(map(Fraction, box.low)), tuple(map(Fraction, box.high)), evidence)
+
+
+def _cell(box: Box, own: Evidence) -> dict[str, Any]:
+    """Return the evidence of a part of the box as a certificate has it."""
+    X = np.array([[[float(e) for e in row] for row in Q] for Q in own.X])
+    ends = {"low": np.array(box.low), "high": np.array(box.high)}
+    return ends | {"X": X, "degree": own.degree, "elevation": own.elevation}
 
 
 def _at(
@@ -281,19 +410,30 @@ def forms(plant: UncertainPlant, law: Law, parts: int = 1) -> Iterator[tuple[int
     InputError
         If the plant is so large that the exact checker does not take even the first.
     """
-    n, domain = plant.shape[0], domain_of(plant, law)
-    own = 0 if isinstance(law, FixedGain) else law.degree
-    own *= 2 if isinstance(law, ScheduledGain) else 1
-    for degree, elevation in LADDER:
-        blocks = domain.count(degree + 1 + own + elevation)
-        unknowns = domain.count(degree) * n * (n + 1) // 2
+    n = plant.shape[0]
+    for form in LADDER:
+        blocks = _blocks(plant, law, form)
         checked = matrices.least_work(blocks * parts**2, 2 * n) <= work.MAX_WORK
-        if (degree, elevation) == LADDER[0]:
+        if form == LADDER[0]:
             if not checked:
                 raise InputError(f"{plant.name}: {blocks} inequalities are more than is checked")
-        elif not checked or blocks * unknowns**2 * (2 * n) ** 2 > MOST_WORK:
+        elif not checked or _work(plant, law, form) > MOST_WORK:
             return
-        yield degree, elevation
+        yield form
+
+
+def _blocks(plant: UncertainPlant, law: Law, form: tuple[int, int]) -> int:
+    """Return how many inequalities a Lyapunov polynomial of a form has for a part of a region."""
+    own = 0 if isinstance(law, FixedGain) else law.degree
+    own *= 2 if isinstance(law, ScheduledGain) else 1
+    return domain_of(plant, law).count(form[0] + 1 + own + form[1])
+
+
+def _work(plant: UncertainPlant, law: Law, form: tuple[int, int]) -> float:
+    """Return about what a step of the search for one costs [multiplications]."""
+    n = plant.shape[0]
+    unknowns = domain_of(plant, law).count(form[0]) * n * (n + 1) // 2
+    return float(_blocks(plant, law, form) * unknowns**2 * (2 * n) ** 2)
 
 
 def placeholder(plant: UncertainPlant, law: Law) -> dict[str, Any]:
@@ -398,6 +538,8 @@ def worst_case(
         cut = not near and deadline.passed
         if near or cut:
             break
+    else:
+        best = _beyond(plant, law, question, best, deadline)
     bound, values = worst if of == "disk" else 0.0 - worst, values_at(plant, alpha)
     if best is None:
         return WorstCase(None, None, bound, alpha, values, cut)
@@ -465,6 +607,28 @@ def _tried(
 
     points = _points(loop_of(plant, law), question, form)
     return first(proved(found, found.r * (1 + step)) for found in points for step in STEPS)
+
+
+def _beyond(
+    plant: UncertainPlant,
+    law: Law,
+    question: _Question,
+    best: tuple[float, Region, Certificate] | None,
+    deadline: Deadline,
+) -> tuple[float, Region, Certificate] | None:
+    """Return the least r that is proved in parts of the box, else the best so far."""
+    for step in BEYOND:
+        r = question.bound * (1 + step)
+        region = question.region(r)
+        if not np.isfinite(r) or region is None or (best is not None and best[0] <= r):
+            continue
+        search = _Search(plant, law, region, [LADDER[0]], deadline, MOST_PARTS)
+        evidence = search.in_parts()
+        if evidence is not None:
+            certificate = certificate_of(plant, law, region, [evidence])
+            if certificate.prove().proved:
+                return r, region, certificate
+    return best
 
 
 def _points(loop: Loop, question: _Question, form: tuple[int, int]) -> Iterator[LyapunovPolynomial]:

@@ -450,6 +450,12 @@ def domain_of(plant: UncertainPlant, law: Law) -> Domain:
     return Domain.of("box" if plant.parameters else "simplex", len(plant.vertices))
 
 
+def divisible(plant: UncertainPlant, law: Law) -> bool:
+    """Whether claims about its loop may be proved in parts of a box, each with its own evidence."""
+    own = isinstance(law, FixedGain) or (isinstance(law, PolynomialGain) and law.parameters)
+    return bool(own) and set(domain_of(plant, law).sizes) == {2}
+
+
 @dataclass(frozen=True, eq=False, repr=False)
 class GainTable:
     """u = K(p) x, K multi-linear in the physical parameters between the knots of a grid.

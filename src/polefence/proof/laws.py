@@ -243,7 +243,7 @@ class Evidence:
     own W, times ``multiple`` if that holds one number), ``degree`` its degree, ``elevation`` the d
     of (sum of alpha)^d; ``multiple`` (as many as X) for scheduled laws given; ``G`` and ``epsilon``
     for slack; ``tau`` for right-hand sides. ``dual``: X holds the coefficients of the Q of the dual
-    form. ``cells``: parts of the box, each with evidence of its own; X is then empty.
+    form. ``cells``: parts of the box, each with evidence of its own; there is then no other.
     """
 
     X: list[Rationals]
@@ -257,9 +257,26 @@ class Evidence:
     cells: tuple[Piece, ...] = ()
 
     @property
+    def each(self) -> tuple[Evidence, ...]:
+        """That of each cell; itself where there are none."""
+        return tuple(piece.evidence for piece in self.cells) or (self,)
+
+    @property
     def highest(self) -> int:
         """The degree, of cells the highest."""
-        return max([self.degree, *(piece.evidence.degree for piece in self.cells)])
+        return max(own.degree for own in self.each)
+
+    def require_cells(self, sizes: Sizes) -> None:
+        """Refuse cells that are not in a box of these sizes, and evidence beside theirs."""
+        if not self.cells:
+            return
+        if replace(self, cells=(), dual=False) != Evidence([]):
+            raise FormatError("cells: each has its own evidence, and there is no other")
+        for piece in self.cells:
+            if sizes != (2,) * len(piece.low) or piece.evidence.cells:
+                raise FormatError("cells: they are parts of a box, and have none themselves")
+            if any(not 0 <= a < b <= 1 for a, b in zip(piece.low, piece.high, strict=True)):
+                raise FormatError("cells: one is empty, or not within the box")
 
     def write(self, letter: str = "X") -> dict[str, Any]:
         """Return the polynomial as a file has it; of the dual form the letter is Q."""
@@ -313,7 +330,7 @@ def add(one: Rationals, other: Rationals) -> Rationals:
     return [[a + b for a, b in zip(*rows, strict=True)] for rows in pairs]
 
 
-def read_cells(table: Table, n: int, sizes: Sizes, dual: bool) -> Evidence:
+def read_cells(table: Table, n: int, sizes: Sizes, dual: bool = False) -> Evidence:
     """Read evidence of parts of the box."""
     found = []
     for row in table.tables("cells", MAX_CELLS):

@@ -21,7 +21,7 @@ from polefence.base.errors import InputError
 from polefence.design.certificate import ranges_of
 from polefence.design.design import Design
 from polefence.design.evaluation import Lyapunov, domain_of, lyapunovs
-from polefence.design.given import analyse
+from polefence.design.given import analyse_whole
 from polefence.design.search import first, rising
 from polefence.law.coordinates import Coordinates
 from polefence.law.laws import FixedGain, PolynomialGain
@@ -149,13 +149,15 @@ def claimed_design(design: Design, region: Region | None = None) -> Design | Non
 
     That is itself. For the method "slack", whose proof is about one gain but has no one Lyapunov
     matrix, the same gain over the same region with Lyapunov polynomials; likewise for the method
-    "lyapunov" and another region than its own. None where these do not prove it.
+    "lyapunov" and another region than its own, or a proof in parts of the box. None where these do
+    not prove it.
     """
     kept = design.region if region is None else region
-    own = ("scheduled", "quadratic", *(("lyapunov",) if kept == design.region else ()))
-    if design.method in own:
+    given = design.method == "lyapunov"
+    whole = not given or not any("cells" in own for own in design.certificate.evidence["parts"])
+    if design.method in ("scheduled", "quadratic") or (given and whole and kept == design.region):
         return design
-    found = analyse(design.plant, design.law, kept)
+    found = analyse_whole(design.plant, design.law, kept)
     return found.design if found.proved else None
 
 

@@ -18,6 +18,7 @@ import numpy as np
 
 from polefence.lmi.conditions.pencil import Builder, Linear, Pencil, Term
 from polefence.lmi.conditions.performance import Demands, Form, assembled, degree_of, split_rows
+from polefence.plant.boxes import Box
 from polefence.plant.polynomial import Domain, Exponent, Polynomial, binomial, elevated
 from polefence.plant.system import Array
 
@@ -49,6 +50,11 @@ class Loop:
         """The closed loop at the middle of the domain, without outputs."""
         E = sum_of(self.E)
         return np.asarray(np.linalg.solve(E.T, sum_of(self.C)[: len(E)].T).T, dtype=float)
+
+    def inside(self, box: Box) -> Loop:
+        """Return the loop in a part of the box of parameters, in coordinates of that."""
+        E, C = (box.polynomial(P, self.domain) for P in (self.E, self.C))
+        return Loop(E, C, self.domain, self.R and box.polynomial(self.R, self.domain))
 
     def without_outputs(self) -> Loop:
         """Return the loop alone."""

@@ -24,13 +24,12 @@ from functools import cached_property
 
 import numpy as np
 
-from polefence.law.laws import FixedGain, Law, ScheduledGain, domain_of, right_divide
+from polefence.law.laws import FixedGain, Law, ScheduledGain, divisible, domain_of, right_divide
+from polefence.plant.boxes import MOST_PARTS, Box, Point, divided, widest
 from polefence.plant.family import UncertainPlant
 from polefence.plant.polynomial import Domain
 from polefence.plant.system import Array
 from polefence.response.modes import Modes
-
-Point = tuple[float, ...]
 
 ROUNDS = 8  # in which R grows
 OVER = 1.3  # times what is missed, since R moves what is missed
@@ -38,7 +37,7 @@ ROOM = 1e-7  # of the bound's square, for rounding
 # How far above the worst sample a gain is tried, one after the other.
 ABOVE = (1e-4, 1e-3, 5e-3, 2e-2, 0.1)
 MOST = 3e8  # of the work on one polynomial [multiplications]
-DEGREES, MOST_PARTS = (2, 4), 64  # on parts of the box
+DEGREES = (2, 4)  # on parts of the box
 LOWEST = 0.03  # of a level, what a point's own is at least
 NEXT = 1e-3  # above the last least level the search for the next begins
 SHARES = (1.0, 0.75, 0.5, 0.25, 0.0)  # of the way from what is least to what is claimed
@@ -68,8 +67,8 @@ class DualProblem:
         At the vertices, disturbances scaled.
     gain : bool
         Whether the bound is the gain from them, else the root of tr E'QE.
-    cell : pair of tuples, optional
-        The part of the box that it is about: weights of each parameter's upper end.
+    box : Box, optional
+        The part of the box that it is about.
     """
 
     plant: UncertainPlant
@@ -79,7 +78,7 @@ class DualProblem:
     E: Array
     F: Array
     gain: bool = False
-    cell: tuple[tuple[float, ...], tuple[float, ...]] | None = None
+    box: Box | None = None
 
     @property
     def domain(self) -> Domain:
@@ -108,28 +107,16 @@ class DualProblem:
 
     @property
     def widest(self) -> int:
-        """Number of the parameter along which the closed loop changes most, in a cell."""
-        count = len(self.domain.sizes)
-        ends = np.full((2 * count, count), 0.5)
-        for k in range(count):
-            ends[2 * k : 2 * k + 2, k] = 0.0, 1.0
-        alpha = self.domain.alpha(np.stack([1 - ends, ends], axis=-1).reshape(len(ends), -1))
-        A, _, _, _ = self.closed(alpha)
-        poles = np.linalg.eigvals(A)
-        low, high = (np.sort_complex(poles[s::2]) for s in (0, 1))
-        size = np.abs(poles).max(axis=-1).mean()
-        return int((np.abs(high - low).max(axis=-1) / size).argmax())
+        """Number of the parameter along which the closed loop changes most, in its part."""
+        return widest(self.domain, lambda alpha: self.closed(alpha)[0])
 
     def at(self, alpha: Array) -> tuple[Array, Array, Array, Array, Array]:
         """Return W (I but of scheduled laws), A W + B Z, C W + D Z, E and F at points.
 
-        Of a cell alpha are weights of its own corners.
+        Of a part of the box alpha are weights of its own corners.
         """
-        if self.cell is not None:
-            low, high = map(np.array, self.cell)
-            own = self.domain.coordinates(alpha)[..., 1::2]
-            t = low + (high - low) * own
-            alpha = self.domain.alpha(np.stack([1 - t, t], axis=-1).reshape(*t.shape[:-1], -1))
+        if self.box is not None:
+            alpha = self.box.alpha(self.domain, alpha)
         each = (self.plant.A, self.plant.B, self.C, self.D, self.E, self.F)
         A, B, C, D, E, F = (np.tensordot(alpha, M, 1) for M in each)
         n = A.shape[-1]
@@ -217,30 +204,22 @@ def in_parts(problem: DualProblem, level: float, most: int = MOST_PARTS) -> list
     most : int
         How many parts there may be; None is returned where that is not enough.
     """
-    count = len(problem.domain.sizes)
-    if set(problem.domain.sizes) != {2} or problem.left:
+    if not divisible(problem.plant, problem.law):
         return None
-    open_, done = [((0.0,) * count, (1.0,) * count)], list[Part]()
-    while open_:
-        if len(open_) + len(done) > most:
-            return None
-        low, high = open_.pop()
-        own = replace(problem, cell=(low, high))
-        found = next((d for d in _each(own, level) if d.level < level), None)
-        if found is not None:
-            done.append(Part(low, high, found))
-            continue
-        k = own.widest
-        middle = (low[k] + high[k]) / 2
-        open_ += [
-            (low, (*high[:k], middle, *high[k + 1 :])),
-            ((*low[:k], middle, *low[k + 1 :]), high),
-        ]
-    return done
+
+    def proving(box: Box) -> Dual | None:
+        found = _each(replace(problem, box=box), level)
+        return next((dual for dual in found if dual.level < level), None)
+
+    def along(box: Box) -> int:
+        return replace(problem, box=box).widest
+
+    parts = divided([Box.whole(problem.domain)], proving, along, most)
+    return parts and [Part(box.low, box.high, dual) for box, dual in parts]
 
 
 def _each(problem: DualProblem, level: float) -> Iterator[Dual]:
-    """Yield dual polynomials of some degrees, in a cell; of a gain at the level itself."""
+    """Yield dual polynomials of some degrees, in a part; of a gain at the level itself."""
     for degree in DEGREES:
         with suppress(np.linalg.LinAlgError), np.errstate(all="ignore"):
             found = _Interpolation(problem, degree).proving(level)

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from typing import Any, ClassVar, Protocol, Self
 
-from polefence.proof.laws import Law
+from polefence.proof.laws import Evidence, Law
 from polefence.proof.matrices import Integers, Rationals, is_positive_definite, is_symmetric
 from polefence.proof.plant import Plant
 from polefence.proof.polynomials import Exponent, Polynomial, Sizes, count_of, joint, symmetric
@@ -149,6 +149,19 @@ def untiled(cells: Sequence[Box], total: Fraction | int) -> str:
 def _overlap(one: Box, other: Box) -> bool:
     sides = zip(one.low, one.high, other.low, other.high, strict=True)
     return all(max(a, c) < min(b, d) for a, b, c, d in sides)
+
+
+def in_cells(evidence: Sequence[Evidence], decide: Callable[[], Verdict]) -> Verdict:
+    """Decide a claim of which some evidence has cells, which must make up the box."""
+    each = [own.cells for own in evidence if own.cells]
+    for cells in each:
+        fault = untiled(cells, sum(own.volume for own in cells))
+        if fault:
+            return undecided(fault)
+    verdict = decide()
+    if not each or not verdict.proved:
+        return verdict
+    return verdict.noted(f"in {max(map(len, each))} parts of the box")
 
 
 def undecided(reason: str) -> Verdict:

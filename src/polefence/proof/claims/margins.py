@@ -156,6 +156,8 @@ def require_design(design: Poles) -> None:
     design.require()
     if design.weights:
         raise FormatError("plants with weights have no proofs of margins")
+    if any(own.cells for own in design.evidence):
+        raise FormatError("cells: a region that is proved in parts of the box has no margins")
     if len(design.law.K or [()]) > 1 and not design.law.polynomial:
         raise FormatError("tables of gains have no proofs of margins")
 

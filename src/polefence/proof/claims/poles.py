@@ -14,7 +14,8 @@ and for that, that every coefficient of F(alpha) (sum of alpha)^d is > 0 (Polya)
                 for a disk this is Leite & Peres (2005), (15)-(17), there with tau times a form
                 that is nonnegative on the simplex
     lyapunov    K given, constant or scheduled, and X for each part: a polynomial, for a scheduled
-                law W (multiple + X W), so that N is a polynomial too
+                law W (multiple + X W), so that N is a polynomial too; of the box, or of each of
+                some cells that make it up
     slack       K constant, P(alpha) and one G (not symmetric): for the disk |z + sigma| < r
                 [ r P, M ; M', r (G + G' - P) ] > 0 with M = (A + B K + sigma I) G; for other parts
                 F + [ e ] bordered, see `_slack`
@@ -27,13 +28,24 @@ from dataclasses import dataclass, replace
 from fractions import Fraction
 from typing import Any, ClassVar, Self
 
-from polefence.proof.claims.base import Claim, Inequality, Place, Verdict, require_law, undecided
+from polefence.proof.claims.base import (
+    Claim,
+    Inequality,
+    Place,
+    Verdict,
+    in_cells,
+    require_law,
+    undecided,
+)
 from polefence.proof.laws import (
     DOMAINS,
     Evidence,
     Law,
+    Piece,
     degree_of,
     lifted,
+    on_corners,
+    read_cells,
     read_evidence,
     require_terms,
 )
@@ -172,7 +184,7 @@ class Poles(Claim):
         wanted = len(self.region) if self.method == "lyapunov" else 1
         if not belongs.get(self.method, law.fixed) or len(self.evidence) != wanted:
             raise FormatError(f"law and evidence do not belong to method {self.method!r}")
-        if any((e.G is not None) != (self.method == "slack") for e in self.evidence):
+        if any((e.G is not None) != (self.method == "slack") for e in self._each):
             raise FormatError(f"G does not belong to method {self.method!r}")
         weighted = self.weights
         if weighted and (len(weighted) != N or self.method != "lyapunov" or law.scheduled):
@@ -183,8 +195,12 @@ class Poles(Claim):
             (1, N) if self.method == "lyapunov" else (1,)
         ):
             raise FormatError("a fixed law has one K")
-        if any(each.dual for each in self.evidence):
+        if any(each.dual for each in (*self.evidence, *self._each)):
             raise FormatError("a region has no dual form of its inequalities")
+        for own in self.evidence:
+            own.require_cells(self.sizes)
+            if own.cells and (self.method != "lyapunov" or self.weights or law.scheduled):
+                raise FormatError("cells belong to one gain, or to a law polynomial in parameters")
         self._require_counts()
         if self.least > MAX_WORK:
             raise FormatError(
@@ -196,9 +212,9 @@ class Poles(Claim):
         law, sizes, first = self.law, self.sizes, self.evidence[0]
         counts = [(law.degree, len(law.W or [])), (law.degree, len(law.Z or []))]
         counts = counts if law.scheduled else []
-        counts += [(e.degree, len(e.X)) for e in self.evidence if self.method != "scheduled"]
-        counts += [(e.degree, len(e.multiple)) for e in self.evidence if e.multiple]
-        degrees = [law.degree, *(d for e in self.evidence for d in (e.degree, e.elevation))]
+        counts += [(e.degree, len(e.X)) for e in self._each if self.method != "scheduled"]
+        counts += [(e.degree, len(e.multiple)) for e in self._each if e.multiple]
+        degrees = [law.degree, *(d for e in self._each for d in (e.degree, e.elevation))]
         if any(not 0 <= degree <= MAX_DEGREE for degree in degrees):
             raise FormatError(f"degrees must be 0 to {MAX_DEGREE}")
         if any(count != count_of(sizes, degree) for degree, count in counts):
@@ -208,9 +224,9 @@ class Poles(Claim):
         if self.method == "scheduled" and (first.X or first.multiple):
             raise FormatError("the method scheduled has no Lyapunov matrices but W")
         multiples = law.scheduled and self.method == "lyapunov"
-        if any(e.multiple for e in self.evidence) and not multiples:
+        if any(e.multiple for e in self._each) and not multiples:
             raise FormatError("multiples belong to scheduled laws given")
-        if any(e.tau for e in self.evidence) and not self._is_theorem_1:
+        if any(e.tau for e in self._each) and not self._is_theorem_1:
             raise FormatError("tau belongs to the right-hand sides of Theorem 1")
 
     @property
@@ -222,7 +238,12 @@ class Poles(Claim):
     @property
     def count(self) -> int:
         """Number of coefficients of the inequalities of a part of the region."""
-        return sum(count_of(self.sizes, self.degree(each)) for each in self.evidence)
+        return sum(count_of(self.sizes, self.degree(each)) for each in self._each)
+
+    @property
+    def _each(self) -> list[Evidence]:
+        """Evidence of each part of the region, and of the box."""
+        return [own for evidence in self.evidence for own in evidence.each]
 
     def degree(self, evidence: Evidence) -> int:
         """Return the degree of the inequalities' polynomials in each simplex."""
@@ -238,27 +259,45 @@ class Poles(Claim):
 
     def symmetric(self) -> Iterator[tuple[str, Rationals]]:
         """Yield the Lyapunov matrices."""
-        for evidence in self.evidence:
+        for evidence in self._each:
             for k, X in enumerate(evidence.X):
                 yield f"Lyapunov matrix {k + 1}", X
         for k, W in enumerate(self.law.W or []):
             yield f"W {k + 1}", W
 
     def decided(self) -> Verdict:
-        """Prove it, where tau and the weights are those of a proof."""
+        """Prove it, where tau, the weights and the cells are those of a proof."""
         if any(evidence.tau < 0 for evidence in self.evidence):
             return undecided("tau is negative")
         if any(q <= 0 for q in self.weights):
             return undecided("a weight is not positive")
-        return super().decided()
+        return in_cells(self.evidence, super().decided)
 
     def inequalities(self) -> Iterator[Inequality]:
-        """Yield X > 0 and F > 0 of every part of the region."""
+        """Yield X > 0 and F > 0 of every part of the region, and of the box."""
         AB = plant_form(self.A, self.B, self.sizes)
         for number, evidence in enumerate(self.evidence):
             mine = self.region if self.method != "lyapunov" else self.region[number : number + 1]
-            each = self._slack if self.method == "slack" else self._lyapunov
-            yield from each(AB, evidence, mine)
+            for k, piece in enumerate(evidence.cells):
+                own = self.inside(piece)
+                inner = plant_form(own.A, own.B, own.sizes)
+                for found in own._lyapunov(inner, piece.evidence, mine):
+                    yield replace(found, piece=f", cell {k + 1}")
+            if not evidence.cells:
+                each = self._slack if self.method == "slack" else self._lyapunov
+                yield from each(AB, evidence, mine)
+
+    def inside(self, piece: Piece) -> Self:
+        """Return the claim about a part of the box, with its evidence for the first of the region.
+
+        Raises
+        ------
+        FormatError
+            If the law is neither one gain nor a polynomial in the parameters.
+        """
+        low, high = piece.low, piece.high
+        A, B = (on_corners(matrices, low, high) for matrices in (self.A, self.B))
+        return replace(self, A=A, B=B, law=self.law.inside(low, high), evidence=(piece.evidence,))
 
     def _lyapunov(
         self, AB: Polynomial, evidence: Evidence, parts: tuple[Part, ...]
@@ -434,7 +473,9 @@ def _slack(table: Table, blank: Poles, n: int) -> tuple[Evidence, ...]:
 def _lyapunov(table: Table, blank: Poles, n: int) -> tuple[Evidence, ...]:
     multiple = blank.law.scheduled
     return tuple(
-        read_evidence(part, n, blank.sizes, multiple=multiple)
+        read_cells(part, n, blank.sizes)
+        if "cells" in part
+        else read_evidence(part, n, blank.sizes, multiple=multiple)
         for part in table.tables("parts", MAX_PARTS)
     )
 

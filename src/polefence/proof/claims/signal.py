@@ -23,10 +23,9 @@ from polefence.proof.claims.base import (
     Claim,
     Inequality,
     Verdict,
+    in_cells,
     require_law,
     require_work,
-    undecided,
-    untiled,
 )
 from polefence.proof.claims.poles import Poles
 from polefence.proof.laws import (
@@ -344,9 +343,8 @@ class SignalClaim(Claim):
         evidence = self.subject.evidence
         pieces = [self._with(evidence.cells[0].evidence)] if evidence.cells else [self]
         pieces[0]._require_parts()
+        evidence.require_cells(self.subject.sizes)
         if evidence.cells:
-            if replace(evidence, cells=(), dual=False) != Evidence([]):
-                raise FormatError("cells: each has its own evidence, and there is no other")
             pieces = [self.inside(piece) for piece in evidence.cells]
         for own in pieces:
             own._require_parts()
@@ -402,8 +400,10 @@ class SignalClaim(Claim):
     def symmetric(self) -> Iterator[tuple[str, Rationals]]:
         """Yield W and the Lyapunov matrices."""
         own = self.subject.evidence
-        of_cells = (X for piece in own.cells for X in piece.evidence.X)
-        families = {"W": self.subject.law.W or [], "Lyapunov matrix": [*own.X, *of_cells]}
+        families = {
+            "W": self.subject.law.W or [],
+            "Lyapunov matrix": [X for each in own.each for X in each.X],
+        }
         for name, matrices in families.items():
             for k, matrix in enumerate(matrices):
                 yield f"{name} {k + 1}", matrix
@@ -418,17 +418,13 @@ class SignalClaim(Claim):
 
     def decided(self) -> Verdict:
         """Prove it; cells must make up the box."""
-        cells = self.subject.evidence.cells
-        fault = untiled(cells, sum(own.volume for own in cells)) if cells else ""
-        return undecided(fault) if fault else super().decided()
+        return in_cells([self.subject.evidence], super().decided)
 
     def inside(self, piece: Piece) -> Self:
         """Return the claim about a part of the box."""
         own, low, high = self.subject, piece.low, piece.high
-        if not self.has_cells or own.sizes != (2,) * len(low):
+        if not self.has_cells:
             raise FormatError(f"cells: a bound on {self.kind} has none here")
-        if any(not 0 <= a < b <= 1 for a, b in zip(low, high, strict=True)):
-            raise FormatError("cells: one is empty, or not within the box")
         A, B = (on_corners(matrices, low, high) for matrices in (own.A, own.B))
         E = on_corners(own.E, low, high) if own.E else []
         law = own.law.inside(low, high)

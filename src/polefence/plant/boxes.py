@@ -1,0 +1,101 @@
+"""Parts of the box of parameters: the points in one, and the box halved until each part will do."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TypeVar
+
+import numpy as np
+
+from polefence.plant.polynomial import Domain, Polynomial, bernstein, binomial
+from polefence.plant.system import Array
+
+T = TypeVar("T")
+
+Point = tuple[float, ...]
+
+MOST_PARTS = 64
+
+
+@dataclass(frozen=True)
+class Box:
+    """A part of the box; ``low`` and ``high`` are weights of each parameter's upper end."""
+
+    low: Point
+    high: Point
+
+    @classmethod
+    def whole(cls, domain: Domain) -> Box:
+        """Return all of it."""
+        count = len(domain.sizes)
+        return cls((0.0,) * count, (1.0,) * count)
+
+    def halves(self, k: int) -> tuple[Box, Box]:
+        """Return the part halved along a parameter."""
+        low, high = self.low, self.high
+        middle = (low[k] + high[k]) / 2
+        return (
+            Box(low, (*high[:k], middle, *high[k + 1 :])),
+            Box((*low[:k], middle, *low[k + 1 :]), high),
+        )
+
+    def alpha(self, domain: Domain, own: Array) -> Array:
+        """Return alpha of points whose weights of the part's own corners are ``own``."""
+        low, high = np.array(self.low), np.array(self.high)
+        return _alpha(domain, low + (high - low) * domain.coordinates(own)[..., 1::2])
+
+    def polynomial(self, P: Polynomial, domain: Domain) -> Polynomial:
+        """Return a polynomial in coordinates of the part."""
+        degree = sum(next(iter(P))[: domain.sizes[0]])
+        each = [P[e] / binomial(domain.sizes, e) for e in domain.monomials(degree)]
+        basis = domain.basis(self.alpha(domain, domain.nodes(degree)), degree)
+        values = np.tensordot(basis, np.array(each), 1)
+        return bernstein(domain, domain.interpolated(values, degree), degree)
+
+
+def _alpha(domain: Domain, t: Array) -> Array:
+    return domain.alpha(np.stack([1 - t, t], axis=-1).reshape(*t.shape[:-1], -1))
+
+
+def divided(
+    open_: list[Box],
+    found: Callable[[Box], T | None],
+    along: Callable[[Box], int | None],
+    most: int = MOST_PARTS,
+) -> list[tuple[Box, T]] | None:
+    """Return parts that make up the open ones, each with what was found for it.
+
+    Parameters
+    ----------
+    along : callable
+        The parameter along which a part is halved for which nothing was found; None gives up.
+    most : int
+        How many parts there may be; None is returned where that is not enough.
+    """
+    done = list[tuple[Box, T]]()
+    while open_:
+        if len(open_) + len(done) > most:
+            return None
+        *open_, box = open_
+        own = found(box)
+        if own is not None:
+            done.append((box, own))
+            continue
+        k = along(box)
+        if k is None:
+            return None
+        open_ = [*open_, *box.halves(k)]
+    return done
+
+
+def widest(domain: Domain, loops: Callable[[Array], Array]) -> int:
+    """Return the number of the parameter along which closed loops at alpha change most."""
+    count = len(domain.sizes)
+    ends = np.full((2 * count, count), 0.5)
+    for k in range(count):
+        ends[2 * k : 2 * k + 2, k] = 0.0, 1.0
+    poles = np.linalg.eigvals(loops(_alpha(domain, ends)))
+    low, high = (np.sort_complex(poles[s::2]) for s in (0, 1))
+    size = np.abs(poles).max(axis=-1).mean()
+    return int((np.abs(high - low).max(axis=-1) / size).argmax())

@@ -18,7 +18,7 @@ from typing import Any
 
 from polefence import FixedGain, engine, load, load_specifications
 from polefence.design.certificate import exact_law
-from polefence.design.given import loop_with
+from polefence.design.evidence import loop_with
 from polefence.design.requirements.specification import claim_of
 from polefence.design.signals.bounds import sampled
 from polefence.examples import spec_path

@@ -47,6 +47,7 @@ KINDS = {
     "observed": ("observed/guarantee.json", [CHECK]),
     "tuned": ("tuned/design.json", [CHECK]),
     "parts": ("parts/design.json", [CHECK]),
+    "cells": ("cells/design.json", [CHECK]),
     "limits": ("limits.json", [LIMITS]),
     "tradeoff": ("tradeoff.json", [TRADEOFF]),
 }

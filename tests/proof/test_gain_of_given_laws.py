@@ -25,7 +25,7 @@ from polefence import (
     place,
 )
 from polefence.cli.main import main
-from polefence.design.given import certificate_of
+from polefence.design.evidence import certificate_of
 from polefence.design.margins import gain_error
 from polefence.design.margins.breaks import gain_break
 from polefence.design.margins.claims import claimed_design

@@ -8,13 +8,16 @@ import json
 from pathlib import Path
 
 from polefence.cli.main import main
+from polefence.design.design import Design
+from polefence.design.evidence import Search, certificate_of
 from polefence.design.given import analyse
 from polefence.design.requirements.gain import Gain
 from polefence.design.requirements.rms import Rms
+from polefence.design.search import Deadline
 from polefence.design.signals import bounds
 from polefence.law.laws import PolynomialGain
 from polefence.plant.spec import load
-from polefence.region.regions import HalfPlane
+from polefence.region.regions import HalfPlane, Sector
 
 SPEC = """name = "mass"
 states = ["x [m]", "v [m/s]"]
@@ -101,6 +104,7 @@ FILES = (
     "table/table.json", "service/estimate-k.json", "service/gain.json", "service/rate-k.json",
     "performance/design.json", "signals/design.json", "vectors/design.json", "code/guarantee.json",
     "observer/design.json", "observed/guarantee.json", "tuned/design.json", "parts/design.json",
+    "cells/design.json",
 )  # fmt: skip
 RUN = ["--sample-time", "0.001", "--float", "32"]
 LIMITS = [
@@ -154,7 +158,7 @@ def write_every_file(made: Path) -> None:
 
 
 def _write_polynomial(made: Path) -> None:
-    """Write files of a polynomial law: with dual polynomials of the box, and of its parts."""
+    """Write files of a polynomial law: with polynomials of the box, and of its parts."""
     plant = load(made / "plain.toml")
     measured = plant.signal("v"), plant.signal("x")
     gains = [[[-3, -4]], [[0.25, -0.5]]]
@@ -167,3 +171,6 @@ def _write_polynomial(made: Path) -> None:
     assert near is not None
     assert len(near.claim.subject.evidence.cells) > 1
     bounds.save(certificate, [near.claim], made / "parts")
+    both = HalfPlane(0.3), Sector(0.1)
+    each = [Search(plant, law, part, Deadline()).in_parts() for part in both]
+    Design(certificate_of(plant, law, both[0] & both[1], each)).save(made / "cells")

@@ -9,7 +9,7 @@ from scipy.linalg import solve_continuous_are, solve_continuous_lyapunov
 
 from polefence import FixedGain, ScheduledGain, UncertainPlant
 from polefence.base.errors import SolverError
-from polefence.design.given import loop_with
+from polefence.design.evidence import loop_with
 from polefence.design.requirements.gain import Gain
 from polefence.design.requirements.rms import Rms
 from polefence.design.signals.bounds import best_bound, kept_bound

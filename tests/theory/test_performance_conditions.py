@@ -11,7 +11,7 @@ from scipy.linalg import expm, solve_continuous_are, solve_continuous_lyapunov
 from scipy.optimize import brentq, minimize_scalar
 
 from polefence import Disk, FixedGain, HalfPlane, ScheduledGain, Sector, UncertainPlant
-from polefence.design.given import loop_with
+from polefence.design.evidence import loop_with
 from polefence.design.requirements.energy_peak import EnergyPeak
 from polefence.design.requirements.gain import Gain
 from polefence.design.requirements.initial_peak import InitialPeak

@@ -20,7 +20,7 @@ import numpy as np
 from polefence.base.errors import InputError, SolverError
 from polefence.design.certificate import Check, ranges_of
 from polefence.design.design import Design
-from polefence.design.given import certificate_of, evidence_of, forms, loop_of
+from polefence.design.evidence import certificate_of, evidence_of, forms, loop_of
 from polefence.design.margins.claims import above, balanced
 from polefence.design.margins.kinds import Scales, largest_of
 from polefence.design.search import edge

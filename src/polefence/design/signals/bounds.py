@@ -20,7 +20,7 @@ from polefence.base.errors import InputError, NotProvedError, PlantError, Solver
 from polefence.base.files import write_documents
 from polefence.design.certificate import Certificate, exact_law
 from polefence.design.design import FILE_NAME, check
-from polefence.design.given import loop_with
+from polefence.design.evidence import loop_with
 from polefence.design.requirements.gain_norm import GainNorm, levels
 from polefence.design.requirements.specification import Specification, claim_of
 from polefence.design.search import first

@@ -215,7 +215,7 @@ def in_parts(problem: DualProblem, level: float, most: int = MOST_PARTS) -> list
         return replace(problem, box=box).widest
 
     parts = divided([Box.whole(problem.domain)], proving, along, most)
-    return parts and [Part(box.low, box.high, dual) for box, dual in parts]
+    return None if parts is None else [Part(box.low, box.high, dual) for box, dual in parts]
 
 
 def _each(problem: DualProblem, level: float) -> Iterator[Dual]:

@@ -1,0 +1,284 @@
+"""Evidence that a given law keeps a region: of the whole box, then of parts of it.
+
+Lyapunov polynomials of growing degree are tried for the whole box. Where they prove nothing it is
+halved, along the parameter that changes the loop most, until low degrees do in each part; a part in
+which a pole is found to leave the region refutes it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from contextlib import suppress
+from dataclasses import replace
+from fractions import Fraction
+from typing import Any
+
+import numpy as np
+
+from polefence.base.errors import InputError
+from polefence.design.certificate import Certificate
+from polefence.design.counterexample import counterexample
+from polefence.design.search import Deadline, first
+from polefence.law.laws import (
+    FixedGain,
+    Law,
+    PolynomialGain,
+    ScheduledGain,
+    divisible,
+    domain_of,
+)
+from polefence.lmi.conditions.lyapunov import Loop
+from polefence.lmi.solve.lyapunov import LyapunovPolynomial, points_inside
+from polefence.plant.boxes import MOST_PARTS, Box, divided, widest
+from polefence.plant.family import UncertainPlant
+from polefence.plant.polynomial import bernstein, elevated, times
+from polefence.plant.system import Array
+from polefence.proof import matrices, work
+from polefence.proof.claims.base import prove
+from polefence.proof.laws import Evidence, Piece
+from polefence.proof.polynomials import coordinates
+from polefence.region.regions import Region
+
+# Degree and elevation of the Lyapunov polynomial, one after the other.
+LADDER = ((0, 0), (1, 0), (1, 1), (2, 0), (2, 1), (3, 0), (3, 1))
+# What a step of the search may cost, beyond the first form [multiplications].
+MOST_WORK = 1e10
+# Degree and elevation in parts of the box, and what a step may cost there beyond the first form.
+IN_PARTS, MOST_IN_PART = ((0, 0), (1, 0)), 1e9
+SHARE = 0.4  # of what is checked in a file, after which no more parts are proved
+
+
+def loop_of(plant: UncertainPlant, law: Law) -> Loop:
+    """Return the closed loop as a quotient of polynomials."""
+    return _loop(plant, law, np.concatenate([plant.A, plant.B], axis=2))
+
+
+def loop_with(plant: UncertainPlant, law: Law, C: Array, D: Array) -> Loop:
+    """Return the closed loop with the rows of y = C x + D u, (N, p, n) and (N, p, m), below it."""
+    rows = [np.concatenate([plant.A, C], axis=1), np.concatenate([plant.B, D], axis=1)]
+    return _loop(plant, law, np.concatenate(rows, axis=2))
+
+
+def _loop(plant: UncertainPlant, law: Law, rows: Array) -> Loop:
+    n, domain = plant.shape[0], domain_of(plant, law)
+    AB = bernstein(domain, rows, 1)
+    if isinstance(law, FixedGain):
+        eye = {(0,) * sum(domain.sizes): np.eye(n)}
+        both = {(0,) * sum(domain.sizes): np.vstack([np.eye(n), law.K])}
+        return Loop(elevated(eye, domain, 1), times(AB, both), domain)
+    if isinstance(law, PolynomialGain):
+        both = bernstein(domain, law.form, law.degree)
+        eye = elevated({(0,) * sum(domain.sizes): np.eye(n)}, domain, law.degree + 1)
+        return Loop(eye, times(AB, both), domain)
+    W = bernstein(domain, law.W, law.degree)
+    both = bernstein(domain, np.concatenate([law.W, law.Z], axis=1), law.degree)
+    return Loop(elevated(W, domain, 1), times(AB, both), domain, W)
+
+
+def forms(plant: UncertainPlant, law: Law, parts: int = 1) -> Iterator[tuple[int, int]]:
+    """Yield degree and elevation of the Lyapunov polynomials worth trying, the first whatever.
+
+    Raises
+    ------
+    InputError
+        If the plant is so large that the exact checker does not take even the first.
+    """
+    n = plant.shape[0]
+    for form in LADDER:
+        blocks = _blocks(plant, law, form)
+        checked = matrices.least_work(blocks * parts**2, 2 * n) <= work.MAX_WORK
+        if form == LADDER[0]:
+            if not checked:
+                raise InputError(f"{plant.name}: {blocks} inequalities are more than is checked")
+        elif not checked or _work(plant, law, form) > MOST_WORK:
+            return
+        yield form
+
+
+def _blocks(plant: UncertainPlant, law: Law, form: tuple[int, int]) -> int:
+    """Return how many inequalities a Lyapunov polynomial of a form has for a part of a region."""
+    own = 0 if isinstance(law, FixedGain) else law.degree
+    own *= 2 if isinstance(law, ScheduledGain) else 1
+    return domain_of(plant, law).count(form[0] + 1 + own + form[1])
+
+
+def _work(plant: UncertainPlant, law: Law, form: tuple[int, int]) -> float:
+    """Return about what a step of the search for one costs [multiplications]."""
+    n = plant.shape[0]
+    unknowns = domain_of(plant, law).count(form[0]) * n * (n + 1) // 2
+    return float(_blocks(plant, law, form) * unknowns**2 * (2 * n) ** 2)
+
+
+def evidence_at(
+    plant: UncertainPlant, law: Law, part: Region, form: tuple[int, int]
+) -> dict[str, Any] | None:
+    """Return evidence of a form that is proved for one part of a region."""
+
+    def proved(found: LyapunovPolynomial) -> dict[str, Any] | None:
+        evidence = evidence_of(found, form)
+        holds = certificate_of(plant, law, part, [evidence]).prove().proved
+        return evidence if holds else None
+
+    with suppress(np.linalg.LinAlgError):  # a law without a value somewhere
+        return first(map(proved, points_inside(loop_of(plant, law), part, form)))
+    return None
+
+
+class Search:
+    """The search for evidence of one part of a region, beyond the lowest form.
+
+    ``last`` is the form of the whole box tried last, ``halved`` whether parts of it were, ``cut``
+    whether a deadline ended it; ``alpha``, where there is one, refutes the region.
+    """
+
+    def __init__(
+        self,
+        plant: UncertainPlant,
+        law: Law,
+        part: Region,
+        deadline: Deadline,
+        most: int = MOST_PARTS,
+    ) -> None:
+        self.plant, self.law, self.part, self.deadline = plant, law, part, deadline
+        self.most = _most_parts(plant, law, most)
+        self.last, self.halved, self.cut = LADDER[0], False, False
+        self.alpha: list[Fraction] | None = None
+
+    @property
+    def tried(self) -> str:
+        """What was tried, in words."""
+        degree, elevation = self.last
+        found = f"Lyapunov polynomials up to degree {degree}, elevation {elevation}"
+        return found + f", nor in {self.most} parts of the box" * self.halved
+
+    def proof(self, ladder: Sequence[tuple[int, int]]) -> dict[str, Any] | None:
+        """Return evidence of a form of the whole box, else of low ones in parts of it."""
+        for form in ladder:
+            if self._late():
+                return None
+            self.last = form
+            evidence = evidence_at(self.plant, self.law, self.part, form)
+            if evidence is not None:
+                return evidence
+        return self.in_parts()
+
+    def in_parts(self) -> dict[str, Any] | None:
+        """Return evidence in parts of the box, None where they would be too many."""
+        if self.most < 2 or self._late():
+            return None
+        self.halved = True
+        inside = _Inside(self.plant, self.law, self.part)
+
+        def along(box: Box) -> int | None:
+            self.alpha = inside.leaving(box)
+            return None if self.alpha or inside.full or self._late() else inside.widest(box)
+
+        whole = Box.whole(domain_of(self.plant, self.law))
+        with suppress(np.linalg.LinAlgError):  # a law without a value somewhere
+            halves = list(whole.halves(inside.widest(whole)))
+            parts = divided(halves, inside.proof, along, self.most)
+            if parts is not None:
+                return {"cells": tuple(_cell(box, own) for box, own in parts)}
+        return None
+
+    def _late(self) -> bool:
+        self.cut = self.cut or self.deadline.passed
+        return self.cut
+
+
+class _Inside:
+    """A law and a part of a region in parts of the box.
+
+    ``full`` is whether the proofs found take as much work as a file's may.
+    """
+
+    def __init__(self, plant: UncertainPlant, law: Law, part: Region) -> None:
+        self.plant, self.law, self.part = plant, law, part
+        self.loop = loop_of(plant, law)
+        self.claim = certificate_of(plant, law, part, [placeholder(plant, law)]).claim()
+        first, *higher = IN_PARTS
+        cheap = (form for form in higher if _work(plant, law, form) <= MOST_IN_PART)
+        self.forms, self.spent = (first, *cheap), 0
+
+    @property
+    def full(self) -> bool:
+        return self.spent > SHARE * work.MAX_WORK
+
+    def proof(self, box: Box) -> Evidence | None:
+        """Return evidence of low degree, None where none is proved."""
+        claim = self.claim.inside(self._piece(box))
+        own = self.loop.inside(box)
+        for form in () if self.full else self.forms:
+            for found in points_inside(own, self.part, form):
+                X = [[[Fraction(e) for e in row] for row in Q] for Q in found.Q.tolist()]
+                evidence = Evidence(X, *form)
+                with suppress(work.FormatError), work.counted() as count:
+                    if prove(replace(claim, evidence=(evidence,))).proved:
+                        self.spent += count.spent
+                        return evidence
+        return None
+
+    def leaving(self, box: Box) -> list[Fraction] | None:
+        """Return an alpha at which a pole leaves the region, None if none was found."""
+        piece = self._piece(box)
+        alpha = counterexample(self.claim.inside(piece))
+        if alpha is None:
+            return None
+        own, whole = coordinates(alpha, self.claim.sizes)[1::2], [Fraction(1)]
+        for low, high, t in zip(piece.low, piece.high, own, strict=True):
+            at = low + (high - low) * t
+            whole = [a * w for a in whole for w in (1 - at, at)]
+        return whole
+
+    def widest(self, box: Box) -> int:
+        """Return the parameter along which the loop changes most."""
+        domain = domain_of(self.plant, self.law)
+
+        def loops(own: Array) -> Array:
+            alpha = box.alpha(domain, own)
+            A, B = self.plant.at(alpha)
+            return np.asarray(A + B @ self.law.gain(alpha))
+
+        return widest(domain, loops)
+
+    def _piece(self, box: Box) -> Piece:
+        low, high = (tuple(map(Fraction, ends)) for ends in (box.low, box.high))
+        return Piece(low, high, self.claim.evidence[0])
+
+
+def _most_parts(plant: UncertainPlant, law: Law, most: int) -> int:
+    """Return in how many parts of the box, at most, a claim is searched for and checked."""
+    if not divisible(plant, law):
+        return 1
+    checked = matrices.least_work(_blocks(plant, law, IN_PARTS[-1]), 2 * plant.shape[0])
+    found = MOST_PARTS * MOST_IN_PART / _work(plant, law, IN_PARTS[0])
+    return min(most, work.MAX_WORK // checked, int(found))
+
+
+def _cell(box: Box, own: Evidence) -> dict[str, Any]:
+    """Return the evidence of a part of the box as a certificate has it."""
+    X = np.array([[[float(e) for e in row] for row in Q] for Q in own.X])
+    ends = {"low": np.array(box.low), "high": np.array(box.high)}
+    return ends | {"X": X, "degree": own.degree, "elevation": own.elevation}
+
+
+def placeholder(plant: UncertainPlant, law: Law) -> dict[str, Any]:
+    """Return evidence that has the shape of some, for a claim whose poles are to be looked at."""
+    n, count = plant.shape[0], domain_of(plant, law).count(0)
+    return {"X": np.tile(np.eye(n), (count, 1, 1)), "degree": 0, "elevation": 0}
+
+
+def evidence_of(found: LyapunovPolynomial, form: tuple[int, int]) -> dict[str, Any]:
+    """Return what was found as a certificate has it."""
+    evidence = {"X": found.Q, "degree": form[0], "elevation": form[1]}
+    return evidence if found.multiple is None else evidence | {"multiple": found.multiple}
+
+
+def certificate_of(
+    plant: UncertainPlant, law: Law, region: Region, parts: Sequence[dict[str, Any]]
+) -> Certificate:
+    """Return the claim with its evidence, one for each part of the region."""
+    evidence: dict[str, Any] = {"parts": tuple(parts)}
+    if isinstance(law, FixedGain) and len(domain_of(plant, law).sizes) > 1:
+        evidence["on"] = "box"
+    return Certificate(plant, region, "lyapunov", law, evidence)

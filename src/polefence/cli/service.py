@@ -66,7 +66,13 @@ def _explained(service: Margins) -> Iterator[str]:
     """Say what rates are about, and where the law itself leaves the region that was asked for."""
     rates = [margin for margin in service if margin.kind == "rate"]
     leave = f"exponential stability, decay rate {exactly(service.decay)} 1/s"
-    if any(margin.proved for margin in rates):
+    own = service["gain"].design
+    if own is not None and own.certificate.in_parts:
+        yield (
+            "note: the region is proved in parts of the box; rates, and errors of the estimate, need "
+            "one Lyapunov polynomial of all of it"
+        )
+    elif any(margin.proved for margin in rates):
         yield f"rates leave {leave}"
     elif rates:
         yield f"no rate is proved that leaves {leave}; ask for a lower one by --decay"

@@ -109,6 +109,11 @@ class Certificate:
         """Whether the law is that of an observer."""
         return self.observed is not None
 
+    @property
+    def in_parts(self) -> bool:
+        """Whether it proves a part of the region in parts of the box, each with its own."""
+        return any("cells" in own for own in self.evidence.get("parts", ()))
+
     def claim(self) -> Poles:
         """Return the claim in exact rationals: that of the design file, a float being a rational.
 

@@ -131,16 +131,9 @@ class Search:
     whether a deadline ended it; ``alpha``, where there is one, refutes the region.
     """
 
-    def __init__(
-        self,
-        plant: UncertainPlant,
-        law: Law,
-        part: Region,
-        deadline: Deadline,
-        most: int = MOST_PARTS,
-    ) -> None:
+    def __init__(self, plant: UncertainPlant, law: Law, part: Region, deadline: Deadline) -> None:
         self.plant, self.law, self.part, self.deadline = plant, law, part, deadline
-        self.most = _most_parts(plant, law, most)
+        self.most = _most_parts(plant, law)
         self.last, self.halved, self.cut = LADDER[0], False, False
         self.alpha: list[Fraction] | None = None
 
@@ -246,13 +239,13 @@ class _Inside:
         return Piece(low, high, self.claim.evidence[0])
 
 
-def _most_parts(plant: UncertainPlant, law: Law, most: int) -> int:
+def _most_parts(plant: UncertainPlant, law: Law) -> int:
     """Return in how many parts of the box, at most, a claim is searched for and checked."""
     if not divisible(plant, law):
         return 1
     checked = matrices.least_work(_blocks(plant, law, IN_PARTS[-1]), 2 * plant.shape[0])
     found = MOST_PARTS * MOST_IN_PART / _work(plant, law, IN_PARTS[0])
-    return min(most, work.MAX_WORK // checked, int(found))
+    return min(MOST_PARTS, work.MAX_WORK // checked, int(found))
 
 
 def _cell(box: Box, own: Evidence) -> dict[str, Any]:

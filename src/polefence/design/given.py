@@ -36,7 +36,6 @@ from polefence.lmi.conditions.lyapunov import Loop
 from polefence.lmi.conditions.target import Around, Decays, Disks, Goal, Sectors
 from polefence.lmi.solve.lyapunov import LyapunovPolynomial, least
 from polefence.lmi.solve.smallest import typical_rate
-from polefence.plant.boxes import MOST_PARTS
 from polefence.plant.family import UncertainPlant
 from polefence.plant.points import values_at, values_text
 from polefence.plant.system import Array
@@ -166,22 +165,12 @@ def analyse(
     """
     if isinstance(law, GainTable):
         return analyse_table(plant, law, region, depth, budget)
-    return _analysed(plant, given_law(plant, law), region, Deadline(budget), MOST_PARTS)
-
-
-def analyse_whole(plant: UncertainPlant, law: Law, region: Region) -> Analysis:
-    """Analyse a law as `analyse` does, with one Lyapunov polynomial for all of the box."""
-    return _analysed(plant, law, region, Deadline(None), 1)
-
-
-def _analysed(
-    plant: UncertainPlant, law: Law, region: Region, deadline: Deadline, most: int
-) -> Analysis:
+    law = given_law(plant, law)
     require_type(region, Region, "region", "for example polefence.Disk(-40, 31)")
     require_region(plant, region)
     ladder = list(forms(plant, law, len(region.parts)))
     claim = certificate_of(plant, law, region, [placeholder(plant, law)] * len(region.parts))
-    parts = list[dict[str, Any]]()
+    deadline, parts = Deadline(budget), list[dict[str, Any]]()
     # of the lowest degree first: most laws that keep a region need no other
     found = [evidence_at(plant, law, part, ladder[0]) for part in region.parts]
     if None in found:
@@ -189,7 +178,7 @@ def _analysed(
         if alpha is not None:
             return _refuted(plant, law, region, alpha)
     for part, evidence in zip(region.parts, found, strict=True):
-        search = Search(plant, law, part, deadline, most)
+        search = Search(plant, law, part, deadline)
         proof = evidence or search.proof(ladder[1:])
         if search.alpha is not None:
             return _refuted(plant, law, region, search.alpha)

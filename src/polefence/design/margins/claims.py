@@ -21,7 +21,7 @@ from polefence.base.errors import InputError
 from polefence.design.certificate import ranges_of
 from polefence.design.design import Design
 from polefence.design.evaluation import Lyapunov, domain_of, lyapunovs
-from polefence.design.given import analyse_whole
+from polefence.design.given import analyse
 from polefence.design.search import first, rising
 from polefence.law.coordinates import Coordinates
 from polefence.law.laws import FixedGain, PolynomialGain
@@ -149,15 +149,13 @@ def claimed_design(design: Design, region: Region | None = None) -> Design | Non
 
     That is itself. For the method "slack", whose proof is about one gain but has no one Lyapunov
     matrix, the same gain over the same region with Lyapunov polynomials; likewise for the method
-    "lyapunov" and another region than its own, or a proof in parts of the box. None where these do
-    not prove it.
+    "lyapunov" and another region than its own. None where these do not prove it.
     """
     kept = design.region if region is None else region
-    given = design.method == "lyapunov"
-    whole = not given or not any("cells" in own for own in design.certificate.evidence["parts"])
-    if design.method in ("scheduled", "quadratic") or (given and whole and kept == design.region):
+    own = ("scheduled", "quadratic", *(("lyapunov",) if kept == design.region else ()))
+    if design.method in own:
         return design
-    found = analyse_whole(design.plant, design.law, kept)
+    found = analyse(design.plant, design.law, kept)
     return found.design if found.proved else None
 
 
@@ -237,7 +235,7 @@ def balanced(design: Design, region: Region) -> tuple[Balanced, ...]:
     """Return a design and a region in balanced coordinates.
 
     One value for all parts of the region; of a law that was given (method "lyapunov") one each,
-    with that part's Lyapunov polynomial.
+    with that part's Lyapunov polynomial, and one each part of the box that has its own.
 
     Raises
     ------
@@ -248,8 +246,7 @@ def balanced(design: Design, region: Region) -> tuple[Balanced, ...]:
         raise InputError("nothing is proved for service from a design of method 'slack'")
     found = list(lyapunovs(design.certificate))
     if design.method == "lyapunov":
-        pairs = zip((own for _, own in found), region.parts, strict=True)
-        return tuple(_balanced(design, own, part) for own, part in pairs)
+        return tuple(_balanced(design, own, part) for part, own in found)
     return (_balanced(design, found[0][1], region),)
 
 
@@ -257,10 +254,14 @@ def _balanced(design: Design, own: Lyapunov, region: Region) -> Balanced:
     """Return the value for a Lyapunov polynomial of the region."""
     law, plant, domain = design.law, design.plant, domain_of(design.certificate)
     A, B, X, degree, first = plant.A, plant.B, own.X, own.degree, None
+    if own.box is not None:
+        A, B = plant.at(own.box.alpha(domain, np.eye(domain.corners)))
     if isinstance(law, FixedGain):
         KX: Array = law.K @ X
     elif isinstance(law, PolynomialGain):
-        both = times(bernstein(domain, law.form, law.degree), bernstein(domain, X, degree))
+        form = bernstein(domain, law.form, law.degree)
+        form = form if own.box is None else own.box.polynomial(form, domain)
+        both = times(form, bernstein(domain, X, degree))
         degree += law.degree
         X, KX = np.split(_stacked(both, domain, degree), [plant.shape[0]], axis=1)
     elif own.multiple is None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from fractions import Fraction
 from functools import cached_property
 from pathlib import Path
@@ -50,6 +50,16 @@ class _Task:
     @cached_property
     def loops(self) -> tuple[Balanced, ...]:
         return () if self.subject is None else balanced(self.subject, self.region)
+
+    @property
+    def in_parts(self) -> bool:
+        """Whether the region is proved in parts of the box, and not on all of it at once."""
+        return self.subject is not None and self.subject.certificate.in_parts
+
+    @property
+    def whole(self) -> _Task:
+        """The same for claims that need one Lyapunov polynomial of all of the box."""
+        return replace(self, subject=None) if self.in_parts else self
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:
@@ -194,6 +204,7 @@ def parameter_rate(design: Design, decay: float = 0.0) -> tuple[Margin, ...]:
 
 
 def _rates(task: _Task, decay: float) -> tuple[Margin, ...]:
+    task = task.whole
     if not (isinstance(decay, int | float) and 0 <= decay < 1e100):
         raise InputError(f"decay = {decay!r} must be a rate of zero or more [1/s]")
     if task.design.plant.sample_time is not None:
@@ -227,7 +238,7 @@ def _rate(task: _Task, decay: float, name: str, unit: str, span: tuple[Fraction,
 
 
 def _estimates(task: _Task) -> tuple[Margin, ...]:
-    return () if task.fixed else tuple(_estimate(task, *each) for each in task.spans())
+    return () if task.fixed else tuple(_estimate(task.whole, *each) for each in task.spans())
 
 
 def _estimate(task: _Task, name: str, unit: str, span: tuple[Fraction, ...]) -> Margin:

@@ -7,17 +7,17 @@ with
     [ F, mu M1 (x) B S, e M2' (x) X T' ; *, mu I, 0 ; *, 0, mu I ] > 0.
 
 Of a law that was given in the certificate's own domain and degrees, whatever parameters the plant
-has.
+has; in each of its cells, if it has some.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from fractions import Fraction
 from typing import Any, ClassVar
 
-from polefence.proof.claims.base import Inequality
+from polefence.proof.claims.base import Inequality, Verdict, in_cells
 from polefence.proof.claims.margins import (
     MarginClaim,
     Subject,
@@ -25,7 +25,7 @@ from polefence.proof.claims.margins import (
     family_of,
     require_numbers,
 )
-from polefence.proof.claims.poles import plant_form
+from polefence.proof.claims.poles import Poles, plant_form
 from polefence.proof.laws import Evidence, lifted
 from polefence.proof.matrices import Rationals
 from polefence.proof.plant import Plant
@@ -41,10 +41,12 @@ class GainError(MarginClaim):
     """The poles stay in the region while the gain is off by ``error`` S D T, |D| <= 1.
 
     S is diagonal, of ``rows`` (a number an input); T too, of ``columns`` (a number a state), or it
-    is any matrix, with ``columns`` its rows. ``mu`` has one number for each L, M of the region.
+    is any matrix, with ``columns`` its rows. ``mu`` has one number for each L, M of the region, and
+    of its cells one each.
     """
 
     kind: ClassVar[str] = "gain error"
+    has_cells: ClassVar[bool] = True
 
     error: Fraction
     rows: tuple[Fraction, ...]
@@ -86,6 +88,9 @@ class GainError(MarginClaim):
             raise FormatError("pieces must be 1 for errors of a gain that was given")
         require_numbers((self.error,), 1, "error")
         pairs = sum(len(part.pairs) for part in design.region)
+        if self._of_lyapunov:
+            each = zip(design.region, design.evidence, strict=True)
+            pairs = sum(len(part.pairs) * len(own.each) for part, own in each)
         for key, values, length in (("rows", self.rows, m), ("mu", self.mu, pairs)):
             require_numbers(values, length, key, positive=True)
         numbers = tuple(c for c in self.columns if isinstance(c, Fraction))
@@ -106,18 +111,27 @@ class GainError(MarginClaim):
             return self.pieces_work(self.subject.degree()), size
         pairs = zip(design.region, design.evidence, strict=True)
         count = sum(
-            count_of(design.sizes, design.degree(evidence) + self.subject.elevation)
-            * len(part.pairs)
+            count_of(design.sizes, design.degree(own) + self.subject.elevation) * len(part.pairs)
             for part, evidence in pairs
+            for own in evidence.each
         )
         return count, size
+
+    def decided(self) -> Verdict:
+        """Prove it; cells must make up the box."""
+        return in_cells(self.subject.design.evidence, super().decided)
 
     def inequalities(self) -> Iterator[Inequality]:
         """Yield X > 0 and the bordered F > 0 of every part of the region."""
         subject, region, numbers = self.subject, self.subject.design.region, iter(self.mu)
         if self._of_lyapunov:
-            for part, evidence in zip(region, subject.design.evidence, strict=True):
-                yield from self._of_given(part, evidence, numbers)
+            design = subject.design
+            for part, evidence in zip(region, design.evidence, strict=True):
+                for k, piece in enumerate(evidence.cells):
+                    for own in self._of_given(design.inside(piece), part, piece.evidence, numbers):
+                        yield replace(own, piece=f", cell {k + 1}")
+                if not evidence.cells:
+                    yield from self._of_given(design, part, evidence, numbers)
             return
         family = family_of(subject)
         for cell in cells(subject):
@@ -130,9 +144,8 @@ class GainError(MarginClaim):
                     yield Inequality(part.kind, rows, degrees, cell.name)
 
     def _of_given(
-        self, part: Part, evidence: Evidence, numbers: Iterator[Fraction]
+        self, design: Poles, part: Part, evidence: Evidence, numbers: Iterator[Fraction]
     ) -> Iterator[Inequality]:
-        design = self.subject.design
         sizes, n = design.sizes, len(design.A[0])
         AB, XKX = plant_form(design.A, design.B, sizes), lifted(design.law, evidence, sizes)
         X, N, B = XKX.part(slice(n)), AB * XKX, AB.part(slice(None), slice(n, None))

@@ -14,7 +14,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from fractions import Fraction
 from itertools import product
-from typing import Any, Self
+from typing import Any, ClassVar, Self
 
 from polefence.proof.claims.base import MAX_BLOCKS, Claim, Inequality, require_work
 from polefence.proof.claims.poles import Poles, plant_form
@@ -65,6 +65,8 @@ class Subject:
 class MarginClaim(Claim):
     """A claim about a design's loop when something is not as it is meant to be."""
 
+    has_cells: ClassVar[bool] = False  # whether the design may be proved in parts of the box
+
     subject: Subject
 
     @classmethod
@@ -108,6 +110,8 @@ class MarginClaim(Claim):
         if design.method == "slack":
             raise FormatError("the method slack has no proofs of margins")
         require_design(design)
+        if any(own.cells for own in design.evidence) and not self.has_cells:
+            raise FormatError(f"cells: a claim of kind {self.kind} needs one X for all of the box")
         if subject.ranges and len(design.A) != 2 ** len(subject.ranges):
             raise FormatError(
                 f"{len(subject.ranges)} parameters need {2 ** len(subject.ranges)} corners"
@@ -156,8 +160,6 @@ def require_design(design: Poles) -> None:
     design.require()
     if design.weights:
         raise FormatError("plants with weights have no proofs of margins")
-    if any(own.cells for own in design.evidence):
-        raise FormatError("cells: a region that is proved in parts of the box has no margins")
     if len(design.law.K or [()]) > 1 and not design.law.polynomial:
         raise FormatError("tables of gains have no proofs of margins")
 

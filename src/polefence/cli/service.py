@@ -69,8 +69,8 @@ def _explained(service: Margins) -> Iterator[str]:
     own = service["gain"].design
     if own is not None and own.certificate.in_parts:
         yield (
-            "note: the region is proved in parts of the box; rates, and errors of the estimate, need "
-            "one Lyapunov polynomial of all of it"
+            "note: the region is proved in parts of the box; rates, and errors of the estimate, "
+            "need one Lyapunov polynomial of all of it"
         )
     elif any(margin.proved for margin in rates):
         yield f"rates leave {leave}"

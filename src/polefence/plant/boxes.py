@@ -96,6 +96,6 @@ def widest(domain: Domain, loops: Callable[[Array], Array]) -> int:
     for k in range(count):
         ends[2 * k : 2 * k + 2, k] = 0.0, 1.0
     poles = np.linalg.eigvals(loops(_alpha(domain, ends)))
-    low, high = (np.sort_complex(poles[s::2]) for s in (0, 1))
-    size = np.abs(poles).max(axis=-1).mean()
-    return int((np.abs(high - low).max(axis=-1) / size).argmax())
+    apart = np.abs(poles[::2, :, None] - poles[1::2, None, :])
+    moved = np.maximum(apart.min(axis=1).max(axis=-1), apart.min(axis=2).max(axis=-1))
+    return int(moved.argmax())  # by their distance as sets: none of them has a place

@@ -48,7 +48,7 @@ class Effort:
     again: float = np.inf
 
 
-FULL, EARLY, QUICK = Effort(300, 1e-5, 1e-3), Effort(60, 1e-4), Effort(15, 1e-3)
+FULL, EARLY, QUICK = Effort(1000, 1e-5, 1e-3), Effort(60, 1e-4), Effort(15, 1e-3)
 
 
 @dataclass(frozen=True, eq=False)

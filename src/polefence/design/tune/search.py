@@ -254,8 +254,18 @@ class _Search:
         return None
 
     def _quick(self, laws: Sequence[Law]) -> list[_Reached]:
-        """Return what all starts lead to at the corners in a few steps."""
-        return [self._improved(theta, self.first, QUICK) for theta in self._starts(laws)]
+        """Return what all starts lead to at the corners; with patience if none is inside."""
+        starts = self._starts(laws)
+        found = [self._improved(theta, self.first, QUICK) for theta in starts]
+        if any(self._outside(self.first, own.theta) <= FEASIBLE for own in found):
+            return found
+        return [self._improved(theta, self.first) for theta in starts]
+
+    @staticmethod
+    def _outside(points: Points, theta: Array) -> float:
+        """Return by how much poles are outside of the region."""
+        rows = points.rows(theta, REGION)
+        return np.inf if rows is None else rows.level
 
     def _starts(self, laws: Sequence[Law]) -> list[Array]:
         task, own = self.task, self.task.unknowns
@@ -277,11 +287,13 @@ class _Search:
         self, theta: Array, points: Points, effort: Effort = FULL, smooth: Sequence[float] = SMOOTH
     ) -> _Reached:
         """Return where the phases lead to at some points: into the region, the limits, down."""
-        rows = points.rows(theta, REGION)
-        outside = rows is None or rows.level > FEASIBLE
+        outside = self._outside(points, theta) > FEASIBLE
         regions = (SMOOTH[0], SMOOTH[-1], None) if outside else ()
         for phase, kappa in (*((REGION, kappa) for kappa in regions), (LIMITS, None)):
-            found = descend(partial(points.rows, phase=phase, kappa=kappa), theta, 0.0)
+            # the smoothest measure is above zero where poles are well within: it leads the way only
+            most = effort if kappa == SMOOTH[0] else FULL
+            evaluate = partial(points.rows, phase=phase, kappa=kappa)
+            found = descend(evaluate, theta, 0.0, most)
             if found is None:
                 return _Reached(theta, points, np.inf, np.inf)
             theta, rows = found
@@ -326,12 +338,18 @@ class _Search:
         return points.worst(inner @ points.unknowns.C, inner)
 
     def _finished(self, own: _Reached) -> _Reached:
-        """Return it improved at points where it is worse, then made small."""
+        """Return it improved at points where it is worse, then made small.
+
+        While there are such points a few steps will do.
+        """
+        settled = True
         for _ in range(ROUNDS):
             more = self._more(own)
-            if more is None:
+            if more is None and settled:
                 break
-            own = self._improved(own.theta, more, smooth=SMOOTH[-1:])
+            settled = more is None
+            effort = FULL if settled else EARLY
+            own = self._improved(own.theta, more or own.points, effort, smooth=SMOOTH[-1:])
         if own.excess > FEASIBLE or self.task.minimise is None:
             return own
         smaller, level = own, own.level + (WIDE - 1) * abs(own.level)

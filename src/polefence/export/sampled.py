@@ -38,6 +38,7 @@ from polefence.lmi.conditions.target import Disks
 from polefence.lmi.solve.lyapunov import least
 from polefence.lmi.solve.starts import start_matrix
 from polefence.plant.family import UncertainPlant
+from polefence.plant.larger import own_states
 from polefence.plant.outputs import Output
 from polefence.plant.points import edges, inside, values_at
 from polefence.plant.polynomial import Domain
@@ -98,7 +99,8 @@ class SampledPoles:
         s = log(z) / sample_time of the n largest |z| [1/s]: where poles in continuous time have the
         same motion at the samples.
     z : (..., n) array, or (..., n + m) with a delay
-        All of them, the largest first. The delay's own m are near zero while samples are short.
+        All of them, the largest first. The delay's own are near zero while samples are short, one
+        for each of the inputs that are late.
     """
 
     equivalent: Array
@@ -109,7 +111,8 @@ def sampled_poles(design: Design, alpha: Array, sample_time: float, delay: int =
     """Return the poles of the loop as a computer closes it every ``sample_time``.
 
     The input is held between samples (zero-order hold); with ``delay`` = 1 it is u[k] = K x[k-1],
-    as where the law is computed during the step.
+    as where the law is computed during the step. States that the law keeps itself are stepped by
+    their rates at once.
 
     Parameters
     ----------
@@ -169,18 +172,30 @@ def require_continuous(design: Design, delay: int) -> None:
         raise InputError(f"delay = {delay!r} must be 0 or 1, in samples")
 
 
+def kept(design: Design) -> int:
+    """Return how many states, the last ones, the code of a law keeps itself."""
+    return 0 if isinstance(design.law, ScheduledGain) else own_states(design.plant)
+
+
+def late_inputs(design: Design, delay: int) -> int:
+    """Return how many inputs, the first ones, act a step late: not the rates of the law's states."""
+    return delay * (design.plant.shape[1] - kept(design))
+
+
 def stepped(design: Design, alpha: Array, sample_time: float, delay: int) -> Array:
     """Return the matrices from one sample to the next, (..., n, n), or with a delay n + m.
 
     Without delay x+ = (F + G K) x. With a delay of one sample the state is (x, u):
-    x+ = F x + G u, u+ = K x.
+    x+ = F x + G u, u+ = K x. The rates of the law's own states act without it.
     """
-    (n, m), K = design.plant.shape, design.law.gain(alpha)
+    n, late, K = design.plant.shape[0], late_inputs(design, delay), design.law.gain(alpha)
     F, G = zero_order_hold(*design.plant.at(alpha), sample_time)
-    if not delay:
-        return np.asarray(F + G @ K)
-    whole = np.zeros((*F.shape[:-2], n + m, n + m))
-    whole[..., :n, :n], whole[..., :n, n:], whole[..., n:, :n] = F, G, K
+    if late < G.shape[-1]:
+        F = np.asarray(F + G[..., late:] @ K[..., late:, :])
+    if not late:
+        return F
+    whole = np.zeros((*F.shape[:-2], n + late, n + late))
+    whole[..., :n, :n], whole[..., :n, n:], whole[..., n:, :n] = F, G[..., :late], K[..., :late, :]
     return whole
 
 
@@ -506,7 +521,7 @@ class _Search:
         blank = self._weighted(blank, needed)
         if not self.delay:
             blank = _with_bounds(blank, family)
-            needed *= float(held_size(blank))
+        needed *= float(held_size(blank))
         needed = math.hypot(needed, float(gain_error(blank)))
         allowed = set(forms(family.plant, family.law))
         for form in self._forms()[1:]:
@@ -547,6 +562,7 @@ class _Search:
             mu=Fraction(0),
             weight=Fraction(LEAST),
             off=self.off,
+            prompt=kept(self.design) * self.delay,
         )
 
     def _weighted(self, blank: Sampled, needed: float) -> Sampled:
@@ -660,6 +676,11 @@ class Family:
     law: Law
 
     @property
+    def late(self) -> int:
+        """How many inputs, the first ones, act a step late."""
+        return late_inputs(self.design, self.delay)
+
+    @property
     def rate(self) -> float:
         """The largest Frobenius norm of [A, B] in these coordinates [1/s]."""
         return float(np.linalg.norm(_rates(self.design, self.coordinates), axis=(1, 2)).max())
@@ -705,10 +726,12 @@ def next_coordinates(family: Family, evidence: Mapping[str, Any]) -> Coordinates
     n, own = family.steps.shape[1], family.coordinates
     X, law = _middle(family, evidence), family.design.law
     before = _whitening(X[:n, :n]) @ own.T
-    T = _evened(law, before)
-    if family.delay:
-        return _rounded(T, own.scale * np.sqrt(np.diag(X)[n:]) * before[0, 0] / T[0, 0])
-    return _rounded(T, _size_of_gain(law.gain(np.eye(len(family.steps))), T))
+    T, late = _evened(law, before), family.late
+    scale = own.scale[:late] * np.sqrt(np.diag(X)[n:]) * before[0, 0] / T[0, 0]
+    if late < len(own.scale):
+        more = _size_of_gain(law.gain(np.eye(len(family.steps))), T)[late:]
+        scale = np.concatenate([scale, more])
+    return _rounded(T, scale)
 
 
 def _evened(law: Law, T: Array) -> Array:
@@ -737,7 +760,7 @@ def family_of(design: Design, sample_time: float, delay: int, coordinates: Coord
     error = float(np.linalg.norm(off - shift, axis=(1, 2)).max())
     unit = 2.0 ** (math.floor(math.log2(max(error, 1e-12))) - FINE)
     steps = np.round((steps + shift) / unit) * unit
-    plant = _plant(design, steps, delay, sample_time)
+    plant = _plant(design, steps, late_inputs(design, delay), sample_time)
     law = given_law(plant, _law(design, plant, coordinates))
     return Family(design, sample_time, delay, coordinates, steps, error, plant, law)
 
@@ -753,17 +776,12 @@ def _steps(rates: Array, n: int, sample_time: float) -> Array:
     return np.concatenate(zero_order_hold(rates[..., :n], rates[..., n:], sample_time), axis=-1)
 
 
-def _plant(design: Design, steps: Array, delay: int, sample_time: float) -> UncertainPlant:
+def _plant(design: Design, steps: Array, late: int, sample_time: float) -> UncertainPlant:
     (n, m), N = design.plant.shape, len(steps)
-    A, B = steps[..., :n], np.zeros((N, n, m + n))
-    B[..., m:] = np.eye(n)
-    if delay:
-        A = np.concatenate([steps, np.zeros((N, m, n + m))], axis=1)
-        below = np.zeros((N, m, m + n))
-        below[..., :m] = np.eye(m)
-        B = np.concatenate([B, below], axis=1)
-    else:
-        B[..., :m] = steps[..., n:]
+    A = np.zeros((N, n + late, n + late))
+    B = np.zeros((N, n + late, m + n))
+    A[:, :n], B[:, :n, late:m] = steps[..., : n + late], steps[..., n + late :]
+    B[:, :n, m:], B[:, n:, :late] = np.eye(n), np.eye(late)
     plant = UncertainPlant.from_vertices(list(A), list(B), sample_time=Fraction(sample_time))
     return replace(plant, parameters=design.plant.parameters)
 

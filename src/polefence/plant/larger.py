@@ -17,6 +17,7 @@ from polefence.plant.system import Exact, System
 DAMPING = Fraction("0.7071")  # of an actuator of order 2
 DIGITS = 12  # that 2 pi f and other irrational entries are rounded to
 MOST_STATES = 20  # of a law
+OWN = ("law state ", "pid integral of ", "pid filter of ")  # how names of its states begin
 
 ZERO, ONE = Fraction(0), Fraction(1)
 
@@ -235,6 +236,35 @@ def law_states(count: int) -> tuple[str, ...]:
 def law_rates(count: int) -> tuple[str, ...]:
     """Return the names of the inputs that are the rates of the states of a law."""
     return tuple(f"rate of law state {i + 1}" for i in range(count))
+
+
+def own_states(plant: UncertainPlant) -> int:
+    """Return how many of the last states are those of a law, their rates the last inputs.
+
+    By their names, and by the matrices of `with_states`: x_c' = u_c, and no part in anything else.
+    """
+    names = [own.name for own in states(plant)], [own.name for own in inputs(plant)]
+    count = 0
+    for own, rate in zip(*map(reversed, names), strict=False):
+        if not own.startswith(OWN) or rate != f"rate of {own}":
+            break
+        count += 1
+    n, m = plant.shape
+    if not 0 < count < min(n, m):
+        return 0
+    return count if all(_apart(own, count) for own in plant.vertices) else 0
+
+
+def _apart(vertex: System, count: int) -> bool:
+    """Whether the last states have the last inputs as their rates, and no part in anything else."""
+    (n, m), A, B = vertex.shape, vertex.exact_A, vertex.exact_B
+    rows = [(A[i], B[i]) for i in range(n - count, n)]
+    alone = all(
+        not any(a) and tuple(b) == _unit(m, m - count + i, ONE) for i, (a, b) in enumerate(rows)
+    )
+    others = zip(A[: n - count], B[: n - count], strict=True)
+    driven = any(any(row) for row in (vertex.exact_E or ())[n - count :])
+    return alone and not driven and not any(any(a[n - count :] + b[m - count :]) for a, b in others)
 
 
 def require_order(count: Any) -> None:

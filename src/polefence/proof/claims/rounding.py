@@ -12,6 +12,13 @@ K_e c^e, |c| <= 1: by those of its t terms, g(n + t) of them, and by the errors 
 that are measured, y = C x, the law is off by E y: where C is one matrix, the claim's own C has rows
 that are multiples of its rows, else E y is at most |E| |C| |x|.
 
+States that the code keeps itself are stepped by their rates v, the last rows of K y: of the
+constant h for the time T between updates, x+ = fl(x + fl(h v)) = x + T v' with
+
+    v' = r v + (d / T) x,    |d| <= u,    |r - 1| <= e = |h / T - 1| + (h / T) ((1 + u)^2 - 1),
+
+so that a row of E grows by e (|K| + E), and by u / T in the column of its own state.
+
 A scheduled one, where C = T (and S is left out here): with W' = T W T', Z' = Z T', K' = Z' W'^-1,
 so that K = K' T, the code computes
 
@@ -29,7 +36,7 @@ so that K = K' T, the code computes
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from math import prod
@@ -37,10 +44,12 @@ from typing import Any, ClassVar, Self
 
 from polefence.proof.claims.base import Claim, Inequality, Verdict, require_work
 from polefence.proof.claims.gain_error import GainError
+from polefence.proof.claims.poles import Poles
 from polefence.proof.laws import Law, is_alpha
 from polefence.proof.matrices import (
     MAX_BITS,
     Rationals,
+    identity,
     inverse,
     is_positive_definite,
     least_work,
@@ -66,6 +75,7 @@ from polefence.proof.work import FormatError
 DIGITS = {32: 24, 64: 53}  # binary digits of a number
 # Constants of the code, and how near W' and its bound are to one: far from underflow and overflow.
 LEAST, MOST, SMALLEST = Fraction(1, 10**18), Fraction(10**18), Fraction(1, 10**6)
+MAX_STATES = 1000  # that a code keeps, of a file
 UNITS = {32: Fraction(1, 2**24), 64: Fraction(1, 2**53)}  # relative error of one operation
 
 
@@ -79,12 +89,24 @@ class Share:
 
 
 @dataclass(frozen=True)
+class Memory:
+    """States that the code keeps: the last of plant and signals, their rates the last inputs.
+
+    Every ``sample_time`` each grows by ``step``, the code's constant for that, times its rate.
+    """
+
+    states: int
+    step: Fraction
+    sample_time: Fraction
+
+
+@dataclass(frozen=True)
 class Code:
     """The constants of the code, with the bits of its numbers.
 
     One gain, that of one vertex too, has ``K`` alone. ``shares`` has one entry a parameter, none
     where the code is given alpha itself. W and Z are Bernstein coefficients; of a polynomial law
-    ``terms`` has the gains.
+    ``terms`` has the gains. ``memory`` is of a law of gains with states of its own.
     """
 
     bits: int
@@ -94,6 +116,7 @@ class Code:
     Z: tuple[Rationals, ...] = ()
     shares: tuple[Share, ...] = ()
     terms: tuple[Rationals, ...] = ()
+    memory: Memory | None = None
 
 
 @dataclass(frozen=True)
@@ -121,7 +144,8 @@ class Rounded(Claim):
         K, T = (own.matrix(key) if key in own else None for key in ("K", "T"))
         keys = ("W", "Z", "terms")
         W, Z, terms = (tuple(own.matrices(key, None, None)) if key in own else () for key in keys)
-        code = Code(own.at("bits"), K, T, W, Z, _read_shares(own), terms)
+        memory = _read_memory(own.table("memory")) if "memory" in own else None
+        code = Code(own.at("bits"), K, T, W, Z, _read_shares(own), terms, memory)
         smallest, size = (own.number(key, 0) for key in ("smallest", "size"))
         return cls(gain, code, smallest, size, own.whole("elevation", 0))
 
@@ -134,6 +158,8 @@ class Rounded(Claim):
         if code.shares:
             keys = ("low", "high", "scale")
             table["shares"] = [{key: plain(getattr(s, key)) for key in keys} for s in code.shares]
+        if code.memory:
+            table["memory"] = {key: plain(value) for key, value in vars(code.memory).items()}
         if code.T is not None:
             table |= {"smallest": plain(self.smallest), "size": plain(self.size)}
             table["elevation"] = self.elevation
@@ -174,10 +200,14 @@ class Rounded(Claim):
         for matrix in code.terms or [code.K or []]:
             require_shape(matrix, m, r, "code.terms" if code.terms else "code.K")
         _signal_scales(self)
+        if code.memory:
+            _require_memory(code.memory, gain.subject.design)
 
     def _require_scheduled(self) -> None:
         code, gain = self.code, self.gain
         design = gain.subject.design
+        if code.memory:
+            raise FormatError("code.memory is of a law of gains")
         m, n, law, sizes = len(design.B[0][0]), len(design.A[0]), design.law, design.sizes
         count = count_of(sizes, law.degree)
         if len(code.W) != count or len(code.Z) != count:
@@ -224,10 +254,38 @@ def _read_shares(table: Table) -> tuple[Share, ...]:
     return tuple(Share(*(row.number(key) for key in ("low", "high", "scale"))) for row in rows)
 
 
+def _read_memory(table: Table) -> Memory:
+    numbers = (table.number(key) for key in ("step", "sample_time"))
+    return Memory(table.whole("states", None, MAX_STATES, 1), *numbers)
+
+
+def _require_memory(memory: Memory, design: Poles) -> None:
+    """Refuse states that are not the code's alone: x' = v, and no part in the plant."""
+    q, (n, m) = memory.states, (len(design.A[0]), len(design.B[0][0]))
+    if not 0 < q < min(n, m):
+        raise FormatError("code.memory.states must leave states and inputs to the plant")
+    if memory.step <= 0 or memory.sample_time <= 0:
+        raise FormatError("code.memory: step and sample_time must be positive")
+    zero, one = [[Fraction(0)] * q for _ in range(n - q)], identity(q)
+    for A, B in zip(design.A, design.B, strict=True):
+        if any(any(row) for row in A[n - q :]) or [row[n - q :] for row in A[: n - q]] != zero:
+            raise FormatError("code.memory: the last states must have no part in the plant")
+        own, others = B[n - q :], [row[m - q :] for row in B[: n - q]]
+        rates = [row[m - q :] for row in own]
+        if others != zero or rates != one or any(any(row[: m - q]) for row in own):
+            raise FormatError("code.memory: the last inputs must be the rates of the last states")
+    for C in design.law.C:
+        first, last = C[: len(C) - q], C[len(C) - q :]
+        kept = [row[n - q :] for row in last] == one and not any(any(r[: n - q]) for r in last)
+        if len(C) <= q or not kept or any(any(row[n - q :]) for row in first):
+            raise FormatError("code.memory: the last signals must be the last states alone")
+
+
 def _require_numbers(code: Code) -> None:
     """Refuse constants that the code cannot hold, or that lead out of its numbers' range."""
-    shares = [[s.low, s.high, s.scale] for s in code.shares]
-    for matrix in [code.K or [], code.T or [], *code.W, *code.Z, *code.terms, shares]:
+    others = [[s.low, s.high, s.scale] for s in code.shares]
+    others += [[code.memory.step]] if code.memory else []
+    for matrix in [code.K or [], code.T or [], *code.W, *code.Z, *code.terms, others]:
         for row in matrix:
             for value in row:
                 if value and not (LEAST <= abs(value) <= MOST and _is_held(value, code.bits)):
@@ -281,7 +339,21 @@ def gain_errors(claim: Rounded) -> Rationals:
         for i, row in enumerate(total):
             for j in range(len(row)):
                 row[j] += abs(a[i][j] - b[i][j]) + part * abs(b[i][j])
-    return total
+    return total if code.memory is None else _with_steps(total, exact, code.memory, code.bits)
+
+
+def _with_steps(
+    E: Rationals, terms: Sequence[Rationals], memory: Memory, bits: int
+) -> Rationals:
+    """Return bounds on the errors of a gain whose last rows are the rates of the last signals."""
+    unit, ratio, q = UNITS[bits], memory.step / memory.sample_time, memory.states
+    grown = abs(ratio - 1) + ratio * ((1 + unit) ** 2 - 1)
+    found, first = [list(row) for row in E], len(E) - q
+    for i in range(first, len(E)):
+        sizes = [sum(abs(K[i][j]) for K in terms) for j in range(len(E[i]))]
+        found[i] = [e + grown * (size + e) for e, size in zip(E[i], sizes, strict=True)]
+        found[i][len(E[i]) - q + i - first] += unit / memory.sample_time
+    return found
 
 
 def power_errors(claim: Rounded) -> list[Fraction]:

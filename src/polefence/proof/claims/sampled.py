@@ -14,7 +14,9 @@ With y = T x, u = S v and one step of delay the states are (y, v):
 
 K' = S^-1 K T^-1 = Z' W'^-1 with W' = T W T', Z' = S^-1 Z T'. F and G are convex combinations of the
 vertices' own; what these leave out is r = E (y, v), E small: an error of the gain of n inputs whose
-gain is zero. Without delay the state is y, v = K' y, and r = E (y, K' y).
+gain is zero. Without delay the state is y, v = K' y, and r = E (y, K' y). Inputs that are rates of
+states which the code keeps act at once, whatever the delay: of those, v = K' y, and of the others
+the state is v.
 """
 
 from __future__ import annotations
@@ -99,6 +101,8 @@ class Sampled(Claim):
     weight : Fraction
         Of the inputs' rows beside those of the states.
     off : Off, optional
+    prompt : int
+        How many inputs, the last ones, act at once in spite of the delay; of a law of gains.
     """
 
     kind: ClassVar[str] = "sampled"
@@ -121,6 +125,12 @@ class Sampled(Claim):
     energy: Fraction = Fraction(0)
     weight: Fraction = Fraction(1, 2**20)
     off: Off | None = None
+    prompt: int = 0
+
+    @property
+    def late(self) -> int:
+        """How many inputs, the first ones, act a step late."""
+        return self.delay * (len(self.scale) - self.prompt)
 
     @classmethod
     def read(cls, table: Table, plant: Plant, law: Any, on: str) -> Self:
@@ -140,10 +150,13 @@ class Sampled(Claim):
             evidence=Evidence([]),
             elevation=table.whole("elevation", 0),
             off=_read_off(table.table("off"), n) if "off" in table else None,
+            prompt=table.whole("prompt", 0, m),
             **{key: table.number(key) for key in NUMBERS},
             **{key: table.number(key) for key in ("smallest", "energy") if key in table},
         )
-        sizes, width = replace(claim.design, on=claim.domain).sizes, n + m if claim.delay else n
+        if len(claim.scale) != m:
+            raise FormatError(f"scale must hold {m} positive numbers")
+        sizes, width = replace(claim.design, on=claim.domain).sizes, n + claim.late
         evidence = read_evidence(table.table("evidence"), width, sizes, multiple=law.scheduled)
         return replace(claim, evidence=evidence)
 
@@ -156,11 +169,15 @@ class Sampled(Claim):
         if self.off:
             own = self.off
             table["off"] = {key: plain(getattr(own, key)) for key in ("error", "rows", "columns")}
+        if self.prompt:
+            table["prompt"] = self.prompt
         return table | {"evidence": self.evidence.write()}
 
     def statement(self, plant: Plant) -> str:  # noqa: ARG002
         """Say how the loop is run, and how fast it decays."""
         late, time = ", u one step late" if self.delay else "", milliseconds_text(self.sample_time)
+        if self.prompt:
+            late += f" but for the last {self.prompt} of its rows, rates that act at once"
         return f"run every {time} ms{late}, decay {digits_down(self.decay, 3)} 1/s"
 
     def fault_in(self, plant: Plant, claims: Sequence[Claim]) -> str:  # noqa: ARG002
@@ -185,6 +202,10 @@ class Sampled(Claim):
         same = (self.design.A, self.design.B, self.design.law) == (own.A, own.B, own.law)
         if off is None or not same or off.rows != gain.rows or off.columns != gain.right:
             return False
+        memory = rounded.code.memory
+        kept = memory.states if memory and self.delay else 0
+        if self.prompt != kept or (memory and memory.sample_time != self.sample_time):
+            return False
         return off.error >= rounding_error(rounded)
 
     def require(self) -> None:
@@ -200,6 +221,8 @@ class Sampled(Claim):
             raise FormatError("a law on a box needs the parameters' ranges")
         if self.delay not in (0, 1):
             raise FormatError("delay must be 0 or 1")
+        if self.prompt and not (self.delay and 0 < self.prompt < m and law.W is None):
+            raise FormatError("prompt inputs are some of a law of gains, where others are late")
         for key in ("sample_time", "radius", "error", "mu", "weight"):
             if getattr(self, key) <= 0:
                 raise FormatError(f"{key} must be positive")
@@ -222,7 +245,7 @@ class Sampled(Claim):
             return verdict
         try:
             off = steps.step_error(self, whole.subject.design.sizes)
-            off *= 1 if self.delay else steps.held_size(self)
+            off *= steps.held_size(self)
         except FormatError as problem:
             return verdict.unless(str(problem))
         needed = off**2 + steps.gain_error(self) ** 2
@@ -248,7 +271,7 @@ class Sampled(Claim):
 def _require_shapes(claim: Sampled, n: int, m: int) -> None:
     shaped: list[tuple[str, Rationals, int, int]] = [("T", claim.T, n, n)]
     shaped += [("steps", step, n, n + m) for step in claim.steps]
-    width = n + m if claim.delay else n
+    width = n + claim.late
     shaped += [("evidence.X", X, width, width) for X in claim.evidence.X]
     shaped += [("off.columns", claim.off.columns, n, n)] if claim.off else []
     for key, matrix, rows, columns in shaped:
@@ -277,8 +300,8 @@ def loop_claim(claim: Sampled) -> GainError:
     disk = (Disk(ZERO, claim.radius),)
     family = Poles(
         "lyapunov",
-        [_stacked(step, n, m, claim.delay) for step in claim.steps],
-        [_inputs(step, n, m, claim.delay) for step in claim.steps],
+        [_stacked(step, n, claim.late) for step in claim.steps],
+        [_inputs(step, n, m, claim.late) for step in claim.steps],
         disk,
         _law(claim),
         (claim.evidence,),
@@ -290,40 +313,37 @@ def loop_claim(claim: Sampled) -> GainError:
     return GainError(subject, claim.error, steps.rows(claim) + (ONE,) * n, columns, (claim.mu,))
 
 
-def _stacked(step: Rationals, n: int, m: int, delay: int) -> Rationals:
-    if not delay:
-        return [row[:n] for row in step]
-    return [*step, *([ZERO] * (n + m) for _ in range(m))]
+def _stacked(step: Rationals, n: int, late: int) -> Rationals:
+    zeros = ([ZERO] * (n + late) for _ in range(late))
+    return [*(row[: n + late] for row in step), *zeros]
 
 
-def _inputs(step: Rationals, n: int, m: int, delay: int) -> Rationals:
+def _inputs(step: Rationals, n: int, m: int, late: int) -> Rationals:
     """Return B: of v first, of the remainder r after it."""
-    if not delay:
-        return [row[n:] + unit for row, unit in zip(step, identity(n), strict=True)]
-    upper = [[ZERO] * m + row for row in identity(n)]
-    return upper + [row + [ZERO] * n for row in identity(m)]
+    pairs = zip(step, identity(n), strict=True)
+    upper = [[ZERO] * late + row[n + late :] + unit for row, unit in pairs]
+    return upper + [row + [ZERO] * n for row in identity(m)[:late]]
 
 
 def _law(claim: Sampled) -> Law:
-    n, m = len(claim.T), len(claim.scale)
+    n, late = len(claim.T), claim.late
     law = claim.design.law
     if law.polynomial:
-        own, none = steps.transformed_terms(claim), [ZERO] * (m if claim.delay else 0)
+        own, none = steps.transformed_terms(claim), [ZERO] * late
         K = [k + [[ZERO] * len(k[0]) for _ in range(n)] for k in own.K or []]
         return replace(own, K=K, C=tuple([row + none for row in rows] for rows in own.C))
     if law.K is not None:
-        return Law([_widened(steps.transformed_gain(claim), n, m, claim.delay)])
+        return Law([_widened(steps.transformed_gain(claim), n, late)])
     W, Z = steps.transformed(claim)
-    if claim.delay:
-        eye = identity(m)
-        W = [[row + [ZERO] * m for row in w] + [[ZERO] * n + row for row in eye] for w in W]
-    return Law(None, W, [_widened(z, n, m, claim.delay) for z in Z], law.degree)
+    if late:
+        eye = identity(late)
+        W = [[row + [ZERO] * late for row in w] + [[ZERO] * n + row for row in eye] for w in W]
+    return Law(None, W, [_widened(z, n, late) for z in Z], law.degree)
 
 
-def _widened(gain: Rationals, n: int, m: int, delay: int) -> Rationals:
+def _widened(gain: Rationals, n: int, late: int) -> Rationals:
     """Add no gain of v, and of none the remainder."""
-    width = n + m if delay else n
-    return [row + [ZERO] * (width - n) for row in gain] + [[ZERO] * width for _ in range(n)]
+    return [row + [ZERO] * late for row in gain] + [[ZERO] * (n + late) for _ in range(n)]
 
 
 def _read_off(table: Table, n: int) -> Off:

@@ -142,25 +142,31 @@ def gain_error(claim: Sampled) -> Fraction:
 
 
 def held_size(claim: Sampled) -> Fraction:
-    """Return a bound on |(I, K')|, by which an error of [F, G] acts on y where there is no delay.
+    """Return a bound on |(I, K')|, by which an error of [F, G] acts on the loop's state.
+
+    K' has the rows of inputs that act at once; of none this is one.
 
     Raises
     ------
     FormatError
         If the bounds on the law that the claim gives do not hold.
     """
-    law = claim.design.law
+    law, late = claim.design.law, claim.late
+    if late == len(claim.scale):
+        return Fraction(1)
     if law.polynomial:
         sizes = replace(claim.design, on=claim.domain).sizes
         gain = root(
-            _largest_square(transformed_terms(claim).form(sizes).part(slice(len(claim.T), None)))
+            _largest_square(
+                transformed_terms(claim).form(sizes).part(slice(len(claim.T) + late, None))
+            )
         )
     elif law.K is not None:
-        gain = norm(transformed_gain(claim))
+        gain = norm(transformed_gain(claim)[late:])
     else:
         _require_bounds(claim)
         gain = root(claim.energy / claim.smallest)
-    gain += gain_error(claim) * max(rows(claim))
+    gain += gain_error(claim) * max(rows(claim)[late:])
     return root(1 + gain * gain)
 
 

@@ -22,19 +22,21 @@ from polefence.design.design import Design, check_document, read_document
 from polefence.design.measured import DUAL
 from polefence.design.observer import Observer
 from polefence.export.guarantee import Timing, milliseconds
+from polefence.export.memory import kept
 from polefence.export.observer import observer_sources
 from polefence.export.program import (
     Fixed,
+    Memory,
     Polynomial,
     Program,
     Scheduled,
     Share,
+    memory_of,
     number,
 )
 from polefence.export.sources import Texts, context, environment, sources
 from polefence.law.laws import FixedGain, Law, PolynomialGain, ScheduledGain
 from polefence.plant.family import UncertainPlant
-from polefence.plant.larger import MOST_STATES, law_rates, law_states
 from polefence.plant.outputs import states
 from polefence.proof.claims.base import Claim
 from polefence.proof.claims.observer import Observer as ObserverClaim
@@ -142,10 +144,11 @@ def _other(path: Path, document: Document) -> str:
         seen = read_seen(table, observer is not None)
         held = Loop(float(loop.sample_time), loop.delay, loop.decay, seen)
         facts = replace(facts, loop=held)
-    texts, program = (
-        rebuilt_texts(table, certificate, facts),
-        rebuilt_program(claim.code, certificate),
-    )
+    program = rebuilt_program(claim.code, certificate)
+    memory = memory_of(program)
+    if memory and loop is None:
+        raise InputError("claims: code with a memory needs a claim about its sampled loop")
+    texts = rebuilt_texts(table, certificate, facts, memory.states if memory else 0)
     written = sources(program, texts)
     if observer is not None:
         written |= _observer_header(observer, program, texts, by_parameters)
@@ -202,6 +205,7 @@ def of_signals(design: Design) -> Design:
     if design.method != "lyapunov" or not isinstance(law, FixedGain):
         return design
     used = np.asarray(law.K.any(axis=0))
+    used[len(used) - kept(design) :] = True
     if used.all() or not used.any():
         return design
     signals = [own for own, kept in zip(states(plant), used, strict=True) if kept]
@@ -220,30 +224,37 @@ def code_law(law: Law) -> Law:
     return law
 
 
-def names(design: Design | Certificate) -> tuple[tuple[str, ...], tuple[str, ...]]:
+def names(
+    design: Design | Certificate, own_states: int = 0
+) -> tuple[tuple[str, ...], tuple[str, ...]]:
     """Return the names of states and inputs, numbered where the plant has none.
 
-    Of a law of measured signals, theirs in place of the states'.
+    Of a law of measured signals, theirs in place of the states'. States that the code keeps itself,
+    and their rates, are left out.
     """
     plant: UncertainPlant = design.plant
     n, m = plant.shape
     inputs = tuple(plant.inputs) or tuple(f"input {j + 1}" for j in range(m))
     if isinstance(design.law, PolynomialGain) and design.law.measured:
-        return tuple(own.label for own in design.law.measured), inputs
-    return tuple(plant.states) or tuple(f"state {j + 1}" for j in range(n)), inputs
+        found = tuple(own.label for own in design.law.measured)
+    else:
+        found = tuple(plant.states) or tuple(f"state {j + 1}" for j in range(n))
+    return found[: len(found) - own_states], inputs[: m - own_states]
 
 
 def rebuilt_program(code: Code, certificate: Certificate) -> Program:
     """Return the program that has these constants."""
     form, law = number(code.bits), certificate.law
     measured = isinstance(law, PolynomialGain) and bool(law.measured)
+    own = code.memory
+    memory = own and Memory(own.states, float(own.step), float(own.sample_time))
     if code.K is not None or isinstance(law, FixedGain):
-        return Fixed(form, _floats(code.K), measured)
+        return Fixed(form, _floats(code.K), measured, memory)
     pairs = zip(certificate.plant.parameters, code.shares, strict=False)
     shares = tuple(Share(p, float(s.low), float(s.high), float(s.scale)) for p, s in pairs)
     if isinstance(law, PolynomialGain):
         gains = np.array([_floats(each) for each in code.terms])
-        return Polynomial(form, shares, law.domain, law.powers, gains, measured)
+        return Polynomial(form, shares, law.domain, law.powers, gains, measured, memory)
     W, Z = (np.array([_floats(each) for each in table]) for table in (code.W, code.Z))
     return Scheduled(form, shares, law.domain, law.degree, _floats(code.T), W, Z)
 
@@ -254,7 +265,9 @@ def text_document(texts: Texts, seen: Seen | None) -> dict[str, Any]:
     return table if seen is None else table | {"sampled": asdict(seen)}
 
 
-def rebuilt_texts(table: Any, certificate: Certificate, facts: Facts) -> Texts:
+def rebuilt_texts(
+    table: Any, certificate: Certificate, facts: Facts, own_states: int = 0
+) -> Texts:
     """Return the texts of what is proved and sampled.
 
     Raises
@@ -277,7 +290,7 @@ def rebuilt_texts(table: Any, certificate: Certificate, facts: Facts) -> Texts:
         name,
         certificate.plant.name,
         statement(facts),
-        *names(certificate),
+        *names(certificate, own_states),
         tuple(map(float, limits)),
         time,
         loop.delay if loop else 0,
@@ -422,9 +435,10 @@ def _rounding(facts: Facts) -> str:
     if facts.rounded is None:
         return f"NOT PROVED to keep the poles in {region}: {facts.reason}."
     share = rounding_error(facts.rounded) / facts.rounded.gain.error
+    own = " and its own states step" if facts.rounded.code.memory else ""
     return (
         f"Proved in exact arithmetic: all poles of A + B K lie in {region}, whatever the "
-        "parameters, with the gain as this code computes it; its rounding is at most "
+        f"parameters, with the gain as this code computes it{own}; its rounding is at most "
         f"{digits_up(100 * share, 2)} % of what is proved to leave them there."
     )
 
@@ -485,22 +499,16 @@ def own_readme(
         "discrete": design.plant.sample_time is not None,
         "bytes": local_bytes(made),
         "observer": observed,
-        "own": _own_states(texts),
     }
     template = environment().get_template("README.md.j2")
     return template.render(context(made, texts) | facts)
 
 
-def _own_states(texts: Texts) -> list[tuple[int, int]]:
-    """Return the places of states that are the law's own in x or y, and of their rates in u."""
-    pairs = zip(law_states(MOST_STATES), law_rates(MOST_STATES), strict=True)
-    known = [pair for pair in pairs if pair[0] in texts.states and pair[1] in texts.inputs]
-    return [(texts.states.index(own), texts.inputs.index(rate)) for own, rate in known]
-
-
 def local_bytes(made: Program) -> int:
     """Return the bytes of the arrays that an update keeps on the stack."""
     n, m = made.shape
+    if memory_of(made):
+        m += n
     if isinstance(made, Fixed):
         return m * made.number.bits // 8
     own = len(made.shares) * 2 if made.shares else made.domain.corners

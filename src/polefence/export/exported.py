@@ -27,7 +27,8 @@ from polefence.export.documents import (
 from polefence.export.fmu import fmu
 from polefence.export.guarantee import Guarantee, Timing, guarantee, timing
 from polefence.export.observer import observer_sources
-from polefence.export.program import Program, number, program
+from polefence.export.memory import kept, with_rates
+from polefence.export.program import Program, number, program, with_memory
 from polefence.export.sources import MARKER, Texts, check_c_name, sources
 from polefence.export.vectors import harness, makefile
 from polefence.law.laws import PolynomialGain, is_one
@@ -144,9 +145,11 @@ def export_c99(
     """
     check_c_name(name)
     require_law(design)
-    design = of_signals(design) if observer is None else design
+    design = of_signals(with_rates(design)) if observer is None else design
     made = program(code_law(design.law), _scheduled_on(design, given), number(bits))
-    cuts = _limits(limits, design.plant.shape[1])
+    own = kept(design)
+    made = with_memory(made, own, _period(own, sampling))
+    cuts = _limits(limits, design.plant.shape[1] - own)
     _require_observer(design, observer, sampling, allow_unproved)
     answer = check(design)
     if not answer.proved and not allow_unproved:
@@ -162,7 +165,7 @@ def export_c99(
         name,
         design.plant.name,
         lines,
-        *names(design),
+        *names(design, own),
         cuts,
         _time(design, sampling),
         int(sampling is not None and sampling.delayed),
@@ -177,6 +180,17 @@ def export_c99(
         files |= {key: text.encode() for key, text in code.items()}
         whole = replace(whole, by_parameters=given != "alpha")
     return replace(whole, files=_sealed(whole, files))
+
+
+def _period(own: int, sampling: Sampling | None) -> float:
+    """Return the sample time [s]; a law with states of its own is stepped by it."""
+    if own and sampling is None:
+        raise InputError(
+            f"the law has {own} {'state' if own == 1 else 'states'} of its own, which its code steps "
+            "from sample to sample: give the sample time in s, such as --sample-time 0.001 "
+            "(sampling=Sampling(0.001))"
+        )
+    return 0.0 if sampling is None else sampling.period
 
 
 def _facts(
@@ -203,6 +217,8 @@ def _require_observer(
     observer.feedback(design)  # refuses another plant's
     if isinstance(design.law, PolynomialGain) and design.law.measured:
         raise InputError("the law takes measured signals, not states; leave out the observer")
+    if kept(design):
+        raise InputError("the law has states of its own; leave out the observer")
     if sampling is None and design.plant.sample_time is None:
         raise InputError("an observer's code needs the sample time; give sampling (--sample-time)")
     if not observer.design.proved and not allow_unproved:

@@ -65,7 +65,8 @@ def fmu(
 
     Inputs are the states x, then the parameters or weights that the program is given; outputs are
     u and the flags. All real variables are doubles, whatever the law computes with. u is always
-    that of the inputs as they are now, also before the first step. The same program, texts and
+    that of the inputs as they are now, also before the first step. States of the law's own begin
+    at 0, and a step, of whole sample times, takes them further. The same program, texts and
     compiler give the same bytes.
 
     Parameters
@@ -105,6 +106,7 @@ def _texts(
         "title": plain(texts.title) or texts.name,
         "description": plain(" ".join(texts.statement)),
         "step": "" if step is None else repr(float(step)),
+        "period": repr(texts.sample_time),
         "c_files": [f"{texts.name}.c", f"{texts.name}_{fmi}.c"],
         "fmi": fmi,
         "handle": "fmi2Component" if fmi == "fmi2" else "fmi3Instance",
@@ -215,6 +217,7 @@ def _flags(common: dict[str, Any]) -> str:
     meanings = [(1, common.get("clamped")), (2, common.get("not_a_number"))]
     meanings += [(4, f"{common['vector']} not finite, or too large to compute with: u is 0")]
     meanings += [(8, "u was cut to its limit" if common["limits"] else None)]
+    meanings += [(16, "the law's own states begin again at 0" if common["order"] else None)]
     return "Sum of " + "; ".join(f"{bit} {text}" for bit, text in meanings if text)
 
 

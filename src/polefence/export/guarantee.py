@@ -15,7 +15,7 @@ from polefence.design.margins.claims import claimed_design
 from polefence.design.margins.kinds import gain_claim
 from polefence.design.observer import Observer
 from polefence.export.observer import SampledLoop, judge_sampled_loop
-from polefence.export.program import Fixed, Number, Program, Scheduled, exactly
+from polefence.export.program import Fixed, Program, Scheduled, exactly, memory_of
 from polefence.export.sampled import (
     LargestSampleTime,
     SampledProof,
@@ -32,7 +32,14 @@ from polefence.plant.system import Array
 from polefence.proof.claims.base import prove
 from polefence.proof.claims.gain_error import GainError
 from polefence.proof.claims.margins import Subject
-from polefence.proof.claims.rounding import Code, Rounded, Share, gain_errors, rounding_error
+from polefence.proof.claims.rounding import (
+    Code,
+    Memory,
+    Rounded,
+    Share,
+    gain_errors,
+    rounding_error,
+)
 from polefence.proof.text import milliseconds_text
 from polefence.proof.work import FormatError
 from polefence.region.text import digits_down, digits_up
@@ -116,7 +123,7 @@ def guarantee(design: Design, program: Program) -> Guarantee:
         return Guarantee(own, inf, -1.0, None, str(problem))
     tolerated, gain = gain_claim(own, rows, np.array(columns, dtype=float), needed)
     if gain is None:
-        reason = _refusal(program.number, needed, tolerated, design.method == "lyapunov")
+        reason = _refusal(claim, needed, tolerated, design.method == "lyapunov")
         return Guarantee(own, needed, tolerated, None, reason)
     claim = replace(claim, gain=replace(gain, columns=columns))
     verdict = prove(claim)
@@ -125,11 +132,16 @@ def guarantee(design: Design, program: Program) -> Guarantee:
     return Guarantee(own, needed, tolerated, claim)
 
 
-def _refusal(number: Number, needed: float, tolerated: float, given: bool) -> str:
-    wider = "export with --float 64, or " if number.bits == 32 else ""
+def _refusal(claim: Rounded, needed: float, tolerated: float, given: bool) -> str:
+    bits = claim.code.bits
+    wider = "export with --float 64, or " if bits == 32 else ""
+    if claim.code.memory:
+        # what it would be if its own states were kept exactly
+        gain = rounding_error(replace(claim, code=replace(claim.code, memory=None)))
+        wider += "with a longer --sample-time, or " if float(gain) < tolerated else ""
     allowed = digits_down(tolerated, 2) if tolerated > 0 else "none"
     return (
-        f"rounding in float{number.bits} may change the gain by {digits_up(needed, 2)}, and "
+        f"rounding in float{bits} may change the gain by {digits_up(needed, 2)}, and "
         f"{allowed} is proved to leave the poles in the region; {wider}design for a slightly "
         f"larger region{'' if given else ', or with --method quadratic'}"
     )
@@ -138,13 +150,16 @@ def _refusal(number: Number, needed: float, tolerated: float, given: bool) -> st
 def code_of(program: Program) -> Code:
     """Return the code's constants as rationals."""
     bits = program.number.bits
+    own = memory_of(program)
+    memory = own and Memory(own.states, Fraction(own.step), Fraction(own.sample_time))
     if isinstance(program, Fixed):
-        return Code(bits, K=exactly(program.K))
+        return Code(bits, K=exactly(program.K), memory=memory)
     shares = tuple(
         Share(Fraction(s.low), Fraction(s.high), Fraction(s.scale)) for s in program.shares
     )
     if not isinstance(program, Scheduled):
-        return Code(bits, shares=shares, terms=tuple(map(exactly, program.gains)))
+        terms = tuple(map(exactly, program.gains))
+        return Code(bits, shares=shares, terms=terms, memory=memory)
     W, Z = (tuple(map(exactly, each)) for each in (program.W, program.Z))
     return Code(bits, None, exactly(program.T), W, Z, shares)
 

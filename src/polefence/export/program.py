@@ -10,7 +10,7 @@ a sum of as many products as there are terms; Horner's scheme would take no fewe
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from fractions import Fraction
 
 import numpy as np
@@ -48,6 +48,23 @@ class Share:
     scale: float
 
 
+@dataclass(frozen=True)
+class Memory:
+    """States that the code keeps, the last signals; each grows by ``step`` times its rate.
+
+    Attributes
+    ----------
+    states : int
+        Their rates are as many inputs, the last ones.
+    step, sample_time : float
+        From one update to the next [s]: a number of the format, and what it is to be.
+    """
+
+    states: int
+    step: float
+    sample_time: float
+
+
 @dataclass(frozen=True, eq=False)
 class Fixed:
     """u = K x, or K y of signals that are measured.
@@ -59,11 +76,14 @@ class Fixed:
         As the code has it: every entry a number of the format.
     measured : bool
         Whether it is given y.
+    memory : Memory, optional
+        Of a law with states of its own.
     """
 
     number: Number
     K: Array
     measured: bool = False
+    memory: Memory | None = None
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -94,6 +114,8 @@ class Polynomial:
         As the code has them: every entry a number of the format.
     measured : bool
         Whether it is given y.
+    memory : Memory, optional
+        Of a law with states of its own.
     """
 
     number: Number
@@ -102,6 +124,7 @@ class Polynomial:
     powers: tuple[Exponent, ...]
     gains: Array
     measured: bool = False
+    memory: Memory | None = None
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -203,6 +226,27 @@ def program(law: Law, parameters: tuple[Parameter, ...], number: Number) -> Prog
         _held(number.nearest(W), "W"),
         _held(number.nearest(Z), "Z"),
     )
+
+
+def memory_of(program: Program) -> Memory | None:
+    """Return the states that the code keeps, where it does."""
+    return None if isinstance(program, Scheduled) else program.memory
+
+
+def with_memory(program: Program, states: int, sample_time: float) -> Program:
+    """Return the program of a law of gains whose last states the code keeps.
+
+    Raises
+    ------
+    InputError
+        If the sample time is out of the format's range.
+    """
+    if not states or isinstance(program, Scheduled):
+        return program
+    step = _held(program.number.nearest(np.array([sample_time])), "sample time")
+    if not step[0]:
+        raise InputError(f"sample time = {sample_time:g} s is too short for the code")
+    return replace(program, memory=Memory(states, float(step[0]), sample_time))
 
 
 def exactly(matrix: Array) -> Exact:

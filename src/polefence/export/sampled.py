@@ -24,6 +24,7 @@ from polefence.design.evidence import certificate_of, evidence_of, forms, loop_o
 from polefence.design.margins.claims import above, balanced
 from polefence.design.margins.kinds import Scales, largest_of
 from polefence.design.search import edge
+from polefence.export.memory import kept, late_inputs
 from polefence.export.program import exactly
 from polefence.law.laws import (
     FixedGain,
@@ -38,7 +39,6 @@ from polefence.lmi.conditions.target import Disks
 from polefence.lmi.solve.lyapunov import least
 from polefence.lmi.solve.starts import start_matrix
 from polefence.plant.family import UncertainPlant
-from polefence.plant.larger import own_states
 from polefence.plant.outputs import Output
 from polefence.plant.points import edges, inside, values_at
 from polefence.plant.polynomial import Domain
@@ -170,16 +170,6 @@ def require_continuous(design: Design, delay: int) -> None:
         )
     if delay not in (0, 1) or isinstance(delay, bool):
         raise InputError(f"delay = {delay!r} must be 0 or 1, in samples")
-
-
-def kept(design: Design) -> int:
-    """Return how many states, the last ones, the code of a law keeps itself."""
-    return 0 if isinstance(design.law, ScheduledGain) else own_states(design.plant)
-
-
-def late_inputs(design: Design, delay: int) -> int:
-    """Return how many inputs, the first ones, act a step late: not the rates of the law's states."""
-    return delay * (design.plant.shape[1] - kept(design))
 
 
 def stepped(design: Design, alpha: Array, sample_time: float, delay: int) -> Array:

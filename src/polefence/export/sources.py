@@ -24,6 +24,7 @@ from polefence.export.program import (
     Program,
     Scheduled,
     Share,
+    memory_of,
 )
 from polefence.plant.polynomial import Exponent
 from polefence.region.text import digits_down, digits_up
@@ -109,6 +110,8 @@ def context(program: Program, texts: Texts) -> dict[str, Any]:
         f"const {name}_real {vector}[{name.upper()}_{width}]",
         f"{name}_real u[{name.upper()}_INPUTS]",
     ]
+    memory = memory_of(program)
+    time = memory.step if memory else texts.sample_time
     common: dict[str, Any] = {
         "marker": MARKER,
         "name": name,
@@ -125,8 +128,9 @@ def context(program: Program, texts: Texts) -> dict[str, Any]:
         "digits": 24 if number.bits == 32 else 53,
         "limits": [number.text(number.outward(Fraction(v), up=False)) for v in texts.limits],
         "plain_limits": [f"{limit:g}" for limit in texts.limits],
-        "sample_time": "" if texts.sample_time is None else number.text(texts.sample_time),
+        "sample_time": "" if time is None else number.text(time),
         "delay": texts.delay,
+        "order": memory.states if memory else 0,
         "K": [],
         "T": [],
         "gains": [],
@@ -138,12 +142,17 @@ def context(program: Program, texts: Texts) -> dict[str, Any]:
     }
     common |= {key: number.text(v) for key, v in (("zero", 0.0), ("half", 0.5), ("one", 1.0))}
     if isinstance(program, Fixed):
-        common |= {"formula": f"u = K {vector}, the same for every parameter value."}
+        form = f"u = K {vector}"
+        if memory:
+            form = f"(u, v) = K ({vector}, z), z its own states and v their rates"
+        common |= {"formula": f"{form}, the same for every parameter value."}
         common |= {"K": rows(number, program.K)}
     else:
         common |= _varying(program, name) | _tables(program, vector)
         array = f"{common['letter']}[{name.upper()}_{common['GIVEN']}]"
         arguments.insert(0, f"const {name}_real {array}")
+    if memory:
+        arguments.insert(0, f"{name}_memory *memory")
     return common | {"arguments": arguments, "signature": ", ".join(arguments)}
 
 
@@ -153,6 +162,9 @@ def _tables(program: Polynomial | Scheduled, vector: str) -> dict[str, Any]:
     if isinstance(program, Polynomial):
         found = ", c from the parameters, -1 to 1" if program.shares else " of alpha"
         how = f"u = K(c) {vector}, K a polynomial{found}."
+        if program.memory:
+            states = "z its own states and v their rates"
+            how = f"(u, v) = K(c) ({vector}, z), {states}, K a polynomial{found}."
         flat = program.gains.reshape(len(program.gains), -1).T
         return {"formula": how, "gains": rows(number, flat), "terms": len(flat[0])}
     lower = np.tril_indices(n)
@@ -316,6 +328,9 @@ def sources(program: Program, texts: Texts) -> dict[str, str]:
 def _check(program: Program, texts: Texts) -> None:
     """Refuse texts that are not those of the program: the header counts them."""
     n, m = program.shape
+    memory = memory_of(program)
+    if memory:
+        n, m = n - memory.states, m - memory.states
     if (len(texts.states), len(texts.inputs)) != (n, m):
         raise InputError(
             f"{len(texts.states)} states and {len(texts.inputs)} inputs are named; the law has "

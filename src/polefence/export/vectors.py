@@ -14,7 +14,15 @@ from typing import Any
 import numpy as np
 
 from polefence.base.errors import InputError
-from polefence.export.program import NUMBERS, Fixed, Polynomial, Program, Scheduled, Share
+from polefence.export.program import (
+    NUMBERS,
+    Fixed,
+    Polynomial,
+    Program,
+    Scheduled,
+    Share,
+    memory_of,
+)
 from polefence.export.sources import MARKER, Texts, context, environment
 from polefence.law.laws import FixedGain, Law, PolynomialGain, ScheduledGain, is_one
 from polefence.plant.parameters import simplex_weights
@@ -25,7 +33,7 @@ Bound = Callable[[Array], Array]
 Flags = np.ndarray[Any, np.dtype[np.int64]]
 
 # The flags of the C interface.
-OK, CLAMPED, NOT_A_NUMBER, NO_CONTROL, LIMITED = 0, 1, 2, 4, 8
+OK, CLAMPED, NOT_A_NUMBER, NO_CONTROL, LIMITED, RESTARTED = 0, 1, 2, 4, 8, 16
 # Largest error of u allowed, relative to sum_j |K_ij| |x_j|, by the bits of the number format.
 ALLOWED = {32: 1e-5, 64: 1e-12}
 USUAL = 1 / 16  # of a bound on rounding, which is a worst case: errors are some hundredths of it
@@ -44,11 +52,12 @@ class Vectors:
     given : (count, g) array
         Parameters or alpha; g is 0 for a fixed gain.
     x : (count, n) array
-        As ``given``, numbers of the code's format.
+        As ``given``, numbers of the code's format; states that the code keeps last.
     u : (count, m) array
-        Of the law itself, the nearest doubles.
+        Of the law itself, the nearest doubles; last what the states become that the code keeps.
     scale : (count, m) array
-        sum_j |K_ij| |x_j|, what errors of u are relative to.
+        sum_j |K_ij| |x_j|, what errors of u are relative to; of a state its size, and that of its
+        step, besides.
     flags : (count,) array of int
     """
 
@@ -111,14 +120,25 @@ def _answered(
 ) -> Vectors:
     """Find what the code is to answer."""
     finite = np.asarray(np.isfinite(x).all(axis=1))
+    memory = memory_of(program)
     taken, flags = _taken(program, given)
     x = _off_limits(program, law, limits, taken, x)
     u, scale = expected(program, law, taken, np.where(finite[:, None], x, 0.0))
+    flags = flags | np.where(finite, OK, NO_CONTROL)
+    m = u.shape[1]
+    if memory:
+        own, m = x[:, -memory.states :], m - memory.states
+        measured = np.isfinite(x[:, : -memory.states]).all(axis=1)
+        held = np.where(measured[:, None] | ~np.isfinite(own), 0.0, own)  # of what is not finite
+        before = np.where(finite[:, None], own, 0.0)
+        u[:, m:] = np.where(finite[:, None], before + memory.step * u[:, m:], held)
+        scale[:, m:] = np.abs(before) + memory.step * scale[:, m:]
+        flags |= np.where(~finite & measured, RESTARTED, OK)
     if limits:
         most = _limits(program, limits)
-        flags = flags | np.where((np.abs(u) > most).any(axis=1), LIMITED, OK)
-        u = np.clip(u, -most, most)
-    return Vectors(given, x, u, scale, flags | np.where(finite, OK, NO_CONTROL))
+        flags = flags | np.where((np.abs(u[:, :m]) > most).any(axis=1), LIMITED, OK)
+        u[:, :m] = np.clip(u[:, :m], -most, most)
+    return Vectors(given, x, u, scale, flags)
 
 
 def _off_limits(
@@ -128,8 +148,9 @@ def _off_limits(
     if not limits:
         return x
     u, scale = expected(program, law, taken, np.where(np.isfinite(x), x, 0.0))
-    gap = np.abs(np.abs(u) - _limits(program, limits))
-    near = (gap <= 4 * ALLOWED[program.number.bits] * scale) & (scale > 0)
+    m = len(limits)
+    gap = np.abs(np.abs(u[:, :m]) - _limits(program, limits))
+    near = (gap <= 4 * ALLOWED[program.number.bits] * scale[:, :m]) & (scale[:, :m] > 0)
     return np.where(np.any(near, axis=1, keepdims=True), x / 2, x)
 
 
@@ -242,8 +263,10 @@ def harness(
 def _rows(program: Program, table: Vectors, bound: Bound | None) -> list[dict[str, Any]]:
     allowed = ALLOWED[program.number.bits] * table.scale
     if bound is not None:
-        x = np.where(np.isfinite(table.x), table.x, 0.0)
-        allowed = np.maximum(allowed, USUAL * bound(x))
+        off, memory = bound(np.where(np.isfinite(table.x), table.x, 0.0)), memory_of(program)
+        if memory:
+            off[:, -memory.states :] *= memory.sample_time  # of rates
+        allowed = np.maximum(allowed, USUAL * off)
     return [_row(program, table, allowed, k) for k in range(len(table.x))]
 
 

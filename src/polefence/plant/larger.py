@@ -250,7 +250,7 @@ def own_states(plant: UncertainPlant) -> int:
             break
         count += 1
     n, m = plant.shape
-    if not 0 < count < min(n, m):
+    if plant.sample_time is not None or not 0 < count < min(n, m):
         return 0
     return count if all(_apart(own, count) for own in plant.vertices) else 0
 

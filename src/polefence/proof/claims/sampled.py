@@ -177,7 +177,7 @@ class Sampled(Claim):
         """Say how the loop is run, and how fast it decays."""
         late, time = ", u one step late" if self.delay else "", milliseconds_text(self.sample_time)
         if self.prompt:
-            late += f" but for the last {self.prompt} of its rows, rates that act at once"
+            late += f" but its last {self.prompt}, at once"
         return f"run every {time} ms{late}, decay {digits_down(self.decay, 3)} 1/s"
 
     def fault_in(self, plant: Plant, claims: Sequence[Claim]) -> str:  # noqa: ARG002

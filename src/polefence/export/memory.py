@@ -1,0 +1,106 @@
+"""States that the code of a law keeps itself: those of a dynamic law, integrals and filters of a PID.
+
+In the larger plant of `polefence.law.structure` a law's own states x_c are states with x_c' = v, and
+their rates v are inputs. A PID's have dynamics in A; `with_rates` moves these into the law.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from fractions import Fraction
+
+import numpy as np
+
+from polefence.design.design import Design
+from polefence.law.laws import PolynomialGain, ScheduledGain
+from polefence.plant.family import UncertainPlant
+from polefence.plant.larger import own_states
+from polefence.plant.outputs import inputs, states
+from polefence.plant.polynomial import binomial
+from polefence.plant.system import Array, System
+
+ZERO = Fraction(0)
+INTEGRAL, FILTER, DERIVATIVE = "pid integral of ", "pid filter of ", "pid derivative of "
+
+
+def kept(design: Design) -> int:
+    """Return how many states, the last ones, the code of a law keeps itself."""
+    return 0 if isinstance(design.law, ScheduledGain) else own_states(design.plant)
+
+
+def late_inputs(design: Design, delay: int) -> int:
+    """Return how many inputs, the first ones, act a step late: not the rates of the law's states."""
+    return delay * (design.plant.shape[1] - kept(design))
+
+
+def with_rates(design: Design) -> Design:
+    """Return a PID as a law whose integrals and filters are stepped by rates of its own.
+
+    The closed loop A + B K C is the same, up to the rounding of the gains, and so is its proof. Any
+    other design is returned as it is.
+    """
+    law, plant = design.law, design.plant
+    if not isinstance(law, PolynomialGain) or not law.measured:
+        return design
+    r, names = len(law.measured) // 3, [own.name for own in law.measured]
+    known = [own.name for own in states(plant)[-2 * r :]] if r else []
+    signals = names[:r]
+    integrals, filters = ([before + name for name in signals] for before in (INTEGRAL, FILTER))
+    pid = signals + integrals + [DERIVATIVE + name for name in signals]
+    if not r or names != pid or known != integrals + filters:
+        return design
+    larger = _with_inputs(plant, 2 * r)
+    measured = (*law.measured[:r], *states(larger)[-2 * r :])
+    w = float(-plant.vertices[0].exact_A[-1][-1])
+    powers, gains = _terms(law, _of_states(law.gains, r, w), _rates(r, w))
+    own = PolynomialGain(powers, gains, measured, law.parameters)
+    certificate = replace(design.certificate, plant=larger, law=own)
+    return replace(design, certificate=certificate)
+
+
+def _with_inputs(plant: UncertainPlant, count: int) -> UncertainPlant:
+    """Return the plant with the rates of its last states as inputs, in place of their dynamics."""
+    n, m = plant.shape
+    vertices = []
+    for own in plant.vertices:
+        A = (*own.exact_A[: n - count], *((ZERO,) * n for _ in range(count)))
+        rates = np.eye(count, dtype=int).tolist()
+        B = [(*row, *(ZERO,) * count) for row in own.exact_B[: n - count]]
+        B += [(*(ZERO,) * m, *map(Fraction, row)) for row in rates]
+        vertices.append(System(A, tuple(B), own.exact_E, own.name))
+    labels = tuple(f"rate of {own.name}" for own in states(plant)[n - count :])
+    more = (ZERO,) * count
+    return replace(
+        plant,
+        vertices=tuple(vertices),
+        inputs=(*(own.label for own in inputs(plant)), *labels),
+        outputs=tuple(replace(y, D=tuple((*d, *more) for d in y.D)) for y in plant.outputs),
+    )
+
+
+def _of_states(gains: Array, r: int, w: float) -> Array:
+    """Return gains of signals, integrals and filters z, of which w (y - z) are the derivatives."""
+    of_y, of_integrals, of_rates = (gains[..., k * r : (k + 1) * r] for k in range(3))
+    return np.concatenate([of_y + w * of_rates, of_integrals, -w * of_rates], axis=-1)
+
+
+def _rates(r: int, w: float) -> Array:
+    """Return the rates of integrals and filters: y, and w (y - z)."""
+    eye, none = np.eye(r), np.zeros((r, r))
+    return np.block([[eye, none, none], [w * eye, none, -w * eye]])
+
+
+def _terms(
+    law: PolynomialGain, gains: Array, rates: Array
+) -> tuple[tuple[tuple[int, ...], ...], Array]:
+    """Return powers and gains with the rates below, the same for all parameters."""
+    powers, degree = law.powers, sum(law.powers[0])
+    if law.parameters:
+        ones = {(0,) * len(powers[0]): 1}
+    else:  # one is a power of the sum of alpha
+        sizes = law.domain.sizes
+        ones = {e: binomial(sizes, e) for e in law.domain.monomials(degree)}
+    every = (*powers, *(e for e in ones if e not in powers))
+    upper = np.concatenate([gains, np.zeros((len(every) - len(powers), *gains.shape[1:]))])
+    lower = np.array([ones.get(e, 0) * rates for e in every])
+    return every, np.concatenate([upper, lower], axis=1)

@@ -11,20 +11,16 @@ from math import prod
 import numpy as np
 import pytest
 from scipy.io import loadmat
-from scipy.linalg import expm
 
 from polefence import Disk, FixedGain, HalfPlane, InputError, NotProvedError, analyse, observe
 from polefence.cli.main import main
-from polefence.examples import family
 from polefence.export import check_guarantee, export_c99
 from polefence.export.fmu import variables
 from polefence.export.matlab import mat
 from polefence.export.program import number, program
-from polefence.export.sampled import sampled_poles
 from polefence.export.sources import context
 from polefence.export.vectors import ALLOWED, special, vectors
 from polefence.law.laws import PolynomialGain
-from polefence.plant.larger import with_states
 from polefence.response.discrete import Sampling
 from support.cortex import export, run
 from support.polynomials import KINDS, REGION, design
@@ -245,29 +241,3 @@ def test_one_gain_that_leaves_out_states_is_given_the_others(tmp_path):
     seen = observe(own.plant, ["suspension deflection"], Disk(-80, 79))
     both = export_c99(own, 32, observer=seen, sampling=Sampling(0.001)).files
     assert b"LAW_STATES 4U" in both["law.h"]
-
-
-@pytest.mark.parametrize("late", [False, True])
-def test_states_of_the_law_stepped_as_the_page_says_are_the_loop_that_is_judged(late):
-    plant, time = with_states(family("quarter-car-ride"), 1), 0.01
-    K = np.array([[9000, 0, -2000, 150, 10], [0.5, 0, 0.1, 0, -5.0]])
-    own = analyse(plant, FixedGain(K), REGION).design
-    page = export_c99(own, 64, sampling=Sampling(time, late)).files["README.md"].decode()
-    i, which, j = re.search(r"y\[(\d)\] \+= LAW_SAMPLE_TIME \* (\w+)\[(\d)\];", page).groups()
-    assert (int(i), which, int(j)) == (3, "before" if late else "u", 1)
-    alpha = plant.alpha(m1=300, beta=2)
-    A, B = (M[:4] for M in plant.at(alpha))
-    block = expm(np.block([[A[:, :4], B[:, :1]], [np.zeros((1, 5))]]) * time)[:4]
-
-    def tick(z):
-        """States of car and law, and u of the update before."""
-        x, before = z[:5], z[5:]
-        u = K @ x
-        acting = before if late else u
-        car = block[:, :4] @ x[:4] + block[:, 4] * acting[0]
-        return np.concatenate([car, [x[4] + time * acting[1]], u])
-
-    found = np.linalg.eigvals(np.array([tick(unit) for unit in np.eye(7)]).T)
-    wanted = sampled_poles(own, alpha, time, int(late)).z
-    found = found[np.argsort(-np.abs(found))][: len(wanted)]
-    assert np.allclose(np.poly(found), np.poly(wanted), atol=1e-9)

@@ -247,7 +247,9 @@ def rebuilt_program(code: Code, certificate: Certificate) -> Program:
     form, law = number(code.bits), certificate.law
     measured = isinstance(law, PolynomialGain) and bool(law.measured)
     own = code.memory
-    memory = own and Memory(own.states, float(own.step), float(own.sample_time))
+    memory = None
+    if own is not None:
+        memory = Memory(own.states, float(own.step), float(own.sample_time))
     if code.K is not None or isinstance(law, FixedGain):
         return Fixed(form, _floats(code.K), measured, memory)
     pairs = zip(certificate.plant.parameters, code.shares, strict=False)
@@ -265,9 +267,7 @@ def text_document(texts: Texts, seen: Seen | None) -> dict[str, Any]:
     return table if seen is None else table | {"sampled": asdict(seen)}
 
 
-def rebuilt_texts(
-    table: Any, certificate: Certificate, facts: Facts, own_states: int = 0
-) -> Texts:
+def rebuilt_texts(table: Any, certificate: Certificate, facts: Facts, own_states: int = 0) -> Texts:
     """Return the texts of what is proved and sampled.
 
     Raises

@@ -26,8 +26,8 @@ from polefence.export.documents import (
 )
 from polefence.export.fmu import fmu
 from polefence.export.guarantee import Guarantee, Timing, guarantee, timing
-from polefence.export.observer import observer_sources
 from polefence.export.memory import kept, with_rates
+from polefence.export.observer import observer_sources
 from polefence.export.program import Program, number, program, with_memory
 from polefence.export.sources import MARKER, Texts, check_c_name, sources
 from polefence.export.vectors import harness, makefile
@@ -147,9 +147,9 @@ def export_c99(
     require_law(design)
     design = of_signals(with_rates(design)) if observer is None else design
     made = program(code_law(design.law), _scheduled_on(design, given), number(bits))
-    own = kept(design)
-    made = with_memory(made, own, _period(own, sampling))
-    cuts = _limits(limits, design.plant.shape[1] - own)
+    order = kept(design)
+    made = with_memory(made, order, _period(order, sampling))
+    cuts = _limits(limits, design.plant.shape[1] - order)
     _require_observer(design, observer, sampling, allow_unproved)
     answer = check(design)
     if not answer.proved and not allow_unproved:
@@ -165,7 +165,7 @@ def export_c99(
         name,
         design.plant.name,
         lines,
-        *names(design, own),
+        *names(design, order),
         cuts,
         _time(design, sampling),
         int(sampling is not None and sampling.delayed),
@@ -182,12 +182,12 @@ def export_c99(
     return replace(whole, files=_sealed(whole, files))
 
 
-def _period(own: int, sampling: Sampling | None) -> float:
+def _period(order: int, sampling: Sampling | None) -> float:
     """Return the sample time [s]; a law with states of its own is stepped by it."""
-    if own and sampling is None:
+    if order and sampling is None:
         raise InputError(
-            f"the law has {own} {'state' if own == 1 else 'states'} of its own, which its code steps "
-            "from sample to sample: give the sample time in s, such as --sample-time 0.001 "
+            f"the law has {order} {'state' if order == 1 else 'states'} of its own, which its code "
+            "steps from sample to sample: give the sample time in s, such as --sample-time 0.001 "
             "(sampling=Sampling(0.001))"
         )
     return 0.0 if sampling is None else sampling.period

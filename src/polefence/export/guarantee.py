@@ -151,7 +151,9 @@ def code_of(program: Program) -> Code:
     """Return the code's constants as rationals."""
     bits = program.number.bits
     own = memory_of(program)
-    memory = own and Memory(own.states, Fraction(own.step), Fraction(own.sample_time))
+    memory = None
+    if own is not None:
+        memory = Memory(own.states, Fraction(own.step), Fraction(own.sample_time))
     if isinstance(program, Fixed):
         return Code(bits, K=exactly(program.K), memory=memory)
     shares = tuple(

@@ -1,7 +1,7 @@
-"""States that the code of a law keeps itself: those of a dynamic law, integrals and filters of a PID.
+"""States that the code of a law keeps itself: a dynamic law's, integrals and filters of a PID.
 
-In the larger plant of `polefence.law.structure` a law's own states x_c are states with x_c' = v, and
-their rates v are inputs. A PID's have dynamics in A; `with_rates` moves these into the law.
+In the larger plant of `polefence.law.structure` a law's own states x_c are states with x_c' = v,
+and their rates v are inputs. A PID's have dynamics in A; `with_rates` moves these into the law.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ def kept(design: Design) -> int:
 
 
 def late_inputs(design: Design, delay: int) -> int:
-    """Return how many inputs, the first ones, act a step late: not the rates of the law's states."""
+    """Return how many inputs, the first ones, act a step late: not rates of the law's states."""
     return delay * (design.plant.shape[1] - kept(design))
 
 

@@ -128,10 +128,11 @@ def _answered(
     m = u.shape[1]
     if memory:
         own, m = x[:, -memory.states :], m - memory.states
-        measured = np.isfinite(x[:, : -memory.states]).all(axis=1)
-        held = np.where(measured[:, None] | ~np.isfinite(own), 0.0, own)  # of what is not finite
+        measured = np.asarray(np.isfinite(x[:, : -memory.states]).all(axis=1))
+        kept = ~measured[:, None] & np.isfinite(own)  # where y is not finite
         before = np.where(finite[:, None], own, 0.0)
-        u[:, m:] = np.where(finite[:, None], before + memory.step * u[:, m:], held)
+        after = np.where(kept, own, 0.0)
+        u[:, m:] = np.where(finite[:, None], before + memory.step * u[:, m:], after)
         scale[:, m:] = np.abs(before) + memory.step * scale[:, m:]
         flags |= np.where(~finite & measured, RESTARTED, OK)
     if limits:

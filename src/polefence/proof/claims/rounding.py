@@ -342,9 +342,7 @@ def gain_errors(claim: Rounded) -> Rationals:
     return total if code.memory is None else _with_steps(total, exact, code.memory, code.bits)
 
 
-def _with_steps(
-    E: Rationals, terms: Sequence[Rationals], memory: Memory, bits: int
-) -> Rationals:
+def _with_steps(E: Rationals, terms: Sequence[Rationals], memory: Memory, bits: int) -> Rationals:
     """Return bounds on the errors of a gain whose last rows are the rates of the last signals."""
     unit, ratio, q = UNITS[bits], memory.step / memory.sample_time, memory.states
     grown = abs(ratio - 1) + ratio * ((1 + unit) ** 2 - 1)

@@ -12,6 +12,7 @@ import numpy as np
 from polefence.base.errors import InputError, suggest
 from polefence.law.laws import FixedGain, GainTable, PolynomialGain, given_law
 from polefence.plant.family import UncertainPlant
+from polefence.plant.larger import own_states
 from polefence.plant.system import Array
 from polefence.response.discrete import Sampling
 from polefence.vehicle.driving.parts import (
@@ -281,7 +282,11 @@ class Controller:
             self.used = self._parameters(k)
             K = self.model.gains(self.used)
             demand = (K @ z[:, : K.shape[-1], None])[..., 0]
-            self.held = self.waiting if self.sampling.delayed else demand
+            self.held = demand
+            if self.sampling.delayed:
+                # the rates of the law's own states act at once: its code keeps these
+                late = demand.shape[1] - own_states(self.model.plant)
+                self.held = np.concatenate([self.waiting[:, :late], demand[:, late:]], axis=1)
             self.waiting = demand
 
     def demand(self, z: Array) -> Array:

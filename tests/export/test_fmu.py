@@ -28,6 +28,7 @@ from polefence.export.program import number, program
 from polefence.export.sources import Texts
 from polefence.response.discrete import Sampling, zero_order_hold
 from support.drives import drive
+from support.memories import CORNER, TIME, exported
 
 BOTH = pytest.mark.parametrize("version", ["2.0", "3.0"])
 KINDS = ("parameters", "alpha", "fixed", "limited")
@@ -465,6 +466,67 @@ def test_another_token_or_kind_gives_no_instance(fmpy, run, version) -> None:
             is None
         )  # fmt: skip
     assert len(running.messages) == 4
+
+
+@pytest.fixture(params=["2.0", "3.0"])
+def remembering(request, fmpy, compiler, tmp_path):
+    """Two instances of a law with a state of its own, and its law's matrices at a corner."""
+    from fmpy.validation import validate_fmu
+
+    made, path = exported("affine", 64), tmp_path / "law.fmu"
+    path.write_bytes(fmu(made.program, made.texts, version=request.param, step=TIME))
+    assert validate_fmu(str(path)) == []
+    running = [Running(fmpy, path, tmp_path / "law", name) for name in ("one", "two")]
+    yield *running, made.design.law.own_gain(made.design.plant.alpha(**CORNER))
+    for each in running:
+        each.close()
+
+
+def test_a_step_takes_the_laws_own_states_further(remembering) -> None:
+    """u of inputs and states as they are; whole sample times; nothing is shared."""
+    one, two, K = remembering
+    one.initialise()
+    two.begin().set(0.0, *CORNER.values())
+    random, state, time = np.random.default_rng(4), 0.0, 0.0
+    one.set(0.3, *CORNER.values())
+    one.raw.exitInitializationMode()
+    assert one.u[0] == pytest.approx(K[0, 0] * 0.3)
+    for samples in (1, 1, 2, 1, 5, 0, 1):
+        y = random.normal()
+        one.set(y, *CORNER.values())
+        assert one.u[0] == pytest.approx(K[0] @ [y, state])
+        assert one.u[0] == pytest.approx(K[0] @ [y, state])  # looking takes nothing further
+        one.step(time, samples * TIME)
+        time += samples * TIME
+        for _ in range(samples):
+            state += TIME * K[1] @ [y, state]
+        assert one.u[0] == pytest.approx(K[0] @ [y, state])
+    assert two.u[0] == 0
+    assert not one.about.coSimulation.canHandleVariableCommunicationStepSize
+    for length in (0.5 * TIME, 1.01 * TIME, 1e300):
+        with pytest.raises(Exception, match="failed with status 3"):
+            one.step(time, length)
+        assert one.messages.pop().endswith("a whole multiple of the law's sample time")
+    assert one.u[0] == pytest.approx(K[0] @ [y, state])
+
+
+def test_the_laws_own_states_are_kept_put_back_and_begin_anew(remembering) -> None:
+    one, two, K = remembering
+    one.begin().set(0.3, *CORNER.values())
+    one.step(0, TIME)
+    u, kept = one.u, one.raw.getFMUState()
+    assert u[0] == pytest.approx(K[0] @ [0.3, TIME * K[1, 0] * 0.3])
+    one.step(TIME, 3 * TIME)
+    assert one.u != u
+    one.raw.setFMUState(kept)
+    assert one.u == u
+    two.raw.setFMUState(two.raw.deserializeFMUState(one.raw.serializeFMUState(kept)))
+    assert two.u == u
+    one.raw.freeFMUState(kept)
+    one.raw.terminate()
+    one.raw.reset()
+    one.begin().set(0.3, *CORNER.values())
+    assert one.u[0] == pytest.approx(K[0, 0] * 0.3)
 
 
 def road(samples: int, step: float) -> np.ndarray:

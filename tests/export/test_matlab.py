@@ -13,6 +13,8 @@ from polefence import Disk, OutputError, Parameter, Scheduled, UncertainPlant, p
 from polefence.design.design import Design
 from polefence.export.matlab import mat, statement
 from polefence.proof.matrices import mix, right_divide
+from support.memories import CORNER
+from support.memories import design as dynamic
 
 METHODS = {
     "paper": Scheduled(1, 1, "simplex"),
@@ -172,3 +174,24 @@ def test_a_negative_parameter_through_its_inverse(tmp_path):
         own = plant.alpha(p=p, k=1.25)
         assert np.allclose(law_alpha(law, (p, 1.25)), own, atol=1e-15)
         assert np.allclose(law_gain(law, own), design.law.gain(own), rtol=1e-12)
+
+
+@pytest.mark.parametrize(("kind", "order"), [("affine", 1), ("one gain", 1), ("pid", 2)])
+def test_a_law_with_states_of_its_own_says_how_many(kind, order, tmp_path):
+    """And its rates are the last inputs, those of a PID too: A + B K is the design's loop."""
+    own = dynamic(kind)
+    law = loadmat(mat(own, tmp_path / "law.mat"))
+    assert law["order"].item() == order
+    alpha = own.plant.alpha(**CORNER)
+    A, B = own.plant.at(alpha)
+    larger, rates = (np.tensordot(law[key], alpha, 1) for key in "AB")
+    assert not np.any(larger[-order:])
+    assert np.array_equal(rates[-order:, -order:], np.eye(order))
+    if kind == "one gain":
+        K = law["K"]
+    else:  # at a corner all coordinates are -1 or 1
+        assert law["gains"].shape[2] == 3
+        c = own.law.domain.coordinates(np.array(alpha, dtype=float))
+        terms = np.prod((c[1::2] - c[::2]) ** law["powers"], axis=1)
+        K = np.tensordot(law["gains"], terms, 1) @ np.atleast_3d(law["C"])[:, :, 0]
+    assert np.allclose(larger + rates @ K, A + B @ own.law.gain(alpha))

@@ -52,7 +52,7 @@ def test_the_folder_is_proved_and_its_test_passes(host_compiler, kind, bits, tmp
 
 
 def test_the_code_has_no_warning_and_no_undefined_behaviour(host_compiler, tmp_path):
-    export_c99(design("affine"), 32, sampling=Sampling(TIME)).save(tmp_path)
+    exported("affine", 32).save(tmp_path)
     for flags in ([*STRICT, "-fanalyzer"], SANITIZED):
         run("gcc", *flags, "law.c", "law_test.c", "-o", "test", cwd=tmp_path)
         run("./test", cwd=tmp_path)

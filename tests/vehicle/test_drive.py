@@ -15,6 +15,8 @@ from scipy.signal import lsim
 from polefence import Disk, GainTable, Scheduled, UncertainPlant, place, tightest
 from polefence.base.errors import InputError
 from polefence.design.margins import in_service, parameter_rate
+from polefence.examples import family
+from polefence.plant.larger import with_states
 from polefence.plant.outputs import rate_of
 from polefence.response.discrete import Sampling
 from polefence.vehicle.driving.parts import (
@@ -311,6 +313,26 @@ def test_a_sampled_loop_is_the_discrete_loop(physical, design, delayed):
         sampling=Sampling(T, delayed),
     )  # fmt: skip
     assert near(fine.states[0], ours.states[0, :51], rel=1e-5, within=1e-7)
+
+
+@pytest.mark.parametrize("delayed", [False, True])
+def test_states_of_the_law_are_stepped_at_once_as_its_code_does(delayed):
+    plant, car, T = with_states(family("quarter-car-ride"), 1), {"m1": 300, "beta": 2}, 0.01
+    K = np.array([[9000, 0, -2000, 150, 1000.0], [0.5, 0, 0.1, 0, -5.0]])
+    start = np.array([0.02, 0.001, 0.1, -0.2, 0.3])
+    ours = drive(
+        plant, K, duration=0.2, parameters=car, start=start, sampling=Sampling(T, delayed)
+    ).states[0]
+    A, B = plant.at(plant.alpha(**car))
+    big = np.zeros((5, 5))
+    big[:4, :4], big[:4, 4] = A[:4, :4] * T, B[:4, 0] * T
+    Phi, Gamma = expm(big)[:4, :4], expm(big)[:4, 4]
+    every, x, waiting = round((len(ours) - 1) / 20), start, 0.0
+    for k in range(20):
+        assert near(ours[every * k], x, rel=1e-5, within=1e-7)
+        u, rate = K @ x
+        acting, waiting = (waiting, u) if delayed else (u, u)
+        x = np.array([*(Phi @ x[:4] + Gamma * acting), x[4] + T * rate])
 
 
 def test_with_faster_hardware_the_plain_loop_returns(physical, design):

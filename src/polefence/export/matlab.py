@@ -10,6 +10,7 @@ import numpy as np
 
 from polefence.base.files import write_bytes
 from polefence.design.design import Design
+from polefence.export.memory import kept, with_rates
 from polefence.law.laws import FixedGain, PolynomialGain
 from polefence.plant.family import UncertainPlant
 from polefence.plant.polynomial import binomial
@@ -30,7 +31,8 @@ def mat(design: Design, path: str | Path) -> Path:
     `ScheduledGain`, with ``degree``, ``exponents`` (count, coordinates) and ``multinomials``
     (count, 1) of their terms, and ``sizes``, the corners of each simplex of the coordinates; of a
     polynomial law ``gains`` (m, r, terms), ``powers`` (terms, coordinates), ``measured``, the names
-    of the signals y, and ``C`` (r, n, 1 or N), y = C x, see `PolynomialGain`;
+    of the signals y, and ``C`` (r, n, 1 or N), y = C x, see `PolynomialGain`; of a law with states
+    of its own ``order``, how many of the last states they are, their rates the last inputs;
     ``parameters``, a structure array (``name``, ``low``, ``high``, ``unit``, ``inverted`` where the
     plant is affine in 1/p); cell arrays ``states``, ``inputs``, ``disturbances`` of names; texts
     ``name``, ``method``, ``region``, ``statement``; and ``sample_time`` [s], in discrete time.
@@ -61,6 +63,7 @@ def mat_bytes(design: Design) -> bytes:
 
 def variables(design: Design) -> dict[str, Any]:
     """Return what the file holds, by its names in MATLAB."""
+    design = with_rates(design)
     plant = design.plant
     found: dict[str, Any] = {
         "A": _stacked(plant.A),
@@ -95,11 +98,12 @@ def statement(design: Design) -> str:
 
 def _law(design: Design) -> dict[str, Any]:
     law = design.law
+    order = {"order": float(kept(design))} if kept(design) else {}
     if isinstance(law, FixedGain):
-        return {"K": np.array(law.K)}
+        return order | {"K": np.array(law.K)}
     if isinstance(law, PolynomialGain):
         measured = tuple(own.label for own in law.measured) or design.plant.states
-        return {
+        return order | {
             "gains": _stacked(law.gains),
             "powers": np.array(law.powers, dtype=float),
             "measured": _cells(measured),

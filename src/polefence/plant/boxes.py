@@ -8,7 +8,7 @@ from typing import TypeVar
 
 import numpy as np
 
-from polefence.plant.polynomial import Domain, Polynomial, bernstein, binomial
+from polefence.plant.polynomial import Domain, Polynomial, bernstein, values
 from polefence.plant.system import Array
 
 T = TypeVar("T")
@@ -48,10 +48,8 @@ class Box:
     def polynomial(self, P: Polynomial, domain: Domain) -> Polynomial:
         """Return a polynomial in coordinates of the part."""
         degree = sum(next(iter(P))[: domain.sizes[0]])
-        each = [P[e] / binomial(domain.sizes, e) for e in domain.monomials(degree)]
-        basis = domain.basis(self.alpha(domain, domain.nodes(degree)), degree)
-        values = np.tensordot(basis, np.array(each), 1)
-        return bernstein(domain, domain.interpolated(values, degree), degree)
+        at = self.alpha(domain, domain.nodes(degree))
+        return bernstein(domain, domain.interpolated(values(P, domain, at), degree), degree)
 
 
 def _alpha(domain: Domain, t: Array) -> Array:

@@ -175,6 +175,13 @@ def bernstein(domain: Domain, coefficients: Array, degree: int) -> Polynomial:
     return {e: binomial(domain.sizes, e) * c for e, c in pairs}
 
 
+def values(P: Polynomial, domain: Domain, alpha: Array) -> Array:
+    """Return a polynomial's values at points alpha (..., N), as (..., rows, columns)."""
+    degree = sum(next(iter(P))[: domain.sizes[0]])
+    each = [P[e] / binomial(domain.sizes, e) for e in domain.monomials(degree)]
+    return np.asarray(np.tensordot(domain.basis(alpha, degree), np.array(each), 1))
+
+
 def times(P: Polynomial, Q: Polynomial) -> Polynomial:
     """Return the product of matrix polynomials."""
     result: Polynomial = {}

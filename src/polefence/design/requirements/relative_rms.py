@@ -19,8 +19,9 @@ from polefence.base.errors import InputError
 from polefence.design.requirements.rms import Rms
 from polefence.design.requirements.slopes import Channel
 from polefence.design.requirements.specification import disturbance
-from polefence.law.laws import Law
+from polefence.law.laws import Law, domain_of
 from polefence.lmi.conditions import performance as conditions
+from polefence.lmi.solve.gramians import DualProblem
 from polefence.plant.family import UncertainPlant
 from polefence.plant.polynomial import Domain, Polynomial, bernstein, elevated, times
 from polefence.plant.system import Array
@@ -74,8 +75,12 @@ class RelativeRms(Rms):
         disturbance(plant)
         return baseline(plant, on, self.density / 2, self.scales(plant))
 
-    def dual(self, plant: UncertainPlant, law: Law) -> None:
-        """Return nothing: what is bounded is a ratio to another loop's."""
+    def dual(self, plant: UncertainPlant, law: Law) -> DualProblem | None:
+        """Return the dual form of the rms, as a share of the variance without control."""
+        own, domain = super().dual(plant, law), domain_of(plant, law)
+        if own is None:
+            return None
+        return replace(own, share=self.square(plant, domain, own.C))
 
     def claim(
         self, subject: proof.Subject, level: Fraction, plant: UncertainPlant

@@ -27,7 +27,7 @@ import numpy as np
 from polefence.law.laws import FixedGain, Law, ScheduledGain, divisible, domain_of, right_divide
 from polefence.plant.boxes import MOST_PARTS, Box, Point, divided, widest
 from polefence.plant.family import UncertainPlant
-from polefence.plant.polynomial import Domain
+from polefence.plant.polynomial import Domain, Polynomial, values
 from polefence.plant.system import Array
 from polefence.response.modes import Modes
 
@@ -67,6 +67,8 @@ class DualProblem:
         At the vertices, disturbances scaled.
     gain : bool
         Whether the bound is the gain from them, else the root of tr E'QE.
+    share : Polynomial, optional
+        Of the box, what the bound's square is a share of; one by default.
     box : Box, optional
         The part of the box that it is about.
     """
@@ -78,6 +80,7 @@ class DualProblem:
     E: Array
     F: Array
     gain: bool = False
+    share: Polynomial | None = None
     box: Box | None = None
 
     @property
@@ -99,6 +102,17 @@ class DualProblem:
     def degree(self) -> int:
         """Degree of what is multiplied with Q."""
         return self.left + self.rows
+
+    @property
+    def share_degree(self) -> int:
+        """Degree of that polynomial."""
+        return 0 if self.share is None else sum(next(iter(self.share))[: self.domain.sizes[0]])
+
+    def shares(self, alpha: Array) -> Array:
+        """Return what a bound's square is a share of, at points."""
+        if self.share is None:
+            return np.ones(len(alpha))
+        return values(self.share, self.domain, alpha)[:, 0, 0]
 
     def work(self, degree: int) -> float:
         """Return about how many multiplications a round takes for Q of a degree."""
@@ -204,7 +218,7 @@ def in_parts(problem: DualProblem, level: float, most: int = MOST_PARTS) -> list
     most : int
         How many parts there may be; None is returned where that is not enough.
     """
-    if not divisible(problem.plant, problem.law):
+    if not divisible(problem.plant, problem.law) or problem.share is not None:
         return None
 
     def proving(box: Box) -> Dual | None:
@@ -276,7 +290,7 @@ class _Interpolation:
         """Let R grow until every coefficient is positive; None if it does not end."""
         T, n = self.units, len(self.units)
         inverse, R, over = np.linalg.inv(T), np.zeros((n, n)), OVER
-        share = SHARES[0]
+        share, unit = SHARES[0], float(self.problem.shares(self.problem.domain.nodes(0))[0])
         least: Array = np.zeros(len(self.nodes[0]))
         for k in range(ROUNDS):
             if level is not None:
@@ -292,7 +306,8 @@ class _Interpolation:
             missed = T.T @ missed @ T
             if np.linalg.eigvalsh(missed).max() < 0 < np.linalg.eigvalsh(T.T @ Q[0] @ T).min():
                 return Dual(Q, self.degree, bound)
-            more, over = over * majorant(missed) + ROOM * bound**2 * np.eye(n), over * OVER
+            room = ROOM * bound**2 * unit
+            more, over = over * majorant(missed) + room * np.eye(n), over * OVER
             R = R + inverse.T @ more @ inverse
         return None
 
@@ -302,7 +317,8 @@ class _Interpolation:
         if level is None:
             _, Y, E, _ = self.nodes
             found = self.modes.observed(Y.swapaxes(-1, -2) @ Y + R)
-            squares = np.einsum("pik,pij,pjk->p", E, found, E)
+            at = self.problem.domain.nodes(self.degree)
+            squares = np.einsum("pik,pij,pjk->p", E, found, E) / self.problem.shares(at)
             top = float(squares.max())
             if top > 0:
                 found *= (top / np.maximum(squares, LOWEST**2 * top))[:, None, None] ** (1 - share)
@@ -352,8 +368,7 @@ class _Interpolation:
         both, Yt = own @ N, Y.swapaxes(-1, -2)
         both = both + both.swapaxes(-1, -2)
         if level is None:
-            EQE = np.einsum("pik,pij,pjk->p", E, np.tensordot(basis, Q, 1), E)
-            bound = float(np.sqrt(max(self._bernstein(EQE).max(), 0.0)))
+            bound = float(np.sqrt(max(self._ratios(Q).max(), 0.0)))
             missed = self._bernstein(both + Yt @ Y)
         elif not np.any(F):
             bound, QE = level, own @ E
@@ -367,6 +382,21 @@ class _Interpolation:
             middle = np.linalg.inv(W.mean(axis=0))
             missed = middle.T @ missed @ middle
         return missed, bound
+
+    def _ratios(self, Q: Array) -> Array:
+        """Return the coefficients of tr E'QE over those of what the bound's square is a share of.
+
+        Infinite where the latter are not all positive.
+        """
+        problem, domain, degree = self.problem, self.problem.domain, self.total
+        if problem.share is not None:
+            varies = bool(np.ptp(problem.E, axis=0).any())
+            degree = max(problem.share_degree, self.degree + 2 * varies)
+        at = domain.nodes(degree)
+        E, own = problem.at(at)[3], np.tensordot(domain.basis(at, self.degree), Q, 1)
+        values = np.einsum("pik,pij,pjk->p", E, own, E)
+        found, shares = (domain.interpolated(v, degree) for v in (values, problem.shares(at)))
+        return found / shares if shares.min() > 0 else np.full_like(found, np.inf)
 
     def _bernstein(self, values: Array) -> Array:
         return self.problem.domain.interpolated(values, self.total)

@@ -52,7 +52,8 @@ class EnergyPeak(SignalClaim):
 
     def dual_rows(self) -> Rows:
         """Return what bounds the observability Gramian, and the disturbances in it."""
-        return dual_of_noise(self, self.level**2, self.norm**2)
+        square = number(self.level**2, self.subject.sizes)
+        return dual_of_noise(self, square, self.norm**2)
 
     @property
     def under(self) -> str:

@@ -1,7 +1,8 @@
 """Rms of a signal as a share of that of another loop under the same noise.
 
 As for the rms, with g^2 C0 P C0' in place of g^2, where A0 P + P A0' + S E0 E0' > 0 for a baseline
-that X0 > 0, -(A0 X0 + X0 A0') > 0 show to be stable, so that P is less than its covariance.
+that X0 > 0, -(A0 X0 + X0 A0') > 0 show to be stable, so that P is less than its covariance. The
+dual form likewise.
 """
 
 from __future__ import annotations
@@ -16,6 +17,7 @@ from polefence.proof.claims.signal import (
     Rows,
     SignalClaim,
     Subject,
+    dual_of_noise,
     noise,
     require_shapes,
     varies,
@@ -49,6 +51,7 @@ class RelativeRms(SignalClaim):
     """The rms of y is less than ``level`` times that of the baseline, at every alpha."""
 
     kind: ClassVar[str] = "relative rms"
+    has_dual: ClassVar[bool] = True
     has_cells: ClassVar[bool] = False  # the baseline is of the whole box
 
     baseline: Baseline
@@ -128,12 +131,19 @@ class RelativeRms(SignalClaim):
 
     def rows(self, X: Polynomial, minus: Polynomial, Y: Polynomial) -> Rows:
         """Return what bounds the covariance, and the output's variance."""
-        sizes, P = X.sizes, self.baseline.covariance
+        driven = minus - noise(self.subject.E, self.intensity, X.sizes, self.scales)
+        return {"of the noise": [[driven]], "of the output": [[self._square, Y], [X]]}
+
+    def dual_rows(self) -> Rows:
+        """Return what bounds the observability Gramian, and the noise in it."""
+        return dual_of_noise(self, self._square, self.intensity)
+
+    @property
+    def _square(self) -> Polynomial:
+        """What the output's variance is to be less than: level^2 C0 P C0'."""
+        sizes, P = self.subject.sizes, self.baseline.covariance
         C = affine(self.baseline.C, sizes)
-        lower = C * bernstein(P.X, sizes, P.degree) * C.T
-        driven = minus - noise(self.subject.E, self.intensity, sizes, self.scales)
-        corner = lower.times(self.level**2)
-        return {"of the noise": [[driven]], "of the output": [[corner, Y], [X]]}
+        return (C * bernstein(P.X, sizes, P.degree) * C.T).times(self.level**2)
 
     def inequalities(self) -> Iterator[Inequality]:
         """Yield that the baseline is stable, and that P is less than its covariance, too."""

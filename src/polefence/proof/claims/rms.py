@@ -71,7 +71,8 @@ class Rms(SignalClaim):
 
     def dual_rows(self) -> Rows:
         """Return what bounds the observability Gramian, and the noise in it."""
-        return dual_of_noise(self, self.level**2, self.intensity)
+        square = number(self.level**2, self.subject.sizes)
+        return dual_of_noise(self, square, self.intensity)
 
     @property
     def under(self) -> str:

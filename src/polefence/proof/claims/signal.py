@@ -50,7 +50,6 @@ from polefence.proof.polynomials import (
     count_of,
     diagonal,
     joint,
-    number,
 )
 from polefence.proof.reading import Table, plain, plain_rows
 from polefence.proof.regions import HalfPlane
@@ -517,11 +516,10 @@ def noise(
     return (form * form.T).times(intensity)
 
 
-def dual_of_noise(claim: SignalClaim, square: Fraction, intensity: Fraction) -> Rows:
+def dual_of_noise(claim: SignalClaim, square: Polynomial, intensity: Fraction) -> Rows:
     """Return that Q is more than the observability Gramian, and intensity tr E'QE < the square."""
     Q, _, N, Y = claim.subject.dual_loop(claim.outputs)
-    E = scaled(claim.subject.E, claim.scales, Q.sizes)
-    left = number(square, Q.sizes)
+    E, left = scaled(claim.subject.E, claim.scales, Q.sizes), square
     for k in range(claim.subject.q):
         column = E.part(slice(None), slice(k, k + 1))
         left = left - (column.T * Q * column).times(intensity)

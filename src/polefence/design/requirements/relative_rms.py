@@ -207,6 +207,7 @@ def _covariances(A: Array, noise: Array) -> Array:
 def _fitted(basis: Array, values: Array) -> Array:
     """Return Bernstein coefficients of the polynomial nearest to symmetric values."""
     scale = np.sqrt(np.diagonal(values, axis1=1, axis2=2).max(axis=0))
+    scale = np.where(scale > 0, scale, 1.0)  # a state that nothing moves
     even = values / np.outer(scale, scale)
     found = np.linalg.lstsq(basis, even.reshape(len(even), -1), rcond=None)[0]
     both = found.reshape(-1, *even.shape[1:])

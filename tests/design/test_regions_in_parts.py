@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from polefence.cli.service import _explained
 from polefence.design.design import Design, check
 from polefence.design.evaluation import rounding_share
 from polefence.design.evidence import MOST_PARTS, Search, evidence_at, forms
@@ -129,3 +130,4 @@ def test_margins_of_it(loop):
     gain = margins["gain"]
     assert 0 < gain.value < gain.upper
     assert all(not own.proved for own in margins if own.kind != "gain")
+    assert "proved in parts of the box" in next(_explained(margins))

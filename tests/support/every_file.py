@@ -12,6 +12,7 @@ from polefence.design.design import Design
 from polefence.design.evidence import Search, certificate_of
 from polefence.design.given import analyse
 from polefence.design.requirements.gain import Gain
+from polefence.design.requirements.relative_rms import RelativeRms
 from polefence.design.requirements.rms import Rms
 from polefence.design.search import Deadline
 from polefence.design.signals import bounds
@@ -164,7 +165,8 @@ def _write_polynomial(made: Path) -> None:
     gains = [[[-3, -4]], [[0.25, -0.5]]]
     law = PolynomialGain(((0,), (1,)), gains, measured, plant.parameters)
     certificate = analyse(plant, law, HalfPlane(0.3)).design.certificate
-    asked = [bounds._Question.of(plant, law, own) for own in (Rms("x", density=1), Gain("x"))]
+    kinds = Rms("x", density=1), Gain("x"), RelativeRms("x")
+    asked = [bounds._Question.of(plant, law, own) for own in kinds]
     whole = [next(bounds._dual_bounds(own)).claim for own in asked]
     bounds.save(certificate, whole, made / "tuned")
     near = asked[0].in_parts(asked[0].worst * (1 + 1e-7))

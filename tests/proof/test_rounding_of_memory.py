@@ -9,12 +9,16 @@ from itertools import product
 import numpy as np
 import pytest
 
+from polefence.export.guarantee import _guarantee, guarantee, scales
+from polefence.export.memory import kept, with_rates
+from polefence.export.program import number, program
+from polefence.export.program import with_memory as with_memory_of
 from polefence.proof.claims.base import prove
 from polefence.proof.claims.rounding import UNITS, gain_errors, rounding_error
 from polefence.proof.claims.sampled import Sampled
 from polefence.proof.document import check, loads
 from polefence.proof.work import FormatError
-from support.memories import TIME, exactly, exported
+from support.memories import TIME, design, exactly, exported
 
 
 @pytest.fixture(scope="module")
@@ -72,6 +76,19 @@ def test_the_bound_grows_as_samples_get_shorter(rounded):
     without = np.array(gain_errors(replace(rounded, code=replace(code, memory=None))), dtype=object)
     assert np.array_equal(without[0], one[0])
     assert np.all(without[1] < one[1])
+
+
+def test_scales_of_the_steps_prove_what_those_of_the_gain_do_not():
+    """Of short samples u / T is the error, of no size that an entry of the gain has."""
+    own = with_rates(design("pid"))
+    code = with_memory_of(program(own.law, own.plant.parameters, number(32)), kept(own), 5e-6)
+    plain = _guarantee(own, code, scales(code, own.law))
+    assert not plain.proved
+    assert plain.rounding > plain.tolerated > 0
+    found = guarantee(own, code)
+    assert found.proved
+    assert found.check().proved
+    assert rounding_error(found.claim) <= found.claim.gain.error
 
 
 FAULTS = {

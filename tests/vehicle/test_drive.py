@@ -335,6 +335,20 @@ def test_states_of_the_law_are_stepped_at_once_as_its_code_does(delayed):
         x = np.array([*(Phi @ x[:4] + Gamma * acting), x[4] + T * rate])
 
 
+@pytest.mark.parametrize("hardware", [{"limit": 1.0}, {"bandwidth": 0.1}])
+def test_an_actuator_neither_cuts_nor_delays_states_of_the_law(hardware):
+    """The rate is 500 at first, 20 times as fast as the actuator, and is the law's own."""
+    plant = with_states(family("quarter-car-ride"), 1)
+    K = np.array([[0, 0, 0, 0, 1.0], [0, 0, 0, 0, -50.0]])
+    found = drive(
+        plant, K, duration=0.1, parameters={"m1": 300, "beta": 2},
+        start=np.array([0, 0, 0, 0, 10.0]), actuator=Actuator(**hardware),
+    )  # fmt: skip
+    assert near(found.states[0, :, 4], 10 * np.exp(-50 * found.time), rel=1e-4)
+    assert np.abs(found.demanded[0, :, 1]).max() == pytest.approx(500)
+    assert found.states[0, -1, 2] != 0  # the force acts
+
+
 def test_with_faster_hardware_the_plain_loop_returns(physical, design):
     same = {"duration": 0.1, "parameters": MOVING, "step": 0.0005}
     plain = drive(physical, design, wave, **same).states

@@ -16,6 +16,7 @@ from polefence.design.margins.kinds import gain_claim
 from polefence.design.observer import Observer
 from polefence.export.observer import SampledLoop, judge_sampled_loop
 from polefence.export.program import Fixed, Program, Scheduled, exactly, memory_of
+from polefence.export.program import Memory as Kept
 from polefence.export.sampled import (
     LargestSampleTime,
     SampledProof,
@@ -53,6 +54,7 @@ MOST_COEFFICIENTS = 3000
 SLACK = 1e-3  # of bounds found in floats, for the exact proof
 TINY = 1e-30  # above zero, for a law that is zero
 BITS = 24  # of the scales of inputs and columns
+BALANCED = 30  # steps towards sizes that are a product of rows' and columns'
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,8 +111,22 @@ class Guarantee:
 
 
 def guarantee(design: Design, program: Program) -> Guarantee:
-    """Prove that the region holds with the gain as the code computes it, or say why not."""
-    rows, columns = scales(program, design.law)
+    """Prove that the region holds with the gain as the code computes it, or say why not.
+
+    Where the code keeps states, its gain's errors may be of other sizes than its entries: then
+    other scales are tried too.
+    """
+    found = _guarantee(design, program, scales(program, design.law))
+    memory = memory_of(program)
+    if found.proved or memory is None or isinstance(program, Scheduled):
+        return found
+    sizes = balanced(program.sizes, memory)
+    other = _guarantee(design, program, scales(program, design.law, sizes))
+    return other if other.proved else found
+
+
+def _guarantee(design: Design, program: Program, measures: tuple[Array, Columns]) -> Guarantee:
+    rows, columns = measures
     own = claimed_design(design)
     if own is None:
         reason = "nothing is proved of errors of this gain; design with 'scheduled' or 'quadratic'"
@@ -166,7 +182,22 @@ def code_of(program: Program) -> Code:
     return Code(bits, None, exactly(program.T), W, Z, shares)
 
 
-def scales(program: Program, law: Law) -> tuple[Array, Columns]:
+def balanced(sizes: Array, memory: Kept) -> Array:
+    """Return products s_i t_j near to the sizes of a gain's errors, the steps of states included.
+
+    Relative to the unit of rounding, times an entry's operations.
+    """
+    sizes, (_, r) = np.maximum(sizes, TINY), sizes.shape
+    own = np.arange(-memory.states, 0)
+    sizes[own, own] += 1 / (r * memory.sample_time)
+    columns = np.ones(r)
+    for _ in range(BALANCED):
+        rows = (sizes / columns).max(axis=1)
+        columns = (sizes / rows[:, None]).max(axis=0)
+    return np.outer(rows, columns)
+
+
+def scales(program: Program, law: Law, sizes: Array | None = None) -> tuple[Array, Columns]:
     """Return what an error of the gain is measured by: the rows' scales, and C of S D C.
 
     For a fixed gain and a polynomial one the largest entry of each column, else T. Of signals that
@@ -175,12 +206,13 @@ def scales(program: Program, law: Law) -> tuple[Array, Columns]:
     if isinstance(program, Scheduled):
         size = np.linalg.norm(program.Z, axis=-1).max(axis=0)
         return _rows(size), tuple(map(tuple, exactly(program.T)))
-    rows, own = _rows(program.sizes.max(axis=1)), _filled(program.sizes.max(axis=0))
+    sizes = program.sizes if sizes is None else sizes
+    rows, own = _rows(sizes.max(axis=1)), _filled(sizes.max(axis=0))
     if not (isinstance(law, PolynomialGain) and law.measured):
         return rows, own
     count, n = law.C.shape[1:]
     if len(law.C) > 1 or count > n:
-        return rows, _filled((program.sizes @ np.abs(law.C).max(axis=0)).max(axis=0))
+        return rows, _filled((sizes @ np.abs(law.C).max(axis=0)).max(axis=0))
     matrix = [tuple(t * c for c in y.C[0]) for t, y in zip(own, law.measured, strict=True)]
     return rows, (*matrix, *[(Fraction(0),) * n] * (n - count))
 

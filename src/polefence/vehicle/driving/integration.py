@@ -125,7 +125,7 @@ def _fixed(model: Model, controller: Controller | None) -> Cross:
             R, r = (M[k % length if len(M) > 1 else 0] for M in maps)
             after = (R @ z[:, :, None])[:, :, 0] + r[:, :, 0]
             if held is not None:
-                after += (r[:, :, 1:] @ model.actuator.limited(held)[:, :, None])[:, :, 0]
+                after += (r[:, :, 1:] @ model.limited(held)[:, :, None])[:, :, 0]
             return after, lambda: model.slope(
                 after, equations.row(3 * (k % length) + 2), gain, held
             )
@@ -285,7 +285,7 @@ class Controller:
             self.held = demand
             if self.sampling.delayed:
                 # the rates of the law's own states act at once: its code keeps these
-                late = demand.shape[1] - own_states(self.model.plant)
+                late = self.model.driven
                 self.held = np.concatenate([self.waiting[:, :late], demand[:, late:]], axis=1)
             self.waiting = demand
 
@@ -360,11 +360,29 @@ class Model:
         """That of the hardware [m/s2]."""
         return self.hardware.gravity
 
+    @cached_property
+    def driven(self) -> int:
+        """How many inputs, the first ones, an actuator has: not rates of a law's own states."""
+        return self.plant.shape[1] - own_states(self.plant)
+
+    def limited(self, u: Array) -> Array:
+        """Return u, inputs of an actuator cut off at its limit."""
+        if self.driven == u.shape[-1]:
+            return self.actuator.limited(u)
+        parts = np.split(u, [self.driven], axis=-1)
+        return np.concatenate([self.actuator.limited(parts[0]), parts[1]], axis=-1)
+
+    def applied(self, z: Array, demanded: Array) -> Array:
+        """Return what acts on the plant at z, where so much is demanded."""
+        n = self.plant.shape[0]
+        if self.width == n:
+            return self.limited(demanded)
+        return self.limited(np.concatenate([z[..., n:], demanded[..., self.driven :]], axis=-1))
+
     @property
     def width(self) -> int:
         """States, and forces of an actuator with a lag."""
-        n, m = self.plant.shape
-        return n + (m if self.actuator.rate else 0)
+        return self.plant.shape[0] + (self.driven if self.actuator.rate else 0)
 
     @property
     def folded(self) -> bool:
@@ -406,12 +424,12 @@ class Model:
         n, m = self.plant.shape
         S = self.known.push(A, B) if self.known else np.zeros(B.shape[:-1])
         if self.width > n:
-            rate, lead = self.actuator.rate, A.shape[:-2]
-            F = np.zeros((*lead, n + m, n + m))
-            F[..., :n, :n], F[..., :n, n:], F[..., n:, n:] = A, B, -rate * np.eye(m)
-            g, S = (np.concatenate([v, np.zeros((*v.shape[:-1], m))], axis=-1) for v in (g, S))
-            A, B = F, np.zeros((1, 1, n + m, m))
-            B[..., n:, :] = rate * np.eye(m)
+            rate, lead, d = self.actuator.rate, A.shape[:-2], self.driven
+            F, G = np.zeros((*lead, n + d, n + d)), np.zeros((*lead, n + d, m))
+            F[..., :n, :n], F[..., :n, n:], F[..., n:, n:] = A, B[..., :d], -rate * np.eye(d)
+            G[..., :n, d:], G[..., n:, :d] = B[..., d:], rate * np.eye(d)
+            g, S = (np.concatenate([v, np.zeros((*v.shape[:-1], d))], axis=-1) for v in (g, S))
+            A, B = F, G
         if self.reading is None:
             return Equations(A, g, B, S, None)
         K = self.padded(self.gains(self.reading.at(times)))
@@ -436,7 +454,7 @@ class Model:
             K = gain
         if held is not None or K is not None:
             u = held if held is not None else (K @ z[:, :, None])[:, :, 0]  # type: ignore[operator]
-            dz = dz + (B @ self.actuator.limited(u)[:, :, None])[:, :, 0]
+            dz = dz + (B @ self.limited(u)[:, :, None])[:, :, 0]
         if self.stops is not None and self.known is not None:
             x, sense = self.known.places[0], self.known.sense[0]
             dz = dz + S * self.stops.force(sense * z[:, x], sense * dz[:, x])[:, None]

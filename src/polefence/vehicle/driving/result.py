@@ -167,7 +167,7 @@ def record(model: Model, solution: Solution, reading: Reading | None) -> Record:
         What the law followed, where no controller has recorded what it used and demanded.
     """
     excitation, (n, m) = model.excitation, model.plant.shape
-    total, count, width = solution.z.shape
+    total, count, _ = solution.z.shape
     q = len(model.trajectories.space.names)
     x, rates = solution.z[..., :n], np.empty((total, count, n))
     demanded = np.empty((total, count, m)) if solution.demanded is None else solution.demanded
@@ -185,8 +185,7 @@ def record(model: Model, solution: Solution, reading: Reading | None) -> Record:
             given = model.trajectories.space.inside(reading.at(times))
             used[part], K = given, model.gains(given)
             demanded[part] = (K @ x[part, :, :, None])[..., 0]
-        acts = solution.z[part, :, n:] if width > n else model.actuator.limited(demanded[part])
-        applied[part] = model.actuator.limited(acts)
+        applied[part] = model.applied(solution.z[part], demanded[part])
         A, B, g = model.open(times, last)
         rates[part] = (A @ x[part, :, :, None] + B @ applied[part][..., None])[..., 0] + g
         if model.known is not None:
@@ -260,7 +259,7 @@ def _hardware(model: Model, own: Record, times: Array) -> tuple[list[Event], Any
     met = np.zeros(own.stops.shape, dtype=bool)
     limit = model.actuator.limit
     if limit is not None:
-        size = np.abs(own.demanded).max(axis=-1)
+        size = np.abs(own.demanded[..., : model.driven]).max(axis=-1)
         over = size > limit
         met |= over
         found += spans(

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from polefence.cli.service import _explained
+from polefence.design import evidence
 from polefence.design.design import Design, check
 from polefence.design.evaluation import rounding_share
 from polefence.design.evidence import MOST_PARTS, Search, evidence_at, forms
@@ -14,6 +15,7 @@ from polefence.design.margins.search import in_service
 from polefence.design.search import Deadline
 from polefence.law.laws import FixedGain, ScheduledGain
 from polefence.plant.family import UncertainPlant
+from polefence.proof import matrices
 from polefence.region.regions import Disk, HalfPlane, Sector
 from support.scheduled_masses import masses, poles, scheduled
 
@@ -104,17 +106,32 @@ def test_it_is_undecided_where_the_parts_are_too_many(loop):
     assert search.tried.endswith("nor in 2 parts of the box")
 
 
+def test_work_bounds_the_parts(loop, monkeypatch):
+    """Before it begins, of all parts of a region together; and while it is done."""
+    plant, law, z = loop
+    region = regions(z, 1e-3)["half_plane"]
+    least = matrices.least_work(evidence._blocks(plant, law, (1, 0)), 8)
+    assert evidence._most_parts(plant, law, 1) == evidence.MOST_PARTS
+    with monkeypatch.context() as patch:
+        patch.setattr(evidence.work, "MAX_WORK", 40 * least)
+        assert Search(plant, law, region, Deadline()).most == 40
+        assert Search(plant, law, region, Deadline(), 2).most == 10
+    search = Search(plant, law, region, Deadline())
+    search.share = 1e-6  # the first proof is more
+    assert search.in_parts() is None
+
+
 def test_rounding_is_judged_in_each_part(loop):
     """As much as of the whole box where both prove it; evidence of another part fits nothing."""
     plant, law, _ = loop
     region = Disk(-20, 22)
     whole = analyse(plant, law, region).certificate
     assert not whole.in_parts
-    evidence = Search(plant, law, region, Deadline()).in_parts()
-    halves = type(whole)(plant, region, "lyapunov", law, {"parts": (evidence,)})
+    proof = Search(plant, law, region, Deadline()).in_parts()
+    halves = type(whole)(plant, region, "lyapunov", law, {"parts": (proof,)})
     assert halves.prove().proved
     assert 0.01 < rounding_share(halves) / rounding_share(whole) < 100
-    one, two, *rest = evidence["cells"]
+    one, two, *rest = proof["cells"]
     ends = ("low", "high")
     swapped = [{**a, **{key: b[key] for key in ends}} for a, b in ((one, two), (two, one))]
     wrong = type(whole)(plant, region, "lyapunov", law, {"parts": ({"cells": (*swapped, *rest)},)})

@@ -45,7 +45,7 @@ LADDER = ((0, 0), (1, 0), (1, 1), (2, 0), (2, 1), (3, 0), (3, 1))
 MOST_WORK = 1e10
 # Degree and elevation in parts of the box, and what a step may cost there beyond the first form.
 IN_PARTS, MOST_IN_PART = ((0, 0), (1, 0)), 1e9
-SHARE = 0.4  # of what is checked in a file, after which no more parts are proved
+SHARE = 0.8  # of what is checked in a file, after which no more parts are proved
 
 
 def loop_of(plant: UncertainPlant, law: Law) -> Loop:
@@ -128,12 +128,15 @@ class Search:
     """The search for evidence of one part of a region, beyond the lowest form.
 
     ``last`` is the form of the whole box tried last, ``halved`` whether parts of it were, ``cut``
-    whether a deadline ended it; ``alpha``, where there is one, refutes the region.
+    whether a deadline ended it; ``alpha``, where there is one, refutes the region. ``parts`` is of
+    how many the region is made.
     """
 
-    def __init__(self, plant: UncertainPlant, law: Law, part: Region, deadline: Deadline) -> None:
+    def __init__(
+        self, plant: UncertainPlant, law: Law, part: Region, deadline: Deadline, parts: int = 1
+    ) -> None:
         self.plant, self.law, self.part, self.deadline = plant, law, part, deadline
-        self.most = _most_parts(plant, law)
+        self.most, self.share = _most_parts(plant, law, parts), SHARE / parts
         self.last, self.halved, self.cut = LADDER[0], False, False
         self.alpha: list[Fraction] | None = None
 
@@ -160,7 +163,7 @@ class Search:
         if self.most < 2 or self._late():
             return None
         self.halved = True
-        inside = _Inside(self.plant, self.law, self.part)
+        inside = _Inside(self.plant, self.law, self.part, self.share * work.MAX_WORK)
 
         def along(box: Box) -> int | None:
             self.alpha = inside.leaving(box)
@@ -182,11 +185,11 @@ class Search:
 class _Inside:
     """A law and a part of a region in parts of the box.
 
-    ``full`` is whether the proofs found take as much work as a file's may.
+    ``full`` is whether the proofs found take more work than they may.
     """
 
-    def __init__(self, plant: UncertainPlant, law: Law, part: Region) -> None:
-        self.plant, self.law, self.part = plant, law, part
+    def __init__(self, plant: UncertainPlant, law: Law, part: Region, most: float) -> None:
+        self.plant, self.law, self.part, self.most = plant, law, part, most
         self.loop = loop_of(plant, law)
         self.claim = certificate_of(plant, law, part, [placeholder(plant, law)]).claim()
         first, *higher = IN_PARTS
@@ -195,7 +198,7 @@ class _Inside:
 
     @property
     def full(self) -> bool:
-        return self.spent > SHARE * work.MAX_WORK
+        return self.spent > self.most
 
     def proof(self, box: Box) -> Evidence | None:
         """Return evidence of low degree, None where none is proved."""
@@ -239,11 +242,12 @@ class _Inside:
         return Piece(low, high, self.claim.evidence[0])
 
 
-def _most_parts(plant: UncertainPlant, law: Law) -> int:
+def _most_parts(plant: UncertainPlant, law: Law, parts: int) -> int:
     """Return in how many parts of the box, at most, a claim is searched for and checked."""
     if not divisible(plant, law):
         return 1
-    checked = matrices.least_work(_blocks(plant, law, IN_PARTS[-1]), 2 * plant.shape[0])
+    blocks = _blocks(plant, law, IN_PARTS[-1]) * parts**2
+    checked = matrices.least_work(blocks, 2 * plant.shape[0])
     found = MOST_PARTS * MOST_IN_PART / _work(plant, law, IN_PARTS[0])
     return min(MOST_PARTS, work.MAX_WORK // checked, int(found))
 

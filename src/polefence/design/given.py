@@ -178,7 +178,7 @@ def analyse(
         if alpha is not None:
             return _refuted(plant, law, region, alpha)
     for part, evidence in zip(region.parts, found, strict=True):
-        search = Search(plant, law, part, deadline)
+        search = Search(plant, law, part, deadline, len(region.parts))
         proof = evidence or search.proof(ladder[1:])
         if search.alpha is not None:
             return _refuted(plant, law, region, search.alpha)

@@ -13,6 +13,7 @@ import pytest
 
 from polefence.base.errors import InputError
 from polefence.export.sources import sources
+from support.memories import exported
 from support.paths import DOCS
 from support.shapes_of_laws import (
     BETA,
@@ -222,6 +223,8 @@ def found(tmp_path_factory):
         texts = replace(shape.texts, name=f"law{k}", sample_time=0.001, delay=1)
         for name, text in sources(shape.program, texts).items():
             (folder / name).write_text(text)
+    for name in ("law.c", "law.h"):  # one that keeps states
+        (folder / name).write_bytes(exported("affine", 32).files[name])
     return findings(folder)
 
 

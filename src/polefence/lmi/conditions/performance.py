@@ -56,15 +56,20 @@ from polefence.plant.system import Array
 
 @dataclass(frozen=True, eq=False)
 class Noise:
-    """White noise: E S E' of the vertices as a polynomial; see `noise`."""
+    """White noise: E S E' of the vertices as a polynomial; see `noise`.
+
+    Where it is constant ``root`` is (n, q), and E S E' its square: there are fewer terms.
+    """
 
     name: str
     EE: Polynomial
+    root: Array | None = None
 
     def changed(self, inverse: Array, rate: float) -> Noise:
         """Return it in coordinates x = T x_s, time in units of 1 / rate."""
         EE = {e: inverse @ P @ inverse.T / rate for e, P in self.EE.items()}
-        return Noise(self.name, EE)
+        root = None if self.root is None else inverse @ self.root / np.sqrt(rate)
+        return Noise(self.name, EE, root)
 
     def intensity(self, domain: Domain) -> Array:
         """Return what it moves the states with, in the middle of the family, (n, n)."""
@@ -211,7 +216,8 @@ def split_rows(n: int, outputs: Iterable[Output]) -> list[Array]:
 def noise(name: str, domain: Domain, E: Array, intensity: float) -> Noise:
     """Return white noise through the vertices' E (N, n, q); constant where E is."""
     if np.all(E[:1] == E):
-        return Noise(name, {(0,) * sum(domain.sizes): intensity * E[0] @ E[0].T})
+        EE = {(0,) * sum(domain.sizes): intensity * E[0] @ E[0].T}
+        return Noise(name, EE, np.sqrt(intensity) * E[0])
     P = bernstein(domain, E, 1)
     transposed = {e: intensity * p.T for e, p in P.items()}
     return Noise(name, times(P, transposed))
@@ -300,7 +306,10 @@ def _moved(
     n = X.terms[0].left.shape[0]
     eye = np.eye(n)
     driven = put(N, eye, eye)
-    if isinstance(source, Noise):
+    if isinstance(source, Noise) and source.root is not None:
+        for column in source.root.T[:, :, None]:
+            driven += put(t, weight / 2 * column, column)
+    elif isinstance(source, Noise):
         # columns of zeros ask for work and for nothing else
         own = np.any(data, axis=0)
         driven += put(multiple(t, data[:, own] / 2), eye, eye[:, own])

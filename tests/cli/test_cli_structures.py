@@ -11,6 +11,7 @@ from polefence.cli.common import add_structure_options, structure_of_options
 from polefence.cli.main import main
 from polefence.examples import spec_text
 from polefence.plant.spec import load
+from support.memories import design
 
 LAW = '\n[law]\nmeasured = ["tyre deflection"]\ndegree = 2\n'
 MEASURED = "suspension deflection, sprung-mass velocity"
@@ -121,3 +122,25 @@ def test_noise_of_a_disturbance_that_is_not_there(tmp_path, capsys):
     path.write_text('noise = ["rod velocity"]\n' + spec_text("quarter-car-ride"))
     assert main(["design", str(path), "--disk", "-40", "36"]) == 2
     assert "noise: no disturbance 'rod velocity'; did you mean" in capsys.readouterr().err
+
+
+SPRING = """
+name = "spring"
+states = ["position [m]", "speed [m/s]"]
+inputs = ["force [N]"]
+parameter.m = {{range = [1, 2], unit = "kg", through = "1/m"}}
+parameter.k = {{range = [4, 20], unit = "N/m"}}
+matrices.A = [[0, 1], ["-k/m", "-{damping}/m"]]
+matrices.B = [[0], ["1/m"]]
+"""
+PID = '[law]\nmeasured = ["position"]\nkind = "pid"\nderivative_bandwidth = 2\n'
+
+
+@pytest.mark.parametrize("kind", ["affine", "one gain", "pid"])
+def test_a_file_of_a_law_with_states_of_its_own_is_about_its_spec(kind, tmp_path, capsys):
+    design(kind).save(tmp_path / "d")
+    spec = tmp_path / "spring.toml"
+    for damping, status in ((0.5, 0), (0.51, 1)):
+        spec.write_text(SPRING.format(damping=damping) + PID * (kind == "pid"))
+        assert main(["check", str(tmp_path / "d"), "--spec", str(spec)]) == status
+        assert ("A[2][2] = -0.5, spec -0.51" in capsys.readouterr().out) is bool(status)

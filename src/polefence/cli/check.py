@@ -21,7 +21,9 @@ from polefence.design.measured import read_measured
 from polefence.design.requirements.text import RoadSpectrum, load_specifications
 from polefence.design.signals.augmented import with_weights
 from polefence.export import check_guarantee
+from polefence.law.structure import load_structure
 from polefence.plant.family import UncertainPlant
+from polefence.plant.larger import own_states, with_states
 from polefence.plant.spec import load
 from polefence.proof.claims.observer import Observer
 from polefence.proof.claims.rounding import Rounded
@@ -149,7 +151,9 @@ def _against(document: Document, plant: UncertainPlant, spec: str) -> str | None
     letters = "".join(sorted({letter for claim in document.claims for letter in claim.letters}))
     if "E" in letters:
         plant = _weighted(plant, spec)
-    difference = _difference(plant_of(document.plant), plant, letters)
+    found = plant_of(document.plant)
+    plant = _with_law(plant, found, spec)
+    difference = _difference(found, plant, letters)
     for claim in document.claims:
         if difference is None and isinstance(claim, Observer):
             difference = _other_measured(claim, plant)
@@ -167,6 +171,14 @@ def _weighted(plant: UncertainPlant, spec: str) -> UncertainPlant:
         spec, RoadSpectrum("C", 20.0)
     )  # any road: filters are what counts
     return with_weights(plant, ([least] if least else []) + list(limits))[0]
+
+
+def _with_law(plant: UncertainPlant, found: UncertainPlant, spec: str) -> UncertainPlant:
+    """Return the plant with the states of a law, where that of a file has any."""
+    structure = load_structure(spec)
+    if structure is not None and structure.kind and len(found.states) > len(plant.states):
+        return structure.extended(plant)[0]
+    return plant if own_states(plant) else with_states(plant, own_states(found))
 
 
 def _difference(found: UncertainPlant, plant: UncertainPlant, letters: str = "AB") -> str | None:

@@ -14,8 +14,9 @@ from polefence.cli.main import main
 from polefence.examples import family
 from polefence.law.words import definitions, formula
 from polefence.response.stationary import stationary, velocity_psd
-from polefence.show.report import comfort, html_report
+from polefence.show.report import _how_to_check, comfort, html_report
 from polefence.vehicle.vehicle import require_ride
+from support.memories import design as with_memory
 from support.polynomials import design as polynomial
 from support.specs import ONE_STATE
 
@@ -193,3 +194,10 @@ def test_a_polynomial_law_is_said_by_its_terms(kind, tmp_path):
     for K in own.law.gains + 0.0:  # no -0
         assert all(f"|{k:.6g}|" in gain for k in K[0])
     assert ("tyre deflection" in gain) is (kind == "affine")
+
+
+@pytest.mark.parametrize("kind", ["affine", "pid"])
+def test_code_that_keeps_states_is_exported_with_a_sample_time(kind, placed):
+    line = "polefence export design.json --float 32 --sample-time"
+    assert line in _how_to_check(with_memory(kind)).code
+    assert line not in _how_to_check(placed).code

@@ -14,6 +14,7 @@ from polefence.design.certificate import Check
 from polefence.design.checks import implies_stability
 from polefence.design.design import Design, check, require_kind
 from polefence.design.limits import Limit, limits
+from polefence.export.memory import kept, with_rates
 from polefence.law.laws import FixedGain, PolynomialGain
 from polefence.law.words import definitions, formula, terms_of
 from polefence.lmi.conditions.methods import METHODS
@@ -300,20 +301,21 @@ def _input(design: Design, number: int) -> str:
 
 
 def _how_to_check(design: Design) -> Section:
+    # states that code keeps are stepped from sample to sample
+    tick = " --sample-time 0.001" if kept(with_rates(design)) else ""
     return Section(
         "Check it, use it",
         (
             "The file design.json holds the plant (SHA-256 of its vertices "
             f"{design.plant.digest}), the region, the law and everything that the proof rests on. "
             "The first line below proves it; so does the second, with nothing installed but Python "
-            ""
             "and the checker alone, which `polefence check --standalone polefence-check.pyz` "
             "writes. The third writes the law as C for a microprocessor and "
             "proves that its rounding leaves the poles in the region.",
         ),
         code="polefence check design.json --spec SPEC\n"
         "python -S polefence-check.pyz design.json\n"
-        "polefence export design.json --float 32 -o CODE\n"
+        f"polefence export design.json --float 32{tick} -o CODE\n"
         "python -c \"import polefence; print(polefence.Design.load('design.json').law)\"",
     )
 

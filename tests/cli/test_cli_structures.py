@@ -11,7 +11,7 @@ from polefence.cli.common import add_structure_options, structure_of_options
 from polefence.cli.main import main
 from polefence.examples import spec_text
 from polefence.plant.spec import load
-from support.memories import design
+from support.memories import design, exported
 
 LAW = '\n[law]\nmeasured = ["tyre deflection"]\ndegree = 2\n'
 MEASURED = "suspension deflection, sprung-mass velocity"
@@ -138,9 +138,18 @@ PID = '[law]\nmeasured = ["position"]\nkind = "pid"\nderivative_bandwidth = 2\n'
 
 @pytest.mark.parametrize("kind", ["affine", "one gain", "pid"])
 def test_a_file_of_a_law_with_states_of_its_own_is_about_its_spec(kind, tmp_path, capsys):
-    design(kind).save(tmp_path / "d")
+    design(kind).save(tmp_path / "design")
+    exported(kind, 64).save(tmp_path / "code")
     spec = tmp_path / "spring.toml"
     for damping, status in ((0.5, 0), (0.51, 1)):
         spec.write_text(SPRING.format(damping=damping) + PID * (kind == "pid"))
-        assert main(["check", str(tmp_path / "d"), "--spec", str(spec)]) == status
-        assert ("A[2][2] = -0.5, spec -0.51" in capsys.readouterr().out) is bool(status)
+        for file in ("design", "code"):
+            assert main(["check", str(tmp_path / file), "--spec", str(spec)]) == status
+            assert ("A[2][2] = -0.5, spec -0.51" in capsys.readouterr().out) is bool(status)
+
+
+def test_a_law_of_another_kind_than_that_of_the_spec_is_about_it_too(tmp_path):
+    design("affine").save(tmp_path / "design")
+    spec = tmp_path / "spring.toml"
+    spec.write_text(SPRING.format(damping=0.5) + PID)
+    assert main(["check", str(tmp_path / "design"), "--spec", str(spec)]) == 0

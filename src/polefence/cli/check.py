@@ -23,7 +23,14 @@ from polefence.design.signals.augmented import with_weights
 from polefence.export import check_guarantee
 from polefence.law.structure import load_structure
 from polefence.plant.family import UncertainPlant
-from polefence.plant.larger import own_states, with_states
+from polefence.plant.larger import (
+    FILTER,
+    INTEGRAL,
+    own_states,
+    with_rates_as_inputs,
+    with_states,
+)
+from polefence.plant.outputs import states
 from polefence.plant.spec import load
 from polefence.proof.claims.observer import Observer
 from polefence.proof.claims.rounding import Rounded
@@ -175,10 +182,14 @@ def _weighted(plant: UncertainPlant, spec: str) -> UncertainPlant:
 
 def _with_law(plant: UncertainPlant, found: UncertainPlant, spec: str) -> UncertainPlant:
     """Return the plant with the states of a law, where that of a file has any."""
+    own = own_states(found)
+    if not any(state.name.startswith((INTEGRAL, FILTER)) for state in states(found)):
+        return plant if own_states(plant) else with_states(plant, own)
     structure = load_structure(spec)
-    if structure is not None and structure.kind and len(found.states) > len(plant.states):
-        return structure.extended(plant)[0]
-    return plant if own_states(plant) else with_states(plant, own_states(found))
+    if structure is None or not structure.kind:
+        return plant
+    larger = structure.extended(plant)[0]
+    return with_rates_as_inputs(larger, own) if own else larger
 
 
 def _difference(found: UncertainPlant, plant: UncertainPlant, letters: str = "AB") -> str | None:

@@ -7,20 +7,21 @@ and their rates v are inputs. A PID's have dynamics in A; `with_rates` moves the
 from __future__ import annotations
 
 from dataclasses import replace
-from fractions import Fraction
 
 import numpy as np
 
 from polefence.design.design import Design
 from polefence.law.laws import PolynomialGain, ScheduledGain
-from polefence.plant.family import UncertainPlant
-from polefence.plant.larger import own_states
-from polefence.plant.outputs import inputs, states
+from polefence.plant.larger import (
+    DERIVATIVE,
+    FILTER,
+    INTEGRAL,
+    own_states,
+    with_rates_as_inputs,
+)
+from polefence.plant.outputs import states
 from polefence.plant.polynomial import binomial
-from polefence.plant.system import Array, System
-
-ZERO = Fraction(0)
-INTEGRAL, FILTER, DERIVATIVE = "pid integral of ", "pid filter of ", "pid derivative of "
+from polefence.plant.system import Array
 
 
 def kept(design: Design) -> int:
@@ -49,33 +50,13 @@ def with_rates(design: Design) -> Design:
     pid = signals + integrals + [DERIVATIVE + name for name in signals]
     if not r or names != pid or known != integrals + filters:
         return design
-    larger = _with_inputs(plant, 2 * r)
+    larger = with_rates_as_inputs(plant, 2 * r)
     measured = (*law.measured[:r], *states(larger)[-2 * r :])
     w = float(-plant.vertices[0].exact_A[-1][-1])
     powers, gains = _terms(law, _of_states(law.gains, r, w), _rates(r, w))
     own = PolynomialGain(powers, gains, measured, law.parameters)
     certificate = replace(design.certificate, plant=larger, law=own)
     return replace(design, certificate=certificate)
-
-
-def _with_inputs(plant: UncertainPlant, count: int) -> UncertainPlant:
-    """Return the plant with the rates of its last states as inputs, in place of their dynamics."""
-    n, m = plant.shape
-    vertices = []
-    for own in plant.vertices:
-        A = (*own.exact_A[: n - count], *((ZERO,) * n for _ in range(count)))
-        rates = np.eye(count, dtype=int).tolist()
-        B = [(*row, *(ZERO,) * count) for row in own.exact_B[: n - count]]
-        B += [(*(ZERO,) * m, *map(Fraction, row)) for row in rates]
-        vertices.append(System(A, tuple(B), own.exact_E, own.name))
-    labels = tuple(f"rate of {own.name}" for own in states(plant)[n - count :])
-    more = (ZERO,) * count
-    return replace(
-        plant,
-        vertices=tuple(vertices),
-        inputs=(*(own.label for own in inputs(plant)), *labels),
-        outputs=tuple(replace(y, D=tuple((*d, *more) for d in y.D)) for y in plant.outputs),
-    )
 
 
 def _of_states(gains: Array, r: int, w: float) -> Array:

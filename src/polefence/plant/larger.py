@@ -17,7 +17,9 @@ from polefence.plant.system import Exact, System
 DAMPING = Fraction("0.7071")  # of an actuator of order 2
 DIGITS = 12  # that 2 pi f and other irrational entries are rounded to
 MOST_STATES = 20  # of a law
-OWN = ("law state ", "pid integral of ", "pid filter of ")  # how names of its states begin
+# How the names of its states and signals begin.
+LAW, INTEGRAL, FILTER = "law state ", "pid integral of ", "pid filter of "
+DERIVATIVE = "pid derivative of "
 
 ZERO, ONE = Fraction(0), Fraction(1)
 
@@ -228,14 +230,35 @@ def with_states(plant: UncertainPlant, count: int) -> UncertainPlant:
     )
 
 
+def with_rates_as_inputs(plant: UncertainPlant, count: int) -> UncertainPlant:
+    """Return the plant with the rates of its last states as inputs, in place of their dynamics."""
+    n, m = plant.shape
+    more, vertices = (ZERO,) * count, []
+    rates = (f"rate of {own.name}" for own in states(plant)[n - count :])
+    for own in plant.vertices:
+        A = (*own.exact_A[: n - count], *((ZERO,) * n for _ in range(count)))
+        B = [(*row, *more) for row in own.exact_B[: n - count]]
+        B += [_unit(m + count, m + i, ONE) for i in range(count)]
+        vertices.append(System(A, tuple(B), own.exact_E, own.name))
+    return replace(
+        plant,
+        vertices=tuple(vertices),
+        inputs=(
+            *_labels(inputs(plant)),
+            *(f"rate of {own.name}" for own in states(plant)[-count:]),
+        ),
+        outputs=tuple(replace(y, D=tuple((*d, *more) for d in y.D)) for y in plant.outputs),
+    )
+
+
 def law_states(count: int) -> tuple[str, ...]:
     """Return the names of the states of a law."""
-    return tuple(f"law state {i + 1}" for i in range(count))
+    return tuple(f"{LAW}{i + 1}" for i in range(count))
 
 
 def law_rates(count: int) -> tuple[str, ...]:
     """Return the names of the inputs that are the rates of the states of a law."""
-    return tuple(f"rate of law state {i + 1}" for i in range(count))
+    return tuple(f"rate of {LAW}{i + 1}" for i in range(count))
 
 
 def own_states(plant: UncertainPlant) -> int:
@@ -246,7 +269,7 @@ def own_states(plant: UncertainPlant) -> int:
     names = [own.name for own in states(plant)], [own.name for own in inputs(plant)]
     count = 0
     for own, rate in zip(*map(reversed, names), strict=False):
-        if not own.startswith(OWN) or rate != f"rate of {own}":
+        if not own.startswith((LAW, INTEGRAL, FILTER)) or rate != f"rate of {own}":
             break
         count += 1
     n, m = plant.shape
@@ -302,8 +325,8 @@ def with_pid(
     """
     w, r, n = _rate(bandwidth, "pid: derivative"), len(signals), plant.shape[0]
     eye = tuple(_unit(r, i, ONE) for i in range(r))
-    integrals = [_labelled(f"pid integral of {y.name}", f"{y.unit} s".strip()) for y in signals]
-    filtered = [_labelled(f"pid filter of {y.name}", y.unit) for y in signals]
+    integrals = [_labelled(f"{INTEGRAL}{y.name}", f"{y.unit} s".strip()) for y in signals]
+    filtered = [_labelled(f"{FILTER}{y.name}", y.unit) for y in signals]
     a = (*((ZERO,) * 2 * r for _ in range(r)), *(_unit(2 * r, r + i, -w) for i in range(r)))
     b = (*eye, *(_unit(r, i, w) for i in range(r)))
     _require_new(plant, (*integrals, *filtered))
@@ -312,7 +335,7 @@ def with_pid(
     for i, own in enumerate(signals):
         C, _, _ = own.exact(plant)
         rows = [(*(w * x for x in row), *_unit(2 * r, r + i, -w)) for row in C]
-        derivatives.append(Output(f"pid derivative of {own.name}", f"{own.unit or 1}/s", rows))
+        derivatives.append(Output(f"{DERIVATIVE}{own.name}", f"{own.unit or 1}/s", rows))
     larger = replace(larger, outputs=(*larger.outputs, *derivatives))
     names = [own.name for own in signals]
     names += [state.name for state in states(larger)[n : n + r]]

@@ -259,17 +259,17 @@ def _evidence(claim: Poles) -> dict[str, Any]:
         own = form if form != {"degree": 1, "elevation": 0, "on": "simplex"} else {}
         own |= {"epsilon": float(first.epsilon)} if first.epsilon else {}
         return own | {"P": _floats(first.X), "G": _floats([first.G or []])[0]}
-    parts = tuple(map(_part, claim.evidence))
+    parts = tuple(map(part_of, claim.evidence))
     return ({"on": claim.on} if claim.law.fixed else {}) | {"parts": parts}
 
 
-def _part(own: laws.Evidence) -> dict[str, Any]:
+def part_of(own: laws.Evidence) -> dict[str, Any]:
     """Return the evidence for one part of a region."""
     if own.cells:
         bounds = ({"low": piece.low, "high": piece.high} for piece in own.cells)
         ends = [{key: np.array(list(map(float, p))) for key, p in each.items()} for each in bounds]
         pairs = zip(ends, own.cells, strict=True)
-        return {"cells": tuple(each | _part(piece.evidence) for each, piece in pairs)}
+        return {"cells": tuple(each | part_of(piece.evidence) for each, piece in pairs)}
     part = {"X": _floats(own.X), "degree": own.degree, "elevation": own.elevation}
     multiple = {"multiple": np.array([float(v) for v in own.multiple])}
     return part | multiple if own.multiple else part

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from polefence.base.errors import InputError
-from polefence.design.certificate import Certificate
+from polefence.design.certificate import Certificate, part_of
 from polefence.design.counterexample import counterexample
 from polefence.design.search import Deadline, first
 from polefence.law.laws import (
@@ -174,7 +174,8 @@ class Search:
             halves = list(whole.halves(inside.widest(whole)))
             parts = divided(halves, inside.proof, along, self.most)
             if parts is not None:
-                return {"cells": tuple(_cell(box, own) for box, own in parts)}
+                pieces = (inside.piece(box, own) for box, own in parts)
+                return part_of(Evidence([], cells=tuple(pieces)))
         return None
 
     def _late(self) -> bool:
@@ -202,7 +203,7 @@ class _Inside:
 
     def proof(self, box: Box) -> Evidence | None:
         """Return evidence of low degree, None where none is proved."""
-        claim = self.claim.inside(self._piece(box))
+        claim = self.claim.inside(self.piece(box, self.claim.evidence[0]))
         own = self.loop.inside(box)
         for form in () if self.full else self.forms:
             for found in points_inside(own, self.part, form):
@@ -216,7 +217,7 @@ class _Inside:
 
     def leaving(self, box: Box) -> list[Fraction] | None:
         """Return an alpha at which a pole leaves the region, None if none was found."""
-        piece = self._piece(box)
+        piece = self.piece(box, self.claim.evidence[0])
         alpha = counterexample(self.claim.inside(piece))
         if alpha is None:
             return None
@@ -237,9 +238,11 @@ class _Inside:
 
         return widest(domain, loops)
 
-    def _piece(self, box: Box) -> Piece:
+    @staticmethod
+    def piece(box: Box, own: Evidence) -> Piece:
+        """Return a part with its evidence, in rationals."""
         low, high = (tuple(map(Fraction, ends)) for ends in (box.low, box.high))
-        return Piece(low, high, self.claim.evidence[0])
+        return Piece(low, high, own)
 
 
 def _most_parts(plant: UncertainPlant, law: Law, parts: int) -> int:
@@ -250,13 +253,6 @@ def _most_parts(plant: UncertainPlant, law: Law, parts: int) -> int:
     checked = matrices.least_work(blocks, 2 * plant.shape[0])
     found = MOST_PARTS * MOST_IN_PART / _work(plant, law, IN_PARTS[0])
     return min(MOST_PARTS, work.MAX_WORK // checked, int(found))
-
-
-def _cell(box: Box, own: Evidence) -> dict[str, Any]:
-    """Return the evidence of a part of the box as a certificate has it."""
-    X = np.array([[[float(e) for e in row] for row in Q] for Q in own.X])
-    ends = {"low": np.array(box.low), "high": np.array(box.high)}
-    return ends | {"X": X, "degree": own.degree, "elevation": own.elevation}
 
 
 def placeholder(plant: UncertainPlant, law: Law) -> dict[str, Any]:

@@ -8,7 +8,7 @@ from typing import TypeVar
 
 import numpy as np
 
-from polefence.plant.polynomial import Domain, Polynomial, bernstein, values
+from polefence.plant.polynomial import Domain, Polynomial, bernstein, degree_of, values
 from polefence.plant.system import Array
 
 T = TypeVar("T")
@@ -47,7 +47,7 @@ class Box:
 
     def polynomial(self, P: Polynomial, domain: Domain) -> Polynomial:
         """Return a polynomial in coordinates of the part."""
-        degree = sum(next(iter(P))[: domain.sizes[0]])
+        degree = degree_of(P, domain)
         at = self.alpha(domain, domain.nodes(degree))
         return bernstein(domain, domain.interpolated(values(P, domain, at), degree), degree)
 
@@ -94,6 +94,7 @@ def widest(domain: Domain, loops: Callable[[Array], Array]) -> int:
     for k in range(count):
         ends[2 * k : 2 * k + 2, k] = 0.0, 1.0
     poles = np.linalg.eigvals(loops(_alpha(domain, ends)))
+    # as sets: eigenvalues come in no order
     apart = np.abs(poles[::2, :, None] - poles[1::2, None, :])
     moved = np.maximum(apart.min(axis=1).max(axis=-1), apart.min(axis=2).max(axis=-1))
-    return int(moved.argmax())  # by their distance as sets: none of them has a place
+    return int(moved.argmax())

@@ -175,9 +175,14 @@ def bernstein(domain: Domain, coefficients: Array, degree: int) -> Polynomial:
     return {e: binomial(domain.sizes, e) * c for e, c in pairs}
 
 
+def degree_of(P: Polynomial, domain: Domain) -> int:
+    """Return the degree in each simplex."""
+    return sum(next(iter(P))[: domain.sizes[0]])
+
+
 def values(P: Polynomial, domain: Domain, alpha: Array) -> Array:
     """Return a polynomial's values at points alpha (..., N), as (..., rows, columns)."""
-    degree = sum(next(iter(P))[: domain.sizes[0]])
+    degree = degree_of(P, domain)
     each = [P[e] / binomial(domain.sizes, e) for e in domain.monomials(degree)]
     return np.asarray(np.tensordot(domain.basis(alpha, degree), np.array(each), 1))
 

@@ -114,7 +114,7 @@ def best_bound(
     question = _Question.of(plant, law, specification)
     climbs = [_dual_bounds, _in_parts, _climbed]
     best: Bound | None = None
-    for climb in reversed(climbs) if question.hard else climbs:
+    for climb in reversed(climbs) if question.by_lmi else climbs:
         for own in climb(question):
             if best is None or own.level < best.level:
                 best = own
@@ -156,7 +156,7 @@ class _Question:
         return cls(plant, law, specification)
 
     @property
-    def hard(self) -> bool:
+    def by_lmi(self) -> bool:
         """Whether it is about a gain, or a ratio, of which LMIs are tried first."""
         own = self.problem
         return own is not None and (own.gain or own.share is not None)

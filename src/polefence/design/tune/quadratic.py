@@ -68,7 +68,7 @@ def reference(
         def step(target: Any, w: Array = w, factor: Any = factor) -> tuple[Array, Array, Array]:
             right = -dual - rows.back(w * primal + (target - s * z) / s)  # noqa: B023
             dx, _ = dpotrs(factor, right)
-            # weights lie so far apart that what is left is worth another solution
+            # refined once: the weights make the system ill-conditioned
             left = right - (P + eye) @ dx - rows.back(w * rows.of(dx))
             dx = dx + dpotrs(factor, left)[0]
             ds = -primal - rows.of(dx)  # noqa: B023

@@ -290,7 +290,7 @@ class _Search:
         outside = self._outside(points, theta) > FEASIBLE
         regions = (SMOOTH[0], SMOOTH[-1], None) if outside else ()
         for phase, kappa in (*((REGION, kappa) for kappa in regions), (LIMITS, None)):
-            # the smoothest measure is above zero where poles are well within: it leads the way only
+            # the smoothest measure stays positive well inside the region: it only leads the way
             most = effort if kappa == SMOOTH[0] else FULL
             evaluate = partial(points.rows, phase=phase, kappa=kappa)
             found = descend(evaluate, theta, 0.0, most)

@@ -17,9 +17,16 @@ from operator import add
 import numpy as np
 
 from polefence.lmi.conditions.pencil import Builder, Linear, Pencil, Term
-from polefence.lmi.conditions.performance import Demands, Form, assembled, degree_of, split_rows
+from polefence.lmi.conditions.performance import Demands, Form, assembled, split_rows
 from polefence.plant.boxes import Box
-from polefence.plant.polynomial import Domain, Exponent, Polynomial, binomial, elevated
+from polefence.plant.polynomial import (
+    Domain,
+    Exponent,
+    Polynomial,
+    binomial,
+    degree_of,
+    elevated,
+)
 from polefence.plant.system import Array
 
 

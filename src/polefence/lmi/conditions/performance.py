@@ -48,6 +48,7 @@ from polefence.plant.polynomial import (
     Polynomial,
     bernstein,
     binomial,
+    degree_of,
     elevated,
     times,
 )
@@ -221,11 +222,6 @@ def noise(name: str, domain: Domain, E: Array, intensity: float) -> Noise:
     P = bernstein(domain, E, 1)
     transposed = {e: intensity * p.T for e, p in P.items()}
     return Noise(name, times(P, transposed))
-
-
-def degree_of(P: Polynomial, domain: Domain) -> int:
-    """Return the degree in each simplex."""
-    return sum(next(iter(P))[: domain.sizes[0]])
 
 
 def assembled(

@@ -27,7 +27,7 @@ import numpy as np
 from polefence.law.laws import FixedGain, Law, ScheduledGain, divisible, domain_of, right_divide
 from polefence.plant.boxes import MOST_PARTS, Box, Point, divided, widest
 from polefence.plant.family import UncertainPlant
-from polefence.plant.polynomial import Domain, Polynomial, values
+from polefence.plant.polynomial import Domain, Polynomial, degree_of, values
 from polefence.plant.system import Array
 from polefence.response.modes import Modes
 
@@ -106,7 +106,7 @@ class DualProblem:
     @property
     def share_degree(self) -> int:
         """Degree of that polynomial."""
-        return 0 if self.share is None else sum(next(iter(self.share))[: self.domain.sizes[0]])
+        return 0 if self.share is None else degree_of(self.share, self.domain)
 
     def shares(self, alpha: Array) -> Array:
         """Return what a bound's square is a share of, at points."""
@@ -394,8 +394,8 @@ class _Interpolation:
             degree = max(problem.share_degree, self.degree + 2 * varies)
         at = domain.nodes(degree)
         E, own = problem.at(at)[3], np.tensordot(domain.basis(at, self.degree), Q, 1)
-        values = np.einsum("pik,pij,pjk->p", E, own, E)
-        found, shares = (domain.interpolated(v, degree) for v in (values, problem.shares(at)))
+        squares = np.einsum("pik,pij,pjk->p", E, own, E)
+        found, shares = (domain.interpolated(v, degree) for v in (squares, problem.shares(at)))
         return found / shares if shares.min() > 0 else np.full_like(found, np.inf)
 
     def _bernstein(self, values: Array) -> Array:

@@ -243,10 +243,7 @@ def with_rates_as_inputs(plant: UncertainPlant, count: int) -> UncertainPlant:
     return replace(
         plant,
         vertices=tuple(vertices),
-        inputs=(
-            *_labels(inputs(plant)),
-            *(f"rate of {own.name}" for own in states(plant)[-count:]),
-        ),
+        inputs=(*_labels(inputs(plant)), *rates),
         outputs=tuple(replace(y, D=tuple((*d, *more) for d in y.D)) for y in plant.outputs),
     )
 

@@ -42,6 +42,9 @@ SHARES = (0.999, 0.99, 0.97, 0.95, 0.9, 0.85, 0.8, 0.7, 0.6, 0.5, 0.4, 0.3, 0.2,
 LEAPS = (5.0, 3.0, 2.0, 1.4)  # tried first where r is prescribed, in units of the gap
 SHIFTS = (0.0, 1e-15, 1e-14, 1e-13, 1e-12, 1e-11)  # of H's scaled diagonal, until there is a step
 DAMPING, LEAST_DAMPING = 0.7, 1e-4
+# Steps with no more of the tangent than SHARES[POOR] count up, others down; after so many, with a
+# pivot of the scaled H below ILL, these coordinates have no digits left and the run ends.
+POOR, PATIENCE, ILL = 14, 3, 1e-5
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,7 +62,8 @@ class Outcome:
         mu times the order: about what r lies above the infimum.
     iterations : int
     converged : bool
-        Whether the gap came down to the tolerance.
+        Whether the gap came down to the tolerance. Where it did not, the run may go on in other
+        coordinates.
     """
 
     x: Array
@@ -122,13 +126,15 @@ def run(
     if not (r > 0 and np.all(np.isfinite(x))):
         raise np.linalg.LinAlgError("no radius to start from")
     Y = _inverses([r * d - m for d, m in zip(D, M, strict=True)])
-    iterations, gap, number = 0, np.inf, 0
+    iterations, gap, number, poor, pivot = 0, np.inf, 0, 0, 1.0
     for iterations in range(MAX_ITERATIONS + 1):
         D, M = stacked.parts(x)
         Y = _scaled(Y, 1 / _inner(Y, D))
         F = [r * d - m for d, m in zip(D, M, strict=True)]
         gap = _inner(F, Y)
         if not gap > tolerance * r or r <= enough or iterations == MAX_ITERATIONS:
+            break
+        if poor >= PATIENCE and pivot < ILL:
             break
         step = None
         for shift in SHIFTS:
@@ -140,6 +146,7 @@ def run(
         if step is None:
             break
         x, r, Y = step
+        poor, pivot = poor + 1 if number >= POOR else max(0, poor - 1), arc.pivot
     return Outcome(x, r, Y, gap, iterations, bool(gap <= tolerance * r))
 
 
@@ -180,7 +187,8 @@ class _Arc:
         used = np.diag(H) > 0
         self.scale = np.where(used, 1 / np.sqrt(np.where(used, np.diag(H), 1.0)), 0.0)
         scaled = H * np.outer(self.scale, self.scale) + np.diag(np.where(used, shift, 1.0))
-        self.inverse = np.linalg.inv(np.linalg.cholesky(scaled))
+        factor = np.linalg.cholesky(scaled)
+        self.inverse, self.pivot = np.linalg.inv(factor), float(np.diag(factor).min())
         self.g = stacked.adjoint(self.r, P) - stacked.adjoint(self.r, self.Y, only_D=True)
         self.Hg, self.Ht = self._solved(self.g), self._solved(t)
         self.delta = _inner(self.D, P)

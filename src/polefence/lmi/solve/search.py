@@ -21,7 +21,7 @@ from polefence.lmi.solve.interior_point import TOLERANCE, Outcome
 from polefence.lmi.solve.stacked import Stacked
 from polefence.plant.system import Array
 
-ROUNDS = 4
+ROUNDS = 8
 WORTH = 1e-7  # a round that lowers r by no more than this share is the last
 HALVINGS = 80
 POWERS, STRIDE = [2.0**k for k in range(-14, 60)], 8

@@ -43,6 +43,7 @@ if TYPE_CHECKING:
     from polefence.design.limits import Limit, limits
     from polefence.design.margins import estimation_error, gain_error, in_service, parameter_rate
     from polefence.design.observer import observe
+    from polefence.design.progress import progress
     from polefence.design.requirements.energy_peak import EnergyPeak
     from polefence.design.requirements.gain import Gain
     from polefence.design.requirements.gain_norm import GainNorm
@@ -74,6 +75,7 @@ _LATER = {
     "parameter_rate": "polefence.design.margins",
     "observe": "polefence.design.observer",
     "processes": "polefence.base.workers",
+    "progress": "polefence.design.progress",
     "GainNorm": "polefence.design.requirements.gain_norm",
     "Optimised": "polefence.design.signals.optimise",
     "optimise": "polefence.design.signals.optimise",
@@ -164,6 +166,7 @@ __all__ = [
     "place",
     "plots",
     "processes",
+    "progress",
     "response",
     "tightest",
     "to_control",

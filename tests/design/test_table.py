@@ -22,6 +22,7 @@ from polefence import (
     Sector,
     UncertainPlant,
     analyse,
+    progress,
 )
 from polefence.base.errors import ParameterValueError
 from polefence.cli.main import main
@@ -289,9 +290,12 @@ def test_the_command_analyses_a_table(tmp_path, capsys, monkeypatch):
     assert f"at m = {worst['m']:.6g} kg, k = {worst['k']:.6g}\n" in out
     assert "more cells" in out
     assert "<svg" in (tmp_path / "map.svg").read_text()
-    monkeypatch.setattr("sys.stderr.isatty", lambda: True)
-    assert main(command) == 1
-    assert "100 % of the box" in capsys.readouterr().err
+    told = list[str]()
+    with progress(told.append):
+        assert main(command) == 1
+    assert told[-1] == ""
+    assert [text for text in told if text][-1].endswith("cells, 100 % of the box")
+    assert not capsys.readouterr().err
     assert main(["analyse", "spring.toml", "--gain", "gains.json", "--of", "sector"]) == 2
     assert "analyse a table with --region" in capsys.readouterr().err
     grid["mass"] = grid.pop("m")

@@ -4,25 +4,26 @@ from __future__ import annotations
 
 import argparse
 import re
-import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from math import prod
 from pathlib import Path
 from typing import Any
 
 from polefence.base.errors import InputError, shown
 from polefence.base.files import read_text
+from polefence.base.progress import stage
 from polefence.cli.common import (
     NOT_PROVED,
     PROVED,
     check_figure,
     check_targets,
     every_alpha,
-    say,
-    say_over,
     spec_argument,
     write_figure,
     write_json,
 )
+from polefence.cli.terminal import say
 from polefence.cli.tightest import KINDS
 from polefence.design.certificate import Certificate
 from polefence.design.checks import example_centre
@@ -262,8 +263,8 @@ def _finish(options: Any, design: Design | None, summary: dict[str, Any]) -> Non
 def _table(plant: UncertainPlant, table: GainTable, region: Region, options: Any) -> int:
     if options.plot is not None and len(plant.parameters) > 2:
         raise InputError(f"--plot draws one or two parameters; {plant.name} has more")
-    with _Cells(table) as progress:
-        found = analyse_table(plant, table, region, options.depth, options.budget, progress.step)
+    with _finished_cells(table) as finished:
+        found = analyse_table(plant, table, region, options.depth, options.budget, finished)
     say(f"{found.answer}: {found.summary}")
     if found.cut:
         say(CUT)
@@ -293,25 +294,17 @@ def _table_summary(found: TableAnalysis) -> dict[str, Any]:
     }
 
 
-class _Cells:
-    """Shows on stderr how much of the box is finished, only where that is a terminal."""
+@contextmanager
+def _finished_cells(table: GainTable) -> Iterator[Callable[[Cell], None]]:
+    """Show how much of the box is finished."""
+    whole = float(prod(p.high - p.low for p in table.parameters))
+    count, done = 0, 0.0
 
-    def __init__(self, table: GainTable) -> None:
-        self.whole = float(prod(p.high - p.low for p in table.parameters))
-        self.done, self.count = 0.0, 0
-        self.visible = sys.stderr.isatty()
+    with stage("0 % of the box") as own:
 
-    def __enter__(self) -> _Cells:
-        return self
+        def finished(cell: Cell) -> None:
+            nonlocal count, done
+            count, done = count + 1, done + float(cell.volume) / whole
+            own.now(f"{count} cells, {100 * done:.0f} % of the box")
 
-    def __exit__(self, *_: object) -> None:
-        if self.visible and self.count:
-            say("", file=sys.stderr)
-
-    def step(self, cell: Cell) -> None:
-        """Show that a cell is finished."""
-        self.count += 1
-        self.done += float(cell.volume) / self.whole
-        if self.visible:
-            line = f"{self.count} cells, {100 * self.done:.0f} % of the box"
-            say_over(line)
+        yield finished

@@ -14,7 +14,8 @@ from typing import Any
 from polefence import proof
 from polefence.base.errors import DesignFileError, InputError
 from polefence.base.files import read_bytes, write_bytes
-from polefence.cli.common import NOT_PROVED, PROVED, say, write_json
+from polefence.cli.common import NOT_PROVED, PROVED, write_json
+from polefence.cli.terminal import say
 from polefence.design.certificate import file_plant, plant_of
 from polefence.design.design import check_document, is_proof_file, read_document
 from polefence.design.measured import read_measured

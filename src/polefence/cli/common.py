@@ -1,4 +1,4 @@
-"""Parts of several commands: statuses, options, methods, printing, files, progress."""
+"""Parts of several commands: statuses, options, methods, printing, files."""
 
 from __future__ import annotations
 
@@ -7,10 +7,11 @@ import json
 import math
 import os
 import sys
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager, redirect_stdout
 from contextvars import ContextVar
 from dataclasses import replace
+from itertools import count
 from pathlib import Path
 from typing import Any, TextIO
 
@@ -18,15 +19,15 @@ import numpy as np
 
 from polefence.base.errors import InputError
 from polefence.base.files import check_document, check_target, make_folder, write_bytes, write_text
+from polefence.base.progress import stage
+from polefence.cli.terminal import aside, say
 from polefence.design.design import FILE_NAME, Design
-from polefence.design.limits import Limit
 from polefence.design.requirements.text import parse_names
 from polefence.law.laws import FixedGain, PolynomialGain
 from polefence.law.structure import Structure, load_structure
 from polefence.law.words import definitions, formula, terms_of
 from polefence.lmi.conditions.methods import METHODS, Method, Scheduled, Slack
 from polefence.plant.family import UncertainPlant
-from polefence.proof.text import visible
 
 PROVED, NOT_PROVED = 0, 1
 
@@ -84,29 +85,6 @@ def spaced(option: str, values: Sequence[float], most: int) -> list[float]:
         raise InputError(f"{option}: COUNT = {count:g} must be a whole number, 2 to {most}")
     step = (last - first) / (count - 1)
     return [first + i * step for i in range(int(count))]
-
-
-def say(*lines: object, file: TextIO | None = None) -> None:
-    """Print each of these as one line, whatever names and paths are in it.
-
-    All that commands print goes this way: a newline or an escape in a name is shown, not obeyed,
-    and what the terminal has no letter for does not stop the answer.
-    """
-    stream = sys.stdout if file is None else file
-    code = getattr(stream, "encoding", None) or "utf-8"
-    for line in lines:
-        shown = visible(str(line)).encode(code, "backslashreplace").decode(code)
-        print(shown, file=stream, flush=True)
-
-
-def say_over(line: str) -> None:
-    """Print a line of progress on stderr over the one before."""
-    print(f"\r{visible(line):<60}", end="", file=sys.stderr, flush=True)
-
-
-def clear_over() -> None:
-    """Take the line of progress away, for a line of output in its place."""
-    print(f"\r{'':<60}\r", end="", file=sys.stderr, flush=True)
 
 
 def spec_argument(parser: argparse.ArgumentParser) -> None:
@@ -273,33 +251,20 @@ def write_json(path: Path, document: Mapping[str, Any]) -> None:
     text = json.dumps(dict(document), indent=1, allow_nan=False) + "\n"
     if path == STANDARD:
         stream = _standard.get() or sys.stdout
-        stream.write(text)
-        stream.flush()
+        with aside():
+            stream.write(text)
+            stream.flush()
         return
     make_folder(path.parent)
     write_text(path, text)
 
 
-class Progress:
-    """Counts finished rows on stderr, only where that is a terminal."""
-
-    def __init__(self, total: int) -> None:
-        self.total, self.done = total, 0
-        self.visible = sys.stderr.isatty()
-
-    def __enter__(self) -> Progress:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        if self.visible and self.done:
-            say("", file=sys.stderr)
-
-    def step(self, row: Limit) -> None:
-        """Show that a row is finished."""
-        self.done += 1
-        if self.visible:
-            line = f"{self.done}/{self.total} centre {row.centre:g} {row.method}: {row.status}"
-            say_over(line)
+@contextmanager
+def finished_rows(total: int) -> Iterator[Callable[[str], None]]:
+    """Show how many rows of a sweep are finished; takes the words of each as it is."""
+    done = count(1)
+    with stage(f"0 of {total} rows") as own:
+        yield lambda last: own.now(f"{next(done)} of {total} rows, the last {last}")
 
 
 def method_arguments(

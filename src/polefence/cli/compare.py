@@ -6,8 +6,9 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-from polefence.cli.common import PROVED, check_targets, say, write_json
+from polefence.cli.common import PROVED, check_targets, write_json
 from polefence.cli.laws import Named, distinct, read_law, read_subject
+from polefence.cli.terminal import say
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

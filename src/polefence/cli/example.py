@@ -6,7 +6,8 @@ import argparse
 import sys
 from typing import Any
 
-from polefence.cli.common import PROVED, say
+from polefence.cli.common import PROVED
+from polefence.cli.terminal import say
 from polefence.examples import SPECS, spec_text
 
 

@@ -8,7 +8,8 @@ from pathlib import Path
 from typing import Any
 
 from polefence.base.errors import InputError
-from polefence.cli.common import NOT_PROVED, PROVED, say
+from polefence.cli.common import NOT_PROVED, PROVED
+from polefence.cli.terminal import say
 from polefence.design.design import Design
 from polefence.design.observer import Observer
 from polefence.export import export_c99, with_fmus

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 import math
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from fractions import Fraction
 from pathlib import Path
 from typing import Any
@@ -16,15 +16,13 @@ from polefence.cli.common import (
     NOT_PROVED,
     PROVED,
     STANDARD,
-    Progress,
     check_figure,
     check_targets,
-    clear_over,
+    finished_rows,
     jobs_of,
     method_arguments,
     methods_of,
     rows_file,
-    say,
     size_of,
     spaced,
     spec_argument,
@@ -32,6 +30,7 @@ from polefence.cli.common import (
     write_figure,
     write_json,
 )
+from polefence.cli.terminal import say
 from polefence.design.checks import example_centre, is_checkable, usable_centre
 from polefence.design.limits import Limit, sweep
 from polefence.design.rows import plant_summary
@@ -85,7 +84,7 @@ def limits_command(options: Any) -> int:
     order = [(centre, method_label(method)) for centre in centres for method in methods]
     table = _Table(plant, order)
     jobs = jobs_of(options, len(centres) * len(methods))
-    with processes(jobs) as executor, table:
+    with processes(jobs) as executor, finished_rows(len(order)) as finished:
         rows = sweep(
             plant,
             centres,
@@ -94,7 +93,7 @@ def limits_command(options: Any) -> int:
             options.gain,
             executor=executor,
             resume=options.resume,
-            on_row=table.step,
+            on_row=table.followed_by(finished),
             on_kept=table.add,
         )
     if options.json == STANDARD:
@@ -150,11 +149,10 @@ def _fitted(plant: UncertainPlant, methods: list[Method], chosen: bool) -> list[
     return list(found.values())
 
 
-class _Table(Progress):
+class _Table:
     """Rows printed in their order, each as soon as it and all before it are there."""
 
     def __init__(self, plant: UncertainPlant, order: Sequence[tuple[float, str]]) -> None:
-        super().__init__(len(order))
         self.plant = plant
         self.left = deque(order)
         self.rows: dict[tuple[float, str], dict[str, Any]] = {}
@@ -162,16 +160,18 @@ class _Table(Progress):
         self.wide = max(10, *(len(exactly(centre)) for centre, _ in order))
         self.begun = False
 
-    def step(self, row: Limit) -> None:
-        """Print what is there, and how far the sweep is."""
-        self.add(row.as_row())
-        super().step(row)
+    def followed_by(self, finished: Callable[[str], None]) -> Callable[[Limit], None]:
+        """Return what prints a row that is finished, and says so."""
+
+        def added(row: Limit) -> None:
+            self.add(row.as_row())
+            finished(row.words)
+
+        return added
 
     def add(self, row: dict[str, Any]) -> None:
         """Print what is there."""
         self.rows[row["centre"], row["method"]] = row
-        if self.visible and self.left and self.left[0] in self.rows:
-            clear_over()
         if not self.begun:
             self._head()
         while self.left and self.left[0] in self.rows:

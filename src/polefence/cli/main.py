@@ -8,6 +8,7 @@ import signal
 import sys
 from collections.abc import Callable, Sequence
 from decimal import Decimal, InvalidOperation
+from functools import partial
 from typing import Any, NoReturn
 
 from polefence.base import VERSION
@@ -35,7 +36,9 @@ from polefence.cli import (
     tightest,
     tradeoff,
 )
-from polefence.cli.common import say, streams
+from polefence.cli.common import streams
+from polefence.cli.interrupt import cut_off
+from polefence.cli.terminal import say, shown_progress
 from polefence.lmi.solve.engine import engine
 
 PROVED, NOT_PROVED, BAD_INPUT, INTERRUPTED = 0, 1, 2, 130
@@ -66,7 +69,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser = _parser()
     options = parser.parse_args(_negative_numbers(sys.argv[1:] if arguments is None else arguments))
     try:
-        with streams(options):
+        shown = shown_progress(not options.quiet)
+        with shown, cut_off(partial(_cut_off, options)), streams(options):
             status: int = options.run(options)
         sys.stdout.flush()
         return status
@@ -86,10 +90,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except KeyboardInterrupt:
         # a second Ctrl-C while Python ends would turn the status into that of a killed process
         signal.signal(signal.SIGINT, signal.SIG_IGN)
-        keeps = getattr(options, "json", None) or getattr(options, "output", None)
-        keeps = keeps and hasattr(options, "resume")
-        kept = "; finished rows are kept, --resume goes on" if keeps else ""
-        say(f"polefence: interrupted{kept}", file=sys.stderr)
+        _say_interrupted(options)
         return INTERRUPTED
     except BrokenPipeError:  # the reader has seen enough
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
@@ -97,6 +98,19 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except OSError as error:
         say(f"polefence: cannot write the output: {error.strerror}", file=sys.stderr)
         return BAD_INPUT
+
+
+def _cut_off(options: Any) -> None:
+    """End the process, in the middle of whatever it does."""
+    _say_interrupted(options)
+    os._exit(INTERRUPTED)
+
+
+def _say_interrupted(options: Any) -> None:
+    keeps = getattr(options, "json", None) or getattr(options, "output", None)
+    keeps = keeps and hasattr(options, "resume")
+    kept = "; finished rows are kept, --resume goes on" if keeps else ""
+    say(f"polefence: interrupted{kept}", file=sys.stderr)
 
 
 def _one_line(error: BaseException) -> str:

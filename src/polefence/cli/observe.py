@@ -14,10 +14,10 @@ from polefence.cli.common import (
     gain_lines,
     method_arguments,
     method_of,
-    say,
     spec_argument,
     write_json,
 )
+from polefence.cli.terminal import say
 from polefence.design.checks import implies_stability
 from polefence.design.design import FILE_NAME
 from polefence.design.observer import Observer, observe

@@ -24,13 +24,13 @@ from polefence.cli.common import (
     law_lines,
     method_of,
     refuse_method_options,
-    say,
     spec_argument,
     structure_of_options,
     words_of,
     write_figure,
     write_json,
 )
+from polefence.cli.terminal import say
 from polefence.design.design import FILE_NAME
 from polefence.design.requirements.gain_norm import GainNorm
 from polefence.design.requirements.rms import Rms

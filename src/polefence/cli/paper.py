@@ -8,7 +8,8 @@ from typing import Any
 
 from polefence.base.files import make_folder
 from polefence.base.workers import processes
-from polefence.cli.common import NOT_PROVED, PROVED, Progress, jobs_of, say, sweep_arguments
+from polefence.cli.common import NOT_PROVED, PROVED, finished_rows, jobs_of, sweep_arguments
+from polefence.cli.terminal import say
 from polefence.region.text import digits_up
 
 
@@ -30,9 +31,9 @@ def paper_command(options: Any) -> int:
     from polefence.show import paper
 
     folder = make_folder(options.output)
-    progress = Progress(paper.total_rows())
-    with processes(jobs_of(options, paper.total_rows())) as executor, progress:
-        results = paper.reproduce(folder, options.resume, executor, progress.step)
+    total = paper.total_rows()
+    with processes(jobs_of(options, total)) as executor, finished_rows(total) as finished:
+        results = paper.reproduce(folder, options.resume, executor, lambda row: finished(row.words))
     paths = paper.write(results, folder)
     for row in results["radii"]:
         printed = "" if row["published"] is None else f"published {row['published']:g}"

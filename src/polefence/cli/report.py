@@ -8,7 +8,8 @@ from typing import Any
 
 from polefence.base.errors import InputError
 from polefence.base.files import make_folder, write_text
-from polefence.cli.common import PROVED, say
+from polefence.cli.common import PROVED
+from polefence.cli.terminal import say
 from polefence.design.design import Design
 from polefence.design.signals.bounds import statements
 

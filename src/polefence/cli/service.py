@@ -8,7 +8,8 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from polefence.cli.common import NOT_PROVED, PROVED, check_targets, say, write_json
+from polefence.cli.common import NOT_PROVED, PROVED, check_targets, write_json
+from polefence.cli.terminal import say
 from polefence.design.design import Design
 from polefence.design.given import analyse
 from polefence.design.margins import Margin, Margins, in_service

@@ -13,8 +13,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from polefence.base.errors import InputError, NotProvedError, ParameterValueError, suggest
-from polefence.cli.common import PROVED, check_figure, check_targets, say, write_figure, write_json
+from polefence.cli.common import PROVED, check_figure, check_targets, write_figure, write_json
 from polefence.cli.laws import Named, distinct, read_law, read_subject
+from polefence.cli.terminal import say
 from polefence.design.margins import estimation_error, parameter_rate
 from polefence.design.rows import plant_summary
 from polefence.plant.family import UncertainPlant

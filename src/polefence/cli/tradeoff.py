@@ -12,15 +12,13 @@ from polefence.cli.common import (
     NOT_PROVED,
     PROVED,
     STANDARD,
-    Progress,
     add_structure_options,
     check_figure,
     check_targets,
+    finished_rows,
     jobs_of,
     refuse_method_options,
     rows_file,
-    say,
-    say_over,
     size_of,
     spaced,
     spec_argument,
@@ -38,6 +36,7 @@ from polefence.cli.optimise import (
     region_of_options,
     road_of,
 )
+from polefence.cli.terminal import say
 from polefence.design.requirements.specification import Specification, limit_text
 from polefence.design.requirements.text import load_specifications, parse_specification, spec_road
 from polefence.design.rows import Row
@@ -128,9 +127,8 @@ def tradeoff_command(options: Any) -> int:
     path = rows_file(options)
     check_targets(options.json, options.plot)
     rows = len(values) * len(methods or [TUNED])
-    progress = _Progress(rows)
     jobs = jobs_of(options, rows)
-    with processes(jobs) as executor, progress:
+    with processes(jobs) as executor, finished_rows(rows) as finished:
         front = tradeoff(
             plant,
             minimise,
@@ -141,7 +139,7 @@ def tradeoff_command(options: Any) -> int:
             methods,
             structure=structure,
             executor=executor,
-            on_row=progress.show,
+            on_row=lambda row: finished(_words(row)),
             path=path,
             resume=options.resume,
         )
@@ -264,13 +262,5 @@ def _reference_line(row: Row, width: int) -> str:
     )
 
 
-class _Progress(Progress):
-    """Counts rows of a trade-off."""
-
-    def show(self, row: Row) -> None:
-        """Show that a row is finished."""
-        self.done += 1
-        if self.visible:
-            line = f"{self.done}/{self.total} limit {row['value']:g} {row['method']}"
-            line += f": {row['status']}"
-            say_over(line)
+def _words(row: Row) -> str:
+    return f"limit {row['value']:g} {row['method']}: {row['status']}"

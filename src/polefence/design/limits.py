@@ -94,6 +94,11 @@ class Limit:
         return self.design is not None and self.design.runs
 
     @property
+    def words(self) -> str:
+        """The row in a few words."""
+        return f"centre {self.centre:g} {self.method}: {self.status}"
+
+    @property
     def ratio(self) -> float | None:
         """Return d / sigma in percent, the ordinate of figures 3 and 4 of the paper."""
         return 100 * (1 + self.radius / self.centre) if self.radius and self.centre < 0 else None

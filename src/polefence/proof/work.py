@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass
@@ -46,6 +46,26 @@ def counted(most: int = MAX_WORK) -> Iterator[Count]:
         yield count
     finally:
         _COUNT.reset(token)
+
+
+_FOLLOWER: ContextVar[Callable[[int], object] | None] = ContextVar("follower", default=None)
+
+
+@contextmanager
+def followed(follower: Callable[[int], object]) -> Iterator[None]:
+    """Call a function with the number of each inequality of a claim, before it is proved."""
+    token = _FOLLOWER.set(follower)
+    try:
+        yield
+    finally:
+        _FOLLOWER.reset(token)
+
+
+def begin(inequality: int) -> None:
+    """Tell the follower, where there is one, which inequality is next."""
+    follower = _FOLLOWER.get()
+    if follower is not None:
+        follower(inequality)
 
 
 def spend(operations: int, left: int, right: int = 0) -> None:

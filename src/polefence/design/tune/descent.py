@@ -15,6 +15,7 @@ from typing import Any
 
 import numpy as np
 
+from polefence.base.progress import note
 from polefence.design.tune.quadratic import minimum
 from polefence.plant.system import Array
 
@@ -107,7 +108,8 @@ def descend(
     rho, cuts, merits = penalty, list[Cut](), list[float]()
     H, reach, fresh = _first(here, theta), _within(theta), True
     ended = False
-    for _ in range(effort.steps):
+    for step in range(effort.steps):
+        note(f"search, step {step + 1}")
         if here.level <= target and here.excess <= 0:
             break
         merits = merits or [_merit(here, rho)]

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from polefence.base.errors import SolverError
+from polefence.base.progress import note
 from polefence.lmi.conditions.methods import Method, Scheduled, build
 from polefence.lmi.conditions.pencil import Pencil, smat
 from polefence.lmi.solve.scaling import Scaling, balanced
@@ -69,6 +70,7 @@ def largest_margin(pencil: Pencil, r: float, time_limit: float = 60.0) -> Margin
     settings = clarabel.DefaultSettings()
     settings.verbose = False
     settings.time_limit = time_limit
+    note(f"second opinion, radius {r:.6g}")
     try:
         with threadpool_limits(1):
             P = sp.csc_matrix((n + 1, n + 1))

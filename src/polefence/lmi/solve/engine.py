@@ -65,6 +65,7 @@ def run(
     families = [
         [(t.D, t.M, t.R, t.rows, t.weights) for t in family.terms] for family in stacked.families
     ]
+    reference.tell(0)
     started, x, r, Y, gap, iterations, converged = _kernel.run(
         stacked.unknowns,
         stacked.entries,

@@ -20,5 +20,5 @@ def progress(listener: Listener) -> Iterator[None]:
         ``with polefence.progress(print): polefence.tightest(plant, -40)``. The text is empty where
         nothing is under way. What it raises ends the work.
     """
-    with told(listener), followed(lambda count: note(f"proof, inequality {count}")):
+    with told(listener), followed(lambda k: note(f"proof, inequality {k}" if k else "")):
         yield

@@ -53,7 +53,10 @@ _FOLLOWER: ContextVar[Callable[[int], object] | None] = ContextVar("follower", d
 
 @contextmanager
 def followed(follower: Callable[[int], object]) -> Iterator[None]:
-    """Call a function with the number of each inequality of a claim, before it is proved."""
+    """Call a function with the number of each inequality of a claim, before it is proved.
+
+    With 0 where the claim is decided.
+    """
     token = _FOLLOWER.set(follower)
     try:
         yield
@@ -61,8 +64,8 @@ def followed(follower: Callable[[int], object]) -> Iterator[None]:
         _FOLLOWER.reset(token)
 
 
-def begin(inequality: int) -> None:
-    """Tell the follower, where there is one, which inequality is next."""
+def tell(inequality: int) -> None:
+    """Tell the follower, where there is one, which inequality is next; 0 where none is."""
     follower = _FOLLOWER.get()
     if follower is not None:
         follower(inequality)

@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from polefence.base.progress import note
+from polefence.base.progress import note, stage
 from polefence.design.tune.quadratic import minimum
 from polefence.plant.system import Array
 
@@ -86,6 +86,7 @@ Evaluate = Callable[[Array], Rows | None]
 Cut = tuple[Array, Rows]  # where, and what is high there
 
 
+@stage("search")
 def descend(
     evaluate: Evaluate,
     theta: Array,
@@ -109,7 +110,7 @@ def descend(
     H, reach, fresh = _first(here, theta), _within(theta), True
     ended = False
     for step in range(effort.steps):
-        note(f"search, step {step + 1}")
+        note(f"step {step + 1}")
         if here.level <= target and here.excess <= 0:
             break
         merits = merits or [_merit(here, rho)]

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from polefence.base.errors import SolverError
-from polefence.base.progress import note
+from polefence.base.progress import stage
 from polefence.lmi.conditions.methods import Method, Scheduled, build
 from polefence.lmi.conditions.pencil import Pencil, smat
 from polefence.lmi.solve.scaling import Scaling, balanced
@@ -70,9 +70,8 @@ def largest_margin(pencil: Pencil, r: float, time_limit: float = 60.0) -> Margin
     settings = clarabel.DefaultSettings()
     settings.verbose = False
     settings.time_limit = time_limit
-    note(f"second opinion, radius {r:.6g}")
     try:
-        with threadpool_limits(1):
+        with stage(f"second opinion, radius {r:.6g}"), threadpool_limits(1):
             P = sp.csc_matrix((n + 1, n + 1))
             solution = clarabel.DefaultSolver(P, q, sp.csc_matrix(A), b, cones, settings).solve()
     except (KeyboardInterrupt, SystemExit):

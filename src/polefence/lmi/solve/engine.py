@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from polefence.base.progress import stage
 from polefence.lmi.solve import interior_point as reference
 from polefence.lmi.solve.interior_point import Outcome
 from polefence.lmi.solve.stacked import Stacked
@@ -38,6 +39,7 @@ def engine() -> str:
     return "numpy" if _kernel is None else f"compiled ({_kernel.instructions()})"
 
 
+@stage("search")
 def run(
     stacked: Stacked,
     x: Array,

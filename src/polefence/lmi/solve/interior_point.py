@@ -154,7 +154,7 @@ def run(
 
 def tell(iterations: int) -> None:
     """Say how many iterations are done."""
-    note(f"search, iteration {iterations + 1}")
+    note(f"iteration {iterations + 1}")
 
 
 def least_radius(D: Blocks, M: Blocks) -> float:

@@ -12,7 +12,7 @@ from polefence.proof.matrices import Integers, Rationals, is_positive_definite, 
 from polefence.proof.plant import Plant
 from polefence.proof.polynomials import Exponent, Polynomial, Sizes, count_of, joint, symmetric
 from polefence.proof.reading import Table
-from polefence.proof.work import MAX_WORK, FormatError, begin, counted
+from polefence.proof.work import MAX_WORK, FormatError, counted, tell
 
 MAX_BLOCKS = 200_000  # inequalities of one claim
 
@@ -227,7 +227,7 @@ class Claim:
                 return undecided(f"{name} is not symmetric")
         count = 0
         for place, matrix in self.blocks():
-            begin(count + 1)
+            tell(count + 1)
             if not is_positive_definite(matrix):
                 reason = f"inequality {place} is not positive definite"
                 return Verdict("undecided", reason, count, place)
@@ -245,7 +245,10 @@ def prove(claim: Claim) -> Verdict:
     """
     with counted():
         claim.require()
-        return claim.decided()
+        try:
+            return claim.decided()
+        finally:
+            tell(0)
 
 
 def require_work(least: int) -> None:

@@ -7,7 +7,6 @@ from typing import Any
 
 import numpy as np
 
-from polefence.base.progress import stage
 from polefence.lmi.solve import interior_point as reference
 from polefence.lmi.solve.interior_point import Outcome
 from polefence.lmi.solve.stacked import Stacked
@@ -39,7 +38,6 @@ def engine() -> str:
     return "numpy" if _kernel is None else f"compiled ({_kernel.instructions()})"
 
 
-@stage("search")
 def run(
     stacked: Stacked,
     x: Array,
@@ -67,7 +65,6 @@ def run(
     families = [
         [(t.D, t.M, t.R, t.rows, t.weights) for t in family.terms] for family in stacked.families
     ]
-    reference.tell(0)
     started, x, r, Y, gap, iterations, converged = _kernel.run(
         stacked.unknowns,
         stacked.entries,

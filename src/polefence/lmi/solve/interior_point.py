@@ -28,7 +28,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from polefence.base.progress import note
 from polefence.lmi.solve.stacked import Blocks, Stacked
 from polefence.plant.system import Array
 
@@ -129,7 +128,6 @@ def run(
     Y = _inverses([r * d - m for d, m in zip(D, M, strict=True)])
     iterations, gap, number, poor, pivot = 0, np.inf, 0, 0, 1.0
     for iterations in range(MAX_ITERATIONS + 1):
-        tell(iterations)
         D, M = stacked.parts(x)
         Y = _scaled(Y, 1 / _inner(Y, D))
         F = [r * d - m for d, m in zip(D, M, strict=True)]
@@ -150,11 +148,6 @@ def run(
         x, r, Y = step
         poor, pivot = poor + 1 if number >= POOR else max(0, poor - 1), arc.pivot
     return Outcome(x, r, Y, gap, iterations, bool(gap <= tolerance * r))
-
-
-def tell(iterations: int) -> None:
-    """Say how many iterations are done."""
-    note(f"iteration {iterations + 1}")
 
 
 def least_radius(D: Blocks, M: Blocks) -> float:

@@ -54,3 +54,22 @@ def quarter_car(seed: int) -> tuple[UncertainPlant, float]:
             Bs.append([[0], [0], [1 / mass], [-1 / m2], [0]])
     centre = -(10 ** random.uniform(np.log10(3), np.log10(150)))
     return UncertainPlant.from_vertices(As, Bs, name=f"quarter car {seed}"), float(centre)
+
+
+def masses(count: int, spread: float = 0.2) -> UncertainPlant:
+    """Return a chain of masses between springs, pushed weakly at both ends, in four vertices.
+
+    One end is tied to a wall by an uncertain spring; the mass at the other end is uncertain.
+    """
+    As, Bs = [], []
+    for spring in (1 - spread, 1 + spread):
+        for load in (1 - spread, 1 + spread):
+            ties = np.diag([spring] + [1.0] * (count - 1))
+            stretch = np.eye(count) - np.eye(count, k=-1)
+            weight = np.ones(count)
+            weight[-1] = load
+            K = stretch.T @ ties @ stretch / weight[:, None]
+            ends = np.eye(count)[:, [0, -1]] / weight[:, None]
+            As.append(np.block([[np.zeros_like(K), np.eye(count)], [-K, -0.02 * K]]))
+            Bs.append(np.vstack([np.zeros((count, 2)), 0.1 * ends]))
+    return UncertainPlant.from_vertices(As, Bs, name=f"{count} masses")

@@ -50,9 +50,9 @@ struct Options {
     std::int64_t order, max_iterations;
 };
 
-// In: x, r. Out: x, r, Y (total), and how it went.
+// In: x, r. Out: x, r, Y (total), r and x of every iterate (max_iterations + 1 rows), how it went.
 struct State {
-    double *x, *Y;
+    double *x, *Y, *trail;
     double r, gap;
     std::int64_t iterations;
     bool converged;

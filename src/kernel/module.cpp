@@ -164,6 +164,7 @@ nb::tuple run(Int unknowns, const Integers &entries, const std::vector<FamilyArr
     for (Int i = 0; i < entry_count; ++i)
         require(entries.data()[i] >= 0 && entries.data()[i] < unknowns, "an entry is no unknown");
     require(order >= 1 && order <= 8, "the order is 1 to 8");
+    require(max_iterations >= 0 && max_iterations <= 10000, "the iterations are 0 to 10000");
     require(tolerance > 0 && tolerance < 1, "the tolerance is a share");
     Layout layout;
     for (const auto &family : families) add_family(family, entry_count, layout);
@@ -175,6 +176,8 @@ nb::tuple run(Int unknowns, const Integers &entries, const std::vector<FamilyArr
     auto *Y = new double[static_cast<std::size_t>(total)];
     nb::capsule Y_owner(Y, [](void *data) noexcept { delete[] static_cast<double *>(data); });
     for (Int i = 0; i < unknowns; ++i) out[i] = x.data()[i];
+    auto *trail = new double[static_cast<std::size_t>((max_iterations + 1) * (unknowns + 1))];
+    nb::capsule trail_owner(trail, [](void *data) noexcept { delete[] static_cast<double *>(data); });
 
     const polefence::Problem problem{unknowns,
                                      entry_count,
@@ -190,7 +193,7 @@ nb::tuple run(Int unknowns, const Integers &entries, const std::vector<FamilyArr
                                      layout.order,
                                      static_cast<Int>(layout.entries.size())};
     const polefence::Options options{tolerance, enough, order, max_iterations};
-    polefence::State state{out, Y, r, 0.0, 0, false};
+    polefence::State state{out, Y, trail, r, 0.0, 0, false};
     bool started = false;
     {
         nb::gil_scoped_release release;
@@ -206,9 +209,12 @@ nb::tuple run(Int unknowns, const Integers &entries, const std::vector<FamilyArr
     using Out = nb::ndarray<nb::numpy, double, nb::ndim<1>>;
     const std::size_t x_shape[] = {static_cast<std::size_t>(unknowns)};
     const std::size_t Y_shape[] = {static_cast<std::size_t>(total)};
+    const std::size_t trail_shape[] = {static_cast<std::size_t>(started ? state.iterations + 1 : 0),
+                                       static_cast<std::size_t>(unknowns + 1)};
+    using Rows = nb::ndarray<nb::numpy, double, nb::ndim<2>>;
     return nb::make_tuple(started, Out(out, 1, x_shape, out_owner), state.r,
                           Out(Y, 1, Y_shape, Y_owner), state.gap, state.iterations,
-                          state.converged);
+                          state.converged, Rows(trail, 2, trail_shape, trail_owner));
 }
 
 nb::tuple minimum(const Matrix &P, const Vector &q, const Matrix &G, const Vector &h, double reach,

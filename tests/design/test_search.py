@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from polefence.design.search import edge, first, preferred, rising
+from polefence.design.search import edge, first, preferred, rising, tried
 
 SOME = st.lists(st.one_of(st.none(), st.integers(-5, 5)))
 
@@ -68,3 +68,21 @@ def test_a_close_edge_ends_the_halving():
     low, high = edge(lambda value: value < math.pi, 0.0, 8.0, 1000, close=1e-3)
     assert low < math.pi <= high
     assert 0.4e-3 < (high - low) / high <= 1e-3
+
+
+@given(st.integers(0, 200), st.integers(0, 220), st.integers(1, 8))
+def test_the_first_place_that_holds_is_found(count, threshold, close):
+    """Where all from one place on hold; and in few tries."""
+    seen = []
+
+    def holds(place: int) -> bool:
+        seen.append(place)
+        return place >= threshold
+
+    tried(count, holds, close)
+    assert len(set(seen)) == len(seen) <= close + 2 * max(1, count).bit_length()
+    assert all(0 <= place < count for place in seen)
+    if threshold < count:
+        assert threshold in seen
+    elif count:
+        assert count - 1 in seen

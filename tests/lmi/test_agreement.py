@@ -10,10 +10,10 @@ import pytest
 from polefence import UncertainPlant, build, tightest
 from polefence.base.errors import PlantError, UncontrollableError
 from polefence.design.place import tightest_near
-from polefence.lmi.solve.conic import largest_margin
 from polefence.lmi.solve.interior_point import MAX_ITERATIONS
 from polefence.lmi.solve.scaling import balanced
 from polefence.lmi.solve.search import ROUNDS, lyapunov_mean
+from support.margin import largest_margin
 from support.paths import FAMILIES
 
 METHODS = ("quadratic", "slack", "scheduled")

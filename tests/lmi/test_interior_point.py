@@ -11,7 +11,6 @@ import pytest
 from polefence import Scheduled, build
 from polefence.lmi.conditions.target import Disks
 from polefence.lmi.solve import interior_point as reference
-from polefence.lmi.solve.conic import largest_margin
 from polefence.lmi.solve.engine import run
 from polefence.lmi.solve.interior_point import least_radius
 from polefence.lmi.solve.scaling import balanced
@@ -19,6 +18,7 @@ from polefence.lmi.solve.search import lyapunov_mean
 from polefence.lmi.solve.smallest import smallest
 from polefence.lmi.solve.stacked import stack
 from polefence.lmi.solve.starts import common_point, nominal_start
+from support.margin import largest_margin
 from support.paths import FAMILIES
 
 METHODS = ["quadratic", "slack", "scheduled", Scheduled(right_hand_sides=True)]

@@ -81,7 +81,9 @@ def test_it_agrees_with_the_reference(seed, n, m, N, method, make_random):
     assert ours.converged is theirs.converged is True
     assert abs(ours.iterations - theirs.iterations) <= 1 < 4 <= ours.iterations
     assert np.isclose(ours.r, theirs.r, rtol=1e-9)
-    started, _, r, _, _, iterations, converged = call(arguments(stacked, x, r), plain=True)
+    started, _, r, _, _, iterations, converged, trail = call(arguments(stacked, x, r), plain=True)
+    assert trail.shape == (iterations + 1, 1 + stacked.unknowns)
+    assert trail[-1, 0] == r
     assert started is converged is True
     assert abs(iterations - theirs.iterations) <= 1
     assert np.isclose(r, theirs.r, rtol=1e-9)
@@ -191,7 +193,7 @@ def test_wild_numbers_end_the_run(value, plain, small):
             nonzero = np.flatnonzero(spoilt)
             spoilt.flat[nonzero[place % len(nonzero)]] = value
             holder[name] = spoilt if spoilt.ndim else float(spoilt)
-            started, x, r, Y, gap, iterations, converged = call(given, plain=plain)
+            started, x, r, Y, gap, iterations, converged, _ = call(given, plain=plain)
             assert 0 <= iterations <= 100
             assert not converged or (started and np.isfinite([r, gap, *x, *Y]).all())
             ends.append(converged)

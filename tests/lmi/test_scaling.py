@@ -7,9 +7,9 @@ import pytest
 
 from polefence import build
 from polefence.base.errors import SolverError
-from polefence.lmi.solve.conic import reach
 from polefence.lmi.solve.scaling import balanced, power_of_two
 from polefence.lmi.solve.starts import nominal_start
+from support.margin import reach
 
 
 def test_powers_of_two_are_powers_of_two():

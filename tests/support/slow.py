@@ -56,7 +56,6 @@ SLOW = (
     "vehicle/test_rest.py",
     "lmi/test_steps.py",
     "design/test_evaluation.py",
-    "lmi/test_conic.py",
     "export/test_c_texts.py",
     "docs/test_responses_page.py",
     "design/test_limits.py",

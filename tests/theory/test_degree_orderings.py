@@ -12,11 +12,11 @@ import pytest
 from polefence import Parameter, UncertainPlant, check, tightest
 from polefence.lmi.conditions.methods import Scheduled, Slack, build
 from polefence.lmi.conditions.target import Disks
-from polefence.lmi.solve.conic import largest_margin
 from polefence.lmi.solve.scaling import balanced
 from polefence.lmi.solve.search import lyapunov_mean
 from polefence.lmi.solve.smallest import smallest
 from polefence.plant.polynomial import Domain
+from support.margin import largest_margin
 
 CENTRE = -3.0
 FLOOR = 1e-3 * -CENTRE  # searches stop there

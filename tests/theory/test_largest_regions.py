@@ -11,10 +11,10 @@ import pytest
 from polefence import Disk, NotProvedError, UncertainPlant, check, place, tightest
 from polefence.lmi.conditions.methods import Scheduled, Slack, build
 from polefence.lmi.conditions.target import Around, Decays, Sectors
-from polefence.lmi.solve.conic import largest_margin
 from polefence.lmi.solve.scaling import balanced
 from polefence.lmi.solve.smallest import smallest
 from polefence.region.regions import Ellipse, HalfPlane, HorizontalStrip, Sector, VerticalStrip
+from support.margin import largest_margin
 
 WITHIN = Disk(-3, 2.9)
 METHODS = ["quadratic", "scheduled", Scheduled(2, 0)]

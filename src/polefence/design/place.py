@@ -25,7 +25,7 @@ from polefence.design.checks import (
 from polefence.design.counterexample import unplaceable
 from polefence.design.design import Design
 from polefence.design.repair import lower_bound
-from polefence.design.search import Deadline, first, preferred
+from polefence.design.search import Deadline, preferred, tried
 from polefence.law.laws import FixedGain, ScheduledGain, right_divide
 from polefence.lmi.conditions.methods import (
     Method,
@@ -39,7 +39,6 @@ from polefence.lmi.conditions.methods import (
     options,
 )
 from polefence.lmi.conditions.target import FASTEST, Around, Decays, Disks, Goal, Sectors
-from polefence.lmi.solve import conic
 from polefence.lmi.solve.search import Reached, coefficients
 from polefence.lmi.solve.smallest import smallest, typical_rate
 from polefence.plant.family import UncertainPlant
@@ -70,15 +69,8 @@ MOST_UNKNOWNS = 1500
 # How far above the r that a point reaches in floats the exact proof is attempted.
 STEPS = (1e-7, 1e-6, 1e-5, 1e-4)
 
-# A search that stopped before it converged, above this share of sigma, has a second opinion.
-STALLED = 1e-3
-
 # A lower bound farther off than this share of the radius is sought again, with this tolerance.
 GAP, CLOSER = 3e-6, 1e-10
-
-# Where nothing near the infimum is proved, or no law that doubles can run: points for radii this
-# much larger.
-RETREATS = (1e-5, 3e-5, 1e-4, 3e-4, 1e-3, 3e-3, 0.01, 0.03, 0.1, 0.3, 1.0, 10.0, 100.0)
 
 # How far inside a region a point is looked for, as a share of its size.
 INSIDE = 0.98
@@ -307,55 +299,40 @@ def smallest_disk(
     bounds: bool = True,
 ) -> tuple[Design, Reached]:
     """Return the design of the smallest radius, ``proved`` or not, and its point."""
-    found = _smallest_point(plant, centre, method, near)
-    design = runnable(_designs(plant, centre, method, found), radius_of)
-    if design is None:
-        try:
-            unproved = rounded(plant, Disk(centre, found.r), method, found)
-        except SolverError as error:
-            where = f"{method_label(method)} at centre {centre:g}"
-            raise NotProvedError(f"undecided: {where}: {error}") from error
-        return Design(unproved, proved=False), found
-    lower = _bound(plant, -centre, method, found) if bounds else None
-    return replace(design, lower=lower), found
-
-
-def _smallest_point(
-    plant: UncertainPlant, centre: float, method: Method, near: Reached | None
-) -> Reached:
-    """Return the point of the least radius that a search finds, or a second one."""
-    sigma = -centre
+    where = f"{method_label(method)} at centre {centre:g}"
     try:
-        found = smallest(plant.A, plant.B, Disks(-sigma), method, near)
+        found = smallest(plant.A, plant.B, Disks(centre), method, near)
+        design = runnable(_designs(plant, centre, method, found), radius_of)
+        if design is None:
+            unproved = rounded(plant, Disk(centre, found.r), method, found)
+            return Design(unproved, proved=False), found
     except SolverError as error:
-        if sigma <= 0:
-            raise NotProvedError(f"undecided: {method_label(method)}: {error}") from error
-        return _second_opinion(plant, centre, method)
-    if sigma > 0 and not found.converged and found.r > STALLED * sigma:
-        with suppress(NotProvedError):
-            second = _second_opinion(plant, centre, method)
-            return second if second.r < found.r else found
-    return found
+        raise NotProvedError(f"undecided: {where}: {error}") from error
+    lower = _bound(plant, -centre, method, found) if bounds else None
+    return replace(design, lower=lower), replace(found, trails=())
 
 
 def _designs(
     plant: UncertainPlant, centre: float, method: Method, found: Reached
-) -> Iterator[Design | None]:
-    """Yield proved designs, from the point found outwards, roughly in the order of their radii."""
+) -> list[Design | None]:
+    """Return designs in the order of their radii, the first that runs or about that the last.
 
-    def near(point: Reached) -> Design | None:
-        disks = (Disk(centre, point.r * (1 + step)) for step in STEPS)
-        return first(proved_at(plant, disk, method, point) for disk in disks)
+    Rounding needs room: more of it a step outside the point found, or at a point on the way to it,
+    each at its own radius.
+    """
+    candidates = [(found, step) for step in STEPS]
+    candidates += [(point, STEPS[0]) for point in found.path() if point.r > found.r]
+    candidates.sort(key=lambda own: own[0].r * (1 + own[1]))
+    designs: dict[int, Design | None] = {}
 
-    yield near(found)
-    for step in RETREATS:
-        # The point lies too near the boundary for rounding: look farther inside.
-        disk, points = Disk(centre, found.r * (1 + step)), [found]
-        with suppress(SolverError):
-            inner = smallest(plant.A, plant.B, Disks(centre), method, enough=disk.radius)
-            points = [inner, found]
-            yield near(inner)
-        yield from (proved_at(plant, disk, method, point) for point in points)
+    def runs(place: int) -> bool:
+        point, step = candidates[place]
+        design = proved_at(plant, Disk(centre, point.r * (1 + step)), method, point)
+        designs[place] = design
+        return design is not None and design.runs
+
+    tried(len(candidates), runs, close=len(STEPS))
+    return [designs[place] for place in sorted(designs)]
 
 
 def _bound(plant: UncertainPlant, sigma: float, method: Method, found: Reached) -> float | None:
@@ -367,14 +344,6 @@ def _bound(plant: UncertainPlant, sigma: float, method: Method, found: Reached) 
         closer = smallest(plant.A, plant.B, Disks(-sigma), method, found, tolerance=CLOSER)
         return max((b for b in (lower, _lower(plant, sigma, method, closer)) if b), default=None)
     return lower
-
-
-def _second_opinion(plant: UncertainPlant, centre: float, method: Method) -> Reached:
-    try:
-        return conic.smallest_radius(plant.A, plant.B, -centre, method)
-    except SolverError as error:
-        where = f"{method_label(method)} at centre {centre:g}"
-        raise NotProvedError(f"undecided: {where}: {error}") from error
 
 
 def _lower(plant: UncertainPlant, sigma: float, method: Method, found: Reached) -> float | None:

@@ -75,6 +75,23 @@ def edge(
     return low, high
 
 
+def tried(count: int, holds: Callable[[int], bool], close: int = 1) -> None:
+    """Try places from 0 on in growing strides until one holds, then between it and the last.
+
+    Parameters
+    ----------
+    close : int
+        How many of the first are all tried.
+    """
+    failed, place, stride = -1, 0, 1
+    while place < count and not holds(place):
+        stride = 1 if place + 1 < close else 2 * stride
+        failed, place = place, min(place + stride, max(count - 1, place + 1))
+    while place < count and place - failed > 1:
+        middle = (failed + place) // 2
+        failed, place = (failed, middle) if holds(middle) else (middle, place)
+
+
 @dataclass(frozen=True)
 class Deadline:
     """A number of seconds from now; None for no limit.

@@ -65,7 +65,7 @@ def run(
     families = [
         [(t.D, t.M, t.R, t.rows, t.weights) for t in family.terms] for family in stacked.families
     ]
-    started, x, r, Y, gap, iterations, converged = _kernel.run(
+    started, x, r, Y, gap, iterations, converged, trail = _kernel.run(
         stacked.unknowns,
         stacked.entries,
         families,
@@ -78,4 +78,4 @@ def run(
     )
     if not started:
         raise np.linalg.LinAlgError("the start is not interior")
-    return Outcome(x, r, stacked.split(Y), gap, iterations, converged)
+    return Outcome(x, r, stacked.split(Y), gap, iterations, converged, trail)

@@ -42,8 +42,8 @@ SHARES = (0.999, 0.99, 0.97, 0.95, 0.9, 0.85, 0.8, 0.7, 0.6, 0.5, 0.4, 0.3, 0.2,
 LEAPS = (5.0, 3.0, 2.0, 1.4)  # tried first where r is prescribed, in units of the gap
 SHIFTS = (0.0, 1e-15, 1e-14, 1e-13, 1e-12, 1e-11)  # of H's scaled diagonal, until there is a step
 DAMPING, LEAST_DAMPING = 0.7, 1e-4
-# Steps with no more of the tangent than SHARES[POOR] count up, others down; after so many, with a
-# pivot of the scaled H below ILL, these coordinates have no digits left and the run ends.
+# While a pivot of the scaled H is below ILL, steps with no more of the tangent than SHARES[POOR]
+# count up, others down: after so many, these coordinates have no digits left and the run ends.
 POOR, PATIENCE, ILL = 14, 3, 1e-5
 
 
@@ -64,6 +64,8 @@ class Outcome:
     converged : bool
         Whether the gap came down to the tolerance. Where it did not, the run may go on in other
         coordinates.
+    trail : (iterations + 1, 1 + unknowns) array
+        r and x of the start and after every step.
     """
 
     x: Array
@@ -72,6 +74,7 @@ class Outcome:
     gap: float
     iterations: int
     converged: bool
+    trail: Array
 
 
 @dataclass(frozen=True, eq=False)
@@ -126,15 +129,17 @@ def run(
     if not (r > 0 and np.all(np.isfinite(x))):
         raise np.linalg.LinAlgError("no radius to start from")
     Y = _inverses([r * d - m for d, m in zip(D, M, strict=True)])
-    iterations, gap, number, poor, pivot = 0, np.inf, 0, 0, 1.0
+    iterations, gap, number, poor = 0, np.inf, 0, 0
+    trail = list[Array]()
     for iterations in range(MAX_ITERATIONS + 1):
         D, M = stacked.parts(x)
         Y = _scaled(Y, 1 / _inner(Y, D))
         F = [r * d - m for d, m in zip(D, M, strict=True)]
         gap = _inner(F, Y)
+        trail.append(np.array([r, *x]))
         if not gap > tolerance * r or r <= enough or iterations == MAX_ITERATIONS:
             break
-        if poor >= PATIENCE and pivot < ILL:
+        if poor == PATIENCE:
             break
         step = None
         for shift in SHIFTS:
@@ -146,8 +151,8 @@ def run(
         if step is None:
             break
         x, r, Y = step
-        poor, pivot = poor + 1 if number >= POOR else max(0, poor - 1), arc.pivot
-    return Outcome(x, r, Y, gap, iterations, bool(gap <= tolerance * r))
+        poor = max(0, poor + (1 if number >= POOR else -1)) if arc.pivot < ILL else 0
+    return Outcome(x, r, Y, gap, iterations, bool(gap <= tolerance * r), np.array(trail))
 
 
 def least_radius(D: Blocks, M: Blocks) -> float:

@@ -18,6 +18,7 @@ from polefence.base.errors import SolverError
 from polefence.lmi.conditions.pencil import Pencil
 from polefence.lmi.solve.engine import run
 from polefence.lmi.solve.interior_point import TOLERANCE, Outcome
+from polefence.lmi.solve.scaling import Scaling
 from polefence.lmi.solve.stacked import Stacked
 from polefence.plant.system import Array
 
@@ -65,6 +66,22 @@ class Point:
     iterations: int = 0
 
 
+@dataclass(frozen=True, eq=False)
+class Trail:
+    """The iterates of a run, from its start to its end: r, and x in the run's coordinates."""
+
+    r: Array
+    x: Array
+    pencil: Pencil
+    scaling: Scaling
+
+    def points(self) -> Iterator[Reached]:
+        """Yield the points, the last first."""
+        for r, x in zip(self.r[::-1], self.x[::-1], strict=True):
+            values = self.scaling.restore(self.pencil.unpack(x), self.pencil.variables)
+            yield Reached(r=float(r), values=values, rate=self.scaling.rate)
+
+
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Reached(Point):
     """A point of a condition for a law that is sought, in the original coordinates.
@@ -79,12 +96,19 @@ class Reached(Point):
         Evidence that no radius much smaller is feasible.
     rate : float
         Unit of the search's rates [1/s].
+    trails : tuple of Trail
+        How it was reached, the last run first.
     """
 
     values: dict[str, Array]
     t: dict[str, float] = field(default_factory=dict)
     dual: Dual | None = None
     rate: float = 1.0
+    trails: tuple[Trail, ...] = ()
+
+    def path(self) -> list[Reached]:
+        """Return the points on the way, the least r first: farther inside, rounding does less."""
+        return sorted((p for own in self.trails for p in own.points()), key=lambda p: p.r)
 
 
 def lyapunov_mean(values: dict[str, Array]) -> Array:
@@ -120,7 +144,10 @@ def rounds(
     iterations = 0
     for _ in range(most):
         again = once(found)
-        if again is None or (found is not None and again.r >= found.r):
+        if again is None:
+            break
+        if found is not None and again.r >= found.r:
+            found = replace(found, converged=found.converged or again.converged)
             break
         worth = found is None or again.r < found.r * (1 - WORTH)
         iterations += again.iterations

@@ -16,7 +16,15 @@ from polefence.lmi.conditions.pencil import Variable
 from polefence.lmi.conditions.target import Disks, Goal
 from polefence.lmi.solve.interior_point import TOLERANCE, WIDE, Outcome
 from polefence.lmi.solve.scaling import Scaling, balanced
-from polefence.lmi.solve.search import Dual, Reached, attempt, least_power, lyapunov_mean, rounds
+from polefence.lmi.solve.search import (
+    Dual,
+    Reached,
+    Trail,
+    attempt,
+    least_power,
+    lyapunov_mean,
+    rounds,
+)
 from polefence.lmi.solve.stacked import Stacked, stacked_pencil
 from polefence.lmi.solve.starts import common_point, nominal_start
 from polefence.plant.system import Array
@@ -24,6 +32,9 @@ from polefence.plant.system import Array
 ROUGH = 1e-2  # Lemma 1 as a start is run until its gap is this share of its radius
 CLOSE = 1.1  # the first r over the radius of a point that a neighbour or a stalled run left
 FLOOR = 1e-4  # a radius of this share of sigma is as good as zero
+# Condition of a Lyapunov matrix in the coordinates of its run: at such an end a gap of zero may be
+# a matter of the coordinates, and the run is made again in better ones.
+FAR = 1e6
 WIDENINGS = 12  # of a radius that turned out not to be interior, each by half
 
 
@@ -63,12 +74,17 @@ def smallest(
     scale = goal.scale or typical_rate(A)
     search = _Search(A, B, goal, scale, method, balanced(A, B, scale), enough, engine)
     first, wide = (search.first(), WIDE) if near is None else (near, CLOSE)
-    found = rounds(
-        lambda last: search.run(last or first, CLOSE if last else wide, tolerance), search.floor
-    )
+    trails = list[Trail]()
+
+    def once(last: Reached | None) -> Reached | None:
+        again = search.run(last or first, CLOSE if last else wide, tolerance)
+        trails.extend(again.trails if again else ())
+        return again
+
+    found = rounds(once, search.floor)
     if found is None:
         raise SolverError("no point to start from: the numbers are too far apart for doubles")
-    return found
+    return replace(found, trails=tuple(trails[::-1]))
 
 
 def typical_rate(A: Array) -> float:
@@ -127,13 +143,15 @@ class _Search:
         outcome = attempt(stacked, x, r, self.floor / unit, tolerance, self.engine, WIDENINGS)
         if outcome is None:
             return None
+        end = pencil.unpack(outcome.x)
         return Reached(
             r=unit * outcome.r,
-            values=scaling.restore(pencil.unpack(outcome.x), pencil.variables),
+            values=scaling.restore(end, pencil.variables),
             dual=_dual(outcome, stacked, scaling) if disks else None,
-            converged=outcome.converged,
+            converged=outcome.converged and bool(np.linalg.cond(lyapunov_mean(end)) < FAR),
             iterations=outcome.iterations,
             rate=scaling.rate,
+            trails=(Trail(unit * outcome.trail[:, 0], outcome.trail[:, 1:], pencil, scaling),),
         )
 
     def _coordinates(self, start: Reached) -> Scaling:

@@ -53,19 +53,6 @@ def common_point(W: Array, Z: Array, variables: tuple[Variable, ...]) -> dict[st
     return {v.name: {"x": W, "u": Z}.get(v.rows, tiny) for v in variables}
 
 
-def reachability(A: Array, B: Array, sigma: float, scaling: Scaling) -> Array:
-    """Return the reachability Gramian of the mean plant on a disk that is stable by itself."""
-    import scipy.linalg as la  # deferred: slow to import
-
-    As, Bs = scaling.apply(A, B)
-    F, H = As.mean(axis=0) + sigma / scaling.rate * np.eye(A.shape[1]), Bs.mean(axis=0)
-    radius = 2 * max(float(np.abs(np.linalg.eigvals(F)).max()), np.finfo(float).tiny)
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # tried last as coordinates, and judged by the margin
-        W = la.solve_discrete_lyapunov(F / radius, H @ H.T / radius**2)
-    return np.asarray(scaling.T @ (W + W.T) / 2 @ scaling.T.T)
-
-
 def nominal_start(
     A: Array, B: Array, sigma: float, scaling: Scaling, size: float | None = None
 ) -> Start:

@@ -37,12 +37,13 @@ from polefence.cli.optimise import (
     road_of,
 )
 from polefence.cli.terminal import say
+from polefence.design.checks import is_optimisable
 from polefence.design.requirements.specification import Specification, limit_text
 from polefence.design.requirements.text import load_specifications, parse_specification, spec_road
 from polefence.design.rows import Row
 from polefence.design.signals.tradeoff import TUNED, Front, keep_references, tradeoff
 from polefence.law.structure import Structure
-from polefence.lmi.conditions.methods import Method
+from polefence.lmi.conditions.methods import Method, method_label
 from polefence.plant.family import UncertainPlant
 from polefence.plant.spec import load
 from polefence.proof.text import exactly
@@ -122,6 +123,8 @@ def tradeoff_command(options: Any) -> int:
     values, structure = _values(options), structure_of_options(plant, options)
     methods = _methods(plant, options, structure)
     minimise, over, limits = _specifications(plant, options)
+    if methods is not None and not options.method:
+        methods = _fitted(plant, methods, 2 + len(limits))
     region = region_of_options(options)
     check_figure(options.plot)
     path = rows_file(options)
@@ -185,6 +188,15 @@ def _methods(
             own |= dict.fromkeys(("degree", "elevation", "on"))
         methods.append(method_of_options(plant, argparse.Namespace(**own)))
     return methods
+
+
+def _fitted(plant: UncertainPlant, methods: list[Method], count: int) -> list[Method]:
+    """Return the methods that are not too large; all where none is, to be refused."""
+    found = [method for method in methods if is_optimisable(plant, method, count)]
+    for method in methods if found else []:
+        if method not in found:
+            say(f"note: without {method_label(method)}: too large for {count} specifications")
+    return found or methods
 
 
 def _specifications(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from polefence.base.errors import InputError, RegionError, UncontrollableError
 from polefence.lmi.conditions.methods import (
+    MOST_BLOCKS,
     Method,
     blocks,
     is_searchable,
@@ -11,12 +12,16 @@ from polefence.lmi.conditions.methods import (
     method_name,
     normal,
     options,
+    step_work,
 )
 from polefence.plant.controllability import FixedModes, modes_text
 from polefence.plant.family import UncertainPlant
 from polefence.proof import matrices, roots, work
 from polefence.proof.regions import parts_of
 from polefence.region.regions import Disk, HalfPlane, Region, check_centre
+
+# Multiplications of one step of a search for a law with specifications.
+MOST_OPTIMISED_STEP = 1.5e10
 
 
 def require_domain(plant: UncertainPlant, method: Method) -> None:
@@ -55,6 +60,32 @@ def require_checkable(plant: UncertainPlant, method: Method, parts: int = 1) -> 
             f"{plant.name}, {method_label(method)}: {blocks(plant, method)} inequalities in "
             f"{plant.shape[0]} states are more than is searched and proved; "
             f"{_remedy(plant, method)}"
+        )
+
+
+def is_optimisable(plant: UncertainPlant, method: Method, count: int) -> bool:
+    """Whether a law for so many specifications is looked for by the method's inequalities.
+
+    Each specification adds about as much to a step as the region, and there are some hundreds.
+    """
+    several = blocks(plant, method) * (count + 1) <= MOST_BLOCKS
+    return several and step_work(plant, method) * (count + 1) <= MOST_OPTIMISED_STEP
+
+
+def require_optimisable(plant: UncertainPlant, method: Method, count: int) -> None:
+    """Refuse what would take hours to optimise, before it is begun.
+
+    Raises
+    ------
+    InputError
+        Naming the number of inequalities.
+    """
+    if not is_optimisable(plant, method, count):
+        raise InputError(
+            f"{plant.name}, {method_label(method)}: {blocks(plant, method) * (count + 1)} "
+            f"inequalities in {plant.shape[0]} states, for {count} specifications and the region, "
+            f"are more than is optimised; {_remedy(plant, method)}; a law that is tuned has none: "
+            "leave the method out"
         )
 
 

@@ -17,6 +17,7 @@ from typing import Any, Unpack
 from polefence.base import VERSION, workers
 from polefence.base.errors import InputError, NotProvedError
 from polefence.base.files import read_text, write_text
+from polefence.base.progress import stage
 from polefence.design.certificate import Certificate, file_plant
 from polefence.design.checks import (
     require_checkable,
@@ -211,7 +212,8 @@ def _chain(plant: UncertainPlant, part: list[Task], bounds: bool) -> Iterator[tu
         start = time.perf_counter()
         design: Design | None = None
         try:
-            design, near = tightest_near(plant, centre, method, near, bounds)
+            with stage(f"centre {centre:g} {method_label(method)}"):
+                design, near = tightest_near(plant, centre, method, near, bounds)
         except NotProvedError:
             near = None
         seconds = time.perf_counter() - start

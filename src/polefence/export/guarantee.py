@@ -9,6 +9,7 @@ from math import inf
 import numpy as np
 
 from polefence.base.errors import InputError
+from polefence.base.progress import stage
 from polefence.design.certificate import Check, ranges_of
 from polefence.design.design import Design
 from polefence.design.margins.claims import claimed_design
@@ -125,6 +126,7 @@ def guarantee(design: Design, program: Program) -> Guarantee:
     return other if other.proved else found
 
 
+@stage("rounding of the code")
 def _guarantee(design: Design, program: Program, measures: tuple[Array, Columns]) -> Guarantee:
     rows, columns = measures
     own = claimed_design(design)

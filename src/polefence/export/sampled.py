@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 
 from polefence.base.errors import InputError, SolverError
+from polefence.base.progress import stage
 from polefence.design.certificate import Check, ranges_of
 from polefence.design.design import Design
 from polefence.design.evidence import certificate_of, evidence_of, forms, loop_of
@@ -252,6 +253,7 @@ class SamplingEffect:
     points: int
 
 
+@stage("poles of the sampled loop")
 def sampling_effect(design: Design, sample_time: float, delay: int = 1) -> SamplingEffect:
     """Look where the poles of the sampled loop lie: at vertices, on edges and at random points.
 
@@ -301,6 +303,7 @@ class LargestSampleTime:
     longest: float
 
 
+@stage("largest sample time")
 def largest_sample_time(design: Design, delay: int = 1) -> LargestSampleTime:
     """Return up to which sample time the region, and stability, hold.
 
@@ -400,6 +403,7 @@ class SampledProof:
         return Check("proved" if verdict.proved else "undecided", verdict.reason)
 
 
+@stage("decay of the sampled loop")
 def prove_decay(
     design: Design, sample_time: float, delay: int = 1, off: Off | None = None
 ) -> SampledProof:

@@ -59,7 +59,7 @@ def weights_of(parameters: Sequence[Parameter], values: Array) -> Array:
         low, high = (float(p.scheduling(end)) for end in (p.low, p.high))
         share = np.clip((p.scheduling(column) - low) / (high - low), 0, 1)
         pair = np.stack([1 - share, share], axis=-1)
-        alpha = (alpha[:, :, None] * pair[:, None, :]).reshape(len(values), -1)
+        alpha = (alpha[:, :, None] * pair[:, None, :]).reshape(len(values), 2 * alpha.shape[1])
     return alpha
 
 

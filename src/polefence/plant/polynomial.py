@@ -82,11 +82,11 @@ class Domain:
         a = np.asarray(alpha, dtype=float)
         if degree == 1 and len(self.sizes) == 1:
             return a
-        coordinates = self.coordinates(a)
-        exponents = np.array(self.monomials(degree)).reshape(self.count(degree), -1)
-        powers = np.prod(coordinates[..., None, :] ** exponents, axis=-1)
-        weights = [binomial(self.sizes, e) for e in self.monomials(degree)]
-        return np.asarray(powers * np.array(weights, dtype=float))
+        parts = np.split(self.coordinates(a), np.cumsum(self.sizes)[:-1], axis=-1)
+        found, *others = (_bernstein(part, degree) for part in parts)
+        for other in others:
+            found = (found[..., :, None] * other[..., None, :]).reshape(*a.shape[:-1], -1)
+        return np.asarray(found)
 
     def coordinates(self, alpha: Array) -> Array:
         """Return the coordinates in each simplex, side by side."""
@@ -115,9 +115,15 @@ class Domain:
 
     def interpolated(self, values: Array, degree: int) -> Array:
         """Return the Bernstein coefficients (count, ...) of what has these values at the nodes."""
-        flat = values.reshape(len(values), -1)
-        found = np.linalg.solve(self.basis(self.nodes(degree), degree), flat)
-        return np.asarray(found.reshape(values.shape))
+        counts = [Domain((size,)).count(degree) for size in self.sizes]
+        table = values.reshape(*counts, -1)
+        for axis, size in enumerate(self.sizes):  # the nodes are products of each simplex's
+            one = Domain((size,))
+            lines = np.moveaxis(table, axis, 0)
+            flat = lines.reshape(len(lines), -1)
+            solved = np.linalg.solve(one.basis(one.nodes(degree), degree), flat)
+            table = np.moveaxis(solved.reshape(lines.shape), 0, axis)
+        return np.asarray(table.reshape(values.shape))
 
     def elevated(self, degree: int, times: int) -> list[dict[int, int]]:
         """Return for each monomial of the raised degree which Bernstein coefficients enter it.
@@ -133,6 +139,14 @@ class Domain:
         j is a corner (A is of degree 1 in each simplex), k a Bernstein coefficient of X.
         """
         return _pairs(self.sizes, degree, elevation)
+
+
+def _bernstein(a: Array, degree: int) -> Array:
+    """Return the Bernstein polynomials' values at points (..., size) of one simplex."""
+    exponents = np.array(_simplex(a.shape[-1], degree)).reshape(-1, a.shape[-1])
+    weights = [binomial(exponents.shape[1:], tuple(e)) for e in exponents.tolist()]
+    powers = np.prod(a[..., None, :] ** exponents, axis=-1)
+    return np.asarray(powers * np.array(weights, dtype=float))
 
 
 @cache

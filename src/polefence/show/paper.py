@@ -23,6 +23,7 @@ import numpy as np
 
 from polefence.base.errors import NotProvedError
 from polefence.base.files import write_bytes, write_text
+from polefence.base.progress import stage
 from polefence.design.design import Design
 from polefence.design.limits import Limit, limits, sweep
 from polefence.design.place import place
@@ -359,6 +360,7 @@ def printed_entries(plant: UncertainPlant) -> str:
     return f"{same} of {total}"
 
 
+@stage("figures")
 def figures(
     results: Mapping[str, Any], designs: Mapping[str, Design], rides: Mapping[str, Ride]
 ) -> dict[str, Figure]:

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from polefence.base.errors import InputError, NotProvedError
+from polefence.base.progress import stage
 from polefence.design.certificate import Check
 from polefence.design.checks import implies_stability
 from polefence.design.design import Design, check, require_kind
@@ -198,6 +199,7 @@ def _plant(plant: UncertainPlant) -> Section:
     return Section("The plant", tuple(text), Table(head, tuple(rows)))
 
 
+@stage("poles")
 def _poles(design: Design) -> Section:
     cloud, corners = sampled(design)
     margin = -float(design.region.distance(cloud).max())
@@ -214,6 +216,7 @@ def _poles(design: Design) -> Section:
     )
 
 
+@stage("other disks")
 def _limits(design: Design) -> Section | None:
     region, plant = design.region, design.plant
     if not isinstance(region, Disk) or plant.sample_time is not None:
@@ -320,6 +323,7 @@ def _how_to_check(design: Design) -> Section:
     )
 
 
+@stage("responses")
 def responses(design: Design) -> Section | None:
     """Return step responses; None for a plant in discrete time."""
     plant = design.plant
@@ -375,6 +379,7 @@ def _seconds(value: float) -> str:
     return f"{value:.3g}" if np.isfinite(value) else "-"
 
 
+@stage("comfort")
 def comfort(design: Design, road: str, speed: float) -> Section | None:
     """Return the ride of a quarter car beside other laws; None for any other plant."""
     plant = design.plant

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from polefence.base.errors import InputError, NotProvedError, UncontrollableError, suggest
+from polefence.base.progress import counted
 from polefence.design.place import place
 from polefence.law.laws import check_alpha
 from polefence.lmi.conditions.methods import METHODS
@@ -92,7 +93,7 @@ def compare(
     density, N = velocity_density(road, speed), len(plant.vertices)
     found, left_out = dict[str, Array](), dict[str, str]()
     alpha = points(plant) if alpha is None else check_alpha(np.atleast_2d(alpha), N)
-    for name, law in laws.items():
+    for name, law in counted(laws.items(), "law"):
         own = law.reason if isinstance(law, NoLaw) else _quantities(plant, law, alpha, density)
         if isinstance(own, str):
             left_out[name] = own

@@ -12,6 +12,7 @@ from typing import Any
 
 from polefence.base.errors import InputError
 from polefence.base.files import write_documents
+from polefence.base.progress import counted, stage
 from polefence.design.checks import require_region
 from polefence.design.design import Design, require_kind
 from polefence.design.margins import kinds
@@ -165,6 +166,7 @@ def gain_error(design: Design, *, region: Region | None = None) -> Margin:
     return _gain(_task(design, region))
 
 
+@stage(SUBJECTS["gain"])
 def _gain(task: _Task) -> Margin:
     scales, claim = kinds.scales_of(task.design), None
     if task.loops:
@@ -219,8 +221,8 @@ def _rates(task: _Task, decay: float) -> tuple[Margin, ...]:
         found = _rate(task, decay, *whole[0])
         if math.isinf(found.value):
             return (found,)
-    spans = whole if task.fixed and not task.loops else task.spans()
-    return tuple(_rate(task, decay, *each) for each in spans)
+    spans = whole if task.fixed and not task.loops else list(task.spans())
+    return tuple(_rate(task, decay, *each) for each in counted(spans, SUBJECTS["rate"]))
 
 
 def _rate(task: _Task, decay: float, name: str, unit: str, span: tuple[Fraction, ...]) -> Margin:
@@ -238,7 +240,9 @@ def _rate(task: _Task, decay: float, name: str, unit: str, span: tuple[Fraction,
 
 
 def _estimates(task: _Task) -> tuple[Margin, ...]:
-    return () if task.fixed else tuple(_estimate(task.whole, *each) for each in task.spans())
+    spans = [] if task.fixed else list(task.spans())
+    each = counted(spans, SUBJECTS["estimate"])
+    return tuple(_estimate(task.whole, *own) for own in each)
 
 
 def _estimate(task: _Task, name: str, unit: str, span: tuple[Fraction, ...]) -> Margin:

@@ -18,6 +18,7 @@ import numpy as np
 
 from polefence.base.errors import InputError, NotProvedError, PlantError, SolverError
 from polefence.base.files import write_documents
+from polefence.base.progress import stage
 from polefence.design.certificate import Certificate, exact_law
 from polefence.design.design import FILE_NAME, check
 from polefence.design.evidence import loop_with
@@ -111,6 +112,13 @@ def best_bound(
         proved otherwise.
     """
     specification.require_fit(plant)
+    with stage(f"bound on {specification.title}"):
+        return _best_bound(plant, law, specification, known)
+
+
+def _best_bound(
+    plant: UncertainPlant, law: Law, specification: Specification, known: Known | None
+) -> Bound | None:
     question = _Question.of(plant, law, specification)
     climbs = [_dual_bounds, _in_parts, _climbed]
     best: Bound | None = None
@@ -267,6 +275,13 @@ def kept_bound(
     known : pair of Evidence and float, optional
         What proves it as far as floats tell; tried first.
     """
+    with stage(f"limit on {specification.title}"):
+        return _kept_bound(plant, law, specification, known)
+
+
+def _kept_bound(
+    plant: UncertainPlant, law: Law, specification: Specification, known: Known | None
+) -> Bound | None:
     limit = specification.at_most or 0.0
     if known is not None and (own := known_bound(plant, law, specification, known)) is not None:
         return own

@@ -16,7 +16,14 @@ from pathlib import Path
 import numpy as np
 
 from polefence.base.errors import InputError, NotProvedError, SolverError, require_type
-from polefence.design.checks import require_domain, require_movable, require_region
+from polefence.base.progress import stage
+from polefence.design.checks import (
+    is_optimisable,
+    require_domain,
+    require_movable,
+    require_optimisable,
+    require_region,
+)
 from polefence.design.design import Design
 from polefence.design.measured import require_detectable
 from polefence.design.requirements.specification import Specification
@@ -158,7 +165,8 @@ def optimise(
     method : str or Scheduled, optional
         Of a law that an LMI gives: "quadratic" (one gain), "scheduled" (degree 1, elevation 0, on
         the box where the plant has parameters) or `Scheduled`. By default the better of this last
-        one and a law that is tuned, polynomial of degree 1 in the parameters.
+        one and a law that is tuned, polynomial of degree 1 in the parameters; the tuned one alone
+        where the LMI is too large.
     budget : float, optional
         Time after which no further law is looked for [s]; the answer then says so in its ``cut``.
         Without one the same question has the same answer on every machine, however slow.
@@ -210,8 +218,11 @@ def optimise(
     task = replace(
         _task(larger, found, minimise is not None, asked, method), asked=(plant, tuple(subject_to))
     )
+    if either and not is_optimisable(larger, method, len(found)):
+        structure = Structure()  # a law that is tuned needs no inequalities to be found
     if structure is not None:
         return _tuned(*structured(task, structure), _simpler(task, structure))
+    require_optimisable(larger, method, len(found))
     bare = _task(plant, tuple(s.unweighted() for s in asked_for), bool(minimise), asked, method)
     search = partial(_settled, task) if larger is plant else partial(_weighted, task, bare)
     return _best_of_all(task, search, deadline) if either else search(deadline)
@@ -487,7 +498,8 @@ def _best(task: Task, deadline: Deadline) -> _Found:
     # where no law that samples well has a proof, each must have one to count
     for proved in (False, True) if task.minimise else (False,):
         search = Search(task, deadline, proved, partial(_refute, task))
-        search.run()
+        with stage("laws by an LMI"):
+            search.run()
         best = _lowest(task, search)
         if best is not None:
             return _Found(best, search.shared, search.whole)

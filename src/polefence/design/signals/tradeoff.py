@@ -16,8 +16,14 @@ from typing import Any, Unpack
 from polefence.base import VERSION, workers
 from polefence.base.errors import InputError, PolefenceError, require_type
 from polefence.base.files import make_folder, read_text, write_documents, write_text
+from polefence.base.progress import stage
 from polefence.design.certificate import Certificate, exact_law
-from polefence.design.checks import require_domain, require_movable, require_region
+from polefence.design.checks import (
+    require_domain,
+    require_movable,
+    require_optimisable,
+    require_region,
+)
 from polefence.design.design import FILE_NAME, Design
 from polefence.design.limits import LABEL
 from polefence.design.requirements.specification import Specification, claim_of
@@ -175,6 +181,7 @@ def _require(asked: Asked, values: list[float], methods: list[Method | None]) ->
         o = options(method)
         if not isinstance(o, Scheduled) or o.degree == "auto" or o.right_hand_sides:
             raise InputError("a trade-off goes with 'quadratic' and Scheduled(degree, elevation)")
+        require_optimisable(plant, method, 2 + len(asked.subject_to))
     require_region(plant, asked.region)
     domain = Domain.of("simplex", len(plant.vertices))
     for own in (asked.minimise, asked.over, *asked.subject_to):
@@ -196,19 +203,20 @@ def _same(one: Specification, other: Specification) -> bool:
 def _row_of(asked: Asked, task: tuple[float, Method | None]) -> Row:
     """Return one row; whatever fails in it is its reason."""
     value, method = task
+    label = TUNED if method is None else method_label(method)
     start = time.perf_counter()
     found: Row
     try:
         plant, (over, *others, least) = asked.bare
         limits = (replace(over, at_most=value), *others)
-        done = optimise(plant, least, limits, asked.region, method, structure=asked.structure)
-        found = _proved(asked, done, value)
+        with stage(f"limit {value:g} {label}"):
+            done = optimise(plant, least, limits, asked.region, method, structure=asked.structure)
+            found = _proved(asked, done, value)
     except PolefenceError as error:  # one row's failure is not the sweep's
         reason = " ".join(str(error).split()).removeprefix("not proved: ")
         nothing = dict.fromkeys(("proved", "sampled", "law_of", "own", "performance"))
         found = {"status": "not proved", **nothing, "bounds": [], "reason": reason}
     seconds = time.perf_counter() - start
-    label = TUNED if method is None else method_label(method)
     return {"value": value, "method": label} | found | {"seconds": seconds}
 
 

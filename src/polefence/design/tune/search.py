@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 
 from polefence.base.errors import InputError
+from polefence.base.progress import counted, stage
 from polefence.design.requirements.specification import Specification
 from polefence.design.tune.descent import EARLY, FULL, QUICK, Effort, descend
 from polefence.design.tune.measures import LEVEL, LIMITS, REGION, SMALL, WIDE, Points, Task
@@ -178,6 +179,7 @@ def _task(
     return Task(plant, unknowns, minimise, limits, region, sizes, float(fastest))
 
 
+@stage("tuning")
 def _run(task: Task, starts: Sequence[Law]) -> list[Tuned]:
     """Return what a search finds; one gain, a special case, is first if no such law is given."""
     structure = task.unknowns.structure
@@ -237,9 +239,10 @@ class _Search:
         quick = self._quick(laws)
         reached = [
             min(self._improved(own.theta, self.first), own, key=attrgetter("rank"))
-            for own in _distinct(quick)[:BEST]
+            for own in counted(_distinct(quick)[:BEST], "better start")
         ]
-        found = [self._tuned(self._finished(own)) for own in _distinct(reached)[:LAST]]
+        best = counted(_distinct(reached)[:LAST], "best start")
+        found = [self._tuned(self._finished(own)) for own in best]
         given = [self._given(law) for law in laws if self._of_structure(law)]
         found += [own for own in given if own.kept]
         return sorted(found, key=lambda own: (not own.kept, own.level))
@@ -256,10 +259,11 @@ class _Search:
     def _quick(self, laws: Sequence[Law]) -> list[_Reached]:
         """Return what all starts lead to at the corners; with patience if none is inside."""
         starts = self._starts(laws)
-        found = [self._improved(theta, self.first, QUICK) for theta in starts]
+        each = counted(starts, "start")
+        found = [self._improved(theta, self.first, QUICK) for theta in each]
         if any(self._outside(self.first, own.theta) <= FEASIBLE for own in found):
             return found
-        return [self._improved(theta, self.first) for theta in starts]
+        return [self._improved(theta, self.first) for theta in counted(starts, "start")]
 
     @staticmethod
     def _outside(points: Points, theta: Array) -> float:

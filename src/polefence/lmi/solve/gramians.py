@@ -423,7 +423,8 @@ def _inverse(level: Array | float, F: Array) -> tuple[Array, Array, Array]:
 def majorant(matrices: Array) -> Array:
     """Return a symmetric matrix that none of some exceeds, of a trace that is nearly the least."""
     R = np.zeros(matrices.shape[-2:])
-    for k in np.argsort([-np.trace(_positive(M)) for M in matrices]):
+    eigenvalues = np.linalg.eigvalsh((matrices + matrices.swapaxes(-1, -2)) / 2)
+    for k in np.argsort(-np.maximum(eigenvalues, 0).sum(axis=-1)):
         R = R + _positive(matrices[k] - R)
     return R
 

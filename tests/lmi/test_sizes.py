@@ -9,15 +9,19 @@ from polefence import (
     Disk,
     InputError,
     Parameter,
+    Rms,
     Scheduled,
     Slack,
     UncertainPlant,
     limits,
+    optimise,
     place,
     tightest,
+    tradeoff,
 )
 from polefence.cli.main import main
-from polefence.design.checks import is_checkable
+from polefence.design import checks
+from polefence.design.checks import is_checkable, is_optimisable
 from polefence.lmi.conditions.methods import (
     LONG_STEP,
     blocks,
@@ -41,7 +45,7 @@ METHODS = [
 
 
 def springs(count, masses=2):
-    """Masses in a row; every spring of the first one is a parameter."""
+    """Masses in a row, the second one pushed; every spring of the first one is a parameter."""
     k = [Parameter(f"k{i}", 1, 1.2) for i in range(count)]
     n = 2 * masses
     A = [["0"] * n for _ in range(n)]
@@ -51,7 +55,8 @@ def springs(count, masses=2):
         if i:
             A[2 * i + 1][2 * i - 2] = A[2 * i - 1][2 * i] = "k0"
     B = [["0"]] * (n - 1) + [["k0"]]
-    return UncertainPlant.from_expressions(k, A, B)
+    E = [[str(int(i == 1))] for i in range(n)]
+    return UncertainPlant.from_expressions(k, A, B, E)
 
 
 def test_six_to_eight_parameters_are_what_they_are_called():
@@ -104,7 +109,9 @@ def spec(path, plant):
     rows = {p.name: (p.low, p.high) for p in plant.parameters}
     text = "".join(f"[parameter.{k}]\nrange = [{a}, {float(b)}]\n" for k, (a, b) in rows.items())
     A = [["0", "1"], ["-" + "-".join(rows), "-1"]]
-    path.write_text(f'name = "springs"\n{text}[matrices]\nA = {A}\nB = [["0"], ["k0"]]\n')
+    path.write_text(
+        f'name = "springs"\n{text}[matrices]\nA = {A}\nB = [["0"], ["k0"]]\nE = [["0"], ["1"]]\n'
+    )
     return str(path)
 
 
@@ -151,3 +158,47 @@ def test_what_is_accepted_is_searched_and_proved():
     method = Scheduled(1, 0, "box")
     assert is_checkable(plant, method)
     assert tightest(plant, -5, method).proved
+
+
+ASKED = Rms("x1", density=1), (Rms("u1", density=1, at_most=1),)
+
+
+def test_specifications_are_refused_before_they_are_begun():
+    plant = springs(8)
+    tracemalloc.start()
+    try:
+        with pytest.raises(InputError, match=r"19683 inequalities .* quadratic.* is tuned"):
+            optimise(plant, *ASKED, method="scheduled")
+        with pytest.raises(InputError, match="19683 inequalities"):
+            tradeoff(plant, ASKED[0], Rms("u1", density=1), [1.0], methods=["scheduled"])
+        assert tracemalloc.get_traced_memory()[1] < 50e6
+    finally:
+        tracemalloc.stop()
+
+
+def test_where_inequalities_are_too_many_a_law_is_tuned(monkeypatch):
+    plant = springs(1)
+    method = Scheduled(1, 0, "box")
+    work = 3 * step_work(plant, method)  # of the region, and of each specification
+    monkeypatch.setattr(checks, "MOST_OPTIMISED_STEP", work)
+    assert is_optimisable(plant, method, 2)
+    monkeypatch.setattr(checks, "MOST_OPTIMISED_STEP", work - 1)
+    assert optimise(plant, *ASKED).structure is not None
+    with pytest.raises(InputError, match="9 inequalities"):
+        optimise(plant, *ASKED, method=method)
+
+
+def test_a_tradeoff_leaves_out_what_is_too_large_unless_it_was_chosen(
+    tmp_path, capsys, monkeypatch
+):
+    path = spec(tmp_path / "p.toml", springs(1))
+    words = ["tradeoff", path, "--over", "rms of u1 with density 1", "--value", "1"]
+    words += ["--minimise", "rms of x1 with density 1"]
+    least = 3 * step_work(springs(1, masses=1), "quadratic")
+    monkeypatch.setattr(checks, "MOST_OPTIMISED_STEP", least)
+    assert main(words) == 0
+    told = capsys.readouterr().out
+    assert "note: without scheduled(1, 0, box): too large" in told
+    assert "  quadratic " in told
+    assert main([*words, "--method", "scheduled"]) == 2
+    assert "more than is optimised" in capsys.readouterr().err

@@ -7,7 +7,7 @@ import pytest
 
 from polefence.plant.family import UncertainPlant
 from polefence.plant.parameters import Parameter
-from polefence.plant.points import MOST_POINTS, edges, inside, sample, weights_of
+from polefence.plant.points import MOST_POINTS, edges, inside, sample, seeded, weights_of
 from polefence.plant.polynomial import Domain
 
 DOMAINS = [Domain((1,)), Domain((2,)), Domain((5,)), Domain((2, 2)), Domain((2, 2, 2))]
@@ -43,6 +43,15 @@ def test_large_families_have_all_corners_and_no_more_points_than_the_work_allows
         few, many = sample(domain, states=60), sample(domain)
         assert len(few) <= len(many) <= MOST_POINTS
         assert np.array_equal(domain.alpha(few[:256]), np.eye(256))
+
+
+def test_few_points_of_many_corners_are_corners():
+    names = [f"k{i}" for i in range(8)]
+    parameters = [Parameter(name, 1, 2) for name in names]
+    plant = UncertainPlant.from_expressions(parameters, [["-" + "-".join(names)]], [[1]])
+    assert np.array_equal(seeded(plant, 200), np.eye(256)[:200])
+    assert np.array_equal(seeded(plant, 256), np.eye(256))
+    assert seeded(plant, 300)[256:].sum(axis=1) == pytest.approx(np.ones(44))
 
 
 def test_weights_of_values_are_those_of_the_plant_and_end_at_its_bounds():

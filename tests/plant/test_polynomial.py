@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from polefence import InputError
-from polefence.plant.polynomial import Domain
+from polefence.plant.polynomial import Domain, binomial
 from polefence.proof import polynomials
 
 SIZES = [(1,), (2,), (3,), (5,), (2, 2), (2, 2, 2), (2, 2, 2, 2), (3, 2)]
@@ -100,6 +100,20 @@ def test_the_basis_sums_to_one_and_reproduces_linear_functions(sizes, degree):
     values = RANDOM.normal(size=domain.count(degree))
     direct = [bernstein(sizes, degree, values, one) for one in c]
     assert np.allclose(basis @ values, direct)
+
+
+@pytest.mark.parametrize("sizes", [(4,), (2,), (2, 2, 2), (3, 2), (1,)])
+@pytest.mark.parametrize("degree", [0, 1, 2, 3])
+def test_interpolation_recovers_the_coefficients_from_values_at_the_nodes(sizes, degree):
+    domain = Domain(sizes)
+    given = np.random.default_rng(1).normal(size=(domain.count(degree), 2, 3))
+    nodes = domain.nodes(degree)
+    at_nodes = np.tensordot(domain.basis(nodes, degree), given, 1)
+    assert domain.interpolated(at_nodes, degree) == pytest.approx(given, abs=1e-9)
+    # the products of each simplex's own, in the order of the monomials
+    c = domain.coordinates(nodes)
+    for e, own in zip(domain.monomials(degree), domain.basis(nodes, degree).T, strict=True):
+        assert own == pytest.approx(binomial(sizes, e) * np.prod(c ** np.array(e), axis=-1))
 
 
 @pytest.mark.parametrize("sizes", SIZES)

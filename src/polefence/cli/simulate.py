@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from polefence.base.errors import InputError, NotProvedError, ParameterValueError, suggest
+from polefence.base.progress import counted
 from polefence.cli.common import PROVED, check_figure, check_targets, write_figure, write_json
 from polefence.cli.laws import Named, distinct, read_law, read_subject
 from polefence.cli.terminal import say
@@ -80,7 +81,8 @@ def simulate_command(options: Any) -> int:
     words = options.law if options.law or own else ["passive"]
     laws = distinct([*([own] if own else []), *(read_law(plant, word) for word in words)])
     setup = setup_of(plant, options, laws[0].law)
-    runs = {law.name: run(setup, law.law, _margins(setup, law)) for law in laws}
+    each = counted(laws, "law")
+    runs = {law.name: run(setup, law.law, _margins(setup, law)) for law in each}
     summaries = [summary_of(law, runs[law.name]) for law in laws]
     _write(setup, runs, summaries, options)
     say(_head(setup))

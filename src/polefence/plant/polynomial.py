@@ -122,7 +122,7 @@ class Domain:
             lines = np.moveaxis(table, axis, 0)
             flat = lines.reshape(len(lines), -1)
             solved = np.linalg.solve(one.basis(one.nodes(degree), degree), flat)
-            table = np.moveaxis(solved.reshape(lines.shape), 0, axis)
+            table = np.asarray(np.moveaxis(solved.reshape(lines.shape), 0, axis))
         return np.asarray(table.reshape(values.shape))
 
     def elevated(self, degree: int, times: int) -> list[dict[int, int]]:

@@ -198,8 +198,7 @@ def optimise(
     if structure is not None and method is not None:
         raise InputError("a method belongs to laws that an LMI gives; leave it out, or structure")
     either = structure is None and method is None
-    if method is None or method == "scheduled":
-        method = Scheduled(1, 0, "box" if plant.parameters else "simplex")
+    method = method_for(plant, method)
     _require_method(plant, method)
     if len(plant.vertices) == 1:  # one gain is every law
         method = "quadratic"
@@ -364,6 +363,13 @@ def structured(task: Task, structure: Structure) -> tuple[Task, Structure]:
         minimise = task.minimise and task.minimise.extended(n, more)
         task = replace(task, plant=larger, limits=limits, minimise=minimise)
     return task, gain
+
+
+def method_for(plant: UncertainPlant, method: Method | None) -> Method:
+    """Return the method that is meant where it is plain "scheduled", or none."""
+    if method is None or method == "scheduled":
+        return Scheduled(1, 0, "box" if plant.parameters else "simplex")
+    return method
 
 
 def _require_method(plant: UncertainPlant, method: Method) -> None:

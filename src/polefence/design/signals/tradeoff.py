@@ -30,7 +30,7 @@ from polefence.design.requirements.specification import Specification, claim_of
 from polefence.design.rows import Row, Run, RunOptions, plant_summary
 from polefence.design.signals.augmented import with_weights
 from polefence.design.signals.bounds import best_bound, bounds_file, sampled
-from polefence.design.signals.optimise import Optimised, optimise, structured
+from polefence.design.signals.optimise import Optimised, method_for, optimise, structured
 from polefence.design.signals.search import Task
 from polefence.law.laws import FixedGain, Law, PolynomialGain, ScheduledGain
 from polefence.law.structure import Structure
@@ -181,7 +181,7 @@ def _require(asked: Asked, values: list[float], methods: list[Method | None]) ->
         o = options(method)
         if not isinstance(o, Scheduled) or o.degree == "auto" or o.right_hand_sides:
             raise InputError("a trade-off goes with 'quadratic' and Scheduled(degree, elevation)")
-        require_optimisable(plant, method, 2 + len(asked.subject_to))
+        require_optimisable(plant, method_for(plant, method), 2 + len(asked.subject_to))
     require_region(plant, asked.region)
     domain = Domain.of("simplex", len(plant.vertices))
     for own in (asked.minimise, asked.over, *asked.subject_to):

@@ -177,7 +177,7 @@ def test_specifications_are_refused_before_they_are_begun():
 
 
 def test_where_inequalities_are_too_many_a_law_is_tuned(monkeypatch):
-    plant = springs(1)
+    plant = springs(1, masses=1)
     method = Scheduled(1, 0, "box")
     work = 3 * step_work(plant, method)  # of the region, and of each specification
     monkeypatch.setattr(checks, "MOST_OPTIMISED_STEP", work)

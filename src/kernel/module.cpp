@@ -16,6 +16,8 @@
 
 namespace nb = nanobind;
 
+void add_exact(nb::module_ &);  // exact.cpp
+
 namespace polefence {
 
 struct Memory::Allocation {
@@ -250,7 +252,7 @@ nb::tuple minimum(const Matrix &P, const Vector &q, const Matrix &G, const Vecto
 }  // namespace
 
 NB_MODULE(_kernel, module) {
-    module.doc() = "The interior points of polefence.lmi.solve and polefence.design.tune, compiled.";
+    module.doc() = "The interior points of polefence.lmi.solve and polefence.design.tune, and a prover, compiled.";
     module.def("instructions", [] { return std::string(has_avx2() ? "AVX2" : "baseline"); });
     module.def("run", &run, nb::arg("unknowns"), nb::arg("entries").noconvert(), nb::arg("families"),
                nb::arg("x").noconvert(), nb::arg("r"), nb::arg("tolerance"), nb::arg("enough"),
@@ -258,4 +260,5 @@ NB_MODULE(_kernel, module) {
     module.def("minimum", &minimum, nb::arg("P").noconvert(), nb::arg("q").noconvert(),
                nb::arg("G").noconvert(), nb::arg("h").noconvert(), nb::arg("reach"),
                nb::arg("bounded"), nb::arg("plain") = false);
+    add_exact(module);
 }

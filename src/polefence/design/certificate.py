@@ -13,6 +13,7 @@ import numpy as np
 from polefence.base import VERSION
 from polefence.base.errors import DesignFileError, InputError, PlantError
 from polefence.design.counterexample import counterexample
+from polefence.design.exact import holds
 from polefence.design.measured import dual_plant
 from polefence.law.laws import FixedGain, Law, PolynomialGain, ScheduledGain
 from polefence.plant.family import UncertainPlant
@@ -159,6 +160,17 @@ class Certificate:
             return prove(self.claim())
         except FormatError as error:
             raise PlantError(f"{self.plant.name}: {error}") from error
+
+    def holds(self) -> bool:
+        """Return whether the evidence proves the claim: as `prove`, by the compiled prover first.
+
+        Raises
+        ------
+        PlantError
+            If there are more inequalities than the checker takes on.
+        """
+        known = holds(self)
+        return self.prove().proved if known is None else known
 
     def file(self, claims: Sequence[Claim] | None = None) -> Document:
         """Return the file of claims about this plant and law: by default of the certificate's."""

@@ -14,7 +14,7 @@ import numpy as np
 from polefence.base.errors import DesignFileError, InputError, NotProvedError
 from polefence.base.files import read_text, write_documents
 from polefence.design.certificate import Certificate, Check, check_claim, decide, plant_of
-from polefence.design.evaluation import rounding_share
+from polefence.design.evaluation import rounding_share, surely_runs
 from polefence.law.laws import Law, ScheduledGain
 from polefence.lmi.conditions.methods import Scheduled, Slack, method_label
 from polefence.plant.family import UncertainPlant
@@ -97,10 +97,10 @@ class Design:
         """
         return rounding_share(self.certificate)
 
-    @property
+    @cached_property
     def runs(self) -> bool:
         """Whether the law still keeps the poles in the region when doubles evaluate it."""
-        return self.rounding <= 1
+        return (self.proved and surely_runs(self.certificate)) or self.rounding <= 1
 
     @property
     def note(self) -> str:

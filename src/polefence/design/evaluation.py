@@ -19,6 +19,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
@@ -34,6 +35,10 @@ UNIT = 2.0**-53
 SAFETY = 2.0  # times the root mean square is what must find room
 TOLERANCE = 1e-4
 CORNERS, INNER = 64, 8  # points of the family that are looked at
+
+# A cheap bound of the share that says enough, and the least eigenvalue of a matrix of unit diagonal
+# that is inverted for it.
+SURE, INVERTIBLE = 0.5, 1e-8
 
 
 def rounding_share(certificate: Certificate) -> float:
@@ -55,6 +60,65 @@ def rounding_share(certificate: Certificate) -> float:
     return worst
 
 
+def surely_runs(certificate: Certificate) -> bool:
+    """Whether the share of a certificate that is proved is below one by a bound that is cheap.
+
+    Where X(alpha) = I the proof leaves F >= 0, and so `TOLERANCE` of the region's size at least:
+    with tr M M' and the number of columns of M that are not zero, that bounds what F^-1 does. The
+    rest are traces in the plant's own coordinates, for Lyapunov matrices that floats invert well.
+    """
+    places, unit = _places(domain_of(certificate)), 2 * SAFETY * UNIT
+    with np.errstate(all="ignore"):
+        for region, lyapunov in lyapunovs(certificate):
+            try:
+                spread = _spread(certificate, lyapunov, places)
+            except np.linalg.LinAlgError:
+                return False
+            for _, M in region.pairs():
+                factor = math.sqrt(float((M * M).sum()) * np.count_nonzero(M.any(axis=0)))
+                if not unit * factor * spread / (TOLERANCE * region.size) <= SURE:
+                    return False
+    return True
+
+
+def _spread(certificate: Certificate, lyapunov: Lyapunov, places: Array) -> float:
+    """Return the root of the terms' squares where F^-1 = I, infinite where floats may not do."""
+    law, plant, domain = certificate.law, certificate.plant, domain_of(certificate)
+    if lyapunov.box is not None or lyapunov.multiple is not None:
+        return math.inf
+    X = np.tensordot(domain.basis(places, lyapunov.degree), lyapunov.X, 1)
+    diagonal = np.einsum("pii->pi", X)
+    scale = np.sqrt(diagonal)
+    even = X / (scale[:, :, None] * scale[:, None, :])
+    if not np.linalg.eigvalsh(even).min() > INVERTIBLE:
+        return math.inf
+    B = np.tensordot(places, plant.B, 1) / scale[:, :, None]
+    back = np.linalg.solve(even, B)
+    inputs = np.einsum("pia,pib->pab", B, back)  # B' X^-1 B
+    column = np.einsum("paa->pa", inputs)
+    if isinstance(law, FixedGain):
+        return math.sqrt(float((column @ law.K**2 * diagonal).sum(axis=-1).max()))
+    if not isinstance(law, ScheduledGain):
+        return math.inf
+    mean = law.W.mean(axis=0)
+    size = np.sqrt(np.diag(mean))
+    T = np.linalg.inv(np.linalg.cholesky(mean / np.outer(size, size))) / size
+    W, Z = T @ X @ T.T, np.tensordot(domain.basis(places, law.degree), law.Z, 1) @ T.T
+    right = np.linalg.inv(W)
+    K = Z @ right
+    moved = np.einsum("pai,pab,pbi->pi", K, inputs, K)
+    terms = (moved, W, right), (column, Z, right), (moved, T, X), (column, K @ T, X)
+    square = sum(_weighed(*term) for term in terms)
+    return math.sqrt(float(np.max(square)))
+
+
+def _weighed(columns: Array, matrix: Array, rows: Array) -> Array:
+    """Return the sum of squares of a matrix, weighed by columns and by the diagonal of rows."""
+    return np.asarray(
+        ((columns[:, None, :] @ matrix**2)[:, 0] * np.einsum("pii->pi", rows)).sum(-1)
+    )
+
+
 def domain_of(certificate: Certificate) -> Domain:
     """Return where the certificate's polynomials live."""
     law = certificate.law
@@ -64,13 +128,16 @@ def domain_of(certificate: Certificate) -> Domain:
     return Domain.of(on, len(certificate.plant.vertices))
 
 
+@lru_cache(maxsize=64)
 def _places(domain: Domain) -> Array:
     """Return corners, the middle, and points between, as alpha."""
     random = np.random.default_rng(0)
     own = [random.dirichlet(np.full(size, 0.7), INNER) for size in domain.sizes]
     middle = np.concatenate([np.full(size, 1 / size) for size in domain.sizes])
     between = domain.alpha(np.vstack([middle, np.hstack(own)]))
-    return np.vstack([np.eye(domain.corners)[:CORNERS], between])
+    found = np.vstack([np.eye(domain.corners)[:CORNERS], between])
+    found.flags.writeable = False
+    return found
 
 
 @dataclass(frozen=True, eq=False)

@@ -116,7 +116,7 @@ def evidence_at(
 
     def proved(found: LyapunovPolynomial) -> dict[str, Any] | None:
         evidence = evidence_of(found, form)
-        holds = certificate_of(plant, law, part, [evidence]).prove().proved
+        holds = certificate_of(plant, law, part, [evidence]).holds()
         return evidence if holds else None
 
     with suppress(np.linalg.LinAlgError):  # a law without a value somewhere

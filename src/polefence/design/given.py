@@ -358,7 +358,7 @@ def _tried(
         if region is None:
             return None
         certificate = certificate_of(plant, law, region, [evidence_of(found, form)])
-        return (r, region, certificate) if certificate.prove().proved else None
+        return (r, region, certificate) if certificate.holds() else None
 
     points = _points(loop_of(plant, law), question, form)
     return first(proved(found, found.r * (1 + step)) for found in points for step in STEPS)
@@ -377,7 +377,7 @@ def _beyond(
         evidence = search.in_parts()
         if evidence is not None:
             certificate = certificate_of(plant, law, region, [evidence])
-            if certificate.prove().proved:
+            if certificate.holds():
                 return (r, region, certificate), False
         if search.cut:
             return best, True

@@ -122,7 +122,7 @@ def _in_disk(plant: UncertainPlant, disk: Disk, method: Method, allow_unproved: 
         return inside
     best = smallest_disk(plant, disk.centre, method)[0]
     wider = replace(best.certificate, region=disk)
-    holds = radius_of(best) <= disk.radius and wider.prove().proved
+    holds = radius_of(best) <= disk.radius and wider.holds()
     design = runnable((inside, Design(wider) if holds else None), radius_of)
     if design is not None:
         return design
@@ -515,7 +515,7 @@ def proved_at(
         design = Design(rounded(plant, region, method, found))
     except SolverError:
         return None
-    return design if design.certificate.prove().proved else None
+    return design if design.certificate.holds() else None
 
 
 def runnable(

@@ -26,6 +26,7 @@ from polefence.plant.outputs import Output, disturbances, inputs, pick, split, s
 from polefence.plant.parameters import Parameter, check_label, check_name, exact, simplex_weights
 from polefence.plant.system import Array, Exact, System, read_matrix
 from polefence.plant.vehicle import OF_A_CAR, Vehicle
+from polefence.proof.matrices import common_denominator
 
 MAX_VERTICES = 256
 MAX_BITS = 20_000  # of the common denominator: the exact checker's bound
@@ -329,6 +330,19 @@ class UncertainPlant:
     def B(self) -> Array:
         """Vertex input matrices, (N, n, m)."""
         return np.stack([v.B for v in self.vertices])
+
+    @cached_property
+    def words(self) -> tuple[bytes, bytes, int]:
+        """[A, B] of each vertex times their common denominator, that, and how many words each has.
+
+        Whole numbers in two's complement, in words of 64 bits, the lowest first.
+        """
+        rows = [a + b for v in self.vertices for a, b in zip(v.exact_A, v.exact_B, strict=True)]
+        common = common_denominator([[list(row) for row in rows]])
+        whole = [e.numerator * (common // e.denominator) for row in rows for e in row]
+        words = max(map(int.bit_length, (common, *whole))) // 64 + 1
+        data = (e.to_bytes(8 * words, "little", signed=True) for e in whole)
+        return b"".join(data), common.to_bytes(8 * words, "little", signed=True), words
 
     @cached_property
     def digest(self) -> str:

@@ -706,7 +706,7 @@ def _own_region(task: Task, law: Law, origin: Origin) -> Certificate | None:
     if isinstance(law, FixedGain):
         name, evidence = "quadratic", {"W": origin.found.values["W1"]}
     own = Certificate(task.plant, task.region, name, law, evidence)
-    return own if own.prove().proved else None
+    return own if own.holds() else None
 
 
 def together(task: Task, law: Law, origin: Origin) -> tuple[Certificate, tuple[Bound, ...]] | None:

@@ -17,121 +17,14 @@
 #include <vector>
 
 #ifdef __SIZEOF_INT128__
-#include "whole.hpp"
+#include "numbers.hpp"
 
 namespace nb = nanobind;
 
 namespace {
 
-using polefence::Int;
-using polefence::Matrix;
-using polefence::Sign;
-using polefence::Whole;
-using polefence::Word;
-using Doubles = nb::ndarray<const double, nb::ndim<3>, nb::c_contig, nb::device::cpu>;
-using Powers = nb::ndarray<const Int, nb::ndim<2>, nb::c_contig, nb::device::cpu>;
-using Counts = nb::ndarray<const Int, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
-using FormArrays = std::tuple<Powers, Counts, Doubles>;             // exponents, multinomials, values
-using PlantArrays = std::tuple<Powers, nb::bytes, nb::bytes, Int, Int>;  // exponents, [A, B], den; n, words
+using namespace polefence;
 using PairArrays = std::vector<std::tuple<Doubles, Doubles>>;       // L and M, one matrix each
-
-void require(bool fine, const char *message) {
-    if (!fine) throw nb::value_error(message);
-}
-
-Int length_of(Int value) {  // bits of a count: a sum of so many needs so many more
-    Int length = 0;
-    while (value > 1) {
-        value = (value + 1) / 2;
-        ++length;
-    }
-    return length;
-}
-
-// --- numbers as they come: doubles as whole numbers times one power of two ------------------------
-
-struct Double {
-    Int mantissa, exponent;  // odd or zero
-
-    explicit Double(double value) : mantissa(0), exponent(0) {
-        if (value == 0.0) return;
-        int power = 0;
-        mantissa = static_cast<Int>(std::ldexp(std::frexp(value, &power), 53));
-        exponent = power - 53;
-        const int zeros = __builtin_ctzll(static_cast<Word>(mantissa));
-        mantissa >>= zeros;
-        exponent += zeros;
-    }
-    Int length() const {
-        Int length = 0;
-        for (Word rest = static_cast<Word>(mantissa < 0 ? -mantissa : mantissa); rest; rest >>= 1) ++length;
-        return length;
-    }
-    Int bits(Int least) const { return mantissa ? length() + exponent - least : 0; }
-    template <int K>
-    Whole<K> over(Int least) const {
-        return mantissa ? Whole<K>(mantissa) << (exponent - least) : Whole<K>();
-    }
-};
-
-// Numbers that share the power of two `least`.
-struct Group {
-    std::vector<Double> numbers;
-    Int least = 0;
-    bool any = false;
-
-    void take(const double *values, std::size_t count) {
-        for (std::size_t i = 0; i < count; ++i) {
-            require(std::isfinite(values[i]), "a number is not finite");
-            numbers.emplace_back(values[i]);
-            if (numbers.back().mantissa) include(numbers.back().exponent);
-        }
-    }
-    void include(Int exponent) {
-        least = any ? std::min(least, exponent) : exponent;
-        any = true;
-    }
-    Int bits() const {
-        Int most = 0;
-        for (const Double &number : numbers) most = std::max(most, number.bits(least));
-        return most;
-    }
-};
-
-// Coefficients of a polynomial: exponents and multinomials, and matrices of doubles.
-struct Form {
-    std::vector<std::string> powers;
-    std::vector<Int> multinomials;
-    std::size_t rows, columns;
-    Group group;
-
-    explicit Form(const FormArrays &given, std::size_t coordinates)
-        : rows(std::get<2>(given).shape(1)), columns(std::get<2>(given).shape(2)) {
-        const auto &[exponents, counts, values] = given;
-        const std::size_t count = values.shape(0);
-        require(count > 0 && rows > 0 && columns > 0, "a polynomial is empty");
-        require(exponents.shape(0) == count && counts.shape(0) == count &&
-                    exponents.shape(1) == coordinates,
-                "exponents do not fit");
-        for (std::size_t k = 0; k < count; ++k) {
-            std::string own;
-            for (std::size_t j = 0; j < coordinates; ++j) {
-                const Int power = exponents.data()[k * coordinates + j];
-                require(power >= 0 && power <= 16, "an exponent is 0 to 16");
-                own.push_back(static_cast<char>(power));
-            }
-            powers.push_back(own);
-            const Int multinomial = counts.data()[k];
-            require(multinomial > 0 && multinomial < (Int{1} << 50), "a multinomial is positive");
-            multinomials.push_back(multinomial);
-        }
-        group.take(values.data(), count * rows * columns);
-    }
-    Int bits() const {
-        return group.bits() + length_of(*std::max_element(multinomials.begin(), multinomials.end()));
-    }
-    std::size_t count() const { return powers.size(); }
-};
 
 // --- polynomials ----------------------------------------------------------------------------------
 
@@ -148,6 +41,18 @@ Terms<K> terms_of(const Form &form) {
         for (auto &entry : matrix.entries)
             entry = multinomial * form.group.numbers[at++].over<K>(form.group.least);
         terms.emplace(form.powers[k], std::move(matrix));
+    }
+    return terms;
+}
+
+template <int K>
+Terms<K> terms_of(const Plant &plant) {
+    Terms<K> terms;
+    std::size_t k = 0;
+    for (const auto &e : plant.powers) {
+        Matrix<K> matrix(plant.n, plant.columns);
+        for (auto &entry : matrix.entries) entry = plant.number<K>(plant.data, k++);
+        terms.emplace(e, std::move(matrix));
     }
     return terms;
 }
@@ -195,82 +100,14 @@ template <int K>
 Sign all_positive(const Terms<K> &terms, Int count) {
     Sign worst = static_cast<Int>(terms.size()) == count ? Sign::positive : Sign::not_positive;
     for (const auto &[e, matrix] : terms) {
-        const Sign own = polefence::positive_definite(matrix);
+        const Sign own = positive_definite(matrix);
         if (own == Sign::not_positive) return own;
         if (own == Sign::unknown) worst = own;
     }
     return worst;
 }
 
-// --- the claim ------------------------------------------------------------------------------------
-
-// Numbers of a plant: [A, B] of each vertex times their denominator, in words.
-struct Plant {
-    std::vector<std::string> powers;
-    std::size_t n, columns, words;
-    std::string data, denominator;
-
-    Plant(const PlantArrays &given, std::size_t coordinates) {
-        const auto &[exponents, entries, whole, states, length] = given;
-        require(states > 0 && length > 0, "a plant has states, and numbers have words");
-        n = static_cast<std::size_t>(states);
-        words = static_cast<std::size_t>(length);
-        data.assign(entries.c_str(), entries.size());
-        denominator.assign(whole.c_str(), whole.size());
-        const std::size_t count = exponents.shape(0);
-        require(count > 0 && exponents.shape(1) == coordinates, "exponents do not fit");
-        require(denominator.size() == 8 * words, "the denominator does not fit");
-        columns = data.size() / (8 * words * n * count);
-        require(columns > n && data.size() == 8 * words * n * count * columns, "A and B do not fit");
-        for (std::size_t k = 0; k < count; ++k) {
-            std::string own;
-            for (std::size_t j = 0; j < coordinates; ++j) {
-                const Int power = exponents.data()[k * coordinates + j];
-                require(power >= 0 && power <= 16, "an exponent is 0 to 16");
-                own.push_back(static_cast<char>(power));
-            }
-            powers.push_back(own);
-        }
-    }
-    // Length of the longest number.
-    Int bits() const {
-        Int most = 0;
-        for (const auto *from : {&data, &denominator})
-            for (std::size_t k = 0; k < from->size() / (8 * words); ++k) {
-                const auto byte = [&](std::size_t b) {
-                    return static_cast<unsigned char>((*from)[8 * words * k + b]);
-                };
-                std::size_t length = 8 * words;
-                const unsigned char fill = byte(length - 1) & 0x80 ? 0xff : 0;
-                while (length > 0 && byte(length - 1) == fill) --length;
-                most = std::max(most, 8 * static_cast<Int>(length));
-            }
-        return most;
-    }
-    template <int K>
-    Whole<K> number(const std::string &from, std::size_t k) const {
-        Whole<K> value;
-        for (std::size_t i = 0; i < K; ++i) {
-            Word word = 0;
-            const std::size_t last = std::min(i, words - 1);
-            for (int b = 7; b >= 0; --b)
-                word = word << 8 | static_cast<unsigned char>(from[8 * (k * words + last) + b]);
-            value.w[i] = i < words ? word : (word >> 63 ? ~Word{0} : 0);
-        }
-        return value;
-    }
-    template <int K>
-    Terms<K> terms() const {
-        Terms<K> result;
-        std::size_t k = 0;
-        for (const auto &e : powers) {
-            Matrix<K> matrix(n, columns);
-            for (auto &entry : matrix.entries) entry = number<K>(data, k++);
-            result.emplace(e, std::move(matrix));
-        }
-        return result;
-    }
-};
+// --- the claims -----------------------------------------------------------------------------------
 
 // X = form V, or form alone, and F = -(L (x) X + M (x) N + M' (x) N') for N = [A, B] form V.
 struct Poles {
@@ -315,7 +152,7 @@ struct Poles {
             if (each && !symmetric(*each)) return Sign::not_positive;
         Terms<K> both = terms_of<K>(form);
         if (V) both = product(both, terms_of<K>(*V));
-        const Terms<K> N = product(plant.terms<K>(), both);
+        const Terms<K> N = product(terms_of<K>(plant), both);
         Terms<K> X;
         const Whole<K> denominator = plant.number<K>(plant.denominator, 0);
         for (const auto &[e, matrix] : both) {
@@ -404,31 +241,6 @@ struct Poles {
     }
 };
 
-// What holds for every polynomial claim, in as many words as its numbers need.
-template <int K, typename Claim>
-int decided(const Claim &claim) {
-    switch (claim.template decide<K>()) {
-        case Sign::positive: return 1;
-        case Sign::not_positive: return 0;
-        default: return -1;
-    }
-}
-
-template <typename Claim>
-int answer(const Claim &claim) {
-    const Int bits = claim.bits();
-    if (bits < 0) return -1;
-    nb::gil_scoped_release release;
-    if (bits <= 64 * 2) return decided<2>(claim);
-    if (bits <= 64 * 3) return decided<3>(claim);
-    if (bits <= 64 * 4) return decided<4>(claim);
-    if (bits <= 64 * 6) return decided<6>(claim);
-    if (bits <= 64 * 9) return decided<9>(claim);
-    if (bits <= 64 * 14) return decided<14>(claim);
-    if (bits <= 64 * 24) return decided<24>(claim);
-    return -1;
-}
-
 std::size_t coordinates_of(const std::vector<Int> &sizes) {
     require(!sizes.empty() && sizes.size() <= 16, "there are 1 to 16 simplices");
     std::size_t total = 0;
@@ -474,7 +286,7 @@ int poles(const std::vector<Int> &sizes, const PlantArrays &plant_given, const F
     // tau is a multiple of the others' power of two
     if (claim.tau.mantissa && claim.tau.exponent < claim.power())
         claim.form.group.include(claim.form.group.least - (claim.power() - claim.tau.exponent));
-    return tau < 0 ? 0 : answer(claim);
+    return tau < 0 ? 0 : in_words(claim, -1);
 }
 
 // The inequalities with slack for a disk: [r P, c G - N; ., r (G + G' - P)], N = [A, B] [G; K G].
@@ -502,7 +314,7 @@ struct Slack {
         Terms<K> p = terms_of<K>(P), g = terms_of<K>(G);
         for (const auto &[e, matrix] : p)
             if (!matrix.symmetric()) return Sign::not_positive;
-        Terms<K> N = product(plant.terms<K>(), product(terms_of<K>(law), g));
+        Terms<K> N = product(terms_of<K>(plant), product(terms_of<K>(law), g));
         const Whole<K> one = Whole<K>(1) << -law.group.least;
         const Whole<K> common = one * plant.number<K>(plant.denominator, 0);
         for (auto *each : {&p, &g})
@@ -570,7 +382,7 @@ int slack(const std::vector<Int> &sizes, const PlantArrays &plant_given, const F
     for (const Form *each : {&claim.P, &claim.G})
         if (each->group.any) both.include(each->group.least);
     claim.P.group.least = claim.G.group.least = both.least;
-    return answer(claim);
+    return in_words(claim, -1);
 }
 
 }  // namespace

@@ -17,6 +17,7 @@
 namespace nb = nanobind;
 
 void add_exact(nb::module_ &);  // exact.cpp
+void add_bound(nb::module_ &);  // bound.cpp
 
 namespace polefence {
 
@@ -261,4 +262,5 @@ NB_MODULE(_kernel, module) {
                nb::arg("G").noconvert(), nb::arg("h").noconvert(), nb::arg("reach"),
                nb::arg("bounded"), nb::arg("plain") = false);
     add_exact(module);
+    add_bound(module);
 }

@@ -169,7 +169,7 @@ struct Matrix {
     }
 };
 
-enum class Sign { positive, not_positive, unknown };
+enum class Sign { unknown = -1, not_positive = 0, positive = 1 };
 
 // The root of a number below 2^126, rounded down.
 inline Int root(Signed value) {
@@ -180,6 +180,7 @@ inline Int root(Signed value) {
 }
 
 constexpr int DIGITS = 62;  // of the numbers that decide whether a matrix is positive definite
+constexpr Signed ONE = static_cast<Signed>(1) << DIGITS;
 
 // Whether all pivots of Cholesky's recursion for s + c I are positive, s (n x n) by its upper half:
 // `_has_root` of polefence/proof/matrices.py, loop for loop. A column whose squares exceed what is
@@ -187,18 +188,17 @@ constexpr int DIGITS = 62;  // of the numbers that decide whether a matrix is po
 inline bool has_root(const std::vector<Int> &s, std::size_t n, Int c) {
     std::vector<Int> R(n * n);
     std::vector<Signed> rest(n);
-    for (std::size_t i = 0; i < n; ++i) rest[i] = (static_cast<Signed>(s[i * n + i]) + c) << DIGITS;
+    for (std::size_t i = 0; i < n; ++i) rest[i] = (static_cast<Signed>(s[i * n + i]) + c) * ONE;
     for (std::size_t i = 0; i < n; ++i) {
         const Int pivot = rest[i] > 0 ? root(rest[i]) : 0;
         if (!pivot) return false;
         for (std::size_t j = i + 1; j < n; ++j) {
-            Signed value = static_cast<Signed>(s[i * n + j]) << DIGITS;
+            Signed value = static_cast<Signed>(s[i * n + j]) * ONE;
             for (std::size_t k = 0; k < i; ++k)
                 value -= static_cast<Signed>(R[i * n + k]) * R[j * n + k];
             Signed quotient = value / pivot;
             if (value % pivot < 0) --quotient;
-            constexpr Signed most = static_cast<Signed>(1) << (DIGITS + 1);
-            if (quotient > most || quotient < -most) return false;
+            if (quotient > 2 * ONE || quotient < -2 * ONE) return false;
             R[j * n + i] = static_cast<Int>(quotient);
             rest[j] -= quotient * quotient;
             if (rest[j] <= 0) return false;

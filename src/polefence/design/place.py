@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from polefence.base.errors import InputError, NotProvedError, SolverError, require_type
+from polefence.design.bound import lower_radius
 from polefence.design.certificate import Certificate
 from polefence.design.checks import (
     is_checkable,
@@ -352,10 +353,13 @@ def _lower(plant: UncertainPlant, sigma: float, method: Method, found: Reached) 
     method = normal(method)
     if found.dual is None or not (isinstance(method, str) or rhs):
         return None
+    name, Y = method_name(method), found.dual.matrices()
+    close = lower_radius(plant, name, sigma, found.r, Y, rhs)
+    if close is not None:
+        return close
     A = [[list(row) for row in v.exact_A] for v in plant.vertices]
     B = [[list(row) for row in v.exact_B] for v in plant.vertices]
-    Y = found.dual.matrices()
-    bound = lower_bound(method_name(method), A, B, Fraction(sigma), found.r, Y, rhs)
+    bound = lower_bound(name, A, B, Fraction(sigma), found.r, Y, rhs)
     return None if bound is None else float(bound.r)
 
 

@@ -178,11 +178,11 @@ def _asked(
 def _residuals(layout: _Layout, S: Array, B: Array, X: Array) -> Array:
     """Return what the equations of Z or L, and before them of the skew part of G, leave."""
     if layout.joint:
-        left = np.einsum("jiq,jic->qc", B, X)
+        left: Array = np.einsum("jiq,jic->qc", B, X)
         if layout.method == "quadratic":
             return left[None]
         V = np.einsum("jia,jic->ac", S, X)
-        return np.vstack([(V - V.T) / 2, left])[None]
+        return np.asarray(np.vstack([(V - V.T) / 2, left]))[None]
     products = B[layout.j].swapaxes(1, 2) @ X[layout.b]
     found = np.zeros((len(layout.count), *products.shape[1:]))
     np.add.at(found, layout.k, products)

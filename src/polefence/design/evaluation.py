@@ -86,7 +86,12 @@ def _spread(certificate: Certificate, lyapunov: Lyapunov, places: Array) -> floa
     law, plant, domain = certificate.law, certificate.plant, domain_of(certificate)
     if lyapunov.box is not None or lyapunov.multiple is not None:
         return math.inf
-    X = np.tensordot(domain.basis(places, lyapunov.degree), lyapunov.X, 1)
+    constant = not lyapunov.degree  # the same everywhere: one for all places
+    X = (
+        lyapunov.X
+        if constant
+        else np.tensordot(domain.basis(places, lyapunov.degree), lyapunov.X, 1)
+    )
     diagonal = np.einsum("pii->pi", X)
     scale = np.sqrt(diagonal)
     even = X / (scale[:, :, None] * scale[:, None, :])

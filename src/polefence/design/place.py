@@ -321,12 +321,17 @@ def _designs(
     Rounding needs room: more of it a step outside the point found, or at a point on the way to it,
     each at its own radius.
     """
+    nearest = proved_at(plant, Disk(centre, found.r * (1 + STEPS[0])), method, found)
+    if nearest is not None and nearest.runs:  # mostly: what else there is need not be unpacked
+        return [nearest]
     candidates = [(found, step) for step in STEPS]
     candidates += [(point, STEPS[0]) for point in found.path() if point.r > found.r]
     candidates.sort(key=lambda own: own[0].r * (1 + own[1]))
-    designs: dict[int, Design | None] = {}
+    designs: dict[int, Design | None] = {0: nearest}
 
     def runs(place: int) -> bool:
+        if not place:
+            return False
         point, step = candidates[place]
         design = proved_at(plant, Disk(centre, point.r * (1 + step)), method, point)
         designs[place] = design

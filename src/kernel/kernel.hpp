@@ -65,6 +65,9 @@ struct Program {
     double reach;
 };
 
+// Counts multiplications: after every so many, Python may end what this thread does, by an error.
+void worked(std::int64_t multiplications);
+
 // Owns every array of a run; each is an allocation of its own, so that overruns show.
 class Memory {
   public:

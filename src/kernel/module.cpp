@@ -47,6 +47,45 @@ double *Memory::take(std::int64_t count) {
 
 namespace {
 
+constexpr std::int64_t between = 100'000'000;  // multiplications: a tenth of a second at most
+
+class Watch;
+thread_local Watch *watch = nullptr;
+
+// Whom the run in this thread tells how many iterations are done, and the work until then.
+class Watch {
+  public:
+    Watch(const polefence::State &own, const nb::object &listener) : state(own), told(listener) {
+        watch = this;
+    }
+    Watch(const Watch &) = delete;
+    Watch &operator=(const Watch &) = delete;
+    ~Watch() { watch = before; }
+
+    const polefence::State &state;
+    const nb::object &told;
+    std::int64_t left = between;
+
+  private:
+    Watch *before = watch;
+};
+
+}  // namespace
+
+namespace polefence {
+
+void worked(std::int64_t multiplications) {
+    if (!watch || (watch->left -= multiplications) > 0) return;
+    watch->left = between;
+    nb::gil_scoped_acquire acquire;
+    if (PyErr_CheckSignals() != 0) throw nb::python_error();
+    if (!watch->told.is_none()) watch->told(watch->state.iterations);
+}
+
+}  // namespace polefence
+
+namespace {
+
 using polefence::Block;
 using polefence::Term;
 using Int = std::int64_t;
@@ -161,7 +200,7 @@ bool has_avx2() {
 
 nb::tuple run(Int unknowns, const Integers &entries, const std::vector<FamilyArrays> &families,
               const Vector &x, double r, double tolerance, double enough, Int order,
-              Int max_iterations, bool plain) {
+              Int max_iterations, bool plain, const nb::object &told) {
     const auto entry_count = static_cast<Int>(entries.shape(0));
     require(unknowns > 0 && static_cast<Int>(x.shape(0)) == unknowns, "x does not fit");
     for (Int i = 0; i < entry_count; ++i)
@@ -199,6 +238,7 @@ nb::tuple run(Int unknowns, const Integers &entries, const std::vector<FamilyArr
     polefence::State state{out, Y, trail, r, 0.0, 0, false};
     bool started = false;
     {
+        const Watch own(state, told);
         nb::gil_scoped_release release;
         polefence::Memory memory;
 #ifdef POLEFENCE_AVX2
@@ -257,7 +297,8 @@ NB_MODULE(_kernel, module) {
     module.def("instructions", [] { return std::string(has_avx2() ? "AVX2" : "baseline"); });
     module.def("run", &run, nb::arg("unknowns"), nb::arg("entries").noconvert(), nb::arg("families"),
                nb::arg("x").noconvert(), nb::arg("r"), nb::arg("tolerance"), nb::arg("enough"),
-               nb::arg("order"), nb::arg("max_iterations"), nb::arg("plain") = false);
+               nb::arg("order"), nb::arg("max_iterations"), nb::arg("plain") = false,
+               nb::arg("told") = nb::none());
     module.def("minimum", &minimum, nb::arg("P").noconvert(), nb::arg("q").noconvert(),
                nb::arg("G").noconvert(), nb::arg("h").noconvert(), nb::arg("reach"),
                nb::arg("bounded"), nb::arg("plain") = false);

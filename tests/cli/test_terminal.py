@@ -3,11 +3,13 @@
 import io
 import os
 import pty
+import re
 import select
 import signal
 import subprocess
 import sys
 import threading
+from itertools import pairwise
 from pathlib import Path
 
 import pytest
@@ -87,13 +89,24 @@ def test_nobody_is_told_in_another_thread():
     assert lines == []
 
 
-def test_proofs_say_how_far_they_are_and_answer_the_same():
+def test_searches_and_proofs_say_how_far_they_are_and_answer_the_same():
     lines = []
     with progress(lines.append):
         followed = tightest(spring(), -3, "quadratic")
     assert followed.region == tightest(spring(), -3, "quadratic").region
+    assert any("search, iteration 1" in line for line in lines)
     assert any("proof, inequality 2" in line for line in lines)
     assert lines[-1] == ""
+
+
+def test_the_reference_counts_its_iterations(monkeypatch):
+    monkeypatch.setattr("polefence.lmi.solve.engine._kernel", None)
+    lines = []
+    with progress(lines.append):
+        tightest(spring(), -3, "quadratic")
+    seen = [int(found[1]) for line in lines if (found := re.search(r"iteration (\d+)", line))]
+    assert max(seen) > 3
+    assert all(b in (a, a + 1, 1) for a, b in pairwise(seen))
 
 
 def test_a_listener_may_end_the_work():
@@ -206,3 +219,41 @@ def test_what_ends_by_itself_is_not_cut_off(monkeypatch):
         signal.raise_signal(signal.SIGINT)
     assert not ended.wait(0.2)
     assert signal.set_wakeup_fd(-1) == -1
+
+
+LONG = """
+name = "springs"
+[parameter]
+k0.range = [1, 1.2]
+k1.range = [1, 1.2]
+k2.range = [1, 1.2]
+k3.range = [1, 1.2]
+[matrices]
+A = [
+    [0, 1, 0, 0, 0, 0],
+    ["-k0-k1-k2-k3", -1, "k0", 0, 0, 0],
+    [0, 0, 0, 1, 0, 0],
+    ["k0", 0, "-k0-k1-k2-k3", -1, "k0", 0],
+    [0, 0, 0, 0, 0, 1],
+    [0, 0, "k0", 0, "-k0-k1-k2-k3", -1],
+]
+B = [[0], [0], [0], [0], [0], ["k0"]]
+"""
+
+
+def test_an_interrupted_sweep_has_printed_its_finished_rows(screen):
+    Path("long.toml").write_text(LONG)
+    words = ["limits", "long.toml", "--centre", "-5", "--method", "quadratic"]
+    process = subprocess.Popen(
+        [sys.executable, "-m", "polefence", *words, "--method", "scheduled"],
+        stdout=subprocess.PIPE,
+        stderr=screen.stream,
+        text=True,
+    )
+    screen.read("scheduled, search")
+    process.send_signal(signal.SIGINT)
+    out, _ = process.communicate(timeout=60)
+    assert process.returncode == 130
+    assert [line.split()[1] for line in out.splitlines()[2:]] == ["quadratic"]
+    screen.read("interrupted")
+    assert screen.rows[-1] == "polefence: interrupted"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import runpy
+import signal
 import threading
 import time
 from concurrent.futures import ThreadPoolExecutor
@@ -249,3 +250,47 @@ def test_other_threads_run_meanwhile(make_random):
         time.sleep(1e-4)
     begin, end = span
     assert any(0.25 < (tick - begin) / (end - begin) < 0.75 for tick in ticks)
+
+
+# --- while it runs -------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def long(make_random):
+    """A run of about a second, that Python is asked in several times."""
+    return problem(make_random(3, 8, 2, 8), 3.0, "scheduled")
+
+
+@compiled
+@pytest.mark.parametrize("plain", [False, True])
+def test_a_listener_hears_of_iterations_and_may_end_the_run(plain, long):
+    heard = []
+
+    def listen(iterations):
+        heard.append(iterations)
+        if iterations > 1:
+            raise TimeoutError
+
+    with pytest.raises(TimeoutError):
+        call(arguments(*long), plain=plain, told=listen)
+    assert 1 < heard[-1] < 10
+    assert all(earlier <= 1 for earlier in heard[:-1])
+
+
+@compiled
+def test_hearing_changes_nothing(long):
+    given = arguments(*long) | {"max_iterations": 2}
+    silent, told = call(given), call(given, told=lambda iterations: None)
+    assert silent[2] == told[2]
+    assert np.array_equal(silent[1], told[1])
+
+
+@compiled
+def test_a_run_ends_at_ctrl_c(long):
+    given = arguments(*long)
+
+    def interrupt(iterations):
+        signal.raise_signal(signal.SIGINT)  # Python handles it after this call, or in the next
+
+    with pytest.raises(KeyboardInterrupt):
+        call(given, told=interrupt)

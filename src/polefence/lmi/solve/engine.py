@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from polefence.base.progress import stage
 from polefence.lmi.solve import interior_point as reference
 from polefence.lmi.solve.interior_point import Outcome
 from polefence.lmi.solve.stacked import Stacked
@@ -38,6 +39,7 @@ def engine() -> str:
     return "numpy" if _kernel is None else f"compiled ({_kernel.instructions()})"
 
 
+@stage("search")
 def run(
     stacked: Stacked,
     x: Array,
@@ -65,6 +67,7 @@ def run(
     families = [
         [(t.D, t.M, t.R, t.rows, t.weights) for t in family.terms] for family in stacked.families
     ]
+    reference.tell(0)
     started, x, r, Y, gap, iterations, converged, trail = _kernel.run(
         stacked.unknowns,
         stacked.entries,
@@ -75,6 +78,7 @@ def run(
         enough,
         reference.ORDER,
         reference.MAX_ITERATIONS,
+        told=reference.tell,
     )
     if not started:
         raise np.linalg.LinAlgError("the start is not interior")

@@ -28,6 +28,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from polefence.base.progress import note
 from polefence.lmi.solve.stacked import Blocks, Stacked
 from polefence.plant.system import Array
 
@@ -132,6 +133,7 @@ def run(
     iterations, gap, number, poor = 0, np.inf, 0, 0
     trail = list[Array]()
     for iterations in range(MAX_ITERATIONS + 1):
+        tell(iterations)
         D, M = stacked.parts(x)
         Y = _scaled(Y, 1 / _inner(Y, D))
         F = [r * d - m for d, m in zip(D, M, strict=True)]
@@ -153,6 +155,11 @@ def run(
         x, r, Y = step
         poor = max(0, poor + (1 if number >= POOR else -1)) if arc.pivot < ILL else 0
     return Outcome(x, r, Y, gap, iterations, bool(gap <= tolerance * r), np.array(trail))
+
+
+def tell(iterations: int) -> None:
+    """Say which iteration is next."""
+    note(f"iteration {iterations + 1}")
 
 
 def least_radius(D: Blocks, M: Blocks) -> float:

@@ -93,6 +93,7 @@ def test_searches_and_proofs_say_how_far_they_are_and_answer_the_same():
     lines = []
     with progress(lines.append):
         followed = tightest(spring(), -3, "quadratic")
+        assert followed.certificate.prove().proved
     assert followed.region == tightest(spring(), -3, "quadratic").region
     assert any("search, iteration 1" in line for line in lines)
     assert any("proof, inequality 2" in line for line in lines)

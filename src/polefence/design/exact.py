@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from polefence.base.progress import stage
 from polefence.law.laws import FixedGain, ScheduledGain
 from polefence.lmi.solve.engine import kernel
 from polefence.plant.polynomial import Domain, binomial
@@ -35,6 +36,7 @@ _ANSWERS = {1: True, 0: False}
 Pair = tuple[Array, Array]
 
 
+@stage("proof")
 def holds(certificate: Certificate) -> bool | None:
     """Return whether the evidence proves the claim, exactly; None where it is not known."""
     own, ask = kernel(), _METHODS.get(certificate.method)

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from polefence.base.errors import InputError, NotProvedError, SolverError, require_type
+from polefence.base.progress import stage
 from polefence.design.bound import lower_radius
 from polefence.design.certificate import Certificate
 from polefence.design.checks import (
@@ -341,6 +342,7 @@ def _designs(
     return [designs[place] for place in sorted(designs)]
 
 
+@stage("lower bound")
 def _bound(plant: UncertainPlant, sigma: float, method: Method, found: Reached) -> float | None:
     """Return a lower bound, from a closer run where the first one leaves a gap."""
     lower = _lower(plant, sigma, method, found)

@@ -168,9 +168,16 @@ def analyse(
     law = given_law(plant, law)
     require_type(region, Region, "region", "for example polefence.Disk(-40, 31)")
     require_region(plant, region)
+    return analysed(plant, law, region, Deadline(budget))
+
+
+def analysed(
+    plant: UncertainPlant, law: Law, region: Region, deadline: Deadline, halved: bool = True
+) -> Analysis:
+    """Return what is proved of one law; with ``halved`` in parts of the box too."""
     ladder = list(forms(plant, law, len(region.parts)))
     claim = certificate_of(plant, law, region, [placeholder(plant, law)] * len(region.parts))
-    deadline, parts = Deadline(budget), list[dict[str, Any]]()
+    parts = list[dict[str, Any]]()
     # of the lowest degree first: most laws that keep a region need no other
     found = [evidence_at(plant, law, part, ladder[0]) for part in region.parts]
     if None in found:
@@ -179,7 +186,7 @@ def analyse(
             return _refuted(plant, law, region, alpha)
     for part, evidence in zip(region.parts, found, strict=True):
         search = Search(plant, law, part, deadline, len(region.parts))
-        proof = evidence or search.proof(ladder[1:])
+        proof = evidence or search.proof(ladder[1:], halved)
         if search.alpha is not None:
             return _refuted(plant, law, region, search.alpha)
         if proof is None:

@@ -21,7 +21,7 @@ import numpy as np
 
 from polefence.base.errors import InputError, NotProvedError, RegionError, SolverError
 from polefence.design.certificate import Certificate
-from polefence.design.given import analyse
+from polefence.design.given import analysed
 from polefence.design.requirements.gain_norm import GainNorm, as_norms
 from polefence.design.requirements.specification import Specification
 from polefence.design.search import Deadline, edge
@@ -56,7 +56,7 @@ INSIDE = 0.95  # how far inside the region the search begins
 KEPT = 1 - 1e-5  # share of a limit that a design keeps, so that the proof has something to spare
 AGREED = 1e-5  # how close two ends of one question are, as a share
 ENDS = 2  # that are compared where they depend on the start
-ROUGH = 1e-4  # gap at which one gain is a start: a point that is not at the edge of everything
+ROUGH = 0.1  # gap at which one gain is a start: well off the edge of everything
 ROUNDED = 1e-9  # of the fastest pole: what rounding may move a pole by
 SPEED = 100.0  # times the plant's own rates, where nothing else bounds the first law's
 
@@ -134,8 +134,9 @@ class Task:
     ) -> Reached:
         """Search for the law.
 
-        Without bounds on the law itself the question is convex: an end that two searches come to
-        will do. With them the end depends on the start: the best of a few is returned.
+        Without bounds on the law itself the question is convex: an end whose duals say so, or that
+        two searches come to, will do. With them it depends on the start: the best of a few is
+        returned.
 
         Parameters
         ----------
@@ -171,7 +172,8 @@ class Task:
             if not holds:  # its r is of a W that doubles do not hold
                 continue
             ends += 1
-            ended = found.converged and not question.norms and (again or tolerance > AGREED)
+            sure = again or tolerance > AGREED or found.residual <= AGREED
+            ended = found.converged and not question.norms and sure
             if self.minimise is None or ended or (question.norms and ends == ENDS):
                 break
         if best is None:
@@ -499,7 +501,9 @@ class Search:
         if self.candidates and not own.estimate < self.best * (1 - SLIGHT):
             return False
         region = relaxed(self.task.region, own.shares)
-        found = candidate(self.task, own.law, region, own.origin, own.estimate)
+        # one that only parts of the box prove is looked at where there is no other
+        alone = not self.candidates
+        found = candidate(self.task, own.law, region, own.origin, own.estimate, alone)
         if found is None or not self._has_bound(found):
             return False
         self.point = own
@@ -638,11 +642,15 @@ def candidate(
     designed: Region | None,
     origin: Origin | None = None,
     estimate: float = 0.0,
+    halved: bool = True,
 ) -> Candidate | None:
-    """Return proofs of the region and of the limits of a task; None where there is not each."""
+    """Return proofs of the region and of the limits of a task; None where there is not each.
+
+    With ``halved`` the region is proved in parts of the box too, where it is not on the whole.
+    """
     limits: list[Bound] = []
     with suppress(SolverError), singular_is_failure():
-        certificate = _region(task, law, designed, origin)
+        certificate = _region(task, law, designed, origin, halved)
         if certificate is None:
             return None
         own = Candidate(certificate, (), designed, estimate, origin)
@@ -688,14 +696,14 @@ def relaxed(region: Region, shares: Shares) -> Region | None:
 
 
 def _region(
-    task: Task, law: Law, designed: Region | None, origin: Origin | None
+    task: Task, law: Law, designed: Region | None, origin: Origin | None, halved: bool
 ) -> Certificate | None:
     """Prove the region with the law's own W where it was asked of it, else as of a given law."""
     if designed == task.region and origin is not None:
         own = _own_region(task, law, origin)
         if own is not None:
             return own
-    answer = analyse(task.plant, law, task.region)
+    answer = analysed(task.plant, law, task.region, Deadline(None), halved)
     return answer.certificate if answer.proved else None
 
 

@@ -45,6 +45,7 @@ SHIFTS = (0.0, 1e-15, 1e-14, 1e-13, 1e-12, 1e-11)  # of H's scaled diagonal, unt
 DAMPING, LEAST_DAMPING = 0.7, 1e-4
 # While a pivot of the scaled H is below ILL, steps with no more of the tangent than SHARES[POOR]
 # count up, others down: after so many, these coordinates have no digits left and the run ends.
+# Steps before the first longer one, far from the path, do not count.
 POOR, PATIENCE, ILL = 14, 3, 1e-5
 
 
@@ -130,7 +131,7 @@ def run(
     if not (r > 0 and np.all(np.isfinite(x))):
         raise np.linalg.LinAlgError("no radius to start from")
     Y = _inverses([r * d - m for d, m in zip(D, M, strict=True)])
-    iterations, gap, number, poor = 0, np.inf, 0, 0
+    iterations, gap, number, poor, begun = 0, np.inf, 0, 0, False
     trail = list[Array]()
     for iterations in range(MAX_ITERATIONS + 1):
         tell(iterations)
@@ -153,7 +154,8 @@ def run(
         if step is None:
             break
         x, r, Y = step
-        poor = max(0, poor + (1 if number >= POOR else -1)) if arc.pivot < ILL else 0
+        begun = begun or number < POOR
+        poor = max(0, poor + (1 if number >= POOR else -1)) if begun and arc.pivot < ILL else 0
     return Outcome(x, r, Y, gap, iterations, bool(gap <= tolerance * r), np.array(trail))
 
 

@@ -260,4 +260,5 @@ def _run(
         t=t,
         converged=outcome.converged,
         iterations=outcome.iterations,
+        residual=stacked.residual(outcome.x, outcome.r, outcome.Y) if outcome.converged else np.inf,
     )

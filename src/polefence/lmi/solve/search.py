@@ -98,6 +98,8 @@ class Reached(Point):
         Unit of the search's rates [1/s].
     trails : tuple of Trail
         How it was reached, the last run first.
+    residual : float
+        By how much of r its duals miss a lower bound near r, for unknowns no larger than here.
     """
 
     values: dict[str, Array]
@@ -105,6 +107,7 @@ class Reached(Point):
     dual: Dual | None = None
     rate: float = 1.0
     trails: tuple[Trail, ...] = ()
+    residual: float = np.inf
 
     def path(self) -> list[Reached]:
         """Return the points on the way, the least r first: farther inside, rounding does less."""

@@ -116,6 +116,25 @@ class Stacked:
                 M += t.M @ right
         return [(D + D.swapaxes(1, 2), M + M.swapaxes(1, 2)) for D, M in found.values()]
 
+    def gradient(self, P: Blocks, D: float, M: float) -> Array:
+        """Return the gradient of <P, D D(x) + M M(x)> in x, once without what `adjoint` sets up."""
+        by_size = dict(zip(self.sizes, P, strict=True))
+        places, found = [], []
+        for family in self.families:
+            own = by_size[family.size][family.where]
+            for t in family.terms:
+                G = 2 * (D * t.D + M * t.M).swapaxes(1, 2) @ (own @ t.R)
+                places.append((t.rows[..., None] + np.arange(t.R.shape[2])).ravel())
+                found.append((t.weights[:, :, None, None] * G[:, None]).ravel())
+        entries = self.entries[np.concatenate(places)]
+        return np.bincount(entries, np.concatenate(found), self.unknowns)
+
+    def residual(self, x: Array, r: float, Y: Blocks) -> float:
+        """Return by how much duals miss A_r* Y = nu t, t'x fixed, at x, relative to r."""
+        missed, t = self.gradient(Y, r, -1.0), self.gradient(self.identity(), 1.0, 0.0)
+        missed -= (missed @ t) / (t @ t) * t
+        return float(np.abs(missed * x).sum() / r)
+
     def adjoint(self, r: float, P: Blocks, only_D: bool = False) -> Array:
         """Return the gradient of <P, r D(x) - M(x)> in x; with ``only_D`` that of <P, D(x)>."""
         flat = _flat(P)

@@ -232,8 +232,8 @@ def assembled(
     t = {source.name: pencil.positive(f"t {source.name}") for source in sources}
     by_name = {source.name: source for source in sources}
     q = max([1, *(o.F.shape[2] for o in outputs if o.F is not None)])
-    raised = {s.name: _raised(s, domain, degree, q) for s in sources}
-    squares = {o.name: _square(o, domain, degree) for o in outputs}
+    moved = {s.name: raised(s, domain, degree, q) for s in sources}
+    bounds = {o.name: squares(o, domain, degree) for o in outputs}
     # of a gain alone nothing else makes X positive
     gains = bool(sources) and all(isinstance(source, Through) for source in sources)
     for form in forms:
@@ -242,17 +242,17 @@ def assembled(
         motion = form.N + demands.margin * form.X if demands.margin else form.N
         for source in sources:
             if not isinstance(source, Through):
-                data = raised[source.name](e)
+                data = moved[source.name](e)
                 pencil.blocks += _moved(source, name, form.X, motion, t[source.name], data, weight)
         for output, Y in zip(outputs, form.Y, strict=True):
             source, own = by_name[output.source], t[output.source]
             label = f"{output.name}, {name}"
             if isinstance(source, Through):
-                E = raised[source.name](e)
+                E = moved[source.name](e)
                 F = _raised_F(output, domain, degree, E.shape[1])(e)
                 pencil.blocks.append(_passed(label, form.N, Y, own, E, F, weight, output))
             else:
-                pencil.blocks.append(_bound(label, form.X, Y, own, squares[output.name][e], output))
+                pencil.blocks.append(_bound(label, form.X, Y, own, bounds[output.name][e], output))
         for label, side in target.named(name):
             pencil.region(label, form.X, form.N, side, form.floor)
         if target.positive or gains:
@@ -260,7 +260,7 @@ def assembled(
     return pencil.build()
 
 
-def _raised(source: Source, domain: Domain, degree: int, q: int) -> Callable[[Exponent], Array]:
+def raised(source: Source, domain: Domain, degree: int, q: int) -> Callable[[Exponent], Array]:
     """Return the source's coefficients, elevated to a degree: E S E', points side by side, or E."""
     if isinstance(source, Noise):
         P, columns = source.EE, len(next(iter(source.EE.values())))
@@ -274,7 +274,7 @@ def _raised(source: Source, domain: Domain, degree: int, q: int) -> Callable[[Ex
     return lambda e: table.get(e, zero)
 
 
-def _square(output: Output, domain: Domain, degree: int) -> dict[Exponent, float]:
+def squares(output: Output, domain: Domain, degree: int) -> dict[Exponent, float]:
     """Return the coefficients of the bound's square over level^2."""
     if output.square is None:
         return {e: float(binomial(domain.sizes, e)) for e in domain.monomials(degree)}

@@ -14,10 +14,11 @@ from polefence.lmi.conditions.methods import design
 from polefence.lmi.conditions.pencil import Pencil
 from polefence.lmi.conditions.performance import Demands, Output, Source, Through, unit_of
 from polefence.lmi.conditions.target import Target, fixed
+from polefence.lmi.solve.assembly import stacked_design
 from polefence.lmi.solve.interior_point import TOLERANCE, WIDE
 from polefence.lmi.solve.scaling import Scaling
 from polefence.lmi.solve.search import Reached, attempt, interior, lyapunov_mean, rounds
-from polefence.lmi.solve.stacked import stack
+from polefence.lmi.solve.stacked import Stacked, stack
 from polefence.plant.polynomial import Domain
 from polefence.plant.system import Array
 from polefence.region.regions import HalfPlane, Region
@@ -66,8 +67,10 @@ class Problem:
         norms: tuple[Norm, ...],
         values: dict[str, Array],
         tangent: int = 0,
-    ) -> Pencil:
+    ) -> tuple[Pencil, Stacked]:
         """Return the condition in other coordinates; bounds on the law are tight near ``values``.
+
+        Of the pencil only the variables may be used.
 
         ``tangent`` numbers those of `polefence.lmi.conditions.gain_norm.tangents`.
         """
@@ -84,7 +87,11 @@ class Problem:
         scaled = [norm.changed(scaling.T, scaling.S) for norm in norms]
         own = [(norm, tangents(norm, near)[tangent]) for norm in scaled]
         demands = Demands(target, sources, changed, tuple(own), MARGIN)
-        return design(A, B, demands, self.domain, self.degree, self.elevation)
+        form = self.domain, self.degree, self.elevation
+        if not norms:
+            return stacked_design(A, B, demands, *form)
+        pencil = design(A, B, demands, *form)
+        return pencil, stack(pencil)
 
 
 def least(
@@ -161,10 +168,10 @@ def _watched(
         return
     first = []
     for bounds in ((outputs, norms), (more, ())):
-        pencil = problem.pencil(own, *bounds, begin.values)
+        pencil, stacked = problem.pencil(own, *bounds, begin.values)
         matrices = tuple(v for v in pencil.variables if v.rows)
         values = own.scaled(begin.values, matrices)
-        first.append(interior(pencil, stack(pencil), values, begin.t)[1])
+        first.append(interior(pencil, stacked, values, begin.t)[1])
     if not all(first):
         return
     power = 0.5 if not isinstance(_source(problem, more[0]), Through) else 1.0
@@ -228,17 +235,21 @@ class _Stage:
         except SolverError:
             return None
         for tangent in range(TANGENTS if self.bounds[1] else 1):
-            pencil = self.problem.pencil(own, *self.bounds, begin.values, tangent)
-            again = _run(pencil, begin, own, self.enough, tolerance)
+            condition = self.problem.pencil(own, *self.bounds, begin.values, tangent)
+            again = _run(condition, begin, own, self.enough, tolerance)
             if again is not None:
                 return again
         return None
 
 
 def _run(
-    pencil: Pencil, begin: Reached, scaling: Scaling, enough: float, tolerance: float
+    condition: tuple[Pencil, Stacked],
+    begin: Reached,
+    scaling: Scaling,
+    enough: float,
+    tolerance: float,
 ) -> Reached | None:
-    stacked = stack(pencil)
+    pencil, stacked = condition
     matrices = tuple(v for v in pencil.variables if v.rows)
     scalars = [v.name for v in pencil.variables if not v.rows]
     x, r = interior(pencil, stacked, scaling.scaled(begin.values, matrices), begin.t)

@@ -86,11 +86,14 @@ class Around:
         """A rate typical of the problem [1/s]; zero where it has none."""
         return self.region.scale
 
+    @property
+    def is_open(self) -> bool:
+        """Whether the region is unbounded."""
+        return all(part.kind in _OPEN for part in self.region.parts)
+
     def target(self, rate: float) -> Target:
         """Return the inequalities, rates measured in ``rate``."""
-        return Target(
-            tuple(_wider(L, M) for L, M in self.region.pairs(rate)), _is_open(self.region)
-        )
+        return Target(tuple(_wider(L, M) for L, M in self.region.pairs(rate)), self.is_open)
 
 
 @dataclass(frozen=True)
@@ -155,7 +158,3 @@ def fixed(region: Region | None, rate: float) -> tuple[Side, ...]:
     if region is None:
         return ()
     return tuple(Side(L, np.zeros_like(L), M, np.zeros_like(M)) for L, M in region.pairs(rate))
-
-
-def _is_open(region: Region) -> bool:
-    return all(part.kind in _OPEN for part in region.parts)

@@ -13,7 +13,7 @@ import numpy as np
 from polefence.base.errors import SolverError
 from polefence.lmi.conditions.methods import Method, normal
 from polefence.lmi.conditions.pencil import Variable
-from polefence.lmi.conditions.target import Disks, Goal
+from polefence.lmi.conditions.target import Around, Disks, Goal
 from polefence.lmi.solve.interior_point import TOLERANCE, WIDE, Outcome
 from polefence.lmi.solve.scaling import Scaling, balanced
 from polefence.lmi.solve.search import (
@@ -72,6 +72,8 @@ def smallest(
         If there is no point to start from in floats.
     """
     scale = goal.scale or typical_rate(A)
+    if isinstance(goal, Around) and goal.is_open:  # it may be far slower than the plant
+        scale = max(scale, typical_rate(A))
     search = _Search(A, B, goal, scale, method, balanced(A, B, scale), enough, engine)
     first, wide = (search.first(), WIDE) if near is None else (near, CLOSE)
     trails = list[Trail]()

@@ -100,7 +100,7 @@ def test_a_region_alone_is_one_condition(form):
 
 
 def test_gradients_are_those_of_the_blocks():
-    """<P, r D(x) - M(x)> is linear in x, and its duals' residual vanishes where they are optimal."""
+    """<P, r D(x) - M(x)> is linear in x; written without sparse matrices it is the same."""
     _, _, stacked = of(uncertain_noise, FORMS[1], NO_REGION, 0.0)
     source = np.random.default_rng(5)
     P = [X + X.swapaxes(1, 2) for X in (source.normal(size=D.shape) for D, _ in stacked.at(

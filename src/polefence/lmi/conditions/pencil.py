@@ -53,17 +53,11 @@ class Variable:
     @property
     def places(self) -> Index:
         """For each entry of the matrix (rows, columns), which of its unknowns it is."""
-        rows, columns = self.shape
-        if not self.symmetric:
-            return np.arange(rows * columns, dtype=np.intp).reshape(rows, columns)
-        table = np.zeros((rows, rows), dtype=np.intp)
-        i, j = np.triu_indices(rows)
-        table[i, j] = table[j, i] = np.arange(self.size)
-        return table
+        return _places(self.shape, self.symmetric)
 
     def pack(self, matrix: Array) -> Array:
         """Return the unknowns of a matrix."""
-        return matrix[np.triu_indices(self.shape[0])] if self.symmetric else matrix.ravel()
+        return matrix[_upper(self.shape[0])] if self.symmetric else matrix.ravel()
 
     def unpack(self, unknowns: Array) -> Array:
         """Return the matrix with these unknowns."""
@@ -329,6 +323,23 @@ def block_name(exponent: Exponent, domain: Domain, degree: int = -1, elevation: 
             indices = zip("jkl", order, strict=False)
             return f"({number}) " + " ".join(f"{letter}={j + 1}" for letter, j in indices)
     return "alpha^" + "".join(str(p) for p in exponent)
+
+
+@lru_cache
+def _upper(n: int) -> tuple[Index, Index]:
+    """Return where the upper triangle is."""
+    return np.triu_indices(n)
+
+
+@lru_cache
+def _places(shape: tuple[int, int], symmetric: bool) -> Index:
+    rows, columns = shape
+    table = np.arange(rows * columns, dtype=np.intp).reshape(rows, columns)
+    if symmetric:
+        i, j = _upper(rows)
+        table[i, j] = table[j, i] = np.arange(len(i))
+    table.setflags(write=False)
+    return table
 
 
 @lru_cache

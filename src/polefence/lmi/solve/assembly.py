@@ -18,6 +18,7 @@ from functools import lru_cache
 
 import numpy as np
 
+from polefence.lmi.conditions.methods import Method, Slack, options
 from polefence.lmi.conditions.pencil import Index, Pencil, Variable
 from polefence.lmi.conditions.performance import (
     Demands,
@@ -29,10 +30,21 @@ from polefence.lmi.conditions.performance import (
     raised,
     squares,
 )
-from polefence.lmi.conditions.target import Side
-from polefence.lmi.solve.stacked import Batch, Family, Stacked
+from polefence.lmi.conditions.target import Side, Target
+from polefence.lmi.solve.stacked import Batch, Family, Stacked, stacked_pencil
 from polefence.plant.polynomial import Domain, binomial
 from polefence.plant.system import Array
+
+
+def condition(
+    method: Method, A: Array, B: Array, target: Target, unit: Array
+) -> tuple[Pencil, Stacked]:
+    """Return the condition of a method for a region, stacked, and a pencil of its variables."""
+    o = options(method)
+    if target.sigma is not None or isinstance(o, Slack) or o.right_hand_sides:
+        return stacked_pencil(method, A, B, target, unit)
+    domain, degree = Domain.of(o.on, len(A)), int(o.degree)
+    return stacked_design(A, B, Demands(target), domain, degree, o.elevation, degree > 0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,26 +88,30 @@ def groups(domain: Domain, degree: int, extra: int) -> tuple[Group, ...]:
             place = {k: q for q, k in enumerate(law[b])}
             for (j, k), weight in pairs[number].items():
                 products[b, place[k], j] = weight
-        own = [[float(sums[e][k]) for k in row] for e, row in zip(numbers, law, strict=True)]
+        often = [[float(sums[e][k]) for k in row] for e, row in zip(numbers, law, strict=True)]
         weights = [float(binomial(domain.sizes, exponents[number])) for number in numbers]
-        made.append(Group(np.array(numbers), law, np.array(own), products, np.array(weights)))
+        made.append(Group(np.array(numbers), law, np.array(often), products, np.array(weights)))
     return tuple(made)
 
 
 def stacked_design(
-    A: Array, B: Array, demands: Demands, domain: Domain, degree: int, elevation: int
+    A: Array,
+    B: Array,
+    demands: Demands,
+    domain: Domain,
+    degree: int,
+    elevation: int,
+    numbered: bool = True,
 ) -> tuple[Pencil, Stacked]:
-    """Return what `polefence.lmi.conditions.methods.design` does, stacked; without bounds on the law.
+    """Return what `polefence.lmi.conditions.methods.design` does, stacked; no bounds on the law.
 
-    Of the pencil there are the variables only.
+    Of the pencil there are the variables only. Without ``numbered`` the one W is no W1.
     """
     n, m, count = A.shape[1], B.shape[2], domain.count(degree)
-    W = [Variable(f"W{k + 1}", (n, n), symmetric=True) for k in range(count)]
-    Z = [Variable(f"Z{k + 1}", (m, n), rows="u") for k in range(count)]
-    scalars = [Variable(f"t {source.name}", (1, 1), rows="") for source in demands.sources]
-    pencil = Pencil("performance", (*W, *Z, *scalars), ())
+    t = {source.name: k for k, source in enumerate(demands.sources)}
+    pencil, entries = _unknowns(n, m, count, tuple(t), numbered)
     start = count * n * np.array([n, n + m])
-    t = {source.name: int(start[1]) + k for k, source in enumerate(demands.sources)}
+    t = {name: int(start[1]) + k for name, k in t.items()}
     extra = max(degree + 1, demands.degree(domain)) - degree - 1 + elevation
     AC = np.concatenate([A, *(o.C for o in demands.outputs)], axis=1)
     BD = np.concatenate([B, *(o.D for o in demands.outputs)], axis=1)
@@ -106,8 +122,20 @@ def stacked_design(
         rows = np.concatenate([x.reshape(len(x), -1) for x in (rows, more)], axis=1)
         form = _Form(group, domain, degree + 1 + extra, rows, AC, BD, demands.margin)
         kinds += form.kinds(demands, t)
-    entries = np.concatenate([pencil.places[v.name].ravel() for v in pencil.variables])
     return pencil, _sorted(pencil.unknowns, entries, kinds)
+
+
+@lru_cache(maxsize=64)
+def _unknowns(
+    n: int, m: int, count: int, scalars: tuple[str, ...], numbered: bool
+) -> tuple[Pencil, Index]:
+    """Return a pencil of the variables alone, and which unknown each of their entries is."""
+    names = [str(k + 1) for k in range(count)] if numbered else [""]
+    W = [Variable(f"W{name}", (n, n), symmetric=True) for name in names]
+    Z = [Variable(f"Z{name}", (m, n), rows="u") for name in names]
+    more = [Variable(f"t {name}", (1, 1), rows="") for name in scalars]
+    pencil = Pencil("performance", (*W, *Z, *more), ())
+    return pencil, np.concatenate([pencil.places[v.name].ravel() for v in pencil.variables])
 
 
 @dataclass(frozen=True, eq=False)
@@ -163,15 +191,17 @@ class _Form:
         for source in sources:
             if not isinstance(source, Through):
                 yield from self._moved(source, t[source.name], data[source.name])
-        first = self.n
-        by_name = {source.name: source for source in sources}
+        first, by_rows = self.n, dict[int, list[tuple[Array, Output]]]()
+        passing = [source.name for source in sources if isinstance(source, Through)]
         for output in outputs:
-            Y, own = self.V[:, first : first + output.rows], t[output.source]
+            Y = self.V[:, first : first + output.rows]
             first += output.rows
-            if isinstance(by_name[output.source], Through):
-                yield self._passed(Y, own, data[output.source], output)
+            if output.source in passing:
+                yield self._passed(Y, t[output.source], data[output.source], output)
             else:
-                yield self._bound(Y, own, output)
+                by_rows.setdefault(output.rows, []).append((Y, output))
+        for rows, each in by_rows.items():
+            yield self._bound(rows, each, t)
         for side in demands.target.sides:
             yield self._region(side)
         through = bool(sources) and all(isinstance(source, Through) for source in sources)
@@ -196,16 +226,17 @@ class _Form:
         D = np.zeros_like(M) if D is None else D
         return Batch(D, M, self._tiled(R), self.rows, np.ones((self.b, 1)))
 
-    def _scalar(self, t: int, D: Array | None, M: Array | None, R: Array) -> Batch:
-        """Return a term of a scalar: D and M (b, size) or one of them, R (size,)."""
-        some = D if D is not None else M
-        assert some is not None
-        D, M = (np.zeros_like(some) if x is None else x for x in (D, M))
+    def _scalar(self, t: int, L: Array, R: Array, grows: bool = False) -> Batch:
+        """Return a term of a scalar: L (b, size) of M, or of D where it grows with r; R (size,)."""
+        L, ones = L[..., None], np.ones((self.b, 1))
+        D, M = (L, 0 * L) if grows else (0 * L, L)
         rows = np.full((self.b, 1, 1), t, dtype=np.intp)
-        return Batch(D[..., None], M[..., None], self._tiled(R[:, None]), rows, np.ones((self.b, 1)))
+        return Batch(D, M, self._tiled(R[:, None]), rows, ones)
 
     def _tiled(self, R: Array) -> Array:
-        return np.tile(R, (self.b, 1, 1))
+        many = np.empty((self.b, *R.shape))
+        many[:] = R
+        return many
 
     def _weighted(self, column: Array) -> Array:
         """Return the coefficients of one, times half a column each."""
@@ -216,10 +247,10 @@ class _Form:
         motion = self.N + self.margin * self.X if self.margin else self.N
         driven = [self._stack(None, motion, eye)]
         if isinstance(source, Noise) and source.root is not None:
-            driven += [self._scalar(t, None, self._weighted(c), c) for c in source.root.T]
+            driven += [self._scalar(t, self._weighted(c), c) for c in source.root.T]
         elif isinstance(source, Noise):
             own = np.flatnonzero(np.any(data, axis=(0, 1)))
-            driven += [self._scalar(t, None, data[:, :, k] / 2, eye[k]) for k in own]
+            driven += [self._scalar(t, data[:, :, k] / 2, eye[k]) for k in own]
         yield _Kind(n, driven)
         if isinstance(source, Noise):
             return
@@ -227,30 +258,46 @@ class _Form:
         below = self._stack(None, rest @ (-self.X / 2), rest)
         for k in range(data.shape[2]):
             column = -self._weighted(first) - data[:, :, k] @ rest.T
-            yield _Kind(n + 1, [self._scalar(t, None, column, first), below])
+            yield _Kind(n + 1, [self._scalar(t, column, first), below])
         if source.ellipsoid is not None:
             X0 = source.ellipsoid
             own = np.flatnonzero(np.any(X0, axis=0))
-            above = [self._scalar(t, None, self._weighted(X0[:, k]), eye[k]) for k in own]
+            above = [self._scalar(t, self._weighted(X0[:, k]), eye[k]) for k in own]
             yield _Kind(n, [*above, self._stack(None, -self.X / 2, eye)])
 
-    def _bound(self, Y: Array, t: int, output: Output) -> _Kind:
-        n, p = self.n, output.rows
-        size = 1 + p * n
+    def _bound(self, p: int, each: list[tuple[Array, Output]], t: dict[str, int]) -> _Kind:
+        """Return the blocks of outputs with p rows, one output after the other."""
+        n, size, many = self.n, 1 + p * self.n, len(each)
         first = np.eye(size)[0]
-        square = self._of_exponents(squares(output, self.domain, self.degree).__getitem__)
-        corner = square[:, None] * (output.level**2 / 2) * first
-        terms = [self._ended(t, corner, first, output.fixed)]
+        D, M = np.zeros((2, many, self.b, size, 1))
+        for k, (_, output) in enumerate(each):
+            (M if output.fixed else D)[k, :, 0, 0] = self._corner(output)
+        rows = np.repeat(np.array([t[output.source] for _, output in each]), self.b)
+        ones = np.ones((many * self.b, 1))
+        flat = (many * self.b, size, 1)
+        R = np.broadcast_to(first[:, None], flat).copy()
+        terms = [Batch(D.reshape(flat), -M.reshape(flat), R, rows[:, None, None], ones)]
         for j in range(p):
             at = slice(1 + j * n, 1 + (j + 1) * n)
-            M = np.zeros((self.b, size, self.X.shape[2]))
-            M[:, 0], M[:, at] = -Y[:, j], -self.X / 2
-            terms.append(self._stack(None, M, np.eye(size)[:, at]))
+            L = np.zeros((many, self.b, size, self.X.shape[2]))
+            L[:, :, at] = -self.X / 2
+            for k, (Y, _) in enumerate(each):
+                L[k, :, 0] = -Y[:, j]
+            L = L.reshape(many * self.b, size, -1)
+            R = np.broadcast_to(np.eye(size)[:, at], (len(L), size, n)).copy()
+            terms.append(Batch(np.zeros_like(L), L, R, np.tile(self.rows, (many, 1, 1)), ones))
         return _Kind(size, terms)
+
+    def _corner(self, output: Output) -> Array:
+        """Return half the coefficients of the bound's square."""
+        square = self.group.binomials
+        if output.square is not None:
+            square = self._of_exponents(squares(output, self.domain, self.degree).__getitem__)
+        return square * output.level**2 / 2
 
     def _ended(self, t: int, column: Array, R: Array, fixed: bool) -> Batch:
         """Return what grows with r, or else is there at once."""
-        return self._scalar(t, None, -column, R) if fixed else self._scalar(t, column, None, R)
+        return self._scalar(t, -column, R) if fixed else self._scalar(t, column, R, True)
 
     def _passed(self, Y: Array, t: int, E: Array, output: Output) -> _Kind:
         n, q = E.shape[1:]
@@ -264,7 +311,7 @@ class _Form:
             F = raised(Through("", output.F), self.domain, self.degree, q)
             through[:, n + q :] = self._of_exponents(F) / output.level
         terms = [self._stack(None, M, eye[:, :n])]
-        terms += [self._scalar(t, None, through[:, :, k], eye[n + k]) for k in range(q)]
+        terms += [self._scalar(t, through[:, :, k], eye[n + k]) for k in range(q)]
         for k in range(n, size):
             terms.append(self._ended(t, self._weighted(eye[k]), eye[k], output.fixed))
         return _Kind(size, terms)
@@ -275,9 +322,9 @@ class _Form:
         for b in range(d):
             D, M = (
                 np.concatenate(
-                    [m[a, b] * self.N + above[a, b] * l[a, b] * self.X for a in range(d)], axis=1
+                    [m[a, b] * self.N + above[a, b] * x[a, b] * self.X for a in range(d)], axis=1
                 )
-                for l, m in ((-side.L1, -side.M1), (side.L0, side.M0))
+                for x, m in ((-side.L1, -side.M1), (side.L0, side.M0))
             )
             if D.any() or M.any():
                 terms.append(self._stack(D, M, np.eye(d * n)[:, b * n : (b + 1) * n]))

@@ -231,7 +231,7 @@ def interior(
     grown = [
         (D[~own], dD[~own], M[~own], dM[~own]) for (D, M), (dD, dM), own in pairs if not own.all()
     ]
-    share = 1.0
+    share = most_share(plain)
     for _ in range(HALVINGS):
         if _positive([-M - share * dM for M, dM in plain]):
             blocks = [(D + share * dD, M + share * dM) for D, dD, M, dM in grown]
@@ -242,17 +242,50 @@ def interior(
     return None, 0.0
 
 
+def most_share(pairs: list[tuple[Array, Array]]) -> float:
+    """Return a power of 1/2 at which -M - share dM fails, if 1 does, and not by far.
+
+    Of the blocks that hold at none: a generalised eigenvalue says how far each goes.
+    """
+    top = 0.0
+    for M, dM in pairs:
+        own = np.all(np.diagonal(M, axis1=1, axis2=2) < 0, axis=1)
+        if own.any():
+            top = max(top, _largest(-M[own], dM[own]))
+    return 1.0 if not 1 < top < np.inf else float(2.0 ** -(np.floor(np.log2(top))))
+
+
+def _largest(B: Array, D: Array) -> float:
+    """Return the largest generalised eigenvalue of (D, B); infinite where B is not positive."""
+    try:
+        inverse = np.linalg.inv(np.linalg.cholesky(B))
+        return float(np.linalg.eigvalsh(inverse @ D @ inverse.swapaxes(1, 2)).max())
+    except np.linalg.LinAlgError:
+        return np.inf
+
+
 def least_power(blocks: list[tuple[Array, Array]]) -> float | None:
     """Return the least of `POWERS` at which all r D - M are positive definite, None if none is.
 
-    D >= 0, so that they only grow with r: one in `STRIDE` is tried, and those below the first.
+    D >= 0, so that they only grow with r: one in `STRIDE` is tried, and those next to where a
+    generalised eigenvalue says that the blocks below the first end.
     """
     for start in range(0, len(POWERS), STRIDE):
         few = POWERS[start : start + STRIDE]
-        if _positive([few[-1] * D - M for D, M in blocks]):
-            below = (r for r in few[:-1] if _positive([r * D - M for D, M in blocks]))
-            return next(below, few[-1])
+        if _holds(blocks, few[-1]):
+            top = max((_largest(few[-1] * D - M, D) for D, M in blocks), default=0.0)
+            end = few[-1] - 1 / top if top > 0 else 0.0
+            place = min(sum(r <= end for r in few), len(few) - 1)
+            while place < len(few) - 1 and not _holds(blocks, few[place]):
+                place += 1
+            while place and _holds(blocks, few[place - 1]):
+                place -= 1
+            return few[place]
     return None
+
+
+def _holds(blocks: list[tuple[Array, Array]], r: float) -> bool:
+    return _positive([r * D - M for D, M in blocks])
 
 
 def _positive(blocks: list[Array]) -> bool:

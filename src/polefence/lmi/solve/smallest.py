@@ -14,6 +14,7 @@ from polefence.base.errors import SolverError
 from polefence.lmi.conditions.methods import Method, normal
 from polefence.lmi.conditions.pencil import Variable
 from polefence.lmi.conditions.target import Around, Disks, Goal
+from polefence.lmi.solve.assembly import condition
 from polefence.lmi.solve.interior_point import TOLERANCE, WIDE, Outcome
 from polefence.lmi.solve.scaling import Scaling, balanced
 from polefence.lmi.solve.search import (
@@ -25,7 +26,7 @@ from polefence.lmi.solve.search import (
     lyapunov_mean,
     rounds,
 )
-from polefence.lmi.solve.stacked import Stacked, stacked_pencil
+from polefence.lmi.solve.stacked import Stacked
 from polefence.lmi.solve.starts import common_point, nominal_start
 from polefence.plant.system import Array
 
@@ -131,7 +132,7 @@ class _Search:
         unit = scaling.rate if self.goal.rated else 1.0
         A, B = scaling.apply(self.A, self.B)
         target = self.goal.target(scaling.rate)
-        pencil, stacked = stacked_pencil(self.method, A, B, target, scaling.unit)
+        pencil, stacked = condition(self.method, A, B, target, scaling.unit)
         radius = max(start.r, FLOOR * unit * self.scale / scaling.rate)
         values = self._scaled(replace(start, r=radius), scaling, pencil.variables, wide)
         x = pencil.pack(values)

@@ -109,11 +109,13 @@ class Stacked:
         for family in self.families:
             D, M = found[family.size][:, family.where]
             for t in family.terms:
-                places = t.rows[..., None] + np.arange(t.R.shape[2])
-                X = np.einsum("bp,bpac->bac", t.weights, entries[places])
+                each = entries[t.rows[..., None] + np.arange(t.R.shape[2])]
+                X = each[:, 0] if each.shape[1] == 1 else each
+                X = np.einsum("bp,bpac->bac", t.weights, each) if X is each else X
                 right = X @ t.R.swapaxes(1, 2)
-                D += t.D @ right
-                M += t.M @ right
+                for total, L in ((D, t.D), (M, t.M)):
+                    if L.any():
+                        total += L @ right
         return [(D + D.swapaxes(1, 2), M + M.swapaxes(1, 2)) for D, M in found.values()]
 
     def gradient(self, P: Blocks, D: float, M: float) -> Array:
@@ -127,7 +129,7 @@ class Stacked:
                 places.append((t.rows[..., None] + np.arange(t.R.shape[2])).ravel())
                 found.append((t.weights[:, :, None, None] * G[:, None]).ravel())
         entries = self.entries[np.concatenate(places)]
-        return np.bincount(entries, np.concatenate(found), self.unknowns)
+        return np.asarray(np.bincount(entries, np.concatenate(found), self.unknowns), dtype=float)
 
     def residual(self, x: Array, r: float, Y: Blocks) -> float:
         """Return by how much duals miss A_r* Y = nu t, t'x fixed, at x, relative to r."""

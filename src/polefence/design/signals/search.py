@@ -474,7 +474,7 @@ class Search:
         own = self._point(task, shares, found)
         if own is None:
             return None
-        if not own.lost and not self._improves(own) and own.estimate < self.best:
+        if not own.lost and self._is_better(own) and not self._improves(own):
             # not proved: more of everything is asked for
             return replace(own, lost=tuple(range(len(shares))))
         return own
@@ -496,9 +496,13 @@ class Search:
             lost = tuple(range(len(task.region.parts)))
         return Point(Origin(task, found), law, shares, estimate, lost)
 
+    def _is_better(self, own: Point) -> bool:
+        """Whether a law samples better than the best, by what is worth a proof."""
+        return not self.candidates or own.estimate < self.best * (1 - SLIGHT)
+
     def _improves(self, own: Point) -> bool:
         """Prove a law that samples better than the best, and take it; whether it was taken."""
-        if self.candidates and not own.estimate < self.best * (1 - SLIGHT):
+        if not self._is_better(own):
             return False
         region = relaxed(self.task.region, own.shares)
         # one that only parts of the box prove is looked at where there is no other

@@ -17,7 +17,7 @@ from polefence.design.requirements.gain import Gain
 from polefence.design.requirements.initial_peak import InitialPeak
 from polefence.design.requirements.rms import Rms
 from polefence.design.requirements.specification import floats, rows
-from polefence.design.signals.bounds import best_bound, kept_bound, own_evidence
+from polefence.design.signals.bounds import best_bound, kept_bound
 from polefence.design.signals.optimise import optimise
 from polefence.examples import family
 from polefence.lmi.conditions.lyapunov import given

@@ -17,7 +17,7 @@ from polefence.design.requirements.gain import Gain
 from polefence.design.requirements.initial_peak import InitialPeak
 from polefence.design.requirements.rms import Rms
 from polefence.design.requirements.specification import floats, rows
-from polefence.design.signals.bounds import best_bound, kept_bound
+from polefence.design.signals.bounds import best_bound, kept_bound, own_evidence
 from polefence.design.signals.optimise import optimise
 from polefence.examples import family
 from polefence.lmi.conditions.lyapunov import given
@@ -454,7 +454,8 @@ def test_a_shared_lyapunov_matrix_proves_no_less_a_bound_than_an_own_one(kind):
             for x in "WZ"
         )
         law = ScheduledGain(W, Z, (), degree, domain.sizes)
-        bound = best_bound(plant, law, own)
+        (t,) = point.t.values()
+        bound = best_bound(plant, law, own, (own_evidence(law, W, t), shared[degree]))
         assert bound is not None
         assert bound.level <= shared[degree] * (1 + 2e-6)
     assert shared[1] <= shared[0] * (1 + 1e-6)

@@ -80,7 +80,10 @@ def test_work_grows_with_parameters_and_states(method):
 
 
 def test_a_plain_scheduled_is_asked_for_on_the_box_where_the_simplex_is_too_large():
-    assert fitting(springs(5), "scheduled") == "scheduled"
+    assert fitting(springs(4), "scheduled") == "scheduled"
+    assert fitting(springs(5), "scheduled") == Scheduled(1, 1, "box")
+    assert fitting(springs(5), Scheduled()) == Scheduled()
+    assert fitting(springs(6, masses=4), "scheduled") == Scheduled(1, 0, "box")
     chosen = fitting(springs(6), "scheduled")
     assert chosen.on == "box"
     assert step_work(springs(6), chosen) <= LONG_STEP

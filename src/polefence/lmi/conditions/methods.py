@@ -38,8 +38,9 @@ METHODS = ("quadratic", "slack", "scheduled")
 MAX_DEGREE = 8
 # Inequalities, and multiplications of one step of the search, of which there are some dozens.
 MOST_BLOCKS, MOST_STEP = 20_000, 2e11
-# Beyond this a step takes many seconds: a plain "scheduled" is then asked for on the box.
-LONG_STEP = 3e10
+# A plain "scheduled" is asked for on the box where a step on the simplex takes many seconds, or the
+# simplex has so many times as many inequalities: with five parameters or more.
+LONG_STEP, FEWER = 3e10, 5
 
 
 @dataclass(frozen=True)
@@ -256,13 +257,18 @@ def is_searchable(plant: UncertainPlant, method: Method, most: float = MOST_STEP
 
 
 def fitting(plant: UncertainPlant, method: Method) -> Method:
-    """Return the method; for a plain "scheduled" that is too large, one on the box that is not."""
-    if method != "scheduled" or is_searchable(plant, method, LONG_STEP):
+    """Return the method; for a plain "scheduled" one on the box where that is by far the smaller.
+
+    With elevation 1 the box is never worse: each of its inequalities is a sum of Theorem 1's.
+    """
+    if method != "scheduled" or not plant.parameters:
         return method
-    for elevation in (1, 0) if plant.parameters else ():
-        box = Scheduled(1, elevation, "box")
-        if is_searchable(plant, box, LONG_STEP):
-            return box
+    wide = Scheduled(1, 1, "box")
+    many = blocks(plant, method) > FEWER * blocks(plant, wide)
+    if many or not is_searchable(plant, method, LONG_STEP):
+        for box in (wide, Scheduled(1, 0, "box")):
+            if is_searchable(plant, box, LONG_STEP):
+                return box
     return method
 
 

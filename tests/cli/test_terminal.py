@@ -16,6 +16,7 @@ import pytest
 
 from polefence import Disk, Parameter, UncertainPlant, place, progress, tightest
 from polefence.base.progress import counted, note, stage, told
+from polefence.base.workers import processes
 from polefence.cli import interrupt, terminal
 from polefence.cli.main import main
 from polefence.cli.terminal import Line, say, shown_progress
@@ -220,6 +221,15 @@ def test_what_ends_by_itself_is_not_cut_off(monkeypatch):
         signal.raise_signal(signal.SIGINT)
     assert not ended.wait(0.2)
     assert signal.set_wakeup_fd(-1) == -1
+
+
+def test_ctrl_c_is_heard_while_workers_start():
+    timer = threading.Timer(0.05, os.kill, (os.getpid(), signal.SIGINT))
+    with pytest.raises(KeyboardInterrupt):
+        timer.start()
+        with processes(2):
+            pytest.fail("the workers have started")
+    timer.join()
 
 
 LONG = """

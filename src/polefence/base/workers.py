@@ -59,10 +59,10 @@ def processes(jobs: int | None = None) -> Iterator[Executor | None]:
     if count == 1:
         yield None
         return
-    with _interrupted_once() as ignore:
+    with _interrupted_once() as (hold, ignore):
         pool = ProcessPoolExecutor(count, get_context("spawn"), initializer=_start_worker)
         try:
-            with ignore():  # workers inherit it while they start
+            with hold():
                 for started in [pool.submit(os.getpid) for _ in range(count)]:
                     started.result()
             yield pool
@@ -75,19 +75,37 @@ def processes(jobs: int | None = None) -> Iterator[Executor | None]:
                 pool.shutdown(wait=True, cancel_futures=True)
 
 
+_Held = Callable[[], AbstractContextManager[None]]
+
+
 @contextmanager
-def _interrupted_once() -> Iterator[Callable[[], AbstractContextManager[None]]]:
+def _interrupted_once() -> Iterator[tuple[_Held, _Held]]:
     """Let the first Ctrl-C raise and ignore all later ones, so that nothing cuts the cleaning up.
 
-    Yields a context manager that ignores even the first.
+    Yields two context managers: one that holds the first back to its end, and keeps it from
+    processes that are started inside; and one that ignores even the first.
     """
     if threading.current_thread() is not threading.main_thread():
-        yield nullcontext
+        yield nullcontext, nullcontext
         return
 
     def once(*_: object) -> None:
         signal.signal(signal.SIGINT, signal.SIG_IGN)
         raise KeyboardInterrupt
+
+    @contextmanager
+    def hold() -> Iterator[None]:
+        heard = threading.Event()
+        before = signal.signal(signal.SIGINT, lambda *_: heard.set())
+        # blocked, which is inherited: a handler would not be
+        mask = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+        try:
+            yield
+        finally:
+            signal.pthread_sigmask(signal.SIG_SETMASK, mask)
+            signal.signal(signal.SIGINT, before)
+        if heard.is_set():
+            once()
 
     @contextmanager
     def ignore() -> Iterator[None]:
@@ -99,7 +117,7 @@ def _interrupted_once() -> Iterator[Callable[[], AbstractContextManager[None]]]:
 
     outside = signal.signal(signal.SIGINT, once)
     try:
-        yield ignore
+        yield hold, ignore
     finally:
         signal.signal(signal.SIGINT, outside)
 

@@ -265,7 +265,7 @@ class Search {
         Whole<K> bracket;
         const auto rest = static_cast<Int>(std::max<std::size_t>(own.N - 1, 1));
         for (std::size_t b = 0; b < own.blocks; ++b) {
-            if (zero[b]) continue;
+            if (zero[b] || !(anchor(b) || own.right_hand_sides)) continue;
             Matrix<K> block = Y[b];
             block.scale(whole);
             if (anchor(b)) {

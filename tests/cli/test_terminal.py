@@ -20,6 +20,7 @@ from polefence.base.workers import processes
 from polefence.cli import interrupt, terminal
 from polefence.cli.main import main
 from polefence.cli.terminal import Line, say, shown_progress
+from polefence.design.signals import tradeoff as rows
 
 SPEC = """
 name = "spring"
@@ -230,6 +231,31 @@ def test_ctrl_c_is_heard_while_workers_start():
         with processes(2):
             pytest.fail("the workers have started")
     timer.join()
+
+
+def test_an_interrupted_tradeoff_prints_its_finished_rows(screen, monkeypatch, capsys):
+    Path("pushed.toml").write_text(SPEC + "E = [[0], [1]]\n")
+    words = ["tradeoff", "pushed.toml", "--minimise", "rms of x1 with density 1"]
+    words += ["--over", "rms of u1 with density 1", "--method", "quadratic"]
+    words += ["--value", "1", "--value", "0.5"]
+
+    def stopping(asked, task):
+        if task[0] < 1:
+            raise KeyboardInterrupt
+        return row_of(asked, task)
+
+    row_of = rows._row_of
+    monkeypatch.setattr(rows, "_row_of", stopping)
+    before = signal.getsignal(signal.SIGINT)
+    try:
+        assert main(words) == 130
+    finally:
+        signal.signal(signal.SIGINT, before)
+    out, err = capsys.readouterr()
+    head, row = out.splitlines()
+    assert head.split()[:3] == ["limit", "method", "proved"]
+    assert row.split()[:2] == ["1", "quadratic"]
+    assert err == "polefence: interrupted\n"
 
 
 LONG = """

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import argparse
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -131,7 +133,7 @@ def tradeoff_command(options: Any) -> int:
     check_targets(options.json, options.plot)
     rows = len(values) * len(methods or [TUNED])
     jobs = jobs_of(options, rows)
-    with processes(jobs) as executor, finished_rows(rows) as finished:
+    with processes(jobs) as executor, _finished(rows) as finished:
         front = tradeoff(
             plant,
             minimise,
@@ -142,7 +144,7 @@ def tradeoff_command(options: Any) -> int:
             methods,
             structure=structure,
             executor=executor,
-            on_row=lambda row: finished(_words(row)),
+            on_row=finished,
             path=path,
             resume=options.resume,
         )
@@ -235,12 +237,8 @@ def _lines(front: Front) -> list[str]:
         *(f"with {limit_text(s)}" for s in question.subject_to),
         f"with poles in {question.region}",
     ]
-    width = max(10, *(len(row["method"]) for row in front.rows))
-    lines.append(
-        f"{'limit':>10}  {'method':<{width}} {'proved':>10}  {'sampled':>10}  {'keeps':>10}  "
-        f"{'law of':>10}  {'status':<10}  seconds"
-    )
-    lines += [_row_line(row, width) for row in front.rows]
+    width = _width(front.rows)
+    lines += _table(front.rows)
     if front.references:
         lines.append("without a proof:")
     lines += [_reference_line(row, width) for row in front.references]
@@ -250,6 +248,19 @@ def _lines(front: Front) -> list[str]:
         if row["status"] != "proved"
     ]
     return lines
+
+
+def _width(rows: Sequence[Row]) -> int:
+    return max(10, *(len(row["method"]) for row in rows))
+
+
+def _table(rows: Sequence[Row]) -> list[str]:
+    width = _width(rows)
+    head = (
+        f"{'limit':>10}  {'method':<{width}} {'proved':>10}  {'sampled':>10}  {'keeps':>10}  "
+        f"{'law of':>10}  {'status':<10}  seconds"
+    )
+    return [head, *(_row_line(row, width) for row in rows)]
 
 
 def _row_line(row: Row, width: int) -> str:
@@ -274,5 +285,19 @@ def _reference_line(row: Row, width: int) -> str:
     )
 
 
-def _words(row: Row) -> str:
-    return f"limit {row['value']:g} {row['method']}: {row['status']}"
+@contextmanager
+def _finished(total: int) -> Iterator[Callable[[Row], None]]:
+    """Show how many rows are finished; print those that are where Ctrl-C ends the others."""
+    rows = list[Row]()
+    with finished_rows(total) as told:
+
+        def finished(row: Row) -> None:
+            rows.append(row)
+            told(f"limit {row['value']:g} {row['method']}: {row['status']}")
+
+        try:
+            yield finished
+        except KeyboardInterrupt:
+            if rows:
+                say(*_table(rows))
+            raise

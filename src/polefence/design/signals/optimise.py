@@ -63,6 +63,7 @@ __all__ = ["Optimised", "optimise", "relaxed"]
 
 MOST_NEAR = 6  # limits that are looked at where not all can be kept
 ENOUGH = 2e-3  # a law proved so close to its worst sample needs no other
+NEARER = 1e-3  # above another law's worst sample, a bound that this law's own would not lower much
 POOR = 0.05  # a bound that is proved so far above the design's own is of a law gone wrong
 
 
@@ -521,10 +522,11 @@ def _refute(task: Task) -> None:
 
 
 def _lowest(task: Task, search: Search) -> Optimised | None:
-    """Return the law of the lowest bound: a sample that is higher than one is of no better law."""
+    """Return the law of the lowest bound: a sample next to one, or higher, is of no better law."""
     best: Optimised | None = None
     for own in sorted(search.candidates, key=lambda own: own.estimate):
-        if best is not None and (task.minimise is None or _level(best) <= own.estimate):
+        near = own.estimate * (1 + NEARER)
+        if best is not None and (task.minimise is None or _level(best) <= near):
             break
         found = _bounded(task, own)
         if found is not None and (best is None or _level(found) < _level(best)):

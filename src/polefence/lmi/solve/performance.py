@@ -17,7 +17,14 @@ from polefence.lmi.conditions.target import Target, fixed
 from polefence.lmi.solve.assembly import stacked_design
 from polefence.lmi.solve.interior_point import TOLERANCE, WIDE
 from polefence.lmi.solve.scaling import Scaling
-from polefence.lmi.solve.search import Reached, attempt, interior, lyapunov_mean, rounds
+from polefence.lmi.solve.search import (
+    Reached,
+    attempt,
+    coefficients,
+    interior,
+    lyapunov_mean,
+    rounds,
+)
 from polefence.lmi.solve.stacked import Stacked, stack
 from polefence.plant.polynomial import Domain
 from polefence.plant.system import Array
@@ -162,22 +169,49 @@ def _watched(
     more = tuple(o for o in problem.outputs if not o.fixed)
     if not more:
         return
+    power = 0.5 if not isinstance(_source(problem, more[0]), Through) else 1.0
+    if power == 0.5 and outputs and not norms:
+        share = _size(begin, more) / (_size(begin, outputs) or 1.0)
+    else:
+        share = _share_of(problem, begin, scaling, (outputs, norms), more)
+    for room in ROOM if np.isfinite(share) and share > 0 else ():
+        level = more[0].level * (room * share) ** power
+        yield (*outputs, replace(more[0], level=level)), norms
+
+
+def _size(begin: Reached, outputs: tuple[Output, ...]) -> float:
+    """Return the largest Y W^-1 Y' over the level's square, at the vertices."""
+    W, Z = (coefficients(begin.values, name).mean(axis=0) for name in "WZ")
+    found = 0.0
+    for own in outputs:
+        Y = (own.C @ W + own.D @ Z) / own.level
+        with suppress(np.linalg.LinAlgError):
+            squares = np.einsum(
+                "vij,vij->v", Y, np.linalg.solve(W, Y.swapaxes(1, 2)).swapaxes(1, 2)
+            )
+            found = max(found, float(squares.max()))
+    return found
+
+
+def _share_of(
+    problem: Problem,
+    begin: Reached,
+    scaling: Scaling,
+    bounds: Bounds,
+    more: tuple[Output, ...],
+) -> float:
+    """Return at how large an r what is minimised begins, over that of the limits; else zero."""
     try:
         own = scaling.refined(lyapunov_mean(begin.values))
     except SolverError:
-        return
+        return 0.0
     first = []
-    for bounds in ((outputs, norms), (more, ())):
-        pencil, stacked = problem.pencil(own, *bounds, begin.values)
+    for each in (bounds, (more, ())):
+        pencil, stacked = problem.pencil(own, *each, begin.values)
         matrices = tuple(v for v in pencil.variables if v.rows)
         values = own.scaled(begin.values, matrices)
         first.append(interior(pencil, stacked, values, begin.t)[1])
-    if not all(first):
-        return
-    power = 0.5 if not isinstance(_source(problem, more[0]), Through) else 1.0
-    for room in ROOM:
-        level = more[0].level * (room * first[1] / first[0]) ** power
-        yield (*outputs, replace(more[0], level=level)), norms
+    return first[1] / first[0] if all(first) else 0.0
 
 
 def _source(problem: Problem, output: Output) -> Source:

@@ -172,8 +172,8 @@ class Task:
             if not holds:  # its r is of a W that doubles do not hold
                 continue
             ends += 1
-            sure = again or tolerance > AGREED or found.residual <= AGREED
-            ended = found.converged and not question.norms and sure
+            ended = found.converged and not question.norms
+            ended = ended and (again or tolerance > AGREED or found.residual() <= AGREED)
             if self.minimise is None or ended or (question.norms and ends == ENDS):
                 break
         if best is None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
@@ -305,5 +306,5 @@ def _run(
         t=t,
         converged=outcome.converged,
         iterations=outcome.iterations,
-        residual=stacked.residual(outcome.x, outcome.r, outcome.Y) if outcome.converged else np.inf,
+        residual=partial(stacked.residual, outcome.x, outcome.r, outcome.Y),
     )

@@ -98,8 +98,9 @@ class Reached(Point):
         Unit of the search's rates [1/s].
     trails : tuple of Trail
         How it was reached, the last run first.
-    residual : float
-        By how much of r its duals miss a lower bound near r, for unknowns no larger than here.
+    residual : callable
+        Returns by how much of r its duals miss a lower bound near r, for unknowns no larger than
+        here.
     """
 
     values: dict[str, Array]
@@ -107,7 +108,7 @@ class Reached(Point):
     dual: Dual | None = None
     rate: float = 1.0
     trails: tuple[Trail, ...] = ()
-    residual: float = np.inf
+    residual: Callable[[], float] = lambda: np.inf
 
     def path(self) -> list[Reached]:
         """Return the points on the way, the least r first: farther inside, rounding does less."""

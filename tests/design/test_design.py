@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -175,3 +176,16 @@ def test_a_design_is_small_and_readable(placed, tmp_path):
     assert document["claims"][0]["region"] == {"kind": "disk", "centre": -40.0, "radius": 31.0}
     assert document["plant"]["vertices"][0]["A"][4] == [1, 0, 0, 0, 0]
     assert path.stat().st_size < 50_000
+
+
+def test_what_the_checker_does_not_prove_is_not_written(tmp_path, small_designs):
+    """A search believes the kernel; a file is proved by the checker, even if the kernel were wrong."""
+    design = small_designs["quadratic"]
+    smaller = Disk(design.region.centre, design.region.radius / 2)
+    wrong = replace(design, certificate=replace(design.certificate, region=smaller))
+    assert wrong.proved
+    with pytest.raises(NotProvedError, match="not written: the checker does not prove"):
+        wrong.save(tmp_path)
+    assert not list(tmp_path.iterdir())
+    unproved = replace(wrong, proved=False)
+    assert unproved.save(tmp_path).exists()

@@ -171,12 +171,21 @@ class Design:
     def save(self, directory: str | Path) -> Path:
         """Write ``design.json`` into a folder, made if need be; return its path.
 
+        What is written as proved is proved by the checker first, whoever proved it before.
+
         Raises
         ------
+        NotProvedError
+            If the checker does not prove what this design says is proved: a fault of ours.
         OutputError
             If the folder cannot be written, or has another's file of this name; nothing is left
             half-written.
         """
+        if self.proved and not (verdict := self.certificate.prove()).proved:
+            raise NotProvedError(
+                f"not written: the checker does not prove this design: {verdict.reason}; "
+                "please report it"
+            )
         documents = {FILE_NAME: self.certificate.dumps()}
         return write_documents(Path(directory), documents)[0]
 

@@ -179,7 +179,7 @@ def test_a_design_is_small_and_readable(placed, tmp_path):
 
 
 def test_what_the_checker_does_not_prove_is_not_written(tmp_path, small_designs):
-    """A search believes the kernel; a file is proved by the checker, even if the kernel were wrong."""
+    """A search believes the kernel; what a file says is proved by the checker."""
     design = small_designs["quadratic"]
     smaller = Disk(design.region.centre, design.region.radius / 2)
     wrong = replace(design, certificate=replace(design.certificate, region=smaller))

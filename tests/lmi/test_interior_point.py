@@ -14,10 +14,10 @@ from polefence.lmi.solve import interior_point as reference
 from polefence.lmi.solve.engine import run
 from polefence.lmi.solve.interior_point import least_radius
 from polefence.lmi.solve.scaling import balanced
-from polefence.lmi.solve.search import lyapunov_mean
+from polefence.lmi.solve.search import common_point, lyapunov_mean
 from polefence.lmi.solve.smallest import smallest
 from polefence.lmi.solve.stacked import stack
-from polefence.lmi.solve.starts import common_point, nominal_start
+from polefence.lmi.solve.starts import nominal_start
 from support.margin import largest_margin
 from support.paths import FAMILIES
 

@@ -11,9 +11,10 @@ from polefence.lmi.conditions.methods import build
 from polefence.lmi.conditions.target import Disks
 from polefence.lmi.solve import engine, interior_point
 from polefence.lmi.solve.scaling import balanced
+from polefence.lmi.solve.search import common_point
 from polefence.lmi.solve.smallest import smallest
 from polefence.lmi.solve.stacked import stack
-from polefence.lmi.solve.starts import common_point, nominal_start
+from polefence.lmi.solve.starts import nominal_start
 from support.paths import ROOT
 
 SHAPES = [

@@ -21,7 +21,7 @@ from polefence.plant.polynomial import Domain, binomial
 from polefence.plant.system import Array
 from polefence.proof.matrices import least_work
 from polefence.proof.reading import LARGEST, is_double
-from polefence.proof.regions import parts_of
+from polefence.proof.regions import MAX_PARTS, parts_of
 from polefence.proof.work import MAX_WORK, FormatError
 from polefence.region.regions import Disk, Region
 
@@ -41,6 +41,8 @@ def holds(certificate: Certificate) -> bool | None:
     """Return whether the evidence proves the claim, exactly; None where it is not known."""
     own, ask = kernel(), _METHODS.get(certificate.method)
     if own is None or ask is None or not hasattr(own, "poles"):
+        return None
+    if len(certificate.region.parts) > MAX_PARTS:  # which the checker refuses
         return None
     on = certificate.evidence.get("on", "simplex")
     boxed = on != "simplex" or len(getattr(certificate.law, "sizes", ())) > 1

@@ -305,6 +305,8 @@ def smallest_disk(
     try:
         found = smallest(plant.A, plant.B, Disks(centre), method, near)
         design = runnable(_designs(plant, centre, method, found), radius_of)
+        if design is None and near is not None:  # a neighbour's point has no way to it
+            return smallest_disk(plant, centre, method, None, bounds)
         if design is None:
             unproved = rounded(plant, Disk(centre, found.r), method, found)
             return Design(unproved, proved=False), found

@@ -15,7 +15,7 @@ from typing import TypeVar
 import numpy as np
 
 from polefence.base.errors import SolverError
-from polefence.lmi.conditions.pencil import Pencil
+from polefence.lmi.conditions.pencil import Pencil, Variable
 from polefence.lmi.solve.engine import run
 from polefence.lmi.solve.interior_point import TOLERANCE, Outcome
 from polefence.lmi.solve.scaling import Scaling
@@ -68,17 +68,23 @@ class Point:
 
 @dataclass(frozen=True, eq=False)
 class Trail:
-    """The iterates of a run, from its start to its end: r, and x in the run's coordinates."""
+    """The iterates of a run, from its start to its end: r, and x in the run's coordinates.
+
+    Of Lemma 1 as a start of another condition, ``variables`` are that one's.
+    """
 
     r: Array
     x: Array
     pencil: Pencil
     scaling: Scaling
+    variables: tuple[Variable, ...] = ()
 
     def points(self) -> Iterator[Reached]:
         """Yield the points, the last first."""
         for r, x in zip(self.r[::-1], self.x[::-1], strict=True):
             values = self.scaling.restore(self.pencil.unpack(x), self.pencil.variables)
+            if self.variables:
+                values = common_point(values["W"], values["Z"], self.variables)
             yield Reached(r=float(r), values=values, rate=self.scaling.rate)
 
 
@@ -119,6 +125,12 @@ def lyapunov_mean(values: dict[str, Array]) -> Array:
     """Return the mean of a condition's Lyapunov matrices, W or, of the slack one, P."""
     found = coefficients(values, "W")
     return np.asarray((found if len(found) else coefficients(values, "P")).mean(axis=0))
+
+
+def common_point(W: Array, Z: Array, variables: tuple[Variable, ...]) -> dict[str, Array]:
+    """Return a point of Lemma 1 as a point of any condition: W for every Lyapunov matrix and G."""
+    tiny = np.array([[1e-12 * float(np.linalg.eigvalsh(W)[0])]])
+    return {v.name: {"x": W, "u": Z}.get(v.rows, tiny) for v in variables}
 
 
 def coefficients(values: dict[str, Array], name: str) -> Array:

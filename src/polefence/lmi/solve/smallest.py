@@ -22,12 +22,13 @@ from polefence.lmi.solve.search import (
     Reached,
     Trail,
     attempt,
+    common_point,
     least_power,
     lyapunov_mean,
     rounds,
 )
 from polefence.lmi.solve.stacked import Stacked
-from polefence.lmi.solve.starts import common_point, nominal_start
+from polefence.lmi.solve.starts import nominal_start
 from polefence.plant.system import Array
 
 ROUGH = 1e-2  # Lemma 1 as a start is run until its gap is this share of its radius
@@ -87,7 +88,9 @@ def smallest(
     found = rounds(once, search.floor)
     if found is None:
         raise SolverError("no point to start from: the numbers are too far apart for doubles")
-    return replace(found, trails=tuple(trails[::-1]))
+    own = trails[0].pencil.variables
+    before = [replace(each, variables=own) for each in first.trails if near is None]
+    return replace(found, trails=(*trails[::-1], *before))
 
 
 def typical_rate(A: Array) -> float:
@@ -118,11 +121,11 @@ class _Search:
         if not isinstance(self.goal, Disks):
             # of disks about a centre typical of the region; r is found out when it is run
             own = Disks(-self.scale)
-            return replace(replace(self, goal=own).first(), r=0.0)
+            return replace(replace(self, goal=own, enough=0.0).first(), r=0.0)
         if normal(self.method) == "quadratic":
             start = nominal_start(self.A, self.B, -self.goal.centre, self.plain, self.scale)
             return Reached(r=start.radius, values={"W": start.W, "Z": start.K @ start.W})
-        lemma_1 = replace(self, method="quadratic", enough=0.0)
+        lemma_1 = replace(self, method="quadratic")
         nominal = lemma_1.first()
         return lemma_1.run(nominal, WIDE, ROUGH) or nominal
 

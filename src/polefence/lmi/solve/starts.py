@@ -19,6 +19,7 @@ from polefence.lmi.conditions.pencil import Variable
 from polefence.lmi.conditions.performance import Output
 from polefence.lmi.solve.performance import Problem
 from polefence.lmi.solve.scaling import Scaling
+from polefence.lmi.solve.search import common_point
 from polefence.plant.system import Array
 from polefence.region.regions import HalfPlane, Region
 
@@ -45,12 +46,6 @@ class Start:
     def values(self, variables: tuple[Variable, ...]) -> dict[str, Array]:
         """Return the point as values of a condition's variables."""
         return common_point(self.W, self.K @ self.W, variables)
-
-
-def common_point(W: Array, Z: Array, variables: tuple[Variable, ...]) -> dict[str, Array]:
-    """Return a point of Lemma 1 as a point of any condition: W for every Lyapunov matrix and G."""
-    tiny = np.array([[1e-12 * float(np.linalg.eigvalsh(W)[0])]])
-    return {v.name: {"x": W, "u": Z}.get(v.rows, tiny) for v in variables}
 
 
 def nominal_start(

@@ -32,6 +32,7 @@ from polefence.lmi.solve.starts import nominal_start
 from polefence.plant.system import Array
 
 ROUGH = 1e-2  # Lemma 1 as a start is run until its gap is this share of its radius
+LOW = 1e-2  # share of sigma below which Lemma 1 as a start does not go: W tends to a singular one
 CLOSE = 1.1  # the first r over the radius of a point that a neighbour or a stalled run left
 FLOOR = 1e-4  # a radius of this share of sigma is as good as zero
 # Condition of a Lyapunov matrix in the coordinates of its run: at such an end a gap of zero may be
@@ -121,11 +122,11 @@ class _Search:
         if not isinstance(self.goal, Disks):
             # of disks about a centre typical of the region; r is found out when it is run
             own = Disks(-self.scale)
-            return replace(replace(self, goal=own, enough=0.0).first(), r=0.0)
+            return replace(replace(self, goal=own).first(), r=0.0)
         if normal(self.method) == "quadratic":
             start = nominal_start(self.A, self.B, -self.goal.centre, self.plain, self.scale)
             return Reached(r=start.radius, values={"W": start.W, "Z": start.K @ start.W})
-        lemma_1 = replace(self, method="quadratic")
+        lemma_1 = replace(self, method="quadratic", enough=LOW * self.scale)
         nominal = lemma_1.first()
         return lemma_1.run(nominal, WIDE, ROUGH) or nominal
 

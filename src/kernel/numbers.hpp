@@ -83,6 +83,18 @@ struct Group {
     }
 };
 
+// Row k of exponents, a character each.
+template <typename Exponents>
+std::string exponent(const Exponents &exponents, std::size_t k) {
+    std::string own;
+    for (std::size_t j = 0; j < exponents.shape(1); ++j) {
+        const Int power = exponents.data()[k * exponents.shape(1) + j];
+        require(power >= 0 && power <= 16, "an exponent is 0 to 16");
+        own.push_back(static_cast<char>(power));
+    }
+    return own;
+}
+
 // Coefficients of a polynomial: exponents and multinomials, and matrices of doubles.
 struct Form {
     std::vector<std::string> powers;
@@ -99,13 +111,7 @@ struct Form {
                     exponents.shape(1) == coordinates,
                 "exponents do not fit");
         for (std::size_t k = 0; k < count; ++k) {
-            std::string own;
-            for (std::size_t j = 0; j < coordinates; ++j) {
-                const Int power = exponents.data()[k * coordinates + j];
-                require(power >= 0 && power <= 16, "an exponent is 0 to 16");
-                own.push_back(static_cast<char>(power));
-            }
-            powers.push_back(own);
+            powers.push_back(exponent(exponents, k));
             const Int multinomial = counts.data()[k];
             require(multinomial > 0 && multinomial < (Int{1} << 50), "a multinomial is positive");
             multinomials.push_back(multinomial);
@@ -137,13 +143,7 @@ struct Plant {
         columns = data.size() / (8 * words * n * count);
         require(columns > n && data.size() == 8 * words * n * count * columns, "A and B do not fit");
         for (std::size_t k = 0; k < count; ++k) {
-            std::string own;
-            for (std::size_t j = 0; j < coordinates; ++j) {
-                const Int power = exponents.data()[k * coordinates + j];
-                require(power >= 0 && power <= 16, "an exponent is 0 to 16");
-                own.push_back(static_cast<char>(power));
-            }
-            powers.push_back(own);
+            powers.push_back(exponent(exponents, k));
         }
     }
     // Length of the longest number.

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import signal
+import sys
 import threading
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import BrokenExecutor, Executor, ProcessPoolExecutor, as_completed
@@ -79,6 +80,19 @@ _Held = Callable[[], AbstractContextManager[None]]
 
 
 @contextmanager
+def _blocked() -> Iterator[None]:
+    """Block Ctrl-C, where the system can."""
+    if sys.platform == "win32":
+        yield
+        return
+    mask = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, mask)
+
+
+@contextmanager
 def _interrupted_once() -> Iterator[tuple[_Held, _Held]]:
     """Let the first Ctrl-C raise and ignore all later ones, so that nothing cuts the cleaning up.
 
@@ -97,12 +111,10 @@ def _interrupted_once() -> Iterator[tuple[_Held, _Held]]:
     def hold() -> Iterator[None]:
         heard = threading.Event()
         before = signal.signal(signal.SIGINT, lambda *_: heard.set())
-        # blocked, which is inherited: a handler would not be
-        mask = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
         try:
-            yield
+            with _blocked():  # which is inherited: a handler would not be
+                yield
         finally:
-            signal.pthread_sigmask(signal.SIG_SETMASK, mask)
             signal.signal(signal.SIGINT, before)
         if heard.is_set():
             once()

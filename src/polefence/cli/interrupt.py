@@ -20,7 +20,8 @@ PATIENCE = 1.0  # [s] that a command has to end by itself
 @contextmanager
 def cut_off(end: Callable[[], None]) -> Iterator[None]:
     """Call a function that ends the process some time after Ctrl-C, unless all is over by then."""
-    if threading.current_thread() is not threading.main_thread():
+    posix = os.name == "posix"  # elsewhere a pipe may not be what hears of signals
+    if not posix or threading.current_thread() is not threading.main_thread():
         yield
         return
     read, write = os.pipe()

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from polefence.design.search import edge, first, preferred, rising, tried
+from polefence.design.search import edge, first, gallop, preferred, rising
 
 SOME = st.lists(st.one_of(st.none(), st.integers(-5, 5)))
 
@@ -79,7 +79,7 @@ def test_the_first_place_that_holds_is_found(count, threshold, close):
         seen.append(place)
         return place >= threshold
 
-    tried(count, holds, close)
+    gallop(count, holds, close)
     assert len(set(seen)) == len(seen) <= close + 2 * max(1, count).bit_length()
     assert all(0 <= place < count for place in seen)
     if threshold < count:

@@ -36,13 +36,12 @@ def test_a_point_reaches_the_same_radius_in_all_coordinates(physical, method):
     for coordinates in (scaling, scaling.refined(start.W)):
         A, B = coordinates.apply(physical.A, physical.B)
         pencil = build(method, A, B, 40 / coordinates.rate, coordinates.unit)
-        x = pencil.pack(
-            {v.name: inverse(coordinates, start.values((v,))[v.name], v) for v in pencil.variables}
-        )
+        values = common_point(start.W, start.K @ start.W, pencil.variables)
+        x = pencil.pack({v.name: inverse(coordinates, values[v.name], v) for v in pencil.variables})
         assert np.isclose(coordinates.rate * reach(pencil, x), start.radius, rtol=1e-6)
         back = coordinates.restore(pencil.unpack(x), pencil.variables)
         for v in pencil.variables:
-            assert np.allclose(back[v.name], start.values((v,))[v.name], rtol=1e-6)
+            assert np.allclose(back[v.name], values[v.name], rtol=1e-6)
 
 
 def inverse(scaling, X, variable):

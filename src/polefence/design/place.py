@@ -27,7 +27,7 @@ from polefence.design.checks import (
 from polefence.design.counterexample import unplaceable
 from polefence.design.design import Design
 from polefence.design.repair import lower_bound
-from polefence.design.search import Deadline, preferred, tried
+from polefence.design.search import Deadline, gallop, preferred
 from polefence.law.laws import FixedGain, ScheduledGain, right_divide
 from polefence.lmi.conditions.methods import (
     Method,
@@ -319,7 +319,7 @@ def smallest_disk(
 def _designs(
     plant: UncertainPlant, centre: float, method: Method, found: Reached
 ) -> list[Design | None]:
-    """Return designs in the order of their radii, the first that runs or about that the last.
+    """Return designs in the order of their radii; the last is the first that runs, or nearly so.
 
     Rounding needs room: more of it a step outside the point found, or at a point on the way to it,
     each at its own radius.
@@ -340,7 +340,7 @@ def _designs(
         designs[place] = design
         return design is not None and design.runs
 
-    tried(len(candidates), runs, close=len(STEPS))
+    gallop(len(candidates), runs, close=len(STEPS))
     return [designs[place] for place in sorted(designs)]
 
 

@@ -75,8 +75,8 @@ def edge(
     return low, high
 
 
-def tried(count: int, holds: Callable[[int], bool], close: int = 1) -> None:
-    """Try places from 0 on in growing strides until one holds, then between it and the last.
+def gallop(count: int, holds: Callable[[int], bool], close: int = 1) -> None:
+    """Try places from 0 on in growing strides until one holds, then halve back from it.
 
     Parameters
     ----------

@@ -66,6 +66,10 @@ class Point:
     iterations: int = 0
 
 
+def _unknown() -> float:
+    return np.inf
+
+
 @dataclass(frozen=True, eq=False)
 class Trail:
     """The iterates of a run, from its start to its end: r, and x in the run's coordinates.
@@ -114,7 +118,7 @@ class Reached(Point):
     dual: Dual | None = None
     rate: float = 1.0
     trails: tuple[Trail, ...] = ()
-    residual: Callable[[], float] = lambda: np.inf
+    residual: Callable[[], float] = _unknown
 
     def path(self) -> list[Reached]:
         """Return the points on the way, the least r first: farther inside, rounding does less."""

@@ -15,11 +15,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from polefence.lmi.conditions.gain_norm import Norm
-from polefence.lmi.conditions.pencil import Variable
 from polefence.lmi.conditions.performance import Output
 from polefence.lmi.solve.performance import Problem
 from polefence.lmi.solve.scaling import Scaling
-from polefence.lmi.solve.search import common_point
 from polefence.plant.system import Array
 from polefence.region.regions import HalfPlane, Region
 
@@ -42,10 +40,6 @@ class Start:
     W: Array
     K: Array
     radius: float
-
-    def values(self, variables: tuple[Variable, ...]) -> dict[str, Array]:
-        """Return the point as values of a condition's variables."""
-        return common_point(self.W, self.K @ self.W, variables)
 
 
 def nominal_start(

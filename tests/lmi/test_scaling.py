@@ -8,6 +8,7 @@ import pytest
 from polefence import build
 from polefence.base.errors import SolverError
 from polefence.lmi.solve.scaling import balanced, power_of_two
+from polefence.lmi.solve.search import common_point
 from polefence.lmi.solve.starts import nominal_start
 from support.margin import reach
 

@@ -188,11 +188,14 @@ def method_label(method: Method) -> str:
 def options(method: Method) -> Scheduled | Slack:
     """Return degree, elevation and domain of any method."""
     method = normal(method)
-    if method == "quadratic":
-        return replace(Scheduled(), degree=0, elevation=0)
-    if isinstance(method, str):
-        return Slack() if method == "slack" else Scheduled()
-    return method
+    return _OPTIONS[method] if isinstance(method, str) else method
+
+
+_OPTIONS: dict[str, Scheduled | Slack] = {
+    "quadratic": Scheduled(0, 0),
+    "slack": Slack(),
+    "scheduled": Scheduled(),
+}
 
 
 def build(

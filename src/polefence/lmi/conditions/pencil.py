@@ -59,10 +59,6 @@ class Variable:
         """Return the unknowns of a matrix."""
         return matrix[_upper(self.shape[0])] if self.symmetric else matrix.ravel()
 
-    def unpack(self, unknowns: Array) -> Array:
-        """Return the matrix with these unknowns."""
-        return np.asarray(unknowns[self.places])
-
     def as_linear(self) -> Linear:
         """Return the variable itself as a linear function."""
         return Linear((Term(self.name, np.eye(self.shape[0])),))
@@ -210,9 +206,7 @@ class Pencil:
 
     def unpack(self, x: Array) -> dict[str, Array]:
         """Return the variables' matrices for x."""
-        cuts = np.cumsum([v.size for v in self.variables])[:-1]
-        parts = np.split(x, cuts)
-        return {v.name: v.unpack(p) for v, p in zip(self.variables, parts, strict=True)}
+        return {name: np.asarray(x[place]) for name, place in self.places.items()}
 
     def matrices(self, x: Array, r: float) -> dict[str, Array]:
         """Return each block of r D(x) - M(x) by name."""

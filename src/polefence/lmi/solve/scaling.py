@@ -7,6 +7,7 @@ the original vertices, decides.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
@@ -105,15 +106,13 @@ def power_of_two(values: Array) -> Array:
 
 def balanced(A: Array, B: Array, sigma: float) -> Scaling:
     """Diagonal scaling from magnitudes alone: time by sigma, states balanced, inputs by max |B|."""
-    from scipy.linalg import matrix_balance  # deferred: slow to import
+    from scipy.linalg.lapack import dgebal  # deferred: slow to import
 
-    rate = float(power_of_two(np.array(sigma)))
+    rate = 2.0 ** round(math.log2(sigma))
     n = A.shape[1]
     # beyond these magnitudes the balance's own powers of two overflow
     size = np.clip(np.abs(A).mean(axis=0) / rate, 0.0, 1e30) + np.eye(n)
-    with np.errstate(invalid="ignore"):  # of its cast of the scale to indices of a permutation
-        _, (scale, _) = matrix_balance(size, permute=False, separate=True)
-    T = power_of_two(scale)
+    T = dgebal(size, scale=1, permute=0)[3]
     reach = np.abs(B / T[:, None]).mean(axis=0).max(axis=0) / rate
     S = power_of_two(1 / np.where(reach > 0, reach, 1.0))
     return Scaling(np.diag(T), np.diag(S), rate)

@@ -138,7 +138,7 @@ class _Search:
         target = self.goal.target(scaling.rate)
         pencil, stacked = condition(self.method, A, B, target, scaling.unit)
         radius = max(start.r, FLOOR * unit * self.scale / scaling.rate)
-        values = self._scaled(replace(start, r=radius), scaling, pencil.variables, wide)
+        values = self._scaled(start.values, radius, scaling, pencil.variables, wide)
         x = pencil.pack(values)
         r = wide * radius / unit
         disks = isinstance(self.goal, Disks)
@@ -155,7 +155,7 @@ class _Search:
             r=unit * outcome.r,
             values=scaling.restore(end, pencil.variables),
             dual=_dual(outcome, stacked, scaling) if disks else None,
-            converged=outcome.converged and bool(np.linalg.cond(lyapunov_mean(end)) < FAR),
+            converged=outcome.converged and _is_near(lyapunov_mean(end)),
             iterations=outcome.iterations,
             rate=scaling.rate,
             trails=(Trail(unit * outcome.trail[:, 0], outcome.trail[:, 1:], pencil, scaling),),
@@ -168,17 +168,28 @@ class _Search:
             return self.plain
 
     def _scaled(
-        self, start: Reached, scaling: Scaling, variables: tuple[Variable, ...], wide: float
+        self,
+        start: dict[str, Array],
+        radius: float,
+        scaling: Scaling,
+        variables: tuple[Variable, ...],
+        wide: float,
     ) -> dict[str, Array]:
-        values = start.values
+        values = start
         if any(v.name not in values for v in variables):
             values = common_point(values["W"], values["Z"], variables) | values
         scaled = scaling.scaled(values, variables)
-        if "tau" in scaled and "tau" not in start.values:
+        if "tau" in scaled and "tau" not in start:
             # a tenth of what the blocks have to spare
-            spare = (wide - 1) * start.r / scaling.rate
+            spare = (wide - 1) * radius / scaling.rate
             scaled["tau"] = np.array([[0.1 * spare / np.linalg.norm(scaling.unit, 2)]])
         return scaled
+
+
+def _is_near(W: Array) -> bool:
+    """Whether a Lyapunov matrix is well conditioned in the coordinates of its run."""
+    values = np.linalg.eigvalsh(W)
+    return bool(values[-1] < FAR * values[0])
 
 
 def _dual(outcome: Outcome, stacked: Stacked, scaling: Scaling) -> Dual:

@@ -19,7 +19,7 @@ import numpy as np
 from families import polytope, quarter_car
 
 from polefence import METHODS, PolefenceError, UncertainPlant
-from polefence.design.place import tightest_near
+from polefence.design.place import smallest_disk
 from polefence.lmi.conditions.methods import build
 from polefence.lmi.solve.scaling import balanced
 from polefence.lmi.solve.search import Reached, lyapunov_mean
@@ -61,10 +61,14 @@ def main() -> None:
             for seed in range(options.first, options.first + options.plants):
                 plant, centre = draw(seed)
                 try:
-                    design, found = tightest_near(plant, centre, method, None)
+                    design, found = smallest_disk(plant, centre, method)
                 except PolefenceError as error:
                     count["undecided"] += 1
                     print(f"  {plant.name}: {type(error).__name__}: {error}"[:150], flush=True)
+                    continue
+                if not design.proved:
+                    count["undecided"] += 1
+                    print(f"  {plant.name}: found, not proved", flush=True)
                     continue
                 count["proved"] += 1
                 iterations.append(found.iterations)

@@ -6,7 +6,7 @@ python benchmarks/smallest.py --section one --quick
 The peer is what one writes without polefence: the condition in CVXPY, compiled once for each plant
 and method with the radius as a parameter (DPP), the margin maximised, and the radius bisected to
 1e-4 of itself, over Clarabel; for the quarter car also over SCS and CVXOPT. Its data are balanced
-as polefence balances them. Ours are `smallest` on both engines and `tightest_near`, which
+as polefence balances them. Ours are `smallest` on both engines and `smallest_disk`, which
 also proves the radius and a lower bound in exact arithmetic; the peer proves nothing. All run in
 one process on one thread, turn by turn. Times are medians of wall-clock times; the peer's include
 building its problem once, and what Clarabel reports of its own time stands beside them: no other
@@ -44,7 +44,7 @@ import numpy as np
 import polefence
 from polefence import METHODS, UncertainPlant
 from polefence.base.errors import PolefenceError
-from polefence.design.place import tightest_near
+from polefence.design.place import smallest_disk
 from polefence.examples import family
 from polefence.lmi.conditions.target import Disks
 from polefence.lmi.solve import search
@@ -362,9 +362,9 @@ def measure(
         stacked_module._layout.cache_clear()
         run = clock(lambda: smallest(A, B, Disks(-sigma), method, engine="compiled"))
         result.first.append(run[0])
-        above = clock(lambda: tightest_near(plant, -sigma, method, None, bounds=False))
+        above = clock(lambda: smallest_disk(plant, -sigma, method, bounds=False))
         result.above.append(above[0])
-        seconds, (design, _) = clock(lambda: tightest_near(plant, -sigma, method, None))
+        seconds, (design, _) = clock(lambda: smallest_disk(plant, -sigma, method))
         result.proved.append(seconds)
         result.upper, result.lower = design.region.radius, design.lower
     return result

@@ -39,6 +39,7 @@ __version__ = VERSION
 if TYPE_CHECKING:
     from polefence import examples, export, response, vehicle
     from polefence.base.workers import processes
+    from polefence.design import many
     from polefence.design.given import analyse, worst_case
     from polefence.design.limits import Limit, limits
     from polefence.design.margins import estimation_error, gain_error, in_service, parameter_rate
@@ -99,6 +100,7 @@ _LATER = {
 _ROOMS = {
     "examples": "polefence.examples",
     "export": "polefence.export",
+    "many": "polefence.design.many",
     "plots": "polefence.show.plots",
     "response": "polefence.response",
     "vehicle": "polefence.vehicle",
@@ -158,6 +160,7 @@ __all__ = [
     "load_region",
     "load_specifications",
     "load_structure",
+    "many",
     "observe",
     "optimise",
     "parameter_rate",

@@ -9,7 +9,7 @@ import pytest
 
 from polefence import UncertainPlant, build, tightest
 from polefence.base.errors import PlantError, UncontrollableError
-from polefence.design.place import tightest_near
+from polefence.design.place import smallest_disk
 from polefence.lmi.solve.interior_point import MAX_ITERATIONS
 from polefence.lmi.solve.scaling import balanced
 from polefence.lmi.solve.search import ROUNDS, lyapunov_mean
@@ -30,7 +30,7 @@ def rows(draw, seed):
     N, n = plant.A.shape[:2]
     found = {}
     for method in METHODS if N * n <= 20 else METHODS[:2]:
-        design, point = tightest_near(plant, centre, method, None)
+        design, point = smallest_disk(plant, centre, method)
         assert design.certificate.prove().proved
         assert design.region.centre == centre
         assert point.r <= design.region.radius <= point.r * (1 + 2e-4)
@@ -147,7 +147,7 @@ def radii(base):
 @pytest.mark.parametrize("guise", GUISES.values(), ids=GUISES)
 def test_guises_change_no_radius(guise, method, base, radii):
     plant = UncertainPlant.from_vertices(*guise(*base))
-    design, point = tightest_near(plant, -3.0, method, None)
+    design, point = smallest_disk(plant, -3.0, method)
     assert design.certificate.prove().proved
     assert 0 < point.iterations <= MOST
     plain = radii[method]
@@ -169,7 +169,7 @@ def test_equal_inputs_are_one(method, base):
 @pytest.mark.parametrize("copies", [1, 4])
 def test_a_known_plant_is_placed(method, copies, base):
     A, B = (X[[0] * copies] for X in base)
-    design, point = tightest_near(UncertainPlant.from_vertices(A, B), -3.0, method, None)
+    design, point = smallest_disk(UncertainPlant.from_vertices(A, B), -3.0, method)
     assert design.region.radius <= 1e-3 * 3.0
     assert 0 < point.iterations <= MOST
 
@@ -180,7 +180,7 @@ def test_one_entry_far_from_the_others(value, method, base):
     A, B = base
     for As, Bs in ((spoilt(A, value), B), (A, spoilt(B, value))):
         plant = UncertainPlant.from_vertices(As, Bs)
-        design, point = tightest_near(plant, -3.0, method, None)
+        design, point = smallest_disk(plant, -3.0, method)
         assert design.certificate.prove().proved
         if design.region.radius < 3.0:  # from sigma on, the infimum need not be attained
             assert 0 < 1 - design.lower / design.region.radius <= 1e-3

@@ -7,11 +7,20 @@ import signal
 import sys
 import threading
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import BrokenExecutor, Executor, ProcessPoolExecutor, as_completed
+from concurrent.futures import (
+    BrokenExecutor,
+    Executor,
+    Future,
+    ProcessPoolExecutor,
+    ThreadPoolExecutor,
+    as_completed,
+)
 from contextlib import AbstractContextManager, contextmanager, nullcontext
 from multiprocessing import get_context, parent_process
 from multiprocessing.connection import wait
-from typing import TypeVar
+from typing import Any, TypeVar
+
+from polefence.base.progress import told
 
 Task = TypeVar("Task")
 Result = TypeVar("Result")
@@ -132,6 +141,58 @@ def _interrupted_once() -> Iterator[tuple[_Held, _Held]]:
         yield hold, ignore
     finally:
         signal.signal(signal.SIGINT, outside)
+
+
+class _Stopped(BaseException):
+    """Ends what a thread does, once nobody waits for it."""
+
+
+class _Threads(ThreadPoolExecutor):
+    """Threads that can be stopped, wherever they tell how far they are."""
+
+    def __init__(self, count: int) -> None:
+        super().__init__(count)
+        self._stop = threading.Event()
+
+    def submit(self, work: Callable[..., Result], /, *of: Any, **options: Any) -> Future[Result]:
+        """Have a function called, see `concurrent.futures.Executor`."""
+        return super().submit(self._heeding, work, *of, **options)
+
+    def stop(self) -> None:
+        """End what is being done, and all that waits."""
+        self._stop.set()
+        self.shutdown(wait=True, cancel_futures=True)
+
+    def _heeding(self, work: Callable[..., Result], *of: Any, **options: Any) -> Result:
+        with told(self._heed):
+            return work(*of, **options)
+
+    def _heed(self, _: str) -> None:
+        if self._stop.is_set():
+            raise _Stopped
+
+
+@contextmanager
+def threads(count: int | None = None) -> Iterator[Executor | None]:
+    """Threads of this process, by default one a processor; None for a single one.
+
+    For work that is mostly the kernel's, which holds no lock. Ctrl-C ends them.
+    """
+    count = count or processors()
+    if count == 1:
+        yield None
+        return
+    pool = _Threads(count)
+    try:
+        yield pool
+    finally:
+        pool.stop()
+
+
+def processors() -> int:
+    """Return how many processors this process may use."""
+    own = getattr(os, "sched_getaffinity", None)
+    return len(own(0)) if own else os.cpu_count() or 1
 
 
 def _start_worker() -> None:

@@ -8,7 +8,7 @@ matrices is how to change them: X_b by Psi_b Theta, Psi nearly a right inverse o
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
@@ -18,10 +18,10 @@ import numpy.typing as npt
 
 from polefence.design.repair import IDLE, SHORTFALLS
 from polefence.lmi.solve.engine import kernel
+from polefence.lmi.solve.scaling import summed, transposed
 from polefence.plant.family import UncertainPlant
 from polefence.plant.system import Array
 from polefence.proof.lower import METHODS, block_pairs
-from polefence.proof.work import FormatError
 
 # Nearer to the radius than this its answer is taken; else rationals are tried too.
 CLOSE = 1e-6
@@ -49,25 +49,70 @@ def lower_radius(
     Y : (blocks, 2n, 2n) array
         In the order of `polefence.proof.lower.block_pairs`.
     """
-    own, dual = kernel(), np.asarray(Y, dtype=float)
-    if own is None or not hasattr(own, "lower") or method not in METHODS:
+    dual, best = np.asarray(Y, dtype=float), len(SHARES)
+    if not _askable(plant, method, dual):
         return None
-    layout = _layout(method, len(plant.vertices))
-    n = plant.shape[0]
-    radii = [upper * (1 - shortfall) for shortfall in SHORTFALLS if shortfall <= CLOSE]
-    if dual.shape != (layout.blocks, 2 * n, 2 * n) or not min(radii) > 0:
-        return None
-    best = len(radii)
+    layout, tried = _layout(method, len(plant.vertices)), list[bytes]()
     with np.errstate(all="ignore"):
-        for kept in _kept(dual, layout):
+        for least in IDLE:
             try:
-                found = _asked(own, plant, layout, sigma, kept, radii[:best], right_hand_sides)
-            except (np.linalg.LinAlgError, FormatError):
+                kept, idle = _kept(dual, layout, least)
+                if idle.tobytes() in tried:
+                    continue
+                tried.append(idle.tobytes())
+                sought = _sought(layout, plant.A, plant.B, np.asarray(sigma), kept)
+            except np.linalg.LinAlgError:
                 continue
+            found = _first(plant, layout, sigma, upper, sought, best, right_hand_sides)
             best = found if found >= 0 else best
             if not best:
                 break
-    return radii[best] if best < len(radii) else None
+    return upper * SHARES[best] if best < len(SHARES) else None
+
+
+def lower_radii(
+    plants: Sequence[UncertainPlant], method: str, sigma: Array, upper: Array, Y: Array
+) -> list[float | None]:
+    """Return `lower_radius` of plants of one shape, None where that has more to try.
+
+    Parameters
+    ----------
+    sigma, upper : (P,) arrays
+    Y : (P, blocks, 2n, 2n) array
+    """
+    if not plants or not _askable(plants[0], method, Y[0]):
+        return [None] * len(plants)
+    layout = _layout(method, len(plants[0].vertices))
+    A, B = (np.array([getattr(plant, name) for plant in plants]) for name in ("A", "B"))
+    with np.errstate(all="ignore"):
+        try:
+            kept, idle = _kept(Y, layout, IDLE[0])
+            sought = _sought(layout, A, B, sigma, kept)
+            alone = (_kept(Y, layout, IDLE[-1])[1] == idle).all(axis=-1)
+        except np.linalg.LinAlgError:
+            return [None] * len(plants)
+        found = [
+            _first(
+                plant, layout, float(sigma[k]), float(upper[k]), sought.of(k), len(SHARES), False
+            )
+            for k, plant in enumerate(plants)
+        ]
+    return [
+        float(r) * SHARES[first] if first == 0 or (first > 0 and only) else None
+        for r, first, only in zip(upper, found, alone, strict=True)
+    ]
+
+
+# Shares of a radius that are tried, the nearest first.
+SHARES = [1 - shortfall for shortfall in SHORTFALLS if shortfall <= CLOSE]
+
+
+def _askable(plant: UncertainPlant, method: str, dual: Array) -> bool:
+    """Whether the kernel is there, and has such bounds."""
+    own, n = kernel(), plant.shape[0]
+    if own is None or not hasattr(own, "lower") or method not in METHODS:
+        return False
+    return dual.shape == (_layout(method, len(plant.vertices)).blocks, 2 * n, 2 * n)
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,6 +125,8 @@ class _Layout:
         Of each product its block and its indices.
     count : (kinds, blocks) array
         How often W_k is in each block.
+    sums : (kinds, products) array
+        Which products are of W_k.
     """
 
     method: str
@@ -87,6 +134,7 @@ class _Layout:
     j: Any
     k: Any
     count: Array
+    sums: Array
 
     @property
     def blocks(self) -> int:
@@ -96,6 +144,10 @@ class _Layout:
     def joint(self) -> bool:
         return self.method != "scheduled"
 
+    @property
+    def slack(self) -> bool:
+        return self.method == "slack"
+
 
 @lru_cache(maxsize=32)
 def _layout(method: str, N: int) -> _Layout:
@@ -104,73 +156,93 @@ def _layout(method: str, N: int) -> _Layout:
     b, j, k = triples.T
     count = np.zeros((k.max() + 1, len(pairs)))
     np.add.at(count, (k, b), 1.0)
-    return _Layout(method, b, j, k, count)
+    return _Layout(method, b, j, k, count, (np.arange(len(count))[:, None] == k).astype(float))
 
 
-def _kept(dual: Array, layout: _Layout) -> Iterator[Array]:
-    """Yield the matrices, symmetric, and without the blocks that touch idle vertices."""
-    diagonal = np.einsum("bii->bi", dual)
-    if not np.all(np.isfinite(dual)) or not np.all(diagonal > 0):
-        return
-    dual = (dual + dual.swapaxes(1, 2)) / (2 * diagonal.max())
-    if layout.method == "slack":
-        n = dual.shape[1] // 2
-        dual[:, :n, :n] = dual[:, n:, n:] = (dual[:, :n, :n] + dual[:, n:, n:]) / 2
+def _kept(dual: Array, layout: _Layout, least: float) -> tuple[Array, npt.NDArray[np.bool_]]:
+    """Return the matrices, symmetric and without the blocks that touch idle vertices; and those."""
+    diagonal = np.diagonal(dual, axis1=-2, axis2=-1)
+    diagonal = np.where((diagonal > 0).all(axis=(-2, -1), keepdims=True), diagonal, np.nan)
+    dual = (dual + transposed(dual)) / (2 * diagonal.max(axis=(-2, -1))[..., None, None, None])
+    if layout.slack:
+        n = dual.shape[-1] // 2
+        both = (dual[..., :n, :n] + dual[..., n:, n:]) / 2
+        dual[..., :n, :n] = dual[..., n:, n:] = both
     part = layout.count @ diagonal
-    share, tried = (part / part.max(axis=0)).max(axis=1), list[tuple[int, ...]]()
-    for least in IDLE:
-        idle = tuple(np.flatnonzero(share < least).tolist())
-        if idle not in tried:
-            tried.append(idle)
-            touched = np.asarray(layout.count[list(idle)].any(axis=0), dtype=bool)
-            yield np.where(touched[:, None, None], 0.0, dual)
+    share = (part / part.max(axis=-2, keepdims=True)).max(axis=-1)
+    idle = np.asarray(share < least)
+    touched: npt.NDArray[np.bool_] = np.greater(idle @ layout.count, 0)
+    return np.where(touched[..., None, None], 0.0, dual), idle
 
 
-def _asked(
-    own: Any,
-    plant: UncertainPlant,
-    layout: _Layout,
-    sigma: float,
-    dual: Array,
-    radii: list[float],
-    right_hand_sides: bool,
-) -> int:
-    """Return which radius is the first that is proved; negative where none is."""
-    n, N, slack = plant.shape[0], len(plant.vertices), layout.method == "slack"
-    S, B, dual = plant.A + sigma * np.eye(n), plant.B, dual.copy()
-    weight = np.tensordot(layout.count, dual[:, :n, :n] + dual[:, n:, n:], 1)  # P + R of each W
-    forms = np.concatenate([S, B], axis=2) if slack else B
+@dataclass(frozen=True, eq=False)
+class _Sought:
+    """What the kernel is asked with: dual matrices, how to change them, and scales."""
+
+    dual: Array
+    Psi: Array
+    scale: Array
+    rho: Array
+
+    def of(self, plant: int) -> _Sought:
+        """Return that of one plant of a stack."""
+        return _Sought(*(own[plant] for own in vars(self).values()))
+
+
+def _sought(layout: _Layout, A: Array, B: Array, sigma: Array, dual: Array) -> _Sought:
+    """Bring dual matrices close to ones that satisfy the equations, batched over leading axes."""
+    n, N = A.shape[-1], A.shape[-3]
+    S, dual = A + sigma[..., None, None, None] * np.eye(n), dual.copy()
+    own = dual[..., :n, :n] + dual[..., n:, n:]
+    weight = summed(layout.count, own)  # P + R of each W
+    forms = np.concatenate([S, B], axis=-1) if layout.slack else B
     weighed = weight @ forms
-    H = forms.swapaxes(1, 2) @ weighed
-    H = H.sum(axis=0)[None] if layout.joint else H
-    used = np.einsum("kii->ki", weight).any(axis=1)
-    H[~used] = np.eye(H.shape[1])
-    rho = np.sqrt(np.einsum("kii->ki", H))
-    units = rho[:, :, None] * rho[:, None, :]
+    H = transposed(forms) @ weighed
+    H = H.sum(axis=-3, keepdims=True) if layout.joint else H
+    used = np.asarray(np.diagonal(weight, axis1=-2, axis2=-1).any(axis=-1))
+    H = np.where(used[..., None, None], H, np.eye(H.shape[-1]))
+    rho = np.sqrt(np.diagonal(H, axis1=-2, axis2=-1))
+    units = rho[..., :, None] * rho[..., None, :]
     inverse = np.linalg.inv(H / units) / units
     Psi = weighed @ inverse
     for _ in range(ROUNDS):
-        wanted = _residuals(layout, S, B, dual[:, :n, n:])
-        if slack:
-            wanted[0, :n] += _free(inverse[0], weight[0], wanted[0])
+        wanted = _residuals(layout, S, B, dual[..., :n, n:])
+        if layout.slack:
+            wanted[..., :n, :] += _free(inverse, weight, wanted)
         change = -Psi @ wanted
-        dual[:N, :n, n:] += change
-        dual[:N, n:, :n] += change.swapaxes(1, 2)
-    scale = 2.0 ** np.round(np.log2(np.einsum("kii->i", weight)) / 2)
+        dual[..., :N, :n, n:] += change
+        dual[..., :N, n:, :n] += transposed(change)
+    size = np.diagonal(weight, axis1=-2, axis2=-1).sum(axis=-2)
+    return _Sought(dual, np.ascontiguousarray(Psi), 2.0 ** np.round(np.log2(size) / 2), rho)
+
+
+def _first(
+    plant: UncertainPlant,
+    layout: _Layout,
+    sigma: float,
+    upper: float,
+    sought: _Sought,
+    count: int,
+    right_hand_sides: bool,
+) -> int:
+    """Return which of the nearest ``count`` radii is the first that is proved; else negative."""
+    radii = upper * np.array(SHARES[:count])
+    if not (radii.min() > 0 and np.all(np.isfinite(sought.dual))):
+        return -1
     data, denominator, words = plant.words
-    exponents = np.eye(N, dtype=np.int64)
+    exponents = np.eye(len(plant.vertices), dtype=np.int64)
     return int(
-        own.lower(
-            slack,
+        kernel().lower(
+            layout.slack,
             right_hand_sides,
             layout.joint,
-            (exponents, data, denominator, n, words),
+            (exponents, data, denominator, plant.shape[0], words),
             sigma,
-            dual,
-            np.ascontiguousarray(Psi),
-            scale,
-            rho,
-            np.array(radii),
+            sought.dual,
+            sought.Psi,
+            sought.scale,
+            sought.rho,
+            radii,
         )
     )
 
@@ -178,15 +250,13 @@ def _asked(
 def _residuals(layout: _Layout, S: Array, B: Array, X: Array) -> Array:
     """Return what the equations of Z or L, and before them of the skew part of G, leave."""
     if layout.joint:
-        left: Array = np.einsum("jiq,jic->qc", B, X)
-        if layout.method == "quadratic":
-            return left[None]
-        V = np.einsum("jia,jic->ac", S, X)
-        return np.asarray(np.vstack([(V - V.T) / 2, left]))[None]
-    products = B[layout.j].swapaxes(1, 2) @ X[layout.b]
-    found = np.zeros((len(layout.count), *products.shape[1:]))
-    np.add.at(found, layout.k, products)
-    return np.asarray(found)
+        left = np.asarray((transposed(B) @ X).sum(axis=-3, keepdims=True))
+        if not layout.slack:
+            return left
+        V = (transposed(S) @ X).sum(axis=-3, keepdims=True)
+        return np.concatenate([(V - transposed(V)) / 2, left], axis=-2)
+    products = transposed(B)[..., layout.j, :, :] @ X[..., layout.b, :, :]
+    return summed(layout.sums, products)
 
 
 def _free(inverse: Array, weight: Array, wanted: Array) -> Array:
@@ -194,10 +264,11 @@ def _free(inverse: Array, weight: Array, wanted: Array) -> Array:
 
     The change is weight Phi Theta, its square tr(t' inverse t weight^-1) for t = wanted + [U; 0].
     """
-    n, size = len(weight), np.sqrt(np.diag(weight))
-    L = size[:, None] * np.linalg.cholesky(weight / np.outer(size, size))
-    values, vectors = np.linalg.eigh(L.T @ inverse[:n, :n] @ L)
-    Q, back = L @ vectors, np.linalg.solve(L.T, vectors)
-    slope = Q.T @ inverse[:n] @ wanted @ back
-    part = (slope + slope.T) / (values[:, None] + values)
-    return np.asarray(-Q @ part @ Q.T)
+    n, T = weight.shape[-1], transposed
+    size = np.sqrt(np.diagonal(weight, axis1=-2, axis2=-1))
+    L = size[..., None] * np.linalg.cholesky(weight / (size[..., :, None] * size[..., None, :]))
+    values, vectors = np.linalg.eigh(T(L) @ inverse[..., :n, :n] @ L)
+    Q, back = L @ vectors, np.linalg.solve(T(L), vectors)
+    slope = T(Q) @ inverse[..., :n, :] @ wanted @ back
+    part = (slope + T(slope)) / (values[..., :, None] + values[..., None, :])
+    return np.asarray(-Q @ part @ T(Q))

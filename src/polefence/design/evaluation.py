@@ -17,7 +17,7 @@ machine.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -26,6 +26,7 @@ import numpy as np
 from polefence.design.certificate import Certificate
 from polefence.law.coordinates import Coordinates
 from polefence.law.laws import FixedGain, ScheduledGain, right_divide
+from polefence.lmi.solve.scaling import summed, transposed
 from polefence.plant.boxes import Box
 from polefence.plant.polynomial import Domain
 from polefence.plant.system import Array
@@ -67,61 +68,79 @@ def surely_runs(certificate: Certificate) -> bool:
     with tr M M' and the number of columns of M that are not zero, that bounds what F^-1 does. The
     rest are traces in the plant's own coordinates, for Lyapunov matrices that floats invert well.
     """
-    places, unit = _places(domain_of(certificate)), 2 * SAFETY * UNIT
     with np.errstate(all="ignore"):
         for region, lyapunov in lyapunovs(certificate):
+            if lyapunov.box is not None or lyapunov.multiple is not None:
+                return False
             try:
-                spread = _spread(certificate, lyapunov, places)
+                spread = _spread([certificate], [lyapunov])[0]
             except np.linalg.LinAlgError:
                 return False
-            for _, M in region.pairs():
-                factor = math.sqrt(float((M * M).sum()) * np.count_nonzero(M.any(axis=0)))
-                if not unit * factor * spread / (TOLERANCE * region.size) <= SURE:
-                    return False
+            if not _leaves_room(region, spread):
+                return False
     return True
 
 
-def _spread(certificate: Certificate, lyapunov: Lyapunov, places: Array) -> float:
-    """Return the root of the terms' squares where F^-1 = I, infinite where floats may not do."""
-    law, plant, domain = certificate.law, certificate.plant, domain_of(certificate)
-    if lyapunov.box is not None or lyapunov.multiple is not None:
-        return math.inf
-    constant = not lyapunov.degree  # the same everywhere: one for all places
-    X = (
-        lyapunov.X
-        if constant
-        else np.tensordot(domain.basis(places, lyapunov.degree), lyapunov.X, 1)
-    )
-    diagonal = np.einsum("pii->pi", X)
+def surely_run(certificates: Sequence[Certificate]) -> list[bool]:
+    """Return what `surely_runs` does of designs by one method for single disks, of one shape."""
+    parts = [part for own in certificates for part in lyapunovs(own)]
+    if not parts:
+        return []
+    with np.errstate(all="ignore"):
+        try:
+            spread = _spread(certificates, [lyapunov for _, lyapunov in parts])
+        except np.linalg.LinAlgError:
+            return [surely_runs(own) for own in certificates]
+        return [_leaves_room(*own) for own in zip([part[0] for part in parts], spread, strict=True)]
+
+
+def _leaves_room(region: Region, spread: float) -> bool:
+    for _, M in region.pairs():
+        factor = math.sqrt(float((M * M).sum()) * np.count_nonzero(M.any(axis=0)))
+        if not 2 * SAFETY * UNIT * factor * spread / (TOLERANCE * region.size) <= SURE:
+            return False
+    return True
+
+
+def _spread(certificates: Sequence[Certificate], lyapunovs: Sequence[Lyapunov]) -> list[float]:
+    """Return the roots of the terms' squares where F^-1 = I, infinite where floats may not do."""
+    law, degree, domain = certificates[0].law, lyapunovs[0].degree, domain_of(certificates[0])
+    places, laws = _places(domain), [own.law for own in certificates]
+    X = np.array([own.X for own in lyapunovs])
+    if degree:  # else it is the same everywhere: one for all places
+        X = summed(domain.basis(places, degree), X)
+    diagonal = np.diagonal(X, axis1=-2, axis2=-1)
     scale = np.sqrt(diagonal)
-    even = X / (scale[:, :, None] * scale[:, None, :])
-    if not np.linalg.eigvalsh(even).min() > INVERTIBLE:
-        return math.inf
-    B = np.tensordot(places, plant.B, 1) / scale[:, :, None]
-    back = np.linalg.solve(even, B)
-    inputs = np.einsum("pia,pib->pab", B, back)  # B' X^-1 B
-    column = np.einsum("paa->pa", inputs)
+    even = X / (scale[..., :, None] * scale[..., None, :])
+    usable = np.linalg.eigvalsh(even).min(axis=(-2, -1)) > INVERTIBLE
+    B = summed(places, np.array([own.plant.B for own in certificates])) / scale[..., None]
+    inputs = transposed(B) @ np.linalg.solve(even, B)  # B' X^-1 B
+    column = np.diagonal(inputs, axis1=-2, axis2=-1)
     if isinstance(law, FixedGain):
-        return math.sqrt(float((column @ law.K**2 * diagonal).sum(axis=-1).max()))
-    if not isinstance(law, ScheduledGain):
-        return math.inf
-    mean = law.W.mean(axis=0)
-    size = np.sqrt(np.diag(mean))
-    T = np.linalg.inv(np.linalg.cholesky(mean / np.outer(size, size))) / size
-    W, Z = T @ X @ T.T, np.tensordot(domain.basis(places, law.degree), law.Z, 1) @ T.T
-    right = np.linalg.inv(W)
-    K = Z @ right
-    moved = np.einsum("pai,pab,pbi->pi", K, inputs, K)
-    terms = (moved, W, right), (column, Z, right), (moved, T, X), (column, K @ T, X)
-    square = sum(_weighed(*term) for term in terms)
-    return math.sqrt(float(np.max(square)))
+        K = np.array([own.K for own in laws if isinstance(own, FixedGain)])
+        square = (column @ K**2 * diagonal).sum(axis=-1)
+    elif isinstance(law, ScheduledGain):
+        W, Z = (np.array([getattr(own, name) for own in laws]) for name in ("W", "Z"))
+        mean = W.mean(axis=-3)
+        size = np.sqrt(np.diagonal(mean, axis1=-2, axis2=-1))
+        T = np.linalg.cholesky(mean / (size[..., :, None] * size[..., None, :]))
+        T = (np.linalg.inv(T) / size[..., None, :])[..., None, :, :]
+        W = T @ X @ transposed(T)
+        Z = summed(domain.basis(places, law.degree), Z) @ transposed(T)
+        right = np.linalg.inv(W)
+        K = Z @ right
+        moved = (K * (inputs @ K)).sum(axis=-2)
+        terms = (moved, W, right), (column, Z, right), (moved, T, X), (column, K @ T, X)
+        square = np.sum([_weighed(*term) for term in terms], axis=0)
+    else:
+        return [math.inf] * len(laws)
+    return [float(own) for own in np.where(usable, np.sqrt(square.max(axis=-1)), np.inf)]
 
 
 def _weighed(columns: Array, matrix: Array, rows: Array) -> Array:
     """Return the sum of squares of a matrix, weighed by columns and by the diagonal of rows."""
-    return np.asarray(
-        ((columns[:, None, :] @ matrix**2)[:, 0] * np.einsum("pii->pi", rows)).sum(-1)
-    )
+    sums = (columns[..., None, :] @ matrix**2)[..., 0, :]
+    return np.asarray((sums * np.diagonal(rows, axis1=-2, axis2=-1)).sum(axis=-1))
 
 
 def domain_of(certificate: Certificate) -> Domain:

@@ -15,9 +15,10 @@ from pathlib import Path
 from typing import Any, Unpack
 
 from polefence.base import VERSION, workers
-from polefence.base.errors import InputError, NotProvedError
+from polefence.base.errors import InputError, NotProvedError, PolefenceError
 from polefence.base.files import read_text, write_text
 from polefence.base.progress import stage
+from polefence.design import disks
 from polefence.design.certificate import Certificate, file_plant
 from polefence.design.checks import (
     require_checkable,
@@ -26,7 +27,7 @@ from polefence.design.checks import (
     usable_centre,
 )
 from polefence.design.design import Design
-from polefence.design.place import radius_of, tightest_near
+from polefence.design.place import radius_of
 from polefence.design.rows import Key, Row, Run, RunOptions, plant_summary
 from polefence.lmi.conditions.methods import (
     METHODS,
@@ -36,15 +37,11 @@ from polefence.lmi.conditions.methods import (
     fitting,
     method_label,
 )
-from polefence.lmi.solve.search import Reached
 from polefence.plant.family import UncertainPlant
 from polefence.proof import document, work
 from polefence.proof.claims.poles import Poles
 from polefence.proof.reading import MAX_BYTES, parse
 from polefence.region.regions import Disk
-
-# Rows that start from one another: at most so many, their centres at most this share apart.
-CHAIN, NEAR = 6, 0.25
 
 # What a row keeps of its design: with the plant, its centre and its radius all that proves it.
 PROOF = ("method", "evidence")
@@ -171,59 +168,31 @@ def as_finished(
         require_domain(plant, method)
         require_checkable(plant, method)
     require_movable(plant)
-    parts = chains(tasks)
-    if executor is None:
-        for part in parts:
-            yield from _chain(plant, part, bounds)
-        return
-    for finished in workers.as_finished(executor, partial(chain, plant, bounds=bounds), parts):
+    parts = disks.parts([disks.Asked(plant, *task) for task in tasks])
+    numbered = [[(k, *tasks[k]) for k in numbers] for numbers in parts]
+    work = partial(_rows, plant, bounds=bounds)
+    for finished in workers.as_finished(executor, work, numbered):
         yield from finished
 
 
-def chains(tasks: Sequence[tuple[float, Method]]) -> list[list[Task]]:
-    """Sort tasks into runs of neighbouring centres, each to be computed in order.
-
-    They depend on the tasks alone, so that the rows do too, wherever they are computed.
-    """
-    order = sorted(range(len(tasks)), key=lambda i: (repr(tasks[i][1]), tasks[i][0]))
-    runs: list[list[Task]] = []
-    for i in order:
-        centre, method = tasks[i]
-        last = runs[-1][-1] if runs and len(runs[-1]) < CHAIN else None
-        if last is not None and last[2] == method and centre - last[1] <= NEAR * abs(last[1]):
-            runs[-1].append((i, centre, method))
-        else:
-            runs.append([(i, centre, method)])
-    # in the order of the tasks, so that the first rows are done first
-    return sorted(runs, key=min)
+def _rows(plant: UncertainPlant, part: list[Task], bounds: bool) -> list[tuple[int, Limit]]:
+    """Return rows that are worked out together."""
+    start = time.perf_counter()
+    (_, first, method), (_, last, _) = part[0], part[-1]
+    to = "" if len(part) == 1 else f" to {last:g}"
+    with stage(f"centre {first:g}{to} {method_label(method)}"):
+        found = disks.answers([disks.Asked(plant, c, m) for _, c, m in part], bounds)
+    seconds = (time.perf_counter() - start) / len(part)
+    rows = zip(part, found, strict=True)
+    return [(k, _row(c, m, own, seconds)) for (k, c, m), own in rows]
 
 
-def chain(plant: UncertainPlant, part: list[Task], bounds: bool) -> list[tuple[int, Limit]]:
-    """Return a run of rows, each started from the one before."""
-    return list(_chain(plant, part, bounds))
-
-
-def _chain(plant: UncertainPlant, part: list[Task], bounds: bool) -> Iterator[tuple[int, Limit]]:
-    near: Reached | None = None
-    for k, (index, centre, method) in enumerate(part):
-        if near is not None:
-            # a disk about this centre that holds the neighbour's
-            near = replace(near, r=near.r + abs(centre - part[k - 1][1]))
-        start = time.perf_counter()
-        design: Design | None = None
-        try:
-            with stage(f"centre {centre:g} {method_label(method)}"):
-                design, near = tightest_near(plant, centre, method, near, bounds)
-        except NotProvedError:
-            near = None
-        seconds = time.perf_counter() - start
-        yield index, _row(centre, method, design, seconds)
-
-
-def _row(centre: float, method: Method, design: Design | None, seconds: float) -> Limit:
+def _row(centre: float, method: Method, design: Design | PolefenceError, seconds: float) -> Limit:
     name = method_label(method)
-    if design is None:
+    if isinstance(design, NotProvedError):
         return Limit(centre, name, None, "undecided", seconds)
+    if not isinstance(design, Design):
+        raise design
     radius, sharper = radius_of(design), design.unrunnable
     return Limit(centre, name, radius, "proved", seconds, design.lower, design, sharper)
 

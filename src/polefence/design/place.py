@@ -250,6 +250,7 @@ def tightest(
     *,
     of: str = "disk",
     within: Region | None = None,
+    bounds: bool = True,
 ) -> Design:
     """Design for the smallest region of an LMI: `polefence.tightest` without a structure."""
     require_type(plant, UncertainPlant, "plant", "polefence.load(path) reads one")
@@ -268,7 +269,7 @@ def tightest(
         raise InputError("the smallest disk needs a centre, and takes no region within")
     centre = usable_centre(plant, centre)
     require_movable(plant)
-    best, _ = smallest_disk(plant, centre, method)
+    best, _ = smallest_disk(plant, centre, method, bounds)
     if not best.proved and not allow_unproved:
         raise NotProvedError(
             f"undecided: {method_label(method)} at centre {centre:g} gave no point that could be "
@@ -277,42 +278,23 @@ def tightest(
     return best
 
 
-def tightest_near(
-    plant: UncertainPlant, centre: float, method: Method, near: Reached | None, bounds: bool = True
-) -> tuple[Design, Reached]:
-    """`tightest`, started from a neighbouring centre's point; also the point for the next one.
-
-    Raises
-    ------
-    NotProvedError
-        If no radius could be proved.
-    """
-    best, found = smallest_disk(plant, centre, method, near, bounds)
-    if not best.proved:
-        raise NotProvedError(f"undecided: {method_label(method)} at centre {centre:g}")
-    return best, found
-
-
 def smallest_disk(
     plant: UncertainPlant,
     centre: float,
     method: Method,
-    near: Reached | None = None,
     bounds: bool = True,
 ) -> tuple[Design, Reached]:
     """Return the design of the smallest radius, ``proved`` or not, and its point."""
     where = f"{method_label(method)} at centre {centre:g}"
     try:
-        found = smallest(plant.A, plant.B, Disks(centre), method, near)
+        found = smallest(plant.A, plant.B, Disks(centre), method)
         design = runnable(_designs(plant, centre, method, found), radius_of)
-        if design is None and near is not None:  # a neighbour's point has no way to it
-            return smallest_disk(plant, centre, method, None, bounds)
         if design is None:
             unproved = rounded(plant, Disk(centre, found.r), method, found)
             return Design(unproved, proved=False), found
     except SolverError as error:
         raise NotProvedError(f"undecided: {where}: {error}") from error
-    lower = _bound(plant, -centre, method, found) if bounds else None
+    lower = bound_of(plant, -centre, method, found) if bounds else None
     return replace(design, lower=lower), replace(found, trails=())
 
 
@@ -345,7 +327,7 @@ def _designs(
 
 
 @stage("lower bound")
-def _bound(plant: UncertainPlant, sigma: float, method: Method, found: Reached) -> float | None:
+def bound_of(plant: UncertainPlant, sigma: float, method: Method, found: Reached) -> float | None:
     """Return a lower bound, from a closer run where the first one leaves a gap."""
     lower = _lower(plant, sigma, method, found)
     if found.r > sigma or (lower is not None and lower > found.r * (1 - GAP)):

@@ -8,6 +8,7 @@ radius that Y belongs to these only grow, which pays for all the changes. Nothin
 
 from __future__ import annotations
 
+from bisect import bisect_left
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from fractions import Fraction
@@ -71,10 +72,13 @@ def lower_bound(
     if method == "slack" and m * n + n * (n - 1) // 2 > MAX_EQUATIONS:
         return None
     start = Infeasible(method, A, B, sigma, Fraction(1), [], right_hand_sides)
-    repairs = list(_repairs(start, Y))
-    radii = (Fraction(upper * (1 - shortfall)) for shortfall in SHORTFALLS)
-    pairs = ((repair, r) for r in radii for repair in repairs)
-    return first(repair.proved(r) for repair, r in pairs if r > 0 and repair.plausible(r))
+    radii = [Fraction(upper * (1 - shortfall)) for shortfall in SHORTFALLS]
+    # what is plausible at a radius is at smaller ones
+    begun = [
+        (repair, bisect_left(radii, True, key=repair.plausible)) for repair in _repairs(start, Y)
+    ]
+    pairs = ((repair, r) for k, r in enumerate(radii) for repair, begin in begun if k >= begin)
+    return first(repair.proved(r) for repair, r in pairs if r > 0)
 
 
 def repaired(

@@ -25,6 +25,7 @@ Exact = tuple[tuple[Fraction, ...], ...]
 Residues = npt.NDArray[np.int64]
 
 TOP = 2**31  # products of two residues fit into 63 bits
+PRIME = TOP - 1
 SURE = 3  # primes that agree
 MOST_PRIMES = 400
 
@@ -109,6 +110,38 @@ def fixed_modes(A: Exact, B: Exact) -> FixedModes:
         if taken == MOST_PRIMES:
             break
     raise PlantError("the entries are too long to say which modes no input moves; round them")
+
+
+def surely_controllable(A: Residues, B: Residues) -> npt.NDArray[np.bool_]:
+    """Whether each of (..., n, n) and (..., n, m) pairs of residues modulo `PRIME` is controllable.
+
+    Then so are those whose residues they are, whatever they are multiplied by; the reverse need not
+    hold.
+    """
+    n = A.shape[-1]
+    rows = [B.swapaxes(-1, -2)]
+    for _ in range(n - 1):
+        rows.append(_times(rows[-1], A.swapaxes(-1, -2)))
+    left = np.concatenate(rows, axis=-2)  # (..., n m, n)
+    lead, count = left.shape[:-2], left.shape[-2]
+    left = left.reshape(-1, count, n)
+    full, every = np.ones(len(left), dtype=bool), np.arange(len(left))
+    for column in range(n):
+        # a row with a pivot here is taken out, and eliminated from the others
+        place = np.argmax(left[:, :, column] != 0, axis=1)
+        pivot = left[every, place]
+        full &= pivot[:, column] != 0
+        own, factor = pivot[:, column, None, None], left[:, :, column, None]
+        left = (left * own % PRIME - factor * pivot[:, None] % PRIME) % PRIME
+    return full.reshape(lead)
+
+
+def _times(X: Residues, Y: Residues) -> Residues:
+    """Return products of stacks of matrices of residues modulo `PRIME`."""
+    total = X[..., :, :1] * Y[..., :1, :] % PRIME
+    for k in range(1, X.shape[-1]):
+        total = (total + X[..., :, k : k + 1] * Y[..., k : k + 1, :] % PRIME) % PRIME
+    return total
 
 
 def _signed(value: int, modulus: int) -> int:

@@ -12,6 +12,7 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from polefence.base.errors import (
     InputError,
@@ -21,6 +22,7 @@ from polefence.base.errors import (
     shown,
     suggest,
 )
+from polefence.plant.controllability import PRIME
 from polefence.plant.expression import RationalFunction, counted, evaluate
 from polefence.plant.outputs import Output, disturbances, inputs, pick, split, states
 from polefence.plant.parameters import Parameter, check_label, check_name, exact, simplex_weights
@@ -343,6 +345,17 @@ class UncertainPlant:
         words = max(map(int.bit_length, (common, *whole))) // 64 + 1
         data = (e.to_bytes(8 * words, "little", signed=True) for e in whole)
         return b"".join(data), common.to_bytes(8 * words, "little", signed=True), words
+
+    @property
+    def residues(self) -> npt.NDArray[np.int64]:
+        """[A, B] of each vertex times their common denominator, modulo `PRIME`, (N, n, n + m)."""
+        data, _, words = self.words
+        numbers = np.frombuffer(data, dtype="<u8").reshape(-1, words)
+        value = (numbers[:, -1].view("<i8") % PRIME).astype(np.int64)
+        for k in range(words - 2, -1, -1):
+            # 2^64 = 4 modulo 2^31 - 1
+            value = (4 * value + (numbers[:, k] % PRIME).astype(np.int64)) % PRIME
+        return value.reshape(len(self.vertices), self.shape[0], sum(self.shape))
 
     @cached_property
     def digest(self) -> str:

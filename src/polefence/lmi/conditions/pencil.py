@@ -56,8 +56,10 @@ class Variable:
         return _places(self.shape, self.symmetric)
 
     def pack(self, matrix: Array) -> Array:
-        """Return the unknowns of a matrix."""
-        return matrix[_upper(self.shape[0])] if self.symmetric else matrix.ravel()
+        """Return the unknowns of a matrix, batched over leading axes."""
+        if self.symmetric:
+            return matrix[..., *_upper(self.shape[0])]
+        return matrix.reshape(*matrix.shape[:-2], self.size)
 
     def as_linear(self) -> Linear:
         """Return the variable itself as a linear function."""
@@ -201,12 +203,12 @@ class Pencil:
         return sp.csr_array(sp.vstack(rows))
 
     def pack(self, values: Mapping[str, Array]) -> Array:
-        """Return x for the variables' matrices."""
-        return np.concatenate([v.pack(values[v.name]) for v in self.variables])
+        """Return x for the variables' matrices, batched over leading axes."""
+        return np.concatenate([v.pack(values[v.name]) for v in self.variables], axis=-1)
 
     def unpack(self, x: Array) -> dict[str, Array]:
-        """Return the variables' matrices for x."""
-        return {name: np.asarray(x[place]) for name, place in self.places.items()}
+        """Return the variables' matrices for x, batched over leading axes."""
+        return {name: np.asarray(x[..., place]) for name, place in self.places.items()}
 
     def matrices(self, x: Array, r: float) -> dict[str, Array]:
         """Return each block of r D(x) - M(x) by name."""

@@ -8,10 +8,12 @@ the original vertices, decides.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from polefence.base.errors import SolverError
 from polefence.lmi.conditions.pencil import Variable
@@ -20,30 +22,35 @@ from polefence.plant.system import Array
 
 @dataclass(frozen=True, eq=False)
 class Scaling:
-    """x = T x_s, u = S u_s, rates in units of ``rate``.
+    """x = T x_s, u = S u_s, rates in units of ``rate``; or those of a stack of plants.
 
     Attributes
     ----------
-    T : (n, n) array
-    S : (m, m) array
-    rate : float
+    T : (..., n, n) array
+    S : (..., m, m) array
+    rate : float or (...,) array
         [1/s]
     """
 
     T: Array
     S: Array
-    rate: float
+    rate: Any
 
     def apply(self, A: Array, B: Array) -> tuple[Array, Array]:
-        """Return scaled vertex matrices (N, n, n), (N, n, m)."""
-        inverse = np.linalg.inv(self.T * self.rate)
-        return np.asarray(inverse @ A @ self.T), np.asarray(inverse @ B @ self.S)
+        """Return scaled vertex matrices (..., N, n, n), (..., N, n, m)."""
+        inverse = np.linalg.inv(self.T * self._rate)[..., None, :, :]
+        T, S = self.T[..., None, :, :], self.S[..., None, :, :]
+        return np.asarray(inverse @ A @ T), np.asarray(inverse @ B @ S)
+
+    @property
+    def _rate(self) -> Array:
+        return np.asarray(self.rate)[..., None, None]
 
     @property
     def unit(self) -> Array:
         """The identity (as a Lyapunov matrix) of the original coordinates, in the scaled ones."""
         inverse = np.linalg.inv(self.T)
-        return np.asarray(inverse @ inverse.T)
+        return np.asarray(inverse @ transposed(inverse))
 
     def restore(
         self, values: Mapping[str, Array], variables: tuple[Variable, ...]
@@ -54,8 +61,8 @@ class Scaling:
             X = values[v.name]
             left = {"x": self.T, "u": self.S}.get(v.rows)
             # a scalar is tau, whose blocks were divided by the rate
-            X = X * self.rate if left is None else left @ X @ self.T.T
-            restored[v.name] = (X + X.T) / 2 if v.symmetric else X
+            X = X * self._rate if left is None else left @ X @ transposed(self.T)
+            restored[v.name] = (X + transposed(X)) / 2 if v.symmetric else X
         return restored
 
     def scaled(
@@ -67,7 +74,7 @@ class Scaling:
         scaled = {}
         for v in variables:
             X, left = values[v.name], lefts.get(v.rows)
-            scaled[v.name] = X / self.rate if left is None else left @ X @ inverse.T
+            scaled[v.name] = X / self._rate if left is None else left @ X @ transposed(inverse)
         return scaled
 
     def refined(self, W: Array) -> Scaling:
@@ -89,14 +96,41 @@ def factor(W: Array) -> Array:
     SolverError
         If W is not numerically positive definite.
     """
-    scale = power_of_two(1 / np.sqrt(np.maximum(np.diag(W), np.finfo(float).tiny)))
+    T = factors(W)
+    if not np.all(np.isfinite(T)):
+        raise SolverError("a Lyapunov matrix is numerically singular")
+    return T
+
+
+def factors(W: Array) -> Array:
+    """Return the `factor` of each of (..., n, n) matrices; not a number where there is none."""
+    diagonal = np.maximum(np.diagonal(W, axis1=-2, axis2=-1), np.finfo(float).tiny)
+    scale = power_of_two(1 / np.sqrt(diagonal))
     with np.errstate(over="ignore", invalid="ignore"):
-        even = W * np.outer(scale, scale)
+        even = W * (scale[..., :, None] * scale[..., None, :])
+    return np.asarray(each(np.linalg.cholesky, even) / scale[..., :, None])
+
+
+def each(function: Callable[..., Array], *stacks: Array) -> Array:
+    """Return a function of stacks of matrices; not a number where NumPy finds one singular."""
     try:
-        T = np.linalg.cholesky(even if np.all(np.isfinite(even)) else -np.eye(len(W)))
-    except np.linalg.LinAlgError as error:
-        raise SolverError("a Lyapunov matrix is numerically singular") from error
-    return np.asarray(T / scale[:, None])
+        return function(*stacks)
+    except np.linalg.LinAlgError:
+        last = stacks[-1]
+        if last.ndim == 2:
+            return np.full(last.shape, np.nan)
+        return np.array([each(function, *own) for own in zip(*stacks, strict=True)])
+
+
+def summed(weights: Array, X: Array) -> Array:
+    """Return sums of (..., count, a, b) matrices by weights (sums, count)."""
+    *lead, count, a, b = X.shape
+    return np.asarray((weights @ X.reshape(*lead, count, a * b)).reshape(*lead, len(weights), a, b))
+
+
+def transposed(X: npt.NDArray[Any]) -> Array:
+    """Return the transposes of (..., n, m) matrices."""
+    return np.asarray(X.swapaxes(-1, -2), dtype=float)
 
 
 def power_of_two(values: Array) -> Array:

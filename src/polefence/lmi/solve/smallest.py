@@ -9,6 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
+import numpy.typing as npt
 
 from polefence.base.errors import SolverError
 from polefence.lmi.conditions.methods import Method, normal
@@ -154,8 +155,8 @@ class _Search:
         return Reached(
             r=unit * outcome.r,
             values=scaling.restore(end, pencil.variables),
-            dual=_dual(outcome, stacked, scaling) if disks else None,
-            converged=outcome.converged and _is_near(lyapunov_mean(end)),
+            dual=dual_of(outcome, stacked, scaling) if disks else None,
+            converged=outcome.converged and bool(is_near(lyapunov_mean(end))),
             iterations=outcome.iterations,
             rate=scaling.rate,
             trails=(Trail(unit * outcome.trail[:, 0], outcome.trail[:, 1:], pencil, scaling),),
@@ -186,13 +187,13 @@ class _Search:
         return scaled
 
 
-def _is_near(W: Array) -> bool:
-    """Whether a Lyapunov matrix is well conditioned in the coordinates of its run."""
+def is_near(W: Array) -> npt.NDArray[np.bool_]:
+    """Whether Lyapunov matrices (..., n, n) are well conditioned in the coordinates of their run."""
     values = np.linalg.eigvalsh(W)
-    return bool(values[-1] < FAR * values[0])
+    return np.asarray(values[..., -1] < FAR * values[..., 0])
 
 
-def _dual(outcome: Outcome, stacked: Stacked, scaling: Scaling) -> Dual:
-    """Sort the duals of the disk blocks, the largest, as the pencil has them."""
+def dual_of(outcome: Outcome, stacked: Stacked, scaling: Scaling) -> Dual:
+    """Return the duals of the disk blocks, the largest, as the pencil has them."""
     Y = outcome.Y[-1]
     return Dual(Y[np.argsort(stacked.sequence[-len(Y) :])], scaling.T)

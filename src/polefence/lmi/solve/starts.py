@@ -11,13 +11,14 @@ from __future__ import annotations
 import warnings
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from polefence.lmi.conditions.gain_norm import Norm
 from polefence.lmi.conditions.performance import Output
 from polefence.lmi.solve.performance import Problem
-from polefence.lmi.solve.scaling import Scaling
+from polefence.lmi.solve.scaling import Scaling, each, transposed
 from polefence.plant.system import Array
 from polefence.region.regions import HalfPlane, Region
 
@@ -35,68 +36,80 @@ SQUARINGS, LEAST, WORST = 12, 1e-6, 1e8
 
 @dataclass(frozen=True, eq=False)
 class Start:
-    """A Lyapunov matrix and gain (original coordinates) that hold at ``radius`` on all vertices."""
+    """Lyapunov matrix and gain (original coordinates) that hold at ``radius`` on all vertices.
+
+    Of a stack of plants (..., n, n), (..., m, n) and (...,).
+    """
 
     W: Array
     K: Array
-    radius: float
+    radius: Any
 
 
-def nominal_start(
-    A: Array, B: Array, sigma: float, scaling: Scaling, size: float | None = None
-) -> Start:
+def nominal_start(A: Array, B: Array, sigma: Any, scaling: Scaling, size: Any = None) -> Start:
     """Return a nominal design and the radius at which it holds on all vertices.
 
-    It aims at radii of about ``size``, by default sigma.
+    Of a stack of plants, (..., N, n, n) and (..., N, n, m), with a sigma each, it returns the stack
+    of them. It aims at radii of about ``size``, by default sigma.
     """
     As, Bs = scaling.apply(A, B)
-    s = sigma / scaling.rate
-    aim = (sigma if size is None else size) / scaling.rate
-    n, m = Bs.shape[1:]
+    s = np.asarray(sigma / scaling.rate)[..., None, None]
+    aim = np.asarray((sigma if size is None else size) / scaling.rate)[..., None, None]
+    S = As + s[..., None, :, :] * np.eye(As.shape[-1])
+    F, H = S.mean(axis=-3) / aim, Bs.mean(axis=-3) / aim
+    W, K, radius = _designed(S, Bs, F, H, DESIGNS)
     T = scaling.T
-    for fraction, weight in DESIGNS:
-        F = (As.mean(axis=0) + s * np.eye(n)) / (fraction * aim)
-        H = Bs.mean(axis=0) / (fraction * aim)
-        design = _riccati(F, H, weight)
-        radius = np.inf if design is None else _reach(As, Bs, s, *design)
-        if design is not None and np.isfinite(radius):
-            W, K = design
-            K = scaling.S @ np.linalg.solve(T.T, K.T).T
-            return Start(T @ W @ T.T, K, scaling.rate * radius)
-    # Without control W = I holds at some radius: a start that never fails.
-    W, K = np.eye(n), np.zeros((m, n))
-    return Start(T @ T.T, K, scaling.rate * _reach(As, Bs, s, W, K))
+    K = np.asarray(scaling.S @ transposed(np.linalg.solve(transposed(T), transposed(K))))
+    return Start(T @ W @ transposed(T), K, scaling.rate * radius)
 
 
-def _riccati(F: Array, H: Array, weight: float) -> tuple[Array, Array] | None:
-    """LQR gain and the inverse of the Riccati matrix, in which the closed loop contracts.
+def _designed(
+    S: Array, B: Array, F: Array, H: Array, designs: Sequence[tuple[float, float]]
+) -> tuple[Array, Array, Array]:
+    """Return W, K and their radius for S = A + s I, by the first design that holds at one."""
+    if designs:
+        (fraction, weight), *others = designs
+        W, K = _riccati(F / fraction, H / fraction, weight)
+    else:  # Without control W = I holds at some radius: a start that never fails.
+        others = []
+        W, K = np.broadcast_to(np.eye(F.shape[-1]), F.shape), np.zeros_like(transposed(H))
+    radius = _reach(S, B, W, K)
+    lost = np.asarray(~np.isfinite(radius))
+    if designs and lost.any():
+        again = _designed(S[lost], B[lost], F[lost], H[lost], others)
+        W[lost], K[lost], radius[lost] = again
+    return W, K, radius
+
+
+def _riccati(F: Array, H: Array, weight: float) -> tuple[Array, Array]:
+    """Inverse of the Riccati matrix, in which the closed loop contracts, and the LQR gain.
 
     By structure-preserving doubling (Chu, Fan, Lin & Wang, 2004): seven doublings are 128 steps.
+    Where there is none they are not finite.
     """
-    n, m = H.shape
-    E, G, X = F, H @ H.T / weight, np.eye(n)
-    try:
-        with np.errstate(all="ignore"):  # overflow shows in the results, judged below
-            for _ in range(DOUBLINGS):
-                left = np.linalg.solve(np.eye(n) + G @ X, np.hstack([E, G]))
-                E, G, X = E @ left[:, :n], G + E @ left[:, n:] @ E.T, X + E.T @ X @ left[:, :n]
-            K = -np.linalg.solve(weight * np.eye(m) + H.T @ X @ H, H.T @ X @ F)
-            W = np.linalg.inv((X + X.T) / 2)
-    except np.linalg.LinAlgError:
-        return None
-    if not (np.all(np.isfinite(W)) and np.all(np.isfinite(K))):
-        return None
-    return np.asarray((W + W.T) / 2), np.asarray(K)
+    n, m = H.shape[-2:]
+    one, T = np.eye(n), transposed
+    E, G, X = F, H @ T(H) / weight, one
+    with np.errstate(all="ignore"):  # overflow shows in the results
+        for _ in range(DOUBLINGS):
+            left = each(np.linalg.solve, one + G @ X, np.concatenate([E, G], axis=-1))
+            X = X + T(E) @ X @ left[..., :n]
+            E, G = E @ left[..., :n], G + E @ left[..., n:] @ T(E)
+        HX = T(H) @ X
+        K = -each(np.linalg.solve, weight * np.eye(m) + HX @ H, HX @ F)
+        W = each(np.linalg.inv, (X + T(X)) / 2)
+    return np.asarray((W + T(W)) / 2), np.asarray(K)
 
 
-def _reach(A: Array, B: Array, s: float, W: Array, K: Array) -> float:
-    """Least radius at which W, K hold at every vertex: the largest |T^-1 (A + BK + sI) T|."""
-    try:
-        T = np.linalg.cholesky(W)
-    except np.linalg.LinAlgError:
-        return np.inf
-    closed = np.linalg.solve(T, (A + B @ K + s * np.eye(A.shape[1])) @ T)
-    return float(np.linalg.norm(closed, 2, axis=(1, 2)).max())
+def _reach(S: Array, B: Array, W: Array, K: Array) -> Array:
+    """Least radius at which W, K hold at every vertex: the largest |T^-1 (S + B K) T|."""
+    T = each(np.linalg.cholesky, W)[..., None, :, :]
+    with np.errstate(all="ignore"):
+        closed = each(np.linalg.solve, T, (S + B @ K[..., None, :, :]) @ T)
+    lost = np.asarray(~np.isfinite(closed).all(axis=(-3, -2, -1)))
+    closed = np.where(lost[..., None, None, None], 0.0, closed)
+    radius = np.linalg.norm(closed, 2, axis=(-2, -1)).max(axis=-1)
+    return np.array(np.where(lost, np.inf, radius))
 
 
 def regulators(

@@ -16,7 +16,7 @@ from polefence.design.limits import limits
 from polefence.design.requirements.gain_norm import GainNorm
 from polefence.design.signals.optimise import optimise
 from polefence.plant import controllability
-from polefence.plant.controllability import fixed_modes
+from polefence.plant.controllability import PRIME, fixed_modes, surely_controllable
 
 
 def exact_matrix(rows):
@@ -181,3 +181,24 @@ def test_it_is_computed_once_for_a_plant(monkeypatch):
     place(plant, Disk(-3, 2))
     tightest(plant, -3, "quadratic")
     assert len(calls) == 2
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_many_pairs_are_told_apart_at_once(seed):
+    """Pairs without and with a fixed mode, and one that is controllable but modulo the prime."""
+    pairs = [hidden(CHAIN, [], seed), hidden(CHAIN, [[-1]], seed), hidden(CHAIN, [[2]], seed)]
+    pairs += [(exact_matrix([[0, PRIME], [0, 0]]), exact_matrix([[0], [1]]))]
+    told = [
+        surely_controllable(
+            *(np.array([[[int(3 * e) % PRIME for e in row] for row in M]] * 3) for M in own)
+        )
+        for own in pairs
+    ]
+    assert [own.tolist() for own in told] == [[True] * 3, *[[False] * 3] * 3]
+    assert [fixed_modes(*own).count for own in pairs] == [0, 1, 1, 0]
+
+
+def test_several_inputs_may_reach_together_what_none_does_alone():
+    A = np.array([np.zeros((2, 2)), np.zeros((2, 2)), np.eye(2)], dtype=np.int64)
+    B = np.array([np.eye(2), [[1, 2], [2, 4]], np.eye(2)], dtype=np.int64)
+    assert surely_controllable(A, B).tolist() == [True, False, True]

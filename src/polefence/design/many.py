@@ -18,6 +18,7 @@ from polefence.base import workers
 from polefence.base.errors import InputError, PolefenceError, require_type
 from polefence.base.progress import stage
 from polefence.design import disks
+from polefence.design import place as place_alone
 from polefence.design.certificate import Certificate, Check
 from polefence.design.design import Design
 from polefence.design.design import check as check_alone
@@ -63,6 +64,8 @@ def place(
         If method and structure are both given, or there is no such method.
     """
     require_type(region, Region, "region", "for example polefence.Disk(-40, 31)")
+    if structure is not None:
+        placed.require_structure_alone(method)
     if structure is None and isinstance(region, Disk):
         method = _known(method)
         asked = [disks.Asked(plant, region.centre, method, region) for plant in plants]
@@ -105,8 +108,12 @@ def tightest(
     Raises
     ------
     InputError
-        If there is no such method, or not one centre for each plant.
+        If method and structure are both given, there is no such method or kind of region, or there
+        is not one centre for each plant.
     """
+    if structure is not None:
+        placed.require_structure_alone(method)
+    place_alone.require_kind(of)
     plants = list(plants)
     centres = _centres(centre, len(plants))
     if structure is None and of == "disk" and within is None and centre is not None:

@@ -255,8 +255,7 @@ def tightest(
     """Design for the smallest region of an LMI: `polefence.tightest` without a structure."""
     require_type(plant, UncertainPlant, "plant", "polefence.load(path) reads one")
     require_domain(plant, method)
-    if of not in ("disk", "half_plane", "sector"):
-        raise InputError(f"of = {of!r} is unknown; use 'disk', 'half_plane' or 'sector'")
+    require_kind(of)
     if options(method).degree == "auto":
         raise InputError("degree = 'auto' is for place; give tightest a number")
     method = fitting(plant, method)
@@ -276,6 +275,18 @@ def tightest(
             "proved; check the plant's units and try another centre"
         )
     return best
+
+
+def require_kind(of: str) -> None:
+    """Refuse what is no kind of region.
+
+    Raises
+    ------
+    InputError
+        If it is none.
+    """
+    if of not in ("disk", "half_plane", "sector"):
+        raise InputError(f"of = {of!r} is unknown; use 'disk', 'half_plane' or 'sector'")
 
 
 def smallest_disk(

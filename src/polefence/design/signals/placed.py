@@ -66,7 +66,7 @@ def place(
     """
     if structure is None:
         return lmi.place(plant, region, method or "scheduled", allow_unproved)
-    _require_structure_alone(method, allow_unproved)
+    require_structure_alone(method, allow_unproved)
     require_type(region, Region, "region", "for example polefence.Disk(-40, 31)")
     bare, (plant, gain) = plant, _extended(plant, structure, region)
     starts = list[Law](observers(bare, structure, (), region))
@@ -129,9 +129,8 @@ def tightest(
     if structure is None:
         own = method or "scheduled"
         return lmi.tightest(plant, centre, own, allow_unproved, of=of, within=within)
-    _require_structure_alone(method, allow_unproved)
-    if of not in ("disk", "half_plane", "sector"):
-        raise InputError(f"of = {of!r} is unknown; use 'disk', 'half_plane' or 'sector'")
+    require_structure_alone(method, allow_unproved)
+    lmi.require_kind(of)
     if (of == "disk") != (centre is not None) or (of == "disk" and within is not None):
         raise InputError("a disk needs a centre and takes no region within, others have no centre")
     bare, (plant, gain) = plant, _extended(plant, structure, within)
@@ -152,7 +151,14 @@ def tightest(
     raise NotProvedError(f"no {gain.words(plant)} was found of which a {of} is proved")
 
 
-def _require_structure_alone(method: Method | None, allow_unproved: bool) -> None:
+def require_structure_alone(method: Method | None, allow_unproved: bool = False) -> None:
+    """Refuse a method beside a structure.
+
+    Raises
+    ------
+    InputError
+        If there is one, or what goes with methods alone.
+    """
     if method is not None or allow_unproved:
         raise InputError(
             "a method and allow_unproved belong to laws that an LMI gives; leave them out, or the "

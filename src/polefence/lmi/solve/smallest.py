@@ -188,7 +188,7 @@ class _Search:
 
 
 def is_near(W: Array) -> npt.NDArray[np.bool_]:
-    """Whether Lyapunov matrices (..., n, n) are well conditioned in the coordinates of their run."""
+    """Whether Lyapunov matrices (..., n, n) are well conditioned in their run's coordinates."""
     values = np.linalg.eigvalsh(W)
     return np.asarray(values[..., -1] < FAR * values[..., 0])
 

@@ -29,6 +29,7 @@ def test_a_search_without_a_start_leaves_a_row_undecided(monkeypatch, make_rando
         raise SolverError("no point to start from")
 
     monkeypatch.setattr("polefence.design.place.smallest", fail)
+    monkeypatch.setattr("polefence.design.disks.smallest_disks", lambda A, *_: [None] * len(A))
     plant = make_random(1, 2, 1, 2)
     rows = limits(plant, [-2.0, -3.0], ["quadratic", "scheduled"])
     assert [row.status for row in rows] == ["undecided"] * 4

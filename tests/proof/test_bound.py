@@ -10,7 +10,7 @@ import pytest
 from polefence import Scheduled, UncertainPlant
 from polefence.design import bound
 from polefence.design.bound import lower_radius
-from polefence.design.place import tightest_near
+from polefence.design.place import smallest_disk
 from polefence.design.repair import lower_bound
 from polefence.lmi.conditions.methods import method_name
 from polefence.lmi.conditions.target import Disks
@@ -60,7 +60,7 @@ def test_its_bounds_are_those_of_rationals(case, method, make_random):
 @pytest.mark.parametrize("method", METHODS, ids=str)
 def test_the_car_is_bounded_without_rationals(method, physical, monkeypatch):
     monkeypatch.setattr("polefence.design.place.lower_bound", lambda *_: pytest.fail("asked"))
-    design, found = tightest_near(physical, -40.0, method, None)
+    design, found = smallest_disk(physical, -40.0, method)
     assert found.r * (1 - 1e-6) <= design.lower < found.r
 
 
@@ -123,7 +123,7 @@ def test_what_cannot_be_used_is_none(make_random, monkeypatch):
     assert ask(plant, "lyapunov", 3.0, upper, Y) is None
     monkeypatch.setattr(bound, "kernel", lambda: None)
     assert ask(plant, "quadratic", 3.0, upper, Y) is None
-    assert tightest_near(plant, -3.0, "quadratic", None)[0].lower is not None  # by rationals
+    assert smallest_disk(plant, -3.0, "quadratic")[0].lower is not None  # by rationals
 
 
 # --- its door: one fault at a time ---------------------------------------------------------------

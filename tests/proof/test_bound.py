@@ -91,7 +91,7 @@ def test_what_a_point_proves_is_not_proved_out_of_reach(method, make_random):
     """At a radius of which a law is proved no matrices near the dual's may say otherwise."""
     plant, random = make_random(5, 3, 2, 3), np.random.default_rng(1)
     _, Y = dual(plant, method, 3.0)
-    design, _ = tightest_near(plant, -3.0, method, None, bounds=False)
+    design, _ = smallest_disk(plant, -3.0, method, bounds=False)
     assert design.proved
     above = design.region.radius * (1 + 2e-6)
     assert ask(plant, method, 3.0, above, Y) is None

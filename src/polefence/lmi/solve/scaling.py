@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -38,7 +39,7 @@ class Scaling:
 
     def apply(self, A: Array, B: Array) -> tuple[Array, Array]:
         """Return scaled vertex matrices (..., N, n, n), (..., N, n, m)."""
-        inverse = np.linalg.inv(self.T * self._rate)[..., None, :, :]
+        inverse = (self.inverse / self._rate)[..., None, :, :]
         T, S = self.T[..., None, :, :], self.S[..., None, :, :]
         return np.asarray(inverse @ A @ T), np.asarray(inverse @ B @ S)
 
@@ -46,11 +47,15 @@ class Scaling:
     def _rate(self) -> Array:
         return np.asarray(self.rate)[..., None, None]
 
+    @cached_property
+    def inverse(self) -> Array:
+        """T^-1."""
+        return np.asarray(np.linalg.inv(self.T), dtype=float)
+
     @property
     def unit(self) -> Array:
         """The identity (as a Lyapunov matrix) of the original coordinates, in the scaled ones."""
-        inverse = np.linalg.inv(self.T)
-        return np.asarray(inverse @ transposed(inverse))
+        return np.asarray(self.inverse @ transposed(self.inverse))
 
     def restore(
         self, values: Mapping[str, Array], variables: tuple[Variable, ...]
@@ -69,12 +74,11 @@ class Scaling:
         self, values: Mapping[str, Array], variables: tuple[Variable, ...]
     ) -> dict[str, Array]:
         """Return what `restore` takes back: the matrices in these coordinates."""
-        inverse = np.linalg.inv(self.T)
-        lefts = {"x": inverse, "u": np.linalg.inv(self.S)}
+        lefts, right = {"x": self.inverse, "u": np.linalg.inv(self.S)}, transposed(self.inverse)
         scaled = {}
         for v in variables:
             X, left = values[v.name], lefts.get(v.rows)
-            scaled[v.name] = X / self._rate if left is None else left @ X @ transposed(inverse)
+            scaled[v.name] = X / self._rate if left is None else left @ X @ right
         return scaled
 
     def refined(self, W: Array) -> Scaling:

@@ -59,7 +59,7 @@ def nominal_start(A: Array, B: Array, sigma: Any, scaling: Scaling, size: Any = 
     F, H = S.mean(axis=-3) / aim, Bs.mean(axis=-3) / aim
     W, K, radius = _designed(S, Bs, F, H, DESIGNS)
     T = scaling.T
-    K = np.asarray(scaling.S @ transposed(np.linalg.solve(transposed(T), transposed(K))))
+    K = np.asarray(scaling.S @ K @ scaling.inverse)
     return Start(T @ W @ transposed(T), K, scaling.rate * radius)
 
 
@@ -108,7 +108,7 @@ def _reach(S: Array, B: Array, W: Array, K: Array) -> Array:
         closed = each(np.linalg.solve, T, (S + B @ K[..., None, :, :]) @ T)
     lost = np.asarray(~np.isfinite(closed).all(axis=(-3, -2, -1)))
     closed = np.where(lost[..., None, None, None], 0.0, closed)
-    radius = np.linalg.norm(closed, 2, axis=(-2, -1)).max(axis=-1)
+    radius = np.linalg.svd(closed, compute_uv=False).max(axis=(-2, -1))
     return np.array(np.where(lost, np.inf, radius))
 
 
@@ -122,7 +122,7 @@ def regulators(
     with little effort.
     """
     A, B = (X.mean(axis=0) for X in scaling.apply(problem.A, problem.B))
-    inverse = np.asarray(np.linalg.inv(scaling.T), dtype=float)
+    inverse = scaling.inverse
     moved = {s.name: inverse @ s.intensity(problem.domain) @ inverse.T for s in problem.sources}
     decay = decay_of(problem.region) / scaling.rate
     gains = [_balanced(problem.outputs, scaling, (A, B), moved, halvings)]

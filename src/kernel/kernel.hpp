@@ -47,7 +47,7 @@ struct Problem {
 
 struct Options {
     double tolerance, enough;
-    std::int64_t order, max_iterations;
+    std::int64_t order, max_iterations, threads;
 };
 
 // In: x, r. Out: x, r, Y (total), r and x of every iterate (max_iterations + 1 rows), how it went.
@@ -67,6 +67,10 @@ struct Program {
 
 // Counts multiplications: after every so many, Python may end what this thread does, by an error.
 void worked(std::int64_t multiplications);
+
+// Calls work(of, 0), ..., work(of, threads - 1), each in a thread of its own, the first in this one,
+// which alone may be ended by `worked`.
+void in_threads(std::int64_t threads, void (*work)(void *, std::int64_t), void *of);
 
 // Owns every array of a run; each is an allocation of its own, so that overruns show.
 class Memory {

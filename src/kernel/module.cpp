@@ -6,8 +6,11 @@
 #include <nanobind/stl/vector.h>
 
 #include <cstdlib>
+#include <exception>
 #include <new>
 #include <string>
+#include <system_error>
+#include <thread>
 #include <tuple>
 #include <utility>
 #include <vector>
@@ -41,6 +44,25 @@ double *Memory::take(std::int64_t count) {
     if (!data) throw std::bad_alloc();
     allocations = new Allocation{data, allocations};
     return data;
+}
+
+void in_threads(std::int64_t threads, void (*work)(void *, std::int64_t), void *of) {
+    std::vector<std::thread> others;
+    others.reserve(static_cast<std::size_t>(threads - 1));
+    std::exception_ptr ended;
+    std::int64_t begun = 1;
+    try {
+        for (; begun < threads; ++begun) others.emplace_back(work, of, begun);
+    } catch (const std::system_error &) {  // no more threads: the rest is done here
+    }
+    try {
+        work(of, 0);
+        for (; begun < threads; ++begun) work(of, begun);
+    } catch (...) {
+        ended = std::current_exception();
+    }
+    for (auto &own : others) own.join();
+    if (ended) std::rethrow_exception(ended);
 }
 
 }  // namespace polefence
@@ -200,13 +222,14 @@ bool has_avx2() {
 
 nb::tuple run(Int unknowns, const Integers &entries, const std::vector<FamilyArrays> &families,
               const Vector &x, double r, double tolerance, double enough, Int order,
-              Int max_iterations, bool plain, const nb::object &told) {
+              Int max_iterations, Int threads, bool plain, const nb::object &told) {
     const auto entry_count = static_cast<Int>(entries.shape(0));
     require(unknowns > 0 && static_cast<Int>(x.shape(0)) == unknowns, "x does not fit");
     for (Int i = 0; i < entry_count; ++i)
         require(entries.data()[i] >= 0 && entries.data()[i] < unknowns, "an entry is no unknown");
     require(order >= 1 && order <= 8, "the order is 1 to 8");
     require(max_iterations >= 0 && max_iterations <= 10000, "the iterations are 0 to 10000");
+    require(threads >= 1 && threads <= 256, "there are 1 to 256 threads");
     require(tolerance > 0 && tolerance < 1, "the tolerance is a share");
     Layout layout;
     for (const auto &family : families) add_family(family, entry_count, layout);
@@ -234,7 +257,7 @@ nb::tuple run(Int unknowns, const Integers &entries, const std::vector<FamilyArr
                                      total,
                                      layout.order,
                                      static_cast<Int>(layout.entries.size())};
-    const polefence::Options options{tolerance, enough, order, max_iterations};
+    const polefence::Options options{tolerance, enough, order, max_iterations, threads};
     polefence::State state{out, Y, trail, r, 0.0, 0, false};
     bool started = false;
     {
@@ -297,7 +320,8 @@ NB_MODULE(_kernel, module) {
     module.def("instructions", [] { return std::string(has_avx2() ? "AVX2" : "baseline"); });
     module.def("run", &run, nb::arg("unknowns"), nb::arg("entries").noconvert(), nb::arg("families"),
                nb::arg("x").noconvert(), nb::arg("r"), nb::arg("tolerance"), nb::arg("enough"),
-               nb::arg("order"), nb::arg("max_iterations"), nb::arg("plain") = false,
+               nb::arg("order"), nb::arg("max_iterations"), nb::arg("threads") = 1,
+               nb::arg("plain") = false,
                nb::arg("told") = nb::none());
     module.def("minimum", &minimum, nb::arg("P").noconvert(), nb::arg("q").noconvert(),
                nb::arg("G").noconvert(), nb::arg("h").noconvert(), nb::arg("reach"),

@@ -286,6 +286,40 @@ def test_hearing_changes_nothing(long):
     assert np.array_equal(silent[1], told[1])
 
 
+@pytest.fixture(scope="module")
+def large(make_random):
+    """A system large enough to be worked out in several threads."""
+    return problem(make_random(2, 8, 1, 16), 3.0, Scheduled(1, 0))
+
+
+@compiled
+@pytest.mark.parametrize("plain", [False, True])
+def test_the_number_of_threads_changes_no_bit(plain, large):
+    given = arguments(*large) | {"max_iterations": 2, "plain": plain}
+    assert given["unknowns"] >= 600
+    alone, *others = (call(given, threads=count) for count in (1, 2, 5))
+    assert alone[5] == 2
+    for own in others:
+        assert own[2] == alone[2]
+        assert all(np.array_equal(own[k], alone[k]) for k in (1, 3, 7))
+
+
+@compiled
+def test_the_number_of_threads_is_bounded(small):
+    for count in (0, -1, 257):
+        with pytest.raises(ValueError, match="1 to 256 threads"):
+            call(arguments(*small), threads=count)
+
+
+@compiled
+def test_a_run_in_several_threads_is_ended_like_any_other(large):
+    def listen(iterations):
+        raise TimeoutError
+
+    with pytest.raises(TimeoutError):
+        call(arguments(*large), threads=3, told=listen)
+
+
 @compiled
 def test_a_run_ends_at_ctrl_c(long):
     given = arguments(*long)

@@ -20,6 +20,7 @@ from multiprocessing import get_context, parent_process
 from multiprocessing.connection import wait
 from typing import Any, TypeVar
 
+from polefence.base.processors import processors, share_processors
 from polefence.base.progress import told
 
 Task = TypeVar("Task")
@@ -164,6 +165,7 @@ class _Threads(ThreadPoolExecutor):
         self.shutdown(wait=True, cancel_futures=True)
 
     def _heeding(self, work: Callable[..., Result], *of: Any, **options: Any) -> Result:
+        share_processors()
         with told(self._heed):
             return work(*of, **options)
 
@@ -189,16 +191,11 @@ def threads(count: int | None = None) -> Iterator[Executor | None]:
         pool.stop()
 
 
-def processors() -> int:
-    """Return how many processors this process may use."""
-    own = getattr(os, "sched_getaffinity", None)
-    return len(own(0)) if own else os.cpu_count() or 1
-
-
 def _start_worker() -> None:
     from threadpoolctl import threadpool_limits
 
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    share_processors()
     threadpool_limits(1)
     threading.Thread(target=_end_with_parent, daemon=True).start()
 

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from polefence.base.processors import spare_processors
 from polefence.base.progress import stage
 from polefence.lmi.solve import interior_point as reference
 from polefence.lmi.solve.interior_point import Outcome
@@ -78,6 +79,7 @@ def run(
         enough,
         reference.ORDER,
         reference.MAX_ITERATIONS,
+        spare_processors(),
         told=reference.tell,
     )
     if not started:

@@ -1,0 +1,29 @@
+"""Processors: how many there are for this process, and for one thread of it."""
+
+from __future__ import annotations
+
+import os
+from contextlib import suppress
+from contextvars import ContextVar
+
+_SHARED = ContextVar("shared", default=False)
+MOST = 16  # of one thread's work: more share it to no avail
+
+
+def processors() -> int:
+    """Return how many processors this process may use: no more than ``OMP_NUM_THREADS``."""
+    own = getattr(os, "sched_getaffinity", None)
+    count = len(own(0)) if own else os.cpu_count() or 1
+    with suppress(ValueError):
+        count = min(count, int(os.environ.get("OMP_NUM_THREADS", count)))
+    return max(count, 1)
+
+
+def spare_processors() -> int:
+    """Return how many of them one large piece of work in this thread may use."""
+    return 1 if _SHARED.get() else min(processors(), MOST)
+
+
+def share_processors() -> None:
+    """Leave the others alone in this thread from now on: there is work for each."""
+    _SHARED.set(True)

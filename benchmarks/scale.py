@@ -8,11 +8,12 @@ centre -5. Chains of 2 to 10 masses are pushed weakly at both ends (`families.ma
 -10 and -40. The full car has 14 states (heave, pitch, roll and four wheels), four forces, and
 uncertain are its body's mass and the springs in front and behind: eight vertices.
 
-Each row runs in a process of its own, on one thread, once: "search" is the time of the search for
-the smallest disk, "answer" that of `tightest` or `place` as a whole, with the lower bound and the
-proof by the second prover where it has one, "check" that of the checker alone; "memory" is the
-process's peak. "Of each other" is the exponent of growth of the answer's time between two rows of a
-method that follow each other. Prints Markdown.
+Each row runs in a process of its own, once, BLAS on one thread, searches of 600 unknowns and more
+on all processors: "search" is the time of the search for the smallest disk, "answer" that of
+`tightest` or `place` as a whole, with the lower bound and the proof by the second prover where it
+has one, "check" that of the checker alone; "memory" is the process's peak. "Of each other" is the
+exponent of growth of the answer's time between two rows of a method that follow each other.
+Prints Markdown.
 """
 
 from __future__ import annotations
@@ -20,7 +21,6 @@ from __future__ import annotations
 import os
 
 os.environ["OPENBLAS_NUM_THREADS"] = "1"
-os.environ["OMP_NUM_THREADS"] = "1"
 
 import argparse
 import math
@@ -44,6 +44,7 @@ from polefence import (
     place,
     tightest,
 )
+from polefence.base.processors import processors
 from polefence.lmi.conditions.methods import Method, method_label
 from polefence.lmi.conditions.target import Disks
 from polefence.lmi.solve.smallest import smallest
@@ -168,7 +169,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--section", action="append", choices=SECTIONS)
     options = parser.parse_args()
-    print(f"engine: {engine()}")
+    print(f"engine: {engine()}, {processors()} processors")
     head = ["plant", "method", "n", "m", "N", "proved", "iterations", "search [s]", "answer [s]"]
     head += ["check [s]", "memory [MiB]", "of each other"]
     with get_context("spawn").Pool(1, maxtasksperchild=1) as pool:

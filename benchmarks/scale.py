@@ -54,6 +54,7 @@ BOX = Scheduled(1, 0, "box")
 STATES = (4, 8, 12, 16, 20, 28, 40)
 PARAMETERS = (1, 2, 3, 4, 5, 6)
 METHODS: tuple[Method, ...] = ("quadratic", "slack", "scheduled", BOX)
+CORNERS = ("front left", "front right", "rear left", "rear right")
 CAR = HalfPlane(1) & Sector("0.1")
 
 
@@ -79,7 +80,11 @@ def random_plant(states: int, inputs: int, count: int) -> UncertainPlant:
 
 
 def full_car() -> UncertainPlant:
-    """Return a car of seven degrees of freedom: heave, pitch, roll, four wheels; SI units."""
+    """Return a car of seven degrees of freedom: heave, pitch, roll, four wheels; SI units.
+
+    Heights are those over the plane that the road has under the car; its heave, pitch and roll are
+    as large as those of four tracks that have nothing to do with each other.
+    """
     m = Parameter("m", "1200", "1600", "kg", "1/m")
     springs = Parameter("kf", "16000", "24000", "N/m"), Parameter("kr", "14400", "21600", "N/m")
     constants = {"Iy": 2200, "Ix": 500, "mu": 40, "kt": 190000, "cf": 1500, "cr": 1400}
@@ -107,9 +112,26 @@ def full_car() -> UncertainPlant:
         A[wheel][3 + w] += f" - ({k} + kt)/mu"
         A[wheel][wheel] += f" - {c}/mu"
         B[wheel][w] = "-1/mu"
+    roads = [["-0.5", "0", "0"], ["0", "-0.37", "0"], ["0", "0", "-0.67"]]
+    wheels = [[f"-0.5*({a})", f"-0.37*({b})", f"-0.67*({c})"] for a, b, c in corners]
     return UncertainPlant.from_expressions(
-        (m, *springs), A, B, constants=constants, name="full car"
+        (m, *springs),
+        A,
+        B,
+        [*roads, *wheels, *[["0"] * 3] * 7],
+        constants,
+        outputs={"heave acceleration [m/s2]": {"C": A[7], "D": B[7]}},
+        name="full car",
+        states=[*_named("", "m", "rad"), *_named(" rate", "m/s", "rad/s")],
+        inputs=[f"{corner} force [N]" for corner in CORNERS],
+        disturbances=[f"road {way} [m/s]" for way in ("heave", "pitch", "roll")],
     )
+
+
+def _named(what: str, height: str, angle: str) -> list[str]:
+    """Return names of the heights, or of their rates."""
+    body = [f"heave{what} [{height}]", f"pitch{what} [{angle}]", f"roll{what} [{angle}]"]
+    return [*body, *(f"{corner} tyre{what} [{height}]" for corner in CORNERS)]
 
 
 def plant_of(key: tuple[str, int, int]) -> UncertainPlant:

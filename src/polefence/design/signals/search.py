@@ -12,15 +12,19 @@ way off the edge has a proof. Each step is the start of the next.
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from fractions import Fraction
 from itertools import chain, pairwise
 
 import numpy as np
 
 from polefence.base.errors import InputError, NotProvedError, RegionError, SolverError
 from polefence.design.certificate import Certificate
+from polefence.design.counterexample import counterexample
+from polefence.design.evidence import certificate_of, placeholder
 from polefence.design.given import analysed
 from polefence.design.requirements.gain_norm import GainNorm, as_norms
 from polefence.design.requirements.specification import Specification
@@ -64,6 +68,9 @@ ROUNDS, FINEST = 5, 1 / 64  # of designs for shares of the region's parts; step 
 FINE = 2e-4  # a law outside the region that is better by less shows that nothing is to be gained
 STEPS, BACK = 8, (1 / 32, 1 / 4)  # halvings between two laws; how far inside a proof is tried
 SAMPLES = 200  # at which a law is judged before anything is proved of it
+# Of designs for shares, by each method: after so much no further one is begun [multiplications, as
+# iterations times cubes of the number of unknowns].
+MOST_WORK = 2.5e11
 SLIGHT = 1e-6  # a law that is better by less is not looked at further
 WORTH = 2e-4  # the same of a round of implied limits
 FINELY = 14  # halvings of a regulator's weight
@@ -71,6 +78,9 @@ SLOW = (1.0, 2.0, 4.0)  # times the plant's own speed
 BAND, BANDS = 10.0, 8  # powers of two of the plant's own speed, and how many bands are tried
 # Implied limits over what the best law needs, and how often each is taken from the law it led to.
 ROOM, AGAIN = (2.0, 1.0), 3
+BINDS = 1e-6  # by which implied limits raise a design's level at least, if they matter to it
+COSTS = 0.01  # by which they raise the best law's worst sample at most, if they are to lead further
+CALM = 10.0  # implied limits over what a law needs that nothing limited, for nearly what it reaches
 
 Shares = tuple[float, ...]
 
@@ -131,6 +141,7 @@ class Task:
         region: Region | None,
         tolerance: float = TOLERANCE,
         near: Reached | None = None,
+        sure: bool = True,
     ) -> Reached:
         """Search for the law.
 
@@ -145,6 +156,8 @@ class Task:
             Of the gap at which the search ends, relative to what is minimised.
         near : Reached, optional
             A point of this method and a narrower region, to start from.
+        sure : bool
+            Whether an end whose duals say nothing is compared with another.
 
         Raises
         ------
@@ -173,7 +186,8 @@ class Task:
                 continue
             ends += 1
             ended = found.converged and not question.norms
-            ended = ended and (again or tolerance > AGREED or found.residual() <= AGREED)
+            loose = not sure or tolerance > AGREED
+            ended = ended and (again or loose or found.residual() <= AGREED)
             if self.minimise is None or ended or (question.norms and ends == ENDS):
                 break
         if best is None:
@@ -343,7 +357,11 @@ class Search:
         self.whole: Reached | None = None
         self.point: Point | None = None  # of the best law
         self.floor = np.inf  # the least estimate of any law, within the region or not
-        self.alpha = seeded(task.plant, SAMPLES)
+        self.calm: tuple[Specification, ...] = ()  # limits on inputs that nothing else limits
+        self.spent = Counter[Method]()  # work of designs
+        # shares of the region that were enough, and the level of a design for none of it
+        self.kept, self.free = self._ones, 0.0
+        self.alpha = self.places = seeded(task.plant, SAMPLES)
 
     def run(self) -> None:
         """Search until nothing more is gained."""
@@ -394,24 +412,34 @@ class Search:
                 if point is not None and not point.lost:
                     self._improves(point)
 
-    def _shares(self, task: Task, first: Shares | None = None) -> None:
-        """Try the region as it is, none of it, and shares between that turn out to be kept.
-
-        Each part has its own: what a law loses of one says nothing of the others. ``first`` are
-        shares to try after none of it.
-        """
-        parts = task.region.parts
-        low, high = [0.0] * len(parts), [1.0] * len(parts)
+    def _shares(self, task: Task) -> None:
+        """Try the region as it is, none of it, and shares between that turn out to be kept."""
         if task is self.task or self.task.minimise is None:
-            self._attempt(task, tuple(high))
-            if relaxed(task.region, tuple(low)) == task.region:
+            self._attempt(task, self._ones)
+            if relaxed(task.region, self._zeros) == task.region:
                 return
-        shares = tuple(low)
+        kept = self._halved(task, self._ones)
+        self.kept = kept if task is self.task else self.kept
+
+    def _halved(self, task: Task, kept: Shares, again: Shares = ()) -> Shares:
+        """Look for the least shares of the region's parts that a law of the whole region keeps.
+
+        Each part has its own: what a law loses of one says nothing of the others. ``kept`` are
+        shares that are enough, to begin with. ``again`` are those of the best law, of a search
+        within implied limits; it ends where these change nothing, or cost too much.
+        """
+        low, high, shares = [*self._zeros], [*kept], self._zeros
         outside: Point | None = None
-        for _ in range(ROUNDS):
+        for number in range(ROUNDS):
             if self._ended:
-                return
+                return tuple(high)
+            if self._is_long(task):
+                break
             own = self._attempt(task, shares)
+            if own is not None and not number and task is self.task:
+                self.free = level_of(task, own.origin.found)
+            if own is not None and again and self._is_idle(own, number):
+                return tuple(high)
             lost = own.lost if own is not None else ()
             if own is not None and lost:
                 outside = own
@@ -423,11 +451,31 @@ class Search:
                 else:
                     high[k] = share
             before, shares = shares, tuple((a + b) / 2 for a, b in zip(low, high, strict=True))
-            if first is not None and lost:
-                shares, first = first, None
+            if again and lost and not number:
+                shares = again
             if max(abs(a - b) for a, b in zip(shares, before, strict=True)) < FINEST:
                 break
         self._between(outside)
+        return tuple(high)
+
+    def _is_idle(self, own: Point, number: int) -> bool:
+        """Whether a design within implied limits shows that they change nothing, or cost too much.
+
+        Of none of the region first, then of as much of it as the best one.
+        """
+        if not number:
+            return level_of(self.task, own.origin.found) <= self.free * (1 + BINDS)
+        return number == 1 and own.estimate > self.best * (1 + COSTS)
+
+    @staticmethod
+    def _unknowns(task: Task) -> int:
+        """Return the number of unknowns of a design."""
+        n, m = task.plant.shape
+        return task.domain.count(int(options(task.method).degree)) * (n * (n + 1) // 2 + m * n)
+
+    def _is_long(self, task: Task) -> bool:
+        """Whether a further design for shares takes more work than the others are worth."""
+        return bool(self.candidates) and self.spent[task.method] > MOST_WORK
 
     @property
     def _ended(self) -> bool:
@@ -444,8 +492,8 @@ class Search:
             own = self._mixed(outside, best, share)
             return own is None or bool(own.lost)
 
-        _, high = edge(loses, 0.0, 1.0, STEPS)
         for back in BACK:
+            _, high = edge(loses, 0.0, 1.0, STEPS)
             own = self._mixed(outside, best, high + back * (1 - high))
             if own is None or own.lost or self._improves(own):
                 return
@@ -462,22 +510,60 @@ class Search:
     def _attempt(self, task: Task, shares: Shares) -> Point | None:
         """Design for shares of the region's parts; prove what is better. None where no law is."""
         region = relaxed(task.region, shares)
+        asked = task.limits is self.task.limits
+        within = replace(task, limits=(*task.limits, *self.calm)) if asked else task
         try:
-            found = task.reached(region)
+            found = within.reached(region, sure=shares == self._ones)
         except SolverError as error:
             self.reasons.append(str(error))
             if len(self.reasons) == 1:
                 self.refute()
             return None
+        self.spent[task.method] += found.iterations * self._unknowns(task) ** 3
+        if asked and not self.calm and self._is_wild(task, found):
+            self.calm = self._calming(task, region, found)
+            if self.calm:
+                return self._attempt(task, shares)
         if task is self.task and region == task.region:
             self.whole = found if level_of(task, found) <= self.shared else self.whole
-        own = self._point(task, shares, found)
+        own = self._point(within, shares, found)
         if own is None:
             return None
         if not own.lost and self._is_better(own) and not self._improves(own):
-            # not proved: more of everything is asked for
-            return replace(own, lost=tuple(range(len(shares))))
+            # not proved: more of everything is asked for, unless a place says of what
+            return replace(own, lost=self._lost(own.law) or tuple(range(len(shares))))
         return own
+
+    def _is_wild(self, task: Task, found: Reached) -> bool:
+        """Whether nothing but floats bounded a law."""
+        try:
+            return is_too_fast(task.plant, task.law(found))
+        except (SolverError, InputError, np.linalg.LinAlgError):
+            return True
+
+    def _calming(
+        self, task: Task, region: Region | None, found: Reached
+    ) -> tuple[Specification, ...]:
+        """Return limits on the inputs, well above the least with which nearly as much is reached.
+
+        None where there are none, or where the law of least effort is still too fast.
+        """
+        own, plant = task.minimise, task.plant
+        if own is None or not own.of_signal or not (own.vector or plant.shape[1] == 1):
+            return ()
+        size = np.diag(balanced(plant.A, plant.B, typical_rate(plant.A)).S)
+        effort = tuple(
+            replace(signal, D=[[d / size[k] for d in signal.D[0]]])
+            for k, signal in enumerate(inputs(plant))
+        )
+        least = replace(own.absolute(), signal=effort if len(effort) > 1 else effort[0])
+        limits = (*task.limits, replace(own, at_most=level_of(task, found) * (1 + WORTH)))
+        calmer = replace(task, minimise=least, limits=limits)
+        with suppress(SolverError, InputError):
+            again = calmer.reached(region, GAP)
+            if not self._is_wild(calmer, again):
+                return self._inputs(calmer.law(again), CALM)
+        return ()
 
     def _point(self, task: Task, shares: Shares, found: Reached) -> Point | None:
         """Return a point with what samples say of its law; None where doubles hold none."""
@@ -505,6 +591,8 @@ class Search:
         if not self._is_better(own):
             return False
         region = relaxed(self.task.region, own.shares)
+        if region != self.task.region and self._leaves(own.law):
+            return False
         # one that only parts of the box prove is looked at where there is no other
         alone = not self.candidates
         found = candidate(self.task, own.law, region, own.origin, own.estimate, alone)
@@ -514,13 +602,28 @@ class Search:
         self.candidates.append(found)
         return True
 
+    def _leaves(self, law: Law) -> bool:
+        """Whether a place is found where a pole leaves the region; laws to come are sampled there.
+
+        Laws between one that keeps the region and one that does not are mostly next to its edge.
+        """
+        plant, region = self.task.plant, self.task.region
+        evidence = [placeholder(plant, law)] * len(region.parts)
+        alpha: list[Fraction] | None = None
+        with suppress(SolverError), singular_is_failure():
+            alpha = counterexample(certificate_of(plant, law, region, evidence).claim())
+        if alpha is None:
+            return False
+        self.places = np.vstack([self.places, np.array(alpha, dtype=float)])
+        return True
+
     def _is_slight(self, own: Point) -> bool:
         """Whether a law that loses the region is hardly better than the best that keeps it."""
         return bool(self.candidates) and not own.estimate < self.best * (1 - FINE)
 
     def _lost(self, law: Law) -> tuple[int, ...]:
         """Return which parts of the region a pole is outside of, at samples."""
-        poles = close(self.task.plant, law, self.alpha, disturbed=False).poles()
+        poles = close(self.task.plant, law, self.places, disturbed=False).poles()
         parts = enumerate(self.task.region.parts)
         slight = ROUNDED * np.abs(poles).max()  # proofs decide
         return tuple(k for k, part in parts if not np.all(part.distance(poles) < slight))
@@ -592,6 +695,11 @@ class Search:
         """Shares of the region as it is."""
         return (1.0,) * len(self.task.region.parts)
 
+    @property
+    def _zeros(self) -> Shares:
+        """Shares of none of it."""
+        return (0.0,) * len(self.task.region.parts)
+
     def _keeps_limits(self, law: Law) -> bool:
         """Whether samples keep the limits."""
         limits = self.task.limits
@@ -613,22 +721,27 @@ class Search:
             for _ in range(AGAIN):
                 before = self.best
                 # where the region costs nothing there is nothing to be gained
-                if self.deadline.passed or not self.floor * (1 + WORTH) < before < np.inf:
+                over = self.deadline.passed or self._is_long(self.task)
+                if over or not self.floor * (1 + WORTH) < before < np.inf:
                     return
-                more = self._inputs(room)
+                more = self._inputs(self._best_law, room)
                 if not more:
                     return
-                first = None if self.point is None else self.point.shares
-                self._shares(replace(self.task, limits=(*self.task.limits, *more)), first)
+                shares = self._ones if self.point is None else self.point.shares
+                within = replace(self.task, limits=(*self.task.limits, *more))
+                self._halved(within, self.kept, shares)
                 if not self.best < before * (1 - WORTH):
                     break
 
-    def _inputs(self, room: float) -> tuple[Specification, ...]:
-        """Return limits on the inputs, of the kind of what is minimised, about the best law's."""
-        own, law = self.task.minimise, None
-        for candidate in self.candidates:
-            if candidate.estimate <= self.best:
-                law = candidate.certificate.law
+    @property
+    def _best_law(self) -> Law | None:
+        """The law of the least estimate."""
+        best = [own for own in self.candidates if own.estimate <= self.best]
+        return best[-1].certificate.law if best else None
+
+    def _inputs(self, law: Law | None, room: float) -> tuple[Specification, ...]:
+        """Return limits on the inputs, of the kind of what is minimised, about a law's."""
+        own = self.task.minimise
         if own is None or law is None or not own.of_signal:
             return ()
         own, found = own.absolute(), []  # without control an input has no rms
@@ -707,7 +820,8 @@ def _region(
         own = _own_region(task, law, origin)
         if own is not None:
             return own
-    answer = analysed(task.plant, law, task.region, Deadline(None), halved)
+    looked = origin is not None and designed != task.region
+    answer = analysed(task.plant, law, task.region, Deadline(None), halved, looked)
     return answer.certificate if answer.proved else None
 
 

@@ -13,9 +13,9 @@ Ours are the search of `polefence.lmi.solve.performance.least`, from the plant o
 proof with the law's own W: of the bound, and of the bound, the limits and the region. For
 information `optimise` as a whole, which answers more: a law, each bound with a Lyapunov polynomial
 of its own; and so of a half car: eight states, two forces, mass and inertia uncertain, limits on
-two of tyre deflections, spring deflections and forces. All run in one process on one thread, turn by turn; times are medians
-of wall-clock times, data from the plant to arrays not counted; of `optimise` the processor's time.
-Prints Markdown.
+two of tyre deflections, spring deflections and forces. All run in one process on one thread, turn
+by turn; times are medians of wall-clock times, data from the plant to arrays not counted; of
+`optimise` the processor's time. Prints Markdown.
 """
 
 from __future__ import annotations

@@ -9,6 +9,7 @@ import pytest
 from scipy.linalg import expm, solve_continuous_lyapunov
 
 from polefence import (
+    FixedGain,
     HalfPlane,
     InputError,
     NotProvedError,
@@ -23,9 +24,11 @@ from polefence.design.requirements.gain import Gain
 from polefence.design.requirements.initial_peak import InitialPeak
 from polefence.design.requirements.relative_rms import RelativeRms
 from polefence.design.requirements.rms import Rms
+from polefence.design.search import Deadline
+from polefence.design.signals import search as signals_search
 from polefence.design.signals.bounds import bounds_file, known_bound, sampled
 from polefence.design.signals.optimise import optimise, relaxed
-from polefence.design.signals.search import Origin, Task
+from polefence.design.signals.search import Origin, Search, Task, is_too_fast, level_of
 from polefence.plant.outputs import Output, rate_of
 from polefence.plant.points import seeded
 from polefence.plant.spec import loads
@@ -330,3 +333,42 @@ def test_unstable_loops_are_not_sampled(one):
     for own in (rms("x"), Gain("x"), EnergyPeak("x"), InitialPeak("x", impulse=1.0)):
         with pytest.raises(InputError, match="has a pole at"):
             sampled(one, None, own, seeded(one, 10))
+
+
+def test_effort_that_nothing_limits_ends_at_a_law_to_be_built(two):
+    limits, method = [rms("v", 0.5)], "quadratic"
+    task = Task(two, rms("x"), tuple(limits), HalfPlane(0.2), method)
+    wild = task.reached(task.region)
+    assert is_too_fast(two, task.law(wild))
+    found = optimise(two, rms("x"), limits, task.region, method)
+    assert not is_too_fast(two, found.law)
+    assert found.bounds[0].level <= level_of(task, wild) * 1.05
+    assert check(found.design).proved
+
+
+def test_samples_are_taken_where_a_pole_was_found_outside(two):
+    task = Task(two, rms("x"), (), Sector("0.9"), "quadratic")
+    search = Search(task, Deadline(None))
+    law = FixedGain([[0.0, 0.0]])
+    before = len(search.places)
+    assert search._leaves(law)
+    assert len(search.places) == before + 1
+    poles = np.linalg.eigvals(np.tensordot(search.places[-1], two.A, 1))
+    assert task.region.distance(poles).max() > 0
+
+
+@pytest.mark.parametrize("most", [0.0, np.inf])
+def test_long_searches_end_after_the_first_designs(two, most, monkeypatch):
+    asked = list[object]()
+    reached = Task.reached
+
+    def counted(task, region, *args, **options):
+        asked.append(region)
+        return reached(task, region, *args, **options)
+
+    monkeypatch.setattr(Task, "reached", counted)
+    monkeypatch.setattr(signals_search, "MOST_WORK", most)
+    region = HalfPlane("0.4") & Sector("0.5")
+    found = optimise(two, rms("x"), [rms("force", 0.6)], region, Scheduled(1, 0, "box"))
+    assert check(found.design).proved
+    assert (len(asked) < 6) == (not most)

@@ -546,7 +546,7 @@ class Search:
     ) -> tuple[Specification, ...]:
         """Return limits on the inputs, well above the least with which nearly as much is reached.
 
-        None where there are none, or where the law of least effort is still too fast.
+        None where the law of least effort is still too fast.
         """
         own, plant = task.minimise, task.plant
         if own is None or not own.of_signal or not (own.vector or plant.shape[1] == 1):
@@ -557,12 +557,13 @@ class Search:
             for k, signal in enumerate(inputs(plant))
         )
         least = replace(own.absolute(), signal=effort if len(effort) > 1 else effort[0])
-        limits = (*task.limits, replace(own, at_most=level_of(task, found) * (1 + WORTH)))
-        calmer = replace(task, minimise=least, limits=limits)
-        with suppress(SolverError, InputError):
-            again = calmer.reached(region, GAP)
-            if not self._is_wild(calmer, again):
-                return self._inputs(calmer.law(again), CALM)
+        for share in (WORTH, CLOSE):
+            kept = replace(own, at_most=level_of(task, found) * (1 + share))
+            calmer = replace(task, minimise=least, limits=(*task.limits, kept))
+            with suppress(SolverError, InputError):
+                again = calmer.reached(region, GAP)
+                if not self._is_wild(calmer, again):
+                    return self._inputs(calmer.law(again), CALM)
         return ()
 
     def _point(self, task: Task, shares: Shares, found: Reached) -> Point | None:

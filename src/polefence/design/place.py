@@ -340,6 +340,8 @@ def _designs(
 @stage("lower bound")
 def bound_of(plant: UncertainPlant, sigma: float, method: Method, found: Reached) -> float | None:
     """Return a lower bound, from a closer run where the first one leaves a gap."""
+    if not _is_bounded(method):
+        return None
     lower = _lower(plant, sigma, method, found)
     if found.r > sigma or (lower is not None and lower > found.r * (1 - GAP)):
         return lower
@@ -349,11 +351,17 @@ def bound_of(plant: UncertainPlant, sigma: float, method: Method, found: Reached
     return lower
 
 
+def _is_bounded(method: Method) -> bool:
+    """Whether there are lower bounds for a method: for those of the paper."""
+    rhs = isinstance(method, Scheduled) and method.right_hand_sides
+    return rhs or isinstance(normal(method), str)
+
+
 def _lower(plant: UncertainPlant, sigma: float, method: Method, found: Reached) -> float | None:
     """Return a radius proved infeasible for the method, None where no proof came of it."""
     rhs = isinstance(method, Scheduled) and method.right_hand_sides
     method = normal(method)
-    if found.dual is None or not (isinstance(method, str) or rhs):
+    if found.dual is None:
         return None
     name, Y = method_name(method), found.dual.matrices()
     close = lower_radius(plant, name, sigma, found.r, Y, rhs)

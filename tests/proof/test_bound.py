@@ -77,12 +77,12 @@ def test_what_a_law_reaches_is_proved_out_of_reach_by_no_matrices(a, b, sigma, i
     upper, Y = dual(plant, method, sigma)
     assert infimum * (1 - 2e-6) <= ask(plant, method, sigma, upper, Y) < infimum
     random = np.random.default_rng(0)
-    for wide in (2e-6, 1e-4, 0.1):  # the radii asked for are 1e-6 below it at most
-        assert ask(plant, method, sigma, infimum * (1 + wide), Y) is None
-        for _ in range(20):
-            noise = random.normal(size=Y.shape) * 10.0 ** random.uniform(-12, 0)
+    for wide in (2e-6, 1e-4, 0.1):
+        for size in (0, *10.0 ** random.uniform(-12, 0, 20)):
+            noise = random.normal(size=Y.shape) * size
             tried = Y * (1 + noise + noise.swapaxes(1, 2))
-            assert ask(plant, method, sigma, infimum * (1 + wide), tried) is None
+            found = ask(plant, method, sigma, infimum * (1 + wide), tried)
+            assert found is None or found < infimum
 
 
 @compiled
@@ -94,11 +94,11 @@ def test_what_a_point_proves_is_not_proved_out_of_reach(method, make_random):
     design, _ = smallest_disk(plant, -3.0, method, bounds=False)
     assert design.proved
     above = design.region.radius * (1 + 2e-6)
-    assert ask(plant, method, 3.0, above, Y) is None
-    for size in (1e-12, 1e-9, 1e-6, 1e-3, 1.0):
+    for size in (0, 1e-12, 1e-9, 1e-6, 1e-3, 1.0):
         for _ in range(6):
             noise = size * random.normal(size=Y.shape)
-            assert ask(plant, method, 3.0, above, Y * (1 + noise + noise.swapaxes(1, 2))) is None
+            found = ask(plant, method, 3.0, above, Y * (1 + noise + noise.swapaxes(1, 2)))
+            assert found is None or found < design.region.radius
 
 
 @compiled
@@ -154,6 +154,7 @@ def arguments(plant, method, monkeypatch):
 @pytest.mark.parametrize("method", METHODS, ids=str)
 def test_every_part_of_the_evidence_counts(method, make_random, monkeypatch):
     given = arguments(make_random(5, 2, 1, 3), method, monkeypatch)
+    given["radii"] = given["radii"][:5]
     door = engine.kernel().lower
     assert door(**given) >= 0
 

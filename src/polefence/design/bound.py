@@ -23,9 +23,13 @@ from polefence.plant.family import UncertainPlant
 from polefence.plant.system import Array
 from polefence.proof.lower import METHODS, block_pairs
 
-# Nearer to the radius than this its answer is taken; else rationals are tried too.
-CLOSE = 1e-6
 ROUNDS = 2  # of corrections in floats
+SHARES = [1 - shortfall for shortfall in SHORTFALLS]  # of a radius that are tried
+
+
+def is_there() -> bool:
+    """Whether this prover was compiled."""
+    return hasattr(kernel(), "lower")
 
 
 def lower_radius(
@@ -72,8 +76,8 @@ def lower_radius(
 
 def lower_radii(
     plants: Sequence[UncertainPlant], method: str, sigma: Array, upper: Array, Y: Array
-) -> list[float | None]:
-    """Return `lower_radius` of plants of one shape, None where that has more to try.
+) -> list[tuple[float | None, bool]]:
+    """Return radii of plants of one shape, and whether `lower_radius` has no more to try.
 
     Parameters
     ----------
@@ -81,7 +85,7 @@ def lower_radii(
     Y : (P, blocks, 2n, 2n) array
     """
     if not plants or not _askable(plants[0], method, Y[0]):
-        return [None] * len(plants)
+        return [(None, False)] * len(plants)
     layout = _layout(method, len(plants[0].vertices))
     A, B = (np.array([getattr(plant, name) for plant in plants]) for name in ("A", "B"))
     with np.errstate(all="ignore"):
@@ -90,7 +94,7 @@ def lower_radii(
             sought = _sought(layout, A, B, sigma, kept)
             alone = (_kept(Y, layout, IDLE[-1])[1] == idle).all(axis=-1)
         except np.linalg.LinAlgError:
-            return [None] * len(plants)
+            return [(None, False)] * len(plants)
         found = [
             _first(
                 plant, layout, float(sigma[k]), float(upper[k]), sought.of(k), len(SHARES), False
@@ -98,19 +102,15 @@ def lower_radii(
             for k, plant in enumerate(plants)
         ]
     return [
-        float(r) * SHARES[first] if first == 0 or (first > 0 and only) else None
+        (float(r) * SHARES[first] if first >= 0 else None, first == 0 or bool(only))
         for r, first, only in zip(upper, found, alone, strict=True)
     ]
 
 
-# Shares of a radius that are tried, the nearest first.
-SHARES = [1 - shortfall for shortfall in SHORTFALLS if shortfall <= CLOSE]
-
-
 def _askable(plant: UncertainPlant, method: str, dual: Array) -> bool:
     """Whether the kernel is there, and has such bounds."""
-    own, n = kernel(), plant.shape[0]
-    if own is None or not hasattr(own, "lower") or method not in METHODS:
+    n = plant.shape[0]
+    if not is_there() or method not in METHODS:
         return False
     return dual.shape == (_layout(method, len(plant.vertices)).blocks, 2 * n, 2 * n)
 

@@ -153,8 +153,12 @@ def _lower(asked: list[Asked], name: str, points: list[Reached]) -> list[float |
     plants = [own.plant for own in asked]
     sigma, r = np.array([-own.centre for own in asked]), np.array([own.r for own in points])
     Y = np.array([own.dual.matrices() for own in points if own.dual is not None])
-    near = lower_radii(plants, name, sigma, r, Y)
-    return [
-        place.bound_of(plant, -own.centre, name, point) if lower is None else lower
-        for own, plant, point, lower in zip(asked, plants, points, near, strict=True)
-    ]
+    found = []
+    for own, point, (lower, ended) in zip(
+        asked, points, lower_radii(plants, name, sigma, r, Y), strict=True
+    ):
+        near = lower is not None and lower > point.r * (1 - place.GAP)
+        if not (ended and (near or point.r > -own.centre)):
+            lower = place.bound_of(own.plant, -own.centre, name, point)
+        found.append(lower)
+    return found

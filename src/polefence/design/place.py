@@ -14,7 +14,7 @@ import numpy as np
 
 from polefence.base.errors import InputError, NotProvedError, SolverError, require_type
 from polefence.base.progress import stage
-from polefence.design.bound import lower_radius
+from polefence.design.bound import is_there, lower_radius
 from polefence.design.certificate import Certificate
 from polefence.design.checks import (
     is_checkable,
@@ -365,7 +365,8 @@ def _lower(plant: UncertainPlant, sigma: float, method: Method, found: Reached) 
         return None
     name, Y = method_name(method), found.dual.matrices()
     close = lower_radius(plant, name, sigma, found.r, Y, rhs)
-    if close is not None:
+    # of disks that reach beyond stability rationals find next to nothing more
+    if close is not None or (found.r > sigma and is_there()):
         return close
     A = [[list(row) for row in v.exact_A] for v in plant.vertices]
     B = [[list(row) for row in v.exact_B] for v in plant.vertices]

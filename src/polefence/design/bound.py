@@ -8,7 +8,7 @@ matrices is how to change them: X_b by Psi_b Theta, Psi nearly a right inverse o
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
@@ -53,31 +53,20 @@ def lower_radius(
     Y : (blocks, 2n, 2n) array
         In the order of `polefence.proof.lower.block_pairs`.
     """
-    dual, best = np.asarray(Y, dtype=float), len(SHARES)
-    if not _askable(plant, method, dual):
-        return None
-    layout, tried = _layout(method, len(plant.vertices)), list[bytes]()
-    with np.errstate(all="ignore"):
-        for least in IDLE:
-            try:
-                kept, idle = _kept(dual, layout, least)
-                if idle.tobytes() in tried:
-                    continue
-                tried.append(idle.tobytes())
-                sought = _sought(layout, plant.A, plant.B, np.asarray(sigma), kept)
-            except np.linalg.LinAlgError:
-                continue
-            found = _first(plant, layout, sigma, upper, sought, best, right_hand_sides)
-            best = found if found >= 0 else best
-            if not best:
-                break
-    return upper * SHARES[best] if best < len(SHARES) else None
+    dual = np.asarray(Y, dtype=float)
+    ends = np.array([sigma]), np.array([upper])
+    return lower_radii([plant], method, *ends, dual[None], right_hand_sides)[0]
 
 
 def lower_radii(
-    plants: Sequence[UncertainPlant], method: str, sigma: Array, upper: Array, Y: Array
-) -> list[tuple[float | None, bool]]:
-    """Return radii of plants of one shape, and whether `lower_radius` has no more to try.
+    plants: Sequence[UncertainPlant],
+    method: str,
+    sigma: Array,
+    upper: Array,
+    Y: Array,
+    right_hand_sides: bool = False,
+) -> list[float | None]:
+    """Return `lower_radius` of plants of one shape.
 
     Parameters
     ----------
@@ -85,26 +74,39 @@ def lower_radii(
     Y : (P, blocks, 2n, 2n) array
     """
     if not plants or not _askable(plants[0], method, Y[0]):
-        return [(None, False)] * len(plants)
+        return [None] * len(plants)
     layout = _layout(method, len(plants[0].vertices))
-    A, B = (np.array([getattr(plant, name) for plant in plants]) for name in ("A", "B"))
+    best, tried = [len(SHARES)] * len(plants), [set[bytes]() for _ in plants]
     with np.errstate(all="ignore"):
-        try:
-            kept, idle = _kept(Y, layout, IDLE[0])
-            sought = _sought(layout, A, B, sigma, kept)
-            alone = (_kept(Y, layout, IDLE[-1])[1] == idle).all(axis=-1)
-        except np.linalg.LinAlgError:
-            return [(None, False)] * len(plants)
-        found = [
-            _first(
-                plant, layout, float(sigma[k]), float(upper[k]), sought.of(k), len(SHARES), False
-            )
-            for k, plant in enumerate(plants)
-        ]
+        for least in IDLE:
+            kept, idle = _kept(Y, layout, least)
+            own = [k for k in range(len(plants)) if best[k] and idle[k].tobytes() not in tried[k]]
+            for k, sought in _each_sought(layout, plants, sigma, kept, own):
+                tried[k].add(idle[k].tobytes())
+                ends = float(sigma[k]), float(upper[k])
+                found = _first(plants[k], layout, *ends, sought, best[k], right_hand_sides)
+                best[k] = found if found >= 0 else best[k]
     return [
-        (float(r) * SHARES[first] if first >= 0 else None, first == 0 or bool(only))
-        for r, first, only in zip(upper, found, alone, strict=True)
+        float(r) * SHARES[first] if first < len(SHARES) else None
+        for r, first in zip(upper, best, strict=True)
     ]
+
+
+def _each_sought(
+    layout: _Layout, plants: Sequence[UncertainPlant], sigma: Array, kept: Array, own: list[int]
+) -> Iterator[tuple[int, _Sought]]:
+    """Yield what the kernel is asked with about some plants, of those that floats hold."""
+    if not own:
+        return
+    A, B = (np.array([getattr(plants[k], name) for k in own]) for name in ("A", "B"))
+    try:
+        sought = _sought(layout, A, B, sigma[own], kept[own])
+    except np.linalg.LinAlgError:
+        for k in own if len(own) > 1 else ():
+            yield from _each_sought(layout, plants, sigma, kept, [k])
+        return
+    for place, k in enumerate(own):
+        yield k, sought.of(place)
 
 
 def _askable(plant: UncertainPlant, method: str, dual: Array) -> bool:

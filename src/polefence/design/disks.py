@@ -14,7 +14,7 @@ import numpy as np
 
 from polefence.base.errors import PolefenceError
 from polefence.design import place
-from polefence.design.bound import lower_radii
+from polefence.design.bound import is_there, lower_radii
 from polefence.design.checks import is_checkable, usable_centre
 from polefence.design.design import Design
 from polefence.design.evaluation import surely_run
@@ -154,11 +154,10 @@ def _lower(asked: list[Asked], name: str, points: list[Reached]) -> list[float |
     sigma, r = np.array([-own.centre for own in asked]), np.array([own.r for own in points])
     Y = np.array([own.dual.matrices() for own in points if own.dual is not None])
     found = []
-    for own, point, (lower, ended) in zip(
+    for own, point, lower in zip(
         asked, points, lower_radii(plants, name, sigma, r, Y), strict=True
     ):
         near = lower is not None and lower > point.r * (1 - place.GAP)
-        if not (ended and (near or point.r > -own.centre)):
-            lower = place.bound_of(own.plant, -own.centre, name, point)
-        found.append(lower)
+        settled = near or (point.r > -own.centre and is_there())
+        found.append(lower if settled else place.bound_of(own.plant, -own.centre, name, point))
     return found

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from polefence import Disk, HalfPlane, Scheduled, Sector, Slack, UncertainPlant, place
+from polefence import Disk, HalfPlane, PlantError, Scheduled, Sector, Slack, UncertainPlant, place
 from polefence.design import exact
 from polefence.design.certificate import Certificate
 from polefence.design.evaluation import rounding_share, surely_runs
@@ -196,6 +196,69 @@ def test_it_proves_without_the_checker(physical, monkeypatch):
     monkeypatch.setattr(Poles, "decided", lambda _: pytest.fail("the checker was asked"))
     assert at(1e-5).holds()
     assert not at(-1e-5).holds()
+
+
+def refused(certificate) -> bool:
+    """Whether it leaves evidence to the checker, which refuses that."""
+    with pytest.raises(PlantError):
+        certificate.holds()
+    return exact.holds(certificate) is None
+
+
+@compiled
+@pytest.mark.parametrize(
+    ("method", "change"),
+    [
+        ("quadratic", {"tau": 1.0}),
+        ("quadratic", {"W": None}),
+        ("quadratic", {"W": np.eye(3)}),
+        ("quadratic", {"W": np.eye(2)[None]}),
+        ("quadratic", {"W": np.zeros((0, 0))}),
+        ("scheduled", {"on": "simplex"}),
+        ("scheduled", {"elevation": 1.5}),
+        ("scheduled", {"elevation": True}),
+        ("scheduled", {"elevation": "1"}),
+        ("scheduled", {"elevation": -1}),
+        ("scheduled", {"tau": np.array(np.nan)}),
+        ("scheduled", {"tau": np.zeros(1)}),
+        ("slack", {"degree": 1.2}),
+        ("slack", {"epsilon": np.nan}),
+        ("slack", {"P": np.eye(2)[None]}),
+    ],
+)
+def test_it_leaves_evidence_to_the_checker_that_this_refuses(method, change, make_random):
+    good = claim_of(make_random(1, 2, 1, 3), method)(1e-3)
+    assert agrees(good)
+    assert refused(replace(good, evidence={**good.evidence, **change}))
+    assert refused(replace(good, evidence={}))
+
+
+@compiled
+def test_it_leaves_evidence_of_given_gains_to_the_checker_that_this_refuses(make_random):
+    good = claim_of(make_random(1, 2, 1, 3), "quadratic")(1e-3)
+    own = {"X": good.evidence["W"][None], "degree": 0, "elevation": 0}
+    good = replace(good, method="lyapunov", evidence={"on": "simplex", "parts": (own,)})
+    assert agrees(good)
+    for change in ({"tau": 0.0}, {"degree": 0.0}, {"multiple": np.ones(1)}):
+        assert refused(replace(good, evidence={"on": "simplex", "parts": (own | change,)}))
+    assert refused(replace(good, evidence={"on": "simplex", "parts": (own, own)}))
+
+
+@compiled
+def test_a_law_of_another_plant_proves_nothing():
+    """Three vertices of two inputs have as many numbers as four of one."""
+    vertices = np.tile([[-3.0, 0, 0], [0, -3, 1]], (4, 1, 1)).reshape(3, 2, 4)
+    plant = UncertainPlant.from_vertices(vertices[..., :2], vertices[..., 2:])
+    law = ScheduledGain(np.tile(np.eye(2), (4, 1, 1)), np.full((4, 1, 2), -1e-3), (), 1, (4,))
+    assert refused(Certificate(plant, Disk(-3, 2), "scheduled", law, {"tau": np.array(0.0)}))
+
+
+@compiled
+def test_numbers_are_read_as_they_are_or_not_at_all(make_random):
+    """Of whole numbers that no double holds the checker proves, in place of what is close."""
+    good = claim_of(make_random(1, 2, 1, 3), "quadratic")(1e-3)
+    whole = np.rint(good.evidence["W"] * 2**59 / np.abs(good.evidence["W"]).max()).astype(np.int64)
+    assert exact.holds(replace(good, evidence={"W": whole})) is None
 
 
 # --- misuse of its doors -------------------------------------------------------------------------

@@ -32,6 +32,14 @@ if TYPE_CHECKING:
 # must not be more than is checked there, long numbers or not.
 SHARE = 8
 _ANSWERS = {1: True, 0: False}
+# What evidence may hold: all of these are read here, and the checker refuses others.
+_KEYS = {
+    "quadratic": {"W"},
+    "scheduled": {"tau", "elevation"},
+    "lyapunov": {"on", "parts"},
+    "slack": {"P", "G", "degree", "elevation", "on"},
+}
+_PART = {"X", "degree", "elevation"}
 
 Pair = tuple[Array, Array]
 
@@ -49,8 +57,9 @@ def holds(certificate: Certificate) -> bool | None:
     if boxed and not certificate.plant.parameters:
         return None
     try:
+        _require(certificate.evidence.keys() <= _KEYS[certificate.method])
         return ask(own, certificate)
-    except FormatError:  # which the checker says better
+    except (AttributeError, LookupError, TypeError, ValueError):  # which the checker says better
         return None
 
 
@@ -66,13 +75,17 @@ def _scheduled(own: Any, certificate: Certificate) -> bool | None:
     law, evidence = certificate.law, certificate.evidence
     if not isinstance(law, ScheduledGain):
         return None
-    elevation, tau = int(evidence.get("elevation", 1)), float(evidence["tau"])
-    theorem = law.degree == elevation == 1 == len(law.domain.sizes)
+    _require(law.domain.corners == len(certificate.plant.vertices))
+    elevation, tau = _whole(evidence.get("elevation", 1)), np.asarray(evidence["tau"])
+    _require(tau.dtype == np.float64 and not tau.shape)
+    theorem = _whole(law.degree) == elevation == 1 == len(law.domain.sizes)
     if tau and not (theorem and isinstance(certificate.region, Disk)):
         return None
     form = _polynomial(law.domain, law.degree, np.concatenate([law.W, law.Z], axis=1))
     parts = certificate.region.parts
-    return _poles(own, certificate, law.domain, parts, (form, None), law.degree, elevation, tau)
+    return _poles(
+        own, certificate, law.domain, parts, (form, None), law.degree, elevation, float(tau)
+    )
 
 
 def _given(own: Any, certificate: Certificate) -> bool | None:
@@ -81,8 +94,9 @@ def _given(own: Any, certificate: Certificate) -> bool | None:
         return None
     domain, answers = Domain.of(str(evidence.get("on", "simplex")), N), list[bool | None]()
     for part, each in zip(certificate.region.parts, evidence["parts"], strict=True):
-        degree, elevation = int(each["degree"]), int(each["elevation"])
-        X = _polynomial(domain, degree, np.asarray(each["X"]))
+        _require(each.keys() <= _PART)
+        degree, elevation = _whole(each["degree"]), _whole(each["elevation"])
+        X = _polynomial(domain, degree, each["X"])
         forms = _gain(certificate, domain), X
         answers.append(_poles(own, certificate, domain, (part,), forms, degree, elevation))
     return False if False in answers else None if None in answers else True
@@ -93,8 +107,8 @@ def _slack(own: Any, certificate: Certificate) -> bool | None:
     if not isinstance(region, Disk):
         return None
     domain = Domain.of(str(evidence.get("on", "simplex")), len(certificate.plant.vertices))
-    degree = int(evidence.get("degree", 1))
-    highest = max(degree, 1) + int(evidence.get("elevation", 0))
+    degree = _whole(evidence.get("degree", 1))
+    highest = max(degree, 1) + _whole(evidence.get("elevation", 0))
     forms = (
         _gain(certificate, domain),
         _polynomial(domain, degree, evidence["P"]),
@@ -173,9 +187,21 @@ def _plant(certificate: Certificate, domain: Domain) -> Any:
 
 
 def _polynomial(domain: Domain, degree: int, coefficients: Array) -> Any:
-    """Return a polynomial as the kernel has it."""
-    values = np.ascontiguousarray(coefficients, dtype=float)
-    return *_powers(domain.sizes, degree), values
+    """Return a polynomial as the kernel has it: of doubles, which nothing rounds."""
+    values = np.asarray(coefficients)
+    _require(values.dtype == np.float64 and len(values) == domain.count(degree))
+    return *_powers(domain.sizes, degree), np.ascontiguousarray(values)
+
+
+def _whole(value: Any) -> int:
+    _require(type(value) is int)
+    return int(value)
+
+
+def _require(fine: bool) -> None:
+    """Leave to the checker what it may refuse."""
+    if not fine:
+        raise FormatError("this is no evidence as searches find it")
 
 
 @lru_cache(maxsize=64)

@@ -10,6 +10,7 @@ import pytest
 from polefence import Scheduled, UncertainPlant
 from polefence.design import bound
 from polefence.design.bound import lower_radius
+from polefence.design.many import tightest
 from polefence.design.place import smallest_disk
 from polefence.design.repair import lower_bound
 from polefence.lmi.conditions.methods import method_name
@@ -110,6 +111,22 @@ def test_units_far_apart_change_nothing(method, make_random):
     far = UncertainPlant.from_vertices(A, B)
     upper, Y = dual(far, method, 3.0)
     assert upper * (1 - 1.1e-6) <= ask(far, method, 3.0, upper, Y) < upper
+
+
+@pytest.mark.parametrize("method", ["quadratic", "slack", "scheduled"])
+@pytest.mark.parametrize(("states", "inputs"), [((0, 0), 230), ((0, 0), -300), ((150, -150), 0)])
+def test_of_units_beyond_the_kernels_rationals_bound(states, inputs, method, make_random):
+    """In powers of two: such units change no bound, and end no search."""
+    near = make_random(4, 2, 1, 3)
+    T = 2.0 ** np.array(states, dtype=float)
+    far = UncertainPlant.from_vertices(
+        near.A * T[:, None] / T, near.B * T[:, None] * 2.0**inputs, name=near.name
+    )
+    lower = smallest_disk(near, -3.0, method)[0].lower
+    alone, _ = smallest_disk(far, -3.0, method)
+    (many,) = tightest([far], -3.0, method)
+    assert alone.lower == pytest.approx(lower, rel=1e-5)
+    assert many.lower == alone.lower
 
 
 @compiled

@@ -25,6 +25,7 @@ from polefence.proof.lower import METHODS, block_pairs
 
 ROUNDS = 2  # of corrections in floats
 SHARES = [1 - shortfall for shortfall in SHORTFALLS]  # of a radius that are tried
+SMALL, LARGE = 1e-60, 1e60  # between which the kernel takes scales and radii
 
 
 def is_there() -> bool:
@@ -190,6 +191,13 @@ class _Sought:
         """Return that of one plant of a stack."""
         return _Sought(*(own[plant] for own in vars(self).values()))
 
+    @property
+    def is_usable(self) -> bool:
+        """Whether the kernel takes it: units may be too far apart."""
+        scales = np.append(self.scale, self.rho)
+        finite = np.isfinite(self.dual).all() and np.isfinite(self.Psi).all()
+        return bool(finite and scales.min() > SMALL and scales.max() < LARGE)
+
 
 def _sought(layout: _Layout, A: Array, B: Array, sigma: Array, dual: Array) -> _Sought:
     """Bring dual matrices close to ones that satisfy the equations, batched over leading axes."""
@@ -229,7 +237,7 @@ def _first(
 ) -> int:
     """Return which of the nearest ``count`` radii is the first that is proved; else negative."""
     radii = upper * np.array(SHARES[:count])
-    if not (radii.min() > 0 and np.all(np.isfinite(sought.dual))):
+    if not sought.is_usable or not (radii.min() > SMALL and radii.max() < LARGE):
         return -1
     data, denominator, words = plant.words
     exponents = np.eye(len(plant.vertices), dtype=np.int64)

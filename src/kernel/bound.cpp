@@ -22,8 +22,9 @@ using Rows = nb::ndarray<const double, nb::ndim<2>, nb::c_contig, nb::device::cp
 using Vector = nb::ndarray<const double, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
 
 constexpr double UP = 1.01;  // more than the rounding of sums of a few thousand products comes to
-constexpr double LEAST = 1e-290, LEAST_MARGIN = 1e-150;
-constexpr double SMALL = 1e-60, LARGE = 1e60;  // of scales: products of four lose nothing
+// Sizes of changes are taken for no smaller, so that what their products lose below 1e-308 is less.
+constexpr double LEAST = 1e-290, LEAST_SIZE = 1e-140, LEAST_MARGIN = 1e-150;
+constexpr double SMALL = 1e-60, LARGE = 1e60;  // of scales and radii
 constexpr int NONE = -1, UNKNOWN = -2;
 
 // A number no less than |value| 2^exponent, and one no more.
@@ -206,7 +207,7 @@ class Search {
             if (!(UP * total <= 0.5)) return false;
         }
         // Theta = -(I + G)^-1 [skew part; E], so |Theta| <= 2 rho max |.| / rho, column by column
-        std::vector<double> theta(n);
+        std::vector<double> theta(n, LEAST_SIZE);
         for (std::size_t c = 0; c < n; ++c)
             for (std::size_t q = 0; q < p; ++q)
                 theta[c] = std::max(theta[c], 2 * UP * unit * above(wanted(g, q, c), own.Y.least) / rho[q]);
@@ -215,7 +216,7 @@ class Search {
             std::vector<double> change(n * n);
             double square = 0.0;
             for (std::size_t i = 0; i < n; ++i) {
-                double reach = 0.0;
+                double reach = LEAST_SIZE;
                 for (std::size_t q = 0; q < p; ++q) reach += own.psi[(j * n + i) * p + q] * rho[q];
                 for (std::size_t c = 0; c < n; ++c) {
                     change[i * n + c] = UP * reach * theta[c];
@@ -223,7 +224,7 @@ class Search {
                     square += scaled * scaled;
                 }
             }
-            delta[j] = UP * std::sqrt(square);
+            delta[j] = UP * std::sqrt(square) + LEAST_MARGIN;
             for (std::size_t i = 0; i < n; ++i)
                 for (std::size_t a = 0; a < n; ++a)
                     for (std::size_t c = 0; c < n; ++c)
@@ -236,7 +237,7 @@ class Search {
                 square += scaled * scaled;
             }
         // the symmetric part of V stays as it is where the change of V is skew
-        eta[g] = own.slack ? 0.0 : 2 * UP * UP * std::sqrt(square);
+        eta[g] = own.slack ? 0.0 : 2 * UP * UP * std::sqrt(square) + LEAST_MARGIN;
         return true;
     }
 
@@ -273,7 +274,7 @@ class Search {
                 const double margin = UP * (delta[b] + eta[k] / (2 * static_cast<double>(parts) * value));
                 if (!std::isfinite(margin)) return Sign::not_positive;
                 int power = 0;
-                std::frexp(std::max(margin, LEAST_MARGIN), &power);
+                std::frexp(margin, &power);
                 for (std::size_t i = 0; i < n; ++i) {
                     for (std::size_t c = 0; c < n; ++c) {
                         Whole<K> excess = V[k][i][c];
@@ -363,7 +364,7 @@ int lower(bool slack, bool right_hand_sides, bool joint, const PlantArrays &give
         bound.rho.push_back(rho.data()[i]);
     }
     for (std::size_t i = 0; i < radii.shape(0); ++i) {
-        require(radii.data()[i] > 0 && std::isfinite(radii.data()[i]), "radii are positive");
+        require(radii.data()[i] > SMALL && radii.data()[i] < LARGE, "radii are 1e-60 to 1e60");
         bound.radii.emplace_back(radii.data()[i]);
     }
     return in_words(bound, UNKNOWN);

@@ -203,6 +203,27 @@ def test_every_part_of_the_evidence_counts(method, make_random, monkeypatch):
 
 
 @compiled
+@pytest.mark.parametrize("weak", [0, 10, 100, 600])
+def test_what_underflows_counts(weak):
+    """x' = u 2^-weak reaches any radius: the change that B'X = 0 asks for is the whole of X."""
+    words, scale, x = weak // 64 + 2, 2.0**-199, 0.99
+    numbers = [own.to_bytes(8 * words, "little", signed=True) for own in (0, 1, 2**weak)]
+    given = {
+        "slack": False,
+        "right_hand_sides": False,
+        "joint": True,
+        "sigma": 1.0,
+        "plant": (np.eye(1, dtype=np.int64), numbers[0] + numbers[1], numbers[2], 1, words),
+        "Y": scale**2 * np.array([[[1.0, x], [x, 1.0]]]),
+        "Psi": np.array([[[2.0**weak]]]),
+        "scale": np.array([scale]),
+        "rho": np.array([[1 / scale]]),
+        "radii": np.array([0.98]),
+    }
+    assert engine.kernel().lower(**given) < 0
+
+
+@compiled
 def test_its_door_refuses_what_does_not_fit(make_random, monkeypatch):
     given = arguments(make_random(5, 2, 1, 3), "scheduled", monkeypatch)
     powers, data, denominator, n, words = given["plant"]
@@ -226,6 +247,7 @@ def test_its_door_refuses_what_does_not_fit(make_random, monkeypatch):
         {"rho": given["rho"] * np.nan},
         {"radii": -given["radii"]},
         {"radii": given["radii"] * np.inf},
+        {"radii": given["radii"] * 1e70},
         {"slack": True},
         {"joint": True},
     ]

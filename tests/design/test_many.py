@@ -175,6 +175,28 @@ def test_what_is_wrong_of_all_is_said_at_once(fleet):
         pf.many.tightest(fleet, -3, of="circle")
 
 
+def test_a_single_one_is_no_list(fleet):
+    """Of a path's text each letter would be a path."""
+    for call in (
+        lambda: pf.many.tightest(fleet[0], -3),
+        lambda: pf.many.place(fleet[0], Disk(-3, 2)),
+        lambda: pf.many.check("design.json"),
+    ):
+        with pytest.raises(InputError, match="must be several, as in a list, not one"):
+            call()
+
+
+def test_any_iterable_is_a_list(fleet):
+    """One that ends when it was read once, too."""
+    listed = pf.many.tightest(fleet[2:5], [-3, -4, -5], "quadratic")
+    read = pf.many.tightest(iter(fleet[2:5]), iter([-3, -4, -5]), "quadratic")
+    assert [own.region for own in read] == [own.region for own in listed]
+    answers = pf.many.check(iter(listed))
+    assert [own.answer for own in answers] == ["proved"] * 3
+    region = Disk(-3, 2.9)
+    assert len(pf.many.place(iter(fleet[2:5]), region & HalfPlane(0.1), "quadratic")) == 3
+
+
 def test_what_is_wrong_of_one_is_its_answer(fleet):
     found = pf.many.tightest([fleet[0], "plant", fleet[1]], [-3, -3, 3], "quadratic")
     assert isinstance(found[0], Design)

@@ -63,6 +63,7 @@ def place(
     InputError
         If method and structure are both given, or there is no such method.
     """
+    plants = _listed(plants, "plants")
     require_type(region, Region, "region", "for example polefence.Disk(-40, 31)")
     if structure is not None:
         placed.require_structure_alone(method)
@@ -114,7 +115,7 @@ def tightest(
     if structure is not None:
         placed.require_structure_alone(method)
     place_alone.require_kind(of)
-    plants = list(plants)
+    plants = _listed(plants, "plants")
     centres = _centres(centre, len(plants))
     if structure is None and of == "disk" and within is None and centre is not None:
         method = _known(method)
@@ -122,7 +123,7 @@ def tightest(
         work = partial(disks.answers, bounds=bounds)
         return _answers(work, asked, disks.parts(asked), executor)
     own = partial(_tightest, method=method, of=of, within=within, structure=structure)
-    return _one_by_one(own, zip(plants, centres, strict=True), executor)
+    return _one_by_one(own, list(zip(plants, centres, strict=True)), executor)
 
 
 def check(
@@ -141,13 +142,19 @@ def check(
     list of Check or PolefenceError
         For each source its answer, or why it cannot be read.
     """
-    return _one_by_one(check_alone, sources, executor)
+    return _one_by_one(check_alone, _listed(sources, "sources"), executor)
 
 
 def _known(method: Method | None) -> Method:
     method = "scheduled" if method is None else method
     method_name(method)
     return method
+
+
+def _listed(given: Iterable[Task], name: str) -> list[Task]:
+    if isinstance(given, str) or not isinstance(given, Iterable):
+        raise InputError(f"{name} must be several, as in a list, not one {type(given).__name__}")
+    return list(given)
 
 
 def _centres(centre: Any, count: int) -> list[Any]:
@@ -165,10 +172,9 @@ def _tightest(pair: tuple[UncertainPlant, Any], **options: Any) -> Design:
 
 
 def _one_by_one(
-    own: Callable[[Task], Answer], tasks: Iterable[Task], executor: Executor | None
+    own: Callable[[Task], Answer], tasks: Sequence[Task], executor: Executor | None
 ) -> list[Answer | PolefenceError]:
-    every = list(tasks)
-    return _answers(partial(_each, own), every, [[k] for k in range(len(every))], executor)
+    return _answers(partial(_each, own), tasks, [[k] for k in range(len(tasks))], executor)
 
 
 def _each(own: Callable[[Task], Answer], tasks: Sequence[Task]) -> list[Answer | PolefenceError]:

@@ -104,33 +104,6 @@ struct Whole {
             if (size.w[i]) return 64 * i + 64 - __builtin_clzll(size.w[i]);
         return 0;
     }
-    // zeros at the end, of a number that is not zero
-    Int trailing() const {
-        int i = 0;
-        while (!w[i]) ++i;
-        return 64 * i + __builtin_ctzll(w[i]);
-    }
-
-    // of an odd number, modulo 2^(64 K)
-    Whole inverse() const {
-        Whole x = *this;  // right to three bits
-        for (int right = 3; right < 64 * K; right *= 2) {
-            Whole rest(2);
-            rest -= *this * x;
-            x = x * rest;
-        }
-        return x;
-    }
-};
-
-// What divides exactly: by a number that is not zero.
-template <int K>
-struct Divisor {
-    Int shift;
-    Whole<K> inverse;
-
-    explicit Divisor(const Whole<K> &d) : shift(d.trailing()), inverse((d >> shift).inverse()) {}
-    Whole<K> of(const Whole<K> &value) const { return (value >> shift) * inverse; }
 };
 
 template <int K>

@@ -73,6 +73,7 @@ STEPS = (1e-7, 1e-6, 1e-5, 1e-4)
 
 # A lower bound farther off than this share of the radius is sought again, with this tolerance.
 GAP, CLOSER = 3e-6, 1e-10
+EARLIER = 1e-6  # the tolerance of a run whose Y is farther inside, where the ends have no bound
 
 # How far inside a region a point is looked for, as a share of its size.
 INSIDE = 0.98
@@ -339,15 +340,19 @@ def _designs(
 
 @stage("lower bound")
 def bound_of(plant: UncertainPlant, sigma: float, method: Method, found: Reached) -> float | None:
-    """Return a lower bound, from a closer run where the first one leaves a gap."""
+    """Return a lower bound, from a closer run where the first leaves a gap, else from a looser one."""
     if not _is_bounded(method):
         return None
     lower = _lower(plant, sigma, method, found)
     if found.r > sigma or (lower is not None and lower > found.r * (1 - GAP)):
         return lower
-    with suppress(SolverError):
-        closer = smallest(plant.A, plant.B, Disks(-sigma), method, found, tolerance=CLOSER)
-        return max((b for b in (lower, _lower(plant, sigma, method, closer)) if b), default=None)
+    for near, tolerance in ((found, CLOSER), (None, EARLIER)):
+        with suppress(SolverError):
+            own = smallest(plant.A, plant.B, Disks(-sigma), method, near, tolerance=tolerance)
+            others = lower, _lower(plant, sigma, method, own)
+            lower = max((b for b in others if b), default=None)
+        if lower is not None:
+            break
     return lower
 
 

@@ -73,7 +73,7 @@ STEPS = (1e-7, 1e-6, 1e-5, 1e-4)
 
 # A lower bound farther off than this share of the radius is sought again, with this tolerance.
 GAP, CLOSER = 3e-6, 1e-10
-EARLIER = 1e-6  # the tolerance of a run whose Y is farther inside, where the ends have no bound
+EARLIER = 1e-6  # tolerance of a run that ends farther inside, where the ends have no bound
 
 # How far inside a region a point is looked for, as a share of its size.
 INSIDE = 0.98
@@ -340,7 +340,7 @@ def _designs(
 
 @stage("lower bound")
 def bound_of(plant: UncertainPlant, sigma: float, method: Method, found: Reached) -> float | None:
-    """Return a lower bound, from a closer run where the first leaves a gap, else from a looser one."""
+    """Return a lower bound, from a closer run where there is a gap, else from a looser one."""
     if not _is_bounded(method):
         return None
     lower = _lower(plant, sigma, method, found)

@@ -135,7 +135,8 @@ def check(
     ----------
     sources : iterable of path, Certificate or Design
     executor : concurrent.futures.Executor, optional
-        Where to work: `polefence.processes`, as the checker is Python alone. By default here.
+        Where to work: `polefence.processes`, as the checker is Python alone. By default in threads
+        of this process, of which one runs at a time.
 
     Returns
     -------

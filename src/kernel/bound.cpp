@@ -144,18 +144,23 @@ class Search {
             E.emplace_back(own.m, n);
             sums.emplace_back(n, n);
         }
+        // X_b that are multiplied by the same S_j, added up first
+        std::vector<Matrix<K>> X(own.N * own.kinds, Matrix<K>(n, n));
         for (const Pairing &pair : own.pairs) {
             const Matrix<K> &y = Y[pair.block];
             if (zero[pair.block]) continue;
             for (std::size_t i = 0; i < n; ++i)
                 for (std::size_t c = 0; c < n; ++c) {
-                    const Whole<K> &x = y[i][n + c];
-                    for (std::size_t a = 0; a < n; ++a) V[pair.k][a][c].add(S[pair.j][i][a], x);
-                    for (std::size_t q = 0; q < own.m; ++q) E[pair.k][q][c].add(B[pair.j][i][q], x);
+                    X[pair.j * own.kinds + pair.k][i][c] += y[i][n + c];
                     sums[pair.k][i][c] += y[i][c];
                     sums[pair.k][i][c] += y[n + i][n + c];
                 }
         }
+        for (std::size_t j = 0; j < own.N; ++j)
+            for (std::size_t k = 0; k < own.kinds; ++k) {
+                V[k].add_transposed(S[j], X[j * own.kinds + k]);
+                E[k].add_transposed(B[j], X[j * own.kinds + k]);
+            }
         const double unit = 1.0 / below(denominator, 0);
         for (std::size_t j = 0; j < own.N; ++j)
             for (const auto &entry : S[j].entries) size_S.push_back(UP * unit * above(entry, 0));
@@ -258,7 +263,7 @@ class Search {
     // Whether all anchors are positive definite at a radius with what is left of W's or G's equation,
     // less the margins; with right-hand sides tau's inequality too.
     Sign at(const Double &r) const {
-        const Int fine = std::max<Int>(-r.exponent, 0);
+        const Int fine = std::max<Int>(-r.exponent, 0), longest = own.Y.bits();
         const auto parts = static_cast<Int>(own.joint ? own.N : 1);
         const Whole<K> radius = r.over<K>(std::min<Int>(r.exponent, 0));
         const Whole<K> factor = denominator * radius, whole = Whole<K>(2 * parts) * factor;
@@ -267,16 +272,18 @@ class Search {
         const auto rest = static_cast<Int>(std::max<std::size_t>(own.N - 1, 1));
         for (std::size_t b = 0; b < own.blocks; ++b) {
             if (zero[b] || !(anchor(b) || own.right_hand_sides)) continue;
-            Matrix<K> block = Y[b];
-            block.scale(whole);
+            Whole<K> trace;
             if (anchor(b)) {
                 const std::size_t k = kind(b);
+                Matrix<K> block(2 * n, 2 * n);  // on and above the diagonal
+                for (std::size_t i = 0; i < 2 * n; ++i)
+                    for (std::size_t c = i; c < 2 * n; ++c) block[i][c] = whole * Y[b][i][c];
                 const double margin = UP * (delta[b] + eta[k] / (2 * static_cast<double>(parts) * value));
                 if (!std::isfinite(margin)) return Sign::not_positive;
                 int power = 0;
                 std::frexp(margin, &power);
                 for (std::size_t i = 0; i < n; ++i) {
-                    for (std::size_t c = 0; c < n; ++c) {
+                    for (std::size_t c = i; c < n; ++c) {
                         Whole<K> excess = V[k][i][c];
                         excess += V[k][c][i];
                         excess = excess << fine;
@@ -285,18 +292,23 @@ class Search {
                         block[n + i][n + c] += excess;
                     }
                     const Int shift = std::max<Int>(power + 2 * own.power[i] - own.Y.least, 0);
-                    if (shift > own.Y.bits() + 1) return Sign::not_positive;
+                    if (shift > longest + 1) return Sign::not_positive;
                     block[i][i] -= whole << shift;
                     block[n + i][n + i] -= whole << shift;
                 }
                 const Sign sign = positive_definite(block);
                 if (sign != Sign::positive) return sign;
+                for (std::size_t i = 0; i < n; ++i) trace += block[i][i];
+            } else {
+                Whole<K> sum;
+                for (std::size_t i = 0; i < n; ++i) sum += Y[b][i][i];
+                trace = whole * sum;
             }
             if (!own.right_hand_sides) continue;
             const Int count = static_cast<Int>(own.N), sixteen = count + count * (count - 1);
             const auto number = static_cast<Int>(b);
             const Whole<K> weight(number < count ? rest * rest : number < sixteen ? -1 : -6);
-            for (std::size_t i = 0; i < n; ++i) bracket.add(weight, block[i][i]);
+            bracket.add(weight, trace);
         }
         return bracket.negative() ? Sign::not_positive : Sign::positive;
     }

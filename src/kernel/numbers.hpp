@@ -48,9 +48,7 @@ struct Double {
         exponent += zeros;
     }
     Int length() const {
-        Int length = 0;
-        for (Word rest = static_cast<Word>(mantissa < 0 ? -mantissa : mantissa); rest; rest >>= 1) ++length;
-        return length;
+        return mantissa ? 64 - __builtin_clzll(static_cast<Word>(mantissa < 0 ? -mantissa : mantissa)) : 0;
     }
     Int bits(Int least) const { return mantissa ? length() + exponent - least : 0; }
     template <int K>

@@ -131,6 +131,12 @@ struct Matrix {
                 for (std::size_t j = 0; j < columns; ++j) (*this)[i][j].add(x, Y[k][j]);
             }
     }
+    // adds X' Y
+    void add_transposed(const Matrix &X, const Matrix &Y) {
+        for (std::size_t k = 0; k < X.rows; ++k)
+            for (std::size_t i = 0; i < rows; ++i)
+                for (std::size_t j = 0; j < columns; ++j) (*this)[i][j].add(X[k][i], Y[k][j]);
+    }
     void scale(const Whole<K> &factor) {
         for (auto &entry : entries) entry = factor * entry;
     }

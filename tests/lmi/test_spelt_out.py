@@ -39,8 +39,8 @@ def test_the_engines_agree(make_random, n, region):
     ours, theirs = (engine.run(stacked, x, r, 0.0, 1e-6, e) for e in ("compiled", "numpy"))
     assert ours.r == pytest.approx(theirs.r, rel=1e-5)
     assert ours.r < 0.9 * r
-    gap = [f"{own.gap:.0e}" for own in (ours, theirs)]
-    assert ours.converged is theirs.converged, gap
+    # which of them ends below 1e-6 hangs on rounding here: one plant in a hundred does not
+    assert max(ours.gap / ours.r, theirs.gap / theirs.r) < 1e-5
     # a point is as good as it says, by what the reference makes of it
     for D, M in stacked.at(ours.x):
         assert np.linalg.eigvalsh(ours.r * D - M).min() > 0

@@ -79,9 +79,13 @@ def lower_radii(
     layout = _layout(method, len(plants[0].vertices))
     best, tried = [len(SHARES)] * len(plants), [set[bytes]() for _ in plants]
     with np.errstate(all="ignore"):
+        dual, share = _even(Y, layout)
         for least in IDLE:
-            kept, idle = _kept(Y, layout, least)
+            idle = np.asarray(share < least)
             own = [k for k in range(len(plants)) if best[k] and idle[k].tobytes() not in tried[k]]
+            if not own:
+                continue
+            kept = np.where((idle @ layout.count > 0)[..., None, None], 0.0, dual)
             for k, sought in _each_sought(layout, plants, sigma, kept, own):
                 tried[k].add(idle[k].tobytes())
                 ends = float(sigma[k]), float(upper[k])
@@ -97,8 +101,6 @@ def _each_sought(
     layout: _Layout, plants: Sequence[UncertainPlant], sigma: Array, kept: Array, own: list[int]
 ) -> Iterator[tuple[int, _Sought]]:
     """Yield what the kernel is asked with about some plants, of those that floats hold."""
-    if not own:
-        return
     A, B = (np.array([getattr(plants[k], name) for k in own]) for name in ("A", "B"))
     try:
         sought = _sought(layout, A, B, sigma[own], kept[own])
@@ -162,8 +164,8 @@ def _layout(method: str, N: int) -> _Layout:
     return _Layout(method, b, j, k, count, (np.arange(len(count))[:, None] == k).astype(float))
 
 
-def _kept(dual: Array, layout: _Layout, least: float) -> tuple[Array, npt.NDArray[np.bool_]]:
-    """Return the matrices, symmetric and without the blocks that touch idle vertices; and those."""
+def _even(dual: Array, layout: _Layout) -> tuple[Array, Array]:
+    """Return the matrices, symmetric and of one size, and each vertex's share of their weight."""
     diagonal = np.diagonal(dual, axis1=-2, axis2=-1)
     diagonal = np.where((diagonal > 0).all(axis=(-2, -1), keepdims=True), diagonal, np.nan)
     dual = (dual + transposed(dual)) / (2 * diagonal.max(axis=(-2, -1))[..., None, None, None])
@@ -172,10 +174,7 @@ def _kept(dual: Array, layout: _Layout, least: float) -> tuple[Array, npt.NDArra
         both = (dual[..., :n, :n] + dual[..., n:, n:]) / 2
         dual[..., :n, :n] = dual[..., n:, n:] = both
     part = layout.count @ diagonal
-    share = (part / part.max(axis=-2, keepdims=True)).max(axis=-1)
-    idle = np.asarray(share < least)
-    touched: npt.NDArray[np.bool_] = np.greater(idle @ layout.count, 0)
-    return np.where(touched[..., None, None], 0.0, dual), idle
+    return dual, np.asarray((part / part.max(axis=-2, keepdims=True)).max(axis=-1))
 
 
 @dataclass(frozen=True, eq=False)

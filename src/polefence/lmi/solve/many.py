@@ -1,8 +1,8 @@
 """The least radii of many plants of one shape at once: what a search does most of the time.
 
 Starts, coordinates and inequalities are worked out for all plants together, as stacks of arrays;
-only the interior points run one by one. What does not go as it mostly does, a run that stalls or a
-point that is no start, is left out: `polefence.lmi.solve.smallest` has the means for it.
+only the interior points run one by one. A run that stalls goes on alone, from where it ended; a
+point that is no start is left out: `polefence.lmi.solve.smallest` has the means for both.
 """
 
 from __future__ import annotations
@@ -13,10 +13,19 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from polefence.lmi.conditions.pencil import Index, Pencil
+from polefence.lmi.conditions.target import Disks
 from polefence.lmi.solve.interior_point import TOLERANCE, WIDE, Outcome
 from polefence.lmi.solve.scaling import Scaling, balanced, factors
 from polefence.lmi.solve.search import Reached, attempt, lyapunov_mean
-from polefence.lmi.solve.smallest import FLOOR, LOW, ROUGH, WIDENINGS, dual_of, is_near
+from polefence.lmi.solve.smallest import (
+    FLOOR,
+    LOW,
+    ROUGH,
+    WIDENINGS,
+    dual_of,
+    is_near,
+    smallest,
+)
 from polefence.lmi.solve.stacked import Stacked, stacked_plants
 from polefence.lmi.solve.starts import nominal_start
 from polefence.plant.system import Array
@@ -25,7 +34,7 @@ from polefence.plant.system import Array
 def smallest_disks(
     A: Array, B: Array, sigma: Array, method: str, enough: Array
 ) -> list[Reached | None]:
-    """Find the least radius of each plant, as `smallest` does; None where that has more to do.
+    """Find the least radius of each plant, as `smallest` does; None where that has other means.
 
     Parameters
     ----------
@@ -45,8 +54,11 @@ def smallest_disks(
         points = _run(points, "quadratic", ROUGH, LOW * sigma).points()
     found: list[Reached | None] = [None] * len(A)
     floor = np.maximum(enough, FLOOR * sigma)
-    for number, reached in _run(points, method, TOLERANCE, floor).reached():
-        found[number] = reached
+    for k, reached in _run(points, method, TOLERANCE, floor).reached():
+        found[k] = reached
+        if not reached.converged and reached.r > floor[k]:
+            goal, least = Disks(-float(sigma[k])), float(enough[k])
+            found[k] = smallest(A[k], B[k], goal, method, enough=least, begun=reached)
     return found
 
 
@@ -78,7 +90,6 @@ class _Runs:
     pencil: Pencil
     stacked: list[Stacked]
     outcomes: list[Outcome]
-    floor: Array
 
     @property
     def scaling(self) -> Scaling:
@@ -99,16 +110,13 @@ class _Runs:
         return replace(self.begun, r=self.r, W=values["W"], Z=values["Z"])
 
     def reached(self) -> Iterator[tuple[int, Reached]]:
-        """Yield number and end of each plant whose run came to one."""
+        """Yield number and end of each plant that had a start."""
         if not self.outcomes:
             return
         r, ends = self.r, self.ends
         values = self.scaling.restore(ends, self.pencil.variables)
         near = is_near(lyapunov_mean(ends))
         for k, (stacked, outcome) in enumerate(zip(self.stacked, self.outcomes, strict=True)):
-            converged = outcome.converged and bool(near[k])
-            if not converged and r[k] > self.floor[k]:
-                continue
             scaling = Scaling(self.T[k], self.begun.S[k], float(self.begun.rate[k]))
             yield (
                 int(self.begun.number[k]),
@@ -116,7 +124,7 @@ class _Runs:
                     r=float(r[k]),
                     values={name: own[k] for name, own in values.items()},
                     dual=dual_of(outcome, stacked, scaling),
-                    converged=converged,
+                    converged=outcome.converged and bool(near[k]),
                     iterations=outcome.iterations,
                     rate=scaling.rate,
                 ),
@@ -145,5 +153,4 @@ def _run(points: _Points, method: str, tolerance: float, floor: Array) -> _Runs:
         pencil,
         [plants[k] for k in sound],
         [end for end in ends if end is not None],
-        floor[sound],
     )

@@ -149,7 +149,10 @@ P = TypeVar("P", bound=Point)
 
 
 def rounds(
-    once: Callable[[P | None], P | None], enough: float = 0.0, most: int = ROUNDS
+    once: Callable[[P | None], P | None],
+    enough: float = 0.0,
+    most: int = ROUNDS,
+    begun: P | None = None,
 ) -> P | None:
     """Run from the point that the last round reached until the gap closes or nothing is gained.
 
@@ -159,9 +162,11 @@ def rounds(
         Takes the last point, None at first; returns the next, None if there is none.
     enough : float
         The r that ends the search.
+    begun : Point, optional
+        What a round before these reached.
     """
-    found: P | None = None
-    iterations = 0
+    found = begun
+    iterations = 0 if begun is None else begun.iterations
     for _ in range(most):
         again = once(found)
         if again is None:

@@ -51,6 +51,7 @@ def smallest(
     enough: float = 0.0,
     engine: str | None = None,
     tolerance: float = TOLERANCE,
+    begun: Reached | None = None,
 ) -> Reached:
     """Find the least r at which the condition is feasible: a disk's radius, or what grows with r.
 
@@ -69,6 +70,8 @@ def smallest(
         "compiled" or "numpy"; by default the compiled one where there is one.
     tolerance : float
         Of the gap, relative to r.
+    begun : Reached, optional
+        What the first run of this very search reached, to go on from.
 
     Raises
     ------
@@ -79,7 +82,9 @@ def smallest(
     if isinstance(goal, Around) and goal.is_open:  # it may be far slower than the plant
         scale = max(scale, typical_rate(A))
     search = _Search(A, B, goal, scale, method, balanced(A, B, scale), enough, engine)
-    first, wide = (search.first(), WIDE) if near is None else (near, CLOSE)
+    first, wide = near or begun, CLOSE
+    if first is None:
+        first, wide = search.first(), WIDE
     trails = list[Trail]()
 
     def once(last: Reached | None) -> Reached | None:
@@ -87,11 +92,11 @@ def smallest(
         trails.extend(again.trails if again else ())
         return again
 
-    found = rounds(once, search.floor)
+    found = rounds(once, search.floor, begun=begun)
     if found is None:
         raise SolverError("no point to start from: the numbers are too far apart for doubles")
-    own = trails[0].pencil.variables
-    before = [replace(each, variables=own) for each in first.trails if near is None]
+    started = () if near else first.trails
+    before = [replace(each, variables=trails[0].pencil.variables) for each in started]
     return replace(found, trails=(*trails[::-1], *before))
 
 

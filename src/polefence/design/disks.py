@@ -157,7 +157,9 @@ def _lower(asked: list[Asked], name: str, points: list[Reached]) -> list[float |
     for own, point, lower in zip(
         asked, points, lower_radii(plants, name, sigma, r, Y), strict=True
     ):
-        near = lower is not None and lower > point.r * (1 - place.GAP)
-        settled = near or (point.r > -own.centre and is_there())
-        found.append(lower if settled else place.bound_of(own.plant, -own.centre, name, point))
+        ends = own.plant, -own.centre, name, point
+        if lower is not None or (point.r > -own.centre and is_there()):
+            found.append(place.closer_bound(*ends, lower))
+        else:
+            found.append(place.bound_of(*ends))
     return found

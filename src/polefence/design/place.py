@@ -343,7 +343,13 @@ def bound_of(plant: UncertainPlant, sigma: float, method: Method, found: Reached
     """Return a lower bound, from a closer run where there is a gap, else from a looser one."""
     if not _is_bounded(method):
         return None
-    lower = _lower(plant, sigma, method, found)
+    return closer_bound(plant, sigma, method, found, _lower(plant, sigma, method, found))
+
+
+def closer_bound(
+    plant: UncertainPlant, sigma: float, method: Method, found: Reached, lower: float | None
+) -> float | None:
+    """Return the lower bound of a point, or that of another run where it leaves a gap."""
     if found.r > sigma or (lower is not None and lower > found.r * (1 - GAP)):
         return lower
     for near, tolerance in ((found, CLOSER), (None, EARLIER)):

@@ -170,17 +170,27 @@ def test_an_unseen_mode_in_the_region_is_no_obstacle_to_an_observer(lagging):
 
 
 def test_it_is_computed_once_for_a_plant(monkeypatch):
-    calls = []
+    """Of one whose residues do not tell, A[0][1] being zero modulo the prime, by more primes."""
+    calls, others = [], []
 
-    def counted(A, B):
-        calls.append(A)
+    def counted(*pairs):
+        calls.append(pairs)
+        return surely_controllable(*pairs)
+
+    def counted_alone(A, B):
+        others.append(A)
         return fixed_modes(A, B)
 
-    monkeypatch.setattr("polefence.plant.system.fixed_modes", counted)
+    monkeypatch.setattr("polefence.plant.family.surely_controllable", counted)
+    monkeypatch.setattr("polefence.plant.system.fixed_modes", counted_alone)
     plant = UncertainPlant.from_vertices([[[0, 1], [0, -a]] for a in (1, 2)], [[[0], [1]]] * 2)
     place(plant, Disk(-3, 2))
     tightest(plant, -3, "quadratic")
-    assert len(calls) == 2
+    assert (len(calls), len(others)) == (1, 0)
+    untold = UncertainPlant.from_vertices([[[0, PRIME], [0, -a]] for a in (1, 2)], [[[0], [1]]] * 2)
+    for _ in range(2):
+        require_movable(untold)
+    assert (len(calls), len(others)) == (2, 2)
 
 
 @pytest.mark.parametrize("seed", range(4))

@@ -147,6 +147,8 @@ def require_movable(plant: UncertainPlant, region: Region | None = None) -> None
     UncontrollableError
         Naming the first vertex, and the mode.
     """
+    if plant.surely_controllable:
+        return
     asked = stable_region(plant) if region is None else region
     for vertex in plant.vertices:
         outside = modes_outside(vertex.fixed, asked)

@@ -22,7 +22,7 @@ from polefence.base.errors import (
     shown,
     suggest,
 )
-from polefence.plant.controllability import PRIME
+from polefence.plant.controllability import PRIME, surely_controllable
 from polefence.plant.expression import RationalFunction, counted, evaluate
 from polefence.plant.outputs import Output, disturbances, inputs, pick, split, states
 from polefence.plant.parameters import Parameter, check_label, check_name, exact, simplex_weights
@@ -356,6 +356,12 @@ class UncertainPlant:
             # 2^64 = 4 modulo 2^31 - 1
             value = (4 * value + (numbers[:, k] % PRIME).astype(np.int64)) % PRIME
         return value.reshape(len(self.vertices), self.shape[0], sum(self.shape))
+
+    @cached_property
+    def surely_controllable(self) -> bool:
+        """Whether residues tell that every vertex is controllable, as those of nearly all do."""
+        pairs, n = self.residues, self.shape[0]
+        return bool(surely_controllable(pairs[..., :n], pairs[..., n:]).all())
 
     @cached_property
     def digest(self) -> str:

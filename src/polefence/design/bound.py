@@ -8,7 +8,7 @@ matrices is how to change them: X_b by Psi_b Theta, Psi nearly a right inverse o
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
@@ -214,10 +214,11 @@ def _sought(layout: _Layout, A: Array, B: Array, sigma: Array, dual: Array) -> _
     units = rho[..., :, None] * rho[..., None, :]
     inverse = np.linalg.inv(H / units) / units
     Psi = weighed @ inverse
+    free = _free(inverse, weight) if layout.slack else None
     for _ in range(ROUNDS):
         wanted = _residuals(layout, S, B, dual[..., :n, n:])
-        if layout.slack:
-            wanted[..., :n, :] += _free(inverse, weight, wanted)
+        if free is not None:
+            wanted[..., :n, :] += free(wanted)
         change = -Psi @ wanted
         dual[..., :N, :n, n:] += change
         dual[..., :N, n:, :n] += transposed(change)
@@ -268,8 +269,8 @@ def _residuals(layout: _Layout, S: Array, B: Array, X: Array) -> Array:
     return summed(layout.sums, products)
 
 
-def _free(inverse: Array, weight: Array, wanted: Array) -> Array:
-    """Return the symmetric part of S'X's change, which is free, with which X changes least.
+def _free(inverse: Array, weight: Array) -> Callable[[Array], Array]:
+    """Return what finds the symmetric part of S'X's change, which is free, where X changes least.
 
     The change is weight Phi Theta, its square tr(t' inverse t weight^-1) for t = wanted + [U; 0].
     """
@@ -278,6 +279,10 @@ def _free(inverse: Array, weight: Array, wanted: Array) -> Array:
     L = size[..., None] * np.linalg.cholesky(weight / (size[..., :, None] * size[..., None, :]))
     values, vectors = np.linalg.eigh(T(L) @ inverse[..., :n, :n] @ L)
     Q, back = L @ vectors, np.linalg.solve(T(L), vectors)
-    slope = T(Q) @ inverse[..., :n, :] @ wanted @ back
-    part = (slope + T(slope)) / (values[..., :, None] + values[..., None, :])
-    return np.asarray(-Q @ part @ T(Q))
+    left, sums = T(Q) @ inverse[..., :n, :], values[..., :, None] + values[..., None, :]
+
+    def part(wanted: Array) -> Array:
+        slope = left @ wanted @ back
+        return np.asarray(-Q @ ((slope + T(slope)) / sums) @ T(Q))
+
+    return part

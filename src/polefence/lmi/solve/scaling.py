@@ -134,7 +134,7 @@ def summed(weights: Array, X: Array) -> Array:
 
 def transposed(X: npt.NDArray[Any]) -> Array:
     """Return the transposes of (..., n, m) matrices."""
-    return np.asarray(X.swapaxes(-1, -2), dtype=float)
+    return X.swapaxes(-1, -2)
 
 
 def power_of_two(values: Array) -> Array:

@@ -44,7 +44,9 @@ class Dual:
 
     def matrices(self) -> Array:
         """Return them in the plant's coordinates."""
-        C = np.kron(np.eye(2), np.linalg.inv(self.T))
+        n = len(self.T)
+        C = np.zeros((2 * n, 2 * n))
+        C[:n, :n] = C[n:, n:] = np.linalg.inv(self.T)
         return np.asarray(C.T @ self.Y @ C)
 
 

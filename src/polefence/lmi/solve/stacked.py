@@ -381,23 +381,23 @@ class _Layout:
 
     def filled(self, S: Array, B: Array) -> Stacked:
         """Return the condition of one plant, or of a stack of them: each M has their axis too."""
-        data = np.concatenate([S, B], axis=-1)
+        # the columns (..., n + m, N, n)
+        data = np.concatenate([S, B], axis=-1).swapaxes(-1, -2).swapaxes(-2, -3)
         families = []
         for family, columns in zip(self.stacked.families, self.columns, strict=True):
             terms = [
-                t if c is None else replace(t, M=_filled(t.M.shape, data, *c))
+                t if c is None else Batch(t.D, _filled(t.M.shape, data, *c), t.R, t.rows, t.weights)
                 for t, c in zip(family.terms, columns, strict=True)
             ]
-            families.append(replace(family, terms=tuple(terms)))
+            families.append(Family(family.size, family.where, tuple(terms)))
         return replace(self.stacked, families=tuple(families))
 
 
 def _filled(shape: tuple[int, ...], data: Array, column: Index, counts: Array) -> Array:
     """M (blocks, size, a) whose column a is the sum of counts times that column of [S_j, B_j]."""
     M = np.zeros((*data.shape[:-3], *shape))
-    # data (..., N, n, n + m) by column: (..., blocks, a, N, n)
-    chosen = np.moveaxis(data, -1, -3)[..., column, :, :]
-    M[..., : data.shape[-2], :] = (counts[:, :, None, :] @ chosen)[..., 0, :].swapaxes(-1, -2)
+    chosen = data[..., column, :, :]  # (..., blocks, a, N, n)
+    M[..., : data.shape[-1], :] = (counts[:, :, None, :] @ chosen)[..., 0, :].swapaxes(-1, -2)
     return M
 
 

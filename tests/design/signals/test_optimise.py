@@ -372,3 +372,25 @@ def test_long_searches_end_after_the_first_designs(two, most, monkeypatch):
     found = optimise(two, rms("x"), [rms("force", 0.6)], region, Scheduled(1, 0, "box"))
     assert check(found.design).proved
     assert (len(asked) < 6) == (not most)
+
+
+@pytest.mark.parametrize("refused", [False, True])
+def test_only_the_best_of_the_laws_for_shares_needs_a_proof(two, refused, monkeypatch):
+    region = HalfPlane("0.4") & Sector("0.8")
+    task = Task(two, rms("x"), (rms("force", 2.0),), region, "quadratic")
+    prove, asked = signals_search.candidate, list[float]()
+
+    def counted(task, law, region, origin=None, estimate=0.0, halved=True):
+        asked.append(estimate)
+        first_of_shares = len(asked) == 2
+        return None if refused and first_of_shares else prove(task, law, region, origin, estimate)
+
+    monkeypatch.setattr(signals_search, "candidate", counted)
+    search = Search(task, Deadline(None))
+    search._shares(task)
+    assert search.waiting is None
+    assert asked[0] > asked[1] > 0
+    if not refused:
+        assert [own.estimate for own in search.candidates] == asked
+    else:  # another is proved in its place
+        assert asked[1] not in [own.estimate for own in search.candidates]

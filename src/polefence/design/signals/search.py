@@ -356,6 +356,9 @@ class Search:
         self.candidates, self.reasons = list[Candidate](), list[str]()
         self.whole: Reached | None = None
         self.point: Point | None = None  # of the best law
+        # the best law of a search for shares, not proved yet, and the designs of that search
+        self.waiting: Point | None = None
+        self.designs = dict[Shares, Point | None]()
         self.floor = np.inf  # the least estimate of any law, within the region or not
         self.calm: tuple[Specification, ...] = ()  # limits on inputs that nothing else limits
         self.spent = Counter[Method]()  # work of designs
@@ -391,8 +394,9 @@ class Search:
 
     @property
     def best(self) -> float:
-        """The least estimate."""
-        return min((own.estimate for own in self.candidates), default=np.inf)
+        """The least estimate of a law that is proved, or waits for its proof."""
+        waiting = np.inf if self.waiting is None else self.waiting.estimate
+        return min([waiting, *(own.estimate for own in self.candidates)])
 
     def _slow(self) -> None:
         """Begin the search of a small gain where poles are slow: from fast ones it stays large."""
@@ -428,18 +432,44 @@ class Search:
         shares that are enough, to begin with. ``again`` are those of the best law, of a search
         within implied limits; it ends where these change nothing, or cost too much.
         """
+        self.designs.clear()
+        found, outside = self._bisected(task, kept, again, wait=True)
+        waiting = self.waiting
+        if not self._between(outside, waiting or self.point) and waiting is not None:
+            self.waiting = None
+            if not self._improves(waiting):
+                self.designs[waiting.shares] = self._unproved(waiting)
+                found, outside = self._bisected(task, kept, again, wait=False)
+                self._between(outside, self.point)
+        self.waiting = None
+        return found
+
+    def _bisected(
+        self, task: Task, kept: Shares, again: Shares, wait: bool
+    ) -> tuple[Shares, Point | None]:
+        """Return shares that are enough, and a law outside the region to go back from.
+
+        Where there is a law already, proofs can ``wait``: of the laws that sample within the region
+        each is better than the last, and mostly only the proof of the best is needed.
+        """
         low, high, shares = [*self._zeros], [*kept], self._zeros
         outside: Point | None = None
         for number in range(ROUNDS):
             if self._ended:
-                return tuple(high)
+                return tuple(high), None
             if self._is_long(task):
                 break
-            own = self._attempt(task, shares)
+            if shares not in self.designs:
+                self.designs[shares] = self._designed(task, shares)
+            own = self.designs[shares]
+            if own is not None and wait and self.candidates:
+                self.waiting = own if self._is_to_prove(own) else self.waiting
+            elif own is not None:
+                own = self.designs[shares] = self._settled(own)
             if own is not None and not number and task is self.task:
                 self.free = level_of(task, own.origin.found)
             if own is not None and again and self._is_idle(own, number):
-                return tuple(high)
+                return tuple(high), None
             lost = own.lost if own is not None else ()
             if own is not None and lost:
                 outside = own
@@ -455,8 +485,7 @@ class Search:
                 shares = again
             if max(abs(a - b) for a, b in zip(shares, before, strict=True)) < FINEST:
                 break
-        self._between(outside)
-        return tuple(high)
+        return tuple(high), outside
 
     def _is_idle(self, own: Point, number: int) -> bool:
         """Whether a design within implied limits shows that they change nothing, or cost too much.
@@ -482,33 +511,43 @@ class Search:
         """Whether nothing more is to be found: one law that is kept will do, or time is up."""
         return self.deadline.passed or (self.task.minimise is None and bool(self.candidates))
 
-    def _between(self, outside: Point | None) -> None:
+    def _between(self, outside: Point | None, best: Point | None) -> bool:
         """Try laws between one that loses the region and the best: they keep the limits too."""
-        best = self.point
         if outside is None or best is None or not outside.lost or self._is_slight(outside):
-            return
+            return False
 
         def loses(share: float) -> bool:
             own = self._mixed(outside, best, share)
-            return own is None or bool(own.lost)
+            with suppress(SolverError, InputError, np.linalg.LinAlgError):
+                return own is None or bool(self._lost(own.task.law(own.found)))
+            return True
 
         for back in BACK:
             _, high = edge(loses, 0.0, 1.0, STEPS)
             own = self._mixed(outside, best, high + back * (1 - high))
-            if own is None or own.lost or self._improves(own):
-                return
+            shares = tuple(map(min, outside.shares, best.shares))
+            point = None if own is None else self._point(own.task, shares, own.found)
+            if point is None or point.lost:
+                return False
+            if self._improves(point):
+                return True
+        return False
 
-    def _mixed(self, outside: Point, best: Point, share: float) -> Point | None:
+    def _mixed(self, outside: Point, best: Point, share: float) -> Origin | None:
         """Return a point on the line from one to another; None where it is no law."""
         task = replace(self.task, method=best.origin.task.method)
         if outside.origin.task.method != task.method:
             return None
         found = mixed(task, outside.origin.found, best.origin.found, share)
-        shares = tuple(map(min, outside.shares, best.shares))
-        return None if found is None else self._point(task, shares, found)
+        return None if found is None else Origin(task, found)
 
     def _attempt(self, task: Task, shares: Shares) -> Point | None:
         """Design for shares of the region's parts; prove what is better. None where no law is."""
+        own = self._designed(task, shares)
+        return None if own is None else self._settled(own)
+
+    def _designed(self, task: Task, shares: Shares) -> Point | None:
+        """Design for shares of the region's parts; None where no law is."""
         region = relaxed(task.region, shares)
         asked = task.limits is self.task.limits
         within = replace(task, limits=(*task.limits, *self.calm)) if asked else task
@@ -523,16 +562,22 @@ class Search:
         if asked and not self.calm and self._is_wild(task, found):
             self.calm = self._calming(task, region, found)
             if self.calm:
-                return self._attempt(task, shares)
+                return self._designed(task, shares)
         if task is self.task and region == task.region:
             self.whole = found if level_of(task, found) <= self.shared else self.whole
-        own = self._point(within, shares, found)
-        if own is None:
-            return None
-        if not own.lost and self._is_better(own) and not self._improves(own):
-            # not proved: more of everything is asked for, unless a place says of what
-            return replace(own, lost=self._lost(own.law) or tuple(range(len(shares))))
-        return own
+        return self._point(within, shares, found)
+
+    def _is_to_prove(self, own: Point) -> bool:
+        """Whether samples say that a law keeps the region and is the best."""
+        return not own.lost and self._is_better(own)
+
+    def _settled(self, own: Point) -> Point:
+        """Return a point after its proof, if it is to have one."""
+        return self._unproved(own) if self._is_to_prove(own) and not self._improves(own) else own
+
+    def _unproved(self, own: Point) -> Point:
+        """Return a point without a proof: more of everything is asked for, or what a place says."""
+        return replace(own, lost=self._lost(own.law) or tuple(range(len(own.shares))))
 
     def _is_wild(self, task: Task, found: Reached) -> bool:
         """Whether nothing but floats bounded a law."""

@@ -88,9 +88,13 @@ class Memory {
 
 bool run_plain(const Problem &, const Options &, State &, Memory &);
 void minimum_plain(const Program &, double *x, double *multipliers, Memory &);
+bool inside_plain(const Problem &, const double *x, const double *most, double &share, double &r,
+                  Memory &);
 #ifdef POLEFENCE_AVX2
 bool run_avx2(const Problem &, const Options &, State &, Memory &);
 void minimum_avx2(const Program &, double *x, double *multipliers, Memory &);
+bool inside_avx2(const Problem &, const double *x, const double *most, double &share, double &r,
+                 Memory &);
 #endif
 
 }  // namespace polefence

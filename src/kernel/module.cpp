@@ -1,6 +1,7 @@
 // Python's door to the kernel: checks shapes, lays out blocks, releases the GIL, runs.
 #include <nanobind/nanobind.h>
 #include <nanobind/ndarray.h>
+#include <nanobind/stl/optional.h>
 #include <nanobind/stl/string.h>
 #include <nanobind/stl/tuple.h>
 #include <nanobind/stl/vector.h>
@@ -8,6 +9,7 @@
 #include <cstdlib>
 #include <exception>
 #include <new>
+#include <optional>
 #include <string>
 #include <system_error>
 #include <thread>
@@ -220,21 +222,50 @@ bool has_avx2() {
 #endif
 }
 
+// A pencil as the interior point wants it; what Python has of it must outlive it.
+class Laid {
+  public:
+    Laid(Int unknowns, const Integers &entries, const std::vector<FamilyArrays> &families) {
+        const auto count = static_cast<Int>(entries.shape(0));
+        require(unknowns > 0, "there are no unknowns");
+        for (Int i = 0; i < count; ++i)
+            require(entries.data()[i] >= 0 && entries.data()[i] < unknowns, "an entry is no unknown");
+        for (const auto &family : families) add_family(family, count, layout);
+        require(!layout.blocks.empty(), "there are no blocks");
+        problem = {unknowns,
+                   count,
+                   static_cast<Int>(layout.blocks.size()),
+                   static_cast<Int>(layout.terms.size()),
+                   entries.data(),
+                   layout.blocks.data(),
+                   layout.terms.data(),
+                   layout.entries.data(),
+                   layout.pieces.data(),
+                   layout.bounds.data(),
+                   layout.total,
+                   layout.order,
+                   static_cast<Int>(layout.entries.size())};
+    }
+    Laid(const Laid &) = delete;
+    Laid &operator=(const Laid &) = delete;
+
+    polefence::Problem problem{};
+
+  private:
+    Layout layout;
+};
+
 nb::tuple run(Int unknowns, const Integers &entries, const std::vector<FamilyArrays> &families,
               const Vector &x, double r, double tolerance, double enough, Int order,
               Int max_iterations, Int threads, bool plain, const nb::object &told) {
-    const auto entry_count = static_cast<Int>(entries.shape(0));
-    require(unknowns > 0 && static_cast<Int>(x.shape(0)) == unknowns, "x does not fit");
-    for (Int i = 0; i < entry_count; ++i)
-        require(entries.data()[i] >= 0 && entries.data()[i] < unknowns, "an entry is no unknown");
+    require(static_cast<Int>(x.shape(0)) == unknowns, "x does not fit");
     require(order >= 1 && order <= 8, "the order is 1 to 8");
     require(max_iterations >= 0 && max_iterations <= 10000, "the iterations are 0 to 10000");
     require(threads >= 1 && threads <= 256, "there are 1 to 256 threads");
     require(tolerance > 0 && tolerance < 1, "the tolerance is a share");
-    Layout layout;
-    for (const auto &family : families) add_family(family, entry_count, layout);
-    require(!layout.blocks.empty(), "there are no blocks");
-    const Int total = layout.total;
+    const Laid laid(unknowns, entries, families);
+    const polefence::Problem &problem = laid.problem;
+    const Int total = problem.total;
 
     auto *out = new double[static_cast<std::size_t>(unknowns)];
     nb::capsule out_owner(out, [](void *data) noexcept { delete[] static_cast<double *>(data); });
@@ -244,19 +275,6 @@ nb::tuple run(Int unknowns, const Integers &entries, const std::vector<FamilyArr
     auto *trail = new double[static_cast<std::size_t>((max_iterations + 1) * (unknowns + 1))];
     nb::capsule trail_owner(trail, [](void *data) noexcept { delete[] static_cast<double *>(data); });
 
-    const polefence::Problem problem{unknowns,
-                                     entry_count,
-                                     static_cast<Int>(layout.blocks.size()),
-                                     static_cast<Int>(layout.terms.size()),
-                                     entries.data(),
-                                     layout.blocks.data(),
-                                     layout.terms.data(),
-                                     layout.entries.data(),
-                                     layout.pieces.data(),
-                                     layout.bounds.data(),
-                                     total,
-                                     layout.order,
-                                     static_cast<Int>(layout.entries.size())};
     const polefence::Options options{tolerance, enough, order, max_iterations, threads};
     polefence::State state{out, Y, trail, r, 0.0, 0, false};
     bool started = false;
@@ -281,6 +299,32 @@ nb::tuple run(Int unknowns, const Integers &entries, const std::vector<FamilyArr
     return nb::make_tuple(started, Out(out, 1, x_shape, out_owner), state.r,
                           Out(Y, 1, Y_shape, Y_owner), state.gap, state.iterations,
                           state.converged, Rows(trail, 2, trail_shape, trail_owner));
+}
+
+// The share of `most` and the r at which x is interior, None where there is none.
+nb::object inside(Int unknowns, const Integers &entries, const std::vector<FamilyArrays> &families,
+                  const Vector &x, const std::optional<Vector> &most, bool plain) {
+    require(static_cast<Int>(x.shape(0)) == unknowns, "x does not fit");
+    require(!most || static_cast<Int>(most->shape(0)) == unknowns, "the largest x does not fit");
+    const Laid laid(unknowns, entries, families);
+    const polefence::State state{};
+    const nb::object told = nb::none();
+    double share = 0, r = 0;
+    bool found = false;
+    {
+        const Watch own(state, told);
+        const double *more = most ? most->data() : nullptr;
+        nb::gil_scoped_release release;
+        polefence::Memory memory;
+#ifdef POLEFENCE_AVX2
+        if (has_avx2() && !plain)
+            found = polefence::inside_avx2(laid.problem, x.data(), more, share, r, memory);
+        else
+#endif
+            found = polefence::inside_plain(laid.problem, x.data(), more, share, r, memory);
+        (void)plain;
+    }
+    return found ? nb::object(nb::make_tuple(share, r)) : nb::none();
 }
 
 nb::tuple minimum(const Matrix &P, const Vector &q, const Matrix &G, const Vector &h, double reach,
@@ -323,6 +367,9 @@ NB_MODULE(_kernel, module) {
                nb::arg("order"), nb::arg("max_iterations"), nb::arg("threads") = 1,
                nb::arg("plain") = false,
                nb::arg("told") = nb::none());
+    module.def("inside", &inside, nb::arg("unknowns"), nb::arg("entries").noconvert(),
+               nb::arg("families"), nb::arg("x").noconvert(), nb::arg("most").noconvert().none(),
+               nb::arg("plain") = false);
     module.def("minimum", &minimum, nb::arg("P").noconvert(), nb::arg("q").noconvert(),
                nb::arg("G").noconvert(), nb::arg("h").noconvert(), nb::arg("reach"),
                nb::arg("bounded"), nb::arg("plain") = false);

@@ -1,3 +1,4 @@
 #define POLEFENCE_RUN run_plain
 #define POLEFENCE_MINIMUM minimum_plain
+#define POLEFENCE_INSIDE inside_plain
 #include "run.inc"

@@ -9,6 +9,7 @@ import numpy as np
 
 from polefence.base.processors import spare_processors
 from polefence.base.progress import stage
+from polefence.lmi.solve import inside as first
 from polefence.lmi.solve import interior_point as reference
 from polefence.lmi.solve.interior_point import Outcome
 from polefence.lmi.solve.stacked import Stacked
@@ -40,6 +41,21 @@ def engine() -> str:
     return "numpy" if _kernel is None else f"compiled ({_kernel.instructions()})"
 
 
+def inside(
+    stacked: Stacked, x: Array, most: Array | None = None, engine: str | None = None
+) -> tuple[float, float] | None:
+    """Return a share and an r at which F(x + share most, r) is positive definite, None without one.
+
+    As `polefence.lmi.solve.inside.inside` does; ``engine`` is that of `run`.
+    """
+    if engine == "numpy" or _kernel is None:
+        return first.inside(stacked, x, most)
+    found: tuple[float, float] | None = _kernel.inside(
+        stacked.unknowns, stacked.entries, stacked.arrays, x, most
+    )
+    return found
+
+
 @stage("search")
 def run(
     stacked: Stacked,
@@ -65,14 +81,11 @@ def run(
     """
     if engine == "numpy" or _kernel is None:
         return reference.run(stacked, x, r, enough, tolerance)
-    families = [
-        [(t.D, t.M, t.R, t.rows, t.weights) for t in family.terms] for family in stacked.families
-    ]
     reference.tell(0)
     started, x, r, Y, gap, iterations, converged, trail = _kernel.run(
         stacked.unknowns,
         stacked.entries,
-        families,
+        stacked.arrays,
         x,
         r,
         tolerance,

@@ -16,7 +16,7 @@ import numpy as np
 
 from polefence.base.errors import SolverError
 from polefence.lmi.conditions.pencil import Pencil, Variable
-from polefence.lmi.solve.engine import run
+from polefence.lmi.solve.engine import inside, run
 from polefence.lmi.solve.interior_point import TOLERANCE, Outcome
 from polefence.lmi.solve.scaling import Scaling
 from polefence.lmi.solve.stacked import Stacked
@@ -24,8 +24,6 @@ from polefence.plant.system import Array
 
 ROUNDS = 8
 WORTH = 1e-7  # a round that lowers r by no more than this share is the last
-HALVINGS = 80
-POWERS, STRIDE = [2.0**k for k in range(-14, 60)], 8
 
 
 @dataclass(frozen=True, eq=False)
@@ -239,83 +237,14 @@ def interior(
     """Return x and an r at which it is interior, with the largest scalars t that make it so."""
     names = [v.name for v in pencil.variables if v.name not in values]
     x = pencil.pack(values | {name: np.zeros((1, 1)) for name in names})
-    if not names:
-        r = least_power(stacked.at(x))
-        return (None, 0.0) if r is None else (x, r)
-    most = pencil.pack(
-        {name: np.zeros_like(X) for name, X in values.items()}
-        | {name: np.full((1, 1), t.get(name, 1.0)) for name in names}
-    )
-    alone, rising = stacked.at(x), stacked.at(most)
-    fixed = [
-        ~np.any([D, dD], axis=(0, 2, 3)) for (D, _), (dD, _) in zip(alone, rising, strict=True)
-    ]
-    pairs = list(zip(alone, rising, fixed, strict=True))
-    plain = [(M[own], dM[own]) for (_, M), (_, dM), own in pairs if own.any()]
-    grown = [
-        (D[~own], dD[~own], M[~own], dM[~own]) for (D, M), (dD, dM), own in pairs if not own.all()
-    ]
-    share = most_share(plain)
-    for _ in range(HALVINGS):
-        if _positive([-M - share * dM for M, dM in plain]):
-            blocks = [(D + share * dD, M + share * dM) for D, dD, M, dM in grown]
-            r = least_power(blocks)
-            if r is not None:
-                return x + share * most, r
-        share /= 2
-    return None, 0.0
-
-
-def most_share(pairs: list[tuple[Array, Array]]) -> float:
-    """Return a power of 1/2 at which -M - share dM fails, if 1 does, and not by far.
-
-    Of the blocks that hold at none: a generalised eigenvalue says how far each goes.
-    """
-    top = 0.0
-    for M, dM in pairs:
-        own = np.all(np.diagonal(M, axis1=1, axis2=2) < 0, axis=1)
-        if own.any():
-            top = max(top, _largest(-M[own], dM[own]))
-    return 1.0 if not 1 < top < np.inf else float(2.0 ** -(np.floor(np.log2(top))))
-
-
-def _largest(B: Array, D: Array) -> float:
-    """Return the largest generalised eigenvalue of (D, B); infinite where B is not positive."""
-    try:
-        inverse = np.linalg.inv(np.linalg.cholesky(B))
-        return float(np.linalg.eigvalsh(inverse @ D @ inverse.swapaxes(1, 2)).max())
-    except np.linalg.LinAlgError:
-        return np.inf
-
-
-def least_power(blocks: list[tuple[Array, Array]]) -> float | None:
-    """Return the least of `POWERS` at which all r D - M are positive definite, None if none is.
-
-    D >= 0, so that they only grow with r: one in `STRIDE` is tried, and those next to where a
-    generalised eigenvalue says that the blocks below the first end.
-    """
-    for start in range(0, len(POWERS), STRIDE):
-        few = POWERS[start : start + STRIDE]
-        if _holds(blocks, few[-1]):
-            top = max((_largest(few[-1] * D - M, D) for D, M in blocks), default=0.0)
-            end = few[-1] - 1 / top if top > 0 else 0.0
-            place = min(sum(r <= end for r in few), len(few) - 1)
-            while place < len(few) - 1 and not _holds(blocks, few[place]):
-                place += 1
-            while place and _holds(blocks, few[place - 1]):
-                place -= 1
-            return few[place]
-    return None
-
-
-def _holds(blocks: list[tuple[Array, Array]], r: float) -> bool:
-    return _positive([r * D - M for D, M in blocks])
-
-
-def _positive(blocks: list[Array]) -> bool:
-    try:
-        for block in blocks:
-            np.linalg.cholesky(block)
-    except np.linalg.LinAlgError:
-        return False
-    return True
+    most: Array | None = None
+    if names:
+        most = pencil.pack(
+            {name: np.zeros_like(X) for name, X in values.items()}
+            | {name: np.full((1, 1), t.get(name, 1.0)) for name in names}
+        )
+    found = inside(stacked, x, most)
+    if found is None:
+        return None, 0.0
+    share, r = found
+    return x if most is None else x + share * most, r

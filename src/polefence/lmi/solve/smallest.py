@@ -16,6 +16,7 @@ from polefence.lmi.conditions.methods import Method, normal
 from polefence.lmi.conditions.pencil import Variable
 from polefence.lmi.conditions.target import Around, Disks, Goal
 from polefence.lmi.solve.assembly import condition
+from polefence.lmi.solve.engine import inside
 from polefence.lmi.solve.interior_point import TOLERANCE, WIDE, Outcome
 from polefence.lmi.solve.scaling import Scaling, balanced
 from polefence.lmi.solve.search import (
@@ -24,7 +25,6 @@ from polefence.lmi.solve.search import (
     Trail,
     attempt,
     common_point,
-    least_power,
     lyapunov_mean,
     rounds,
 )
@@ -149,10 +149,10 @@ class _Search:
         r = wide * radius / unit
         disks = isinstance(self.goal, Disks)
         if not disks:
-            least = least_power(stacked.at(x))
-            if least is None:
+            found = inside(stacked, x, engine=self.engine)
+            if found is None:
                 return None
-            r = max(r, least)
+            r = max(r, found[1])
         outcome = attempt(stacked, x, r, self.floor / unit, tolerance, self.engine, WIDENINGS)
         if outcome is None:
             return None

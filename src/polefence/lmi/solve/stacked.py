@@ -92,6 +92,11 @@ class Stacked:
         return sum(size * count for size, count in self.sizes.items())
 
     @cached_property
+    def arrays(self) -> list[list[tuple[Array, Array, Array, Index, Array]]]:
+        """The families' terms as the kernel takes them."""
+        return [[(t.D, t.M, t.R, t.rows, t.weights) for t in f.terms] for f in self.families]
+
+    @cached_property
     def operators(self) -> Operators:
         """D and M as NumPy's reference wants them."""
         return _operators(self)

@@ -227,7 +227,6 @@ class Laid {
   public:
     Laid(Int unknowns, const Integers &entries, const std::vector<FamilyArrays> &families) {
         const auto count = static_cast<Int>(entries.shape(0));
-        require(unknowns > 0, "there are no unknowns");
         for (Int i = 0; i < count; ++i)
             require(entries.data()[i] >= 0 && entries.data()[i] < unknowns, "an entry is no unknown");
         for (const auto &family : families) add_family(family, count, layout);
@@ -258,7 +257,7 @@ class Laid {
 nb::tuple run(Int unknowns, const Integers &entries, const std::vector<FamilyArrays> &families,
               const Vector &x, double r, double tolerance, double enough, Int order,
               Int max_iterations, Int threads, bool plain, const nb::object &told) {
-    require(static_cast<Int>(x.shape(0)) == unknowns, "x does not fit");
+    require(unknowns > 0 && static_cast<Int>(x.shape(0)) == unknowns, "x does not fit");
     require(order >= 1 && order <= 8, "the order is 1 to 8");
     require(max_iterations >= 0 && max_iterations <= 10000, "the iterations are 0 to 10000");
     require(threads >= 1 && threads <= 256, "there are 1 to 256 threads");
@@ -304,7 +303,7 @@ nb::tuple run(Int unknowns, const Integers &entries, const std::vector<FamilyArr
 // The share of `most` and the r at which x is interior, None where there is none.
 nb::object inside(Int unknowns, const Integers &entries, const std::vector<FamilyArrays> &families,
                   const Vector &x, const std::optional<Vector> &most, bool plain) {
-    require(static_cast<Int>(x.shape(0)) == unknowns, "x does not fit");
+    require(unknowns > 0 && static_cast<Int>(x.shape(0)) == unknowns, "x does not fit");
     require(!most || static_cast<Int>(most->shape(0)) == unknowns, "the largest x does not fit");
     const Laid laid(unknowns, entries, families);
     const polefence::State state{};

@@ -78,9 +78,9 @@ def smallest(
     SolverError
         If there is no point to start from in floats.
     """
-    scale = goal.scale or typical_rate(A)
-    if isinstance(goal, Around) and goal.is_open:  # it may be far slower than the plant
-        scale = max(scale, typical_rate(A))
+    scale = goal.scale
+    if not scale or (isinstance(goal, Around) and goal.is_open):
+        scale = max(scale, typical_rate(A))  # an open region may be far slower than the plant
     search = _Search(A, B, goal, scale, method, balanced(A, B, scale), enough, engine)
     first, wide = near or begun, CLOSE
     if first is None:

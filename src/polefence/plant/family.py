@@ -514,6 +514,18 @@ class Scope(Mapping[str, Any]):
         self.one = RationalFunction.constant(Fraction(1), count)
         self.bound = dict(values) | {k: self.one.lift(v) for k, v in self.constants.items()}
 
+    def bind_all(self, values: Mapping[str, Any]) -> None:
+        """Give the parameters values, symbolic or not."""
+        one = RationalFunction.constant(Fraction(1), len(values))
+        self.bind({name: one.lift(value) for name, value in values.items()})
+
+    def value(self, given: Any, place: str) -> Any:
+        """Return an entry, as a number where it is written without any parameter."""
+        found = self.entry(given, place)
+        if isinstance(found, RationalFunction) and found.is_constant:
+            return found([Fraction(0)] * found.count)
+        return found
+
     def entry(self, given: Any, place: str) -> Any:
         """Return one matrix entry: a number as it is, an expression evaluated."""
         if not isinstance(given, str):

@@ -14,8 +14,9 @@ from typing import Any
 
 from polefence.base.errors import InputError, SpecError, shown, suggest
 from polefence.base.files import read_text
+from polefence.plant.cars import Body, Car, Wheel, family_of
 from polefence.plant.expression import decimal, evaluate
-from polefence.plant.family import UncertainPlant
+from polefence.plant.family import Scope, UncertainPlant
 from polefence.plant.larger import with_actuator, with_sensor
 from polefence.plant.outputs import Output, split
 from polefence.plant.parameters import Parameter, exact
@@ -31,7 +32,9 @@ _NAMES = ("states", "inputs", "disturbances", "noise")
 QUARTER_CAR = "quarter car"  # the one model of a vehicle
 _TOP = {"name", "region", "sample_time", "specification", "road", *_NAMES}
 _TOP |= {"outputs", "vehicle", "constants", "parameter", "definitions", "matrices", "vertex"}
-_TOP |= {"actuator", "sensor", "law"}
+_TOP |= {"actuator", "sensor", "law", "car"}
+_OF_BODY = {"mass": "mass", "pitch_inertia": "pitch", "roll_inertia": "roll", "felt": "felt"}
+_OF_WHEEL = ("mass", "spring", "damper", "tyre")
 # what is put around a plant, in this order
 _HARDWARE: dict[str, tuple[Callable[..., UncertainPlant], set[str]]] = {
     "actuator": (with_actuator, {"bandwidth", "order", "damping"}),
@@ -154,12 +157,19 @@ def _plant(data: Mapping[str, Any]) -> UncertainPlant:
     if "vehicle" in data:
         names["vehicle"] = _vehicle(data["vehicle"])
     if "vertex" in data:
-        for key in ("constants", "parameter", "definitions", "matrices"):
+        for key in ("constants", "parameter", "definitions", "matrices", "car"):
             if key in data:
                 raise SpecError(f"{key} and vertex exclude each other; keep one")
         return _from_vertices(data["vertex"], names | {"outputs": _outputs(data)})
+    if "car" in data:
+        for key in ("matrices", "states", "inputs", "disturbances"):
+            if key in data:
+                raise SpecError(f"{key} and car exclude each other; keep one")
+        return _from_car(data, names)
     if "matrices" not in data:
-        raise SpecError("neither [[vertex]] nor [matrices] is given; give A and B in one of them")
+        raise SpecError(
+            "neither [[vertex]] nor [matrices] nor [car] is given; give A and B, or a car"
+        )
     return _from_expressions(data, names)
 
 
@@ -257,26 +267,90 @@ def _from_vertices(tables: Any, names: dict[str, Any]) -> UncertainPlant:
 
 
 def _from_expressions(data: Mapping[str, Any], names: dict[str, Any]) -> UncertainPlant:
-    tables = {key: data.get(key, {}) for key in ("constants", "parameter", "definitions")}
-    tables["matrices"] = data["matrices"]
-    for key, table in tables.items():
-        if not isinstance(table, dict):
-            raise SpecError(f"{key} must be a table; write [{key}]")
-    _known(tables["matrices"], {"A", "B", "E"}, "matrices: ")
-    _need(tables["matrices"], ("A", "B"), "matrices")
-    for key, value in tables["definitions"].items():
-        if not isinstance(value, str):
-            raise SpecError(f"definitions.{key} = {shown(value)} must be an expression in quotes")
+    parameters, constants, definitions = _names_of(data)
+    matrices = _table(data, "matrices")
+    _known(matrices, {"A", "B", "E"}, "matrices: ")
+    _need(matrices, ("A", "B"), "matrices")
     return UncertainPlant.from_expressions(
-        [_parameter(key, table) for key, table in tables["parameter"].items()],
-        _rows(tables["matrices"]["A"], "matrices.A"),
-        _rows(tables["matrices"]["B"], "matrices.B"),
-        _rows(tables["matrices"]["E"], "matrices.E") if "E" in tables["matrices"] else None,
-        constants={k: _finite(v, f"constants.{k}") for k, v in tables["constants"].items()},
-        definitions=tables["definitions"],
+        parameters,
+        _rows(matrices["A"], "matrices.A"),
+        _rows(matrices["B"], "matrices.B"),
+        _rows(matrices["E"], "matrices.E") if "E" in matrices else None,
+        constants=constants,
+        definitions=definitions,
         outputs={label: _single(label, own) for label, own in _output_tables(data).items()},
         **names,
     )
+
+
+def _names_of(
+    data: Mapping[str, Any],
+) -> tuple[list[Parameter], dict[str, Fraction], dict[str, str]]:
+    """Return parameters, constants and definitions."""
+    constants, definitions = _table(data, "constants"), _table(data, "definitions")
+    for key, value in definitions.items():
+        if not isinstance(value, str):
+            raise SpecError(f"definitions.{key} = {shown(value)} must be an expression in quotes")
+    parameters = [_parameter(key, own) for key, own in _table(data, "parameter").items()]
+    numbers = {k: _finite(v, f"constants.{k}") for k, v in constants.items()}
+    return parameters, numbers, definitions
+
+
+def _table(data: Mapping[str, Any], key: str, where: str = "") -> dict[str, Any]:
+    table = data.get(key, {})
+    if not isinstance(table, dict):
+        raise SpecError(f"{where}{key} must be a table; write [{where}{key}]")
+    return table
+
+
+# --- cars ----------------------------------------------------------------------------------------
+
+
+def _from_car(data: Mapping[str, Any], names: dict[str, Any]) -> UncertainPlant:
+    car = _table(data, "car")
+    _known(car, {"body", "wheel", "seat"}, "car: ")
+    _need(car, ("body", "wheel"), "car")
+    body, wheels, seats = (_table(car, key, "car.") for key in ("body", "wheel", "seat"))
+    _known(body, {*_OF_BODY, "load"}, "car.body: ")
+    _need(body, ("mass",), "car.body")
+    for name in wheels:
+        own = _table(wheels, name, "car.wheel.")
+        _known(own, {*_OF_WHEEL, "x", "y"}, f"car.wheel.{shown(name)}: ")
+        _need(own, _OF_WHEEL, f"car.wheel.{shown(name)}")
+    parameters, constants, definitions = _names_of(data)
+    scope = Scope(parameters, constants, definitions)
+    outputs = {label: _single(label, own) for label, own in _output_tables(data).items()}
+
+    def number(value: Any, where: str) -> Any:
+        return scope.value(value if isinstance(value, str) else _finite(value, where), where)
+
+    def point(value: Any, where: str) -> tuple[Any, Any]:
+        if not isinstance(value, list) or len(value) != 2:
+            raise SpecError(f"{where} must be two numbers, [x, y]")
+        return number(value[0], where), number(value[1], where)
+
+    def make(**values: Any) -> Car:
+        scope.bind_all(values)
+        own = {_OF_BODY[k]: number(v, f"car.body.{k}") for k, v in body.items() if k != "load"}
+        if "load" in body:
+            own["load"] = point(body["load"], "car.body.load")
+        turning = [
+            Wheel(name, **{k: number(v, f"car.wheel.{name}.{k}") for k, v in table.items()})
+            for name, table in wheels.items()
+        ]
+        places = {name: point(place, f"car.seat.{name}") for name, place in seats.items()}
+        return Car(Body(**own), turning, places)
+
+    def more() -> dict[str, dict[str, Any]]:
+        return {
+            label: {
+                key: [scope.entry(e, f"outputs.{label}.{key}[{j + 1}]") for j, e in enumerate(row)]
+                for key, row in rows.items()
+            }
+            for label, rows in outputs.items()
+        }
+
+    return family_of(make, parameters, more, **names)
 
 
 def _single(label: str, rows: Mapping[str, Any]) -> dict[str, Any]:

@@ -1,0 +1,372 @@
+r"""Cars on two or four wheels: a rigid body in heave, pitch and roll, masses, springs and dampers.
+
+Axes as in ISO 8855: x ahead, y to the left, z up; pitch is positive with the nose down, roll with
+the left side up. With q the body's heave, pitch and roll, v = dq/dt, a corner at (x, y) of the body
+moves up by g q, g = [1, -x, y]; G has a row g for each wheel. With h the body's motion over the
+road, t the tyres' deflections (positive in compression), w the roads' velocities under the wheels
+and s = -G h - t the suspensions' deflections (in compression),
+
+    dh/dt = v - G^+ w,                    M dv/dt = G' F,
+    dt/dt = G G^+ w - (wheels' velocity),    F = k s + c ds/dt + u,
+
+and each wheel is moved by its tyre's force kt t less F. G^+ = (G'G)^-1 G' fits a plane to the road
+under the wheels: under four wheels its twist, which a rigid body cannot follow, is left out.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from fractions import Fraction
+from itertools import combinations, product
+from numbers import Rational
+from typing import Any
+
+from polefence.base.errors import PlantError
+from polefence.plant.family import UncertainPlant
+from polefence.plant.parameters import Parameter, check_label, exact
+
+Rows = list[list[Any]]
+MOTIONS = {"heave": ("m", "m/s"), "pitch": ("rad", "rad/s"), "roll": ("rad", "rad/s")}
+MAX_WHEELS = 8
+
+
+@dataclass(frozen=True)
+class Wheel:
+    """A wheel and what is between it and the body.
+
+    Parameters
+    ----------
+    name : str
+        "front left", say: names of its signals begin with it.
+    mass : number
+        Unsprung mass [kg].
+    spring, damper : number
+        Of the suspension, in the wheel's place [N/m], [N s/m].
+    tyre : number
+        Stiffness [N/m].
+    x, y : number
+        How far ahead of the body's centre of mass, and to its left [m].
+
+    Raises
+    ------
+    PlantError
+        If a number is none, or of a sign that it cannot have.
+    """
+
+    name: str
+    mass: Any
+    spring: Any
+    damper: Any
+    tyre: Any
+    x: Any = 0
+    y: Any = 0
+
+    def __post_init__(self) -> None:
+        check_label(self.name, "name of a wheel")
+        for key in ("x", "y"):
+            object.__setattr__(self, key, exact(getattr(self, key), f"wheel {self.name}: {key}"))
+        for key in ("mass", "spring", "damper", "tyre"):
+            what = f"wheel {self.name}: {key}"
+            _set(self, key, what, 0 if key == "damper" else None)
+
+
+@dataclass(frozen=True)
+class Body:
+    """The sprung mass, which moves in heave and about the axes of which it has the inertia.
+
+    Parameters
+    ----------
+    mass : number
+        [kg]
+    pitch, roll : number, optional
+        Moments of inertia about y and x through the centre of mass [kg m2].
+    load : tuple of two numbers, optional
+        A point (x, y) [m] at which a load is put on.
+    felt : number, optional
+        The mass that a vertical force at that point feels, load included [kg]: at least `empty`.
+        Through ``"1/felt"`` all entries are affine in it, mass and inertias tied as they are.
+
+    Raises
+    ------
+    PlantError
+        If a number is none, or of a sign that it cannot have.
+    """
+
+    mass: Any
+    pitch: Any = None
+    roll: Any = None
+    load: Any = None
+    felt: Any = None
+
+    def __post_init__(self) -> None:
+        for key in ("mass", "pitch", "roll", "felt"):
+            if getattr(self, key) is not None:
+                _set(self, key, f"body: {key}")
+        if (self.load is None) != (self.felt is None):
+            raise PlantError("body: give the load's place and the mass felt there, or neither")
+        if self.load is not None:
+            x, y = (exact(value, "body: load") for value in self.load)
+            object.__setattr__(self, "load", (x, y))
+            if isinstance(self.felt, Rational) and self.felt < self.empty:
+                raise PlantError(
+                    f"body: felt = {float(self.felt):g} kg is less than the "
+                    f"{float(self.empty):g} kg that the empty body has at the load's place"
+                )
+
+    @property
+    def motions(self) -> tuple[str, ...]:
+        """Of "heave", "pitch" and "roll" those that it has."""
+        return ("heave", *(key for key in ("pitch", "roll") if getattr(self, key) is not None))
+
+    def corner(self, x: Any, y: Any) -> list[Any]:
+        """Return g: how a point of the body moves up."""
+        return [{"heave": 1, "pitch": -x, "roll": y}[key] for key in self.motions]
+
+    @property
+    def empty(self) -> Any:
+        """The mass that a vertical force at the load's place feels without a load [kg]."""
+        g, inverse = self.corner(*self.load), self._unloaded
+        return 1 / sum(a * a * b for a, b in zip(g, inverse, strict=True))
+
+    @property
+    def _unloaded(self) -> list[Any]:
+        return [1 / getattr(self, {"heave": "mass"}.get(key, key)) for key in self.motions]
+
+    @property
+    def inverse(self) -> Rows:
+        """M^-1, by the formula of Sherman and Morrison: M is that of the empty body plus l g g'."""
+        own = self._unloaded
+        rows = [[a if i == j else 0 for j in range(len(own))] for i, a in enumerate(own)]
+        if self.load is None:
+            return rows
+        h = [a * b for a, b in zip(self.corner(*self.load), own, strict=True)]
+        share = self.empty * (1 - self.empty / self.felt)
+        return [[e - share * h[i] * h[j] for j, e in enumerate(row)] for i, row in enumerate(rows)]
+
+
+@dataclass(frozen=True)
+class Car:
+    """A body on wheels.
+
+    Parameters
+    ----------
+    body : Body
+    wheels : sequence of Wheel
+        As many as the body has motions, or more.
+    seats : mapping of str to (x, y)
+        Points of the body whose vertical acceleration is an output [m].
+
+    Raises
+    ------
+    PlantError
+        If wheels are missing, have one name, stand in a line, or not around the centre of mass.
+    """
+
+    body: Body
+    wheels: Sequence[Wheel]
+    seats: Mapping[str, Any] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "wheels", tuple(self.wheels))
+        names = [wheel.name for wheel in self.wheels]
+        many = len(self.body.motions)
+        if not many <= len(names) <= MAX_WHEELS:
+            raise PlantError(
+                f"car: {len(names)} wheels; {' and '.join(self.body.motions)} "
+                f"need {many} to {MAX_WHEELS}"
+            )
+        if len(set(names)) < len(names):
+            raise PlantError("car: two wheels have one name")
+        for axis, motion in (("x", "pitch"), ("y", "roll")):
+            places = [getattr(wheel, axis) for wheel in self.wheels]
+            if motion in self.body.motions and not min(places) < 0 < max(places):
+                raise PlantError(
+                    f"car: no two wheels have the body's centre of mass between them in {axis}; "
+                    f"{axis} counts from there"
+                )
+            if motion not in self.body.motions and any(places):
+                raise PlantError(f"car: wheels have {axis}, and the body no inertia in {motion}")
+        if not any(_determinant([self.G[k] for k in own]) for own in _picks(len(names), many)):
+            raise PlantError("car: its wheels stand in a line")
+
+    @property
+    def G(self) -> Rows:
+        """A row for each wheel: how the body above it moves up."""
+        return [self.body.corner(wheel.x, wheel.y) for wheel in self.wheels]
+
+    @property
+    def signals(self) -> dict[str, tuple[str, ...]]:
+        """Names of states, inputs and disturbances."""
+        motions, wheels = self.body.motions, [wheel.name for wheel in self.wheels]
+        return {
+            "states": (
+                *(f"{own} over the road [{MOTIONS[own][0]}]" for own in motions),
+                *(f"{own} tyre deflection [m]" for own in wheels),
+                *(f"{own} rate [{MOTIONS[own][1]}]" for own in motions),
+                *(f"{own} wheel velocity [m/s]" for own in wheels),
+            ),
+            "inputs": tuple(f"{own} force [N]" for own in wheels),
+            "disturbances": tuple(f"{own} road velocity [m/s]" for own in wheels),
+        }
+
+    @property
+    def matrices(self) -> tuple[Rows, Rows, Rows, dict[str, dict[str, Any]]]:
+        """A, B, E and the outputs: accelerations, deflections, variations of the tyres' forces."""
+        k, m = len(self.body.motions), len(self.wheels)
+        deflection = self._deflections
+        force, push = self._forces(deflection), _eye(m)
+        moved, pushed = self._moved(force), self._moved(push)
+        plane = _fitted(self.G)
+        n = 2 * (k + m)
+        A = [[int(j == k + m + i) for j in range(n)] for i in range(k)]
+        A += [[-int(j == 2 * k + m + i) for j in range(n)] for i in range(m)]
+        A += moved
+        B = [[0] * m for _ in range(k + m)] + pushed
+        for i, wheel in enumerate(self.wheels):
+            tyre = [wheel.tyre * int(j == k + i) for j in range(n)]
+            A.append([(a - b) / wheel.mass for a, b in zip(tyre, force[i], strict=True)])
+            B.append([-int(j == i) / _quotient(wheel.mass) for j in range(m)])
+        E = [[-e for e in row] for row in plane] + _product(self.G, plane)
+        E += [[0] * m for _ in range(k + m)]
+        return A, B, E, self._outputs(deflection, moved, pushed)
+
+    @property
+    def _deflections(self) -> Rows:
+        """Return s by the states: -G h - t."""
+        k, m = len(self.body.motions), len(self.wheels)
+        return [
+            [-g for g in row] + [-int(j == i) for j in range(m)] + [0] * (k + m)
+            for i, row in enumerate(self.G)
+        ]
+
+    def _forces(self, deflection: Rows) -> Rows:
+        """F without the inputs, by the states: ds/dt = (wheel's velocity) - G v."""
+        k, m, found = len(self.body.motions), len(self.wheels), []
+        for i, (wheel, row) in enumerate(zip(self.wheels, self.G, strict=True)):
+            rate = [0] * (k + m) + [-g for g in row] + [int(j == i) for j in range(m)]
+            pairs = zip(deflection[i], rate, strict=True)
+            found.append([wheel.spring * s + wheel.damper * r for s, r in pairs])
+        return found
+
+    def _moved(self, force: Rows) -> Rows:
+        """dv/dt = M^-1 G' F."""
+        return _product(self.body.inverse, _product(_transposed(self.G), force))
+
+    def _outputs(self, deflection: Rows, moved: Rows, pushed: Rows) -> dict[str, dict[str, Any]]:
+        k, found = len(self.body.motions), dict[str, dict[str, Any]]()
+        for i, own in enumerate(self.body.motions):
+            label = f"{own} acceleration [{MOTIONS[own][1]}2]"
+            found[label] = {"C": moved[i], "D": pushed[i]}
+        for name, place in self.seats.items():
+            x, y = (exact(value, f"seat {name}") for value in place)
+            g = [self.body.corner(x, y)]
+            C, D = _product(g, moved)[0], _product(g, pushed)[0]
+            found[f"{name} acceleration [m/s2]"] = {"C": C, "D": D}
+        for i, wheel in enumerate(self.wheels):
+            found[f"{wheel.name} suspension deflection [m]"] = {"C": deflection[i]}
+            row = [wheel.tyre * int(j == k + i) for j in range(len(deflection[0]))]
+            found[f"{wheel.name} tyre force variation [N]"] = {"C": row}
+        return found
+
+
+def family_of(
+    make: Callable[..., Car],
+    parameters: Sequence[Parameter],
+    more: Callable[[], dict[str, dict[str, Any]]] = dict,
+    **names: Any,
+) -> UncertainPlant:
+    """Return the cars ``make(**parameters)`` as a family of plants.
+
+    Parameters
+    ----------
+    make : callable
+        Returns a `Car` for values of the parameters: numbers, or symbols that add, multiply and
+        divide.
+    parameters : sequence of Parameter
+    more : callable, optional
+        Returns further outputs, as `UncertainPlant.from_expressions` takes them, for the values
+        with which ``make`` was called last.
+    names
+        Of `UncertainPlant`: ``name`` and so on.
+
+    Raises
+    ------
+    PlantError
+        If there is no such car.
+    MultiAffinityError
+        If an entry is not multi-affine in the scheduling variables; the entry is named.
+    """
+    corners = product(*([(own.name, end) for end in (own.low, own.high)] for own in parameters))
+    cars = [make(**dict(corner)) for corner in corners]  # symbols have no sign
+
+    def matrices(**values: Any) -> tuple[Rows, Rows, Rows, dict[str, dict[str, Any]]]:
+        A, B, E, outputs = make(**values).matrices
+        others = more()
+        for label in others:
+            if label in outputs:
+                raise PlantError(f"output {label!r} is one that the car has; choose another name")
+        return A, B, E, outputs | others
+
+    return UncertainPlant.from_function(matrices, parameters, **(cars[0].signals | names))
+
+
+def _set(own: Any, key: str, what: str, least: int | None = None) -> None:
+    """Make a number exact and check its sign; a symbol has none."""
+    value = getattr(own, key)
+    if isinstance(value, Rational | float | int | str):
+        value = exact(value, what)
+        if value < 0 or (value == 0 and least is None):
+            few = "negative" if value < 0 else "zero"
+            raise PlantError(f"{what} = {float(value):g} is {few}; it must be positive")
+        object.__setattr__(own, key, value)
+
+
+def _quotient(value: Any) -> Any:
+    return Fraction(value) if isinstance(value, Rational) else value
+
+
+def _eye(n: int) -> Rows:
+    return [[int(i == j) for j in range(n)] for i in range(n)]
+
+
+def _transposed(X: Rows) -> Rows:
+    return [list(column) for column in zip(*X, strict=True)]
+
+
+def _product(X: Rows, Y: Rows) -> Rows:
+    columns = _transposed(Y)
+    return [
+        [sum((a * b for a, b in zip(row, column, strict=True)), Fraction(0)) for column in columns]
+        for row in X
+    ]
+
+
+def _picks(count: int, some: int) -> list[tuple[int, ...]]:
+    return list(combinations(range(count), some))
+
+
+def _determinant(X: Rows) -> Any:
+    if not X:
+        return Fraction(1)
+    total = Fraction(0)
+    for j, entry in enumerate(X[0]):
+        minor = [row[:j] + row[j + 1 :] for row in X[1:]]
+        total += (-1) ** j * entry * _determinant(minor)
+    return total
+
+
+def _fitted(G: Rows) -> Rows:
+    """(G'G)^-1 G', by cofactors: there are at most three motions."""
+    square = _product(_transposed(G), G)
+    whole, n = _determinant(square), len(square)
+    inverse = [
+        [
+            (-1) ** (i + j)
+            * _determinant([r[:i] + r[i + 1 :] for k, r in enumerate(square) if k != j])
+            / whole
+            for j in range(n)
+        ]
+        for i in range(n)
+    ]
+    return _product(inverse, _transposed(G))

@@ -10,7 +10,7 @@ import pytest
 
 from polefence import Parameter, PlantError, SpecError
 from polefence.examples import family, spec_text
-from polefence.plant.cars import Body, Car, Wheel, family_of
+from polefence.plant.cars import Body, Car, Wheel, car_family
 from polefence.plant.spec import dumps, loads
 from polefence.vehicle import quarter_car
 
@@ -56,7 +56,7 @@ def built(places, body, load, wheels):
         Parameter("felt", empty, empty + 300, "kg", "1/felt"),
         Parameter("age", Fraction(-1, 5), Fraction(1, 5)),
     ]
-    return family_of(make, parameters, name="car"), float(empty)
+    return car_family(make, parameters, name="car"), float(empty)
 
 
 def hessian(energy, n):

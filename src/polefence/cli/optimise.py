@@ -39,7 +39,7 @@ from polefence.design.requirements.text import (
     RoadSpectrum,
     load_specifications,
     parse_specification,
-    spec_road,
+    with_wheels,
 )
 from polefence.design.rows import plant_summary
 from polefence.design.signals.bounds import AGREED, Bound, Sampled, sampled
@@ -49,9 +49,10 @@ from polefence.law.laws import FixedGain
 from polefence.law.structure import Structure
 from polefence.lmi.conditions.methods import Method, Scheduled, method_label
 from polefence.plant.family import UncertainPlant
-from polefence.plant.outputs import split
+from polefence.plant.outputs import disturbances, split
 from polefence.plant.points import seeded, values_at
 from polefence.plant.spec import load
+from polefence.proof.text import quoted
 from polefence.region.regions import HalfPlane, Region
 from polefence.region.text import digits_down, digits_up, load_region, parse_region
 from polefence.vehicle.rest import Rest, held_words, rests
@@ -194,9 +195,14 @@ def wanted(
         Naming the specification that cannot be used.
     """
     least, limits = load_specifications(options.spec, road)
-    road = road or spec_road(options.spec)
+    road = with_wheels(road, options.spec)
     if road is not None:
         disturbance(plant)
+        for name in road.under:
+            if name not in [w.name for w in disturbances(plant)]:
+                raise SpecError(
+                    f"{options.spec}: road: under: {plant.name} has no disturbance {quoted(name)}"
+                )
     written = (*limits, *([least] if least else []))
     for own in written:
         _known(plant, own, options.spec, road)
@@ -264,10 +270,12 @@ def _known(
             acting: Sequence[float] = plant.physical
             if own.disturbances is not None:
                 acting = own.scales(plant) or (1.0,) * plant.disturbance_count
-            count = sum(map(bool, acting))
-            if count != 1:
+            pairs = zip(disturbances(plant), acting, strict=True)
+            names = [w.name for w, acts in pairs if acts]
+            if len(names) != 1 and not set(names) <= set(road.under):
                 raise InputError(
-                    f"{plant.name} has {count} disturbances; a road is one; give density, or "
+                    f"{plant.name} has {len(names)} disturbances; a road is one; name those that "
+                    "are roads, each by itself, by under = [NAMES] in [road], or give density, or "
                     "disturbances = [NAME] (on a line: from [NAME])"
                 )
     except InputError as error:

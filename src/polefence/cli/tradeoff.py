@@ -41,7 +41,7 @@ from polefence.cli.optimise import (
 from polefence.cli.terminal import say
 from polefence.design.checks import is_optimisable
 from polefence.design.requirements.specification import Specification, limit_text
-from polefence.design.requirements.text import load_specifications, parse_specification, spec_road
+from polefence.design.requirements.text import load_specifications, parse_specification, with_wheels
 from polefence.design.rows import Row
 from polefence.design.signals.tradeoff import TUNED, Front, keep_references, tradeoff
 from polefence.law.structure import Structure
@@ -206,7 +206,7 @@ def _specifications(
 ) -> tuple[Specification, Specification, list[Specification]]:
     """Return what is minimised, what is swept over, and the limits, the spec's among them."""
     road = road_of(options)
-    own_road = road or spec_road(options.spec)
+    own_road = with_wheels(road, options.spec)
     first, written = load_specifications(options.spec, road)
     known = densities_of((*written, *([first] if first else [])))
     told = options.minimise is not None or first is not None

@@ -270,7 +270,7 @@ class Car:
         return found
 
 
-def family_of(
+def car_family(
     make: Callable[..., Car],
     parameters: Sequence[Parameter],
     more: Callable[[], dict[str, dict[str, Any]]] = dict,

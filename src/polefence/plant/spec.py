@@ -14,7 +14,7 @@ from typing import Any
 
 from polefence.base.errors import InputError, SpecError, shown, suggest
 from polefence.base.files import read_text
-from polefence.plant.cars import Body, Car, Wheel, family_of
+from polefence.plant.cars import Body, Car, Wheel, car_family
 from polefence.plant.expression import decimal, evaluate
 from polefence.plant.family import Scope, UncertainPlant
 from polefence.plant.larger import with_actuator, with_sensor
@@ -350,7 +350,7 @@ def _from_car(data: Mapping[str, Any], names: dict[str, Any]) -> UncertainPlant:
             for label, rows in outputs.items()
         }
 
-    return family_of(make, parameters, more, **names)
+    return car_family(make, parameters, more, **names)
 
 
 def _single(label: str, rows: Mapping[str, Any]) -> dict[str, Any]:

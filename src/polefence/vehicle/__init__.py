@@ -4,6 +4,7 @@
 `compare` are named as the modules that they are in: here the name is the function.
 """
 
+from polefence.plant.cars import Body, Car, Wheel, car_family
 from polefence.response.discrete import Sampling
 from polefence.response.stationary import displacement_density, roughness, velocity_density
 from polefence.vehicle.comfort import (
@@ -44,7 +45,9 @@ from polefence.vehicle.vehicle import SIGNALS, Masses, Ride, masses, quarter_car
 __all__ = [
     "SIGNALS",
     "Actuator",
+    "Body",
     "BumpStops",
+    "Car",
     "Comfort",
     "Comparison",
     "Drive",
@@ -66,8 +69,10 @@ __all__ = [
     "Sine",
     "Sizes",
     "Tuning",
+    "Wheel",
     "beside_reference_laws",
     "bump",
+    "car_family",
     "comfort",
     "comfort_reading",
     "compare",

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from fractions import Fraction
 from pathlib import Path
 from types import MappingProxyType
@@ -55,10 +55,14 @@ class RoadSpectrum:
         "A" to "H" of ISO 8608.
     speed : float
         [m/s]
+    under : tuple of str
+        Disturbances that are roads under several wheels, each of this spectrum and independent of
+        the others.
     """
 
     road_class: str
     speed: float
+    under: tuple[str, ...] = ()
 
     @property
     def density(self) -> float:
@@ -117,6 +121,12 @@ def spec_road(path: str | Path) -> RoadSpectrum | None:
         return None if table is None else _road(table)
     except InputError as error:
         raise SpecError(f"{path}: {error}") from error
+
+
+def with_wheels(road: RoadSpectrum | None, path: str | Path) -> RoadSpectrum | None:
+    """Return a road under the wheels that a spec names, or the spec's own road in its place."""
+    own = spec_road(path)
+    return own if road is None or own is None else replace(road, under=own.under)
 
 
 def parse_specification(
@@ -224,13 +234,16 @@ def _value(word: str) -> Any:
 
 
 def _road(table: Mapping[str, Any]) -> RoadSpectrum:
-    _known(table, ("class", "speed"), "road")
+    _known(table, ("class", "speed", "under"), "road")
     for key in ("class", "speed"):
         if key not in table:
             raise SpecError(f'road: {key} is missing; write class = "C" and speed = 20  # m/s')
     if not isinstance(table["class"], str):
         raise SpecError(f'road: class = {shown(table["class"])} must be text, for example "C"')
-    road = RoadSpectrum(table["class"], number(table["speed"], "road: speed"))
+    under = table.get("under", [])
+    if not isinstance(under, list) or not all(isinstance(name, str) for name in under):
+        raise SpecError(f"road: under = {shown(under)} must be a list of names of disturbances")
+    road = RoadSpectrum(table["class"], number(table["speed"], "road: speed"), tuple(under))
     try:
         _ = road.density
     except InputError as error:

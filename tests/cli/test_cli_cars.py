@@ -1,0 +1,72 @@
+"""Cars on several wheels in the commands: roads under them, and a ride within limits."""
+
+from __future__ import annotations
+
+import re
+
+import numpy as np
+import pytest
+
+from polefence.cli.main import main
+from polefence.examples import family, spec_text
+from support.commands import refused
+
+UNDER = re.compile(r"under = \[[^\]]*\]\n")
+REGION = ["--region", "half_plane(1) & sector(0.1)"]
+
+
+@pytest.fixture
+def half(tmp_path):
+    path = tmp_path / "half.toml"
+    path.write_text(spec_text("half-car"))
+    return path
+
+
+def test_a_half_car_rides_within_its_limits(half, tmp_path, capsys):
+    words = ["optimise", str(half), *REGION, "--method", "quadratic", "-o", str(tmp_path / "d")]
+    assert main(words) == 0
+    out = capsys.readouterr().out
+    (line,) = [line for line in out.splitlines() if "driver acceleration" in line]
+    proved, sampled = map(float, re.findall(r" (\d+\.\d+)", line)[:2])
+    # the passive car, by its covariance: both roads act, each by itself
+    plant = family("half-car")
+    density = (2 * np.pi * 0.1) ** 2 * 256e-6 * 20 / 2  # two-sided
+    C = np.array({o.name: o for o in plant.every_output}["driver acceleration"].C, float)
+    passive = []
+    for A, c in zip(plant.A, C, strict=True):
+        E = np.array(plant.vertices[0].exact_E, float)
+        n = len(A)
+        lyapunov = np.kron(np.eye(n), A) + np.kron(A, np.eye(n))
+        X = np.linalg.solve(lyapunov, -density * (E @ E.T).ravel()).reshape(n, n)
+        passive.append(float(np.sqrt(c @ X @ c)))
+    assert sampled <= proved < 0.9 * max(passive)
+    capsys.readouterr()
+    assert main(["check", str(tmp_path / "d" / "design.json")]) == 0
+
+
+@pytest.mark.parametrize(
+    ("new", "words"),
+    [
+        ("", "half car has 2 disturbances; a road is one; name those that are roads"),
+        ('under = ["front road velocity"]\n', "half car has 2 disturbances"),
+        ('under = ["kerb"]\n', "road: under: half car has no disturbance 'kerb'"),
+        ('under = "front road velocity"\n', "must be a list of names"),
+        ("under = [1, 2]\n", "must be a list of names"),
+    ],
+)
+def test_roads_must_be_named(half, new, words, capsys):
+    text = half.read_text()
+    assert UNDER.search(text)
+    half.write_text(UNDER.sub(new, text))
+    message = refused(capsys, "optimise", str(half), *REGION)
+    assert words in message
+
+
+def test_another_road_is_under_the_same_wheels(half, capsys):
+    words = ["optimise", str(half), *REGION, "--method", "quadratic", "--speed", "20", "--road"]
+    levels = []
+    for road in "BC":
+        assert main([*words, road]) == 0
+        out = capsys.readouterr().out
+        levels.append(float(re.search(r"driver acceleration \[m/s2\] +(\S+)", out)[1]))
+    assert levels[0] < 0.5 * levels[1]  # a quarter of the density, and the limits are wider for it

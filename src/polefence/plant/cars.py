@@ -212,7 +212,7 @@ class Car:
 
     @property
     def matrices(self) -> tuple[Rows, Rows, Rows, dict[str, dict[str, Any]]]:
-        """A, B, E and the outputs: accelerations, deflections, variations of the tyres' forces."""
+        """Matrices of the plant, and its outputs, as `UncertainPlant.from_function` takes them."""
         k, m = len(self.body.motions), len(self.wheels)
         deflection = self._deflections
         force, push = self._forces(deflection), _eye(m)

@@ -11,7 +11,12 @@ for every u of finite variance that is no function of the noise to come and has 
 white: every stabilising law, static or dynamic, linear or not, told the parameters or not. The
 block's mean with (x, u) is sum a_i E[y_i^2] - S tr E'P E, and is not negative. So limits g_i with
 S sum a_i g_i^2 / S_i < S tr E'P E cannot be kept together, where limit i is for noise of intensity
-S_i. P need not be positive. Integers and the standard library only.
+S_i. P need not be positive.
+
+Where some inputs are forces of controllable dampers, u_k = c v with v = r x and c from c1 to c2 as
+any logic chooses, (u_k - c1 v)(u_k - c2 v) <= 0 at all times. Added to the block with multipliers
+of zero or more, whose mean can only lower it, the same conclusion holds for every such logic.
+Integers and the standard library only.
 """
 
 from __future__ import annotations
@@ -42,6 +47,31 @@ class RmsLimit:
 
 
 @dataclass(frozen=True)
+class SemiActive:
+    """An input that is c times a rate, c from ``low`` to ``high`` at any time.
+
+    Attributes
+    ----------
+    number : int
+        Of the input, counted from zero.
+    rate : list of matrices
+        Of one row, at every vertex: the rate by the state.
+    low, high : Fraction
+    """
+
+    number: int
+    rate: list[Rationals]
+    low: Fraction
+    high: Fraction
+
+    def rows(self, vertex: int, m: int) -> tuple[list[Fraction], list[Fraction]]:
+        """Return u - low v and u - high v by (x, u)."""
+        rate, push = self.rate[vertex][0], [Fraction(int(k == self.number)) for k in range(m)]
+        first, second = ([*(-c * x for x in rate), *push] for c in (self.low, self.high))
+        return first, second
+
+
+@dataclass(frozen=True)
 class RmsRefutation:
     """At a vertex no law keeps the limits, nor ``factor`` times each: the claim and its evidence.
 
@@ -57,6 +87,10 @@ class RmsRefutation:
     P : n x n rationals
     factor : Fraction
         At least 1.
+    dampers : tuple of SemiActive
+        The laws meant are those in which these inputs are forces of dampers.
+    multipliers : tuple of Fraction
+        One a damper.
     """
 
     A: list[Rationals]
@@ -67,6 +101,13 @@ class RmsRefutation:
     weights: tuple[Fraction, ...]
     P: Rationals
     factor: Fraction = Fraction(1)
+    dampers: tuple[SemiActive, ...] = ()
+    multipliers: tuple[Fraction, ...] = ()
+
+    @property
+    def of_laws(self) -> str:
+        """What laws are meant, in words."""
+        return "semi-active law" if self.dampers else "law"
 
 
 def prove_refutation(claim: RmsRefutation) -> Verdict:
@@ -87,6 +128,8 @@ def _proved(claim: RmsRefutation) -> Verdict:
         return undecided("P is not symmetric")
     if min(claim.weights) < 0:
         return undecided("a weight is negative")
+    if min(claim.multipliers, default=Fraction(0)) < 0:
+        return undecided("a multiplier is negative")
     block = _block(claim)
     if not is_semidefinite(block):
         return undecided("the block is not positive semidefinite")
@@ -100,8 +143,8 @@ def _proved(claim: RmsRefutation) -> Verdict:
         return undecided("the limits allow as much as every law has")
     return Verdict(
         "proved",
-        f"at vertex {claim.vertex + 1} no law keeps {len(claim.limits)} limits at once: a block of "
-        f"{len(block)} rows positive semidefinite in exact arithmetic",
+        f"at vertex {claim.vertex + 1} no {claim.of_laws} keeps {len(claim.limits)} limits at "
+        f"once: a block of {len(block)} rows positive semidefinite in exact arithmetic",
     )
 
 
@@ -118,6 +161,10 @@ def _block(claim: RmsRefutation) -> Rationals:
             y = [*output.C[claim.vertex][0], *output.D[claim.vertex][0]]
             for i, j in ((i, j) for i in range(n + m) for j in range(n + m)):
                 block[i][j] += a * y[i] * y[j]
+    for tau, damper in zip(claim.multipliers, claim.dampers, strict=True):
+        first, second = damper.rows(claim.vertex, m)
+        for i, j in ((i, j) for i in range(n + m) for j in range(n + m)):
+            block[i][j] += tau * (first[i] * second[j] + second[i] * first[j]) / 2
     return block
 
 
@@ -151,6 +198,21 @@ def _require_consistent(claim: RmsRefutation) -> None:
             raise FormatError("a limit must be zero or more, an intensity more than zero")
     if claim.factor < 1:
         raise FormatError("factor must be 1 or more")
-    numbers = [[[*claim.weights, claim.factor]], claim.P, *claim.A, *claim.B, *claim.E]
+    _require_dampers(claim)
+    numbers = [[[*claim.weights, *claim.multipliers, claim.factor]], claim.P]
     outputs = [output for limit in claim.limits for output in limit.outputs]
-    common_denominator([*numbers, *(M for own in outputs for M in (*own.C, *own.D))])
+    numbers += [M for own in outputs for M in (*own.C, *own.D)]
+    numbers += [M for own in claim.dampers for M in (*own.rate, [[own.low, own.high]])]
+    common_denominator([*numbers, *claim.A, *claim.B, *claim.E])
+
+
+def _require_dampers(claim: RmsRefutation) -> None:
+    N, n, m = len(claim.A), len(claim.A[0]), len(claim.B[0][0])
+    if len(claim.multipliers) != len(claim.dampers):
+        raise FormatError("there must be one multiplier for each damper")
+    for damper in claim.dampers:
+        if type(damper.number) is not int or not 0 <= damper.number < m:
+            raise FormatError(f"damper: input {damper.number!r} is not one of 0 to {m - 1}")
+        require_shapes(damper.rate, N, 1, n, "rate")
+        if damper.low > damper.high:
+            raise FormatError("damper: low must not be above high")

@@ -5,6 +5,7 @@
 """
 
 from polefence.plant.cars import Body, Car, Wheel, car_family
+from polefence.plant.dampers import Damper
 from polefence.response.discrete import Sampling
 from polefence.response.stationary import displacement_density, roughness, velocity_density
 from polefence.vehicle.comfort import (
@@ -50,6 +51,7 @@ __all__ = [
     "Car",
     "Comfort",
     "Comparison",
+    "Damper",
     "Drive",
     "Estimate",
     "Estimated",

@@ -21,6 +21,7 @@ plant.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from typing import Any
@@ -34,10 +35,11 @@ from polefence.design.signals.augmented import with_weights
 from polefence.design.signals.search import Task
 from polefence.lmi.conditions.methods import method_label
 from polefence.lmi.conditions.pencil import Index
+from polefence.plant.dampers import Damper
 from polefence.plant.family import UncertainPlant
 from polefence.plant.system import Array
 from polefence.proof.matrices import Rationals, identity
-from polefence.proof.refutation import RmsLimit, RmsRefutation, prove_refutation
+from polefence.proof.refutation import RmsLimit, RmsRefutation, SemiActive, prove_refutation
 from polefence.proof.text import number_text
 from polefence.proof.work import FormatError
 from polefence.region.regions import Region
@@ -55,6 +57,7 @@ LEAST = 1e-7  # of a weight, of their sum: without any the control may be free
 CLOSE = 1e-7  # to the largest value, at which the search ends
 ROUNDS = 60
 REACH = 4.0  # times a weight or a share of it, from one round to the next
+SMALL = 1e-3  # of what a force costs, the first multiplier of its square
 TINY = 1e-11  # of the loop's norm: a pole nearer to the imaginary axis is on it
 
 
@@ -105,13 +108,13 @@ class Refutation:
         )
         these, them = ("this", "it") if len(self.specifications) == 1 else ("these at once", "each")
         return (
-            f"refuted: at {self.where} no law keeps {these}, nor {digits_down(self.factor)} times "
-            f"{them}: {named}"
+            f"refuted: at {self.where} no {self.claim.of_laws} keeps {these}, nor "
+            f"{digits_down(self.factor)} times {them}: {named}"
         )
 
 
 def refute_limits(
-    plant: UncertainPlant, specifications: Sequence[Specification]
+    plant: UncertainPlant, specifications: Sequence[Specification], dampers: Sequence[Damper] = ()
 ) -> Refutation | None:
     """Return the proof that no law keeps limits on rms values at once, None if none was found.
 
@@ -125,6 +128,9 @@ def refute_limits(
     specifications : sequence of Specification
         Limits; what is no `Rms` with its ``at_most`` is left out, and so is `RelativeRms`. Those
         with the same disturbances are looked at together.
+    dampers : sequence of Damper
+        Inputs that are forces of controllable dampers: no law means no logic that chooses their
+        coefficients, and any forces at the other inputs.
 
     Returns
     -------
@@ -146,13 +152,16 @@ def refute_limits(
         s for s in specifications if isinstance(s, Rms) and s.limits_rms and s.at_most is not None
     ]
     for chosen in dict.fromkeys(s.scales(plant) for s in asked):
-        found = _refuted_together(plant, tuple(s for s in asked if s.scales(plant) == chosen))
+        together = tuple(s for s in asked if s.scales(plant) == chosen)
+        found = _refuted_together(plant, together, tuple(dampers))
         if found is not None:
             return found
     return None
 
 
-def _refuted_together(plant: UncertainPlant, asked: tuple[Rms, ...]) -> Refutation | None:
+def _refuted_together(
+    plant: UncertainPlant, asked: tuple[Rms, ...], dampers: tuple[Damper, ...]
+) -> Refutation | None:
     """Return the proof that no law keeps limits for the same disturbances."""
     larger, bare = with_weights(plant, asked)
     disturbance(larger)
@@ -160,7 +169,8 @@ def _refuted_together(plant: UncertainPlant, asked: tuple[Rms, ...]) -> Refutati
         RmsLimit(s.exact_outputs(larger), Fraction(own.at_most or 0.0), Fraction(own.density) / 2)
         for own, s in zip(asked, bare, strict=True)
     )
-    for claim in _claims(larger, limits, asked[0].scales(larger)):
+    semi_active = tuple(damper.of(larger) for damper in dampers)
+    for claim in _claims(larger, limits, asked[0].scales(larger), semi_active):
         try:
             verdict = prove_refutation(claim)
         except FormatError:
@@ -171,7 +181,10 @@ def _refuted_together(plant: UncertainPlant, asked: tuple[Rms, ...]) -> Refutati
 
 
 def _claims(
-    plant: UncertainPlant, limits: tuple[RmsLimit, ...], scales: Sequence[float]
+    plant: UncertainPlant,
+    limits: tuple[RmsLimit, ...],
+    scales: Sequence[float],
+    dampers: tuple[SemiActive, ...],
 ) -> Iterator[RmsRefutation]:
     """Yield claims to prove, from the vertex where the limits are furthest apart."""
     A, B, E = (
@@ -192,29 +205,51 @@ def _claims(
     for j in range(len(A)):
         outputs = [output for limit in limits for output in limit.outputs]
         C, D = ([row for y in outputs for row in getattr(y, k)[j]] for k in "CD")
-        exact = regular(A[j], B[j], E[j], C, D)
+        # a damper's force is never free, whatever outputs show
+        whole = Regular(A[j], B[j], E[j], C, D, identity(len(A[j])))
+        exact = whole if dampers else regular(A[j], B[j], E[j], C, D)
         if exact is None:
             continue
-        floats = _regulated(exact, unit, owner)
+        floats = _regulated(exact, unit, owner, dampers, j)
         weights, cost = heaviest(floats, SEARCH * _rate(floats.A))
         if cost > 1:
             found.append((cost, j, weights, exact, floats))
     for _, j, weights, exact, floats in sorted(found, key=lambda each: -round(each[0], 5)):
-        scaled = tuple(Fraction(x) for x in (weights * unit**2).tolist())
+        count = len(limits)
+        scaled = tuple(Fraction(x) for x in (weights[:count] * unit**2).tolist())
+        taus = zip(weights[count:].tolist(), floats.units, strict=True)
+        multipliers = tuple(Fraction(tau) * Fraction(size) for tau, size in taus)
         allowed = sum(a * y.level**2 / y.intensity for a, y in zip(scaled, limits, strict=True))
         for own in _matrices(floats, weights):
             factor = _factor(exact, own, allowed)
             if factor >= 1:
                 P = _lifted(own, exact.T)
-                yield RmsRefutation(A, B, E, limits, j, scaled, P, factor)
+                yield RmsRefutation(A, B, E, limits, j, scaled, P, factor, dampers, multipliers)
 
 
-def _regulated(exact: Regular, unit: Array, owner: Index) -> Regulated:
+def _product_of(damper: SemiActive, vertex: int, m: int) -> Array:
+    """Return (u - low v)(u - high v) as a quadratic form of (x, u)."""
+    first, second = (np.array([float(x) for x in row]) for row in damper.rows(vertex, m))
+    return np.asarray((np.outer(first, second) + np.outer(second, first)) / 2)
+
+
+def _regulated(
+    exact: Regular, unit: Array, owner: Index, dampers: Sequence[SemiActive], vertex: int
+) -> Regulated:
     A, B, E, C, D = (
         np.array([[float(x) for x in row] for row in M])
         for M in (exact.A, exact.B, exact.E, exact.C, exact.D)
     )
-    return Regulated(A, B, E, unit[owner, None] * C, unit[owner, None] * D, owner)
+    C, D = unit[owner, None] * C, unit[owner, None] * D
+    # the cost is positive without multipliers, and where they are small
+    both, n = np.hstack([C, D]), len(A)
+    units = [
+        SMALL * float(np.linalg.norm(both[:, n + own.number]) or np.linalg.norm(both)) ** 2
+        for own in dampers
+    ]
+    products = [_product_of(own, vertex, B.shape[1]) for own in dampers]
+    forms = tuple(size * own for size, own in zip(units, products, strict=True))
+    return Regulated(A, B, E, C, D, owner, forms, tuple(units))
 
 
 def _rate(A: Array) -> float:
@@ -224,6 +259,14 @@ def _rate(A: Array) -> float:
 def _matrices(plant: Regulated, weights: Array) -> Iterator[Rationals]:
     """Yield P from the largest down."""
     rate = _rate(plant.A)
+    if plant.forms:
+        with suppress(SolverError):
+            P = plant.riccati(weights)
+            for decay, _ in MARGINS[: len(MARGINS) // 2]:
+                less = decay * rate * np.diag(np.abs(np.diag(P)))
+                own = plant.riccati(weights, less=less)
+                yield [[Fraction(x) for x in row] for row in own.tolist()]
+        return
     for decay, share in MARGINS:
         try:
             P = plant.riccati(weights, decay * rate)
@@ -477,6 +520,8 @@ class Regulated:
     """Arrays A, B, E of a plant, and C, D of its outputs, each over the limit on its rms.
 
     ``limit`` has the number of that limit for each row: a limit on a vector has more than one.
+    ``forms`` are quadratic forms of (x, u) that are never positive, in units of ``units``; their
+    weights, the multipliers, stand behind those of the limits.
     """
 
     A: Array
@@ -485,6 +530,18 @@ class Regulated:
     C: Array
     D: Array
     limit: Index
+    forms: tuple[Array, ...] = ()
+    units: tuple[float, ...] = ()
+
+    def weighted(self, weights: Array) -> tuple[Array, Array, Array]:
+        """Return Q, N and R of the weighted sum of outputs and forms."""
+        n, count = len(self.A), len(weights) - len(self.forms)
+        root = np.sqrt(weights[:count])[self.limit, None]
+        both = np.hstack([root * self.C, root * self.D])
+        whole = both.T @ both
+        for tau, form in zip(weights[count:], self.forms, strict=True):
+            whole = whole + tau * form
+        return whole[:n, :n], whole[:n, n:], whole[n:, n:]
 
     def riccati(self, weights: Array, decay: float = 0.0, less: Array | None = None) -> Array:
         """Return P of the regulator, for the plant with this much more decay, less so much cost.
@@ -497,12 +554,11 @@ class Regulated:
         from scipy.linalg import solve_continuous_are
 
         A = self.A - decay * np.eye(len(self.A))
-        root = np.sqrt(weights)[self.limit, None]
-        C, D = root * self.C, root * self.D
-        Q = C.T @ C if less is None else C.T @ C - less
+        Q, N, R = self.weighted(weights)
+        Q = Q if less is None else Q - less
         try:
             with np.errstate(all="ignore"):
-                P = solve_continuous_are(A, self.B, Q, D.T @ D, s=C.T @ D)
+                P = solve_continuous_are(A, self.B, Q, R, s=N)
         except (np.linalg.LinAlgError, ValueError) as error:
             raise SolverError(f"no regulator: {error}") from error
         if not np.isfinite(P).all():
@@ -514,7 +570,7 @@ class Regulated:
         return float(np.trace(self.E.T @ P @ self.E))
 
     def mean_squares(self, weights: Array, P: Array) -> Array:
-        """Return those of the outputs of each limit under the regulator.
+        """Return those of the outputs of each limit, and the forms' means, under the regulator.
 
         Raises
         ------
@@ -523,8 +579,8 @@ class Regulated:
         """
         from scipy.linalg import solve_continuous_lyapunov
 
-        D = weights[self.limit, None] * self.D
-        K = -np.linalg.solve(self.D.T @ D, self.B.T @ P + D.T @ self.C)
+        _, N, R = self.weighted(weights)
+        K = -np.linalg.solve(R, self.B.T @ P + N.T)
         loop = self.A + self.B @ K
         poles = np.linalg.eigvals(loop)
         if poles.real.max() >= -TINY * np.linalg.norm(loop):
@@ -532,7 +588,9 @@ class Regulated:
         X = solve_continuous_lyapunov(loop, -self.E @ self.E.T)
         Y = self.C + self.D @ K
         squares = np.maximum(np.einsum("ij,jk,ik->i", Y, X, Y), 0.0)
-        return np.asarray(np.bincount(self.limit, squares))
+        loop = np.vstack([np.eye(len(X)), K])
+        means = [float(np.sum(form * (loop @ X @ loop.T))) for form in self.forms]
+        return np.concatenate([np.bincount(self.limit, squares), means])
 
 
 def heaviest(plant: Regulated, decay: float) -> tuple[Array, float]:
@@ -543,7 +601,7 @@ def heaviest(plant: Regulated, decay: float) -> tuple[Array, float]:
     """
     count, reach = int(plant.limit.max()) + 1, REACH
     slower = replace(plant, A=plant.A - decay * np.eye(len(plant.A)))
-    weights = best = np.full(count, 1 / count)
+    weights = best = np.append(np.full(count, 1 / count), np.ones(len(plant.forms)))
     most, cuts = 0.0, list[Array]()
     for _ in range(ROUNDS):
         try:
@@ -557,23 +615,26 @@ def heaviest(plant: Regulated, decay: float) -> tuple[Array, float]:
                 best, most = weights, value
         if most <= 0:
             break
-        weights, bound = _highest(np.array(cuts) / most, best, reach)
+        weights, bound = _highest(np.array(cuts) / most, best, reach, count)
         if not bound > 1 + CLOSE:
             break
     return best, most
 
 
-def _highest(cuts: Array, centre: Array, reach: float) -> tuple[Array, float]:
-    """Return the weights of the largest t with t <= cuts @ weights, and t; 0 if not found."""
+def _highest(cuts: Array, centre: Array, reach: float, count: int) -> tuple[Array, float]:
+    """Return the weights of the largest t with t <= cuts @ weights, and t; 0 if not found.
+
+    The first ``count`` are those of limits, of sum 1, the others multipliers.
+    """
     from scipy.optimize import linprog
 
-    count = len(centre)
-    bounds = [(max(LEAST, x / reach), min(1.0, x * reach)) for x in centre]
+    bounds = [(max(LEAST, x / reach), min(1.0, x * reach)) for x in centre[:count]]
+    bounds += [(x / reach, x * reach) for x in centre[count:]]
     found = linprog(
-        np.append(np.zeros(count), -1.0),
+        np.append(np.zeros(len(centre)), -1.0),
         np.hstack([-cuts, np.ones((len(cuts), 1))]),
         np.zeros(len(cuts)),
-        np.append(np.ones(count), 0.0)[None],
+        np.append(np.arange(len(centre)) < count, 0.0)[None],
         [1.0],
         [*bounds, (None, None)],
     )

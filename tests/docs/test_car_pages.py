@@ -1,0 +1,31 @@
+"""docs/cars.md and docs/semi-active.md: their Python runs, and prints what they say."""
+
+from __future__ import annotations
+
+import re
+
+import pytest
+
+from support.paths import DOCS
+
+
+def snippet(page):
+    return re.search(r"```python\n(.*?)```", (DOCS / page).read_text(), re.DOTALL)[1]
+
+
+def test_the_semi_active_page_prints_what_it_shows(capsys):
+    exec(snippet("semi-active.md"), {})
+    (line,) = capsys.readouterr().out.splitlines()
+    page = (DOCS / "semi-active.md").read_text()
+    assert f"prints `{line}`" in page
+    limit = re.search(r"below (\d\.\d+) m/s2", line)[1]
+    assert f"| 4,000 | 0.985 | {float(limit):.3f} |" in page
+
+
+def test_the_page_of_cars_builds_one():
+    names = {}
+    exec(snippet("cars.md"), names)
+    plant = names["plant"]
+    assert plant.shape == (8, 2)
+    x, m, J = -0.9, 483, 783  # where the load is
+    assert float(names["empty"]) == pytest.approx(1 / (1 / m + x**2 / J))

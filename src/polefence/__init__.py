@@ -55,6 +55,7 @@ if TYPE_CHECKING:
     from polefence.design.requirements.text import load_specifications, parse_specification
     from polefence.design.signals.optimise import Optimised, optimise
     from polefence.design.signals.placed import place, tightest
+    from polefence.design.signals.refutation import refute_limits
     from polefence.design.signals.tradeoff import tradeoff
     from polefence.law.control import from_control, to_control
     from polefence.law.structure import Structure, load_structure
@@ -80,6 +81,7 @@ _LATER = {
     "GainNorm": "polefence.design.requirements.gain_norm",
     "Optimised": "polefence.design.signals.optimise",
     "optimise": "polefence.design.signals.optimise",
+    "refute_limits": "polefence.design.signals.refutation",
     "EnergyPeak": "polefence.design.requirements.energy_peak",
     "Gain": "polefence.design.requirements.gain",
     "InitialPeak": "polefence.design.requirements.initial_peak",
@@ -170,6 +172,7 @@ __all__ = [
     "plots",
     "processes",
     "progress",
+    "refute_limits",
     "response",
     "tightest",
     "to_control",

@@ -265,3 +265,18 @@ def test_own_outputs_may_be_added():
     front, rear = (known[f"{side} tyre force variation"].C for side in ("front", "rear"))
     total = np.array(front, float) + np.array(rear, float)
     assert np.array(known["both tyres"].C, float) == pytest.approx(total)
+
+
+def test_parameters_are_bounded_before_any_car_is_built():
+    many = [Parameter(f"p{k}", 1, 2) for k in range(40)]
+    with pytest.raises(PlantError, match="40 parameters; at most 8"):
+        car_family(lambda **values: pytest.fail("built"), many)
+
+
+def test_one_parameter_is_enough():
+    car = car_family(
+        lambda m: Car(Body(m), [Wheel("only", 30, 1e4, 1e3, 2e5)]),
+        Parameter("m", 200, 300, "kg", "1/m"),
+    )
+    assert len(car.vertices) == 2
+    assert car.shape == (4, 1)

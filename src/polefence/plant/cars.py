@@ -23,7 +23,7 @@ from numbers import Rational
 from typing import Any
 
 from polefence.base.errors import PlantError
-from polefence.plant.family import UncertainPlant
+from polefence.plant.family import MAX_VERTICES, UncertainPlant
 from polefence.plant.parameters import Parameter, check_label, exact
 
 Rows = list[list[Any]]
@@ -272,7 +272,7 @@ class Car:
 
 def car_family(
     make: Callable[..., Car],
-    parameters: Sequence[Parameter],
+    parameters: Parameter | Sequence[Parameter],
     more: Callable[[], dict[str, dict[str, Any]]] = dict,
     **names: Any,
 ) -> UncertainPlant:
@@ -283,7 +283,7 @@ def car_family(
     make : callable
         Returns a `Car` for values of the parameters: numbers, or symbols that add, multiply and
         divide.
-    parameters : sequence of Parameter
+    parameters : Parameter or sequence of them
     more : callable, optional
         Returns further outputs, as `UncertainPlant.from_expressions` takes them, for the values
         with which ``make`` was called last.
@@ -297,6 +297,9 @@ def car_family(
     MultiAffinityError
         If an entry is not multi-affine in the scheduling variables; the entry is named.
     """
+    parameters = (parameters,) if isinstance(parameters, Parameter) else tuple(parameters)
+    if len(parameters) >= MAX_VERTICES.bit_length():
+        raise PlantError(f"{len(parameters)} parameters; at most {MAX_VERTICES.bit_length() - 1}")
     corners = product(*([(own.name, end) for end in (own.low, own.high)] for own in parameters))
     cars = [make(**dict(corner)) for corner in corners]  # symbols have no sign
 
@@ -318,7 +321,8 @@ def _set(own: Any, key: str, what: str, least: int | None = None) -> None:
         value = exact(value, what)
         if value < 0 or (value == 0 and least is None):
             few = "negative" if value < 0 else "zero"
-            raise PlantError(f"{what} = {float(value):g} is {few}; it must be positive")
+            must = "positive" if least is None else "zero or more"
+            raise PlantError(f"{what} = {float(value):g} is {few}; it must be {must}")
         object.__setattr__(own, key, value)
 
 

@@ -126,7 +126,9 @@ def spec_road(path: str | Path) -> RoadSpectrum | None:
 def with_wheels(road: RoadSpectrum | None, path: str | Path) -> RoadSpectrum | None:
     """Return a road under the wheels that a spec names, or the spec's own road in its place."""
     own = spec_road(path)
-    return own if road is None or own is None else replace(road, under=own.under)
+    if road is None or own is None:
+        return road or own
+    return replace(road, under=own.under)
 
 
 def parse_specification(

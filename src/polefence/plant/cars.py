@@ -18,13 +18,14 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from fractions import Fraction
-from itertools import combinations, product
+from itertools import product as combined
 from numbers import Rational
 from typing import Any
 
 from polefence.base.errors import PlantError
 from polefence.plant.family import MAX_VERTICES, UncertainPlant
 from polefence.plant.parameters import Parameter, check_label, exact
+from polefence.proof.matrices import identity, product, right_divide, transposed
 
 Rows = list[list[Any]]
 MOTIONS = {"heave": ("m", "m/s"), "pitch": ("rad", "rad/s"), "roll": ("rad", "rad/s")}
@@ -68,7 +69,7 @@ class Wheel:
             object.__setattr__(self, key, exact(getattr(self, key), f"wheel {self.name}: {key}"))
         for key in ("mass", "spring", "damper", "tyre"):
             what = f"wheel {self.name}: {key}"
-            _set(self, key, what, 0 if key == "damper" else None)
+            _set(self, key, what, key == "damper")
 
 
 @dataclass(frozen=True)
@@ -121,7 +122,7 @@ class Body:
 
     def corner(self, x: Any, y: Any) -> list[Any]:
         """Return g: how a point of the body moves up."""
-        return [{"heave": 1, "pitch": -x, "roll": y}[key] for key in self.motions]
+        return [{"heave": Fraction(1), "pitch": -x, "roll": y}[key] for key in self.motions]
 
     @property
     def empty(self) -> Any:
@@ -187,13 +188,27 @@ class Car:
                 )
             if motion not in self.body.motions and any(places):
                 raise PlantError(f"car: wheels have {axis}, and the body no inertia in {motion}")
-        if not any(_determinant([self.G[k] for k in own]) for own in _picks(len(names), many)):
-            raise PlantError("car: its wheels stand in a line")
+        _ = self.plane
 
     @property
     def G(self) -> Rows:
         """A row for each wheel: how the body above it moves up."""
         return [self.body.corner(wheel.x, wheel.y) for wheel in self.wheels]
+
+    @property
+    def plane(self) -> Rows:
+        """G^+: heave, pitch and roll of the plane that fits the road under the wheels.
+
+        Raises
+        ------
+        PlantError
+            If the wheels stand in a line.
+        """
+        across: Rows = transposed(self.G)
+        turned: Rows | None = right_divide(self.G, product(across, self.G))
+        if turned is None:
+            raise PlantError("car: its wheels stand in a line")
+        return transposed(turned)
 
     @property
     def signals(self) -> dict[str, tuple[str, ...]]:
@@ -215,9 +230,9 @@ class Car:
         """Matrices of the plant, and its outputs, as `UncertainPlant.from_function` takes them."""
         k, m = len(self.body.motions), len(self.wheels)
         deflection = self._deflections
-        force, push = self._forces(deflection), _eye(m)
+        force, push = self._forces(deflection), identity(m)
         moved, pushed = self._moved(force), self._moved(push)
-        plane = _fitted(self.G)
+        plane = self.plane
         n = 2 * (k + m)
         A = [[int(j == k + m + i) for j in range(n)] for i in range(k)]
         A += [[-int(j == 2 * k + m + i) for j in range(n)] for i in range(m)]
@@ -226,8 +241,8 @@ class Car:
         for i, wheel in enumerate(self.wheels):
             tyre = [wheel.tyre * int(j == k + i) for j in range(n)]
             A.append([(a - b) / wheel.mass for a, b in zip(tyre, force[i], strict=True)])
-            B.append([-int(j == i) / _quotient(wheel.mass) for j in range(m)])
-        E = [[-e for e in row] for row in plane] + _product(self.G, plane)
+            B.append([-int(j == i) / wheel.mass for j in range(m)])
+        E = [[-e for e in row] for row in plane] + product(self.G, plane)
         E += [[0] * m for _ in range(k + m)]
         return A, B, E, self._outputs(deflection, moved, pushed)
 
@@ -251,7 +266,7 @@ class Car:
 
     def _moved(self, force: Rows) -> Rows:
         """dv/dt = M^-1 G' F."""
-        return _product(self.body.inverse, _product(_transposed(self.G), force))
+        return _product(self.body.inverse, _product(transposed(self.G), force))
 
     def _outputs(self, deflection: Rows, moved: Rows, pushed: Rows) -> dict[str, dict[str, Any]]:
         k, found = len(self.body.motions), dict[str, dict[str, Any]]()
@@ -300,7 +315,7 @@ def car_family(
     parameters = (parameters,) if isinstance(parameters, Parameter) else tuple(parameters)
     if len(parameters) >= MAX_VERTICES.bit_length():
         raise PlantError(f"{len(parameters)} parameters; at most {MAX_VERTICES.bit_length() - 1}")
-    corners = product(*([(own.name, end) for end in (own.low, own.high)] for own in parameters))
+    corners = combined(*([(own.name, end) for end in (own.low, own.high)] for own in parameters))
     cars = [make(**dict(corner)) for corner in corners]  # symbols have no sign
 
     def matrices(**values: Any) -> tuple[Rows, Rows, Rows, dict[str, dict[str, Any]]]:
@@ -314,63 +329,22 @@ def car_family(
     return UncertainPlant.from_function(matrices, parameters, **(cars[0].signals | names))
 
 
-def _set(own: Any, key: str, what: str, least: int | None = None) -> None:
+def _set(own: Any, key: str, what: str, may_vanish: bool = False) -> None:
     """Make a number exact and check its sign; a symbol has none."""
     value = getattr(own, key)
     if isinstance(value, Rational | float | int | str):
         value = exact(value, what)
-        if value < 0 or (value == 0 and least is None):
+        if value < 0 or (value == 0 and not may_vanish):
             few = "negative" if value < 0 else "zero"
-            must = "positive" if least is None else "zero or more"
+            must = "zero or more" if may_vanish else "positive"
             raise PlantError(f"{what} = {float(value):g} is {few}; it must be {must}")
         object.__setattr__(own, key, value)
 
 
-def _quotient(value: Any) -> Any:
-    return Fraction(value) if isinstance(value, Rational) else value
-
-
-def _eye(n: int) -> Rows:
-    return [[int(i == j) for j in range(n)] for i in range(n)]
-
-
-def _transposed(X: Rows) -> Rows:
-    return [list(column) for column in zip(*X, strict=True)]
-
-
 def _product(X: Rows, Y: Rows) -> Rows:
-    columns = _transposed(Y)
+    """Return the product of matrices of which one may hold symbols."""
+    columns = transposed(Y)
     return [
         [sum((a * b for a, b in zip(row, column, strict=True)), Fraction(0)) for column in columns]
         for row in X
     ]
-
-
-def _picks(count: int, some: int) -> list[tuple[int, ...]]:
-    return list(combinations(range(count), some))
-
-
-def _determinant(X: Rows) -> Any:
-    if not X:
-        return Fraction(1)
-    total = Fraction(0)
-    for j, entry in enumerate(X[0]):
-        minor = [row[:j] + row[j + 1 :] for row in X[1:]]
-        total += (-1) ** j * entry * _determinant(minor)
-    return total
-
-
-def _fitted(G: Rows) -> Rows:
-    """(G'G)^-1 G', by cofactors: there are at most three motions."""
-    square = _product(_transposed(G), G)
-    whole, n = _determinant(square), len(square)
-    inverse = [
-        [
-            (-1) ** (i + j)
-            * _determinant([r[:i] + r[i + 1 :] for k, r in enumerate(square) if k != j])
-            / whole
-            for j in range(n)
-        ]
-        for i in range(n)
-    ]
-    return _product(inverse, _transposed(G))

@@ -10,8 +10,8 @@ from polefence.base.errors import InputError
 from polefence.plant.family import UncertainPlant
 from polefence.plant.outputs import inputs, pick
 from polefence.plant.parameters import exact
+from polefence.proof.dampers import SemiActive
 from polefence.proof.matrices import Rationals, product
-from polefence.proof.refutation import SemiActive
 
 
 @dataclass(frozen=True)

@@ -14,6 +14,7 @@ from typing import Any
 
 from polefence.proof.claims.base import Claim, Verdict, counting, prove
 from polefence.proof.claims.cells import Cells, Interpolated, read_interpolated
+from polefence.proof.claims.clipped import Clipped
 from polefence.proof.claims.energy_peak import EnergyPeak
 from polefence.proof.claims.estimate import Estimate
 from polefence.proof.claims.gain import Gain
@@ -23,6 +24,7 @@ from polefence.proof.claims.initial_peak import InitialPeak
 from polefence.proof.claims.observer import Observer
 from polefence.proof.claims.poles import Poles
 from polefence.proof.claims.rate import Rate
+from polefence.proof.claims.refutation import RmsRefutation
 from polefence.proof.claims.relative_rms import RelativeRms
 from polefence.proof.claims.rms import Rms
 from polefence.proof.claims.rounding import Rounded
@@ -57,6 +59,8 @@ KINDS: Mapping[str, type[Claim]] = MappingProxyType(
             Sampled,
             Rounded,
             Cells,
+            RmsRefutation,
+            Clipped,
         )
     }
 )

@@ -22,7 +22,7 @@ from polefence.design.signals.refutation import refute_limits
 from polefence.examples import spec_path
 from polefence.plant.outputs import Output
 from polefence.plant.spec import loads
-from polefence.proof.refutation import prove_refutation
+from polefence.proof.claims.base import prove
 from polefence.proof.work import FormatError
 from polefence.region.regions import HalfPlane
 from polefence.vehicle import velocity_density
@@ -104,7 +104,7 @@ def test_each_limit_has_its_own_noise(one):
 
 def test_the_example_of_the_page_is_refuted(car):
     found = refute_limits(car, limits([0.9, 0.00472], NAMES[:2]))
-    assert prove_refutation(found.claim).proved
+    assert prove(found.claim).proved
     assert found.factor == pytest.approx(1.0583, rel=1e-4)
     assert "(m1 = 231.12 kg, beta = " in str(found)
 
@@ -121,7 +121,7 @@ def test_the_regulators_front_is_bracketed(car, seed):
     assert refute_limits(single, limits(front * (1 + 1e-9))) is None
     assert refute_limits(single, limits(front * 0.99)).factor >= 1.0099
     found = refute_limits(single, limits(front * (1 - 1e-5)))
-    assert prove_refutation(found.claim).proved
+    assert prove(found.claim).proved
     assert found.vertex == 0
 
 
@@ -223,11 +223,11 @@ def claim(car):
 
 
 def changed(claim, **new):
-    return prove_refutation(replace(claim, **new))
+    return prove(replace(claim, **new))
 
 
 def test_a_fault_in_the_evidence_is_found(claim):
-    assert prove_refutation(claim).proved
+    assert prove(claim).proved
     # P too large, too small, of another sign, of another vertex, not symmetric
     P = claim.P
     for factor in ("1.0001", "0.99", "-1", "0"):
@@ -352,7 +352,7 @@ def test_optimise_says_refuted_only_with_the_proof(one):
         optimise(one, Rms("x", density=2.0), asked, method="scheduled")
     found = answer.value.refutation
     assert found.specifications == (asked[0], asked[2])
-    assert prove_refutation(found.claim).proved
+    assert prove(found.claim).proved
     # a gain out of reach of one law, not of all: not refuted
     for limits_, region in (([Rms("force", 3.0, 2.0)], HalfPlane(50)), ([Gain("x", 1e-7)], None)):
         method = Scheduled(1, 0, "box")

@@ -16,7 +16,7 @@ from polefence.design.signals.refutation import refute_limits
 from polefence.examples import family
 from polefence.plant.dampers import Damper
 from polefence.plant.outputs import weighted_sum
-from polefence.proof.refutation import prove_refutation
+from polefence.proof.claims.base import prove
 from polefence.proof.work import FormatError
 from polefence.vehicle import SIGNALS, quarter_car, velocity_density
 
@@ -49,7 +49,7 @@ def cost(plant, rho):
 def lowest(plant, rho, *dampers):
     found = refute_limits(plant, [cost(plant, rho)], dampers)
     assert found is not None
-    assert prove_refutation(found.claim).proved
+    assert prove(found.claim).proved
     return found.factor * SMALL
 
 
@@ -142,7 +142,7 @@ def test_four_dampers_of_a_full_car():
     tyres = [weighted_sum(k, "m", [(60.0, plant.signal(f"{k} tyre deflection"))]) for k in corners]
     limit = Rms([own, *tyres], SMALL, DENSITY)
     semi_active, active = refute_limits(plant, [limit], dampers), refute_limits(plant, [limit])
-    assert prove_refutation(semi_active.claim).proved
+    assert prove(semi_active.claim).proved
     assert semi_active.factor > active.factor
     assert "no semi-active law keeps this" in str(semi_active)
     assert "no law keeps this" in str(active)
@@ -174,9 +174,9 @@ def test_what_proves_too_much_is_undecided(claim):
         spoiled(claim, low=-claim.dampers[0].high, high=-claim.dampers[0].low),
         spoiled(claim, rate=[[[-x for x in claim.dampers[0].rate[0][0]]]]),
     ):
-        assert not prove_refutation(wrong).proved
+        assert not prove(wrong).proved
     # narrower bounds are kept by fewer logics
-    assert prove_refutation(spoiled(claim, low=Fraction(LOW))).proved
+    assert prove(spoiled(claim, low=Fraction(LOW))).proved
 
 
 def test_what_does_not_fit_is_refused(claim):
@@ -190,7 +190,7 @@ def test_what_does_not_fit_is_refused(claim):
         (spoiled(claim, low=Fraction(3001)), "low must not be above high"),
     ):
         with pytest.raises(FormatError, match=words):
-            prove_refutation(wrong)
+            prove(wrong)
 
 
 @pytest.mark.parametrize(

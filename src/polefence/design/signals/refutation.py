@@ -24,11 +24,15 @@ from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from fractions import Fraction
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from polefence.base import VERSION
 from polefence.base.errors import InputError, NotProvedError, SolverError, require_type
+from polefence.base.files import write_text
+from polefence.design.certificate import file_plant
 from polefence.design.requirements.rms import Rms
 from polefence.design.requirements.specification import Specification, disturbance, limit_text
 from polefence.design.signals.augmented import with_weights
@@ -38,8 +42,11 @@ from polefence.lmi.conditions.pencil import Index
 from polefence.plant.dampers import Damper
 from polefence.plant.family import UncertainPlant
 from polefence.plant.system import Array
+from polefence.proof.claims.base import prove
+from polefence.proof.claims.refutation import RmsLimit, RmsRefutation
+from polefence.proof.dampers import SemiActive
+from polefence.proof.document import Document
 from polefence.proof.matrices import Rationals, identity
-from polefence.proof.refutation import RmsLimit, RmsRefutation, SemiActive, prove_refutation
 from polefence.proof.text import number_text
 from polefence.proof.work import FormatError
 from polefence.region.regions import Region
@@ -71,7 +78,7 @@ class Refutation:
     specifications : tuple of Rms
         The limits.
     claim : RmsRefutation
-        With its evidence, for `polefence.proof.refutation.prove_refutation`.
+        With its evidence, for `polefence.proof.claims.base.prove`.
     reason : str
         What was proved.
     """
@@ -101,6 +108,16 @@ class Refutation:
         ]
         named = ", ".join(value.strip() for value in values)
         return f"vertex {self.vertex + 1}" + (f" ({named})" if named else "")
+
+    def file(self) -> Document:
+        """Return it as a file of claims, of the plant with the filters of weighted limits."""
+        plant = with_weights(self.plant, self.specifications)[0]
+        return Document(file_plant(plant), None, (self.claim,), polefence=VERSION)
+
+    def save(self, path: str | Path) -> Path:
+        """Write a file that `polefence check` proves; return its path."""
+        write_text(Path(path), self.file().dumps())
+        return Path(path)
 
     def __str__(self) -> str:
         named = "; ".join(
@@ -172,7 +189,7 @@ def _refuted_together(
     semi_active = tuple(damper.of(larger) for damper in dampers)
     for claim in _claims(larger, limits, asked[0].scales(larger), semi_active):
         try:
-            verdict = prove_refutation(claim)
+            verdict = prove(claim)
         except FormatError:
             continue
         if verdict.proved:
@@ -195,9 +212,10 @@ def _claims(
             [v.exact_E for v in plant.vertices],
         )
     )
+    each = tuple(map(Fraction, scales))
+    driven = E
     if scales:
-        each = list(map(Fraction, scales))
-        E = [[[x * s for x, s in zip(row, each, strict=True)] for row in M] for M in E]
+        driven = [[[x * s for x, s in zip(row, each, strict=True)] for row in M] for M in E]
     owner = np.repeat(np.arange(len(limits)), [len(limit.outputs) for limit in limits])
     # the noise goes into the outputs; each is over its limit
     unit = np.sqrt([float(limit.intensity) / float(limit.level) ** 2 for limit in limits])
@@ -206,8 +224,8 @@ def _claims(
         outputs = [output for limit in limits for output in limit.outputs]
         C, D = ([row for y in outputs for row in getattr(y, k)[j]] for k in "CD")
         # a damper's force is never free, whatever outputs show
-        whole = Regular(A[j], B[j], E[j], C, D, identity(len(A[j])))
-        exact = whole if dampers else regular(A[j], B[j], E[j], C, D)
+        whole = Regular(A[j], B[j], driven[j], C, D, identity(len(A[j])))
+        exact = whole if dampers else regular(A[j], B[j], driven[j], C, D)
         if exact is None:
             continue
         floats = _regulated(exact, unit, owner, dampers, j)
@@ -224,7 +242,8 @@ def _claims(
             factor = _factor(exact, own, allowed)
             if factor >= 1:
                 P = _lifted(own, exact.T)
-                yield RmsRefutation(A, B, E, limits, j, scaled, P, factor, dampers, multipliers)
+                evidence = (j, scaled, P, factor, dampers, multipliers, each)
+                yield RmsRefutation(A, B, E, limits, *evidence)
 
 
 def _product_of(damper: SemiActive, vertex: int, m: int) -> Array:

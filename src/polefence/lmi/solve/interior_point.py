@@ -25,11 +25,12 @@ from __future__ import annotations
 
 from contextlib import suppress
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 
 from polefence.base.progress import note
-from polefence.lmi.solve.stacked import Blocks, Stacked
+from polefence.lmi.solve.stacked import Blocks
 from polefence.plant.system import Array
 
 TOLERANCE = 1e-8  # of mu times the order of the pencil, relative to r
@@ -47,6 +48,26 @@ DAMPING, LEAST_DAMPING = 0.7, 1e-4
 # count up, others down: after so many, these coordinates have no digits left and the run ends.
 # Steps before the first longer one, far from the path, do not count.
 POOR, PATIENCE, ILL = 14, 3, 1e-5
+
+
+class Linear(Protocol):
+    """D and M of a pencil, and what is made of them: see `polefence.lmi.solve.stacked.Stacked`."""
+
+    @property
+    def order(self) -> int:
+        """Sum of the blocks' sizes."""
+
+    def identity(self) -> Blocks:
+        """Return the identity."""
+
+    def parts(self, x: Array) -> tuple[Blocks, Blocks]:
+        """Return D(x) and M(x)."""
+
+    def adjoint(self, r: float, P: Blocks, only_D: bool = False) -> Array:
+        """Return the gradient of <P, r D(x) - M(x)> in x; with ``only_D`` that of <P, D(x)>."""
+
+    def hessian(self, r: float, Y: Blocks, Q: Blocks) -> Array:
+        """Return H_ij = sum of tr(F_i Y F_j Q) over blocks."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,7 +121,7 @@ class _Direction:
 
 
 def run(
-    stacked: Stacked,
+    stacked: Linear,
     x: Array,
     r: float | None = None,
     enough: float = 0.0,
@@ -185,7 +206,7 @@ class _Arc:
 
     def __init__(
         self,
-        stacked: Stacked,
+        stacked: Linear,
         point: tuple[Array, float, Blocks],
         blocks: tuple[Blocks, Blocks],
         mu: float,

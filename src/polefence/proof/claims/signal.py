@@ -14,7 +14,7 @@ E diag(s) and F diag(s), and what is claimed is of v.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from typing import Any, ClassVar, Self
@@ -275,30 +275,16 @@ class SignalClaim(Claim):
     def _read_outputs(cls, table: Table, plant: Plant) -> tuple[Output, ...]:
         """Read one output with its name, or a list of them, each with its own."""
         if cls.most > 1 and "outputs" in table:
-            entries = table.tables("outputs", cls.most)
-            return tuple(cls._read_output(each, plant, each) for each in entries)
-        return (cls._read_output(table.table("output"), plant, table),)
-
-    @classmethod
-    def _read_output(cls, table: Table, plant: Plant, named: Table) -> Output:
-        count = len(plant.A)
-        C = table.rows("C", plant.n, count)
-        D = table.rows("D", plant.m, count) if "D" in table else [[[Fraction(0)] * plant.m]] * count
-        F = table.rows("F", plant.q, count) if "F" in table else []
-        return Output(C, D, named.text("name", ""), tuple(F) if any(any(f[0]) for f in F) else ())
+            return read_outputs(table, plant, cls.most)
+        return (_read_output(table.table("output"), plant, table),)
 
     def write(self) -> dict[str, Any]:
         """Return what `read` reads."""
-        rows = [
-            {key: plain_rows(getattr(own, key)) for key in "CDF" if getattr(own, key)}
-            for own in self.outputs
-        ]
         table: dict[str, Any] = {"kind": self.kind}
-        if len(rows) == 1:
-            table |= {"name": self.outputs[0].name, "output": rows[0]}
+        if len(self.outputs) == 1:
+            table |= {"name": self.outputs[0].name, "output": _rows_of(self.outputs[0])}
         else:
-            pairs = zip(self.outputs, rows, strict=True)
-            table["outputs"] = [{"name": own.name} | each for own, each in pairs]
+            table |= write_outputs(self.outputs)
         table |= {"level": plain(self.level)} | self.write_own()
         table |= {"disturbances": plain(self.scales)} if self.scales else {}
         return table | {"evidence": write_evidence(self.subject)}
@@ -308,22 +294,13 @@ class SignalClaim(Claim):
 
         One that is none of the plant's signals is said to be defined by the file.
         """
-        named = [_output_words(own, plant) for own in self.outputs]
-        what = named[0] if len(named) == 1 else f"[{', '.join(named)}]"
-        acting = self._acting(plant)
+        what, acting = outputs_text(self.outputs, plant), self._acting(plant)
         level = digits_up(self.level)
         return f"{self.kind} of {what} <= {level}{self.under}{acting}, on the {self.subject.on}"
 
     def _acting(self, plant: Plant) -> str:
         """Say which disturbances act, and how much of each."""
-        said, labels = [], plant.disturbances
-        for k, scale in enumerate(self.scales):
-            if scale:
-                name = f"{quoted(split(labels[k])[0])} = " if k < len(labels) else ""
-                times = "" if scale == 1 else f" times {self.scale_text(scale)}"
-                said.append(f"{name}w{k + 1}{times}")
-        alone = "" if all(self.scales) else " alone"
-        return f" from {' and '.join(said)}{alone}" if said else ""
+        return acting_text(self.scales, plant, self.scale_text)
 
     def scale_text(self, scale: Fraction) -> str:
         """Return how much of a disturbance acts, rounded down: less moves the signal less."""
@@ -331,11 +308,7 @@ class SignalClaim(Claim):
 
     def fault_in(self, plant: Plant, claims: Sequence[Claim]) -> str:  # noqa: ARG002
         """Say that an output has the name of another signal of the plant."""
-        for own in self.outputs:
-            signal = plant.signal(own.name)
-            if signal and (signal.C, signal.D, signal.F) != (own.C, own.D, own.F):
-                return f"the output called {quoted(own.name)} is another of the plant's"
-        return ""
+        return misnamed(self.outputs, plant)
 
     def require(self) -> None:
         """Refuse what is incomplete, of shapes that do not fit, or out of all proportion."""
@@ -493,6 +466,57 @@ def bounded(corner: Polynomial, X: Polynomial, Y: Polynomial) -> list[list[Polyn
     none = constant([[Fraction(0)] * n for _ in range(n)], X.sizes)
     first = [corner, *(Y.part(slice(j, j + 1)) for j in range(p))]
     return [first, *([X] + [none] * (p - 1 - j) for j in range(p))]
+
+
+def read_outputs(table: Table, plant: Plant, most: int) -> tuple[Output, ...]:
+    """Read a list of outputs with their names."""
+    return tuple(_read_output(each, plant, each) for each in table.tables("outputs", most))
+
+
+def _read_output(table: Table, plant: Plant, named: Table) -> Output:
+    count = len(plant.A)
+    C = table.rows("C", plant.n, count)
+    D = table.rows("D", plant.m, count) if "D" in table else [[[Fraction(0)] * plant.m]] * count
+    F = table.rows("F", plant.q, count) if "F" in table else []
+    return Output(C, D, named.text("name", ""), tuple(F) if any(any(f[0]) for f in F) else ())
+
+
+def write_outputs(outputs: Sequence[Output]) -> dict[str, Any]:
+    """Return what `read_outputs` reads."""
+    return {"outputs": [{"name": own.name} | _rows_of(own) for own in outputs]}
+
+
+def _rows_of(own: Output) -> dict[str, Any]:
+    return {key: plain_rows(getattr(own, key)) for key in "CDF" if getattr(own, key)}
+
+
+def misnamed(outputs: Sequence[Output], plant: Plant) -> str:
+    """Say that an output has the name of another signal of the plant; "" where none has."""
+    for own in outputs:
+        signal = plant.signal(own.name)
+        if signal and (signal.C, signal.D, signal.F) != (own.C, own.D, own.F):
+            return f"the output called {quoted(own.name)} is another of the plant's"
+    return ""
+
+
+def acting_text(
+    scales: Sequence[Fraction], plant: Plant, text: Callable[[Fraction], str] = digits_down
+) -> str:
+    """Say which disturbances act, and how much of each."""
+    said, labels = [], plant.disturbances
+    for k, scale in enumerate(scales):
+        if scale:
+            name = f"{quoted(split(labels[k])[0])} = " if k < len(labels) else ""
+            times = "" if scale == 1 else f" times {text(scale)}"
+            said.append(f"{name}w{k + 1}{times}")
+    alone = "" if all(scales) else " alone"
+    return f" from {' and '.join(said)}{alone}" if said else ""
+
+
+def outputs_text(outputs: Sequence[Output], plant: Plant) -> str:
+    """Say what an output is, or each entry of a vector."""
+    named = [_output_words(own, plant) for own in outputs]
+    return named[0] if len(named) == 1 else f"[{', '.join(named)}]"
 
 
 def _output_words(own: Output, plant: Plant) -> str:

@@ -1,0 +1,393 @@
+"""A law for controllable dampers, and what is proved of it: a demand K x, given as far as it can be.
+
+Of all dampers that stay as they are the best one has c0 and u = c0 v, and P of its Lyapunov
+equation tells what is still to come from a state. The rate z'z + 2 x'P (A x + B u) is lowest for
+another u; cut off to what the dampers can give, that costs on average no more than c0, which a
+quadratic V proves. One of a higher degree proves more: it is told by the moments of the times that
+the dampers spend at their bounds and in between.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+from fractions import Fraction
+from itertools import product as cartesian
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from polefence.base import VERSION
+from polefence.base.errors import InputError, NotProvedError, SolverError, require_type
+from polefence.base.files import write_text
+from polefence.design.certificate import file_plant
+from polefence.design.requirements.rms import Rms
+from polefence.design.requirements.specification import disturbance
+from polefence.lmi.solve.moments import Piece, Problem, inside
+from polefence.plant.dampers import Damper
+from polefence.plant.family import UncertainPlant
+from polefence.plant.system import Array
+from polefence.proof.claims.base import prove
+from polefence.proof.claims.clipped import GIVEN, LOWER, UPPER, Clipped, Squares
+from polefence.proof.claims.refutation import RmsLimit
+from polefence.proof.dampers import SemiActive
+from polefence.proof.document import Document
+from polefence.proof.matrices import Rationals
+from polefence.proof.squares import count_of
+from polefence.region.text import digits_up
+
+# How near its end the search comes: what is on the very edge may not survive its rounding.
+NEAR = (1e-5, 1e-4, 1e-3)
+ABOVE = 1e-7  # what was found in floats, the level that is claimed
+DEGREES = (6, 4, 2)
+MOST = 700  # moments that are searched for
+STEPS, DIGITS = 60, 3  # of a damper that stays: tried from bound to bound; kept
+OWN = 2  # matrices of a piece: of the odd monomials, and of the even ones
+LEAST = 1e-3  # of the largest, what a force costs at least
+
+
+@dataclass(frozen=True, eq=False)
+class SemiActiveLaw:
+    """A demand for controllable dampers, and the rms that is proved of it for every value.
+
+    Attributes
+    ----------
+    plant : UncertainPlant
+    specification : Rms
+    dampers : tuple of Damper
+        One for each input.
+    K : (m, n) array
+        What is demanded, K x; the forces are this as far as the dampers can give it.
+    level : float
+        The rms is at most this.
+    coefficients : tuple of float
+        Of the best dampers that stay as they are.
+    passive : float
+        The worst rms with these, at the vertices; to compare with, not proved.
+    claim : Clipped
+        With its evidence.
+    reason : str
+        What was proved.
+    """
+
+    plant: UncertainPlant
+    specification: Rms
+    dampers: tuple[Damper, ...]
+    K: Array
+    level: float
+    coefficients: tuple[float, ...]
+    passive: float
+    claim: Clipped
+    reason: str
+
+    @property
+    def degree(self) -> int:
+        """Of the polynomial that proves it."""
+        return self.claim.degree
+
+    def file(self) -> Document:
+        """Return it as a file of claims."""
+        return Document(file_plant(self.plant), None, (self.claim,), polefence=VERSION)
+
+    def save(self, path: str | Path) -> Path:
+        """Write a file that `polefence check` proves; return its path."""
+        write_text(Path(path), self.file().dumps())
+        return Path(path)
+
+    def __str__(self) -> str:
+        stays = ", ".join(f"{c:g}" for c in self.coefficients)
+        return (
+            f"proved: {self.specification.title} <= {digits_up(self.level)}; of dampers that "
+            f"stay, c = {stays} is best, with {self.passive:.6g}"
+        )
+
+
+def semi_active(
+    plant: UncertainPlant,
+    specification: Rms,
+    dampers: Sequence[Damper],
+    degree: int | None = None,
+) -> SemiActiveLaw:
+    """Return a law for controllable dampers, with a proved bound on an rms.
+
+    It costs on average no more than the best dampers that stay as they are, one for each force.
+
+    Parameters
+    ----------
+    plant : UncertainPlant
+        With a disturbance, E, the same for all values of the parameters.
+    specification : Rms
+        Of one signal or a vector, not weighted; its ``at_most`` is not asked for.
+    dampers : sequence of Damper
+        One for each input, with ``low`` above zero.
+    degree : int, optional
+        2, 4, 6 or 8, of the polynomial that proves the bound; by default the highest up to 6 for
+        which the search is quick. The higher, the lower the bound.
+
+    Returns
+    -------
+    SemiActiveLaw
+
+    Raises
+    ------
+    InputError
+        If dampers, specification and plant do not fit.
+    NotProvedError
+        If no bound was proved.
+    """
+    problem = _Question.of(plant, specification, dampers)
+    for own in DEGREES if degree is None else (_even(degree),):
+        if degree is None and problem.moments(own) > MOST and own > DEGREES[-1]:
+            continue
+        for tolerance in NEAR:
+            with suppress(SolverError, np.linalg.LinAlgError):
+                found = problem.proved(own, tolerance)
+                if found is not None:
+                    return found
+    raise NotProvedError(f"{plant.name}: no bound on {specification.title} was proved")
+
+
+def _even(degree: int) -> int:
+    if degree not in (2, 4, 6, 8):
+        raise InputError(f"degree = {degree!r} must be 2, 4, 6 or 8")
+    return degree
+
+
+@dataclass(frozen=True, eq=False)
+class _Question:
+    """The plant in floats, E with the noise in it, and the law."""
+
+    plant: UncertainPlant
+    specification: Rms
+    dampers: tuple[Damper, ...]
+    exact: tuple[SemiActive, ...]
+    A: Array
+    B: Array
+    E: Array
+    C: Array
+    D: Array
+    rates: Array
+
+    @classmethod
+    def of(cls, plant: UncertainPlant, specification: Rms, dampers: Sequence[Damper]) -> _Question:
+        """Return the question.
+
+        Raises
+        ------
+        InputError
+            If something does not fit.
+        """
+        require_type(plant, UncertainPlant, "plant", "polefence.load(path) reads one")
+        require_type(specification, Rms, "specification", "for example Rms('acceleration')")
+        if plant.sample_time is not None:
+            raise InputError(f"{plant.name} is in discrete time; dampers are of continuous time")
+        if specification.weight is not None:
+            raise InputError(
+                f"weight = {specification.weight!r}: of semi-active laws bounds are proved without "
+                "weights only; leave it out"
+            )
+        specification.require_fit(plant)
+        disturbance(plant)
+        pairs = sorted(((own.of(plant), own) for own in dampers), key=lambda pair: pair[0].number)
+        exact = tuple(own for own, _ in pairs)
+        if [own.number for own in exact] != list(range(plant.shape[1])):
+            raise InputError(f"{plant.name}: give one damper for each of {plant.shape[1]} inputs")
+        for _, damper in pairs:
+            if not damper.low > 0:
+                raise InputError(
+                    f"damper {damper.force}: low = 0; a bound is proved with low above zero only"
+                )
+        E = specification.entering(plant) * (specification.density / 2) ** 0.5
+        if np.ptp(E, axis=0).any() or any(own.rate[0] != r for own in exact for r in own.rate):
+            raise InputError(
+                f"{plant.name}: how the disturbance enters, or a damper's rate, changes with a "
+                "parameter; a bound is proved where neither does"
+            )
+        outputs = specification.exact_outputs(plant)
+        C, D = (
+            np.array([[_row(getattr(y, k)[j]) for y in outputs] for j in range(len(plant.A))])
+            for k in "CD"
+        )
+        rates = np.array([_row(own.rate[0]) for own in exact])
+        named = tuple(damper for _, damper in pairs)
+        return cls(plant, specification, named, exact, plant.A, plant.B, E[0], C, D, rates)
+
+    @property
+    def bounds(self) -> Array:
+        """Lower and upper bounds of the coefficients."""
+        return np.array([[float(d.low), float(d.high)] for d in self.dampers])
+
+    def moments(self, degree: int) -> int:
+        """Return about how many unknowns there are."""
+        count = len(self.A) * 3 ** len(self.dampers) - 1
+        return count * count_of(self.A.shape[1], degree)
+
+    def loop(self, j: int, gain: Array) -> tuple[Array, Array]:
+        """Return A and C of a closed loop at a vertex."""
+        return self.A[j] + self.B[j] @ gain, self.C[j] + self.D[j] @ gain
+
+    def passive(self, c: Array) -> float:
+        """Return the worst rms with these coefficients, infinite where one is not stable."""
+        from scipy.linalg import solve_continuous_lyapunov
+
+        worst = 0.0
+        for j in range(len(self.A)):
+            A, C = self.loop(j, c[:, None] * self.rates)
+            if np.linalg.eigvals(A).real.max() >= 0:
+                return np.inf
+            X = solve_continuous_lyapunov(A, -self.E @ self.E.T)
+            worst = max(worst, float(np.trace(C @ X @ C.T)))
+        return float(np.sqrt(worst))
+
+    def best(self) -> Array:
+        """Return the coefficients of the best dampers that stay, to a few digits.
+
+        One after the other from bound to bound, until none changes.
+        """
+        bounds = self.bounds
+        c = np.sqrt(bounds[:, 0] * bounds[:, 1])
+        for _ in range(10):
+            last = c.copy()
+            for k, (low, high) in enumerate(bounds):
+                each = [float(f"{x:.{DIGITS}g}") for x in np.geomspace(low, high, STEPS)]
+                tried = [c.copy() for _ in each]
+                for own, x in zip(tried, each, strict=True):
+                    own[k] = min(max(x, low), high)
+                values = [round(self.passive(own), 12) for own in tried]
+                c = tried[int(np.argmin(values))]
+            if np.array_equal(c, last):
+                break
+        return c
+
+    def demand(self, c: Array) -> Array:
+        """Return K, from the mean of the vertices with these coefficients.
+
+        z'z + 2 x'P (A x + B u) is at most its value and slope at u0 = c v, and (u - u0)'R0 (u - u0)
+        with a diagonal R0: of this each force by itself is the least.
+        """
+        from scipy.linalg import solve_continuous_lyapunov
+
+        A, B, C, D = (np.mean(M, axis=0) for M in (self.A, self.B, self.C, self.D))
+        u0 = c[:, None] * self.rates
+        loop, out = A + B @ u0, C + D @ u0
+        P = solve_continuous_lyapunov(loop.T, -out.T @ out)
+        R = D.T @ D
+        R0 = np.abs(R).sum(axis=1)
+        if not R0.any():
+            raise InputError(
+                f"{self.specification.title}: has no force in it; add an acceleration, or a force"
+            )
+        R0 = np.maximum(R0, LEAST * R0.max())
+        return np.asarray(u0 - (R @ u0 + B.T @ P + D.T @ C) / R0[:, None])
+
+    def proved(self, degree: int, tolerance: float) -> SemiActiveLaw | None:
+        """Return the law with what is proved of it."""
+        from scipy.linalg import solve_continuous_lyapunov
+
+        c = self.best()
+        passive = self.passive(c)
+        if not np.isfinite(passive):
+            raise SolverError("no damper that stays is stable")
+        K = self.demand(c)
+        A = np.mean([self.loop(j, c[:, None] * self.rates)[0] for j in range(len(self.A))], axis=0)
+        X = solve_continuous_lyapunov(A, -self.E @ self.E.T)
+        # powers of two: the evidence stays short in them
+        units = 2.0 ** np.round(np.log2(np.sqrt(np.diag(X))))
+        pieces = [self.piece(own, K, units, passive) for own in self.choices()]
+        found = Problem([own for own, _ in pieces], degree).solved(tolerance)
+        level = passive * float(np.sqrt(found.level)) * (1 + ABOVE)
+        squares = [
+            _squares(own, sizes) for own, (_, sizes) in zip(found.grams, pieces, strict=True)
+        ]
+        plant = file_plant(self.plant)
+        claim = Clipped(
+            plant.A,
+            plant.B,
+            plant.E,
+            self.limit(level),
+            self.exact,
+            _rationals(K),
+            degree,
+            tuple(_rationals([units])[0]),
+            _rationals(self.common(units, A)),
+            tuple(_rationals([found.V])[0]),
+            tuple(squares),
+            tuple(map(Fraction, self.specification.scales(self.plant))),
+        )
+        verdict = prove(claim)
+        if not verdict.proved:
+            return None
+        law = (self.plant, self.specification, self.dampers, K, level, tuple(c.tolist()), passive)
+        return SemiActiveLaw(*law, claim, verdict.reason)
+
+    def limit(self, level: float) -> RmsLimit:
+        """Return the limit of the claim."""
+        outputs = self.specification.exact_outputs(self.plant)
+        return RmsLimit(outputs, Fraction(level), Fraction(self.specification.density) / 2)
+
+    def choices(self) -> list[tuple[int, tuple[int, ...]]]:
+        """Return vertices, and what each damper does, in the claim's order."""
+        each = list(cartesian((GIVEN, LOWER, UPPER), repeat=len(self.dampers)))
+        return list(cartesian(range(len(self.A)), each))
+
+    def piece(
+        self, own: tuple[int, tuple[int, ...]], K: Array, units: Array, level: float
+    ) -> tuple[Piece, list[float]]:
+        """Return a piece in these units, its cost over a level's square, and its forms' sizes."""
+        (j, choice), S, back = own, np.diag(units), np.diag(1 / units)
+        gain, forms, sizes = list[Array](), list[Array](), list[float]()
+        for row, v, (low, high), what in zip(K, self.rates, self.bounds, choice, strict=True):
+            gain.append((row, low * v, high * v)[what])
+            above, below = row - low * v, row - high * v
+            a, b = ((-above, below), (-above, v), (below, v))[what]
+            form = S @ (np.outer(a, b) + np.outer(b, a)) @ S / 2
+            sizes.append(float(np.abs(form).max()))
+            forms.append(form / sizes[-1])
+        A, C = self.loop(j, np.array(gain))
+        stays = len(self.A) * 2 ** len(self.dampers)
+        share = 0.0 if GIVEN in choice else 1 / stays
+        Q = S @ C.T @ C @ S / level**2
+        return Piece(back @ A @ S, back @ self.E, Q, tuple(forms), share), sizes
+
+    def common(self, units: Array, A: Array) -> Array:
+        """Return X > 0 with X A + A'X < 0 whatever the dampers do, found from a loop's own."""
+        from scipy.linalg import solve_continuous_lyapunov
+
+        S, back, n = np.diag(units), np.diag(1 / units), len(units)
+        basis = []
+        for i in range(n):
+            for k in range(i + 1):
+                own = np.zeros((n, n))
+                own[i, k] = own[k, i] = 1.0
+                basis.append(own)
+        F = [np.array(basis)]
+        for j in range(len(self.A)):
+            for c in cartesian(*self.bounds):
+                loop = back @ self.loop(j, np.array(c)[:, None] * self.rates)[0] @ S
+                F.append(np.array([-(own @ loop + loop.T @ own) for own in basis]))
+        X = solve_continuous_lyapunov((back @ A @ S).T, -np.eye(n))
+        x = np.array([X[i, k] for i in range(n) for k in range(i + 1)])
+        trace = np.array([float(np.trace(own)) for own in basis])
+        found = inside(F, x, trace)
+        return np.asarray(back @ np.tensordot(found, F[0], 1) @ back)
+
+
+def _row(row: Rationals) -> list[float]:
+    return [float(x) for x in row[0]]
+
+
+def _rationals(matrix: Any) -> Rationals:
+    return [[Fraction(float(x)) for x in row] for row in matrix]
+
+
+def _squares(grams: Sequence[Array], sizes: Sequence[float]) -> Squares:
+    """Return the matrices of a piece as a claim has them, of forms as they are."""
+    each = (len(grams) - OWN) // len(sizes)
+    starts = [OWN + k * each for k in range(len(sizes))]
+    H = [
+        tuple(_rationals(G / size) for G in grams[start : start + each])
+        for start, size in zip(starts, sizes, strict=True)
+    ]
+    return Squares(tuple(map(_rationals, grams[:OWN])), tuple(H))

@@ -1,0 +1,382 @@
+"""Rms of a signal under a law of controllable dampers: a linear demand, given as far as it can be.
+
+Forces u_k = c v, v = r x, c from c1 to c2, and a demand K x: u_k is what lies in the middle of K x,
+c1 v and c2 v. Where each is, is said by a quadratic form of x:
+
+    u_k = K x    where  -(K x - c1 v)(K x - c2 v) >= 0,
+    u_k = c1 v   where  -(K x - c1 v) v >= 0,          u_k = c2 v   where  (K x - c2 v) v >= 0.
+
+In each piece, one of three a damper, the motion is x' = A x + E w, A a closed loop, the signal
+z = C x; W is the intensity times E E'. With a polynomial V of even degree, s the forms, m and l
+monomials, and for every vertex and piece G > 0 and H > 0
+
+    1 - z'z / g^2 - (grad V)'A x - (1/2) tr W (hess V) - sum s (l'H l) = m'G m,
+
+the mean derivative of V is at most 1 - z'z / g^2. A matrix X > 0 with X A + A'X < 0 for every
+vertex and all dampers at either of their bounds keeps all moments of x bounded, whatever the logic;
+so the mean of V's derivative over a long time is zero, and that of z'z at most g^2. Between the
+vertices A and z are in between, H too, and z'z is convex; V, v, K and E are the same at all.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+from itertools import product as cartesian
+from typing import Any, ClassVar, Self
+
+from polefence.proof import squares
+from polefence.proof.claims.base import Claim, Place, Verdict, counting, require_work, undecided
+from polefence.proof.claims.refutation import RmsLimit, require_limit
+from polefence.proof.claims.signal import acting_text, misnamed, outputs_text, require_shapes
+from polefence.proof.dampers import SemiActive, read_dampers
+from polefence.proof.laws import add, longest
+from polefence.proof.matrices import (
+    LONGEST,
+    Integers,
+    Rationals,
+    common_denominator,
+    is_positive_definite,
+    is_symmetric,
+    least_work,
+    product,
+    whole_numbers,
+)
+from polefence.proof.plant import Plant
+from polefence.proof.reading import MAX_SIZE, Table, plain
+from polefence.proof.text import digits_down, digits_up, number_text, output_text, sum_text
+from polefence.proof.work import RATIONAL, FormatError, spend, tell
+
+MAX_DEGREE, MAX_MONOMIALS, MAX_PIECES = 8, 2000, 1000
+GIVEN, LOWER, UPPER = range(3)  # what a damper does in a piece: the demand, or one of its bounds
+
+Matrices = tuple[Rationals, ...]
+
+
+@dataclass(frozen=True)
+class Squares:
+    """The matrices of a piece: G of its bases, and H of the bases of each damper's form."""
+
+    own: Matrices
+    multipliers: tuple[Matrices, ...]
+
+
+@dataclass(frozen=True)
+class Clipped(Claim):
+    """The rms of z is at most that of the limit, for every alpha.
+
+    Attributes
+    ----------
+    A, B, E : list of matrices
+        For each vertex.
+    limit : RmsLimit
+    dampers : tuple of SemiActive
+        One for each input, in order.
+    K : m x n rationals
+        What is demanded.
+    degree : int
+        Of V, even.
+    units : tuple of Fraction
+        V is a polynomial of the states over these.
+    X : n x n rationals
+    V : tuple of Fraction
+        By the even monomials but one.
+    pieces : tuple of Squares
+        For each vertex, each choice of a piece for every damper.
+    scales : tuple of Fraction
+        How much of each disturbance acts; all of each where there are none.
+    """
+
+    kind: ClassVar[str] = "clipped"
+    letters: ClassVar[str] = "ABE"
+
+    A: list[Rationals]
+    B: list[Rationals]
+    E: list[Rationals]
+    limit: RmsLimit
+    dampers: tuple[SemiActive, ...]
+    K: Rationals
+    degree: int
+    units: tuple[Fraction, ...]
+    X: Rationals
+    V: tuple[Fraction, ...]
+    pieces: tuple[Squares, ...]
+    scales: tuple[Fraction, ...] = ()
+
+    # --- as files have it ------------------------------------------------------------------------
+
+    @classmethod
+    def read(cls, table: Table, plant: Plant, law: Any, on: str) -> Self:  # noqa: ARG003
+        """Read the limit, the dampers, what is demanded, and the evidence."""
+        plant.require_continuous(table.where)
+        if not plant.E:
+            raise FormatError(f"{table.where}: the plant has no E: no disturbance acts on it")
+        evidence = table.table("evidence")
+        degree = evidence.whole("degree", None, MAX_DEGREE, 2)
+        rows = evidence.tables("pieces", MAX_PIECES)
+        return cls(
+            plant.A,
+            plant.B,
+            plant.E,
+            RmsLimit.read(table.table("limit"), plant),
+            read_dampers(table, plant),
+            table.matrix("K", plant.m, plant.n),
+            degree,
+            evidence.numbers("units", plant.n),
+            evidence.matrix("X", plant.n, plant.n),
+            evidence.numbers("V", None, MAX_MONOMIALS),
+            tuple(map(_read_squares, rows)),
+            table.numbers("disturbances", plant.q) if "disturbances" in table else (),
+        )
+
+    def write(self) -> dict[str, Any]:
+        """Return what `read` reads."""
+        table: dict[str, Any] = {"kind": self.kind, "limit": self.limit.write()}
+        table |= {"disturbances": plain(self.scales)} if self.scales else {}
+        table["dampers"] = [damper.write() for damper in self.dampers]
+        table["K"] = plain(self.K)
+        pieces = [
+            {
+                "squares": plain(own.own),
+                "multipliers": [{"squares": plain(each)} for each in own.multipliers],
+            }
+            for own in self.pieces
+        ]
+        evidence = {"degree": self.degree, "units": plain(self.units), "X": plain(self.X)}
+        return table | {"evidence": evidence | {"V": plain(self.V), "pieces": pieces}}
+
+    def statement(self, plant: Plant) -> str:
+        """Say what the rms is at most, and the law."""
+        level, density = digits_up(self.limit.level), digits_down(2 * self.limit.intensity, 4)
+        acting, said = acting_text(self.scales, plant), []
+        for row, own in zip(self.K, self.dampers, strict=True):
+            none = [[[Fraction(0)]]] * len(own.rate)
+            low, high = number_text(own.low), number_text(own.high)
+            said.append(
+                f"u{own.number + 1} = {sum_text([('x', row)])}, cut off to between {low} and "
+                f"{high} times ({output_text(own.rate, none)})"
+            )
+        return (
+            f"rms of {outputs_text(self.limit.outputs, plant)} <= {level} at density {density}"
+            f"{acting}, for every alpha, with {'; '.join(said)}; and exponential stability "
+            "whatever is chosen between these bounds at any time"
+        )
+
+    def fault_in(self, plant: Plant, claims: Sequence[Claim]) -> str:  # noqa: ARG002
+        """Say that an output has the name of another signal of the plant."""
+        return misnamed(self.limit.outputs, plant)
+
+    # --- what may be asked ------------------------------------------------------------------------
+
+    def require(self) -> None:
+        """Refuse what is incomplete or inconsistent, or out of all proportion."""
+        if not self.A or not self.A[0] or not self.B or not self.B[0] or not self.E:
+            raise FormatError("vertices, or how the disturbance enters, are missing")
+        N, n, m = len(self.A), len(self.A[0]), len(self.B[0][0])
+        q = len(self.E[0][0]) if self.E[0] else 0
+        require_shapes(self.A, N, n, n, "A")
+        require_shapes(self.B, N, n, m, "B")
+        require_shapes(self.E, N, n, q, "E")
+        require_shapes([self.K], 1, m, n, "K")
+        require_shapes([self.X], 1, n, n, "X")
+        require_limit(self.limit, N, n, m)
+        if self.limit.level <= 0:
+            raise FormatError("the level must be positive")
+        if self.scales and len(self.scales) != q:
+            raise FormatError(f"disturbances must hold {q} numbers")
+        for own in self.dampers:
+            own.require(N, n, m)
+        if [own.number for own in self.dampers] != list(range(m)):
+            raise FormatError("dampers: there must be one for each input, in order")
+        if any(self.E[0] != E for E in self.E) or any(
+            rate != own.rate[0] for own in self.dampers for rate in own.rate
+        ):
+            raise FormatError("E, and the dampers' rates, must be the same at every vertex")
+        if len(self.units) != n or min(self.units) <= 0:
+            raise FormatError(f"units must hold {n} numbers above zero")
+        self._require_evidence()
+
+    def _require_evidence(self) -> None:
+        N, n, m = len(self.A), len(self.A[0]), len(self.B[0][0])
+        if type(self.degree) is not int or not 2 <= self.degree <= MAX_DEGREE or self.degree % 2:
+            raise FormatError(f"degree must be even, 2 to {MAX_DEGREE}")
+        count = squares.count_of(n, self.degree)
+        if count > MAX_MONOMIALS or N * 3**m > MAX_PIECES:
+            raise FormatError("these are more monomials, or more pieces, than are checked here")
+        if len(self.V) != count - 1:
+            raise FormatError(f"V must hold {count - 1} numbers, one a monomial")
+        if len(self.pieces) != N * 3**m:
+            raise FormatError(f"pieces must be {N * 3**m}")
+        inner, lower = (squares.bases(n, self.degree // 2 - k) for k in range(2))
+        if max(map(len, inner)) > MAX_SIZE:
+            raise FormatError("these are more monomials than are checked here")
+        for own in self.pieces:
+            _require_sizes(own.own, inner)
+            if len(own.multipliers) != m:
+                raise FormatError("each piece has multipliers of every damper's form")
+            for each in own.multipliers:
+                _require_sizes(each, lower)
+        rows = len(self.pieces) * len(inner)
+        require_work(least_work(rows, max(map(len, inner))))
+        numbers: list[Rationals] = [self.K, self.X, [list(self.V), list(self.units)]]
+        numbers += [[[self.limit.level, self.limit.intensity, *self.scales]]]
+        numbers += [M for y in self.limit.outputs for M in (*y.C, *y.D)]
+        numbers += [M for own in self.dampers for M in own.numbers]
+        numbers += [G for own in self.pieces for each in (own.own, *own.multipliers) for G in each]
+        common_denominator([*numbers, *self.A, *self.B, *self.E])
+
+    # --- the proof --------------------------------------------------------------------------------
+
+    def symmetric(self) -> Iterator[tuple[str, Rationals]]:
+        """Yield the evidence's matrices."""
+        yield "X", self.X
+        for k, own in enumerate(self.pieces):
+            for each in (own.own, *own.multipliers):
+                for G in each:
+                    yield f"piece {k + 1}", G
+
+    def decided(self) -> Verdict:
+        """Prove a claim that is consistent."""
+        for name, own in self.symmetric():
+            if not is_symmetric(own):
+                return undecided(f"{name}: a matrix is not symmetric")
+        count = 0
+        for place, matrix in self.blocks():
+            tell(count + 1)
+            if not is_positive_definite(matrix):
+                reason = f"inequality {place} is not positive definite"
+                return Verdict("undecided", reason, count, place)
+            count += 1
+        return Verdict("proved", counting(count), count)
+
+    def blocks(self) -> Iterator[tuple[Place, Integers]]:
+        """Yield the matrices that are to be positive definite, with their places."""
+        yield _block("X", self.X)
+        for j, choice, A, _, _ in self._loops((LOWER, UPPER)):
+            yield _block(f"of any logic, vertex {j + 1}{_words(choice)}", _decrease(self.X, A))
+        for own, piece in zip(self.pieces, self._loops((GIVEN, LOWER, UPPER)), strict=True):
+            name = f"vertex {piece[0] + 1}{_words(piece[1])}"
+            for k, H in enumerate(H for each in own.multipliers for H in each):
+                yield _block(f"multiplier {k + 1}, {name}", H)
+            for G in self._completed(own, *piece[2:]):
+                yield _block(f"of squares, {name}", G)
+
+    def _loops(
+        self, choices: Sequence[int]
+    ) -> Iterator[tuple[int, tuple[int, ...], Rationals, Rationals, list[Rationals]]]:
+        """Yield vertex, choice for every damper, closed loop, rows of z, and the forms."""
+        for j, (A, B) in enumerate(zip(self.A, self.B, strict=True)):
+            C = [y.C[j][0] for y in self.limit.outputs]
+            D = [y.D[j][0] for y in self.limit.outputs]
+            for choice in cartesian(choices, repeat=len(self.dampers)):
+                gain, forms = list[list[Fraction]](), list[Rationals]()
+                for row, own, what in zip(self.K, self.dampers, choice, strict=True):
+                    gain.append(_force(row, own, what))
+                    forms.append(_form(row, own, what))
+                yield j, choice, _closed(A, B, gain), _closed(C, D, gain), forms
+
+    def _completed(
+        self, own: Squares, A: Rationals, C: Rationals, forms: list[Rationals]
+    ) -> Iterator[Rationals]:
+        """Return the matrices G of a piece, made exact."""
+        n, s = len(A), self.units
+        self._spend(own, A, C, forms)
+        A = [[x * s[k] / s[i] for k, x in enumerate(row)] for i, row in enumerate(A)]
+        C = [[x * s[k] for k, x in enumerate(row)] for row in C]
+        Q = [[sum((r[i] * r[k] for r in C), Fraction(0)) for k in range(n)] for i in range(n)]
+        V = dict(zip(squares.monomials(n, self.degree, 0)[1:], self.V, strict=True))
+        f = squares.less({(0,) * n: Fraction(1)}, squares.drift(V, A, self._noise()))
+        square = self.limit.level**2
+        f = squares.less(f, squares.of_form([[x / square for x in row] for row in Q]))
+        lower = squares.bases(n, self.degree // 2 - 1)
+        for each, form in zip(own.multipliers, forms, strict=True):
+            scaled = [[x * s[i] * s[k] for k, x in enumerate(row)] for i, row in enumerate(form)]
+            for H, basis in zip(each, lower, strict=True):
+                own_part = squares.of_matrix(H, basis)
+                f = squares.less(f, squares.times(squares.of_form(scaled), own_part))
+        return squares.completed(f, own.own, squares.bases(n, self.degree // 2))
+
+    def _noise(self) -> Rationals:
+        """Return the intensity times E E', in the units."""
+        E, s = self.E[0], self.units
+        each = self.scales or (Fraction(1),) * len(E[0])
+        rows = [
+            [x * scale / own for x, scale in zip(row, each, strict=True)]
+            for row, own in zip(E, s, strict=True)
+        ]
+        S = self.limit.intensity
+        return [
+            [S * sum((a * b for a, b in zip(x, y, strict=True)), Fraction(0)) for y in rows]
+            for x in rows
+        ]
+
+    def _spend(self, own: Squares, A: Rationals, C: Rationals, forms: list[Rationals]) -> None:
+        """Count the work on a piece's polynomial before it begins."""
+        n = len(A)
+        matrices = [*own.own, *(H for each in own.multipliers for H in each), *forms, A, C]
+        length = longest((tuple(x for M in matrices for row in M for x in row), self.V, self.units))
+        operations = len(self.V) * 2 * n * n
+        operations += sum(len(M) ** 2 for M in own.own)
+        operations += sum(len(H) ** 2 * n * n for each in own.multipliers for H in each)
+        spend(RATIONAL * operations, 2 * length, length)
+
+
+def _read_squares(row: Table) -> Squares:
+    own = tuple(row.matrices("squares", None, None, 2))
+    each = row.tables("multipliers", MAX_SIZE)
+    return Squares(own, tuple(tuple(H.matrices("squares", None, None, 2)) for H in each))
+
+
+def _require_sizes(matrices: Matrices, each: Sequence[Sequence[Any]]) -> None:
+    sizes = [len(basis) for basis in each]
+    if [len(M) for M in matrices] != sizes or any(
+        len(row) != len(M) for M in matrices for row in M
+    ):
+        raise FormatError(f"squares must be matrices of {' and '.join(map(str, sizes))} rows")
+
+
+def _words(choice: tuple[int, ...]) -> str:
+    said = {
+        GIVEN: "u{} as demanded",
+        LOWER: "u{} at its lower bound",
+        UPPER: "u{} at its upper bound",
+    }
+    return "".join(f", {said[what].format(k + 1)}" for k, what in enumerate(choice))
+
+
+def _force(row: list[Fraction], own: SemiActive, what: int) -> list[Fraction]:
+    """Return the force's row by the state."""
+    if what == GIVEN:
+        return row
+    c = own.low if what == LOWER else own.high
+    return [c * x for x in own.rate[0][0]]
+
+
+def _form(row: list[Fraction], own: SemiActive, what: int) -> Rationals:
+    """Return the form that is not negative where the force is so."""
+    v = own.rate[0][0]
+    above, below = ([k - c * x for k, x in zip(row, v, strict=True)] for c in (own.low, own.high))
+    pairs = {
+        GIVEN: ([-x for x in above], below),
+        LOWER: ([-x for x in above], v),
+        UPPER: (below, v),
+    }
+    a, b = pairs[what]
+    return [[(x * b[k] + a[k] * b[i]) / 2 for k in range(len(a))] for i, x in enumerate(a)]
+
+
+def _closed(A: Rationals, B: Rationals, gain: Rationals) -> Rationals:
+    """Return A + B gain."""
+    return add(A, product(B, gain))
+
+
+def _decrease(X: Rationals, A: Rationals) -> Rationals:
+    """Return -(X A + A'X)."""
+    XA = product(X, A)
+    return [[-(XA[i][k] + XA[k][i]) for k in range(len(X))] for i in range(len(X))]
+
+
+def _block(name: str, matrix: Rationals) -> tuple[Place, Integers]:
+    place = Place(name, (), (), own=name)
+    return place, whole_numbers(matrix, common_denominator([matrix], LONGEST))

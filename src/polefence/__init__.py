@@ -56,6 +56,7 @@ if TYPE_CHECKING:
     from polefence.design.signals.optimise import Optimised, optimise
     from polefence.design.signals.placed import place, tightest
     from polefence.design.signals.refutation import refute_limits
+    from polefence.design.signals.semi_active import semi_active
     from polefence.design.signals.tradeoff import tradeoff
     from polefence.law.control import from_control, to_control
     from polefence.law.structure import Structure, load_structure
@@ -82,6 +83,7 @@ _LATER = {
     "Optimised": "polefence.design.signals.optimise",
     "optimise": "polefence.design.signals.optimise",
     "refute_limits": "polefence.design.signals.refutation",
+    "semi_active": "polefence.design.signals.semi_active",
     "EnergyPeak": "polefence.design.requirements.energy_peak",
     "Gain": "polefence.design.requirements.gain",
     "InitialPeak": "polefence.design.requirements.initial_peak",
@@ -174,6 +176,7 @@ __all__ = [
     "progress",
     "refute_limits",
     "response",
+    "semi_active",
     "tightest",
     "to_control",
     "tradeoff",

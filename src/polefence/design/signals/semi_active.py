@@ -1,4 +1,4 @@
-"""A law for controllable dampers, and what is proved of it: a demand K x, given as far as it can be.
+"""A law for controllable dampers and what is proved of it: a demand K x, cut off to their bounds.
 
 Of all dampers that stay as they are the best one has c0 and u = c0 v, and P of its Lyapunov
 equation tells what is still to come from a state. The rate z'z + 2 x'P (A x + B u) is lowest for
@@ -25,12 +25,12 @@ from polefence.base.files import write_text
 from polefence.design.certificate import file_plant
 from polefence.design.requirements.rms import Rms
 from polefence.design.requirements.specification import disturbance
-from polefence.lmi.solve.moments import Piece, Problem, inside
+from polefence.lmi.solve.moments import Mean, Piece, Problem, inside
 from polefence.plant.dampers import Damper
 from polefence.plant.family import UncertainPlant
 from polefence.plant.system import Array
 from polefence.proof.claims.base import prove
-from polefence.proof.claims.clipped import GIVEN, LOWER, UPPER, Clipped, Squares
+from polefence.proof.claims.clipped import GIVEN, Clipped, Squares, pieces_of
 from polefence.proof.claims.refutation import RmsLimit
 from polefence.proof.dampers import SemiActive
 from polefence.proof.document import Document
@@ -42,7 +42,7 @@ from polefence.region.text import digits_up
 NEAR = (1e-5, 1e-4, 1e-3)
 ABOVE = 1e-7  # what was found in floats, the level that is claimed
 DEGREES = (6, 4, 2)
-MOST = 700  # moments that are searched for
+MOST = 2000  # moments that are searched for
 STEPS, DIGITS = 60, 3  # of a damper that stays: tried from bound to bound; kept
 OWN = 2  # matrices of a piece: of the odd monomials, and of the even ones
 LEAST = 1e-3  # of the largest, what a force costs at least
@@ -141,11 +141,9 @@ def semi_active(
     for own in DEGREES if degree is None else (_even(degree),):
         if degree is None and problem.moments(own) > MOST and own > DEGREES[-1]:
             continue
-        for tolerance in NEAR:
-            with suppress(SolverError, np.linalg.LinAlgError):
-                found = problem.proved(own, tolerance)
-                if found is not None:
-                    return found
+        found = problem.proved(own)
+        if found is not None:
+            return found
     raise NotProvedError(f"{plant.name}: no bound on {specification.title} was proved")
 
 
@@ -221,8 +219,7 @@ class _Question:
 
     def moments(self, degree: int) -> int:
         """Return about how many unknowns there are."""
-        count = len(self.A) * 3 ** len(self.dampers) - 1
-        return count * count_of(self.A.shape[1], degree)
+        return len(pieces_of(len(self.A), len(self.dampers))) * count_of(self.A.shape[1], degree)
 
     def loop(self, j: int, gain: Array) -> tuple[Array, Array]:
         """Return A and C of a closed loop at a vertex."""
@@ -282,61 +279,66 @@ class _Question:
         R0 = np.maximum(R0, LEAST * R0.max())
         return np.asarray(u0 - (R @ u0 + B.T @ P + D.T @ C) / R0[:, None])
 
-    def proved(self, degree: int, tolerance: float) -> SemiActiveLaw | None:
-        """Return the law with what is proved of it."""
+    def proved(self, degree: int) -> SemiActiveLaw | None:
+        """Return the law with what is proved of it by this degree, None if nothing is."""
         from scipy.linalg import solve_continuous_lyapunov
 
         c = self.best()
         passive = self.passive(c)
-        if not np.isfinite(passive):
-            raise SolverError("no damper that stays is stable")
         K = self.demand(c)
         A = np.mean([self.loop(j, c[:, None] * self.rates)[0] for j in range(len(self.A))], axis=0)
         X = solve_continuous_lyapunov(A, -self.E @ self.E.T)
         # powers of two: the evidence stays short in them
-        units = 2.0 ** np.round(np.log2(np.sqrt(np.diag(X))))
-        pieces = [self.piece(own, K, units, passive) for own in self.choices()]
-        found = Problem([own for own, _ in pieces], degree).solved(tolerance)
-        level = passive * float(np.sqrt(found.level)) * (1 + ABOVE)
-        squares = [
-            _squares(own, sizes) for own, (_, sizes) in zip(found.grams, pieces, strict=True)
-        ]
-        plant = file_plant(self.plant)
-        claim = Clipped(
+        units = np.asarray(2.0 ** np.round(np.log2(np.sqrt(np.diag(X)))), dtype=np.float64)
+        each = pieces_of(len(self.A), len(self.dampers))
+        pieces = [self.piece(pair, choice, K, units, passive) for pair, choice in each]
+        problem = Problem([own for own, _ in pieces], degree)
+        for tolerance in NEAR:
+            with suppress(SolverError, np.linalg.LinAlgError):
+                mean, common = problem.solved(tolerance), self.common(units, A)
+                level = passive * float(np.sqrt(mean.level)) * (1 + ABOVE)
+                own = (mean, common, [sizes for _, sizes in pieces])
+                claim = self.claim(K, units, level, degree, *own)
+                verdict = prove(claim)
+                if verdict.proved:
+                    given = (self.plant, self.specification, self.dampers)
+                    stays = (tuple(c.tolist()), passive)
+                    return SemiActiveLaw(*given, K, level, *stays, claim, verdict.reason)
+        return None
+
+    def claim(
+        self,
+        K: Array,
+        units: Array,
+        level: float,
+        degree: int,
+        mean: Mean,
+        common: Array,
+        sizes: list[list[float]],
+    ) -> Clipped:
+        """Return the claim with its evidence."""
+        plant, spec = file_plant(self.plant), self.specification
+        outputs, intensity = spec.exact_outputs(self.plant), Fraction(spec.density) / 2
+        return Clipped(
             plant.A,
             plant.B,
             plant.E,
-            self.limit(level),
+            RmsLimit(outputs, Fraction(level), intensity),
             self.exact,
             _rationals(K),
             degree,
             tuple(_rationals([units])[0]),
-            _rationals(self.common(units, A)),
-            tuple(_rationals([found.V])[0]),
-            tuple(squares),
-            tuple(map(Fraction, self.specification.scales(self.plant))),
+            _rationals(common),
+            tuple(map(tuple, _rationals(mean.V))),
+            tuple(_squares(own, each) for own, each in zip(mean.grams, sizes, strict=True)),
+            tuple(map(Fraction, spec.scales(self.plant))),
         )
-        verdict = prove(claim)
-        if not verdict.proved:
-            return None
-        law = (self.plant, self.specification, self.dampers, K, level, tuple(c.tolist()), passive)
-        return SemiActiveLaw(*law, claim, verdict.reason)
-
-    def limit(self, level: float) -> RmsLimit:
-        """Return the limit of the claim."""
-        outputs = self.specification.exact_outputs(self.plant)
-        return RmsLimit(outputs, Fraction(level), Fraction(self.specification.density) / 2)
-
-    def choices(self) -> list[tuple[int, tuple[int, ...]]]:
-        """Return vertices, and what each damper does, in the claim's order."""
-        each = list(cartesian((GIVEN, LOWER, UPPER), repeat=len(self.dampers)))
-        return list(cartesian(range(len(self.A)), each))
 
     def piece(
-        self, own: tuple[int, tuple[int, ...]], K: Array, units: Array, level: float
+        self, pair: tuple[int, int], choice: tuple[int, ...], K: Array, units: Array, level: float
     ) -> tuple[Piece, list[float]]:
         """Return a piece in these units, its cost over a level's square, and its forms' sizes."""
-        (j, choice), S, back = own, np.diag(units), np.diag(1 / units)
+        (j, k), S, back = pair, np.diag(units), np.diag(1 / units)
         gain, forms, sizes = list[Array](), list[Array](), list[float]()
         for row, v, (low, high), what in zip(K, self.rates, self.bounds, choice, strict=True):
             gain.append((row, low * v, high * v)[what])
@@ -345,18 +347,20 @@ class _Question:
             form = S @ (np.outer(a, b) + np.outer(b, a)) @ S / 2
             sizes.append(float(np.abs(form).max()))
             forms.append(form / sizes[-1])
-        A, C = self.loop(j, np.array(gain))
-        stays = len(self.A) * 2 ** len(self.dampers)
-        share = 0.0 if GIVEN in choice else 1 / stays
-        Q = S @ C.T @ C @ S / level**2
-        return Piece(back @ A @ S, back @ self.E, Q, tuple(forms), share), sizes
+        loops = [self.loop(i, np.array(gain)) for i in pair]
+        C, other = (out @ S / level for _, out in loops)
+        number = 1 if j == k else 2
+        Q = number * (C.T @ other + other.T @ C) / 2
+        motions = [(i, back @ A @ S) for i, (A, _) in zip((k, j), loops, strict=True)][:number]
+        own = (number, tuple(motions), back @ self.E, Q, tuple(forms), GIVEN not in choice)
+        return Piece(*own), sizes
 
     def common(self, units: Array, A: Array) -> Array:
         """Return X > 0 with X A + A'X < 0 whatever the dampers do, found from a loop's own."""
         from scipy.linalg import solve_continuous_lyapunov
 
         S, back, n = np.diag(units), np.diag(1 / units), len(units)
-        basis = []
+        basis = list[Array]()
         for i in range(n):
             for k in range(i + 1):
                 own = np.zeros((n, n))
@@ -369,8 +373,8 @@ class _Question:
                 F.append(np.array([-(own @ loop + loop.T @ own) for own in basis]))
         X = solve_continuous_lyapunov((back @ A @ S).T, -np.eye(n))
         x = np.array([X[i, k] for i in range(n) for k in range(i + 1)])
-        trace = np.array([float(np.trace(own)) for own in basis])
-        found = inside(F, x, trace)
+        trace = np.array([np.trace(own) for own in basis])[:, None, None]
+        found = inside([(0, f) for f in F], x, trace, np.zeros((0, len(x))))
         return np.asarray(back @ np.tensordot(found, F[0], 1) @ back)
 
 

@@ -50,6 +50,17 @@ DAMPING, LEAST_DAMPING = 0.7, 1e-4
 POOR, PATIENCE, ILL = 14, 3, 1e-5
 
 
+class Newton(Protocol):
+    """Factors of H, and what they solve."""
+
+    @property
+    def pivot(self) -> float:
+        """The least pivot of the scaled H."""
+
+    def solved(self, a: Array) -> Array:
+        """Return H^-1 a."""
+
+
 class Linear(Protocol):
     """D and M of a pencil, and what is made of them: see `polefence.lmi.solve.stacked.Stacked`."""
 
@@ -66,8 +77,14 @@ class Linear(Protocol):
     def adjoint(self, r: float, P: Blocks, only_D: bool = False) -> Array:
         """Return the gradient of <P, r D(x) - M(x)> in x; with ``only_D`` that of <P, D(x)>."""
 
-    def hessian(self, r: float, Y: Blocks, Q: Blocks) -> Array:
-        """Return H_ij = sum of tr(F_i Y F_j Q) over blocks."""
+    def newton(self, r: float, Y: Blocks, Q: Blocks, shift: float) -> Newton:
+        """Return the factors of H_ij = sum of tr(F_i Y F_j Q), its scaled diagonal shifted.
+
+        Raises
+        ------
+        numpy.linalg.LinAlgError
+            If it is singular in floats.
+        """
 
 
 @dataclass(frozen=True, eq=False)
@@ -217,13 +234,8 @@ class _Arc:
         (self.x, self.r, self.Y), (self.F, self.D) = point, blocks
         self.Q = _inverses(self.F)
         P = self._sym(self.D)
-        H = stacked.hessian(self.r, self.Y, self.Q)
-        # an unknown in no block, of an input without effect say, stays put
-        used = np.diag(H) > 0
-        self.scale = np.where(used, 1 / np.sqrt(np.where(used, np.diag(H), 1.0)), 0.0)
-        scaled = H * np.outer(self.scale, self.scale) + np.diag(np.where(used, shift, 1.0))
-        factor = np.linalg.cholesky(scaled)
-        self.inverse, self.pivot = np.linalg.inv(factor), float(np.diag(factor).min())
+        self.newton = stacked.newton(self.r, self.Y, self.Q, shift)
+        self.pivot = self.newton.pivot
         self.g = stacked.adjoint(self.r, P) - stacked.adjoint(self.r, self.Y, only_D=True)
         self.Hg, self.Ht = self._solved(self.g), self._solved(t)
         self.delta = _inner(self.D, P)
@@ -285,8 +297,7 @@ class _Arc:
         return _Direction(dx, dr, dF, D, _sum(base, self._sym(dF), -1.0))
 
     def _solved(self, a: Array) -> Array:
-        half = self.inverse @ (self.scale * a)
-        return np.asarray(self.scale * (self.inverse.T @ half))
+        return self.newton.solved(a)
 
     def _sym(self, X: Blocks) -> Blocks:
         """sym(Y X Q) in every block."""

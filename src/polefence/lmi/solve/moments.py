@@ -24,7 +24,7 @@ from polefence.base.errors import SolverError
 from polefence.base.progress import stage
 from polefence.lmi.solve import interior_point
 from polefence.lmi.solve.interior_point import Outcome
-from polefence.lmi.solve.stacked import Blocks
+from polefence.lmi.solve.stacked import Blocks, Factors
 from polefence.plant.system import Array
 from polefence.proof.polynomials import Exponent
 from polefence.proof.squares import bases, joined, monomials
@@ -32,22 +32,24 @@ from polefence.proof.squares import bases, joined, monomials
 # Blocks that begin below zero end inside by this share of what they lacked.
 WITHIN = 0.05
 WIDE = 1.3  # the first r over the least of the first moments
-RANK = 1e-10  # of the largest singular value, what is taken for zero
+HALVINGS = 40  # of the share of time that a Gaussian begins with where forces are as demanded
 COARSE = 1e-6  # tolerance where no more than a point inside is wanted
 
 
 @dataclass(frozen=True, eq=False)
 class Piece:
-    """x' = A x + E w with cost x'Q x, where x's forms are not negative.
+    """What is to hold where some forms of x are not negative.
 
-    ``share`` is how much of the time the search begins with here, of all pieces one.
+    ``weight`` - x'Q x / g less the mean derivative of each V that ``motions`` names, by its number,
+    along x' = A x + E w.
     """
 
-    A: Array
+    weight: float
+    motions: tuple[tuple[int, Array], ...]
     E: Array
     Q: Array
     forms: tuple[Array, ...]
-    share: float
+    at_bounds: bool  # whether x' = A x is stable whatever the others are
 
 
 @dataclass(frozen=True, eq=False)
@@ -124,53 +126,116 @@ def _more(e: Exponent, i: int) -> Exponent:
 
 
 @dataclass(frozen=True, eq=False)
-class Spelt:
-    """r D(x) - M(x) >= 0 with the derivatives of each block by all unknowns, as `Stacked` is used.
+class Block:
+    """The derivatives (count, size, size) of a block by the moments of a piece, of D and of M."""
 
-    ``D`` and ``M`` have arrays (unknowns, size, size), one a block.
+    piece: int
+    D: Array
+    M: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Conditions:
+    """r D(y) - M(y) >= 0 for moments y of all pieces, one after the other, with L y = 0.
+
+    ``row``, where there is one, is a last block of one entry, r row[0]'y - row[1]'y.
     """
 
-    D: list[Array]
-    M: list[Array]
+    count: int
+    blocks: list[Block]
+    L: Array
+    row: tuple[Array, Array] | None = None
 
-    @cached_property
+    @property
     def order(self) -> int:
         """Sum of the blocks' sizes."""
-        return sum(M.shape[1] for M in self.M)
+        return sum(len(own.M[0]) for own in self.blocks) + (self.row is not None)
+
+    def span(self, piece: int) -> slice:
+        """Where a piece's moments are."""
+        return slice(piece * self.count, (piece + 1) * self.count)
 
     def identity(self) -> Blocks:
         """Return the identity."""
-        return [np.eye(M.shape[1])[None] for M in self.M]
+        sizes = [own.M.shape[1] for own in self.blocks] + [1] * (self.row is not None)
+        return [np.eye(size)[None] for size in sizes]
 
     def parts(self, x: Array) -> tuple[Blocks, Blocks]:
         """Return D(x) and M(x)."""
-        D, M = ([np.tensordot(x, own, 1)[None] for own in each] for each in (self.D, self.M))
+        each = [(own, x[self.span(own.piece)]) for own in self.blocks]
+        D, M = ([np.tensordot(y, getattr(own, k), 1)[None] for own, y in each] for k in "DM")
+        if self.row is not None:
+            for found, own in zip((D, M), self.row, strict=True):
+                found.append(np.reshape(own @ x, (1, 1, 1)))
         return D, M
 
     def adjoint(self, r: float, P: Blocks, only_D: bool = False) -> Array:
         """Return the gradient of <P, r D(x) - M(x)> in x; with ``only_D`` that of <P, D(x)>."""
-        total = np.zeros(len(self.M[0]))
-        for D, M, own in zip(self.D, self.M, P, strict=True):
-            F = D if only_D else r * D - M
-            total += np.tensordot(F, own[0], 2)
+        total = np.zeros(self.L.shape[1])
+        for block, own in zip(self.blocks, P, strict=False):
+            F = block.D if only_D else r * block.D - block.M
+            total[self.span(block.piece)] += np.tensordot(F, own[0], 2)
+        if self.row is not None:
+            D, M = self.row
+            total += float(P[-1][0, 0, 0]) * (D if only_D else r * D - M)
         return total
 
-    def hessian(self, r: float, Y: Blocks, Q: Blocks) -> Array:
-        """Return H_ij = sum of tr(F_i Y F_j Q) over blocks."""
-        count = len(self.M[0])
-        H = np.zeros((count, count))
-        for D, M, y, q in zip(self.D, self.M, Y, Q, strict=True):
-            F = r * D - M
-            left, right = (F @ y[0]).reshape(count, -1), (F @ q[0]).swapaxes(1, 2)
-            H += left @ right.reshape(count, -1).T
-        return (H + H.T) / 2
+    def newton(self, r: float, Y: Blocks, Q: Blocks, shift: float) -> _Newton:
+        """Return the factors of H on the moments with L y = 0."""
+        H = np.zeros((self.L.shape[1] // self.count, self.count, self.count))
+        for block, y, q in zip(self.blocks, Y, Q, strict=False):
+            F = r * block.D - block.M
+            left, right = (F @ y[0]).reshape(self.count, -1), (F @ q[0]).swapaxes(1, 2)
+            H[block.piece] += left @ right.reshape(self.count, -1).T
+        factors = [Factors.of((own + own.T) / 2, shift) for own in H]
+        each = [own.half(self.L[:, self.span(p)].T) for p, own in enumerate(factors)]
+        coupled = Factors.of(np.sum([C.T @ C for C in each], axis=0), shift)
+        if self.row is None:
+            return _Newton(factors, each, coupled)
+        D, M = self.row
+        return _Newton(factors, each, coupled, r * D - M, float(Y[-1][0, 0, 0] * Q[-1][0, 0, 0]))
+
+
+class _Newton:
+    """Solves with H and L: the pieces' own, what couples them, and the last block's one row."""
+
+    def __init__(
+        self,
+        factors: list[Factors],
+        each: list[Array],
+        coupled: Factors,
+        row: Array | None = None,
+        size: float = 0.0,
+    ) -> None:
+        self.factors, self.each, self.coupled = factors, each, coupled
+        self.pivot = min(own.pivot for own in factors)
+        self.row = np.zeros(len(factors) * len(factors[0].scale)) if row is None else row
+        self.moved = self._kept(self.row)
+        self.share = size / (1 + size * float(self.row @ self.moved))
+
+    def solved(self, a: Array) -> Array:
+        """Return x with H x = a but for L'z, and L x = 0."""
+        x = self._kept(a)
+        return np.asarray(x - self.share * float(self.row @ x) * self.moved)
+
+    def _kept(self, a: Array) -> Array:
+        parts = zip(self.factors, np.split(a, len(self.each)), strict=True)
+        halves = [factors.half(own) for factors, own in parts]
+        total = np.zeros(self.each[0].shape[1])
+        for C, h in zip(self.each, halves, strict=True):
+            total += C.T @ h
+        z = self.coupled.solved(total)
+        found = []
+        for factors, C, h in zip(self.factors, self.each, halves, strict=True):
+            found.append(factors.scale * (factors.inverse.T @ (h - C @ z)))
+        return np.concatenate(found)
 
 
 @dataclass(frozen=True, eq=False)
 class Mean:
     """What bounds a long-run mean.
 
-    ``level`` is g, ``V`` the polynomial by all monomials but one, and ``grams`` has one list a
+    ``level`` is g, ``V`` has the polynomials by all monomials but one, and ``grams`` one list a
     piece: the matrices of its own bases, then of each form's.
     """
 
@@ -180,22 +245,27 @@ class Mean:
 
 
 class Problem:
-    """The moments of pieces that share V."""
+    """The moments of pieces."""
 
     def __init__(self, pieces: Sequence[Piece], degree: int) -> None:
-        self.pieces, n = pieces, len(pieces[0].A)
-        self.space = Space(n, degree)
-        self.count = len(self.space.monomials)
+        self.pieces, n = pieces, len(pieces[0].Q)
+        self.space = space = Space(n, degree)
+        self.count = count = len(space.monomials)
         inner, lower = bases(n, degree // 2), bases(n, degree // 2 - 1)
         self.blocks = list[tuple[int, Array]]()
         for p, piece in enumerate(pieces):
-            self.blocks += [(p, self.space.products(basis)) for basis in inner]
+            self.blocks += [(p, space.products(basis)) for basis in inner]
             for form in piece.forms:
-                self.blocks += [(p, self.space.products(basis, form)) for basis in lower]
-        self.generator = np.hstack([self.space.generator(p.A, p.E) for p in pieces])
-        self.cost = np.concatenate([self.space.form(p.Q) for p in pieces])
-        self.mass = np.zeros(self.count * len(pieces))
-        self.mass[:: self.count] = 1.0
+                self.blocks += [(p, space.products(basis, form)) for basis in lower]
+        most = 1 + max(i for piece in pieces for i, _ in piece.motions)
+        self.generator = np.zeros((most * (count - 1), count * len(pieces)))
+        for p, piece in enumerate(pieces):
+            for i, A in piece.motions:
+                own = slice(i * (count - 1), (i + 1) * (count - 1))
+                self.generator[own, p * count : (p + 1) * count] += space.generator(A, piece.E)
+        self.cost = np.concatenate([space.form(p.Q) for p in pieces])
+        self.mass = np.zeros(count * len(pieces))
+        self.mass[::count] = [p.weight for p in pieces]
 
     @stage("moments")
     def solved(self, tolerance: float) -> Mean:
@@ -206,37 +276,46 @@ class Problem:
         SolverError
             If the search fails.
         """
-        _, size, V = np.linalg.svd(self.generator)
-        T = V[int((size > RANK * size[0]).sum()) :].T  # moments with which no V moves on average
-        count = self.count
-        F = [np.tensordot(T[p * count : (p + 1) * count], own, (0, 0)) for p, own in self.blocks]
-        cost, mass = self.cost @ T, self.mass @ T
-        x = inside(F, T.T @ self._start(), mass)
-        rising, falling = cost[:, None, None], mass[:, None, None]
-        spelt = Spelt([rising, *(0 * f for f in F)], [falling, *(-f for f in F)])
-        found = _run(spelt, x, WIDE * float(mass @ x / (cost @ x)), 0.0, tolerance)
-        first, *grams = (own[0] for own in found.Y)
-        return self._completed([own / first[0, 0] for own in grams])
+        blocks = [Block(p, 0 * f, -f) for p, f in self.blocks]
+        own = Conditions(self.count, blocks, self.generator, (self.cost, self.mass))
+        x = self.first
+        r = WIDE * float(self.mass @ x / (self.cost @ x))
+        found = _run(own, x, r, 0.0, tolerance)
+        *grams, last = (Y[0] for Y in found.Y)
+        return self._completed([Y / last[0, 0] for Y in grams])
 
-    def _start(self) -> Array:
-        """Return moments of a Gaussian that is in each piece for its share of the time.
+    @cached_property
+    def first(self) -> Array:
+        """Moments with which the search begins.
 
         Raises
         ------
         SolverError
-            If the mean of the pieces' motions is not stable.
+            If none are found.
+        """
+        one = np.zeros((self.count, 1, 1))
+        one[0] = 1.0
+        return inside(self.blocks, self._start(), one, self.generator)
+
+    def _start(self) -> Array:
+        """Return moments of one Gaussian in each piece, for a share of the time.
+
+        Raises
+        ------
+        SolverError
+            If no mean of the pieces' motions is stable.
         """
         from scipy.linalg import solve_continuous_lyapunov
 
-        shares = [p.share for p in self.pieces]
-        A, W = (
-            np.tensordot(shares, np.array(each), 1)
-            for each in ([p.A for p in self.pieces], [p.E @ p.E.T for p in self.pieces])
-        )
-        if np.linalg.eigvals(A).real.max() >= 0:
-            raise SolverError("the mean of the pieces is not stable")
-        own = self.space.gaussian(np.asarray(solve_continuous_lyapunov(A, -W), dtype=float))
-        return np.concatenate([share * own for share in shares])
+        W = np.mean([p.E @ p.E.T for p in self.pieces], axis=0)
+        for share in 0.5 ** np.arange(HALVINGS):
+            each = [1.0 if p.at_bounds else float(share) for p in self.pieces]
+            pairs = [(s, A) for s, p in zip(each, self.pieces, strict=True) for _, A in p.motions]
+            A = np.average([A for _, A in pairs], axis=0, weights=[s for s, _ in pairs])
+            if np.linalg.eigvals(A).real.max() < 0:
+                X = np.asarray(solve_continuous_lyapunov(A, -W), dtype=np.float64)
+                return np.concatenate([s * self.space.gaussian(X) for s in each]) / sum(each)
+        raise SolverError("no mean of the pieces is stable")
 
     def _completed(self, grams: list[Array]) -> Mean:
         """Return V and 1/g by least squares, with the matrices by pieces.
@@ -250,7 +329,7 @@ class Problem:
         each: list[list[Array]] = [[] for _ in self.pieces]
         for (p, _), own in zip(self.blocks, grams, strict=True):
             each[p].append(own)
-        return Mean(1 / float(found[0]), np.asarray(found[1:]), each)
+        return Mean(1 / float(found[0]), found[1:].reshape(-1, self.count - 1), each)
 
     def _rest(self, grams: list[Array]) -> Array:
         """Return what 1 - m'G m - ... leaves for V and 1/g, by moments."""
@@ -260,56 +339,74 @@ class Problem:
         return rest
 
     def _refined(self, grams: list[Array], L: Array) -> list[Array]:
-        """Return G + G^1/2 S G^1/2 for the least S with which there are V and 1/g."""
-        _, size, V = np.linalg.svd(L)
-        Z = V[int((size > RANK * size[0]).sum()) :]
+        """Return G + G^1/2 S G^1/2 for the least S with which there are V and 1/g.
+
+        In a piece S = Q R'^-1 (rest - L'v), Q R the factors of S's equations' transpose; v is that
+        of the least sum of squares.
+        """
         roots = [np.linalg.cholesky(own) for own in grams]
-        columns = []
-        for (p, block), root in zip(self.blocks, roots, strict=True):
-            own = Z[:, p * self.count : (p + 1) * self.count]
-            scaled = root.T @ np.tensordot(own, block, 1) @ root
-            columns.append(scaled.reshape(len(Z), -1))
-        found, *_ = np.linalg.lstsq(np.hstack(columns), Z @ self._rest(grams), rcond=None)
-        refined, start = list[Array](), 0
-        for root, own in zip(roots, grams, strict=True):
-            S = found[start : start + own.size].reshape(own.shape)
-            start += own.size
-            moved = root @ (S + S.T) @ root.T / 2
+        rest, count = self._rest(grams), self.count
+        factors, left, right = list[tuple[Array, Array]](), list[Array](), list[Array]()
+        for p in range(len(self.pieces)):
+            columns = [
+                (root.T @ block @ root).reshape(count, -1)
+                for (k, block), root in zip(self.blocks, roots, strict=True)
+                if k == p
+            ]
+            Q, R = np.linalg.qr(np.hstack(columns).T)
+            span = slice(p * count, (p + 1) * count)
+            both = np.linalg.solve(R.T, np.column_stack([L[:, span].T, rest[span]]))
+            factors.append((Q, R))
+            left.append(both[:, :-1])
+            right.append(both[:, -1])
+        v, *_ = np.linalg.lstsq(np.vstack(left), np.concatenate(right), rcond=None)
+        S = [Q @ (b - M @ v) for (Q, _), M, b in zip(factors, left, right, strict=True)]
+        refined, starts = list[Array](), [0] * len(self.pieces)
+        for (p, _), root, own in zip(self.blocks, roots, grams, strict=True):
+            part = S[p][starts[p] : starts[p] + own.size].reshape(own.shape)
+            starts[p] += own.size
+            moved = root @ (part + part.T) @ root.T / 2
             refined.append(own + (moved + moved.T) / 2)
         return refined
 
 
-def inside(F: list[Array], x: Array, mass: Array) -> Array:
-    """Return a point at which all blocks, linear in it, are positive definite.
+def inside(F: list[tuple[int, Array]], x: Array, mass: Array, L: Array) -> Array:
+    """Return a point with L x = 0 at which all blocks, linear in it, are positive definite.
 
     Parameters
     ----------
-    F : list of arrays (unknowns, size, size)
-    x : (unknowns,) array
-        With a positive mass.
-    mass : (unknowns,) array
+    F : list of pairs of an int and an array (count, size, size)
+        Blocks by the unknowns of one piece, and that piece.
+    x : (pieces * count,) array
+        With L x = 0, and a positive mass in every piece.
+    mass : (count, 1, 1) array
         In proportion to what a block may lack on the way.
+    L : (., pieces * count) array
 
     Raises
     ------
     SolverError
         If none is found.
     """
-    lacking = -min(float(np.linalg.eigvalsh(np.tensordot(x, f, 1))[0]) for f in F)
-    if lacking < 0:
+    count, lacking = len(mass), 0.0
+    for p, f in F:
+        own = x[p * count : (p + 1) * count]
+        least = float(np.linalg.eigvalsh(np.tensordot(own, f, 1))[0])
+        lacking = max(lacking, -least / float(own @ mass[:, 0, 0]))
+    if lacking <= 0:
         return x
-    lacking /= float(mass @ x)
     shift = WITHIN * lacking
-    D = [mass[:, None, None] * np.eye(f.shape[1]) for f in F]
-    spelt = Spelt(D, [shift * d - f for d, f in zip(D, F, strict=True)])
-    found = _run(spelt, x, (1 + WITHIN) * lacking + shift, shift / 2, COARSE)
+    D = [mass * np.eye(f.shape[1]) for _, f in F]
+    blocks = [Block(p, d, shift * d - f) for d, (p, f) in zip(D, F, strict=True)]
+    start = (1 + WITHIN) * lacking + shift
+    found = _run(Conditions(count, blocks, L), x, start, shift, COARSE)
     if found.r >= shift:
         raise SolverError("no point was found inside")
     return found.x
 
 
-def _run(spelt: Spelt, x: Array, r: float, enough: float, tolerance: float) -> Outcome:
+def _run(own: Conditions, x: Array, r: float, enough: float, tolerance: float) -> Outcome:
     try:
-        return interior_point.run(spelt, x, r, enough, tolerance)
+        return interior_point.run(own, x, r, enough, tolerance)
     except np.linalg.LinAlgError as error:
         raise SolverError("the search has no start") from error

@@ -178,6 +178,10 @@ class Stacked:
             H[unknowns[:, None], unknowns] += products[0] @ products[1].T
         return (H + H.T) / 2
 
+    def newton(self, r: float, Y: Blocks, Q: Blocks, shift: float) -> Factors:
+        """Return the factors of H, its scaled diagonal shifted."""
+        return Factors.of(self.hessian(r, Y, Q), shift)
+
     def split(self, flat: Array) -> Blocks:
         """Return blocks from all their entries in one row."""
         blocks, start = [], 0
@@ -186,6 +190,39 @@ class Stacked:
             blocks.append(flat[start:end].reshape(count, size, size))
             start = end
         return blocks
+
+
+@dataclass(frozen=True, eq=False)
+class Factors:
+    """A positive definite matrix scaled to a diagonal of ones, and its factor's inverse."""
+
+    scale: Array
+    inverse: Array
+    pivot: float
+
+    @classmethod
+    def of(cls, H: Array, shift: float) -> Factors:
+        """Return the factors with the scaled diagonal shifted.
+
+        Raises
+        ------
+        numpy.linalg.LinAlgError
+            If the matrix is singular in floats.
+        """
+        # an unknown in no block, of an input without effect say, stays put
+        used = np.diag(H) > 0
+        scale = np.where(used, 1 / np.sqrt(np.where(used, np.diag(H), 1.0)), 0.0)
+        scaled = H * np.outer(scale, scale) + np.diag(np.where(used, shift, 1.0))
+        factor = np.linalg.cholesky(scaled)
+        return cls(scale, np.linalg.inv(factor), float(np.diag(factor).min(initial=1.0)))
+
+    def half(self, a: Array) -> Array:
+        """Return what has H^-1 as its square: a'H^-1 b is the product of two of these."""
+        return np.asarray(self.inverse @ (self.scale * a.T).T)
+
+    def solved(self, a: Array) -> Array:
+        """Return H^-1 a."""
+        return np.asarray(self.scale * (self.inverse.T @ self.half(a)))
 
 
 def _flat(X: Blocks) -> Array:

@@ -7,15 +7,16 @@ c1 v and c2 v. Where each is, is said by a quadratic form of x:
     u_k = c1 v   where  -(K x - c1 v) v >= 0,          u_k = c2 v   where  (K x - c2 v) v >= 0.
 
 In each piece, one of three a damper, the motion is x' = A x + E w, A a closed loop, the signal
-z = C x; W is the intensity times E E'. With a polynomial V of even degree, s the forms, m and l
-monomials, and for every vertex and piece G > 0 and H > 0
+z = C x; W is the intensity times E E'. With a polynomial V of even degree in x, affine in alpha,
+s the forms, m and l monomials, and in every piece G > 0 and H > 0
 
     1 - z'z / g^2 - (grad V)'A x - (1/2) tr W (hess V) - sum s (l'H l) = m'G m,
 
 the mean derivative of V is at most 1 - z'z / g^2. A matrix X > 0 with X A + A'X < 0 for every
 vertex and all dampers at either of their bounds keeps all moments of x bounded, whatever the logic;
-so the mean of V's derivative over a long time is zero, and that of z'z at most g^2. Between the
-vertices A and z are in between, H too, and z'z is convex; V, v, K and E are the same at all.
+so the mean of V's derivative over a long time is zero, and that of z'z at most g^2. A, z and V are
+affine in alpha, the left side times (sum of alpha)^2 is a form in it of degree two, and G and H are
+those of its coefficients, one for each pair of vertices; v, K and E are the same at all.
 """
 
 from __future__ import annotations
@@ -44,7 +45,7 @@ from polefence.proof.matrices import (
     whole_numbers,
 )
 from polefence.proof.plant import Plant
-from polefence.proof.reading import MAX_SIZE, Table, plain
+from polefence.proof.reading import MAX_SIZE, MAX_VERTICES, Table, as_list, as_number, plain
 from polefence.proof.text import digits_down, digits_up, number_text, output_text, sum_text
 from polefence.proof.work import RATIONAL, FormatError, spend, tell
 
@@ -80,10 +81,10 @@ class Clipped(Claim):
     units : tuple of Fraction
         V is a polynomial of the states over these.
     X : n x n rationals
-    V : tuple of Fraction
-        By the even monomials but one.
+    V : tuple of tuples of Fraction
+        For each vertex, by the even monomials but one.
     pieces : tuple of Squares
-        For each vertex, each choice of a piece for every damper.
+        For each pair of vertices, each choice of a piece for every damper.
     scales : tuple of Fraction
         How much of each disturbance acts; all of each where there are none.
     """
@@ -100,7 +101,7 @@ class Clipped(Claim):
     degree: int
     units: tuple[Fraction, ...]
     X: Rationals
-    V: tuple[Fraction, ...]
+    V: tuple[tuple[Fraction, ...], ...]
     pieces: tuple[Squares, ...]
     scales: tuple[Fraction, ...] = ()
 
@@ -125,7 +126,7 @@ class Clipped(Claim):
             degree,
             evidence.numbers("units", plant.n),
             evidence.matrix("X", plant.n, plant.n),
-            evidence.numbers("V", None, MAX_MONOMIALS),
+            _read_rows(evidence, "V"),
             tuple(map(_read_squares, rows)),
             table.numbers("disturbances", plant.q) if "disturbances" in table else (),
         )
@@ -202,12 +203,13 @@ class Clipped(Claim):
         if type(self.degree) is not int or not 2 <= self.degree <= MAX_DEGREE or self.degree % 2:
             raise FormatError(f"degree must be even, 2 to {MAX_DEGREE}")
         count = squares.count_of(n, self.degree)
-        if count > MAX_MONOMIALS or N * 3**m > MAX_PIECES:
+        pieces = N * (N + 1) // 2 * 3**m
+        if count > MAX_MONOMIALS or pieces > MAX_PIECES:
             raise FormatError("these are more monomials, or more pieces, than are checked here")
-        if len(self.V) != count - 1:
-            raise FormatError(f"V must hold {count - 1} numbers, one a monomial")
-        if len(self.pieces) != N * 3**m:
-            raise FormatError(f"pieces must be {N * 3**m}")
+        if len(self.V) != N or any(len(V) != count - 1 for V in self.V):
+            raise FormatError(f"V must hold {count - 1} numbers, one a monomial, for each vertex")
+        if len(self.pieces) != pieces:
+            raise FormatError(f"pieces must be {pieces}")
         inner, lower = (squares.bases(n, self.degree // 2 - k) for k in range(2))
         if max(map(len, inner)) > MAX_SIZE:
             raise FormatError("these are more monomials than are checked here")
@@ -219,7 +221,7 @@ class Clipped(Claim):
                 _require_sizes(each, lower)
         rows = len(self.pieces) * len(inner)
         require_work(least_work(rows, max(map(len, inner))))
-        numbers: list[Rationals] = [self.K, self.X, [list(self.V), list(self.units)]]
+        numbers: list[Rationals] = [self.K, self.X, list(map(list, self.V)), [list(self.units)]]
         numbers += [[[self.limit.level, self.limit.intensity, *self.scales]]]
         numbers += [M for y in self.limit.outputs for M in (*y.C, *y.D)]
         numbers += [M for own in self.dampers for M in own.numbers]
@@ -253,49 +255,57 @@ class Clipped(Claim):
     def blocks(self) -> Iterator[tuple[Place, Integers]]:
         """Yield the matrices that are to be positive definite, with their places."""
         yield _block("X", self.X)
-        for j, choice, A, _, _ in self._loops((LOWER, UPPER)):
-            yield _block(f"of any logic, vertex {j + 1}{_words(choice)}", _decrease(self.X, A))
-        for own, piece in zip(self.pieces, self._loops((GIVEN, LOWER, UPPER)), strict=True):
-            name = f"vertex {piece[0] + 1}{_words(piece[1])}"
+        m, N = len(self.dampers), len(self.A)
+        for choice in cartesian((LOWER, UPPER), repeat=m):
+            for j in range(N):
+                name = f"of any logic, vertex {j + 1}{_words(choice)}"
+                yield _block(name, _decrease(self.X, self._loop(j, choice)[0]))
+        for own, (pair, choice) in zip(self.pieces, pieces_of(N, m), strict=True):
+            name = f"vertices {pair[0] + 1} and {pair[1] + 1}{_words(choice)}"
             for k, H in enumerate(H for each in own.multipliers for H in each):
                 yield _block(f"multiplier {k + 1}, {name}", H)
-            for G in self._completed(own, *piece[2:]):
+            for G in self._completed(own, pair, choice):
                 yield _block(f"of squares, {name}", G)
 
-    def _loops(
-        self, choices: Sequence[int]
-    ) -> Iterator[tuple[int, tuple[int, ...], Rationals, Rationals, list[Rationals]]]:
-        """Yield vertex, choice for every damper, closed loop, rows of z, and the forms."""
-        for j, (A, B) in enumerate(zip(self.A, self.B, strict=True)):
-            C = [y.C[j][0] for y in self.limit.outputs]
-            D = [y.D[j][0] for y in self.limit.outputs]
-            for choice in cartesian(choices, repeat=len(self.dampers)):
-                gain, forms = list[list[Fraction]](), list[Rationals]()
-                for row, own, what in zip(self.K, self.dampers, choice, strict=True):
-                    gain.append(_force(row, own, what))
-                    forms.append(_form(row, own, what))
-                yield j, choice, _closed(A, B, gain), _closed(C, D, gain), forms
+    def _loop(self, j: int, choice: Sequence[int]) -> tuple[Rationals, Rationals]:
+        """Return the closed loop at a vertex, and the rows of z."""
+        each = zip(self.K, self.dampers, choice, strict=True)
+        gain = [_force(row, own, what) for row, own, what in each]
+        C, D = ([getattr(y, k)[j][0] for y in self.limit.outputs] for k in "CD")
+        return add(self.A[j], product(self.B[j], gain)), add(C, product(D, gain))
 
     def _completed(
-        self, own: Squares, A: Rationals, C: Rationals, forms: list[Rationals]
+        self, own: Squares, pair: tuple[int, int], choice: tuple[int, ...]
     ) -> Iterator[Rationals]:
         """Return the matrices G of a piece, made exact."""
-        n, s = len(A), self.units
-        self._spend(own, A, C, forms)
-        A = [[x * s[k] / s[i] for k, x in enumerate(row)] for i, row in enumerate(A)]
-        C = [[x * s[k] for k, x in enumerate(row)] for row in C]
-        Q = [[sum((r[i] * r[k] for r in C), Fraction(0)) for k in range(n)] for i in range(n)]
-        V = dict(zip(squares.monomials(n, self.degree, 0)[1:], self.V, strict=True))
-        f = squares.less({(0,) * n: Fraction(1)}, squares.drift(V, A, self._noise()))
-        square = self.limit.level**2
-        f = squares.less(f, squares.of_form([[x / square for x in row] for row in Q]))
+        (j, k), n, s = pair, len(self.units), self.units
+        each = zip(self.K, self.dampers, choice, strict=True)
+        forms = [_form(row, damper, what) for row, damper, what in each]
+        self._spend(own, forms)
+        once, loops = j == k, [self._scaled(self._loop(i, choice)) for i in pair]
+        f: squares.Sparse = {(0,) * n: Fraction(1 if once else 2)}
+        (_, C), (_, other) = loops
+        square, basis = self.limit.level**2, squares.monomials(n, self.degree, 0)[1:]
+        Q = _form_of(C, other)
+        f = squares.less(
+            f, squares.of_form([[x * (1 if once else 2) / square for x in r] for r in Q])
+        )
+        for i, (A, _) in list(zip(reversed(pair), loops, strict=True))[: 1 if once else 2]:
+            V = dict(zip(basis, self.V[i], strict=True))
+            f = squares.less(f, squares.drift(V, A, self._noise()))
         lower = squares.bases(n, self.degree // 2 - 1)
-        for each, form in zip(own.multipliers, forms, strict=True):
-            scaled = [[x * s[i] * s[k] for k, x in enumerate(row)] for i, row in enumerate(form)]
-            for H, basis in zip(each, lower, strict=True):
-                own_part = squares.of_matrix(H, basis)
-                f = squares.less(f, squares.times(squares.of_form(scaled), own_part))
+        for matrices, form in zip(own.multipliers, forms, strict=True):
+            scaled = [[x * s[a] * s[b] for b, x in enumerate(row)] for a, row in enumerate(form)]
+            for H, own_basis in zip(matrices, lower, strict=True):
+                multiple = squares.of_matrix(H, own_basis)
+                f = squares.less(f, squares.times(squares.of_form(scaled), multiple))
         return squares.completed(f, own.own, squares.bases(n, self.degree // 2))
+
+    def _scaled(self, loop: tuple[Rationals, Rationals]) -> tuple[Rationals, Rationals]:
+        """Return a loop and its rows of z in the units."""
+        (A, C), s = loop, self.units
+        scaled = [[x * s[k] / s[i] for k, x in enumerate(row)] for i, row in enumerate(A)]
+        return scaled, [[x * s[k] for k, x in enumerate(row)] for row in C]
 
     def _noise(self) -> Rationals:
         """Return the intensity times E E', in the units."""
@@ -311,15 +321,33 @@ class Clipped(Claim):
             for x in rows
         ]
 
-    def _spend(self, own: Squares, A: Rationals, C: Rationals, forms: list[Rationals]) -> None:
+    def _spend(self, own: Squares, forms: list[Rationals]) -> None:
         """Count the work on a piece's polynomial before it begins."""
-        n = len(A)
-        matrices = [*own.own, *(H for each in own.multipliers for H in each), *forms, A, C]
-        length = longest((tuple(x for M in matrices for row in M for x in row), self.V, self.units))
-        operations = len(self.V) * 2 * n * n
+        n = len(self.units)
+        multipliers = [H for each in own.multipliers for H in each]
+        matrices = [*own.own, *multipliers, *forms, *self.A, *self.B, self.K]
+        matrices += [M for y in self.limit.outputs for M in (*y.C, *y.D)]
+        length = longest(
+            (tuple(x for M in matrices for row in M for x in row), *self.V, self.units)
+        )
+        operations = 4 * len(self.V[0]) * n * n
         operations += sum(len(M) ** 2 for M in own.own)
-        operations += sum(len(H) ** 2 * n * n for each in own.multipliers for H in each)
+        operations += sum(len(H) ** 2 * n * n for H in multipliers)
         spend(RATIONAL * operations, 2 * length, length)
+
+
+def pieces_of(N: int, m: int) -> list[tuple[tuple[int, int], tuple[int, ...]]]:
+    """Return pairs of vertices with what each damper does, in the order of a claim's pieces."""
+    pairs = [(j, k) for j in range(N) for k in range(j, N)]
+    return list(cartesian(pairs, list(cartesian((GIVEN, LOWER, UPPER), repeat=m))))
+
+
+def _read_rows(table: Table, key: str) -> tuple[tuple[Fraction, ...], ...]:
+    where, found = table.path(key), []
+    for k, row in enumerate(table.items(key, MAX_VERTICES)):
+        own = f"{where}[{k + 1}]"
+        found.append(tuple(as_number(x, own) for x in as_list(row, own, MAX_MONOMIALS)))
+    return tuple(found)
 
 
 def _read_squares(row: Table) -> Squares:
@@ -366,9 +394,11 @@ def _form(row: list[Fraction], own: SemiActive, what: int) -> Rationals:
     return [[(x * b[k] + a[k] * b[i]) / 2 for k in range(len(a))] for i, x in enumerate(a)]
 
 
-def _closed(A: Rationals, B: Rationals, gain: Rationals) -> Rationals:
-    """Return A + B gain."""
-    return add(A, product(B, gain))
+def _form_of(C: Rationals, other: Rationals) -> Rationals:
+    """Return the symmetric part of C'other."""
+    left = [list(column) for column in zip(*C, strict=True)]
+    Q = product(left, other)
+    return [[(Q[i][k] + Q[k][i]) / 2 for k in range(len(Q))] for i in range(len(Q))]
 
 
 def _decrease(X: Rationals, A: Rationals) -> Rationals:

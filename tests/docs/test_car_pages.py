@@ -15,9 +15,8 @@ def snippet(page):
 
 def test_the_semi_active_page_prints_what_it_shows(capsys):
     exec(snippet("semi-active.md"), {})
-    (line,) = capsys.readouterr().out.splitlines()
     page = (DOCS / "semi-active.md").read_text()
-    assert f"prints `{line}`" in page
+    assert f"prints\n\n```text\n{capsys.readouterr().out}```" in page
     limit = re.search(r"below (\d\.\d+) m/s2", line)[1]
     assert f"| 4,000 | 0.985 | {float(limit):.3f} |" in page
 

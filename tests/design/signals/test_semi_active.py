@@ -72,6 +72,7 @@ def passive(rho, c):
 
 # best damper that stays, lower limits of semi-active and of any law [m/s2]
 TABLE = [
+    (1.0, 0.923, 0.567, 0.086),
     (4e3, 0.985, 0.705, 0.685),
     (1.5e4, 1.118, 0.961, 0.960),
     (4e4, 1.334, 1.247, 1.245),

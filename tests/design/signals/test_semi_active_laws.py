@@ -76,12 +76,12 @@ def laws(car):
     return {rho: semi_active(car, cost(car, rho), [DAMPER]) for rho, *_ in TABLE}
 
 
-# what is proved of the law; the best damper that stays [m/s2]
-TABLE = [(1.0, 0.812, 0.923), (4e3, 0.888, 0.985), (1.5e4, 1.054, 1.118), (4e4, 1.300, 1.334)]
-TABLE += [(1e5, 1.664, 1.686)]
+# what is proved of the law; the best damper that stays; the law in drives [m/s2]: docs/semi-active.md
+TABLE = [(1.0, 0.812, 0.923, 0.722), (4e3, 0.888, 0.985, 0.814), (1.5e4, 1.054, 1.118, 1.001)]
+TABLE += [(4e4, 1.300, 1.334, 1.262), (1e5, 1.664, 1.686, 1.630)]
 
 
-@pytest.mark.parametrize(("rho", "proved", "stays"), TABLE)
+@pytest.mark.parametrize(("rho", "proved", "stays"), [row[:3] for row in TABLE])
 def test_the_bounds_of_a_known_car(laws, rho, proved, stays):
     law = laws[rho]
     assert law.degree == 6
@@ -90,12 +90,13 @@ def test_the_bounds_of_a_known_car(laws, rho, proved, stays):
     assert law.level < law.passive
 
 
-@pytest.mark.parametrize("rho", [1.0, 4e3, 4e4])
-def test_a_drive_lies_between_what_every_logic_has_and_the_bound(car, laws, rho):
+@pytest.mark.parametrize(("rho", "drives"), [row[::3] for row in TABLE])
+def test_a_drive_lies_between_what_every_logic_has_and_the_bound(car, laws, rho, drives):
     low = refute_limits(car, [cost(car, rho, 1e-3)], [DAMPER])
     reached = driven(car, laws[rho], rho)
     assert 1e-3 * low.factor < reached < laws[rho].level
-    assert reached < 0.96 * laws[rho].passive
+    assert reached < 0.97 * laws[rho].passive
+    assert reached == pytest.approx(drives, rel=3e-3)
 
 
 def test_a_higher_degree_proves_more_and_two_what_the_best_damper_has(car):

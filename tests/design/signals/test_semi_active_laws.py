@@ -76,7 +76,7 @@ def laws(car):
     return {rho: semi_active(car, cost(car, rho), [DAMPER]) for rho, *_ in TABLE}
 
 
-# what is proved of the law; the best damper that stays; the law in drives [m/s2]: docs/semi-active.md
+# docs/semi-active.md: what is proved of the law; best damper that stays; the law in drives [m/s2]
 TABLE = [(1.0, 0.812, 0.923, 0.722), (4e3, 0.888, 0.985, 0.814), (1.5e4, 1.054, 1.118, 1.001)]
 TABLE += [(4e4, 1.300, 1.334, 1.262), (1e5, 1.664, 1.686, 1.630)]
 

@@ -21,6 +21,7 @@ PAGES = {  # with what a reader has before the first command
     "observers": None,
     "proof": STAGE,
     "reproduction": None,
+    "semi-active": None,
     "service": CAR,
     "tutorial": STAGE,
 }

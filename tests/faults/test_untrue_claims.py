@@ -101,6 +101,8 @@ def test_no_change_makes_a_false_claim_proved(documents, name):
         ("service/rate-k.json", ("decay",), 1e3),
         ("code/guarantee.json", ("gain", "region", "radius"), 0.5),
         ("table/table.json", ("region", "decay"), 1e3),
+        ("damper/law.json", ("limit", "level"), 0.1),
+        ("damper/limit.json", ("factor",), 1e5),
     ],
 )
 def test_the_samples_see_what_is_false(documents, name, path, value):

@@ -105,8 +105,25 @@ FILES = (
     "table/table.json", "service/estimate-k.json", "service/gain.json", "service/rate-k.json",
     "performance/design.json", "signals/design.json", "vectors/design.json", "code/guarantee.json",
     "observer/design.json", "observed/guarantee.json", "tuned/design.json", "parts/design.json",
-    "cells/design.json",
+    "cells/design.json", "damper/law.json", "damper/limit.json",
 )  # fmt: skip
+DAMPER = """name = "damped"
+states = ["d [m]", "v [m/s]"]
+inputs = ["u [N]"]
+disturbances = ["w [N]"]
+[matrices]
+A = [[0, -1], [2, 0]]
+B = [[0], [1]]
+E = [[0], [1]]
+[damper.u]
+deflection = "d"
+range = [1, 4]
+[[specification]]
+kind = "rms"
+signal = ["d", "u"]
+density = 1
+minimise = true
+"""
 RUN = ["--sample-time", "0.001", "--float", "32"]
 LIMITS = [
     "limits", "plain.toml", "--centre", "-3", "--method", "quadratic", "--json", "limits.json",
@@ -134,6 +151,7 @@ def write_every_file(made: Path) -> None:
     (made / "plain.toml").write_text(SPEC)
     (made / "spec.toml").write_text(SPEC + ASKED)
     (made / "two.toml").write_text(TWO)
+    (made / "damper.toml").write_text(DAMPER)
     knots = {"grid": {"k": [1, 2]}, "gains": [[[-3, -3]], [[-3, -3]]]}
     (made / "gains.json").write_text(json.dumps(knots))
     half = ["--region", "half_plane(0.3)"]
@@ -151,6 +169,7 @@ def write_every_file(made: Path) -> None:
         ["export", "quadratic", "-o", "code", "--sample-time", "0.001"],
         [*OBSERVE, "-o", "observer"],
         ["export", "scheduled", "-o", "observed", "--observer", "observer", *RUN],
+        ["semi-active", "damper.toml", "--degree", "4", "-o", "damper"],
         LIMITS[:-1],
         TRADEOFF[:-1],
     ):

@@ -386,7 +386,99 @@ def false_cells(plant, table, claim):
     return False
 
 
+def rows_of(claim, count, shape):
+    """The rows C and D of a limit's outputs at every vertex, one below the other."""
+    found = []
+    for key, width in zip("CD", shape, strict=True):
+        each = [array(own.get(key, [[0] * width])) for own in claim["outputs"]]
+        full = [np.repeat(own, count, axis=0) if len(own) == 1 else own for own in each]
+        found.append(np.stack(full, axis=1))
+    return found
+
+
+def noise_of(plant, claim, intensity):
+    scales = array(claim["disturbances"]) if "disturbances" in claim else 1.0
+    return plant.E * scales * np.sqrt(number(intensity))
+
+
+def dampers_of(claim, count):
+    """For each damper its input, its rate by the state, and its bounds."""
+    found = []
+    for own in claim.get("dampers", ()):
+        rate = array(own["rate"])
+        rate = np.repeat(rate, count, axis=0) if len(rate) == 1 else rate
+        found.append((own["input"] - 1, rate, number(own["low"]), number(own["high"])))
+    return found
+
+
+def false_clipped(plant, law, claim):
+    """Drives over roads that are drawn, and dampers stuck at their bounds."""
+    N, limit, K = len(plant.A), claim["limit"], array(claim["K"])
+    C, D = rows_of(limit, N, (plant.A.shape[1], plant.B.shape[2]))
+    E, dampers = noise_of(plant, claim, limit["intensity"]), dampers_of(claim, N)
+    for alpha in plant.alphas("simplex", 2):
+        A, B, E0, C0, D0 = (mix(alpha, M) for M in (plant.A, plant.B, E, C, D))
+        V = np.stack([mix(alpha, rate) for _, rate, _, _ in dampers])
+        low, high = (np.array([own[k] for own in dampers]) for k in (2, 3))
+        for c in product(*zip(low, high, strict=True)):
+            if np.linalg.eigvals(A + B @ (np.array(c)[:, None] * V)).real.max() > SLACK:
+                return True
+        reached = _driven(A, B, E0, C0, D0, V, K, low, high, plant.random)
+        if reached > 1.05 * number(limit["level"]):
+            return True
+    return False
+
+
+def _driven(A, B, E, C, D, V, K, low, high, random):
+    loops = [A + B @ (c[:, None] * V) for c in (low, high)]
+    rates = np.abs(np.concatenate([np.linalg.eigvals(own) for own in loops]))
+    step, steps = 0.05 / rates.max(), 4000
+
+    def forces(x):
+        v, u = x @ V.T, x @ K.T
+        return np.clip(u, np.minimum(low * v, high * v), np.maximum(low * v, high * v))
+
+    def moved(x):
+        return x @ A.T + forces(x) @ B.T
+
+    x, total = np.zeros((200, len(A))), 0.0
+    for k in range(steps):
+        for half in range(2):
+            x = x + random.standard_normal((len(x), E.shape[1])) @ E.T * np.sqrt(step / 2)
+            x = x + step * moved(x + step / 2 * moved(x)) if not half else x
+        if k >= steps // 2:
+            total += np.mean(np.sum((x @ C.T + forces(x) @ D.T) ** 2, axis=1)) / (steps // 2)
+    return np.sqrt(total)
+
+
+def false_conflict(plant, law, claim):
+    """Dampers that stay keep all of the limits times the factor."""
+    j, N = claim["vertex"] - 1, len(plant.A)
+    n, m = plant.A.shape[1], plant.B.shape[2]
+    dampers = dampers_of(claim, N)
+    for share in np.linspace(0, 1, 9):
+        K = np.zeros((m, n))
+        for k, rate, low, high in dampers:
+            K[k] += (low + share * (high - low)) * rate[j]
+        loop = plant.A[j] + plant.B[j] @ K
+        if np.linalg.eigvals(loop).real.max() >= 0:
+            continue
+        kept = []
+        for limit in claim["limits"]:
+            E = noise_of(plant, claim, limit["intensity"])[j]
+            X = solve_continuous_lyapunov(loop, -E @ E.T)
+            C, D = (rows[j] for rows in rows_of(limit, N, (n, m)))
+            Y = C + D @ K
+            level = number(limit["level"]) * number(claim["factor"])
+            kept.append(np.trace(Y @ X @ Y.T) < level**2 * (1 - SLACK))
+        if all(kept):
+            return True
+    return False
+
+
 FALSE = {
+    "clipped": false_clipped,
+    "conflict": false_conflict,
     "region": false_poles,
     "observer": false_observer,
     **dict.fromkeys(("rms", "relative rms", "energy peak", "initial peak", "gain"), false_signal),

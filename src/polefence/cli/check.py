@@ -6,7 +6,7 @@ import argparse
 import hashlib
 import io
 import zipfile
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from fractions import Fraction
 from pathlib import Path
 from typing import Any
@@ -32,10 +32,14 @@ from polefence.plant.larger import (
     with_states,
 )
 from polefence.plant.outputs import states
-from polefence.plant.spec import load
+from polefence.plant.spec import load, load_dampers
+from polefence.proof.claims.base import Claim
+from polefence.proof.claims.clipped import Clipped
 from polefence.proof.claims.observer import Observer
+from polefence.proof.claims.refutation import RmsRefutation
 from polefence.proof.claims.rounding import Rounded
 from polefence.proof.claims.signal import SignalClaim
+from polefence.proof.dampers import SemiActive
 from polefence.proof.document import Document
 from polefence.proof.laws import Law
 from polefence.proof.plant import Output, Plant
@@ -165,12 +169,38 @@ def _against(document: Document, plant: UncertainPlant, spec: str) -> str | None
     for claim in document.claims:
         if difference is None and isinstance(claim, Observer):
             difference = _other_measured(claim, plant)
-        if difference is None and isinstance(claim, SignalClaim):
-            difference = _other_signal(claim.outputs, document.plant, file_plant(plant))
+        if difference is None:
+            difference = _other_signal(_outputs_of(claim), document.plant, file_plant(plant))
+        if difference is None and isinstance(claim, Clipped | RmsRefutation) and claim.dampers:
+            difference = _other_damper(claim.dampers, plant, spec)
     if difference is None and isinstance(document.law, Law) and document.law.measured:
         own = [document.plant.signal(name) for name in document.law.measured]
         difference = _other_signal(filter(None, own), document.plant, file_plant(plant))
     return difference
+
+
+def _outputs_of(claim: Claim) -> Sequence[Output]:
+    """Return the signals that a claim is about."""
+    if isinstance(claim, SignalClaim):
+        return claim.outputs
+    if isinstance(claim, Clipped):
+        return claim.limit.outputs
+    limits = claim.limits if isinstance(claim, RmsRefutation) else ()
+    return [own for limit in limits for own in limit.outputs]
+
+
+def _other_damper(found: Sequence[SemiActive], plant: UncertainPlant, spec: str) -> str | None:
+    """Say how a claim's dampers differ from the spec's."""
+    try:
+        expected = {own.number: own for own in (d.of(plant) for d in load_dampers(spec))}
+    except InputError as error:
+        return f"other dampers: {error}"
+    if sorted(own.number for own in found) != sorted(expected):
+        return f"other dampers: {len(found)}, spec {len(expected)}"
+    for own in found:
+        if own != expected[own.number]:
+            return f"other dampers: {own.range_text}, spec {expected[own.number].range_text}"
+    return None
 
 
 def _weighted(plant: UncertainPlant, spec: str) -> UncertainPlant:

@@ -14,6 +14,7 @@ SPECS = {
     "quarter-car-m1": "Table 1, load alone uncertain by 20 % (figure 3)",
     "quarter-car-ride": "Table 1, four states; a smooth ride within limits",
     "quarter-car-level": "the same, with the integral of the deflection; level on a grade",
+    "semi-active": "Table 1 with a controllable damper, load uncertain",
     "half-car": "heave and pitch, two wheels; a load on the rear seat, age",
     "full-car": "heave, pitch and roll, four wheels; the same",
     "f16": "short period of an F-16 over dynamic pressure and airspeed",

@@ -15,6 +15,7 @@ from typing import Any
 from polefence.base.errors import InputError, SpecError, shown, suggest
 from polefence.base.files import read_text
 from polefence.plant.cars import Body, Car, Wheel, car_family
+from polefence.plant.dampers import Damper
 from polefence.plant.expression import decimal, evaluate
 from polefence.plant.family import Scope, UncertainPlant
 from polefence.plant.larger import with_actuator, with_sensor
@@ -32,7 +33,7 @@ _NAMES = ("states", "inputs", "disturbances", "noise")
 QUARTER_CAR = "quarter car"  # the one model of a vehicle
 _TOP = {"name", "region", "sample_time", "specification", "road", *_NAMES}
 _TOP |= {"outputs", "vehicle", "constants", "parameter", "definitions", "matrices", "vertex"}
-_TOP |= {"actuator", "sensor", "law", "car"}
+_TOP |= {"actuator", "sensor", "damper", "law", "car"}
 _OF_BODY = {"mass": "mass", "pitch_inertia": "pitch", "roll_inertia": "roll", "felt": "felt"}
 _OF_WHEEL = ("mass", "spring", "damper", "tyre")
 # what is put around a plant, in this order
@@ -108,6 +109,39 @@ def law_table(path: str | Path) -> dict[str, Any] | None:
         raise type(error)(f"{path}: {error}") from error
 
 
+def load_dampers(path: str | Path) -> tuple[Damper, ...]:
+    """Return the controllable dampers of a spec's tables ``[damper."FORCE"]``.
+
+    Raises
+    ------
+    SpecError
+        If the file is missing, too long, no TOML, or a table says something that cannot be used.
+    """
+    data = _toml(read_text(Path(path), MAX_BYTES, SpecError), str(path))
+    try:
+        return _dampers(data)
+    except InputError as error:
+        raise SpecError(f"{path}: {error}") from error
+
+
+def _dampers(data: Mapping[str, Any]) -> tuple[Damper, ...]:
+    tables, found = data.get("damper", {}), list[Damper]()
+    if not isinstance(tables, dict):
+        raise SpecError('damper must be a table; write [damper."FORCE"]')
+    for name, table in tables.items():
+        where = f"damper.{shown(name)}"
+        if not isinstance(table, dict):
+            raise SpecError(f'{where} must be a table; write [damper."FORCE"], range = [300, 3000]')
+        _known(table, {"deflection", "range"}, f"{where}: ")
+        _need(table, ("deflection", "range"), where)
+        bounds = table["range"]
+        if not isinstance(bounds, list) or len(bounds) != 2:
+            raise SpecError(f"{where}: range = {shown(bounds)} must be [LOWEST, HIGHEST] in N s/m")
+        low, high = (_finite(c, f"{where}: range") for c in bounds)
+        found.append(Damper(name, _text(table["deflection"], f"{where}: deflection"), low, high))
+    return tuple(found)
+
+
 def _law(data: Mapping[str, Any]) -> dict[str, Any] | None:
     table = data.get("law")
     if table is not None and not isinstance(table, dict):
@@ -152,6 +186,7 @@ def _plant(data: Mapping[str, Any]) -> UncertainPlant:
     _text(data.get("region", ""), "region")
     _requirements(data)
     _law(data)
+    _dampers(data)
     if "sample_time" in data:
         names["sample_time"] = _sample_time(data["sample_time"])
     if "vehicle" in data:

@@ -1,0 +1,134 @@
+"""``polefence semi-active``: a law for controllable dampers, and what no logic goes below."""
+
+from __future__ import annotations
+
+import argparse
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from polefence.base.errors import InputError
+from polefence.base.files import write_documents
+from polefence.cli.common import (
+    PROVED,
+    check_targets,
+    matrix_text,
+    spec_argument,
+    write_json,
+)
+from polefence.cli.optimise import asked, road_of
+from polefence.cli.terminal import say
+from polefence.design.requirements.rms import Rms
+from polefence.design.rows import plant_summary
+from polefence.design.signals.refutation import Refutation, refute_limits
+from polefence.design.signals.semi_active import DEGREES, SemiActiveLaw, semi_active
+from polefence.plant.spec import load, load_dampers
+from polefence.region.text import digits_down, digits_up
+
+LAW, LIMIT = "law.json", "limit.json"
+BELOW = 1e-3  # of what the law keeps: a limit that every law exceeds
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the options of `semi-active`."""
+    spec_argument(parser)
+    parser.add_argument(
+        "--minimise",
+        metavar="TEXT",
+        help="'rms of [NAME, NAME]'; default: the spec's with minimise = true",
+    )
+    parser.add_argument("--road", metavar="CLASS", help="A to H of ISO 8608; default: the spec's")
+    parser.add_argument("--speed", type=float, metavar="V", help="over that road [m/s]")
+    parser.add_argument(
+        "--degree",
+        type=int,
+        metavar="N",
+        help="2, 4, 6 or 8, of the polynomial that proves the bound; default: the highest up to "
+        f"{max(DEGREES)} that is quick",
+    )
+    parser.add_argument(
+        "-o", "--output", type=Path, metavar="DIR", help=f"write the proofs, {LAW} and {LIMIT}"
+    )
+    parser.add_argument("--json", type=Path, metavar="FILE", help="write a summary; -: stdout")
+
+
+def semi_active_command(options: Any) -> int:
+    """Design a law for controllable dampers; prove its rms, and what no logic goes below."""
+    plant, dampers = load(options.spec), load_dampers(options.spec)
+    if not dampers:
+        raise InputError(
+            f'{options.spec}: has no controllable damper; write [damper."FORCE"] with deflection '
+            "and range"
+        )
+    options.limit = []
+    least, _ = asked(plant, options, road_of(options))
+    if not isinstance(least, Rms) or not least.limits_rms:
+        raise InputError(
+            f"{options.spec}: {least.title} is minimised; of controllable dampers an rms is, "
+            "--minimise 'rms of SIGNAL'"
+        )
+    check_targets(options.json, folder=options.output, names=(LAW, LIMIT))
+    law = semi_active(plant, least, dampers, options.degree)
+    tiny = replace(least, at_most=BELOW * law.level)
+    below = {name: refute_limits(plant, [tiny], own) for name, own in _logics(law)}
+    if options.output is not None:
+        files = {LAW: law.file().dumps()}
+        lowest = below["semi-active law"]
+        files |= {LIMIT: lowest.file().dumps()} if lowest is not None else {}
+        paths = write_documents(options.output, files)
+    if options.json is not None:
+        write_json(options.json, _document(law, below))
+    say(*_lines(law, below))
+    if options.output is not None:
+        say(f"saved: {' and '.join(map(str, paths))}")
+    return PROVED
+
+
+def _logics(law: SemiActiveLaw) -> list[tuple[str, Any]]:
+    return [("semi-active law", law.dampers), ("law", ())]
+
+
+def _level(law: SemiActiveLaw, found: Refutation | None) -> float | None:
+    """Return what no law goes below, None where nothing was proved."""
+    return None if found is None else BELOW * law.level * found.factor
+
+
+def _lines(law: SemiActiveLaw, below: dict[str, Refutation | None]) -> list[str]:
+    """Return what to print."""
+    stays = zip(law.dampers, law.coefficients, strict=True)
+    fixed = ", ".join(f"{c:g} N s/m for {own.force}" for own, c in stays)
+    lines = [
+        f"proved: {law.specification.title} <= {digits_up(law.level)} for every alpha, by a "
+        f"polynomial of degree {law.degree}",
+        f"  u = K x, cut off to what the dampers give; K = {matrix_text(law.K)}",
+        f"  with the best dampers that stay, {fixed}: {law.passive:.6g}",
+    ]
+    for name, found in below.items():
+        level = _level(law, found)
+        if found is not None and level is not None:
+            lines.append(f"  proved: no {name} goes below {digits_down(level)} at {found.where}")
+    return lines
+
+
+def _document(law: SemiActiveLaw, below: dict[str, Refutation | None]) -> dict[str, Any]:
+    """Return the summary."""
+    return {
+        "plant": plant_summary(law.plant),
+        "specification": law.specification.title,
+        "status": "proved",
+        "at_most": law.level,
+        "degree": law.degree,
+        "K": law.K.tolist(),
+        "dampers": [
+            {
+                "force": own.force,
+                "deflection": own.deflection,
+                "range": [float(own.low), float(own.high)],
+                "best that stays": c,
+            }
+            for own, c in zip(law.dampers, law.coefficients, strict=True)
+        ],
+        "best that stay": law.passive,
+        "no semi-active law below": _level(law, below["semi-active law"]),
+        "no law below": _level(law, below["law"]),
+    }

@@ -1,0 +1,91 @@
+"""`polefence semi-active`: what it prints, writes and refuses."""
+
+from __future__ import annotations
+
+import json
+import re
+
+import pytest
+
+from polefence.cli.main import main
+from polefence.examples import spec_text
+from support.commands import refused
+
+RANGE = "range = [300, 3000]"
+
+
+@pytest.fixture
+def spec(tmp_path):
+    path = tmp_path / "damper.toml"
+    path.write_text(spec_text("semi-active"))
+    return path
+
+
+def test_the_example_is_designed_proved_and_saved(spec, tmp_path, capsys):
+    made = tmp_path / "made"
+    words = ["semi-active", str(spec), "--degree", "4", "-o", str(made), "--json"]
+    assert main([*words, str(tmp_path / "own.json")]) == 0
+    out = capsys.readouterr().out
+    number = r"(\d\.\d+)"
+    law = float(re.search(rf"proved: rms of .* <= {number} for every alpha", out)[1])
+    stays = float(re.search(rf"582 N s/m for damper force: {number}", out)[1])
+    semi_active = float(re.search(rf"no semi-active law goes below {number} at vertex 1", out)[1])
+    active = float(re.search(rf"no law goes below {number} at vertex 1", out)[1])
+    assert 0.86 < active < semi_active < law < stays
+    found = json.loads((tmp_path / "own.json").read_text())
+    assert found["at_most"] == pytest.approx(law, rel=1e-5)
+    assert found["no semi-active law below"] == pytest.approx(semi_active, rel=1e-5)
+    assert found["degree"] == 4
+    assert main(["check", str(made), "--spec", str(spec)]) == 0
+    assert capsys.readouterr().out.count("proved:") == 2
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "difference"),
+    [
+        (RANGE, "range = [300, 4000]", "other dampers: u1 from 300 to 3000"),
+        ('deflection = "suspension', 'deflection = "tyre', "other dampers"),
+        ("[0, 100, 0, 0]", "[0, 90, 0, 0]", "other signals: 'tyre share'"),
+        ("k = 10000", "k = 10001", "other vertices"),
+    ],
+)
+def test_a_spec_that_differs_is_told(spec, tmp_path, capsys, old, new, difference):
+    made = tmp_path / "made"
+    assert main(["semi-active", str(spec), "--degree", "2", "-o", str(made)]) == 0
+    other = tmp_path / "other.toml"
+    other.write_text(spec.read_text().replace(old, new))
+    capsys.readouterr()
+    assert main(["check", str(made / "law.json"), "--spec", str(other)]) == 1
+    assert difference in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        (RANGE, "range = [3000, 300]", "low = 3000 and high = 300"),
+        (RANGE, "range = [300]", "range = a list must be [LOWEST, HIGHEST]"),
+        (RANGE, "", "range is missing"),
+        (RANGE, f"{RANGE}\ncost = 3", "unknown key 'cost'"),
+        ('[damper."damper force"]', "[damper.force]", "no signal 'force'"),
+        (RANGE, "range = [0, 3000]", "low = 0; a bound is proved with low above zero"),
+        ('deflection = "suspension deflection"', "deflection = 3", "deflection must be a string"),
+        ("minimise = true", "at_most = 3", "nothing is to be minimised"),
+        ('kind = "rms"', 'kind = "gain"', "of controllable dampers an rms is"),
+    ],
+)
+def test_bad_specs_are_refused_in_one_line(spec, capsys, old, new, words):
+    assert old in spec.read_text()
+    spec.write_text(spec.read_text().replace(old, new))
+    assert words in refused(capsys, "semi-active", spec, "--degree", "2")
+
+
+def test_a_spec_without_dampers_is_refused(spec, capsys):
+    text = spec.read_text()
+    start, end = text.index("[damper"), text.index("[road]")
+    spec.write_text(text[:start] + text[end:])
+    assert "has no controllable damper" in refused(capsys, "semi-active", spec)
+
+
+def test_dampers_of_a_spec_are_refused_by_every_command(spec, capsys):
+    spec.write_text(spec.read_text().replace(RANGE, "range = 3"))
+    assert "must be [LOWEST, HIGHEST]" in refused(capsys, "design", spec, "--disk", -4, 3)

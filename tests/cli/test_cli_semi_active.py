@@ -89,3 +89,22 @@ def test_a_spec_without_dampers_is_refused(spec, capsys):
 def test_dampers_of_a_spec_are_refused_by_every_command(spec, capsys):
     spec.write_text(spec.read_text().replace(RANGE, "range = 3"))
     assert "must be [LOWEST, HIGHEST]" in refused(capsys, "design", spec, "--disk", -4, 3)
+
+
+def test_the_saved_law_is_driven_with_the_dampers_of_the_spec(spec, tmp_path, capsys):
+    made = tmp_path / "made"
+    assert main(["semi-active", str(spec), "--degree", "2", "-o", str(made)]) == 0
+    capsys.readouterr()
+    road = ["--road", "C", "--speed", "20", "--duration", "2", "--json", "-"]
+    laws = ["--law", str(made / "law.json"), "--law", "passive"]
+    assert main(["simulate", str(spec), *laws, *road]) == 0
+    said = capsys.readouterr()
+    assert "of the time" in said.err
+    own, passive = json.loads(said.out)["laws"]
+    assert own["proved"].startswith("rms of [sprung-mass acceleration, tyre share] <= ")
+    assert passive["proved"] == "nothing"
+    other = tmp_path / "other.toml"
+    other.write_text(spec.read_text().replace("k = 10000", "k = 12000"))
+    assert main(["simulate", str(other), *laws[:2], *road]) == 0
+    own = json.loads(capsys.readouterr().out)["laws"][0]
+    assert own["proved"] == "nothing: its proof is about another plant"

@@ -7,12 +7,18 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from polefence.base.errors import InputError, suggest
 from polefence.cli.analyse import read_gain
-from polefence.design.design import FILE_NAME, Design, is_proof_file
+from polefence.design.certificate import file_plant
+from polefence.design.design import FILE_NAME, Design, is_proof_file, read_document
 from polefence.law.laws import given_law
 from polefence.plant.family import UncertainPlant
 from polefence.plant.spec import load
+from polefence.proof.claims.base import prove
+from polefence.proof.claims.clipped import Clipped
+from polefence.region.text import digits_up
 
 WORDS = ("passive", "skyhook", "lqr")
 
@@ -69,6 +75,10 @@ def read_law(plant: UncertainPlant, what: str) -> Named:
     path = Path(what)
     if not path.exists():
         raise InputError(f"no law and no file {what!r}; {suggest(what, WORDS)}")
+    if not path.is_dir() and is_proof_file(path):
+        clipped = read_document(path).first(Clipped)
+        if clipped is not None:
+            return _of_dampers(plant, clipped, path)
     if path.is_dir() or is_proof_file(path):
         design = Design.load(path, allow_unproved=True)
         given_law(plant, design)
@@ -95,6 +105,21 @@ def _of_design(plant: UncertainPlant, design: Design, path: Path) -> Named:
     proved = f"all poles in {design.region}, for every constant value of the parameters"
     proved += f"; but {design.note.removeprefix('note: ')}" if design.note else ""
     return Named(name, design, design, proved)
+
+
+def _of_dampers(plant: UncertainPlant, claim: Clipped, path: Path) -> Named:
+    """Return the demand of a law for controllable dampers, which the plant's dampers give."""
+    K = np.array([[float(x) for x in row] for row in claim.K])
+    if K.shape != plant.shape[::-1]:
+        raise InputError(f"{path}: a gain of {K.shape[0]} x {K.shape[1]} does not fit {plant.name}")
+    own, level = file_plant(plant), digits_up(claim.limit.level)
+    named = ", ".join(y.name for y in claim.limit.outputs)
+    proved = f"rms of [{named}] <= {level}, for every constant value, with the dampers in its file"
+    if (own.A, own.B, own.E) != (claim.A, claim.B, claim.E):
+        proved = "nothing: its proof is about another plant"
+    elif not prove(claim).proved:
+        proved = "nothing: the proof in its file fails"
+    return Named(path.stem, K, proved=proved)
 
 
 def _identity(plant: UncertainPlant) -> tuple[Any, ...]:

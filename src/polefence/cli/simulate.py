@@ -24,6 +24,7 @@ from polefence.plant.outputs import disturbances, split
 from polefence.plant.system import Array
 
 if TYPE_CHECKING:  # imported where used: with scipy behind them
+    from polefence.plant.dampers import Damper
     from polefence.response.columns import Table
     from polefence.show.plots import Panel
     from polefence.vehicle.driving.drive import Run, Setup
@@ -277,6 +278,7 @@ def setup_of(plant: UncertainPlant, options: Any, law: Any) -> Setup:
             None if options.sampling is None else Sampling(options.sampling),
             Actuator(options.bandwidth, options.force_limit),
             stops,
+            dampers=_dampers(options.subject),
         ),
     )
     try:
@@ -284,6 +286,14 @@ def setup_of(plant: UncertainPlant, options: Any, law: Any) -> Setup:
     except ParameterValueError as error:
         raise ParameterValueError(str(error).replace("outside=True", "--outside")) from error
     return setup
+
+
+def _dampers(subject: str) -> tuple[Damper, ...]:
+    """Return the controllable dampers of a spec; a design has none."""
+    from polefence.plant.spec import load_dampers
+
+    path = Path(subject)
+    return () if path.is_dir() or path.suffix == ".json" else load_dampers(subject)
 
 
 def _excitation(plant: UncertainPlant, options: Any, law: Any) -> Excitation:

@@ -45,6 +45,7 @@ from polefence.vehicle.driving.result import (
     Drive,
     Event,
     assessed,
+    given,
     is_scheduled,
     read_margins,
     record,
@@ -193,7 +194,9 @@ def run(setup: Setup, law: Any, margins: Any = None) -> Run:
     done = drive(plant, law, moved, setup.parameters, setup.hardware, margins, setup.outside)
     more = list[Column]()
     parts = setup.hardware
-    if law is not None and (parts.sampling is not None or parts.actuator != Actuator()):
+    if law is not None and (
+        parts.sampling is not None or parts.actuator != Actuator() or parts.dampers
+    ):
         for j, own in enumerate(inputs(plant)):
             more.append((f"{own.name} demanded", own.unit, done.demanded[0, :, j]))
     if setup.hardware.stops is not None:
@@ -303,6 +306,7 @@ def drive(
     own = record(model, solution, source)
     events, notes, covered = assessed(model, own, claims, scheduled)
     notes = (*notes, *throughout(model, sampling, learned.learner if learned else None))
+    notes = (*notes, *given(model, own))
     return Drive(
         plant, excitation.times, own.states, own.rates, own.demanded, own.applied, own.disturbance,
         own.stops, own.parameters, own.used, events, notes, covered,
@@ -384,6 +388,10 @@ def fastest_pole(model: Model, trajectories: Trajectories, settled: bool) -> flo
         K = model.padded(model.gains(corners))
         F = (F + every.B @ K[:, None, None]).reshape(-1, *F.shape[-2:])
     found = _largest(F)
+    for number, rate, low, high in model.dampers:
+        for c in (low, high):
+            damped = every.F + c * every.B[..., :, number, None] * rate
+            found = max(found, _largest(damped))
     if model.stops is not None and model.known is not None:
         x, sense, stops = model.known.places[0], model.known.sense[0], model.stops
         row = sense * stops.damping * F[..., x, :]

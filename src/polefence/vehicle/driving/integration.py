@@ -112,7 +112,7 @@ def _fixed(model: Model, controller: Controller | None) -> Cross:
     length = int(min(max(1, CHUNK // size), MOST_CHUNK))
     equations = Equations(*(np.zeros(0),) * 4, None)
     sampled = controller is not None and controller.held is not None
-    linear = (model.folded or sampled) and model.stops is None
+    linear = (model.folded or sampled) and model.stops is None and not model.dampers
     maps = np.zeros(0), np.zeros(0)
 
     def cross(k: int, z: Array) -> tuple[Array, Callable[[], Array]]:
@@ -125,7 +125,7 @@ def _fixed(model: Model, controller: Controller | None) -> Cross:
             R, r = (M[k % length if len(M) > 1 else 0] for M in maps)
             after = (R @ z[:, :, None])[:, :, 0] + r[:, :, 0]
             if held is not None:
-                after += (r[:, :, 1:] @ model.limited(held)[:, :, None])[:, :, 0]
+                after += (r[:, :, 1:] @ model.limited(held, z)[:, :, None])[:, :, 0]
             return after, lambda: model.slope(
                 after, equations.row(3 * (k % length) + 2), gain, held
             )
@@ -281,7 +281,7 @@ class Controller:
         elif k % self.every_demand == 0:
             self.used = self._parameters(k)
             K = self.model.gains(self.used)
-            demand = (K @ z[:, : K.shape[-1], None])[..., 0]
+            demand = self.model.settings((K @ z[:, : K.shape[-1], None])[..., 0], z)
             self.held = demand
             if self.sampling.delayed:
                 # the rates of the law's own states act at once: its code keeps these
@@ -292,7 +292,7 @@ class Controller:
     def demand(self, z: Array) -> Array:
         """Return the demand at z, (count, m)."""
         if self.held is not None:
-            return self.held
+            return self.model.forces(self.held, z)
         return self.waiting if self.gain is None else (self.gain @ z[:, :, None])[..., 0]
 
     @property
@@ -365,19 +365,59 @@ class Model:
         """How many inputs, the first ones, an actuator has: not rates of a law's own states."""
         return self.plant.shape[1] - own_states(self.plant)
 
-    def limited(self, u: Array) -> Array:
-        """Return u, inputs of an actuator cut off at its limit."""
-        if self.driven == u.shape[-1]:
-            return self.actuator.limited(u)
+    @cached_property
+    def dampers(self) -> tuple[tuple[int, Array, float, float], ...]:
+        """Inputs of controllable dampers: number, rate by the state, bounds of the coefficient.
+
+        Raises
+        ------
+        InputError
+            If the plant has no such input, or its rate is not the same for all parameters.
+        """
+        found = []
+        for own in self.hardware.dampers:
+            exact = own.of(self.plant)
+            if any(rate != exact.rate[0] for rate in exact.rate):
+                raise InputError(f"damper {own.force}: its rate changes with a parameter")
+            rate = np.array([float(x) for x in exact.rate[0][0]])
+            found.append((exact.number, rate, float(own.low), float(own.high)))
+        return tuple(found)
+
+    def limited(self, u: Array, z: Array) -> Array:
+        """Return u, inputs of an actuator cut off at its limit, of dampers at what they give."""
         parts = np.split(u, [self.driven], axis=-1)
-        return np.concatenate([self.actuator.limited(parts[0]), parts[1]], axis=-1)
+        found = np.concatenate([self.actuator.limited(parts[0]), parts[1]], axis=-1)
+        for k, rate, low, high in self.dampers:
+            v = z[..., : len(rate)] @ rate
+            first, second = low * v, high * v
+            found[..., k] = np.clip(
+                found[..., k], np.minimum(first, second), np.maximum(first, second)
+            )
+        return found
+
+    def settings(self, u: Array, z: Array) -> Array:
+        """Return u, in place of dampers' forces the coefficients that come nearest to them."""
+        found = u.copy() if self.dampers else u
+        for k, rate, low, high in self.dampers:
+            v = z[..., : len(rate)] @ rate
+            c = np.divide(found[..., k], v, out=np.full(v.shape, low), where=v != 0)
+            found[..., k] = np.clip(c, low, high)
+        return found
+
+    def forces(self, settings: Array, z: Array) -> Array:
+        """Return what `settings` stands for at z."""
+        found = settings.copy() if self.dampers else settings
+        for k, rate, _, _ in self.dampers:
+            found[..., k] *= z[..., : len(rate)] @ rate
+        return found
 
     def applied(self, z: Array, demanded: Array) -> Array:
         """Return what acts on the plant at z, where so much is demanded."""
         n = self.plant.shape[0]
         if self.width == n:
-            return self.limited(demanded)
-        return self.limited(np.concatenate([z[..., n:], demanded[..., self.driven :]], axis=-1))
+            return self.limited(demanded, z)
+        given = np.concatenate([z[..., n:], demanded[..., self.driven :]], axis=-1)
+        return self.limited(given, z)
 
     @property
     def width(self) -> int:
@@ -387,7 +427,8 @@ class Model:
     @property
     def folded(self) -> bool:
         """Whether the law acts as it is, so that the loop is linear but for the stops."""
-        return self.reading is not None and self.actuator.limit is None
+        free = self.actuator.limit is None and not self.dampers
+        return self.reading is not None and free
 
     def open(self, times: Array, k: Array) -> tuple[Array, Array, Array]:
         """Return A, B and all that acts besides u, (times or 1, count, ...)."""
@@ -452,9 +493,11 @@ class Model:
         dz = (F @ z[:, :, None])[:, :, 0] + g
         if gain is not None:
             K = gain
-        if held is not None or K is not None:
-            u = held if held is not None else (K @ z[:, :, None])[:, :, 0]  # type: ignore[operator]
-            dz = dz + (B @ self.limited(u)[:, :, None])[:, :, 0]
+        u = None if held is None else self.forces(held, z)
+        if u is None and K is not None:
+            u = (K @ z[:, :, None])[:, :, 0]
+        if u is not None:
+            dz = dz + (B @ self.limited(u, z)[:, :, None])[:, :, 0]
         if self.stops is not None and self.known is not None:
             x, sense = self.known.places[0], self.known.sense[0]
             dz = dz + S * self.stops.force(sense * z[:, x], sense * dz[:, x])[:, None]

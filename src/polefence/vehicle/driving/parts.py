@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from polefence.base.errors import InputError
+from polefence.plant.dampers import Damper
 from polefence.plant.system import Array
 from polefence.response.discrete import Sampling
 from polefence.response.weighting import positive
@@ -248,6 +249,10 @@ class Hardware:
         [m/s2] Of a car: deflections then count from the equilibrium of the first load, and a change
         of load pulls the car down. By default they count from that of the current load, as the
         plant has them, and a change of load moves nothing that is at rest.
+    dampers : tuple of Damper
+        Inputs that are forces of controllable dampers: of what is demanded they give as much as
+        they can at every instant, u between low v and high v. With ``sampling`` the coefficient
+        of a sample's demand is held, cut off to low and high: u = c v.
     """
 
     scheduling: Scheduling | None = None
@@ -255,6 +260,13 @@ class Hardware:
     actuator: Actuator = field(default_factory=Actuator)
     stops: BumpStops | None = None
     gravity: float = 0.0
+    dampers: tuple[Damper, ...] = ()
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "dampers", tuple(self.dampers))
+        if self.dampers and (self.actuator.bandwidth is not None or self.learns):
+            what = "an estimator" if self.learns else "an actuator's bandwidth"
+            raise InputError(f"controllable dampers go without {what} here; leave one of them out")
 
     @property
     def learns(self) -> bool:

@@ -14,7 +14,7 @@ from polefence.design.certificate import exact_law
 from polefence.design.margins import Margin, Margins
 from polefence.law.laws import GainTable, given_law, is_one
 from polefence.plant.family import UncertainPlant
-from polefence.plant.outputs import Output, choose, rate_place
+from polefence.plant.outputs import Output, choose, inputs, rate_place
 from polefence.plant.system import Array
 from polefence.region.text import digits_down
 from polefence.response.discrete import Sampling
@@ -251,6 +251,18 @@ def throughout(model: Model, sampling: Sampling | None, learner: Learner | None)
             if not visible:
                 found.append(f"the estimator cannot see {name}, which keeps its first value")
     return tuple(found)
+
+
+def given(model: Model, own: Record) -> list[str]:
+    """Say how often controllable dampers gave what was demanded."""
+    found = []
+    for k, _, _, _ in model.dampers:
+        asked, gave = own.demanded[..., k], own.applied[..., k]
+        share = float(np.mean(np.abs(asked - gave) <= TINY * np.abs(asked)))
+        name = inputs(model.plant)[k].name
+        if model.hardware.sampling is None and asked.any():
+            found.append(f"{name}: the damper gives what is demanded {share:.0%} of the time")
+    return found
 
 
 def _hardware(model: Model, own: Record, times: Array) -> tuple[list[Event], Any]:

@@ -70,3 +70,25 @@ def test_another_road_is_under_the_same_wheels(half, capsys):
         out = capsys.readouterr().out
         levels.append(float(re.search(r"driver acceleration \[m/s2\] +(\S+)", out)[1]))
     assert levels[0] < 0.5 * levels[1]  # a quarter of the density, and the limits are wider for it
+
+
+def test_an_rms_on_roads_is_of_roads_alone(half, capsys):
+    words = ["optimise", str(half), *REGION, "--method", "quadratic"]
+    assert main(words) == 0
+    flat = capsys.readouterr().out
+    half.write_text(
+        half.read_text().replace("[car.wheel.front]", "height = 0.55\n[car.wheel.front]")
+    )
+    assert main(words) == 0
+    high = capsys.readouterr().out
+    acting = "from [front road velocity, rear road velocity]"
+    assert acting in high
+    levels = [re.search(r"driver acceleration.* \[m/s2\] +(\S+)", out)[1] for out in (flat, high)]
+    assert levels[0] == levels[1]
+
+
+def test_a_wheel_without_a_road_is_refused_beside_manoeuvres(half, capsys):
+    first = "[car.wheel.front]"
+    text = half.read_text().replace(first, f"height = 0.55\n{first}")
+    half.write_text(UNDER.sub('under = ["front road velocity"]\n', text))
+    assert "half car has 3 disturbances" in refused(capsys, "optimise", str(half), *REGION)

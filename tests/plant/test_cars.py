@@ -10,7 +10,7 @@ import pytest
 
 from polefence import Parameter, PlantError, SpecError
 from polefence.examples import family, spec_text
-from polefence.plant.cars import Body, Car, Wheel, car_family
+from polefence.plant.cars import Bar, Body, Car, Wheel, car_family
 from polefence.plant.spec import dumps, loads
 from polefence.vehicle import quarter_car
 
@@ -172,6 +172,102 @@ def test_a_road_that_twists_moves_nothing():
     G = np.array([[1, -x, y] for x, y in PLACES["four"].values()])
     twist = np.linalg.svd(G.T)[2][3]
     assert np.abs(E @ twist).max() < 1e-12
+
+
+# --- bars, braking and cornering ------------------------------------------------------------------
+
+SIDES = ("front left", "front right", "rear left", "rear right")
+
+
+def at_rest(plant, disturbance):
+    """Each tyre's force under a disturbance of one, at each vertex."""
+    number = [own.split(" [")[0] for own in plant.disturbances].index(disturbance)
+    known = {own.name: own for own in plant.every_output}
+    found = []
+    for A, vertex in zip(plant.A, plant.vertices, strict=True):
+        x = np.linalg.solve(A, -np.array(vertex.exact_E, float)[:, number])
+        rows = (known[f"{side} tyre force variation"].C[0] for side in SIDES)
+        found.append([float(np.array(row, float) @ x) for row in rows])
+    return np.array(found)
+
+
+def with_lines(text, *lines):
+    return text.replace("[car.seat]", "\n".join([*lines, "[car.seat]"]))
+
+
+def full_car(*lines):
+    raised = spec_text("full-car").replace("roll_inertia", "height = 0.55\nroll_inertia")
+    return loads(with_lines(raised, *lines))
+
+
+def test_braking_and_cornering_move_the_load_that_statics_say():
+    plant = full_car()
+    moment = 965.7 * 0.55
+    front = at_rest(plant, "braking")
+    assert front[:, :2].sum(axis=1) == pytest.approx(moment / (1.156 + 1.423))
+    assert front.sum(axis=1) == pytest.approx(0, abs=1e-9)
+    tyres = at_rest(plant, "cornering")  # a turn to the left: the right side is outside
+    leverage = tyres @ [-0.6935, 0.6935, -0.682, 0.682]
+    assert leverage == pytest.approx(moment)
+    assert tyres[:, 1].min() > 0 > tyres[:, 0].max()
+
+
+def test_the_axle_with_the_bar_carries_more_of_a_turn():
+    bar = ("[car.bar.front]", 'between = ["front left", "front right"]', 'stiffness = "kf / 2"')
+    bare, barred = (at_rest(full_car(*lines), "cornering") for lines in ((), bar))
+    assert np.all(barred[:, 1] > 1.2 * bare[:, 1])
+    assert barred @ [-0.6935, 0.6935, -0.682, 0.682] == pytest.approx(965.7 * 0.55)
+    # neither heave nor pitch feels it
+    for first, second in zip(full_car().A, full_car(*bar).A, strict=True):
+        assert (second - first)[[7, 8]] == pytest.approx(0, abs=1e-12)
+
+
+def test_a_bar_is_a_spring_between_deflections():
+    wheels = [Wheel(name, 30, 2e4, 1e3, 2e5, y=y) for name, y in (("left", "0.7"), ("right", -0.6))]
+    cars = [
+        Car(Body(500, roll=200), wheels, bars=bars)
+        for bars in ((), [Bar("only", ("left", "right"), 7000)])
+    ]
+    first, second = (np.array(car.matrices[0], float) for car in cars)
+    M = np.diag([500, 200, 30, 30.0])
+    apart = np.array([0, -0.7 - 0.6, -1, 1.0])  # left deflection less the right, by h and t
+    push = np.array([0, 0.7 + 0.6, -1, 1.0])
+    extra = 7000 * np.outer(np.linalg.solve(M, push), apart)
+    assert (second - first)[4:, :4] == pytest.approx(extra)
+    assert (second - first)[:, 4:] == pytest.approx(0)
+
+
+def test_accelerations_have_what_manoeuvres_add():
+    known = {own.name: own for own in full_car().every_output}
+    g = np.array([1, 0.9, 0])  # of the load
+    empty = np.diag([965.7, 1566, 207.3])
+    felt = [644.1, 644.1, 844, 844]
+    for row, own in zip(known["driver acceleration"].exact(full_car())[2], felt, strict=True):
+        M = empty + (own - 1 / (g @ np.linalg.inv(empty) @ g)) * np.outer(g, g)
+        pushed = 965.7 * 0.55 * np.linalg.solve(M, np.eye(3)[:, 1:])
+        assert np.array(row, float)[4:] == pytest.approx([1, -0.1, 0.35] @ pushed)
+        assert not any(row[:4])
+
+
+MANOEUVRE_FAULTS = [
+    ('between = ["front left", "front"]\nstiffness = 1', "no wheel 'front'; did you mean"),
+    ('between = ["front left", "front left"]\nstiffness = 1', "must name two wheels"),
+    ('between = ["front left", "rear left"]\nstiffness = -1', "stiffness = -1 is negative"),
+    ('between = ["front left", "rear left"]', "stiffness is missing"),
+    ('between = "front left"\nstiffness = 1', "must be a list of strings"),
+    ('between = ["front left", "rear left"]\nrate = 1', "unknown key 'rate'"),
+]
+
+
+@pytest.mark.parametrize(("lines", "words"), MANOEUVRE_FAULTS)
+def test_bars_that_are_none_are_refused(lines, words):
+    with pytest.raises((SpecError, PlantError), match=words):
+        full_car("[car.bar.front]", lines)
+
+
+def test_height_needs_something_that_turns():
+    with pytest.raises(PlantError, match="height without inertia"):
+        Body(300, height=0.5)
 
 
 # --- examples and specs --------------------------------------------------------------------------

@@ -203,6 +203,8 @@ def wanted(
                 raise SpecError(
                     f"{options.spec}: road: under: {plant.name} has no disturbance {quoted(name)}"
                 )
+        limits = tuple(road.acting(own, plant) for own in limits)
+        least = None if least is None else road.acting(least, plant)
     written = (*limits, *([least] if least else []))
     for own in written:
         _known(plant, own, options.spec, road)
@@ -254,6 +256,7 @@ def _parsed(
 ) -> Specification:
     try:
         own = parse_specification(text, road, known)
+        own = own if road is None else road.acting(own, plant)
     except InputError as error:
         raise InputError(f"{option} {error}") from error
     _known(plant, own, f"{option} {text!r}", road)

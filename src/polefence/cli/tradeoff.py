@@ -215,11 +215,16 @@ def _specifications(
     least, limits = asked(plant, options, road)
     if least is None:
         raise InputError(f"{options.spec}: nothing is minimised; give --minimise 'rms of SIGNAL'")
-    over = in_units(parse_specification(options.over, own_road, known), limits)
+
+    def parsed(text: str) -> Specification:
+        own = parse_specification(text, own_road, known)
+        return own if own_road is None else own_road.acting(own, plant)
+
+    over = in_units(parsed(options.over), limits)
     if over.at_most is not None:
         raise InputError(f"--over {options.over!r} has a limit; give limits by --value or --values")
     for text in options.limit:
-        own = parse_specification(text, own_road, known)
+        own = parsed(text)
         if own.title == over.title:
             raise InputError(f"--limit {text!r} limits what --over sweeps; leave one of them out")
     # the spec's own limit on what is swept gives way

@@ -9,8 +9,12 @@ and s = -G h - t the suspensions' deflections (in compression),
     dh/dt = v - G^+ w,                    M dv/dt = G' F,
     dt/dt = G G^+ w - (wheels' velocity),    F = k s + c ds/dt + u,
 
-and each wheel is moved by its tyre's force kt t less F. G^+ = (G'G)^-1 G' fits a plane to the road
-under the wheels: under four wheels its twist, which a rigid body cannot follow, is left out.
+and each wheel is moved by its tyre's force kt t less F. An anti-roll bar adds its stiffness times
+the difference of two s to one F and takes it from the other. G^+ = (G'G)^-1 G' fits a plane to the
+road under the wheels: under four wheels its twist, which a rigid body cannot follow, is left out.
+
+Braking and cornering push at the centre of gravity, and the road against them: a moment of mass
+times acceleration times height, which the springs take up, for links without anti-dive do not.
 """
 
 from __future__ import annotations
@@ -22,13 +26,14 @@ from itertools import product as combined
 from numbers import Rational
 from typing import Any
 
-from polefence.base.errors import PlantError
+from polefence.base.errors import PlantError, suggest
 from polefence.plant.family import MAX_VERTICES, UncertainPlant
 from polefence.plant.parameters import Parameter, check_label, exact
 from polefence.proof.matrices import identity, product, right_divide, transposed
 
 Rows = list[list[Any]]
 MOTIONS = {"heave": ("m", "m/s"), "pitch": ("rad", "rad/s"), "roll": ("rad", "rad/s")}
+MANOEUVRES = {"pitch": "braking [m/s2]", "roll": "cornering [m/s2]"}
 MAX_WHEELS = 8
 
 
@@ -87,6 +92,8 @@ class Body:
     felt : number, optional
         The mass that a vertical force at that point feels, load included [kg]: at least `empty`.
         Through ``"1/felt"`` all entries are affine in it, mass and inertias tied as they are.
+    height : number, optional
+        Of its centre of gravity over the road [m]: braking and cornering are disturbances then.
 
     Raises
     ------
@@ -99,11 +106,14 @@ class Body:
     roll: Any = None
     load: Any = None
     felt: Any = None
+    height: Any = None
 
     def __post_init__(self) -> None:
-        for key in ("mass", "pitch", "roll", "felt"):
+        for key in ("mass", "pitch", "roll", "felt", "height"):
             if getattr(self, key) is not None:
                 _set(self, key, f"body: {key}")
+        if self.height is not None and len(self.motions) == 1:
+            raise PlantError("body: height without inertia in pitch or roll; leave it out")
         if (self.load is None) != (self.felt is None):
             raise PlantError("body: give the load's place and the mass felt there, or neither")
         if self.load is not None:
@@ -135,6 +145,17 @@ class Body:
         return [1 / getattr(self, {"heave": "mass"}.get(key, key)) for key in self.motions]
 
     @property
+    def pushed(self) -> Rows:
+        """dv/dt by braking and cornering, a column for each motion that they turn, by its height.
+
+        The moments are those of the empty body: with a load they are not affine.
+        """
+        if self.height is None:
+            return [[] for _ in self.motions]
+        moment = self.mass * self.height
+        return [[moment * e for e in row[1:]] for row in self.inverse]
+
+    @property
     def inverse(self) -> Rows:
         """M^-1, by the formula of Sherman and Morrison: M is that of the empty body plus l g g'."""
         own = self._unloaded
@@ -144,6 +165,37 @@ class Body:
         h = [a * b for a, b in zip(self.corner(*self.load), own, strict=True)]
         share = self.empty * (1 - self.empty / self.felt)
         return [[e - share * h[i] * h[j] for j, e in enumerate(row)] for i, row in enumerate(rows)]
+
+
+@dataclass(frozen=True)
+class Bar:
+    """An anti-roll bar between two wheels.
+
+    Parameters
+    ----------
+    name : str
+        For people.
+    between : tuple of two str
+        Names of the wheels.
+    stiffness : number
+        Force at each wheel by the difference of their suspensions' deflections [N/m].
+
+    Raises
+    ------
+    PlantError
+        If the stiffness is none, or not two wheels are named.
+    """
+
+    name: str
+    between: Sequence[str]
+    stiffness: Any
+
+    def __post_init__(self) -> None:
+        check_label(self.name, "name of an anti-roll bar")
+        object.__setattr__(self, "between", tuple(self.between))
+        if len(set(self.between)) != 2 or len(self.between) != 2:
+            raise PlantError(f"bar {self.name}: between must name two wheels")
+        _set(self, "stiffness", f"bar {self.name}: stiffness")
 
 
 @dataclass(frozen=True)
@@ -157,19 +209,23 @@ class Car:
         As many as the body has motions, or more.
     seats : mapping of str to (x, y)
         Points of the body whose vertical acceleration is an output [m].
+    bars : sequence of Bar
 
     Raises
     ------
     PlantError
-        If wheels are missing, have one name, stand in a line, or not around the centre of mass.
+        If wheels are missing, have one name, stand in a line, or not around the centre of mass, or
+        a bar is between others.
     """
 
     body: Body
     wheels: Sequence[Wheel]
     seats: Mapping[str, Any] = field(default_factory=dict)
+    bars: Sequence[Bar] = ()
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "wheels", tuple(self.wheels))
+        object.__setattr__(self, "bars", tuple(self.bars))
         names = [wheel.name for wheel in self.wheels]
         many = len(self.body.motions)
         if not many <= len(names) <= MAX_WHEELS:
@@ -179,6 +235,10 @@ class Car:
             )
         if len(set(names)) < len(names):
             raise PlantError("car: two wheels have one name")
+        for bar in self.bars:
+            for name in bar.between:
+                if name not in names:
+                    raise PlantError(f"bar {bar.name}: no wheel {name!r}; {suggest(name, names)}")
         for axis, motion in (("x", "pitch"), ("y", "roll")):
             places = [getattr(wheel, axis) for wheel in self.wheels]
             if motion in self.body.motions and not min(places) < 0 < max(places):
@@ -222,8 +282,15 @@ class Car:
                 *(f"{own} wheel velocity [m/s]" for own in wheels),
             ),
             "inputs": tuple(f"{own} force [N]" for own in wheels),
-            "disturbances": tuple(f"{own} road velocity [m/s]" for own in wheels),
+            "disturbances": (*(f"{own} road velocity [m/s]" for own in wheels), *self.manoeuvres),
         }
+
+    @property
+    def manoeuvres(self) -> tuple[str, ...]:
+        """Disturbances that push the body: deceleration, and acceleration to the left."""
+        if self.body.height is None:
+            return ()
+        return tuple(MANOEUVRES[own] for own in self.body.motions[1:])
 
     @property
     def matrices(self) -> tuple[Rows, Rows, Rows, dict[str, dict[str, Any]]]:
@@ -242,8 +309,11 @@ class Car:
             tyre = [wheel.tyre * int(j == k + i) for j in range(n)]
             A.append([(a - b) / wheel.mass for a, b in zip(tyre, force[i], strict=True)])
             B.append([-int(j == i) / wheel.mass for j in range(m)])
-        E = [[-e for e in row] for row in plane] + product(self.G, plane)
-        E += [[0] * m for _ in range(k + m)]
+        turned = self.body.pushed
+        none = [0] * len(self.manoeuvres)
+        E = [[-e for e in row] + none for row in plane]
+        E += [row + none for row in product(self.G, plane)]
+        E += [[0] * m + row for row in turned] + [[0] * m + none for _ in range(m)]
         return A, B, E, self._outputs(deflection, moved, pushed)
 
     @property
@@ -262,6 +332,13 @@ class Car:
             rate = [0] * (k + m) + [-g for g in row] + [int(j == i) for j in range(m)]
             pairs = zip(deflection[i], rate, strict=True)
             found.append([wheel.spring * s + wheel.damper * r for s, r in pairs])
+        names = [wheel.name for wheel in self.wheels]
+        for bar in self.bars:
+            one, other = (names.index(name) for name in bar.between)
+            apart = [a - b for a, b in zip(deflection[one], deflection[other], strict=True)]
+            for i, sign in ((one, 1), (other, -1)):
+                pairs = zip(found[i], apart, strict=True)
+                found[i] = [f + sign * bar.stiffness * s for f, s in pairs]
         return found
 
     def _moved(self, force: Rows) -> Rows:
@@ -270,19 +347,24 @@ class Car:
 
     def _outputs(self, deflection: Rows, moved: Rows, pushed: Rows) -> dict[str, dict[str, Any]]:
         k, found = len(self.body.motions), dict[str, dict[str, Any]]()
+        turned = [[0] * len(self.wheels) + row for row in self.body.pushed]
         for i, own in enumerate(self.body.motions):
             label = f"{own} acceleration [{MOTIONS[own][1]}2]"
-            found[label] = {"C": moved[i], "D": pushed[i]}
+            found[label] = self._row(moved[i], pushed[i], turned[i])
         for name, place in self.seats.items():
             x, y = (exact(value, f"seat {name}") for value in place)
             g = [self.body.corner(x, y)]
-            C, D = _product(g, moved)[0], _product(g, pushed)[0]
-            found[f"{name} acceleration [m/s2]"] = {"C": C, "D": D}
+            rows = (_product(g, own)[0] for own in (moved, pushed, turned))
+            found[f"{name} acceleration [m/s2]"] = self._row(*rows)
         for i, wheel in enumerate(self.wheels):
             found[f"{wheel.name} suspension deflection [m]"] = {"C": deflection[i]}
             row = [wheel.tyre * int(j == k + i) for j in range(len(deflection[0]))]
             found[f"{wheel.name} tyre force variation [N]"] = {"C": row}
         return found
+
+    def _row(self, C: list[Any], D: list[Any], F: list[Any]) -> dict[str, Any]:
+        """Return an acceleration; manoeuvres pass straight into it."""
+        return {"C": C, "D": D} | ({"F": F} if self.manoeuvres else {})
 
 
 def car_family(

@@ -14,7 +14,7 @@ from typing import Any
 
 from polefence.base.errors import InputError, SpecError, shown, suggest
 from polefence.base.files import read_text
-from polefence.plant.cars import Body, Car, Wheel, car_family
+from polefence.plant.cars import Bar, Body, Car, Wheel, car_family
 from polefence.plant.dampers import Damper
 from polefence.plant.expression import decimal, evaluate
 from polefence.plant.family import Scope, UncertainPlant
@@ -34,7 +34,8 @@ QUARTER_CAR = "quarter car"  # the one model of a vehicle
 _TOP = {"name", "region", "sample_time", "specification", "road", *_NAMES}
 _TOP |= {"outputs", "vehicle", "constants", "parameter", "definitions", "matrices", "vertex"}
 _TOP |= {"actuator", "sensor", "damper", "law", "car"}
-_OF_BODY = {"mass": "mass", "pitch_inertia": "pitch", "roll_inertia": "roll", "felt": "felt"}
+_OF_BODY = {"mass": "mass", "pitch_inertia": "pitch", "roll_inertia": "roll"}
+_OF_BODY |= {"felt": "felt", "height": "height"}
 _OF_WHEEL = ("mass", "spring", "damper", "tyre")
 # what is put around a plant, in this order
 _HARDWARE: dict[str, tuple[Callable[..., UncertainPlant], set[str]]] = {
@@ -343,15 +344,17 @@ def _table(data: Mapping[str, Any], key: str, where: str = "") -> dict[str, Any]
 
 def _from_car(data: Mapping[str, Any], names: dict[str, Any]) -> UncertainPlant:
     car = _table(data, "car")
-    _known(car, {"body", "wheel", "seat"}, "car: ")
+    _known(car, {"body", "wheel", "seat", "bar"}, "car: ")
     _need(car, ("body", "wheel"), "car")
-    body, wheels, seats = (_table(car, key, "car.") for key in ("body", "wheel", "seat"))
+    keys = ("body", "wheel", "seat", "bar")
+    body, wheels, seats, bars = (_table(car, key, "car.") for key in keys)
     _known(body, {*_OF_BODY, "load"}, "car.body: ")
     _need(body, ("mass",), "car.body")
     for name in wheels:
         own = _table(wheels, name, "car.wheel.")
         _known(own, {*_OF_WHEEL, "x", "y"}, f"car.wheel.{shown(name)}: ")
         _need(own, _OF_WHEEL, f"car.wheel.{shown(name)}")
+    between = {name: _between(_table(bars, name, "car.bar."), name) for name in bars}
     parameters, constants, definitions = _names_of(data)
     scope = Scope(parameters, constants, definitions)
     outputs = {label: _single(label, own) for label, own in _output_tables(data).items()}
@@ -374,7 +377,11 @@ def _from_car(data: Mapping[str, Any], names: dict[str, Any]) -> UncertainPlant:
             for name, table in wheels.items()
         ]
         places = {name: point(place, f"car.seat.{name}") for name, place in seats.items()}
-        return Car(Body(**own), turning, places)
+        twisted = [
+            Bar(name, pair, number(bars[name]["stiffness"], f"car.bar.{name}.stiffness"))
+            for name, pair in between.items()
+        ]
+        return Car(Body(**own), turning, places, twisted)
 
     def more() -> dict[str, dict[str, Any]]:
         return {
@@ -386,6 +393,14 @@ def _from_car(data: Mapping[str, Any], names: dict[str, Any]) -> UncertainPlant:
         }
 
     return car_family(make, parameters, more, **names)
+
+
+def _between(table: Mapping[str, Any], name: str) -> tuple[str, ...]:
+    """Return the wheels that an anti-roll bar is between."""
+    where = f"car.bar.{shown(name)}"
+    _known(table, {"between", "stiffness"}, f"{where}: ")
+    _need(table, ("between", "stiffness"), where)
+    return _strings(table["between"], f"{where}: between")
 
 
 def _single(label: str, rows: Mapping[str, Any]) -> dict[str, Any]:

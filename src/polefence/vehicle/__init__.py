@@ -4,7 +4,7 @@
 `compare` are named as the modules that they are in: here the name is the function.
 """
 
-from polefence.plant.cars import Body, Car, Wheel, car_family
+from polefence.plant.cars import Bar, Body, Car, Wheel, car_family
 from polefence.plant.dampers import Damper
 from polefence.response.discrete import Sampling
 from polefence.response.stationary import displacement_density, roughness, velocity_density
@@ -46,6 +46,7 @@ from polefence.vehicle.vehicle import SIGNALS, Masses, Ride, masses, quarter_car
 __all__ = [
     "SIGNALS",
     "Actuator",
+    "Bar",
     "Body",
     "BumpStops",
     "Car",

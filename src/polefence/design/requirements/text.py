@@ -25,6 +25,8 @@ from polefence.design.requirements.specification import (
     listed,
     number,
 )
+from polefence.plant.family import UncertainPlant
+from polefence.plant.outputs import disturbances
 from polefence.plant.spec import specification_tables
 from polefence.proof.claims.gain_norm import LAW
 from polefence.proof.text import exactly
@@ -36,6 +38,7 @@ KINDS: dict[str, type[Specification]] = {
 COMMON = ("kind", "signal", "at_most", "minimise")
 ONLY_TABLES = ("points", "ellipsoid", "rows", "columns", "disturbances")
 EXAMPLE = "rms of NAME <= 700"
+VELOCITY = "m/s"  # unit of a road
 NOTHING: Mapping[str, float] = MappingProxyType({})
 _NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
 # A list, as `polefence.design.requirements.specification.listed` writes it.
@@ -57,7 +60,7 @@ class RoadSpectrum:
         [m/s]
     under : tuple of str
         Disturbances that are roads under several wheels, each of this spectrum and independent of
-        the others.
+        the others. An rms that names no disturbances is one of these alone.
     """
 
     road_class: str
@@ -74,6 +77,21 @@ class RoadSpectrum:
             If there is no such class, or the speed is not above zero.
         """
         return velocity_density(self.road_class, self.speed)
+
+    def acting(self, own: Specification, plant: UncertainPlant) -> Specification:
+        """Return an rms that names no disturbances as one of these roads, where others act too.
+
+        Only what is no velocity is left out: a wheel whose road nobody named is refused later.
+        """
+        chosen = own.disturbances is not None or not self.under
+        if chosen or not isinstance(own, Rms) or own.density != self.density:
+            return own
+        pairs = list(zip(disturbances(plant), plant.physical, strict=True))
+        others = {w.unit for w, physical in pairs if physical and w.name not in self.under}
+        if not others or VELOCITY in others:
+            return own
+        noise = {w.name: own.unnamed_noise for w, physical in pairs if not physical}
+        return replace(own, disturbances=dict.fromkeys(self.under, 1.0) | noise)
 
 
 def load_specifications(

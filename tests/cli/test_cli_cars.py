@@ -92,3 +92,37 @@ def test_a_wheel_without_a_road_is_refused_beside_manoeuvres(half, capsys):
     text = half.read_text().replace(first, f"height = 0.55\n{first}")
     half.write_text(UNDER.sub('under = ["front road velocity"]\n', text))
     assert "half car has 3 disturbances" in refused(capsys, "optimise", str(half), *REGION)
+
+
+@pytest.fixture
+def tracked(half):
+    half.write_text(UNDER.sub("[road.tracks]\norder = 2\n", half.read_text()))
+    return half
+
+
+def test_a_law_of_a_car_on_tracks_does_not_measure_the_road(tracked, tmp_path, capsys):
+    out = tmp_path / "d"
+    words = ["optimise", str(tracked), *REGION, "--degree", "0", "-o", str(out)]
+    assert main(words) == 0
+    said = capsys.readouterr().out
+    assert "of heave over the road, pitch over the road" in said
+    assert "road state" not in said
+    assert "held at road velocity = 1 m/s" in said
+    assert main(["check", str(out / "design.json"), "--spec", str(tracked)]) == 0
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        (["--method", "quadratic"], "those of the road's tracks cannot be measured"),
+        (["--road", "C", "--speed", "30"], "later by a speed of 20 m/s"),
+    ],
+)
+def test_tracks_refuse_what_does_not_fit(tracked, options, words, capsys):
+    assert words in refused(capsys, "optimise", str(tracked), *REGION, *options)
+
+
+def test_roads_are_named_or_in_tracks(tracked, capsys):
+    both = 'under = ["road velocity"]\n[road.tracks]'
+    tracked.write_text(tracked.read_text().replace("[road.tracks]", both))
+    assert "leave under out" in refused(capsys, "optimise", str(tracked), *REGION)

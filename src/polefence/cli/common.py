@@ -28,6 +28,7 @@ from polefence.law.structure import Structure, load_structure
 from polefence.law.words import definitions, formula, terms_of
 from polefence.lmi.conditions.methods import METHODS, Method, Scheduled, Slack
 from polefence.plant.family import UncertainPlant
+from polefence.plant.tracks import own_states
 
 PROVED, NOT_PROVED = 0, 1
 
@@ -335,7 +336,8 @@ def add_structure_options(parser: argparse.ArgumentParser, degree: bool = True) 
 def structure_of_options(plant: UncertainPlant, options: Any) -> Structure | None:
     """Return the structure that the spec and the options ask for, None where neither does.
 
-    With --method there is none: its laws are of all states.
+    With --method there is none: its laws are of all states. A road's states are measured by no law
+    that does not name them.
 
     Raises
     ------
@@ -344,6 +346,8 @@ def structure_of_options(plant: UncertainPlant, options: Any) -> Structure | Non
     """
     given = {k: v for k in STRUCTURE if (v := getattr(options, k, None)) is not None}
     method = getattr(options, "method", None)
+    own = own_states(plant)
+    on_road = len(own) < plant.shape[0]
     if method is not None:
         for key in given:
             if key != "degree":
@@ -351,6 +355,11 @@ def structure_of_options(plant: UncertainPlant, options: Any) -> Structure | Non
                     f"--{key.replace('_', '-')} is for laws of any structure; leave it out, or "
                     f"--method {method if isinstance(method, str) else method[0]}"
                 )
+        if on_road:
+            raise InputError(
+                "--method gives laws of all states, and those of the road's tracks cannot be "
+                "measured; leave it out"
+            )
         return None
     for key in ("measured", "schedule"):
         if key in given:
@@ -360,9 +369,11 @@ def structure_of_options(plant: UncertainPlant, options: Any) -> Structure | Non
             except InputError as error:
                 raise InputError(f"--{key} {error}") from error
     written = load_structure(options.spec)
-    if written is None and set(given) <= {"degree"}:  # of a law that an LMI gives
+    if written is None and set(given) <= {"degree"} and not on_road:  # of a law that an LMI gives
         return None
     found = replace(written or Structure(), **given)
+    if on_road and found.measured is None:
+        found = replace(found, measured=own)
     try:
         found.require_fit(plant)
     except InputError as error:

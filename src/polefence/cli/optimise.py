@@ -198,7 +198,7 @@ def wanted(
     road = with_wheels(road, options.spec)
     if road is not None:
         disturbance(plant)
-        for name in road.under:
+        for name in () if road.in_tracks else road.under:
             if name not in [w.name for w in disturbances(plant)]:
                 raise SpecError(
                     f"{options.spec}: road: under: {plant.name} has no disturbance {quoted(name)}"

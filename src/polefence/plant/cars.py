@@ -282,8 +282,13 @@ class Car:
                 *(f"{own} wheel velocity [m/s]" for own in wheels),
             ),
             "inputs": tuple(f"{own} force [N]" for own in wheels),
-            "disturbances": (*(f"{own} road velocity [m/s]" for own in wheels), *self.manoeuvres),
+            "disturbances": (*(f"{own} [m/s]" for own in self.places), *self.manoeuvres),
         }
+
+    @property
+    def places(self) -> dict[str, tuple[Any, Any]]:
+        """Where each road is, by the name of the disturbance: of its wheel, (x, y) [m]."""
+        return {f"{own.name} road velocity": (own.x, own.y) for own in self.wheels}
 
     @property
     def manoeuvres(self) -> tuple[str, ...]:

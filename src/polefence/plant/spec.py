@@ -22,6 +22,7 @@ from polefence.plant.larger import with_actuator, with_sensor
 from polefence.plant.outputs import Output, split
 from polefence.plant.parameters import Parameter, exact
 from polefence.plant.system import Exact
+from polefence.plant.tracks import Tracks
 from polefence.plant.vehicle import Vehicle
 
 MAX_BYTES = 1_000_000
@@ -196,12 +197,14 @@ def _plant(data: Mapping[str, Any]) -> UncertainPlant:
         for key in ("constants", "parameter", "definitions", "matrices", "car"):
             if key in data:
                 raise SpecError(f"{key} and vertex exclude each other; keep one")
+        _without_tracks(data)
         return _from_vertices(data["vertex"], names | {"outputs": _outputs(data)})
     if "car" in data:
         for key in ("matrices", "states", "inputs", "disturbances"):
             if key in data:
                 raise SpecError(f"{key} and car exclude each other; keep one")
         return _from_car(data, names)
+    _without_tracks(data)
     if "matrices" not in data:
         raise SpecError(
             "neither [[vertex]] nor [matrices] nor [car] is given; give A and B, or a car"
@@ -392,7 +395,10 @@ def _from_car(data: Mapping[str, Any], names: dict[str, Any]) -> UncertainPlant:
             for label, rows in outputs.items()
         }
 
-    return car_family(make, parameters, more, **names)
+    plant, tracks = car_family(make, parameters, more, **names), _tracks(data)
+    if tracks is None:
+        return plant
+    return tracks.under(plant, make(**{own.name: own.low for own in parameters}).places)
 
 
 def _between(table: Mapping[str, Any], name: str) -> tuple[str, ...]:
@@ -401,6 +407,28 @@ def _between(table: Mapping[str, Any], name: str) -> tuple[str, ...]:
     _known(table, {"between", "stiffness"}, f"{where}: ")
     _need(table, ("between", "stiffness"), where)
     return _strings(table["between"], f"{where}: between")
+
+
+def _without_tracks(data: Mapping[str, Any]) -> None:
+    if "tracks" in data.get("road", {}):
+        raise SpecError("road.tracks without [car]: places of wheels are unknown; leave it out")
+
+
+def _tracks(data: Mapping[str, Any]) -> Tracks | None:
+    """Return what ``[road.tracks]`` says."""
+    road = data.get("road", {})
+    if "tracks" not in road:
+        return None
+    table = _table(road, "tracks", "road.")
+    _known(table, {"order", "width"}, "road.tracks: ")
+    _need(road, ("speed",), "road")
+    speed, own = _finite(road["speed"], "road: speed"), dict(table)
+    if "order" in own:
+        order = _finite(own["order"], "road.tracks: order")
+        own["order"] = int(order) if order.denominator == 1 else order
+    if "width" in own:
+        own["width"] = _finite(own["width"], "road.tracks: width")
+    return Tracks(speed, **own)
 
 
 def _single(label: str, rows: Mapping[str, Any]) -> dict[str, Any]:

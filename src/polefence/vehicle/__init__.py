@@ -6,6 +6,7 @@
 
 from polefence.plant.cars import Bar, Body, Car, Wheel, car_family
 from polefence.plant.dampers import Damper
+from polefence.plant.tracks import Tracks
 from polefence.response.discrete import Sampling
 from polefence.response.stationary import displacement_density, roughness, velocity_density
 from polefence.vehicle.comfort import (
@@ -71,6 +72,7 @@ __all__ = [
     "Sensors",
     "Sine",
     "Sizes",
+    "Tracks",
     "Tuning",
     "Wheel",
     "beside_reference_laws",

@@ -28,6 +28,7 @@ from polefence.design.requirements.specification import (
 from polefence.plant.family import UncertainPlant
 from polefence.plant.outputs import disturbances
 from polefence.plant.spec import specification_tables
+from polefence.plant.tracks import SOURCES
 from polefence.proof.claims.gain_norm import LAW
 from polefence.proof.text import exactly
 from polefence.response.stationary import velocity_density
@@ -61,11 +62,14 @@ class RoadSpectrum:
     under : tuple of str
         Disturbances that are roads under several wheels, each of this spectrum and independent of
         the others. An rms that names no disturbances is one of these alone.
+    in_tracks : bool
+        Whether the plant has delays and filters of the road, at this speed.
     """
 
     road_class: str
     speed: float
     under: tuple[str, ...] = ()
+    in_tracks: bool = False
 
     @property
     def density(self) -> float:
@@ -91,7 +95,8 @@ class RoadSpectrum:
         if not others or VELOCITY in others:
             return own
         noise = {w.name: own.unnamed_noise for w, physical in pairs if not physical}
-        return replace(own, disturbances=dict.fromkeys(self.under, 1.0) | noise)
+        roads = {w.name: 1.0 for w, _ in pairs if w.name in self.under}
+        return replace(own, disturbances=roads | noise)
 
 
 def load_specifications(
@@ -146,7 +151,12 @@ def with_wheels(road: RoadSpectrum | None, path: str | Path) -> RoadSpectrum | N
     own = spec_road(path)
     if road is None or own is None:
         return road or own
-    return replace(road, under=own.under)
+    if own.in_tracks and own.speed != road.speed:
+        raise SpecError(
+            f"{path}: road.tracks: wheels behind are later by a speed of {own.speed:g} m/s, which "
+            "is in the plant; change it in the spec"
+        )
+    return replace(road, under=own.under, in_tracks=own.in_tracks)
 
 
 def parse_specification(
@@ -254,7 +264,7 @@ def _value(word: str) -> Any:
 
 
 def _road(table: Mapping[str, Any]) -> RoadSpectrum:
-    _known(table, ("class", "speed", "under"), "road")
+    _known(table, ("class", "speed", "under", "tracks"), "road")
     for key in ("class", "speed"):
         if key not in table:
             raise SpecError(f'road: {key} is missing; write class = "C" and speed = 20  # m/s')
@@ -263,7 +273,14 @@ def _road(table: Mapping[str, Any]) -> RoadSpectrum:
     under = table.get("under", [])
     if not isinstance(under, list) or not all(isinstance(name, str) for name in under):
         raise SpecError(f"road: under = {shown(under)} must be a list of names of disturbances")
-    road = RoadSpectrum(table["class"], number(table["speed"], "road: speed"), tuple(under))
+    if "tracks" in table and under:
+        raise SpecError("road: under and tracks: all wheels are in tracks; leave under out")
+    road = RoadSpectrum(
+        table["class"],
+        number(table["speed"], "road: speed"),
+        SOURCES if "tracks" in table else tuple(under),
+        "tracks" in table,
+    )
     try:
         _ = road.density
     except InputError as error:

@@ -10,6 +10,7 @@ import pytest
 from polefence.cli.main import main
 from polefence.examples import family, spec_text
 from support.commands import refused
+from support.paths import DOCS
 
 UNDER = re.compile(r"under = \[[^\]]*\]\n")
 REGION = ["--region", "half_plane(1) & sector(0.1)"]
@@ -100,15 +101,23 @@ def tracked(half):
     return half
 
 
-def test_a_law_of_a_car_on_tracks_does_not_measure_the_road(tracked, tmp_path, capsys):
-    out = tmp_path / "d"
-    words = ["optimise", str(tracked), *REGION, "--degree", "0", "-o", str(out)]
+def test_a_law_of_a_car_on_tracks_does_not_measure_the_road(half, tmp_path, capsys):
+    out, text = tmp_path / "d", half.read_text()
+    names = [own.split(" [")[0] for own in family("half-car").states]
+    words = ["optimise", str(half), *REGION, "--degree", "0", "-o", str(out)]
+    assert main([*words, "--measured", ", ".join(names)]) == 0
+    said = [capsys.readouterr().out]
+    half.write_text(UNDER.sub("[road.tracks]\norder = 2\n", text))
     assert main(words) == 0
-    said = capsys.readouterr().out
-    assert "of heave over the road, pitch over the road" in said
-    assert "road state" not in said
-    assert "held at road velocity = 1 m/s" in said
-    assert main(["check", str(out / "design.json"), "--spec", str(tracked)]) == 0
+    said.append(capsys.readouterr().out)
+    assert f"of {', '.join(names)} keeps" in said[1]
+    assert "road state" not in said[1]
+    assert "held at road velocity = 1 m/s" in said[1]
+    page = (DOCS / "cars.md").read_text()
+    levels = [float(re.search(r"driver acceleration \[m/s2\] +(\S+)", own)[1]) for own in said]
+    pattern = r"proves (\S+) m/s² for the driver on independent roads, and (\S+) m/s² on tracks"
+    assert [f"{own:.3f}" for own in levels] == list(re.search(pattern, page).groups())
+    assert main(["check", str(out / "design.json"), "--spec", str(half)]) == 0
 
 
 @pytest.mark.parametrize(
@@ -126,3 +135,9 @@ def test_roads_are_named_or_in_tracks(tracked, capsys):
     both = 'under = ["road velocity"]\n[road.tracks]'
     tracked.write_text(tracked.read_text().replace("[road.tracks]", both))
     assert "leave under out" in refused(capsys, "optimise", str(tracked), *REGION)
+
+
+def test_laws_of_dampers_need_independent_roads(tracked, capsys):
+    damper = '[damper."front force"]\ndeflection = "front suspension deflection"\nrange = [1, 2]\n'
+    tracked.write_text(tracked.read_text() + damper)
+    assert "those of tracks cannot be measured" in refused(capsys, "semi-active", str(tracked))

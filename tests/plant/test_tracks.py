@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.linalg import solve_continuous_lyapunov
 
-from polefence import InputError, SpecError
+from polefence import InputError, Rms, SpecError, optimise
 from polefence.examples import spec_text
 from polefence.plant.spec import dumps, loads
 from polefence.plant.tracks import STATE, Tracks, own_states, pade
@@ -217,3 +217,10 @@ def test_tracks_need_a_car_a_speed_and_two_wheels():
 def test_odd_orders_are_worse_where_wheels_hop():
     truly = with_true_delays("full-car", "roll acceleration")
     assert rms(on_tracks("full-car", "order = 3"), "roll acceleration") > 1.2 * truly
+
+
+def test_no_law_measures_the_road_unless_told():
+    plant = loads(ROLL + "[road.tracks]")
+    limits = [Rms(f"{side} force", 500, 2e-3) for side in ("left", "right")]
+    found = optimise(plant, Rms("heave acceleration", density=2e-3), limits)
+    assert [own.name for own in found.law.measured] == list(own_states(plant))

@@ -23,6 +23,7 @@ from polefence.design.rows import plant_summary
 from polefence.design.signals.refutation import Refutation, refute_limits
 from polefence.design.signals.semi_active import DEGREES, SemiActiveLaw, semi_active
 from polefence.plant.spec import load, load_dampers
+from polefence.plant.tracks import own_states
 from polefence.region.text import digits_down, digits_up
 
 LAW, LIMIT = "law.json", "limit.json"
@@ -59,6 +60,11 @@ def semi_active_command(options: Any) -> int:
         raise InputError(
             f'{options.spec}: has no controllable damper; write [damper."FORCE"] with deflection '
             "and range"
+        )
+    if len(own_states(plant)) < plant.shape[0]:
+        raise InputError(
+            f"{options.spec}: road.tracks: laws of controllable dampers are of all states, and "
+            "those of tracks cannot be measured; name independent roads by under"
         )
     options.limit = []
     least, _ = asked(plant, options, road_of(options))

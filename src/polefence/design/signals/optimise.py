@@ -56,6 +56,7 @@ from polefence.lmi.conditions.methods import Method, Scheduled, options
 from polefence.lmi.solve.search import Reached, singular_is_failure
 from polefence.plant.family import UncertainPlant
 from polefence.plant.outputs import states
+from polefence.plant.tracks import own_states
 from polefence.region.regions import HalfPlane, Region
 from polefence.region.text import digits_up
 
@@ -173,6 +174,7 @@ def optimise(
         Without one the same question has the same answer on every machine, however slow.
     structure : Structure, optional
         What the law may measure, what schedules it, its degree and free numbers: it is tuned.
+        On a road with tracks a law of the car's own states is, unless told otherwise.
         Where it has states of its own the answer's plant has them too.
 
     Returns
@@ -198,6 +200,9 @@ def optimise(
         require_type(minimise, Specification, "minimise", "for example Rms('force')")
     if structure is not None and method is not None:
         raise InputError("a method belongs to laws that an LMI gives; leave it out, or structure")
+    measurable = own_states(plant)
+    if structure is None and method is None and len(measurable) < plant.shape[0]:
+        structure = Structure(measured=measurable)  # a road's states are for no law
     either = structure is None and method is None
     method = method_for(plant, method)
     _require_method(plant, method)

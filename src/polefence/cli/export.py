@@ -10,12 +10,15 @@ from typing import Any
 from polefence.base.errors import InputError
 from polefence.cli.common import NOT_PROVED, PROVED
 from polefence.cli.terminal import say
-from polefence.design.design import Design
+from polefence.design.design import Design, is_proof_file, read_document
 from polefence.design.observer import Observer
 from polefence.export import export_c99, with_fmus
+from polefence.export.damper import damper_sources
 from polefence.export.exported import GIVEN, Exported, check_folder, marks, write_folder
 from polefence.export.matlab import HEADER, mat_bytes
 from polefence.export.sources import check_c_name
+from polefence.proof.claims.clipped import Clipped
+from polefence.proof.document import Document
 from polefence.region.text import digits_down, digits_up
 from polefence.response.discrete import Sampling
 
@@ -27,7 +30,10 @@ OF_CODE = ("given", "limit", "sample_time", "observer")
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options of `export`."""
     parser.add_argument(
-        "design", type=Path, metavar="DESIGN", help="design.json, or the folder with it"
+        "design",
+        type=Path,
+        metavar="DESIGN",
+        help="design.json, or the folder with it; or law.json of semi-active",
     )
     parser.add_argument(
         "--lang",
@@ -92,6 +98,10 @@ def export_command(options: Any) -> int:
     if options.lang == "mat":
         return _matlab(options)
     check_folder(options.output, marks(options.name))
+    if options.design.is_file() and is_proof_file(options.design):
+        document = read_document(options.design)
+        if document.first(Clipped) is not None:
+            return _dampers(document, options)
     design = Design.load(options.design, allow_unproved=options.allow_unproved)
     limits = options.limit[0] if len(options.limit) == 1 else options.limit
     found = export_c99(
@@ -111,6 +121,22 @@ def export_command(options: Any) -> int:
     for path in paths:
         say(f"saved: {path}")
     return PROVED if found.proved else NOT_PROVED
+
+
+def _dampers(document: Document, options: Any) -> int:
+    """Write a law of controllable dampers."""
+    unused = [f"--{key.replace('_', '-')}" for key in OF_CODE if getattr(options, key)]
+    if options.lang != "c99" or unused:
+        raise InputError(
+            f"{', '.join(unused) or f'--lang {options.lang}'}: a law of controllable dampers is "
+            "exported without it; leave it out"
+        )
+    files = damper_sources(document, options.bits, name=options.name)
+    paths = write_folder(options.output, files, marks(options.name))
+    say(f"{document.plant.name}: coefficients of controllable dampers, {options.bits} bits")
+    for path in paths:
+        say(f"saved: {path}")
+    return PROVED
 
 
 def _sampling(options: Any) -> Sampling | None:

@@ -119,6 +119,16 @@ def test_the_damper_that_stays_is_the_best(car, laws):
     assert law.coefficients[0] == pytest.approx(best.x, rel=0.05)
 
 
+def test_a_demand_that_is_given_is_judged(car, laws):
+    skyhook = semi_active(car, cost(car, 4e3), [DAMPER], K=[[0, 0, -4000, 0]])
+    reached = driven(car, skyhook, 4e3)
+    assert laws[4e3].level < skyhook.level < skyhook.passive
+    assert reached < skyhook.level
+    assert [skyhook.level, reached] == pytest.approx([0.928, 0.819], abs=2e-3)  # the page's
+    with pytest.raises(InputError, match="K is 1 x 3, not 1 x 4"):
+        semi_active(car, cost(car, 4e3), [DAMPER], K=[[0, 0, 1]])
+
+
 def test_a_damper_that_may_hardly_change_proves_what_it_has_when_it_stays(car):
     near = Damper(DAMPER.force, DAMPER.deflection, 1000, 1001)
     law = semi_active(car, cost(car, 4e3), [near], 2)

@@ -25,6 +25,7 @@ from polefence.base.files import write_text
 from polefence.design.certificate import file_plant
 from polefence.design.requirements.rms import Rms
 from polefence.design.requirements.specification import disturbance
+from polefence.law.laws import FixedGain
 from polefence.lmi.solve.moments import Mean, Piece, Problem, inside
 from polefence.plant.dampers import Damper
 from polefence.plant.family import UncertainPlant
@@ -109,6 +110,7 @@ def semi_active(
     specification: Rms,
     dampers: Sequence[Damper],
     degree: int | None = None,
+    K: Any = None,
 ) -> SemiActiveLaw:
     """Return a law for controllable dampers, with a proved bound on an rms.
 
@@ -125,6 +127,8 @@ def semi_active(
     degree : int, optional
         2, 4, 6 or 8, of the polynomial that proves the bound; by default the highest up to 6 for
         which the search is quick. The higher, the lower the bound.
+    K : (m, n) array, optional
+        What is demanded, rounded to 32 bits, such as a skyhook's force; by default the law's own.
 
     Returns
     -------
@@ -138,10 +142,14 @@ def semi_active(
         If no bound was proved.
     """
     problem = _Question.of(plant, specification, dampers)
+    given = None if K is None else FixedGain(K).K
+    if given is not None and given.shape != plant.shape[::-1]:
+        m, n = plant.shape[::-1]
+        raise InputError(f"K is {given.shape[0]} x {given.shape[1]}, not {m} x {n}")
     for own in DEGREES if degree is None else (_even(degree),):
         if degree is None and problem.moments(own) > MOST and own > DEGREES[-1]:
             continue
-        found = problem.proved(own)
+        found = problem.proved(own, given)
         if found is not None:
             return found
     raise NotProvedError(f"{plant.name}: no bound on {specification.title} was proved")
@@ -279,13 +287,14 @@ class _Question:
         R0 = np.maximum(R0, LEAST * R0.max())
         return np.asarray(u0 - (R @ u0 + B.T @ P + D.T @ C) / R0[:, None])
 
-    def proved(self, degree: int) -> SemiActiveLaw | None:
+    def proved(self, degree: int, given: Array | None = None) -> SemiActiveLaw | None:
         """Return the law with what is proved of it by this degree, None if nothing is."""
         from scipy.linalg import solve_continuous_lyapunov
 
         c = self.best()
         passive = self.passive(c)
-        K = self.demand(c)
+        # numbers of 32 bits, so that what is proved is what a microprocessor has
+        K = np.asarray(self.demand(c) if given is None else given, dtype=np.float32).astype(float)
         A = np.mean([self.loop(j, c[:, None] * self.rates)[0] for j in range(len(self.A))], axis=0)
         X = solve_continuous_lyapunov(A, -self.E @ self.E.T)
         # powers of two: the evidence stays short in them
@@ -301,9 +310,9 @@ class _Question:
                 claim = self.claim(K, units, level, degree, *own)
                 verdict = prove(claim)
                 if verdict.proved:
-                    given = (self.plant, self.specification, self.dampers)
+                    asked = (self.plant, self.specification, self.dampers)
                     stays = (tuple(c.tolist()), passive)
-                    return SemiActiveLaw(*given, K, level, *stays, claim, verdict.reason)
+                    return SemiActiveLaw(*asked, K, level, *stays, claim, verdict.reason)
         return None
 
     def claim(

@@ -1,0 +1,96 @@
+"""A law of controllable dampers as C99: coefficients from states, with the numbers of its proof."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from fractions import Fraction
+from typing import Any
+
+from polefence.base.errors import InputError, NotProvedError
+from polefence.export.documents import FILE_NAME
+from polefence.export.program import Number, number
+from polefence.export.sources import MARKER, check_c_name, environment
+from polefence.proof.claims.base import prove
+from polefence.proof.claims.clipped import Clipped
+from polefence.proof.document import Document
+from polefence.proof.plant import Plant
+from polefence.proof.text import digits_up, number_text
+
+
+def damper_sources(document: Document, bits: int = 32, *, name: str = "law") -> Mapping[str, bytes]:
+    """Return the files of a law that `polefence.semi_active` proved: header, code and proof.
+
+    The code's coefficients never leave the dampers' bounds, whatever its rounding and its sample
+    time: the loop is stable by the proof, which holds for every choice between them. The bound on
+    the rms is that of the same numbers without rounding, at every instant.
+
+    Parameters
+    ----------
+    document : Document
+        The file of `SemiActiveLaw.file`, or as it was read.
+    bits : int
+        32 or 64. Bounds that are no numbers of this format are rounded inwards.
+
+    Raises
+    ------
+    InputError
+        If it has no such claim, or a number is none of the format.
+    NotProvedError
+        If the claim is not proved.
+    """
+    check_c_name(name)
+    claim = document.first(Clipped)
+    if claim is None:
+        raise InputError("no claim about a law of controllable dampers")
+    verdict = prove(claim)
+    if not verdict.proved:
+        raise NotProvedError(f"not proved: {verdict.reason}")
+    values, form = _context(document.plant, claim, number(bits), name), environment()
+    files = {f"{name}.{end}": f"damper.{end}.j2" for end in "hc"}
+    made = {file: form.get_template(template).render(values) for file, template in files.items()}
+    made[FILE_NAME] = document.dumps()
+    return {file: text.encode() for file, text in made.items()}
+
+
+def _context(plant: Plant, claim: Clipped, form: Number, name: str) -> dict[str, Any]:
+    """Return what the templates are given."""
+    dampers = []
+    for row, own in zip(claim.K, claim.dampers, strict=True):
+        label = plant.inputs[own.number] if plant.inputs else f"u{own.number + 1}"
+        dampers.append(
+            {
+                "text": f"of {label}: the force over the rate, "
+                f"{number_text(own.low)} to {number_text(own.high)}",
+                "K": [_exactly(x, form) for x in row],
+                "rate": [form.text(form.outward(x, up=True)) for x in own.rate[0][0]],
+            }
+        )
+    outputs = ", ".join(own.name for own in claim.limit.outputs)
+    level = digits_up(claim.limit.level)
+    statement = (
+        f"Proved, see {FILE_NAME}: the rms of {outputs} is at most {level} for all values of "
+        "the parameters where the force is so at every instant; and the loop is exponentially "
+        "stable whatever coefficients between the bounds are set, and when.",
+    )
+    return {
+        "marker": MARKER,
+        "name": name,
+        "NAME": name.upper(),
+        "title": f"Coefficients of controllable dampers: {plant.name}",
+        "statement": statement,
+        "states": plant.states or tuple(f"x{i + 1}" for i in range(plant.n)),
+        "dampers": dampers,
+        "lows": [form.text(form.outward(own.low, up=True)) for own in claim.dampers],
+        "highs": [form.text(form.outward(own.high, up=False)) for own in claim.dampers],
+        "number": form,
+        "prefix": form.largest[:3],
+        "zero": form.text(0.0),
+    }
+
+
+def _exactly(value: Fraction, form: Number) -> str:
+    """Return an entry of K, which `polefence.semi_active` makes a number of 32 bits."""
+    found = form.outward(value, up=True)
+    if Fraction(found) != value:
+        raise InputError(f"K has {float(value)!r}, which is no number of {form.bits} bits")
+    return form.text(found)

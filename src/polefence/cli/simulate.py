@@ -24,6 +24,7 @@ from polefence.plant.outputs import disturbances, split
 from polefence.plant.system import Array
 
 if TYPE_CHECKING:  # imported where used: with scipy behind them
+    from polefence.plant.cars import Car
     from polefence.plant.dampers import Damper
     from polefence.response.columns import Table
     from polefence.show.plots import Panel
@@ -84,7 +85,9 @@ def simulate_command(options: Any) -> int:
     setup = setup_of(plant, options, laws[0].law)
     each = counted(laws, "law")
     runs = {law.name: run(setup, law.law, _margins(setup, law)) for law in each}
-    summaries = [summary_of(law, runs[law.name]) for law in laws]
+    car = _car(options.subject)
+    seats = tuple(car.seats) if car else ()
+    summaries = [summary_of(law, runs[law.name], seats) for law in laws]
     _write(setup, runs, summaries, options)
     say(_head(setup))
     for summary in summaries:
@@ -305,14 +308,18 @@ def _excitation(plant: UncertainPlant, options: Any, law: Any) -> Excitation:
     if any(road is not None for road in roads):
         if any(others.values()) or options.input is not None:
             raise InputError("a road is all that moves a car; leave out the other excitation")
-        if plant.vehicle is None:
+        car = None if plant.vehicle is not None else _car(options.subject)
+        if plant.vehicle is None and car is None:
             raise InputError(
                 f"{plant.name} is not described as a vehicle, and a road is for one; add a table "
-                "[vehicle] to its spec, or use --step-in, --impulse-in, --initial or --input"
+                "[vehicle] or [car] to its spec (of a design name the spec, and the design as "
+                "--law), or use --step-in, --impulse-in, --initial or --input"
             )
         if options.speed is None:
             raise InputError("--speed is missing: a road needs it [m/s]")
         road, duration = _road(options)
+        if car is not None:
+            return _on_wheels(plant, car, road, duration, options)
         return excitation.on_road(plant, road, options.speed, _step(options), duration)
     if not any(others.values()) and options.input is None:
         raise InputError(
@@ -329,6 +336,30 @@ def _excitation(plant: UncertainPlant, options: Any, law: Any) -> Excitation:
     duration, step = _time(plant, options, law)
     steps, impulses, start = (_sizes(own, key) for key, own in others.items())
     return excitation.excited(plant, duration, step, steps, impulses, start)
+
+
+def _car(subject: str) -> Car | None:
+    """Return the car of a spec, None of a design or another plant."""
+    from polefence.plant.spec import load_car
+
+    path = Path(subject)
+    return None if path.is_dir() or path.suffix == ".json" else load_car(subject)
+
+
+def _on_wheels(
+    plant: UncertainPlant, car: Car, road: Road, duration: float | None, options: Any
+) -> Excitation:
+    """Return a road under all wheels; random ones differ on both sides in short waves."""
+    from polefence.plant.tracks import SHARE
+    from polefence.vehicle.excitation import on_wheels
+    from polefence.vehicle.roads import both_sides, random_road
+
+    across = [float(y) for _, y in car.places.values()]
+    wide, pair = max(across) - min(across), (road, road)
+    if wide and options.road is not None:
+        other = random_road(options.road, road.length, (options.seed or 0) + 1)
+        pair = both_sides(road, other, float(SHARE) * wide)
+    return on_wheels(plant, car.places, pair, options.speed, _step(options), duration)
 
 
 def _sizes(texts: list[str], key: str) -> dict[str, float]:
@@ -505,7 +536,7 @@ def panels_of(setup: Setup, runs: Mapping[str, Run]) -> list[Panel]:
     return [Panel(label, curves) for label, curves in found.items()]
 
 
-def summary_of(law: Named, run: Run) -> dict[str, Any]:
+def summary_of(law: Named, run: Run, seats: Sequence[str] = ()) -> dict[str, Any]:
     """Return peaks, rms, comfort and what is outside of the guarantee, as plain data."""
     return {
         "law": law.name,
@@ -513,6 +544,7 @@ def summary_of(law: Named, run: Run) -> dict[str, Any]:
         "exact": run.setup.exact,
         "signals": [_signal(run.setup.time, *column) for column in run.columns],
         "comfort": _comfort(run),
+        **({"comfort at seats": {name: _at_seat(run, name) for name in seats}} if seats else {}),
         "events": [asdict(event) for event in run.events],
         "notes": list(run.notes),
         "report": run.report(),
@@ -528,6 +560,8 @@ def text_of(summary: Mapping[str, Any]) -> list[str]:
         numbers = f"{_digits(row['peak']):>12}{_digits(row['at']):>10}{_digits(row['rms']):>12}"
         lines.append(f"  {_label(row['signal'], row['unit']):<44}{numbers}")
     lines += [f"  {line}" for line in _comfort_lines(summary["comfort"])]
+    for name, found in summary.get("comfort at seats", {}).items():
+        lines += [f"  {name}: {line}" for line in _comfort_lines(found)]
     lines.append(f"  proved of this law: {summary['proved']}")
     return lines + [f"  {line}" for line in summary["report"]]
 
@@ -545,15 +579,23 @@ def _signal(time: Array, name: str, unit: str, values: Array) -> dict[str, Any]:
 
 def _comfort(run: Run) -> dict[str, Any]:
     """Return what ISO 2631-1 makes of a car's acceleration, or why nothing; else no entry."""
-    from polefence.vehicle.comfort import comfort, comfort_reading
     from polefence.vehicle.vehicle import ride
 
     known = ride(run.setup.plant)
-    if known is None:
-        return {}
+    return {} if known is None else _felt(run, known.acceleration.name)
+
+
+def _at_seat(run: Run, name: str) -> dict[str, Any]:
+    return _felt(run, f"{name} acceleration")
+
+
+def _felt(run: Run, acceleration: str) -> dict[str, Any]:
+    """Return what ISO 2631-1 makes of an acceleration, or why nothing."""
+    from polefence.vehicle.comfort import comfort, comfort_reading
+
     try:
         with np.errstate(over="ignore", invalid="ignore"):
-            found = comfort(run.response.of(known.acceleration.name)[0], run.setup.step)
+            found = comfort(run.response.of(acceleration)[0], run.setup.step)
         reading = comfort_reading(float(found.weighted_rms))
     except InputError as error:
         return {"not evaluated": str(error)}

@@ -345,7 +345,28 @@ def _table(data: Mapping[str, Any], key: str, where: str = "") -> dict[str, Any]
 # --- cars ----------------------------------------------------------------------------------------
 
 
-def _from_car(data: Mapping[str, Any], names: dict[str, Any]) -> UncertainPlant:
+def load_car(path: str | Path) -> Car | None:
+    """Return the car of a spec's table ``[car]`` at its parameters' low ends, None without one.
+
+    Raises
+    ------
+    SpecError
+        If the file is missing, too long, no TOML, or says something that cannot be used.
+    """
+    data = _toml(read_text(Path(path), MAX_BYTES, SpecError), str(path))
+    if "car" not in data:
+        return None
+    try:
+        make, parameters, _ = _car(data)
+        return make(**{own.name: own.low for own in parameters})
+    except InputError as error:
+        raise type(error)(f"{path}: {_one_line(error)}") from error
+
+
+def _car(
+    data: Mapping[str, Any],
+) -> tuple[Callable[..., Car], tuple[Parameter, ...], Callable[[], dict[str, dict[str, Any]]]]:
+    """Return what makes the car for values of the parameters, these, and its further outputs."""
     car = _table(data, "car")
     _known(car, {"body", "wheel", "seat", "bar"}, "car: ")
     _need(car, ("body", "wheel"), "car")
@@ -395,6 +416,11 @@ def _from_car(data: Mapping[str, Any], names: dict[str, Any]) -> UncertainPlant:
             for label, rows in outputs.items()
         }
 
+    return make, tuple(parameters), more
+
+
+def _from_car(data: Mapping[str, Any], names: dict[str, Any]) -> UncertainPlant:
+    make, parameters, more = _car(data)
     plant, tracks = car_family(make, parameters, more, **names), _tracks(data)
     if tracks is None:
         return plant

@@ -32,7 +32,14 @@ from polefence.vehicle.driving.parts import (
 )
 from polefence.vehicle.driving.result import Drive, Event
 from polefence.vehicle.estimate import Estimate, Tuning, estimate
-from polefence.vehicle.excitation import Excitation, disturbed, excited, on_road, recorded
+from polefence.vehicle.excitation import (
+    Excitation,
+    disturbed,
+    excited,
+    on_road,
+    on_wheels,
+    recorded,
+)
 from polefence.vehicle.reference_laws import (
     Sizes,
     beside_reference_laws,
@@ -41,7 +48,15 @@ from polefence.vehicle.reference_laws import (
     passive,
     skyhook,
 )
-from polefence.vehicle.roads import Road, bump, kerb, measured_road, pothole, random_road
+from polefence.vehicle.roads import (
+    Road,
+    both_sides,
+    bump,
+    kerb,
+    measured_road,
+    pothole,
+    random_road,
+)
 from polefence.vehicle.vehicle import SIGNALS, Masses, Ride, masses, quarter_car, ride
 
 __all__ = [
@@ -76,6 +91,7 @@ __all__ = [
     "Tuning",
     "Wheel",
     "beside_reference_laws",
+    "both_sides",
     "bump",
     "car_family",
     "comfort",
@@ -94,6 +110,7 @@ __all__ = [
     "measured_road",
     "nominal",
     "on_road",
+    "on_wheels",
     "passive",
     "points",
     "pothole",

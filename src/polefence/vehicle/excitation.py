@@ -126,6 +126,57 @@ def on_road(
     return replace(found, road=road.name, height=np.asarray(height))
 
 
+def on_wheels(
+    plant: UncertainPlant,
+    places: Mapping[str, Any],
+    road: Road | tuple[Road, Road],
+    speed: float,
+    step: float,
+    duration: float | None = None,
+) -> Excitation:
+    """Return a road under each wheel of a car; wheels behind see it later.
+
+    Parameters
+    ----------
+    places : mapping of str to (x, y)
+        Where each road is, by the name of the disturbance: `Car.places` [m].
+    road : Road or pair of them
+        Under all wheels, or under those on the left (y above zero) and under the others. It begins
+        under the foremost wheels; those behind stand as high as it begins.
+    speed, step : float
+        [m/s], [s]
+    duration : float, optional
+        [s]; as long as the road reaches by default.
+
+    Raises
+    ------
+    InputError
+        If the plant has no such disturbance, or one more that is a road, or as `Road.velocity`
+        raises.
+    """
+    names = [own.name for own in disturbances(plant)]
+    for name in places:
+        if name not in names:
+            raise InputError(f"{plant.name} has no disturbance {name!r}; {suggest(name, names)}")
+    roads = [own.name for own in disturbances(plant) if own.unit == "m/s"]
+    for name in roads:
+        if name not in places:
+            raise InputError(f"{name!r} is a road too; say where its wheel is, or drive without")
+    left, right = (road, road) if isinstance(road, Road) else road
+    foremost = max(float(x) for x, _ in places.values())
+    w = np.zeros((0, plant.disturbance_count))
+    for name, (x, y) in places.items():
+        own = left if float(y) > 0 else right
+        _, mean = own.later(foremost - float(x)).velocity(speed, step, duration)
+        if not len(w):
+            w = np.zeros((len(mean), plant.disturbance_count))
+        w[:, names.index(name)] = mean[: len(w)]
+    where = left.distance[0] + speed * step * np.arange(len(w) + 1)
+    height = np.interp(where, left.distance, left.height)
+    found = _nothing(plant, f"{left.name}, at {speed:g} m/s", step, w)
+    return replace(found, road=left.name, height=np.asarray(height))
+
+
 def _nothing(plant: UncertainPlant, name: str, step: float, w: Any, steps: int = 0) -> Excitation:
     """Return disturbances, from rest."""
     rest, quiet = np.zeros(plant.shape[0]), np.zeros(plant.disturbance_count)

@@ -137,6 +137,13 @@ class Road:
             )
         return int(steps)
 
+    def later(self, distance: float) -> Road:
+        """Return the road as a wheel sees it that is so far behind [m]; it begins level."""
+        if distance <= 0:
+            return self
+        along = np.concatenate([self.distance[:1], self.distance + distance])
+        return Road(along, np.concatenate([self.height[:1], self.height]), self.name)
+
     def resample(self, spacing: float) -> Road:
         """Return the road at equally spaced points [m], from its first as far as whole steps go.
 
@@ -158,6 +165,41 @@ class Road:
         along = np.minimum(spacing * np.arange(math.floor(count) + 1), self.length)
         distance = self.distance[0] + along
         return Road(distance, np.interp(distance, self.distance, self.height), self.name)
+
+
+def both_sides(first: Road, second: Road, width: float) -> tuple[Road, Road]:
+    """Return the road under left and right wheels, of two that are independent and of one class.
+
+    Waves much longer than the width lift both sides alike, much shorter ones each by itself: the
+    coherence is 1 / (1 + (k width)^2) at k rad/m, as in `polefence.plant.tracks.Tracks`, and each
+    side has the density of the two.
+
+    Parameters
+    ----------
+    first, second : Road
+        With points equally apart, at the same distances.
+    width : float
+        [m]
+
+    Raises
+    ------
+    InputError
+        If the width is not above zero, or the points differ.
+    """
+    from scipy.signal import bilinear, lfilter
+
+    width, same = positive(width, "width [m]"), first.distance.shape == second.distance.shape
+    steps = np.diff(first.distance)
+    if not same or np.any(first.distance != second.distance) or np.ptp(steps) > 1e-6 * steps[0]:
+        raise InputError(f"{first.name}, {second.name}: points must be the same, equally apart")
+    half, rate = 0.5**0.5, float(1 / steps.mean())
+    sides = []
+    for road, numerator in ((first, [half * width, 1.0]), (second, [half * width, 0.0])):
+        b, a = bilinear(numerator, [width, 1.0], fs=rate)
+        sides.append(lfilter(b, a, road.height - road.height[0]))
+    mean, apart = sides
+    left, right = (Road(first.distance, h, first.name) for h in (mean + apart, mean - apart))
+    return left, right
 
 
 def first_fault(distance: Array, height: Array) -> tuple[int, str] | None:

@@ -1,0 +1,103 @@
+"""Roads under several wheels: later behind, alike or not on both sides, against known motion."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.signal import coherence, welch
+
+from polefence import InputError
+from polefence.cli.main import main
+from polefence.examples import family, spec_path, spec_text
+from polefence.plant.spec import load_car
+from polefence.response.stationary import velocity_density
+from polefence.vehicle import Road, both_sides, drive, kerb, on_wheels, random_road
+
+SPEED, STEP = 20.0, 1e-3
+
+
+@pytest.fixture(scope="module")
+def full():
+    return family("full-car"), load_car(spec_path("full-car"))
+
+
+@pytest.fixture(scope="module")
+def half():
+    return family("half-car"), load_car(spec_path("half-car"))
+
+
+def test_wheels_behind_see_the_road_later_and_end_at_its_heights(full):
+    plant, car = full
+    road = random_road("C", 60, 1)
+    w = on_wheels(plant, car.places, road, SPEED, STEP, 2.0).w
+    xs = [float(x) for x, _ in car.places.values()]
+    height = np.cumsum(w, axis=0) * STEP
+    at = SPEED * STEP * np.arange(1, len(w) + 1)
+    for column, x in enumerate(xs):
+        own = np.interp(at - (max(xs) - x), road.distance, road.height)
+        assert height[:, column] == pytest.approx(own - road.height[0], abs=1e-12)
+    assert w[:, 0] == pytest.approx(w[:, 1])  # both sides alike
+
+
+def test_one_road_under_both_sides_does_not_roll_a_car(full, half):
+    road = random_road("C", 80, 2)
+    plant, car = full
+    found = drive(plant, None, on_wheels(plant, car.places, road, SPEED, STEP, 3.0))
+    assert np.abs(found.of("roll over the road")).max() < 1e-12
+    assert np.abs(found.of("pitch over the road")).max() > 1e-3
+    # the half car is half of this one
+    other, own = half
+    alone = drive(other, None, on_wheels(other, own.places, road, SPEED, STEP, 3.0))
+    for name in ("heave acceleration", "pitch acceleration"):
+        one, two = (d.response([name]).values for d in (found, alone))
+        assert one == pytest.approx(two, abs=2e-2 * np.abs(two).max())
+
+
+def test_a_kerb_is_stood_on_in_the_end(full):
+    plant, car = full
+    road = kerb(0.05, before=1.0, after=60.0)
+    found = drive(plant, None, on_wheels(plant, car.places, road, 10.0, STEP, 6.0))
+    assert np.abs(found.states[0, -1]).max() < 1e-3
+    rise = np.cumsum(on_wheels(plant, car.places, road, 10.0, STEP, 6.0).w, axis=0)[-1] * STEP
+    assert rise == pytest.approx(np.full(4, 0.05))
+
+
+def test_both_sides_are_of_the_class_and_coherent_in_long_waves():
+    width = 1.2
+    pairs = [both_sides(*(random_road("C", 400, 2 * k + j) for j in (0, 1)), width)
+             for k in range(12)]  # fmt: skip
+    rate = 1 / np.diff(pairs[0][0].distance).mean()
+    slopes = [[np.diff(side.height) * rate for side in pair] for pair in pairs]
+    left, right = (np.concatenate([pair[i] for pair in slopes]) for i in (0, 1))
+    size = int(40 * rate)
+    waves, density = welch(left, rate, nperseg=size)
+    inside = (waves > 0.1) & (waves < 2)
+    wanted = velocity_density("C", 1.0)
+    assert np.mean(density[inside]) == pytest.approx(wanted, rel=0.1)
+    assert np.mean(welch(right, rate, nperseg=size)[1][inside]) == pytest.approx(wanted, rel=0.1)
+    waves, found = coherence(left, right, rate, nperseg=size)
+    known = 1 / (1 + (2 * np.pi * waves * width) ** 2) ** 2  # squared
+    assert np.abs(found - known)[(waves > 0.05) & (waves < 1)].mean() < 0.06
+
+
+def test_a_full_car_is_driven_from_the_command_line(tmp_path, capsys):
+    spec = tmp_path / "full.toml"
+    spec.write_text(spec_text("full-car"))
+    words = ["simulate", str(spec), "--road", "C", "--speed", "20", "--duration", "2"]
+    assert main(words) == 0
+    out = capsys.readouterr().out
+    assert "rear right tyre force variation [N]" in out
+    assert "driver: comfort (ISO 2631-1): weighted rms" in out
+    assert main(["simulate", str(spec), "--kerb", "0.05", "--speed", "10"]) == 0
+
+
+def test_what_is_no_road_of_the_car_is_refused(half):
+    plant, car = half
+    road = Road([0, 100], [0, 0])
+    with pytest.raises(InputError, match="no disturbance 'front road'"):
+        on_wheels(plant, {"front road": (1, 0)}, road, SPEED, STEP)
+    front = dict(list(car.places.items())[:1])
+    with pytest.raises(InputError, match="'rear road velocity' is a road too"):
+        on_wheels(plant, front, road, SPEED, STEP)
+    with pytest.raises(InputError, match="points must be the same, equally apart"):
+        both_sides(random_road("C", 100, 1), random_road("C", 200, 1), 1.0)

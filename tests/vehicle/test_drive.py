@@ -600,6 +600,8 @@ def test_a_car_that_runs_away_is_told_and_the_others_drive_on(physical, design):
     slow = Sampling(0.1)
     mixed = drive(physical, design, wave, duration=20, step=0.005, parameters=cars, sampling=slow)
     assert {e.car for e in mixed.events if e.kind == "lost"} == {0, 1}
+    told = np.array([[240, -9], [340, 9]])  # also behind where all are lost
+    assert mixed.used == pytest.approx(np.broadcast_to(told[:, None], mixed.used.shape))
 
 
 def test_the_report_of_many_cars_has_a_line_a_kind(physical, design):

@@ -100,6 +100,8 @@ def integrate(
                 now = np.where(lost[:, None], np.nan, now)
                 if lost.all():
                     z[k + 1 :] = np.nan
+                    if demanded is not None and used is not None:
+                        demanded[k + 1 :], used[k + 1 :] = np.nan, used[k]
                     break
     if lost.any():
         _blank(z, demanded)

@@ -88,6 +88,7 @@ def test_a_full_car_is_driven_from_the_command_line(tmp_path, capsys):
     out = capsys.readouterr().out
     assert "rear right tyre force variation [N]" in out
     assert "driver: comfort (ISO 2631-1): weighted rms" in out
+    assert "note: wheels that leave the road and springs at their end are not looked for" in out
     assert main(["simulate", str(spec), "--kerb", "0.05", "--speed", "10"]) == 0
 
 

@@ -43,6 +43,11 @@ STEPS, MARGIN = 1000, 4.0  # of a response at least; of the longest step, over t
 LEVEL = 0.1  # before an obstacle [s]
 WAVE = 100.0  # the longest that a class of roads is asked for [m]
 
+# Of a car on several wheels.
+NOT_LOOKED_FOR = (
+    "wheels that leave the road and springs at their end are not looked for; compare tyre forces "
+    "with the wheels' static loads"
+)
 DEMANDED, ESTIMATED = " demanded", " estimated"  # drawn into the panel of what they are of
 
 
@@ -86,8 +91,7 @@ def simulate_command(options: Any) -> int:
     each = counted(laws, "law")
     runs = {law.name: run(setup, law.law, _margins(setup, law)) for law in each}
     car = _car(options.subject)
-    seats = tuple(car.seats) if car else ()
-    summaries = [summary_of(law, runs[law.name], seats) for law in laws]
+    summaries = [summary_of(law, runs[law.name], car) for law in laws]
     _write(setup, runs, summaries, options)
     say(_head(setup))
     for summary in summaries:
@@ -536,7 +540,7 @@ def panels_of(setup: Setup, runs: Mapping[str, Run]) -> list[Panel]:
     return [Panel(label, curves) for label, curves in found.items()]
 
 
-def summary_of(law: Named, run: Run, seats: Sequence[str] = ()) -> dict[str, Any]:
+def summary_of(law: Named, run: Run, car: Car | None = None) -> dict[str, Any]:
     """Return peaks, rms, comfort and what is outside of the guarantee, as plain data."""
     return {
         "law": law.name,
@@ -544,10 +548,10 @@ def summary_of(law: Named, run: Run, seats: Sequence[str] = ()) -> dict[str, Any
         "exact": run.setup.exact,
         "signals": [_signal(run.setup.time, *column) for column in run.columns],
         "comfort": _comfort(run),
-        **({"comfort at seats": {name: _at_seat(run, name) for name in seats}} if seats else {}),
+        **({"comfort at seats": {name: _at_seat(run, name) for name in car.seats}} if car else {}),
         "events": [asdict(event) for event in run.events],
-        "notes": list(run.notes),
-        "report": run.report(),
+        "notes": [*run.notes, *([NOT_LOOKED_FOR] if car else [])],
+        "report": [*run.report(), *([f"note: {NOT_LOOKED_FOR}"] if car else [])],
     }
 
 

@@ -69,6 +69,16 @@ def test_a_spec_that_differs_is_told(spec, tmp_path, capsys, old, new, differenc
         ('[damper."damper force"]', "[damper.force]", "no signal 'force'"),
         (RANGE, "range = [0, 3000]", "low = 0; a bound is proved with low above zero"),
         ('deflection = "suspension deflection"', "deflection = 3", "deflection must be a string"),
+        (
+            '= "suspension deflection"',
+            '= "travel"',
+            "damper.toml: damper.'damper force': no signal",
+        ),
+        (
+            '= "suspension deflection"',
+            '= "tyre deflection"',
+            "damper.'damper force': an input or a",
+        ),
         ("minimise = true", "at_most = 3", "nothing is to be minimised"),
         ('kind = "rms"', 'kind = "gain"', "of controllable dampers an rms is"),
     ],

@@ -66,6 +66,12 @@ def semi_active_command(options: Any) -> int:
             f"{options.spec}: road.tracks: laws of controllable dampers are of all states, and "
             "those of tracks cannot be measured; name independent roads by under"
         )
+    for own in dampers:
+        try:
+            own.of(plant)
+        except InputError as error:
+            where = f"{options.spec}: damper.{own.force!r}: "
+            raise InputError(where + str(error).removeprefix(f"damper {own.force}: ")) from error
     options.limit = []
     least, _ = asked(plant, options, road_of(options))
     if not isinstance(least, Rms) or not least.limits_rms:

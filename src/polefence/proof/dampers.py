@@ -63,11 +63,16 @@ class SemiActive:
         return rows | {"low": plain(self.low), "high": plain(self.high)}
 
     @property
-    def range_text(self) -> str:
-        """Say between what its force is."""
+    def bounds_text(self) -> str:
+        """Say between which multiples of what its force is."""
         none = [[[Fraction(0)]]] * len(self.rate)
         low, high = number_text(self.low), number_text(self.high)
-        return f"u{self.number + 1} from {low} to {high} times ({output_text(self.rate, none)})"
+        return f"{low} to {high} times ({output_text(self.rate, none)})"
+
+    @property
+    def range_text(self) -> str:
+        """Say which input it is, and between what."""
+        return f"u{self.number + 1} from {self.bounds_text}"
 
 
 def read_dampers(table: Table, plant: Plant) -> tuple[SemiActive, ...]:

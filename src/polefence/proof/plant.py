@@ -87,6 +87,12 @@ class Plant:
         if self.sample_time is not None:
             raise FormatError(f"{what}: is for plants in continuous time")
 
+    def require_noise(self, what: str) -> None:
+        """Refuse a plant in discrete time, or on which no disturbance acts."""
+        self.require_continuous(what)
+        if not self.E:
+            raise FormatError(f"{what}: the plant has no E: no disturbance acts on it")
+
     def signal(self, name: str) -> Output | None:
         """Return the state, input or output of a name that no other has."""
         zero = Fraction(0)

@@ -85,17 +85,18 @@ def drift(V: Sparse, A: Rationals, W: Rationals) -> Sparse:
         for i, row in enumerate(A):
             if not e[i]:
                 continue
-            once = _moved(e, i, -1)
+            once = moved(e, i, -1)
             for k, a in enumerate(row):
                 if a:
-                    _add(found, _moved(once, k, 1), value * e[i] * a)
+                    _add(found, moved(once, k, 1), value * e[i] * a)
             for j, w in enumerate(W[i]):
                 if w and once[j]:
-                    _add(found, _moved(once, j, -1), value * e[i] * once[j] * w / 2)
+                    _add(found, moved(once, j, -1), value * e[i] * once[j] * w / 2)
     return found
 
 
-def _moved(e: Exponent, i: int, by: int) -> Exponent:
+def moved(e: Exponent, i: int, by: int) -> Exponent:
+    """Return the exponents with so much more of one variable."""
     return (*e[:i], e[i] + by, *e[i + 1 :])
 
 

@@ -212,7 +212,7 @@ def test_a_file_of_the_bound_and_of_what_no_logic_keeps(car, laws, tmp_path, cap
         assert check(document).proved
         assert main([str(path)]) == 0
     said = capsys.readouterr().out
-    assert "cut off to between 300 and 3000 times (-x3 + x4)" in said
+    assert "cut off to 300 to 3000 times (-x3 + x4)" in said
     assert "<= 0.88" in said
     assert "no semi-active law, u1 from 300 to 3000 times (-x3 + x4), keeps rms of" in said
     assert "<= 0.705" in said

@@ -27,7 +27,7 @@ from polefence.lmi.solve.interior_point import Outcome
 from polefence.lmi.solve.stacked import Blocks, Factors
 from polefence.plant.system import Array
 from polefence.proof.polynomials import Exponent
-from polefence.proof.squares import bases, joined, monomials
+from polefence.proof.squares import bases, joined, monomials, moved
 
 # Blocks that begin below zero end inside by this share of what they lacked.
 WITHIN = 0.05
@@ -86,11 +86,11 @@ class Space:
         rows = np.zeros((len(self.monomials) - 1, len(self.monomials)))
         for row, e in zip(rows, self.monomials[1:], strict=True):
             for i in (i for i in range(self.n) if e[i]):
-                less = _less(e, i)
+                less = moved(e, i, -1)
                 for k in np.flatnonzero(A[i]):
-                    row[self.place[_more(less, int(k))]] += e[i] * A[i, k]
+                    row[self.place[moved(less, int(k), 1)]] += e[i] * A[i, k]
                 for j in (j for j in range(self.n) if less[j] and W[i, j]):
-                    row[self.place[_less(less, j)]] += e[i] * less[j] * W[i, j]
+                    row[self.place[moved(less, j, -1)]] += e[i] * less[j] * W[i, j]
         return rows
 
     def gaussian(self, X: Array) -> Array:
@@ -98,9 +98,9 @@ class Space:
         known: dict[Exponent, float] = {(0,) * self.n: 1.0}
         for e in self.monomials[1:]:  # in ascending degree: E[x_i p] = sum X_ik E[dp/dx_k]
             i = next(i for i in range(self.n) if e[i])
-            less = _less(e, i)
+            less = moved(e, i, -1)
             known[e] = sum(
-                X[i, k] * less[k] * known[_less(less, k)] for k in range(self.n) if less[k]
+                X[i, k] * less[k] * known[moved(less, k, -1)] for k in range(self.n) if less[k]
             )
         return np.array([known[e] for e in self.monomials])
 
@@ -114,15 +114,7 @@ class Space:
     def _terms(self, Q: Array) -> list[tuple[Exponent, float]]:
         """Return the terms of x'Q x."""
         one, pairs = (0,) * self.n, zip(*np.nonzero(Q), strict=True)
-        return [(_more(_more(one, int(a)), int(b)), float(Q[a, b])) for a, b in pairs]
-
-
-def _less(e: Exponent, i: int) -> Exponent:
-    return (*e[:i], e[i] - 1, *e[i + 1 :])
-
-
-def _more(e: Exponent, i: int) -> Exponent:
-    return (*e[:i], e[i] + 1, *e[i + 1 :])
+        return [(moved(moved(one, int(a), 1), int(b), 1), float(Q[a, b])) for a, b in pairs]
 
 
 @dataclass(frozen=True, eq=False)
@@ -253,8 +245,9 @@ class Problem:
         self.count = count = len(space.monomials)
         inner, lower = bases(n, degree // 2), bases(n, degree // 2 - 1)
         self.blocks = list[tuple[int, Array]]()
+        own_blocks = [space.products(basis) for basis in inner]
         for p, piece in enumerate(pieces):
-            self.blocks += [(p, space.products(basis)) for basis in inner]
+            self.blocks += [(p, block) for block in own_blocks]
             for form in piece.forms:
                 self.blocks += [(p, space.products(basis, form)) for basis in lower]
         most = 1 + max(i for piece in pieces for i, _ in piece.motions)

@@ -28,8 +28,8 @@ from itertools import product as cartesian
 from typing import Any, ClassVar, Self
 
 from polefence.proof import squares
-from polefence.proof.claims.base import Claim, Place, Verdict, counting, require_work, undecided
-from polefence.proof.claims.refutation import RmsLimit, require_limit
+from polefence.proof.claims.base import Claim, Place, require_work
+from polefence.proof.claims.refutation import RmsLimit, require_driven, require_limit
 from polefence.proof.claims.signal import acting_text, misnamed, outputs_text, require_shapes
 from polefence.proof.dampers import SemiActive, read_dampers
 from polefence.proof.laws import add, longest
@@ -38,16 +38,14 @@ from polefence.proof.matrices import (
     Integers,
     Rationals,
     common_denominator,
-    is_positive_definite,
-    is_symmetric,
     least_work,
     product,
     whole_numbers,
 )
 from polefence.proof.plant import Plant
 from polefence.proof.reading import MAX_SIZE, MAX_VERTICES, Table, as_list, as_number, plain
-from polefence.proof.text import digits_down, digits_up, number_text, output_text, sum_text
-from polefence.proof.work import RATIONAL, FormatError, spend, tell
+from polefence.proof.text import digits_down, digits_up, sum_text
+from polefence.proof.work import RATIONAL, FormatError, spend
 
 MAX_DEGREE, MAX_MONOMIALS, MAX_PIECES = 8, 2000, 1000
 GIVEN, LOWER, UPPER = range(3)  # what a damper does in a piece: the demand, or one of its bounds
@@ -110,9 +108,7 @@ class Clipped(Claim):
     @classmethod
     def read(cls, table: Table, plant: Plant, law: Any, on: str) -> Self:  # noqa: ARG003
         """Read the limit, the dampers, what is demanded, and the evidence."""
-        plant.require_continuous(table.where)
-        if not plant.E:
-            raise FormatError(f"{table.where}: the plant has no E: no disturbance acts on it")
+        plant.require_noise(table.where)
         evidence = table.table("evidence")
         degree = evidence.whole("degree", None, MAX_DEGREE, 2)
         rows = evidence.tables("pieces", MAX_PIECES)
@@ -150,14 +146,11 @@ class Clipped(Claim):
     def statement(self, plant: Plant) -> str:
         """Say what the rms is at most, and the law."""
         level, density = digits_up(self.limit.level), digits_down(2 * self.limit.intensity, 4)
-        acting, said = acting_text(self.scales, plant), []
-        for row, own in zip(self.K, self.dampers, strict=True):
-            none = [[[Fraction(0)]]] * len(own.rate)
-            low, high = number_text(own.low), number_text(own.high)
-            said.append(
-                f"u{own.number + 1} = {sum_text([('x', row)])}, cut off to between {low} and "
-                f"{high} times ({output_text(own.rate, none)})"
-            )
+        acting = acting_text(self.scales, plant)
+        said = [
+            f"u{own.number + 1} = {sum_text([('x', row)])}, cut off to {own.bounds_text}"
+            for row, own in zip(self.K, self.dampers, strict=True)
+        ]
         return (
             f"rms of {outputs_text(self.limit.outputs, plant)} <= {level} at density {density}"
             f"{acting}, for every alpha, with {'; '.join(said)}; and exponential stability "
@@ -172,20 +165,12 @@ class Clipped(Claim):
 
     def require(self) -> None:
         """Refuse what is incomplete or inconsistent, or out of all proportion."""
-        if not self.A or not self.A[0] or not self.B or not self.B[0] or not self.E:
-            raise FormatError("vertices, or how the disturbance enters, are missing")
-        N, n, m = len(self.A), len(self.A[0]), len(self.B[0][0])
-        q = len(self.E[0][0]) if self.E[0] else 0
-        require_shapes(self.A, N, n, n, "A")
-        require_shapes(self.B, N, n, m, "B")
-        require_shapes(self.E, N, n, q, "E")
+        N, n, m = require_driven(self.A, self.B, self.E, self.scales)
         require_shapes([self.K], 1, m, n, "K")
         require_shapes([self.X], 1, n, n, "X")
         require_limit(self.limit, N, n, m)
         if self.limit.level <= 0:
             raise FormatError("the level must be positive")
-        if self.scales and len(self.scales) != q:
-            raise FormatError(f"disturbances must hold {q} numbers")
         for own in self.dampers:
             own.require(N, n, m)
         if [own.number for own in self.dampers] != list(range(m)):
@@ -236,21 +221,7 @@ class Clipped(Claim):
         for k, own in enumerate(self.pieces):
             for each in (own.own, *own.multipliers):
                 for G in each:
-                    yield f"piece {k + 1}", G
-
-    def decided(self) -> Verdict:
-        """Prove a claim that is consistent."""
-        for name, own in self.symmetric():
-            if not is_symmetric(own):
-                return undecided(f"{name}: a matrix is not symmetric")
-        count = 0
-        for place, matrix in self.blocks():
-            tell(count + 1)
-            if not is_positive_definite(matrix):
-                reason = f"inequality {place} is not positive definite"
-                return Verdict("undecided", reason, count, place)
-            count += 1
-        return Verdict("proved", counting(count), count)
+                    yield f"a matrix of piece {k + 1}", G
 
     def blocks(self) -> Iterator[tuple[Place, Integers]]:
         """Yield the matrices that are to be positive definite, with their places."""
@@ -282,17 +253,17 @@ class Clipped(Claim):
         each = zip(self.K, self.dampers, choice, strict=True)
         forms = [_form(row, damper, what) for row, damper, what in each]
         self._spend(own, forms)
-        once, loops = j == k, [self._scaled(self._loop(i, choice)) for i in pair]
-        f: squares.Sparse = {(0,) * n: Fraction(1 if once else 2)}
+        count, loops = 1 if j == k else 2, [self._scaled(self._loop(i, choice)) for i in pair]
         (_, C), (_, other) = loops
-        square, basis = self.limit.level**2, squares.monomials(n, self.degree, 0)[1:]
-        Q = _form_of(C, other)
+        share = count / self.limit.level**2
+        f: squares.Sparse = {(0,) * n: Fraction(count)}
         f = squares.less(
-            f, squares.of_form([[x * (1 if once else 2) / square for x in r] for r in Q])
+            f, squares.of_form([[share * x for x in row] for row in _form_of(C, other)])
         )
-        for i, (A, _) in list(zip(reversed(pair), loops, strict=True))[: 1 if once else 2]:
+        basis, noise = squares.monomials(n, self.degree, 0)[1:], self._noise()
+        for i, (A, _) in list(zip((k, j), loops, strict=True))[:count]:
             V = dict(zip(basis, self.V[i], strict=True))
-            f = squares.less(f, squares.drift(V, A, self._noise()))
+            f = squares.less(f, squares.drift(V, A, noise))
         lower = squares.bases(n, self.degree // 2 - 1)
         for matrices, form in zip(own.multipliers, forms, strict=True):
             scaled = [[x * s[a] * s[b] for b, x in enumerate(row)] for a, row in enumerate(form)]

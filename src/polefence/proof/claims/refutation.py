@@ -112,9 +112,7 @@ class RmsRefutation(Claim):
     @classmethod
     def read(cls, table: Table, plant: Plant, law: Any, on: str) -> Self:  # noqa: ARG003
         """Read the limits, the vertex and the evidence."""
-        plant.require_continuous(table.where)
-        if not plant.E:
-            raise FormatError(f"{table.where}: the plant has no E: no disturbance acts on it")
+        plant.require_noise(table.where)
         rows = table.tables("limits", MAX_LIMITS)
         dampers = read_dampers(table, plant)
         return cls(
@@ -196,20 +194,12 @@ class RmsRefutation(Claim):
 
     def require(self) -> None:
         """Refuse what is incomplete or inconsistent."""
-        if not self.A or not self.A[0] or not self.B or not self.B[0] or not self.E:
-            raise FormatError("vertices, or how the disturbance enters, are missing")
-        N, n, m = len(self.A), len(self.A[0]), len(self.B[0][0])
-        q = len(self.E[0][0]) if self.E[0] else 0
+        N, n, m = require_driven(self.A, self.B, self.E, self.scales)
         if n + m > 2 * MAX_SIZE:
             raise FormatError(f"{n} states and {m} inputs are more than is checked here")
-        require_shapes(self.A, N, n, n, "A")
-        require_shapes(self.B, N, n, m, "B")
-        require_shapes(self.E, N, n, q, "E")
         require_shapes([self.P], 1, n, n, "P")
         if type(self.vertex) is not int or not 0 <= self.vertex < N:
             raise FormatError(f"vertex {self.vertex!r} is not one of 0 to {N - 1}")
-        if self.scales and len(self.scales) != q:
-            raise FormatError(f"disturbances must hold {q} numbers")
         if not self.limits or len(self.weights) != len(self.limits):
             raise FormatError("there must be limits, and one weight for each")
         for limit in self.limits:
@@ -225,6 +215,26 @@ class RmsRefutation(Claim):
         numbers += [M for own in outputs for M in (*own.C, *own.D)]
         numbers += [M for own in self.dampers for M in own.numbers]
         common_denominator([*numbers, *self.A, *self.B, *self.E])
+
+
+def require_driven(
+    A: list[Rationals], B: list[Rationals], E: list[Rationals], scales: Sequence[Fraction]
+) -> tuple[int, int, int]:
+    """Refuse a plant that is none, or without noise; return its vertices, states and inputs.
+
+    Raises
+    ------
+    FormatError
+    """
+    if not A or not A[0] or not B or not B[0] or not E:
+        raise FormatError("vertices, or how the disturbance enters, are missing")
+    N, n, m, q = len(A), len(A[0]), len(B[0][0]), len(E[0][0]) if E[0] else 0
+    require_shapes(A, N, n, n, "A")
+    require_shapes(B, N, n, m, "B")
+    require_shapes(E, N, n, q, "E")
+    if scales and len(scales) != q:
+        raise FormatError(f"disturbances must hold {q} numbers")
+    return N, n, m
 
 
 def require_limit(limit: RmsLimit, N: int, n: int, m: int) -> None:

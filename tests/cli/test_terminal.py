@@ -215,6 +215,34 @@ def test_what_python_cannot_interrupt_is_cut_off():
     assert subprocess.run([sys.executable, "-c", BUSY], check=False).returncode == 7
 
 
+AT_ONCE = """
+import os, signal, sys, threading
+from polefence.base.workers import processes
+from polefence.cli import interrupt, main
+
+def hold(options):
+    with processes(2):
+        threading.Timer(0.1, os.kill, (os.getpid(), signal.SIGINT)).start()
+        while True:
+            pass
+
+if __name__ == "__main__":
+    interrupt.PATIENCE = 0.0
+    main.COMMANDS = (("hold", hold, lambda parser: None),)
+    sys.exit(main.main(["hold"]))
+"""
+
+
+def test_processes_that_are_cut_off_leave_without_a_word(tmp_path):
+    script = tmp_path / "at_once.py"
+    script.write_text(AT_ONCE)
+    run = subprocess.run(
+        [sys.executable, str(script)], check=False, capture_output=True, text=True, timeout=60
+    )
+    assert run.returncode == 130
+    assert run.stderr == "polefence: interrupted\n"
+
+
 def test_what_ends_by_itself_is_not_cut_off(monkeypatch):
     ended = threading.Event()
     monkeypatch.setattr(interrupt, "PATIENCE", 0.05)

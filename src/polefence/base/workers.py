@@ -71,6 +71,7 @@ def processes(jobs: int | None = None) -> Iterator[Executor | None]:
         yield None
         return
     with _interrupted_once() as (hold, ignore):
+        _start_tracker()
         pool = ProcessPoolExecutor(count, get_context("spawn"), initializer=_start_worker)
         try:
             with hold():
@@ -84,6 +85,19 @@ def processes(jobs: int | None = None) -> Iterator[Executor | None]:
         finally:
             with ignore():
                 pool.shutdown(wait=True, cancel_futures=True)
+
+
+def _start_tracker() -> None:
+    """Start what cleans up after processes that are cut off, to do so without a word."""
+    if sys.platform == "win32":  # where nothing is left behind
+        return
+    from multiprocessing import resource_tracker
+
+    sys.warnoptions.append("ignore:resource_tracker")  # which the process that starts inherits
+    try:
+        resource_tracker.ensure_running()
+    finally:
+        sys.warnoptions.pop()
 
 
 _Held = Callable[[], AbstractContextManager[None]]

@@ -38,6 +38,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="TEXT",
         help="'rms of [NAME, NAME]'; default: the spec's with minimise = true",
     )
+    parser.set_defaults(limit=[])  # a damper's bounds are its only limits
     parser.add_argument("--road", metavar="CLASS", help="A to H of ISO 8608; default: the spec's")
     parser.add_argument("--speed", type=float, metavar="V", help="over that road [m/s]")
     parser.add_argument(
@@ -72,7 +73,6 @@ def semi_active_command(options: Any) -> int:
         except InputError as error:
             where = f"{options.spec}: damper.{own.force!r}: "
             raise InputError(where + str(error).removeprefix(f"damper {own.force}: ")) from error
-    options.limit = []
     least, _ = asked(plant, options, road_of(options))
     if not isinstance(least, Rms) or not least.limits_rms:
         raise InputError(

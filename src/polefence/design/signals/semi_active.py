@@ -13,6 +13,7 @@ from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from fractions import Fraction
+from functools import cached_property
 from itertools import product as cartesian
 from pathlib import Path
 from typing import Any
@@ -24,11 +25,11 @@ from polefence.base.errors import InputError, NotProvedError, SolverError, requi
 from polefence.base.files import write_text
 from polefence.design.certificate import file_plant
 from polefence.design.requirements.rms import Rms
-from polefence.design.requirements.specification import disturbance
 from polefence.law.laws import FixedGain
 from polefence.lmi.solve.moments import Mean, Piece, Problem, inside
 from polefence.plant.dampers import Damper
 from polefence.plant.family import UncertainPlant
+from polefence.plant.outputs import states
 from polefence.plant.system import Array
 from polefence.proof.claims.base import prove
 from polefence.proof.claims.clipped import GIVEN, Clipped, Squares, pieces_of
@@ -47,6 +48,7 @@ MOST = 2000  # moments that are searched for
 STEPS, DIGITS = 60, 3  # of a damper that stays: tried from bound to bound; kept
 OWN = 2  # matrices of a piece: of the odd monomials, and of the even ones
 LEAST = 1e-3  # of the largest, what a force costs at least
+UNREACHED = 1e-12  # of the largest variance of a state, in balanced units
 
 
 @dataclass(frozen=True, eq=False)
@@ -195,7 +197,6 @@ class _Question:
                 "weights only; leave it out"
             )
         specification.require_fit(plant)
-        disturbance(plant)
         pairs = sorted(((own.of(plant), own) for own in dampers), key=lambda pair: pair[0].number)
         exact = tuple(own for own, _ in pairs)
         if [own.number for own in exact] != list(range(plant.shape[1])):
@@ -233,7 +234,7 @@ class _Question:
         """Return A and C of a closed loop at a vertex."""
         return self.A[j] + self.B[j] @ gain, self.C[j] + self.D[j] @ gain
 
-    def passive(self, c: Array) -> float:
+    def rms(self, c: Array) -> float:
         """Return the worst rms with these coefficients, infinite where one is not stable."""
         from scipy.linalg import solve_continuous_lyapunov
 
@@ -246,8 +247,9 @@ class _Question:
             worst = max(worst, float(np.trace(C @ X @ C.T)))
         return float(np.sqrt(worst))
 
+    @cached_property
     def best(self) -> Array:
-        """Return the coefficients of the best dampers that stay, to a few digits.
+        """The coefficients of the best dampers that stay, to a few digits.
 
         One after the other from bound to bound, until none changes.
         """
@@ -260,14 +262,32 @@ class _Question:
                 tried = [c.copy() for _ in each]
                 for own, x in zip(tried, each, strict=True):
                     own[k] = min(max(x, low), high)
-                values = [round(self.passive(own), 12) for own in tried]
+                values = [round(self.rms(own), 12) for own in tried]
                 c = tried[int(np.argmin(values))]
             if np.array_equal(c, last):
                 break
         return c
 
-    def demand(self, c: Array) -> Array:
-        """Return K, from the mean of the vertices with these coefficients.
+    @cached_property
+    def passive(self) -> float:
+        """The worst rms with the best dampers that stay.
+
+        Raises
+        ------
+        NotProvedError
+            If none keeps every vertex stable.
+        """
+        found = self.rms(self.best)
+        if not np.isfinite(found):
+            raise NotProvedError(
+                f"{self.plant.name}: no dampers that stay, between their bounds, keep it stable "
+                "for every value; nothing is proved of those that change"
+            )
+        return found
+
+    @cached_property
+    def demand(self) -> Array:
+        """K of the law's own, from the mean of the vertices with the best dampers that stay.
 
         z'z + 2 x'P (A x + B u) is at most its value and slope at u0 = c v, and (u - u0)'R0 (u - u0)
         with a diagonal R0: of this each force by itself is the least.
@@ -275,7 +295,7 @@ class _Question:
         from scipy.linalg import solve_continuous_lyapunov
 
         A, B, C, D = (np.mean(M, axis=0) for M in (self.A, self.B, self.C, self.D))
-        u0 = c[:, None] * self.rates
+        u0 = self.best[:, None] * self.rates
         loop, out = A + B @ u0, C + D @ u0
         P = solve_continuous_lyapunov(loop.T, -out.T @ out)
         R = D.T @ D
@@ -287,42 +307,60 @@ class _Question:
         R0 = np.maximum(R0, LEAST * R0.max())
         return np.asarray(u0 - (R @ u0 + B.T @ P + D.T @ C) / R0[:, None])
 
+    @cached_property
+    def mean(self) -> Array:
+        """A with the best dampers that stay, the mean of the vertices."""
+        gain = self.best[:, None] * self.rates
+        return np.asarray(np.mean([self.loop(j, gain)[0] for j in range(len(self.A))], axis=0))
+
+    @cached_property
+    def units(self) -> Array:
+        """What each state has of its rms, in powers of two: the evidence stays short in them.
+
+        Raises
+        ------
+        NotProvedError
+            If the disturbance does not reach a state.
+        """
+        from scipy.linalg import matrix_balance, solve_continuous_lyapunov
+
+        balanced, (scale, _) = matrix_balance(self.mean, permute=False, separate=True)
+        E = self.E / scale[:, None]
+        X = np.diag(solve_continuous_lyapunov(balanced, -E @ E.T))
+        for own, variance in zip(states(self.plant), X, strict=True):
+            if not variance > UNREACHED * X.max():
+                raise NotProvedError(
+                    f"{self.plant.name}: no disturbance reaches {own.name}; of such plants no "
+                    "bound is proved"
+                )
+        return np.asarray(2.0 ** np.round(np.log2(np.sqrt(X) * scale)), dtype=np.float64)
+
     def proved(self, degree: int, given: Array | None = None) -> SemiActiveLaw | None:
         """Return the law with what is proved of it by this degree, None if nothing is."""
-        from scipy.linalg import solve_continuous_lyapunov
-
-        c = self.best()
-        passive = self.passive(c)
+        passive = self.passive  # first of all: without it there is nothing to be better than
         # numbers of 32 bits, so that what is proved is what a microprocessor has
-        K = np.asarray(self.demand(c) if given is None else given, dtype=np.float32).astype(float)
-        A = np.mean([self.loop(j, c[:, None] * self.rates)[0] for j in range(len(self.A))], axis=0)
-        X = solve_continuous_lyapunov(A, -self.E @ self.E.T)
-        # powers of two: the evidence stays short in them
-        units = np.asarray(2.0 ** np.round(np.log2(np.sqrt(np.diag(X)))), dtype=np.float64)
+        K = np.asarray(self.demand if given is None else given, dtype=np.float32).astype(float)
         each = pieces_of(len(self.A), len(self.dampers))
-        pieces = [self.piece(pair, choice, K, units, passive) for pair, choice in each]
+        pieces = [self.piece(pair, choice, K) for pair, choice in each]
         problem = Problem([own for own, _ in pieces], degree)
         for tolerance in NEAR:
             with suppress(SolverError, np.linalg.LinAlgError):
-                mean, common = problem.solved(tolerance), self.common(units, A)
+                mean = problem.solved(tolerance)
                 level = passive * float(np.sqrt(mean.level)) * (1 + ABOVE)
-                own = (mean, common, [sizes for _, sizes in pieces])
-                claim = self.claim(K, units, level, degree, *own)
+                claim = self.claim(K, level, degree, mean, [sizes for _, sizes in pieces])
                 verdict = prove(claim)
                 if verdict.proved:
                     asked = (self.plant, self.specification, self.dampers)
-                    stays = (tuple(c.tolist()), passive)
+                    stays = (tuple(self.best.tolist()), passive)
                     return SemiActiveLaw(*asked, K, level, *stays, claim, verdict.reason)
         return None
 
     def claim(
         self,
         K: Array,
-        units: Array,
         level: float,
         degree: int,
         mean: Mean,
-        common: Array,
         sizes: list[list[float]],
     ) -> Clipped:
         """Return the claim with its evidence."""
@@ -336,18 +374,18 @@ class _Question:
             self.exact,
             _rationals(K),
             degree,
-            tuple(_rationals([units])[0]),
-            _rationals(common),
+            tuple(_rationals([self.units])[0]),
+            _rationals(self.common),
             tuple(map(tuple, _rationals(mean.V))),
             tuple(_squares(own, each) for own, each in zip(mean.grams, sizes, strict=True)),
             tuple(map(Fraction, spec.scales(self.plant))),
         )
 
     def piece(
-        self, pair: tuple[int, int], choice: tuple[int, ...], K: Array, units: Array, level: float
+        self, pair: tuple[int, int], choice: tuple[int, ...], K: Array
     ) -> tuple[Piece, list[float]]:
-        """Return a piece in these units, its cost over a level's square, and its forms' sizes."""
-        (j, k), S, back = pair, np.diag(units), np.diag(1 / units)
+        """Return a piece in units, its cost over the square of the passive's, its forms' sizes."""
+        (j, k), S, back = pair, np.diag(self.units), np.diag(1 / self.units)
         gain, forms, sizes = list[Array](), list[Array](), list[float]()
         for row, v, (low, high), what in zip(K, self.rates, self.bounds, choice, strict=True):
             gain.append((row, low * v, high * v)[what])
@@ -357,18 +395,19 @@ class _Question:
             sizes.append(float(np.abs(form).max()))
             forms.append(form / sizes[-1])
         loops = [self.loop(i, np.array(gain)) for i in pair]
-        C, other = (out @ S / level for _, out in loops)
+        C, other = (out @ S / self.passive for _, out in loops)
         number = 1 if j == k else 2
         Q = number * (C.T @ other + other.T @ C) / 2
         motions = [(i, back @ A @ S) for i, (A, _) in zip((k, j), loops, strict=True)][:number]
         own = (number, tuple(motions), back @ self.E, Q, tuple(forms), GIVEN not in choice)
         return Piece(*own), sizes
 
-    def common(self, units: Array, A: Array) -> Array:
-        """Return X > 0 with X A + A'X < 0 whatever the dampers do, found from a loop's own."""
+    @cached_property
+    def common(self) -> Array:
+        """X > 0 with X A + A'X < 0 whatever the dampers do, found from a loop's own."""
         from scipy.linalg import solve_continuous_lyapunov
 
-        S, back, n = np.diag(units), np.diag(1 / units), len(units)
+        S, back, n = np.diag(self.units), np.diag(1 / self.units), len(self.units)
         basis = list[Array]()
         for i in range(n):
             for k in range(i + 1):
@@ -380,7 +419,7 @@ class _Question:
             for c in cartesian(*self.bounds):
                 loop = back @ self.loop(j, np.array(c)[:, None] * self.rates)[0] @ S
                 F.append(np.array([-(own @ loop + loop.T @ own) for own in basis]))
-        X = solve_continuous_lyapunov((back @ A @ S).T, -np.eye(n))
+        X = solve_continuous_lyapunov((back @ self.mean @ S).T, -np.eye(n))
         x = np.array([X[i, k] for i in range(n) for k in range(i + 1)])
         trace = np.array([np.trace(own) for own in basis])[:, None, None]
         found = inside([(0, f) for f in F], x, trace, np.zeros((0, len(x))))

@@ -742,7 +742,7 @@ def test_what_needs_a_quarter_car_says_so(make_random):
     plant = make_random(1, 3, 1, 2)
     law = np.zeros((1, 3))
     for part in ({"stops": BumpStops()}, {"gravity": 9.81}, {"scheduling": Estimated()}):
-        with pytest.raises(InputError, match="not described as a vehicle"):
+        with pytest.raises(InputError, match="not described as a quarter car"):
             drive(plant, law, duration=0.1, **part)
     with pytest.raises(InputError, match="says nowhere how a disturbance enters"):
         drive(plant, law, wave, duration=0.1)

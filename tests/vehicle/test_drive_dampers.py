@@ -14,7 +14,9 @@ from polefence.vehicle import (
     Damper,
     Hardware,
     Measured,
+    disturbed,
     drive,
+    excited,
     on_road,
     random_road,
     velocity_density,
@@ -96,6 +98,42 @@ def test_a_proved_bound_holds_on_a_long_road(plant):
     values = found.response(SIGNALS).values
     rms = np.sqrt(np.mean(np.sum(values**2, axis=2), axis=1))
     assert np.all(rms < law.level)
+
+
+def test_the_step_is_short_enough_for_all_dampers_at_their_bounds():
+    plant, ends = family("half-car"), ("front", "rear")
+    dampers = [Damper(f"{own} force", f"{own} suspension deflection", 300, 9000) for own in ends]
+    alpha = np.full(len(plant.A), 1 / len(plant.A))
+    A, B = plant.at(alpha)
+    rates = np.array([[float(x) for x in own.of(plant).rate[0][0]] for own in dampers])
+
+    def fastest(c):
+        return np.abs(np.linalg.eigvals(A + B @ (np.array(c)[:, None] * rates))).max()
+
+    bound = 1 / fastest([9000, 9000])
+    assert bound < min(1 / fastest([9000, 0]), 1 / fastest([0, 9000]))
+    for share, fits in ((1.01, False), (0.99, True)):
+        moved = excited(plant, 10 * bound, share * bound, {"front road velocity": 1.0})
+        hardware = Hardware(dampers=dampers)
+        if fits:
+            drive(plant, None, moved, hardware=hardware)
+        else:
+            with pytest.raises(InputError, match="step"):
+                drive(plant, None, moved, hardware=hardware)
+
+
+def test_lost_cars_do_not_count_among_what_a_damper_gave(plant, road):
+    push = np.array([[0.0, 0, -1500, 1500]])
+    found = drive(plant, push, road, hardware=Hardware(dampers=(DAMPER,)))
+    assert "damper force: the damper gives what is demanded 100% of the time" in found.notes
+    for start, said in (([[1e10, 0, 0, 0], [0.01, 0, 0, 0]], 1), ([[1e10, 0, 0, 0]], 0)):
+        moved = disturbed(plant, np.zeros((200, 1)), 0.001, start=start)
+        masses = [{"m1": 300.0}] * len(start)
+        found = drive(plant, push, moved, masses, Hardware(dampers=(DAMPER,)))
+        assert np.isnan(found.states[0, -1]).all()
+        notes = [own for own in found.notes if own.startswith("damper force")]
+        assert len(notes) == said
+        assert all("100%" in own for own in notes)
 
 
 def test_what_does_not_go_together_is_refused(plant, road):

@@ -209,5 +209,5 @@ def test_bad_input_is_refused_in_a_line(physical, change, message):
 
 
 def test_another_plant_is_refused(make_random):
-    with pytest.raises(InputError, match="not described as a vehicle"):
+    with pytest.raises(InputError, match="not described as a quarter car"):
         estimator(make_random(1, 3, 1, 2), STEP)

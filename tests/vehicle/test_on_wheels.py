@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 import numpy as np
 import pytest
 from scipy.signal import coherence, welch
@@ -10,8 +12,20 @@ from polefence import InputError
 from polefence.cli.main import main
 from polefence.examples import family, spec_path, spec_text
 from polefence.plant.spec import load_car
+from polefence.response.discrete import Sampling
 from polefence.response.stationary import velocity_density
-from polefence.vehicle import Road, both_sides, drive, kerb, on_wheels, random_road
+from polefence.vehicle import (
+    Hardware,
+    Road,
+    both_sides,
+    drive,
+    excited,
+    kerb,
+    on_wheels,
+    random_road,
+)
+from polefence.vehicle.contact import static_loads
+from polefence.vehicle.driving.drive import Setup, run
 
 SPEED, STEP = 20.0, 1e-3
 
@@ -88,8 +102,69 @@ def test_a_full_car_is_driven_from_the_command_line(tmp_path, capsys):
     out = capsys.readouterr().out
     assert "rear right tyre force variation [N]" in out
     assert "driver: comfort (ISO 2631-1): weighted rms" in out
-    assert "note: wheels that leave the road and springs at their end are not looked for" in out
-    assert main(["simulate", str(spec), "--kerb", "0.05", "--speed", "10"]) == 0
+    assert "no limit was met" in out
+    assert "note: springs at their end are not looked for on several wheels" in out
+    assert main(["simulate", str(spec), "--kerb", "0.1", "--speed", "10"]) == 0
+    out = capsys.readouterr().out
+    assert "no limit was met" not in out
+    for wheel in ("front left", "front right", "rear left", "rear right"):
+        assert f"the {wheel} tyre leaves the road, which the equations do not know; first at" in out
+    figure = tmp_path / "full.png"
+    assert main([*words, "--plot", str(figure), "--sampling", "0.002"]) == 0
+    assert figure.exists()
+    assert "springs at their end are not looked for" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("name", "body", "each"), [("full-car", 965.7, 2), ("half-car", 482.85, 1)]
+)
+def test_static_loads_are_those_of_a_beam(name, body, each):
+    """Moments about the rear axle, with the load where it sits."""
+    plant, car = family(name), load_car(spec_path(name))
+    front, rear, place, wheel = 1.156, 1.423, -0.9, 31.9
+    for own in plant.parameters:
+        if own.name == "felt":
+            masses = [float(own.low), float(own.high)]
+    for felt in masses:
+        setup = Setup(plant, excited(plant, 1.0, 0.1), {"felt": felt, "age": 0.05})
+        load = felt - float(car.body.empty)
+        moment = 9.81 * (body * rear + load * (rear + place))
+        ahead = moment / (front + rear)
+        behind = 9.81 * (body + load) - ahead
+        wanted = [force / each + 9.81 * wheel for force in (ahead, behind) for _ in range(each)]
+        assert static_loads(plant, car, setup.alpha)[0] == pytest.approx(wanted, rel=1e-9)
+
+
+@pytest.mark.parametrize("hardware", [Hardware(), Hardware(sampling=Sampling(0.002))])
+def test_a_wheel_lifts_where_its_tyre_would_pull_and_only_there(half, hardware):
+    plant, car = half
+
+    def driven(height):
+        road = kerb(height, before=1.0, after=30.0)
+        moved = on_wheels(plant, car.places, road, 10.0, STEP)
+        return run(Setup(plant, moved, hardware=hardware, car=car), None)
+
+    once = driven(1e-3)
+    assert not once.events
+    loads = static_loads(plant, car, once.setup.alpha)[0]
+    sizes = [-once.response.of(f"{own.name} tyre force variation").min() for own in car.wheels]
+    heights = 1e-3 * loads / np.array(sizes)  # at which each begins to pull
+    for i, height in enumerate(heights):
+        text = f"the {car.wheels[i].name} tyre leaves the road"
+        for share, lifts in ((0.999, False), (1.001, True)):
+            events = driven(share * height).events
+            assert all(own.kind == "road" for own in events)
+            assert any(own.text.startswith(text) for own in events) == lifts
+
+
+def test_tracks_are_not_driven(tmp_path, capsys):
+    spec = tmp_path / "tracks.toml"
+    text = re.sub(r"under = \[[^\]]*\]\n", "[road.tracks]\n", spec_text("half-car"))
+    spec.write_text(text)
+    assert main(["simulate", str(spec), "--road", "C", "--speed", "20"]) == 2
+    said = capsys.readouterr().err
+    assert said.startswith(f"polefence: {spec}: road.tracks: a drive has the delays")
+    assert said.count("\n") == 1
 
 
 def test_what_is_no_road_of_the_car_is_refused(half):

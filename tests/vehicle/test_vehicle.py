@@ -106,7 +106,9 @@ def test_tyre_force_is_missing_where_kt_is_uncertain():
 
 def test_nothing_is_recognised_by_its_names(physical, make_random):
     assert ride(replace(physical, vehicle=None)) is None
-    with pytest.raises(InputError, match=r"not described as a vehicle; add a table \[vehicle\]"):
+    with pytest.raises(
+        InputError, match=r"not described as a quarter car; add a table \[vehicle\]"
+    ):
         require_ride(make_random(1, 3, 1, 2))
     with pytest.raises(InputError, match=r"no signal 'tyre force variation': .* \[vehicle\]"):
         replace(physical, vehicle=None).signal("tyre force variation")

@@ -43,11 +43,6 @@ STEPS, MARGIN = 1000, 4.0  # of a response at least; of the longest step, over t
 LEVEL = 0.1  # before an obstacle [s]
 WAVE = 100.0  # the longest that a class of roads is asked for [m]
 
-# Of a car on several wheels.
-NOT_LOOKED_FOR = (
-    "wheels that leave the road and springs at their end are not looked for; compare tyre forces "
-    "with the wheels' static loads"
-)
 DEMANDED, ESTIMATED = " demanded", " estimated"  # drawn into the panel of what they are of
 
 
@@ -90,8 +85,7 @@ def simulate_command(options: Any) -> int:
     setup = setup_of(plant, options, laws[0].law)
     each = counted(laws, "law")
     runs = {law.name: run(setup, law.law, _margins(setup, law)) for law in each}
-    car = _car(options.subject)
-    summaries = [summary_of(law, runs[law.name], car) for law in laws]
+    summaries = [summary_of(law, runs[law.name]) for law in laws]
     _write(setup, runs, summaries, options)
     say(_head(setup))
     for summary in summaries:
@@ -275,9 +269,10 @@ def setup_of(plant: UncertainPlant, options: Any, law: Any) -> Setup:
     stops = None
     if options.travel_limit is not None:
         stops = BumpStops(options.travel_limit, options.travel_limit)
+    car = None if plant.vehicle is not None else _car(options.subject)
     setup = Setup(
         plant,
-        _excitation(plant, options, law),
+        _excitation(plant, options, law, car),
         _parameters(plant, options),
         options.outside,
         Hardware(
@@ -287,6 +282,7 @@ def setup_of(plant: UncertainPlant, options: Any, law: Any) -> Setup:
             stops,
             dampers=_dampers(options.subject),
         ),
+        car,
     )
     try:
         setup.trajectories.check(setup.time, options.outside)
@@ -303,7 +299,7 @@ def _dampers(subject: str) -> tuple[Damper, ...]:
     return () if path.is_dir() or path.suffix == ".json" else load_dampers(subject)
 
 
-def _excitation(plant: UncertainPlant, options: Any, law: Any) -> Excitation:
+def _excitation(plant: UncertainPlant, options: Any, law: Any, car: Car | None) -> Excitation:
     """Return what moves the plant."""
     from polefence.vehicle import excitation
 
@@ -312,7 +308,6 @@ def _excitation(plant: UncertainPlant, options: Any, law: Any) -> Excitation:
     if any(road is not None for road in roads):
         if any(others.values()) or options.input is not None:
             raise InputError("a road is all that moves a car; leave out the other excitation")
-        car = None if plant.vehicle is not None else _car(options.subject)
         if plant.vehicle is None and car is None:
             raise InputError(
                 f"{plant.name} is not described as a vehicle, and a road is for one; add a table "
@@ -354,10 +349,15 @@ def _on_wheels(
     plant: UncertainPlant, car: Car, road: Road, duration: float | None, options: Any
 ) -> Excitation:
     """Return a road under all wheels; random ones differ on both sides in short waves."""
-    from polefence.plant.tracks import SHARE
+    from polefence.plant.tracks import SHARE, own_states
     from polefence.vehicle.excitation import on_wheels
     from polefence.vehicle.roads import both_sides, random_road
 
+    if len(own_states(plant)) < plant.shape[0]:
+        raise InputError(
+            f"{options.subject}: road.tracks: a drive has the delays and both sides in its road; "
+            "take [road.tracks] out of the spec that is driven"
+        )
     across = [float(y) for _, y in car.places.values()]
     wide, pair = max(across) - min(across), (road, road)
     if wide and options.road is not None:
@@ -532,16 +532,27 @@ def panels_of(setup: Setup, runs: Mapping[str, Run]) -> list[Panel]:
             common = name in setup.trajectories.space.names
             if setup.hardware.learns and (common or name.endswith(ESTIMATED)):
                 of = f"{of}, true and estimated"
+            wheel = _wheel_of(setup, of)
+            if wheel:
+                of = of.removeprefix(f"{wheel} ")
             own = found.setdefault(_label(of, unit), {})
+            curve = f"{law}, {wheel}" if wheel and len(runs) > 1 else wheel or law
             if name.endswith(DEMANDED):
-                own[law + BESIDE] = values
+                own[curve + BESIDE] = values
             else:  # a parameter is the same for all laws, only its estimates are not
-                own["" if common else law] = values
+                own["" if common else curve] = values
     return [Panel(label, curves) for label, curves in found.items()]
 
 
-def summary_of(law: Named, run: Run, car: Car | None = None) -> dict[str, Any]:
+def _wheel_of(setup: Setup, name: str) -> str:
+    """Return the wheel of a car on several wheels that a signal is of, "" if it is of none."""
+    names = [] if setup.car is None else [own.name for own in setup.car.wheels]
+    return max((own for own in names if name.startswith(f"{own} ")), key=len, default="")
+
+
+def summary_of(law: Named, run: Run) -> dict[str, Any]:
     """Return peaks, rms, comfort and what is outside of the guarantee, as plain data."""
+    car = run.setup.car
     return {
         "law": law.name,
         "proved": law.proved,
@@ -550,8 +561,8 @@ def summary_of(law: Named, run: Run, car: Car | None = None) -> dict[str, Any]:
         "comfort": _comfort(run),
         **({"comfort at seats": {name: _at_seat(run, name) for name in car.seats}} if car else {}),
         "events": [asdict(event) for event in run.events],
-        "notes": [*run.notes, *([NOT_LOOKED_FOR] if car else [])],
-        "report": [*run.report(), *([f"note: {NOT_LOOKED_FOR}"] if car else [])],
+        "notes": list(run.notes),
+        "report": run.report(),
     }
 
 

@@ -112,7 +112,7 @@ def on_road(
     Raises
     ------
     InputError
-        If the plant is not described as a vehicle, or as `Road.velocity` raises.
+        If the plant is not described as a quarter car, or as `Road.velocity` raises.
     """
     column = require_ride(plant).road
     if column is None:
@@ -120,10 +120,7 @@ def on_road(
     _, mean = road.velocity(speed, step, duration)
     w = np.zeros((len(mean), plant.disturbance_count))
     w[:, column] = mean
-    where = road.distance[0] + speed * step * np.arange(len(w) + 1)
-    height = np.interp(where, road.distance, road.height)
-    found = _nothing(plant, f"{road.name}, at {speed:g} m/s", step, w)
-    return replace(found, road=road.name, height=np.asarray(height))
+    return _driven(plant, road, speed, step, w)
 
 
 def on_wheels(
@@ -171,10 +168,15 @@ def on_wheels(
         if not len(w):
             w = np.zeros((len(mean), plant.disturbance_count))
         w[:, names.index(name)] = mean[: len(w)]
-    where = left.distance[0] + speed * step * np.arange(len(w) + 1)
-    height = np.interp(where, left.distance, left.height)
-    found = _nothing(plant, f"{left.name}, at {speed:g} m/s", step, w)
-    return replace(found, road=left.name, height=np.asarray(height))
+    return _driven(plant, left, speed, step, w)
+
+
+def _driven(plant: UncertainPlant, road: Road, speed: float, step: float, w: Array) -> Excitation:
+    """Return these disturbances, with the name and the height of a road."""
+    where = road.distance[0] + speed * step * np.arange(len(w) + 1)
+    height = np.interp(where, road.distance, road.height)
+    found = _nothing(plant, f"{road.name}, at {speed:g} m/s", step, w)
+    return replace(found, road=road.name, height=np.asarray(height))
 
 
 def _nothing(plant: UncertainPlant, name: str, step: float, w: Any, steps: int = 0) -> Excitation:

@@ -146,12 +146,12 @@ def require_ride(plant: UncertainPlant) -> Ride:
     Raises
     ------
     InputError
-        If the plant is not described as a vehicle.
+        If the plant is not described as a quarter car.
     """
     found = ride(plant)
     if found is None:
         raise InputError(
-            f"{plant.name} is not described as a vehicle; add a table [vehicle] with "
+            f"{plant.name} is not described as a quarter car; add a table [vehicle] with "
             'model = "quarter car" to its spec'
         )
     return found

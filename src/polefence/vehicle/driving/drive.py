@@ -11,14 +11,16 @@ What leaves the guarantee of the law is reported as events. Where nothing change
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
+from itertools import product as cartesian
 from typing import Any, Literal
 
 import numpy as np
 
 from polefence.base.errors import InputError
+from polefence.plant.cars import Car
 from polefence.plant.family import UncertainPlant
 from polefence.plant.outputs import Output, inputs, states
 from polefence.plant.system import Array
@@ -27,6 +29,7 @@ from polefence.response import linear
 from polefence.response.closed import close
 from polefence.response.grid import longest_step
 from polefence.response.linear import Response
+from polefence.vehicle.contact import GRAVITY, static_loads, tyre_forces
 from polefence.vehicle.driving.integration import (
     INSIDE,
     LOST,
@@ -40,7 +43,7 @@ from polefence.vehicle.driving.integration import (
 )
 from polefence.vehicle.driving.parts import Actuator, Estimated, Hardware, Measured
 from polefence.vehicle.driving.result import (
-    GRAVITY,
+    LEAVES,
     RUNS_AWAY,
     Drive,
     Event,
@@ -79,6 +82,8 @@ class Setup:
         Drive on where parameters leave their intervals.
     hardware : Hardware
         As `drive` takes it.
+    car : Car, optional
+        Of a plant that is one on several wheels, which are then watched.
     """
 
     plant: UncertainPlant
@@ -86,6 +91,7 @@ class Setup:
     parameters: Mapping[str, Any] | Array | None = None
     outside: bool = False
     hardware: Hardware = field(default_factory=Hardware)
+    car: Car | None = None
 
     @property
     def time(self) -> Array:
@@ -188,7 +194,8 @@ def run(setup: Setup, law: Any, margins: Any = None) -> Run:
         hold: Literal["held", "linear"] = "held" if moved.held else "linear"
         w = moved.samples if plant.disturbance_count else None
         found = linear.simulate(plant, law, setup.alpha, w, setup.time, asked, hold, start)
-        return Run(setup, found, events=(*_contact(found), *_lost(found)))
+        events = (*_contact(found), *_wheels(setup, found), *_lost(found))
+        return Run(setup, found, events=events, notes=_unseen(setup))
     if setup.still:
         margins = ()
     done = drive(plant, law, moved, setup.parameters, setup.hardware, margins, setup.outside)
@@ -208,8 +215,15 @@ def run(setup: Setup, law: Any, margins: Any = None) -> Run:
             if setup.hardware.learns:
                 more.append((f"{name} estimated", unit, done.used[0, :, i]))
     covered = None if setup.still or done.covered is None else done.covered[0]
-    notes = (*done.notes, *_slow(setup, law))
-    return Run(setup, done.response(asked), tuple(more), done.events, notes, covered)
+    notes, found = (*done.notes, *_slow(setup, law), *_unseen(setup)), done.response(asked)
+    events = (*done.events, *_wheels(setup, found))
+    return Run(setup, found, tuple(more), events, notes, covered)
+
+
+def _unseen(setup: Setup) -> tuple[str, ...]:
+    """Say what is not looked for."""
+    several = setup.car is not None
+    return ("springs at their end are not looked for on several wheels",) * several
 
 
 def signals(plant: UncertainPlant) -> tuple[Output, ...]:
@@ -237,8 +251,24 @@ def _contact(response: Response) -> list[Event]:
     car = masses(plant, known, response.alpha)
     weight = ((car.m1 + car.m2) * GRAVITY)[:, None]
     force = weight + known.sense[1] * car.kt[:, None] * response.of(known.tyre.name)
-    words = "the tyre leaves the road, which the equations do not know"
-    return spans("road", force < 0, -force, response.time, lambda *_: words)
+    return spans("road", force < 0, -force, response.time, lambda *_: f"the tyre {LEAVES}")
+
+
+def _wheels(setup: Setup, response: Response) -> list[Event]:
+    """Return where a tyre of a car on several wheels would have to pull."""
+    if setup.car is None:
+        return []
+    alpha = setup.alpha
+    if not setup.trajectories.constant:
+        alpha = setup.trajectories.space.alpha(setup.trajectories.at(setup.time)[:, 0])
+    loads, found = static_loads(setup.plant, setup.car, alpha), list[Event]()
+    for i, own in enumerate(tyre_forces(setup.plant, setup.car)):
+        force = loads[..., i] + response.of(own.name)
+        words = f"the {setup.car.wheels[i].name} tyre {LEAVES}"
+        with np.errstate(invalid="ignore"):
+            gone = force < 0
+        found += spans("road", gone, -force, response.time, lambda *_, words=words: words)
+    return found
 
 
 def _lost(response: Response) -> list[Event]:
@@ -379,25 +409,35 @@ def fastest_pole(model: Model, trajectories: Trajectories, settled: bool) -> flo
     steps = model.excitation.steps
     k = np.unique(np.linspace(0, steps - 1, LOOKS).astype(int))
     every = stages(model, k)
-    F = every.F
-    if every.K is not None:
-        F = F + every.B @ every.K
-    elif model.reading is None and not settled:
-        space = trajectories.space
-        corners = space.values(np.eye(len(model.plant.vertices)))
-        K = model.padded(model.gains(corners))
-        F = (F + every.B @ K[:, None, None]).reshape(-1, *F.shape[-2:])
-    found = _largest(F)
-    for number, rate, low, high in model.dampers:
-        for c in (low, high):
-            damped = every.F + c * every.B[..., :, number, None] * rate
-            found = max(found, _largest(damped))
-    if model.stops is not None and model.known is not None:
-        x, sense, stops = model.known.places[0], model.known.sense[0], model.stops
-        row = sense * stops.damping * F[..., x, :]
-        row[..., x] += sense * stops.stiffness
-        found = max(found, _largest(F + every.S[..., :, None] * row[..., None, :]))
-    return max(found, model.actuator.rate)
+    K = every.K
+    if K is None and model.reading is None and not settled:
+        corners = trajectories.space.values(np.eye(len(model.plant.vertices)))
+        K = model.padded(model.gains(corners))[:, None, None]
+    found = model.actuator.rate
+    for gain in _gains(model, K):
+        F = every.F if gain is None else every.F + every.B @ gain
+        found = max(found, _largest(F))
+        if model.stops is not None and model.known is not None:
+            x, sense, stops = model.known.places[0], model.known.sense[0], model.stops
+            row = sense * stops.damping * F[..., x, :]
+            row[..., x] += sense * stops.stiffness
+            found = max(found, _largest(F + every.S[..., :, None] * row[..., None, :]))
+    return found
+
+
+def _gains(model: Model, K: Array | None) -> Iterator[Array | None]:
+    """Yield K with each damper in it that gives what is demanded, or is at one of its bounds."""
+    if not model.dampers:
+        yield K
+        return
+    K = np.zeros((model.plant.shape[1], model.width)) if K is None else K
+    for choice in cartesian(*((None, low, high) for _, _, low, high in model.dampers)):
+        gain = K.copy()
+        for (number, rate, _, _), c in zip(model.dampers, choice, strict=True):
+            if c is not None:
+                gain[..., number, :] = 0
+                gain[..., number, : len(rate)] = c * rate
+        yield gain
 
 
 def _largest(F: Array) -> float:

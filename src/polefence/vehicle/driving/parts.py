@@ -252,7 +252,8 @@ class Hardware:
     dampers : tuple of Damper
         Inputs that are forces of controllable dampers: of what is demanded they give as much as
         they can at every instant, u between low v and high v. With ``sampling`` the coefficient
-        of a sample's demand is held, cut off to low and high: u = c v.
+        of a sample's demand is held, cut off to low and high: u = c v. An actuator's limit cuts
+        off what is demanded of them, never what they give.
     """
 
     scheduling: Scheduling | None = None

@@ -19,6 +19,7 @@ from polefence.plant.system import Array
 from polefence.region.text import digits_down
 from polefence.response.discrete import Sampling
 from polefence.response.linear import Response
+from polefence.vehicle.contact import GRAVITY
 from polefence.vehicle.driving.integration import INSIDE, Learner, Model, Reading, Solution
 from polefence.vehicle.driving.trajectories import Space, Trajectories
 from polefence.vehicle.estimate import Estimate
@@ -27,8 +28,8 @@ from polefence.vehicle.vehicle import Ride
 
 CHUNK = 4_000_000  # numbers held at once
 
-GRAVITY = 9.81  # [m/s2]
 RUNS_AWAY = "the state runs away"
+LEAVES = "leaves the road, which the equations do not know"
 
 # Of the range, within an instant: a jump, at no finite rate. Of the range: nothing but rounding.
 JUMP, TINY = 1e-6, 1e-9
@@ -254,13 +255,13 @@ def throughout(model: Model, sampling: Sampling | None, learner: Learner | None)
 
 
 def given(model: Model, own: Record) -> list[str]:
-    """Say how often controllable dampers gave what was demanded."""
-    found = []
+    """Say how often controllable dampers gave what was demanded, of cars that are not lost."""
+    found, there = [], np.isfinite(own.applied).all(axis=-1)
     for k, _, _, _ in model.dampers:
-        asked, gave = own.demanded[..., k], own.applied[..., k]
-        share = float(np.mean(np.abs(asked - gave) <= TINY * np.abs(asked)))
-        name = inputs(model.plant)[k].name
+        asked, gave = own.demanded[there, k], own.applied[there, k]
         if model.hardware.sampling is None and asked.any():
+            share = float(np.mean(np.abs(asked - gave) <= TINY * np.abs(asked)))
+            name = inputs(model.plant)[k].name
             found.append(f"{name}: the damper gives what is demanded {share:.0%} of the time")
     return found
 
@@ -301,8 +302,7 @@ def _contact(model: Model, own: Record) -> list[tuple[str, Any, Array, str]]:
         return []
     force = own.mass * GRAVITY
     force = force + own.states @ known.tyre_force.arrays(model.plant)[0][0]
-    text = "the tyre leaves the road, which the equations do not know"
-    return [("road", force < 0, -force, text)]
+    return [("road", force < 0, -force, f"the tyre {LEAVES}")]
 
 
 def _lost(own: Record) -> list[tuple[str, Any, Array, str]]:

@@ -30,6 +30,7 @@ from polefence.response.closed import close
 from polefence.response.grid import longest_step
 from polefence.response.linear import Response
 from polefence.vehicle.contact import GRAVITY, static_loads, tyre_forces
+from polefence.vehicle.driving.compiled import compiled, recorded
 from polefence.vehicle.driving.integration import (
     INSIDE,
     LOST,
@@ -332,8 +333,10 @@ def drive(
     controller, learned = _controller(model, source)
     if not adaptive:
         require_step(model, trajectories, sampling is not None)
-    solution = integrate(model, controller, begin, adaptive)
-    own = record(model, solution, source)
+    if adaptive or compiled() is None:
+        own = record(model, integrate(model, controller, begin, adaptive), source)
+    else:
+        own = recorded(model, controller, begin)
     events, notes, covered = assessed(model, own, claims, scheduled)
     notes = (*notes, *throughout(model, sampling, learned.learner if learned else None))
     notes = (*notes, *given(model, own))

@@ -161,9 +161,13 @@ def _maps(equations: Equations, h: float) -> tuple[Array, Array]:
 
 def stages(model: Model, k: Any) -> Equations:
     """Return the equations at beginning, middle and end of steps number k, one after the other."""
-    h = model.excitation.step
-    times = (k[:, None] + np.array([INSIDE, 0.5, 1 - INSIDE])) * h
-    return model.equations(times.ravel(), np.repeat(k, 3))
+    return model.equations(stage_times(model, k), np.repeat(k, 3))
+
+
+def stage_times(model: Model, k: Any) -> Array:
+    """Return beginning, middle and end of steps number k, one after the other."""
+    inside = np.array([INSIDE, 0.5, 1 - INSIDE])
+    return np.asarray(((k[:, None] + inside) * model.excitation.step).ravel())
 
 
 def _adaptive(model: Model, controller: Controller | None) -> Cross:
@@ -269,7 +273,7 @@ class Controller:
         self.gain: Array | None = None
         self.held: Array | None = np.zeros(shape) if sampling else None
         self.waiting = np.zeros(shape)
-        self.used = self._parameters(0)
+        self.used = self.parameters(np.zeros(1))[0]
 
     def sample(self, k: int, z: Array, slope: Callable[[], Array] | None) -> None:
         """Do what is due at instant k; ``slope`` gives z' just before it, None at the first."""
@@ -278,14 +282,14 @@ class Controller:
             self.source.learn(z, slope(), self.demand(z))
         if self.sampling is None:
             if learns:
-                self.used = self._parameters(k)
+                self.used = self.parameters(np.array([k]))[0]
                 self.gain = self.model.padded(self.model.gains(self.used))
         elif k % self.every_demand == 0:
-            self.used = self._parameters(k)
+            self.used = self.parameters(np.array([k]))[0]
             K = self.model.gains(self.used)
             demand = self.model.settings((K @ z[:, : K.shape[-1], None])[..., 0], z)
             self.held = demand
-            if self.sampling.delayed:
+            if self.delayed:
                 # the rates of the law's own states act at once: its code keeps these
                 late = self.model.driven
                 self.held = np.concatenate([self.waiting[:, :late], demand[:, late:]], axis=1)
@@ -298,17 +302,23 @@ class Controller:
         return self.waiting if self.gain is None else (self.gain @ z[:, :, None])[..., 0]
 
     @property
+    def delayed(self) -> bool:
+        """Whether a demand acts a sample late."""
+        return self.sampling is not None and self.sampling.delayed
+
+    @property
     def beliefs(self) -> tuple[Belief, ...]:
         """Of the learner, where there is one."""
         return tuple(self.source.beliefs) if isinstance(self.source, Learner) else ()
 
-    def _parameters(self, k: int) -> Array:
+    def parameters(self, k: Any) -> Array:
+        """Return what a source that does not learn says at samples (S,), (S or 1, count, q)."""
         if isinstance(self.source, Learner):
-            return self.source.parameters
+            return self.source.parameters[None]
         excitation, trajectories = self.model.excitation, self.model.trajectories
-        at = min((k + INSIDE) * excitation.step, excitation.step * excitation.steps)
-        found = trajectories.space.inside(self.source.at(np.array([at]))[0])
-        return np.asarray(np.broadcast_to(found, (len(trajectories.cars), found.shape[-1])))
+        times = np.minimum((k + INSIDE) * excitation.step, excitation.step * excitation.steps)
+        found = trajectories.space.inside(self.source.at(times))
+        return np.broadcast_to(found, (len(found), len(trajectories.cars), found.shape[-1]))
 
 
 @dataclass(frozen=True, eq=False)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -24,7 +24,6 @@ from polefence.vehicle.driving.integration import INSIDE, Learner, Model, Readin
 from polefence.vehicle.driving.trajectories import Space, Trajectories
 from polefence.vehicle.estimate import Estimate
 from polefence.vehicle.excitation import Excitation
-from polefence.vehicle.vehicle import Ride
 
 CHUNK = 4_000_000  # numbers held at once
 
@@ -167,45 +166,74 @@ def record(model: Model, solution: Solution, reading: Reading | None) -> Record:
     reading : Reading, optional
         What the law followed, where no controller has recorded what it used and demanded.
     """
-    excitation, (n, m) = model.excitation, model.plant.shape
-    total, count, _ = solution.z.shape
-    q = len(model.trajectories.space.names)
+    (n, m), (total, count, _) = model.plant.shape, solution.z.shape
     x, rates = solution.z[..., :n], np.empty((total, count, n))
     demanded = np.empty((total, count, m)) if solution.demanded is None else solution.demanded
-    used = np.empty((total, count, q)) if solution.used is None else solution.used
-    true, stops = np.empty((total, count, q)), np.zeros((total, count))
-    applied, mass = np.empty((total, count, m)), np.full((total, count), np.inf)
-    length = max(1, CHUNK // (count * n * (n + m + 4)))
-    for first in range(0, total, length):
-        part = slice(first, min(first + length, total))
-        k = np.arange(part.start, part.stop)
-        last = np.minimum(k, excitation.steps - 1)
-        times = np.where(k > last, excitation.steps - INSIDE, k + INSIDE) * excitation.step
-        true[part] = model.trajectories.at(times)
+    applied, stops = np.empty((total, count, m)), np.zeros((total, count))
+    times, numbers = instants(model)
+    for part in _parts(total, count * n * (n + m + 4)):
         if reading is not None and solution.used is None:
-            given = model.trajectories.space.inside(reading.at(times))
-            used[part], K = given, model.gains(given)
+            K = model.gains(reading.at(times[part]))
             demanded[part] = (K @ x[part, :, :, None])[..., 0]
         applied[part] = model.applied(solution.z[part], demanded[part])
-        A, B, g = model.open(times, last)
+        A, B, g = model.open(times[part], numbers[part])
         rates[part] = (A @ x[part, :, :, None] + B @ applied[part][..., None])[..., 0] + g
-        if model.known is not None:
-            mass[part] = _mass(model, model.known, model.known.push(A, B))
         if model.stops is not None and model.known is not None:
             i, sense = model.known.places[0], model.known.sense[0]
             stops[part] = model.stops.force(sense * x[part, :, i], sense * rates[part, :, i])
             rates[part] += stops[part, :, None] * model.known.push(A, B)
-    every = np.arange(total)
-    last = np.minimum(every, excitation.steps - 1)
-    times = np.where(every > last, excitation.steps - INSIDE, every + INSIDE) * excitation.step
-    arrays = (x, rates, demanded, applied, stops, true, used, mass)
-    return Record(excitation.disturbance(times, last), *(np.swapaxes(v, 0, 1) for v in arrays))
+    x, rates, demanded, applied, stops = (
+        np.swapaxes(v, 0, 1) for v in (x, rates, demanded, applied, stops)
+    )
+    if solution.used is None:
+        used = parameters_over_time(model, reading)
+    else:
+        used = np.swapaxes(solution.used, 0, 1)
+    w = model.excitation.disturbance(times, numbers)
+    true, mass = parameters_over_time(model), loads_over_time(model)
+    return Record(w, x, rates, demanded, applied, stops, true, used, mass)
 
 
-def _mass(model: Model, known: Ride, push: Array) -> Array:
-    """Return both masses together, as the force's entries say them; the first load's."""
-    up, down = (push[..., known.places[i]] for i in (2, 3))
-    return np.asarray((model.first_load if model.gravity else 1 / up) - 1 / down)
+def _parts(total: int, each: int) -> Iterator[slice]:
+    """Yield parts of so many instants, each with few enough numbers."""
+    length = max(1, CHUNK // each)
+    for first in range(0, total, length):
+        yield slice(first, min(first + length, total))
+
+
+def instants(model: Model) -> tuple[Array, Array]:
+    """Return times just after all instants, the last one just before, and the steps they lie in."""
+    steps = model.excitation.steps
+    k = np.arange(steps + 1)
+    last = np.minimum(k, steps - 1)
+    return np.where(k > last, steps - INSIDE, k + INSIDE) * model.excitation.step, last
+
+
+def parameters_over_time(model: Model, reading: Reading | None = None) -> Array:
+    """Return the true parameters at all instants, or what a law reads, (count, time, q)."""
+    (times, _), space = instants(model), model.trajectories.space
+    source = model.trajectories if reading is None else reading
+    found = source.at(times[:1] if source.constant else times)
+    found = found if reading is None else space.inside(found)
+    shape = (len(times), len(model.trajectories.cars), found.shape[-1])
+    return np.swapaxes(np.broadcast_to(found, shape), 0, 1)
+
+
+def loads_over_time(model: Model) -> Array:
+    """Return what rests on the tyre [kg], (count, time): both masses, of them the first load."""
+    times, _ = instants(model)
+    shape = (len(model.trajectories.cars), len(times))
+    if model.known is None:
+        return np.broadcast_to(np.inf, shape)
+    known, N = model.known, len(model.plant.vertices)
+    push = known.push(*model.plant.at(np.eye(N)))[:, known.places[2:]]
+    times = times[:1] if model.trajectories.constant else times
+    found = np.empty((len(times), shape[0]))
+    for part in _parts(len(times), shape[0] * N):
+        alpha = model.trajectories.space.alpha(model.trajectories.at(times[part]))
+        up, down = np.moveaxis(alpha @ push, -1, 0)
+        found[part] = (model.first_load if model.gravity else 1 / up) - 1 / down
+    return np.broadcast_to(found.T, shape)
 
 
 def assessed(
@@ -219,11 +247,13 @@ def assessed(
         Whether the law looks at the parameters: else being wrong about them is no error.
     """
     times, space = model.excitation.times, model.trajectories.space
-    errors = np.abs(own.parameters - own.used)
+    errors = np.zeros(1)
+    if scheduled:
+        errors = np.abs(once(own.parameters) - once(own.used))
     motion = Motion(
         space,
         own.parameters,
-        errors if scheduled else 0 * errors,
+        np.broadcast_to(errors, own.parameters.shape),
         rates_of(model.trajectories, model.excitation),
     )
     events, outside = interval_events(motion, times)
@@ -236,6 +266,11 @@ def assessed(
         return (*events, *hardware), (compared,), None
     left, covered = claim_events(motion, claims, model.excitation.step, times)
     return (*events, *left, *hardware), (), covered & ~outside & ~met
+
+
+def once(values: Array) -> Array:
+    """Return values (count, time, ...) at one instant only, where they are the same at all."""
+    return values[:, :1] if values.strides[1] == 0 else values
 
 
 def throughout(model: Model, sampling: Sampling | None, learner: Learner | None) -> tuple[str, ...]:
@@ -363,7 +398,7 @@ class Motion:
 
     def largest(self, what: str) -> str:
         """Print the largest values of "errors" or "rates" over all cars and times."""
-        values = getattr(self, what)
+        values = once(getattr(self, what))
         return self.words(values.max(axis=(0, 1)), what == "rates") or "none"
 
 
@@ -416,7 +451,7 @@ def claim_events(
 def interval_events(motion: Motion, times: Array) -> tuple[list[Event], Any]:
     """Return where parameters are outside their intervals, and the mask of it (count, time)."""
     space, found = motion.space, list[Event]()
-    away = space.distance(motion.true)
+    away = np.broadcast_to(space.distance(once(motion.true)), motion.true.shape)
     for i, name in enumerate(space.names):
         own = away[..., i]
 
@@ -426,7 +461,8 @@ def interval_events(motion: Motion, times: Array) -> tuple[list[Event], Any]:
             return f"{name} = {value:.6g} {unit}".rstrip() + f" outside {bounds}, at worst"
 
         found += spans("interval", own > 0, own, times, words)
-    return found, (away > 0).any(axis=-1)
+    outside = (once(away) > 0).any(axis=-1)
+    return found, np.broadcast_to(outside, away.shape[:2])
 
 
 def spans(
@@ -526,7 +562,7 @@ def rates_of(trajectories: Trajectories, excitation: Excitation) -> Array:
     start = trajectories.at((k + INSIDE) * excitation.step)
     shape = (excitation.steps + 1, *start.shape[1:])
     if trajectories.constant:
-        return np.zeros((shape[1], shape[0], shape[2]))
+        return np.broadcast_to(0.0, (shape[1], shape[0], shape[2]))
     end = trajectories.at((k + 1 - INSIDE) * excitation.step)
     found = np.zeros(shape)
     found[:-1] = np.abs(end - start) / excitation.step

@@ -1,0 +1,399 @@
+// Steps of Runge-Kutta for many cars at once: polefence/vehicle/driving/integration.py, compiled.
+// Eight cars go side by side, the same numbers of each next to one another.
+#include <nanobind/nanobind.h>
+#include <nanobind/ndarray.h>
+
+#include <algorithm>
+#include <atomic>
+#include <cmath>
+#include <limits>
+#include <vector>
+
+#include "kernel.hpp"
+
+namespace nb = nanobind;
+
+namespace {
+
+using Int = std::int64_t;
+constexpr Int L = 8;  // cars side by side
+constexpr double lost_beyond = 1e9, none = std::numeric_limits<double>::quiet_NaN();
+
+template <int D>
+using In = nb::ndarray<const double, nb::ndim<D>, nb::c_contig, nb::device::cpu>;
+template <int D>
+using Out = nb::ndarray<double, nb::ndim<D>, nb::c_contig, nb::device::cpu>;
+
+void require(bool fine, const char *message) {
+    if (!fine) throw nb::value_error(message);
+}
+
+// Inputs of controllable dampers: u is between low v and high v, v = rate x.
+struct Damper {
+    Int number;
+    const double *rate;
+    double low, high;
+};
+
+enum Mode : Int { by_gain, held, sampled };  // what is demanded: K x, or what was set before
+
+struct Stretch {
+    Int count, n, m, q, N, driven, width, steps, first, total, every;
+    double h;
+    const double *A, *B, *E, *S, *alpha, *noise, *K;
+    bool moves, K_moves, delayed;
+    Mode mode;
+    double lag, limit;
+    std::vector<Damper> dampers;
+    bool stops;
+    double bump, rebound, stiffness, damping;
+    Int deflection;
+    double sense, gravity;
+    Int heavy;
+    const double *first_load;
+    double *z, *after, *held, *waiting, *states, *rates, *demanded, *applied, *pushes;
+};
+
+// Up to eight cars that go through a stretch of steps.
+class Cars {
+  public:
+    Cars(const Stretch &stretch, Int begin)
+        : s(stretch), begin(begin), many(std::min(L, s.count - begin)), A(s.n * s.n * L),
+          B(s.n * s.m * L), E(s.n * s.q * L), S(s.n * L), g(s.n * L), K(s.m * s.n * L),
+          x(s.width * L), at(s.width * L), slopes(4 * s.width * L), asked(s.m * L), given(s.m * L),
+          set(s.m * L), waiting(s.m * L), push(L), gone(L, false) {
+        for (Int l = 0; l < L; ++l)
+            for (Int i = 0; i < s.width; ++i) x[i * L + l] = s.z[car(l) * s.width + i];
+        for (Int l = 0; l < L; ++l)
+            for (Int j = 0; j < s.m; ++j) {
+                set[j * L + l] = s.held[car(l) * s.m + j];
+                waiting[j * L + l] = s.waiting[car(l) * s.m + j];
+            }
+        look();
+    }
+
+    void go() {
+        const Int size = s.width * L;
+        double *a = slopes.data(), *b = a + size, *c = b + size, *d = c + size;
+        const double h = s.h;
+        for (Int k = 0; k < s.steps; ++k) {
+            equations(3 * k);
+            sample(k);
+            slope(x.data(), a);
+            record(s.first + k, a);
+            for (Int i = 0; i < size; ++i) at[i] = x[i] + h / 2 * a[i];
+            equations(3 * k + 1);
+            slope(at.data(), b);
+            for (Int i = 0; i < size; ++i) at[i] = x[i] + h / 2 * b[i];
+            slope(at.data(), c);
+            for (Int i = 0; i < size; ++i) at[i] = x[i] + h * c[i];
+            equations(3 * k + 2);
+            slope(at.data(), d);
+            for (Int i = 0; i < size; ++i) x[i] += h / 6 * (a[i] + 2 * (b[i] + c[i]) + d[i]);
+            look();
+        }
+        if (s.steps) {
+            slope(x.data(), a);  // as it is before a controller looks at it
+        } else {
+            equations(0);
+            sample(0);
+            slope(x.data(), a);
+            record(s.first, a);
+        }
+        for (Int l = 0; l < many; ++l) {
+            for (Int i = 0; i < s.width; ++i) {
+                s.z[car(l) * s.width + i] = x[i * L + l];
+                s.after[car(l) * s.width + i] = a[i * L + l];
+            }
+            for (Int j = 0; j < s.m; ++j) {
+                s.held[car(l) * s.m + j] = set[j * L + l];
+                s.waiting[car(l) * s.m + j] = waiting[j * L + l];
+            }
+        }
+    }
+
+  private:
+    using Numbers = std::vector<double>;
+    const Stretch &s;
+    Int begin, many;
+    Numbers A, B, E, S, g, K, x, at, slopes, asked, given, set, waiting, push;
+    std::vector<char> gone;
+    bool known = false, K_known = false;
+
+    Int car(Int l) const { return begin + std::min(l, many - 1); }
+
+    // M = sum of alpha_j M_j
+    void mix(const double *vertices, Int size, Int row, Numbers &M) const {
+        std::fill(M.begin(), M.end(), 0.0);
+        for (Int j = 0; j < s.N; ++j) {
+            double share[L];
+            for (Int l = 0; l < L; ++l) share[l] = s.alpha[(row * s.count + car(l)) * s.N + j];
+            for (Int i = 0; i < size; ++i)
+                for (Int l = 0; l < L; ++l) M[i * L + l] += share[l] * vertices[j * size + i];
+        }
+    }
+
+    // The plant, and all that acts on it besides the inputs, at a stage of a step.
+    void equations(Int stage) {
+        if (s.moves || !known) {
+            const Int row = s.moves ? stage : 0;
+            mix(s.A, s.n * s.n, row, A);
+            mix(s.B, s.n * s.m, row, B);
+            mix(s.E, s.n * s.q, row, E);
+            mix(s.S, s.n, row, S);
+            known = true;
+        }
+        if (s.mode == by_gain && (s.K_moves || !K_known)) gain(s.K_moves ? stage : 0);
+        for (Int i = 0; i < s.n; ++i) {
+            double sum[L] = {};
+            for (Int j = 0; j < s.q; ++j)
+                for (Int l = 0; l < L; ++l)
+                    sum[l] += E[(i * s.q + j) * L + l] * s.noise[stage * s.q + j];
+            for (Int l = 0; l < L; ++l) g[i * L + l] = sum[l];
+        }
+        if (s.gravity != 0.0)
+            for (Int l = 0; l < L; ++l)
+                g[s.heavy * L + l] -= s.gravity * (1 - s.first_load[car(l)] * S[s.heavy * L + l]);
+    }
+
+    void gain(Int row) {
+        for (Int i = 0; i < s.m * s.n; ++i)
+            for (Int l = 0; l < L; ++l)
+                K[i * L + l] = s.K[(row * s.count + car(l)) * s.m * s.n + i];
+        K_known = true;
+    }
+
+    // u = K x
+    void law(const double *y, double *u) const {
+        for (Int j = 0; j < s.m; ++j) {
+            double sum[L] = {};
+            for (Int i = 0; i < s.n; ++i)
+                for (Int l = 0; l < L; ++l) sum[l] += K[(j * s.n + i) * L + l] * y[i * L + l];
+            for (Int l = 0; l < L; ++l) u[j * L + l] = sum[l];
+        }
+    }
+
+    void rate(const Damper &own, const double *y, double *v) const {
+        for (Int l = 0; l < L; ++l) v[l] = 0.0;
+        for (Int i = 0; i < s.n; ++i)
+            for (Int l = 0; l < L; ++l) v[l] += own.rate[i] * y[i * L + l];
+    }
+
+    // A controller that samples sets what it holds; of a damper that is a coefficient.
+    void sample(Int k) {
+        if (s.mode != sampled || (s.first + k) % s.every) return;
+        if (s.K_moves || !K_known) {
+            const Int before = (s.first + s.every - 1) / s.every;  // samples before this stretch
+            gain(s.K_moves ? (s.first + k) / s.every - before : 0);
+        }
+        law(x.data(), asked.data());
+        for (const auto &own : s.dampers) {
+            double v[L], *u = asked.data() + own.number * L;
+            rate(own, x.data(), v);
+            for (Int l = 0; l < L; ++l) {
+                const double c = v[l] != 0.0 ? u[l] / v[l] : own.low;
+                u[l] = cut(c, own.low, own.high);
+            }
+        }
+        for (Int i = 0; i < s.m * L; ++i) {
+            set[i] = s.delayed && i < s.driven * L ? waiting[i] : asked[i];
+            waiting[i] = asked[i];
+        }
+    }
+
+    // What is no number stays none.
+    static double cut(double value, double low, double high) {
+        const double above = value < low ? low : value;
+        return above > high ? high : above;
+    }
+
+    void limited(const double *y, double *u) const {
+        if (std::isfinite(s.limit))
+            for (Int i = 0; i < s.driven * L; ++i) u[i] = cut(u[i], -s.limit, s.limit);
+        for (const auto &own : s.dampers) {
+            double v[L], *force = u + own.number * L;
+            rate(own, y, v);
+            for (Int l = 0; l < L; ++l) {
+                const double one = own.low * v[l], other = own.high * v[l];
+                force[l] = cut(force[l], std::min(one, other), std::max(one, other));
+            }
+        }
+    }
+
+    // dz = z' at y; asked, given and push are what the law demands, what acts, and the stops' force
+    void slope(const double *y, double *dz) {
+        const Int n = s.n, m = s.m, d = s.driven;
+        if (s.mode == by_gain) {
+            law(y, asked.data());
+        } else {
+            std::copy(set.begin(), set.end(), asked.begin());
+            for (const auto &own : s.dampers) {
+                double v[L];
+                rate(own, y, v);
+                for (Int l = 0; l < L; ++l) asked[own.number * L + l] *= v[l];
+            }
+        }
+        std::copy(asked.begin(), asked.end(), given.begin());
+        limited(y, given.data());
+        if (s.lag > 0)
+            for (Int i = 0; i < d * L; ++i) {
+                dz[n * L + i] = s.lag * (given[i] - y[n * L + i]);
+                given[i] = y[n * L + i];
+            }
+        for (Int i = 0; i < n; ++i) {
+            double sum[L];
+            for (Int l = 0; l < L; ++l) sum[l] = g[i * L + l];
+            for (Int j = 0; j < n; ++j)
+                for (Int l = 0; l < L; ++l) sum[l] += A[(i * n + j) * L + l] * y[j * L + l];
+            for (Int j = 0; j < m; ++j)
+                for (Int l = 0; l < L; ++l) sum[l] += B[(i * m + j) * L + l] * given[j * L + l];
+            for (Int l = 0; l < L; ++l) dz[i * L + l] = sum[l];
+        }
+        if (!s.stops) return;
+        for (Int l = 0; l < L; ++l) {
+            const double deflection = s.sense * y[s.deflection * L + l],
+                         speed = s.sense * dz[s.deflection * L + l];
+            const double over = deflection - s.bump, under = -deflection - s.rebound;
+            const double up = std::max(s.stiffness * over + s.damping * speed, 0.0),
+                         down = std::max(s.stiffness * under - s.damping * speed, 0.0);
+            push[l] = (over > 0 ? up : 0.0) - (under > 0 ? down : 0.0);
+        }
+        for (Int i = 0; i < n; ++i)
+            for (Int l = 0; l < L; ++l) dz[i * L + l] += S[i * L + l] * push[l];
+    }
+
+    // Put no numbers where a car is lost.
+    void look() {
+        for (Int l = 0; l < L; ++l) {
+            for (Int i = 0; i < s.width; ++i)
+                if (!(std::fabs(x[i * L + l]) < lost_beyond)) gone[l] = true;
+            if (!gone[l]) continue;
+            for (Int i = 0; i < s.width; ++i) x[i * L + l] = none;
+        }
+    }
+
+    void record(Int instant, const double *dz) {
+        if (s.lag > 0) limited(x.data(), given.data());
+        for (Int l = 0; l < many; ++l) {
+            const Int place = car(l) * s.total + instant;
+            for (Int i = 0; i < s.width; ++i) s.states[place * s.width + i] = x[i * L + l];
+            for (Int i = 0; i < s.n; ++i)
+                s.rates[place * s.n + i] = gone[l] ? none : dz[i * L + l];
+            for (Int j = 0; j < s.m; ++j) {
+                s.demanded[place * s.m + j] = gone[l] ? none : asked[j * L + l];
+                s.applied[place * s.m + j] = gone[l] ? none : given[j * L + l];
+            }
+            s.pushes[place] = gone[l] ? 0.0 : push[l];
+        }
+    }
+};
+
+struct Shared {
+    const Stretch &s;
+    std::atomic<Int> next{0};
+};
+
+void take(void *of, Int) {
+    auto &shared = *static_cast<Shared *>(of);
+    for (Int begin; (begin = L * shared.next++) < shared.s.count;) Cars(shared.s, begin).go();
+}
+
+Int size(std::size_t own) { return static_cast<Int>(own); }
+
+// Goes through the steps first, ..., first + steps - 1, of which `noise` has three rows each; where
+// it has a single one, no step is gone, and what is the case at the instant `first` is recorded.
+void drive(const In<3> &A, const In<3> &B, const In<3> &E, const In<2> &S, const In<3> &alpha,
+           const In<2> &noise, const In<4> &K, double h, Int first, Int mode, Int every, bool delayed,
+           Int driven, double lag, double limit, const In<2> &dampers, const In<2> &damper_rates,
+           const In<1> &stops, double gravity, Int heavy, const In<1> &first_load, const Out<2> &z,
+           const Out<2> &after, const Out<2> &held_before, const Out<2> &waiting, const Out<3> &states,
+           const Out<3> &rates, const Out<3> &demanded, const Out<3> &applied, const Out<2> &pushes,
+           Int threads) {
+    Stretch s{};
+    s.N = size(A.shape(0)), s.n = size(A.shape(1)), s.m = size(B.shape(2)), s.q = size(E.shape(2));
+    s.count = size(z.shape(0)), s.width = size(z.shape(1)), s.total = size(states.shape(1));
+    s.steps = size(noise.shape(0)) / 3, s.first = first, s.driven = driven, s.every = every;
+    s.h = h, s.lag = lag, s.limit = limit, s.gravity = gravity, s.heavy = heavy, s.delayed = delayed;
+    require(s.N > 0 && s.n > 0 && s.m > 0 && size(A.shape(2)) == s.n, "A does not fit");
+    require(size(B.shape(0)) == s.N && size(B.shape(1)) == s.n, "B does not fit");
+    require(size(E.shape(0)) == s.N && size(E.shape(1)) == s.n, "E does not fit");
+    require(size(S.shape(0)) == s.N && size(S.shape(1)) == s.n, "S does not fit");
+    require(driven >= 0 && driven <= s.m && s.width == s.n + (lag > 0 ? driven : 0), "z does not fit");
+    const Int rows = size(alpha.shape(0)), stages = size(noise.shape(0));
+    require(s.count > 0 && (stages == 1 || (stages > 0 && stages == 3 * s.steps)) &&
+                size(noise.shape(1)) == s.q,
+            "the disturbance does not fit");
+    require(first >= 0 && first + s.steps < s.total, "the steps do not fit");
+    require((rows == 1 || rows == stages) && size(alpha.shape(1)) == s.count &&
+                size(alpha.shape(2)) == s.N,
+            "alpha does not fit");
+    require(mode >= by_gain && mode <= sampled && (mode != sampled || every > 0),
+            "there is no such law");
+    s.mode = static_cast<Mode>(mode);
+    Int wanted = stages;
+    if (mode == sampled)  // samples at the instants of these steps
+        wanted = (first + std::max<Int>(s.steps, 1) - 1) / every - (first + every - 1) / every + 1;
+    const Int gains = size(K.shape(0));
+    require((gains == 1 || gains >= wanted || mode == held) && size(K.shape(1)) == s.count &&
+                size(K.shape(2)) == s.m && size(K.shape(3)) == s.n,
+            "K does not fit");
+    s.moves = rows > 1, s.K_moves = gains > 1;
+    require(size(dampers.shape(1)) == 3 && size(damper_rates.shape(0)) == size(dampers.shape(0)) &&
+                size(damper_rates.shape(1)) == s.n,
+            "the dampers do not fit");
+    for (Int i = 0; i < size(dampers.shape(0)); ++i) {
+        const double *own = dampers.data() + 3 * i;
+        require(own[0] >= 0 && own[0] < static_cast<double>(s.m), "a damper is no input");
+        s.dampers.push_back(
+            {static_cast<Int>(own[0]), damper_rates.data() + i * s.n, own[1], own[2]});
+    }
+    s.stops = size(stops.shape(0)) > 0;
+    if (s.stops) {
+        require(size(stops.shape(0)) == 6, "the stops do not fit");
+        const double *own = stops.data();
+        s.bump = own[0], s.rebound = own[1], s.stiffness = own[2], s.damping = own[3];
+        require(own[4] >= 0 && own[4] < static_cast<double>(s.n), "the stops are at no state");
+        s.deflection = static_cast<Int>(own[4]), s.sense = own[5];
+    }
+    require(gravity == 0.0 || (heavy >= 0 && heavy < s.n && size(first_load.shape(0)) == s.count),
+            "the load does not fit");
+    require(size(after.shape(0)) == s.count && size(after.shape(1)) == s.width,
+            "the slopes do not fit");
+    for (const auto *own : {&held_before, &waiting})
+        require(size(own->shape(0)) == s.count && size(own->shape(1)) == s.m,
+                "what is held does not fit");
+    const auto fits = [&](const Out<3> &own, Int each) {
+        return size(own.shape(0)) == s.count && size(own.shape(1)) == s.total &&
+               size(own.shape(2)) == each;
+    };
+    require(fits(states, s.width) && fits(rates, s.n) && fits(demanded, s.m) && fits(applied, s.m) &&
+                size(pushes.shape(0)) == s.count && size(pushes.shape(1)) == s.total,
+            "the record does not fit");
+    require(threads >= 1 && threads <= 256, "there are 1 to 256 threads");
+    s.A = A.data(), s.B = B.data(), s.E = E.data(), s.S = S.data(), s.alpha = alpha.data();
+    s.noise = noise.data(), s.K = K.data(), s.first_load = first_load.data(), s.z = z.data();
+    s.after = after.data();
+    s.held = held_before.data(), s.waiting = waiting.data(), s.states = states.data();
+    s.rates = rates.data(), s.demanded = demanded.data(), s.applied = applied.data();
+    s.pushes = pushes.data();
+    nb::gil_scoped_release release;
+    Shared shared{s};
+    polefence::in_threads(std::min(threads, (s.count + L - 1) / L), take, &shared);
+}
+
+}  // namespace
+
+void add_drive(nb::module_ &module) {
+    module.def("drive", &drive, nb::arg("A").noconvert(), nb::arg("B").noconvert(),
+               nb::arg("E").noconvert(), nb::arg("S").noconvert(), nb::arg("alpha").noconvert(),
+               nb::arg("noise").noconvert(), nb::arg("K").noconvert(), nb::arg("h"),
+               nb::arg("first"), nb::arg("mode"), nb::arg("every"), nb::arg("delayed"),
+               nb::arg("driven"), nb::arg("lag"), nb::arg("limit"), nb::arg("dampers").noconvert(),
+               nb::arg("damper_rates").noconvert(), nb::arg("stops").noconvert(),
+               nb::arg("gravity"), nb::arg("heavy"), nb::arg("first_load").noconvert(),
+               nb::arg("z").noconvert(), nb::arg("after").noconvert(), nb::arg("held").noconvert(),
+               nb::arg("waiting").noconvert(), nb::arg("states").noconvert(),
+               nb::arg("rates").noconvert(), nb::arg("demanded").noconvert(),
+               nb::arg("applied").noconvert(), nb::arg("pushes").noconvert(),
+               nb::arg("threads") = 1);
+}

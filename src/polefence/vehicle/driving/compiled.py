@@ -1,0 +1,209 @@
+"""Steps of Runge-Kutta in the compiled kernel: a stretch of them for all cars in one call.
+
+What is the case at every instant is recorded on the way.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from polefence.base.processors import spare_processors
+from polefence.lmi.solve.engine import kernel
+from polefence.plant.system import Array
+from polefence.vehicle.driving.integration import INSIDE, Controller, Learner, Model, stage_times
+from polefence.vehicle.driving.result import (
+    Record,
+    instants,
+    loads_over_time,
+    parameters_over_time,
+)
+
+# Numbers held at once for what changes from step to step, and multiplications in one call, after
+# which Ctrl-C is heard.
+CHUNK, WORK = 2_000_000, 200_000_000
+BY_GAIN, HELD, SAMPLED = range(3)  # the kernel's modes
+
+
+def compiled() -> Any:
+    """Return the kernel's function, None where it was not built."""
+    return getattr(kernel(), "drive", None)
+
+
+def recorded(model: Model, controller: Controller | None, start: Array) -> Record:
+    """Go through all steps; return what `driving.result.record` does of `integrate`.
+
+    Parameters
+    ----------
+    start : (count, width) array
+    """
+    way = _Way(model, controller, start)
+    if way.learner is None:
+        way.go(0, model.excitation.steps)
+        way.end()
+        used = way.used
+    else:
+        used = way.learned(way.learner)
+    return Record(
+        model.excitation.disturbance(*instants(model)),
+        way.states[..., : model.plant.shape[0]],
+        way.rates,
+        way.demanded,
+        way.applied,
+        way.stops,
+        parameters_over_time(model),
+        used,
+        loads_over_time(model),
+    )
+
+
+def _hardware(model: Model) -> dict[str, Any]:
+    """Return what the kernel is told of plant and hardware, by the names that it has for them."""
+    plant, known, actuator = model.plant, model.known, model.actuator
+    corners = np.eye(len(plant.vertices))
+    A, B = plant.at(corners)
+    S = np.zeros(A.shape[:2]) if known is None else known.push(A, B)
+    stops, load, heavy = list[float](), np.zeros(0), 0
+    if model.stops is not None and known is not None:
+        own = model.stops
+        stops = [own.bump, own.rebound, own.stiffness, own.damping]
+        stops += [known.places[0], known.sense[0]]
+    if model.gravity and known is not None:
+        load, heavy = model.first_load, known.places[2]
+    bounds = [(k, low, high) for k, _, low, high in model.dampers]
+    rates = [rate for _, rate, _, _ in model.dampers]
+    arrays = {
+        "A": A,
+        "B": B,
+        "E": model.entry(corners),
+        "S": S,
+        "dampers": np.array(bounds, float).reshape(-1, 3),
+        "damper_rates": np.array(rates, float).reshape(-1, plant.shape[0]),
+        "stops": np.array(stops, float),
+        "first_load": load,
+    }
+    return {name: np.ascontiguousarray(own) for name, own in arrays.items()} | {
+        "h": model.excitation.step,
+        "driven": model.driven,
+        "lag": actuator.rate,
+        "limit": np.inf if actuator.limit is None else actuator.limit,
+        "gravity": model.gravity if known is not None else 0.0,
+        "heavy": heavy,
+        "threads": spare_processors(),
+    }
+
+
+class _Way:
+    """What the kernel goes through, and what it has recorded, (count, time, ...)."""
+
+    def __init__(self, model: Model, controller: Controller | None, start: Array) -> None:
+        self.model, self.controller = model, controller
+        (n, m), count, total = model.plant.shape, len(start), model.excitation.steps + 1
+        self.z, self.after = np.array(start, dtype=float), np.zeros(start.shape)
+        self.held, self.waiting = np.zeros((count, m)), np.zeros((count, m))
+        self.states = np.empty((count, total, model.width))
+        self.rates = np.empty((count, total, n))
+        self.demanded, self.applied = np.empty((count, total, m)), np.empty((count, total, m))
+        self.stops = np.empty((count, total))
+        self.words = _hardware(model)
+
+    @property
+    def learner(self) -> Learner | None:
+        """What tells the law the parameters as it goes."""
+        own = None if self.controller is None else self.controller.source
+        return own if isinstance(own, Learner) else None
+
+    @property
+    def every(self) -> int:
+        """Steps from one sample of the controller to the next."""
+        return 1 if self.controller is None else self.controller.every_demand
+
+    def learned(self, learner: Learner) -> Array:
+        """Go through all steps with an estimator; return the parameters that the law was given."""
+        controller, steps = self.controller, self.model.excitation.steps
+        if controller is None:
+            return self.used
+        paces = [controller.every_estimate]
+        if controller.sampling is not None:
+            paces.append(controller.every_demand)
+        used, k = np.empty((len(self.z), steps + 1, learner.parameters.shape[-1])), 0
+        while True:
+            controller.sample(k, self.z, (lambda: self.after) if k else None)
+            until = min(steps, *((k // pace + 1) * pace for pace in paces))
+            used[:, k : until + 1] = controller.used[:, None]
+            if controller.held is not None:
+                self.held = np.ascontiguousarray(controller.held)
+            if k == steps:
+                self.end()
+                return used
+            self.go(k, until)
+            k = until
+
+    def go(self, first: int, until: int) -> None:
+        """Go through steps, in stretches."""
+        k = first
+        while k < until:
+            end = min(until, k + self.length)
+            numbers = np.arange(k, end)
+            self._call(k, stage_times(self.model, numbers), np.repeat(numbers, 3))
+            k = end
+
+    def end(self) -> None:
+        """Record the last instant; the road there is that of the last step."""
+        step, steps = self.model.excitation.step, self.model.excitation.steps
+        self._call(steps, np.array([(steps - INSIDE) * step]), np.array([steps - 1]))
+
+    @property
+    def length(self) -> int:
+        """Steps in one call."""
+        model, count = self.model, len(self.z)
+        n, m = model.plant.shape
+        each = 3 * (count * (len(model.plant.vertices) + m * n) + model.plant.disturbance_count)
+        return max(1, min(CHUNK // each, WORK // (4 * count * model.width**2)))
+
+    def _call(self, first: int, times: Array, numbers: Array) -> None:
+        model = self.model
+        alpha = model.trajectories.space.alpha(model.trajectories.at(times))
+        noise = model.excitation.disturbance(times, numbers)[:, : self.words["E"].shape[-1]]
+        mode, K = self._law(first, times)
+        compiled()(
+            alpha=np.ascontiguousarray(alpha), noise=np.ascontiguousarray(noise, dtype=float),
+            K=K, first=first, mode=mode, every=self.every, z=self.z, after=self.after,
+            held=self.held, waiting=self.waiting, states=self.states, rates=self.rates,
+            demanded=self.demanded, applied=self.applied, pushes=self.stops,
+            delayed=bool(self.controller and self.controller.delayed), **self.words,
+        )  # fmt: skip
+
+    def _law(self, first: int, times: Array) -> tuple[int, Array]:
+        """Return the mode, and gains at the stages or samples, one row where they do not change."""
+        model, controller = self.model, self.controller
+        n, m = model.plant.shape
+        none = np.zeros((1, len(self.z), m, n))
+        if model.reading is not None:
+            own = model.gains(model.reading.at(times))
+        elif controller is None:
+            own = none
+        elif self.learner is None:
+            steps = max(1, len(times) // 3)
+            samples = np.arange(-(-first // self.every) * self.every, first + steps, self.every)
+            own = none if not len(samples) else model.gains(controller.parameters(samples))
+        elif controller.held is not None:
+            return HELD, none
+        else:
+            own = none if controller.gain is None else controller.gain[None, :, :, :n]
+        if own.strides[0] == 0:  # a law that does not look at the parameters
+            own = own[:1]
+        own = np.broadcast_to(own, (len(own), *none.shape[1:]))
+        return BY_GAIN if controller is None or self.learner else SAMPLED, np.ascontiguousarray(own)
+
+    @property
+    def used(self) -> Array:
+        """The parameters that the law was given, where it does not learn them."""
+        model, controller = self.model, self.controller
+        if controller is None:
+            return parameters_over_time(model, model.reading)
+        steps = model.excitation.steps
+        found = controller.parameters(np.arange(0, steps + 1, self.every))
+        rows = np.arange(steps + 1) // self.every if len(found) > 1 else np.zeros(steps + 1, int)
+        return np.swapaxes(found[rows], 0, 1)

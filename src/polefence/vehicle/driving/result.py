@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import reduce
 from typing import Any
 
 import numpy as np
@@ -291,7 +292,8 @@ def throughout(model: Model, sampling: Sampling | None, learner: Learner | None)
 
 def given(model: Model, own: Record) -> list[str]:
     """Say how often controllable dampers gave what was demanded, of cars that are not lost."""
-    found, there = [], np.isfinite(own.applied).all(axis=-1)
+    found = list[str]()
+    there = np.isfinite(own.applied).all(axis=-1) if model.dampers else None
     for k, _, _, _ in model.dampers:
         asked, gave = own.demanded[there, k], own.applied[there, k]
         if model.hardware.sampling is None and asked.any():
@@ -307,7 +309,7 @@ def _hardware(model: Model, own: Record, times: Array) -> tuple[list[Event], Any
     met = np.zeros(own.stops.shape, dtype=bool)
     limit = model.actuator.limit
     if limit is not None:
-        size = np.abs(own.demanded[..., : model.driven]).max(axis=-1)
+        size = reduce(np.maximum, np.abs(np.moveaxis(own.demanded[..., : model.driven], -1, 0)))
         over = size > limit
         met |= over
         found += spans(
@@ -335,12 +337,16 @@ def _contact(model: Model, own: Record) -> list[tuple[str, Any, Array, str]]:
     known = model.known
     if known is None or known.tyre_force is None:
         return []
+    row = known.tyre_force.arrays(model.plant)[0][0]
     force = own.mass * GRAVITY
-    force = force + own.states @ known.tyre_force.arrays(model.plant)[0][0]
+    for i in np.flatnonzero(row):
+        force = force + row[i] * own.states[..., i]
     return [("road", force < 0, -force, f"the tyre {LEAVES}")]
 
 
 def _lost(own: Record) -> list[tuple[str, Any, Array, str]]:
+    if np.all(np.isfinite(own.states[:, -1])):  # what is lost stays so
+        return []
     gone = ~np.all(np.isfinite(own.states), axis=-1)
     return [("lost", gone, gone.astype(float), RUNS_AWAY)]
 

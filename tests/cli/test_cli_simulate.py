@@ -442,6 +442,8 @@ REFUSED = {
     "bad seed": ([*ROAD, "--seed", "-1"], "seed = -1; give a whole number"),
     "no road": (["--speed", "9"], "nothing moves the plant: give --step-in"),
     "two roads": ([*ROAD, "--kerb", "0.1"], "not allowed with argument --road"),
+    "flat grade": (["--grade", "0", "9", "--speed", "9"], "slope of the grade = 0"),
+    "short grade": (["--grade", "0.1", "0", "--speed", "9"], "length of the grade [m] = 0"),
     "flat bump": (["--bump", "0", "1", "--speed", "9"], "height of the bump [m] = 0"),
     "form of --set": ([*ROAD, "--set", "m1"], "--set 'm1'; write NAME=VALUE"),
     "number of --set": ([*ROAD, "--set", "m1=nan"], "--set 'm1=nan'; write NAME=VALUE"),

@@ -157,6 +157,34 @@ def test_a_wheel_lifts_where_its_tyre_would_pull_and_only_there(half, hardware):
             assert any(own.text.startswith(text) for own in events) == lifts
 
 
+def test_a_car_brakes_and_corners_on_its_road(tmp_path, capsys):
+    spec, rows = tmp_path / "full.toml", tmp_path / "rows.csv"
+    spec.write_text(spec_text("full-car").replace("roll_inertia", "height = 0.55\nroll_inertia"))
+    words = ["simulate", str(spec), "--grade", "0.05", "40", "--speed", "20", "-o", str(rows)]
+    assert main([*words, "--step-in", "braking=2", "--step-in", "cornering=-1"]) == 0
+    assert "full car: grade, at 20 m/s, braking 2 m/s2, cornering -1 m/s2, 5 s" in " ".join(
+        capsys.readouterr().out.split()
+    )
+    labels, *_, last = rows.read_text().splitlines()
+    found = dict(zip(labels.split(","), map(float, last.split(",")), strict=True))
+    body, a, h, apart = 965.7, 2.0, 0.55, 1.156 + 1.423
+    ahead = sum(found[f"front {side} tyre force variation [N]"] for side in ("left", "right"))
+    assert ahead == pytest.approx(body * a * h / apart, rel=3e-3)
+    right = sum(found[f"{end} right tyre force variation [N]"] for end in ("front", "rear"))
+    assert right < -300  # the turn is to the right
+    assert found["road height [m]"] == pytest.approx(2.0)
+    for more, said in (
+        (["--step-in", "front left road velocity=1"], "beside a road a car has braking and corner"),
+        (["--impulse-in", "braking=1"], "a road is all that moves a car; leave out the other"),
+    ):
+        assert main([*words, *more]) == 2
+        assert said in capsys.readouterr().err
+    flat = tmp_path / "flat.toml"
+    flat.write_text(spec_text("full-car"))
+    assert main(["simulate", str(flat), *words[2:], "--step-in", "braking=2"]) == 2
+    assert "(--step-in braking=3 needs the height of car.body)" in capsys.readouterr().err
+
+
 def test_tracks_are_not_driven(tmp_path, capsys):
     spec = tmp_path / "tracks.toml"
     text = re.sub(r"under = \[[^\]]*\]\n", "[road.tracks]\n", spec_text("half-car"))

@@ -16,7 +16,7 @@ from polefence.response.stationary import (
     velocity_density,
 )
 from polefence.vehicle import roads
-from polefence.vehicle.roads import Road, bump, kerb, measured_road, pothole, random_road
+from polefence.vehicle.roads import Road, bump, grade, kerb, measured_road, pothole, random_road
 
 # ISO 8608, table of Gd(n0) [1e-6 m3]: geometric mean and upper limit of every class.
 MEANS = dict(zip("ABCDEFGH", (16, 64, 256, 1024, 4096, 16384, 65536, 262144), strict=True))
@@ -31,6 +31,14 @@ def test_classes_of_the_standard():
     f = np.array([0.5, 3.0, 40.0])
     from_height = (2 * np.pi * f) ** 2 * displacement_density("C", f / 20) / 20
     np.testing.assert_allclose(from_height, velocity_density("C", 20))
+
+
+def test_a_grade_rises_as_its_slope_says():
+    road = grade(-0.05, 40.0, before=2.0, after=10.0)
+    height = np.interp(
+        [-2.0, 0.0, 20.0, 40.0, 50.0], road.distance - road.distance[0] - 2.0, road.height
+    )
+    assert height == pytest.approx([0.0, 0.0, -1.0, -2.0, -2.0])
 
 
 @pytest.mark.parametrize("letter", ["A", "C", "H"])
@@ -235,6 +243,8 @@ LEVEL = Road([0.0, 100.0], [0.0, 0.0], "level")
         (lambda: random_road("A", 10, 1.5), "seed = 1.5"),
         (lambda: bump(0.1, 0), "length of the bump"),
         (lambda: bump(0.0, 1), "height of the bump"),
+        (lambda: grade(0.1, -1), "length of the grade"),
+        (lambda: grade(float("nan"), 1), "slope of the grade"),
         (lambda: pothole(-0.1, 1), "depth"),
         (lambda: pothole(0.1, 1, contact=0), "contact"),
         (lambda: kerb(math.inf), "height of the kerb"),

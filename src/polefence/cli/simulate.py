@@ -6,7 +6,7 @@ import argparse
 import math
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -40,6 +40,8 @@ LONGEST_STEP = 1e-3  # that is chosen [s]
 RANDOM, OBSTACLE = 10.0, 3.0  # durations that are chosen [s]
 LASTING = 10.0  # time constants that are followed
 STEPS, MARGIN = 1000, 4.0  # of a response at least; of the longest step, over the family
+ROADS = ("road", "bump", "pothole", "kerb", "grade", "profile")
+LONG = 1.0  # over an obstacle; then it does not count to the duration that is chosen [s]
 LEVEL = 0.1  # before an obstacle [s]
 WAVE = 100.0  # the longest that a class of roads is asked for [m]
 
@@ -169,12 +171,23 @@ def add_excitation_arguments(parser: argparse.ArgumentParser) -> None:
     road = parser.add_argument_group("a road, under a vehicle").add_mutually_exclusive_group()
     road.add_argument("--road", metavar="CLASS", help="random, of class A to H of ISO 8608")
     road.add_argument(
-        "--bump", type=float, nargs=2, metavar=("HEIGHT", "LENGTH"), help="a cosine bump [m]"
+        "--bump",
+        type=float,
+        nargs=2,
+        metavar=("HEIGHT", "LENGTH"),
+        help="a cosine bump, or a hill [m]",
     )
     road.add_argument(
         "--pothole", type=float, nargs=2, metavar=("DEPTH", "LENGTH"), help="a hole [m]"
     )
     road.add_argument("--kerb", type=float, metavar="HEIGHT", help="a step [m]")
+    road.add_argument(
+        "--grade",
+        type=float,
+        nargs=2,
+        metavar=("SLOPE", "LENGTH"),
+        help="up, or down, from one level to another; 0.05 is 5 %% [m]",
+    )
     road.add_argument(
         "--profile", type=Path, metavar="FILE", help="measured: CSV of distance and height [m]"
     )
@@ -303,11 +316,10 @@ def _excitation(plant: UncertainPlant, options: Any, law: Any, car: Car | None) 
     """Return what moves the plant."""
     from polefence.vehicle import excitation
 
-    roads = (options.road, options.bump, options.pothole, options.kerb, options.profile)
+    roads = [getattr(options, key) for key in ROADS]
     others = {key: getattr(options, key) for key in ("step_in", "impulse_in", "initial")}
     if any(road is not None for road in roads):
-        if any(others.values()) or options.input is not None:
-            raise InputError("a road is all that moves a car; leave out the other excitation")
+        turns = _manoeuvres(car, options)
         if plant.vehicle is None and car is None:
             raise InputError(
                 f"{plant.name} is not described as a vehicle, and a road is for one; add a table "
@@ -318,7 +330,7 @@ def _excitation(plant: UncertainPlant, options: Any, law: Any, car: Car | None) 
             raise InputError("--speed is missing: a road needs it [m/s]")
         road, duration = _road(options)
         if car is not None:
-            return _on_wheels(plant, car, road, duration, options)
+            return _also(plant, _on_wheels(plant, car, road, duration, options), turns)
         return excitation.on_road(plant, road, options.speed, _step(options), duration)
     if not any(others.values()) and options.input is None:
         raise InputError(
@@ -343,6 +355,32 @@ def _car(subject: str) -> Car | None:
 
     path = Path(subject)
     return None if path.is_dir() or path.suffix == ".json" else load_car(subject)
+
+
+def _manoeuvres(car: Car | None, options: Any) -> dict[str, float]:
+    """Return how a car brakes and corners on its road, of which nothing else moves it."""
+    known = [] if car is None else [split(own)[0] for own in car.manoeuvres]
+    if options.impulse_in or options.initial or options.input or (options.step_in and not known):
+        of_car = options.step_in and car is not None
+        remedy = " (--step-in braking=3 needs the height of car.body)" if of_car else ""
+        raise InputError(f"a road is all that moves a car; leave out the other excitation{remedy}")
+    found = _sizes(options.step_in, "step_in")
+    for name in found:
+        if name not in known:
+            raise InputError(
+                f"--step-in {name!r}: beside a road a car has {' and '.join(known)} alone"
+            )
+    return found
+
+
+def _also(plant: UncertainPlant, moved: Excitation, sizes: Mapping[str, float]) -> Excitation:
+    """Return an excitation with steps of disturbances beside it."""
+    names = [own.name for own in disturbances(plant)]
+    w = np.array(moved.w)
+    for name, size in sizes.items():
+        w[:, names.index(name)] += size
+    words = "".join(f", {name} {size:g} m/s2" for name, size in sizes.items())
+    return replace(moved, name=moved.name + words, w=w)
 
 
 def _on_wheels(
@@ -418,12 +456,16 @@ def _road(options: Any) -> tuple[Road, float | None]:
         duration = duration or RANDOM
         length = max(speed * duration, WAVE)
         return random_road(options.road, length, options.seed or 0), duration
-    duration = duration or OBSTACLE
+    _, extent = options.bump or options.pothole or options.grade or (0.0, 0.0)
+    over = extent / speed
+    duration = duration or OBSTACLE + (over if over > LONG else 0.0)
     level = {"before": LEVEL * speed, "after": speed * duration}
     if options.bump is not None:
         return obstacles.bump(*options.bump, **level), duration
     if options.pothole is not None:
         return obstacles.pothole(*options.pothole, **level), duration
+    if options.grade is not None:
+        return obstacles.grade(*options.grade, **level), duration
     return obstacles.kerb(options.kerb, **level), duration
 
 

@@ -374,6 +374,28 @@ def kerb(height: float, contact: float = 0.1, before: float = 1.0, after: float 
     return _between_levels(np.array([0.0, contact]), heights, before, after, "kerb")
 
 
+def grade(slope: float, length: float, before: float = 1.0, after: float = 100.0) -> Road:
+    """Return a straight way up from one level to another, with a kink at either end.
+
+    Parameters
+    ----------
+    slope : float
+        Rise over length: 0.05 is 5 %; negative downhill.
+    length : float
+        Of the grade [m].
+    before, after : float
+        Level road before and after it [m].
+
+    Raises
+    ------
+    InputError
+        If a length is not above zero, or the slope is not finite or zero.
+    """
+    length = positive(length, "length of the grade [m]")
+    heights = np.array([0.0, _size(slope, "slope of the grade") * length])
+    return _between_levels(np.array([0.0, length]), heights, before, after, "grade")
+
+
 def _between_levels(x: Array, height: Array, before: float, after: float, name: str) -> Road:
     before = positive(before, "road before [m]")
     after = positive(after, "road after [m]")

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import os
-from contextlib import suppress
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from contextvars import ContextVar
 
 _SHARED = ContextVar("shared", default=False)
@@ -27,3 +28,12 @@ def spare_processors() -> int:
 def share_processors() -> None:
     """Leave the others alone in this thread from now on: there is work for each."""
     _SHARED.set(True)
+
+
+@contextmanager
+def small_matrices() -> Iterator[None]:
+    """Have BLAS use one thread: more gain nothing there, and lose much to other processes."""
+    from threadpoolctl import threadpool_limits
+
+    with threadpool_limits(1, user_api="blas"):
+        yield

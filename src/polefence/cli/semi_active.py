@@ -22,6 +22,8 @@ from polefence.design.requirements.rms import Rms
 from polefence.design.rows import plant_summary
 from polefence.design.signals.refutation import Refutation, refute_limits
 from polefence.design.signals.semi_active import DEGREES, SemiActiveLaw, semi_active
+from polefence.plant.dampers import Damper
+from polefence.plant.family import UncertainPlant
 from polefence.plant.spec import load, load_dampers
 from polefence.plant.tracks import own_states
 from polefence.region.text import digits_down, digits_up
@@ -32,15 +34,7 @@ BELOW = 1e-3  # of what the law keeps: a limit that every law exceeds
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options of `semi-active`."""
-    spec_argument(parser)
-    parser.add_argument(
-        "--minimise",
-        metavar="TEXT",
-        help="'rms of [NAME, NAME]'; default: the spec's with minimise = true",
-    )
-    parser.set_defaults(limit=[])  # a damper's bounds are its only limits
-    parser.add_argument("--road", metavar="CLASS", help="A to H of ISO 8608; default: the spec's")
-    parser.add_argument("--speed", type=float, metavar="V", help="over that road [m/s]")
+    add_question(parser)
     parser.add_argument(
         "--degree",
         type=int,
@@ -54,8 +48,27 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--json", type=Path, metavar="FILE", help="write a summary; -: stdout")
 
 
-def semi_active_command(options: Any) -> int:
-    """Design a law for controllable dampers; prove its rms, and what no logic goes below."""
+def add_question(parser: argparse.ArgumentParser) -> None:
+    """Declare what is minimised of controllable dampers, and on which road."""
+    spec_argument(parser)
+    parser.add_argument(
+        "--minimise",
+        metavar="TEXT",
+        help="'rms of [NAME, NAME]'; default: the spec's with minimise = true",
+    )
+    parser.set_defaults(limit=[])  # a damper's bounds are its only limits
+    parser.add_argument("--road", metavar="CLASS", help="A to H of ISO 8608; default: the spec's")
+    parser.add_argument("--speed", type=float, metavar="V", help="over that road [m/s]")
+
+
+def question(options: Any) -> tuple[UncertainPlant, tuple[Damper, ...], Rms]:
+    """Return a spec's plant and dampers, and the rms that is minimised.
+
+    Raises
+    ------
+    InputError
+        Naming what a law of dampers cannot be designed for.
+    """
     plant, dampers = load(options.spec), load_dampers(options.spec)
     if not dampers:
         raise InputError(
@@ -79,6 +92,12 @@ def semi_active_command(options: Any) -> int:
             f"{options.spec}: {least.title} is minimised; of controllable dampers an rms is, "
             "--minimise 'rms of SIGNAL'"
         )
+    return plant, dampers, least
+
+
+def semi_active_command(options: Any) -> int:
+    """Design a law for controllable dampers; prove its rms, and what no logic goes below."""
+    plant, dampers, least = question(options)
     check_targets(options.json, folder=options.output, names=(LAW, LIMIT))
     law = semi_active(plant, least, dampers, options.degree)
     tiny = replace(least, at_most=BELOW * law.level)

@@ -42,6 +42,7 @@ if TYPE_CHECKING:  # imported where used, or for signatures only
 
     from polefence.design.signals.tradeoff import Front
     from polefence.response.linear import Frequency, Response
+    from polefence.vehicle.concepts import Concepts
 
 FORMATS = ("png", "svg", "pdf")
 # The paper's line styles: dotted, dashed, solid. Told apart in grey by style and shade.
@@ -117,6 +118,7 @@ BOUND: dict[str, Any] = {"color": "black", "ls": "--", "lw": 1.4}
 SHOWN = 2000  # points of each cloud
 SAMPLED_STYLE: dict[str, Any] = {"ls": "none", "marker": ".", "ms": 4, "zorder": 3}
 SAMPLED_LABEL = "the same laws, worst of a sample"
+ALIKE = 1e-3  # of limits that are drawn as one
 REFERENCE: dict[str, Any] = {"ls": "none", "marker": "*", "ms": 9, "color": "black", "mfc": "white"}
 
 
@@ -906,4 +908,59 @@ def front_figure(front: Front) -> Figure:
     ax.set_xlabel(f"worst {front.labels[0]}")
     ax.set_ylabel(_wrapped(f"worst {front.labels[1]}", 56))
     ax.legend(loc="best", fontsize=8.5)
+    return figure
+
+
+def concepts_figure(found: Concepts) -> Figure:
+    """Draw what is proved of suspension concepts and what they have in drives, beside the limits.
+
+    On the right their tyre load over their acceleration, in drives.
+
+    Parameters
+    ----------
+    found : Concepts
+    """
+    figure, (left, right) = new_figure(2, 9.6, 3.9, width_ratios=[1.25, 1])
+    names = [one.name for one, _ in found.rows]
+    y = np.arange(len(names))[::-1]
+    costs = [ridden.cost for _, ridden in found.rows]
+    levels = [np.nan if one.level is None else one.level for one, _ in found.rows]
+    edge = 1.6 * min(costs)  # farther bounds are told, not drawn
+    for k, level in zip(y, levels, strict=True):
+        if level > edge:
+            left.annotate(f"{level:.2f} \u2192", (edge, k), ha="right", va="center", fontsize=8.5)
+    drawn = [level if level <= edge else np.nan for level in levels]
+    left.hlines(
+        y, costs, np.fmin(np.nan_to_num(levels, nan=0.0), edge * 0.93), color="0.8", zorder=1
+    )
+    left.plot(
+        drawn, y, ls="", marker="|", ms=15, mew=2.2, color="black", label="proved, every load"
+    )
+    left.plot(costs, y, ls="", marker="o", ms=5.5, color="#2166ac", label="drives, worst load")
+    lowest = {"no semi-active law below": (found.semi_active, "--")}
+    lowest["no law below"] = (found.active, ":")
+    if found.active and found.semi_active and found.semi_active < found.active * (1 + ALIKE):
+        del lowest["no semi-active law below"]
+    for label, (limit, dashes) in lowest.items():
+        if limit is not None:
+            left.axvline(limit, color="#b2182b", ls=dashes, lw=1.3, label=label, zorder=0.9)
+    left.set_yticks(y, names)
+    left.set_xlim(0.97 * min([*costs, found.active or np.inf]), edge)
+    left.set_xlabel(_wrapped(found.specification.title, 48))
+    across = sorted(found.rows, key=lambda row: row[1].acceleration)
+    for k, (one, ridden) in enumerate(across):
+        damped, x = bool(one.dampers) or not one.sensors, ridden.acceleration
+        colour = "#2166ac" if damped else "#b2182b"
+        right.plot(x, ridden.tyre, ls="", ms=6, marker="o" if damped else "s", color=colour)
+        first = k <= len(across) // 2
+        offset = (6 if first else -6, 5 if k % 2 else -12)
+        where: dict[str, Any] = {"xytext": offset, "ha": "left" if first else "right"}
+        at = (x, ridden.tyre)
+        right.annotate(one.name, at, textcoords="offset points", fontsize=8.5, **where)
+    right.set_xlabel("sprung-mass acceleration, rms [m/s2]")
+    right.set_ylabel("tyre load variation, rms [N]")
+    right.margins(0.14)
+    figure.legend(
+        *left.get_legend_handles_labels(), loc="outside lower center", ncols=4, fontsize=8.5
+    )
     return figure

@@ -18,6 +18,7 @@ from polefence.vehicle.comfort import (
     running_rms,
 )
 from polefence.vehicle.compare import Comparison, NoLaw, Row, compare, points, standard_laws
+from polefence.vehicle.concepts import Concept, Concepts, Ridden, concepts
 from polefence.vehicle.driving.drive import drive
 from polefence.vehicle.driving.parts import (
     Actuator,
@@ -69,6 +70,8 @@ __all__ = [
     "Car",
     "Comfort",
     "Comparison",
+    "Concept",
+    "Concepts",
     "Damper",
     "Drive",
     "Estimate",
@@ -81,6 +84,7 @@ __all__ = [
     "Measured",
     "NoLaw",
     "Ramp",
+    "Ridden",
     "Ride",
     "Road",
     "Row",
@@ -98,6 +102,7 @@ __all__ = [
     "comfort",
     "comfort_reading",
     "compare",
+    "concepts",
     "displacement_density",
     "disturbed",
     "dose_reading",

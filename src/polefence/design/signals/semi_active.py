@@ -23,6 +23,7 @@ import numpy as np
 from polefence.base import VERSION
 from polefence.base.errors import InputError, NotProvedError, SolverError, require_type
 from polefence.base.files import write_text
+from polefence.base.processors import small_matrices
 from polefence.design.certificate import file_plant
 from polefence.design.requirements.rms import Rms
 from polefence.law.laws import FixedGain
@@ -107,6 +108,7 @@ class SemiActiveLaw:
         )
 
 
+@small_matrices()
 def semi_active(
     plant: UncertainPlant,
     specification: Rms,

@@ -1,0 +1,114 @@
+"""``polefence concepts``: suspensions for one rms, from a damper that stays to an active law."""
+
+from __future__ import annotations
+
+import argparse
+from dataclasses import asdict
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from polefence.cli.common import PROVED, check_figure, check_targets, write_figure, write_json
+from polefence.cli.semi_active import add_question, question
+from polefence.cli.terminal import say
+from polefence.design.rows import plant_summary
+from polefence.region.text import digits_down, digits_up
+
+if TYPE_CHECKING:  # imported where used: with scipy behind it
+    from polefence.vehicle.concepts import Concept, Concepts, Ridden
+
+HEAD = ("", "sensors", "proved", "drives", "acc.", "tyre", "travel", "force", "power", "gain")
+UNITS = ("", "", "", "", "[m/s2]", "[N]", "[mm]", "[N]", "[W]", "")
+WIDE = 21
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the options of `concepts`."""
+    add_question(parser)
+    parser.add_argument(
+        "--measured",
+        metavar="NAMES",
+        help="'A, B': states or outputs, for LQG and one active law; default: suspension "
+        "deflection and sprung-mass velocity",
+    )
+    parser.add_argument("--plot", type=Path, metavar="FILE", help="draw them (.png, .svg, .pdf)")
+    parser.add_argument("--json", type=Path, metavar="FILE", help="write all rows; -: stdout")
+
+
+def concepts_command(options: Any) -> int:
+    """Compare suspension concepts: passive, skyhook, ADD, semi-active, LQG, active; and limits."""
+    from polefence.vehicle.concepts import concepts
+
+    check_figure(options.plot)
+    check_targets(options.json, options.plot)
+    plant, dampers, least = question(options)
+    measured = None
+    if options.measured is not None:
+        measured = tuple(name.strip() for name in options.measured.split(","))
+    found = concepts(plant, least, dampers, measured)
+    if options.plot is not None:
+        from polefence.show.plots import concepts_figure
+
+        write_figure(options.plot, concepts_figure(found))
+    if options.json is not None:
+        write_json(options.json, _document(found))
+    say(*_lines(found))
+    return PROVED
+
+
+def _lines(found: Concepts) -> list[str]:
+    """Return what to print."""
+    from polefence.vehicle.concepts import ROADS, SECONDS
+
+    lines = [f"{found.plant.name}: {found.specification.title}", ""]
+    lines += [_columns(HEAD), _columns(UNITS)]
+    lines += [_columns(_cells(one, ridden)) for one, ridden in found.rows]
+    lines.append("")
+    for what, level in (("semi-active law", found.semi_active), ("law", found.active)):
+        if level is not None:
+            lines.append(f"proved: no {what} goes below {digits_down(level)}")
+    error = max(ridden.error / ridden.cost for _, ridden in found.rows)
+    lines.append(
+        f"drives: rms, the worst of {found.loads} values of the parameters, the mean of {ROADS} "
+        f"roads of {SECONDS:g} s; standard error at most {error:.1%}"
+    )
+    return lines
+
+
+def _cells(one: Concept, ridden: Ridden) -> tuple[str, ...]:
+    return (
+        one.name,
+        str(len(one.sensors)),
+        "-" if one.level is None else digits_up(one.level, 4),
+        f"{ridden.cost:.4g}",
+        f"{ridden.acceleration:.3g}",
+        f"{ridden.tyre:.0f}",
+        f"{1e3 * ridden.travel:.1f}",
+        f"{ridden.force:.0f}",
+        f"{ridden.power:.1f}",
+        f"{one.gain:.3g}",
+    )
+
+
+def _columns(cells: tuple[str, ...]) -> str:
+    first, *others = cells
+    return (f"{first:<{WIDE}}" + "".join(f"{cell:>9}" for cell in others)).rstrip()
+
+
+def _document(found: Concepts) -> dict[str, Any]:
+    """Return all rows as plain data."""
+    return {
+        "plant": plant_summary(found.plant),
+        "specification": found.specification.title,
+        "rows": [
+            {
+                "concept": one.name,
+                "sensors": list(one.sensors),
+                "proved": one.level,
+                "gain": one.gain,
+                "drives": asdict(ridden),
+            }
+            for one, ridden in found.rows
+        ],
+        "no semi-active law below": found.semi_active,
+        "no law below": found.active,
+    }

@@ -1,0 +1,313 @@
+"""Suspension concepts side by side: what is proved of each for every load, and what drives have.
+
+All have one rms to keep low: acceleration, tyre deflection and whatever else, each times a weight.
+From a damper that stays, by dampers that a logic sets, to a force that knows every state.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from polefence.base.errors import InputError, NotProvedError
+from polefence.base.processors import small_matrices
+from polefence.base.progress import counted
+from polefence.design.requirements.rms import Rms
+from polefence.design.signals.bounds import best_bound
+from polefence.design.signals.optimise import optimise
+from polefence.design.signals.refutation import refute_limits
+from polefence.design.signals.semi_active import semi_active
+from polefence.law.laws import FixedGain, Law
+from polefence.law.structure import Structure
+from polefence.plant.dampers import Damper
+from polefence.plant.family import UncertainPlant
+from polefence.plant.larger import own_states, with_states
+from polefence.plant.outputs import choose, states
+from polefence.plant.points import seeded
+from polefence.plant.system import Array
+from polefence.response.closed import close
+from polefence.vehicle.driving.drive import drive
+from polefence.vehicle.driving.parts import Hardware
+from polefence.vehicle.excitation import disturbed
+from polefence.vehicle.reference_laws import nominal
+from polefence.vehicle.vehicle import Ride, masses, require_ride
+
+LOADS = 8  # that are driven: the corners, and others at random
+ROADS, SECONDS, STEP = 10, 100.0, 1e-3
+SETTLED = 5.0  # from rest [s]
+# Skyhook's coefficients that are tried, of critical damping.
+SKYHOOKS = tuple(np.geomspace(0.1, 4.0, 9).tolist())
+# Of a Kalman filter's sensors, white from sample to sample at 1 kHz, rms by unit.
+NOISE, SAMPLE = {"m": 5e-4, "m/s": 5e-3, "m/s2": 0.05, "rad": 5e-4, "rad/s": 5e-3}, 1e-3
+BELOW = 1e-3  # of what a law keeps: a limit that every law exceeds
+
+
+@dataclass(frozen=True, eq=False)
+class Concept:
+    """A suspension and its law.
+
+    Attributes
+    ----------
+    name : str
+    sensors : tuple of str
+        What the law measures.
+    plant : UncertainPlant
+        With the law's own states behind it.
+    law : Law
+        What is demanded.
+    dampers : tuple of Damper
+        That give what is demanded as far as they can; none where forces do.
+    level : float, optional
+        The rms is at most this for every value of the parameters; None where nothing is proved.
+    """
+
+    name: str
+    sensors: tuple[str, ...]
+    plant: UncertainPlant
+    law: Law
+    dampers: tuple[Damper, ...]
+    level: float | None
+
+    @property
+    def gain(self) -> float:
+        """The largest number in the gain of a force, over the corners of the family."""
+        forces = self.plant.shape[1] - own_states(self.plant)
+        corners = np.eye(len(self.plant.vertices))
+        K = close(self.plant, self.law, corners, disturbed=False).K
+        return float(np.abs(K[:, :forces]).max())
+
+
+@dataclass(frozen=True)
+class Ridden:
+    """What a concept has in drives: rms, worst of all loads, of each the mean of all roads.
+
+    Attributes
+    ----------
+    cost : float
+        Of what is kept low.
+    error : float
+        Its standard error.
+    acceleration : float
+        Of the sprung mass [m/s2].
+    tyre : float
+        Variation of the tyre's force [N].
+    travel : float
+        [m]
+    force : float
+        Of damper or actuator [N].
+    power : float
+        Mean of what is positive of the power into the car [W].
+    """
+
+    cost: float
+    error: float
+    acceleration: float
+    tyre: float
+    travel: float
+    force: float
+    power: float
+
+
+@dataclass(frozen=True, eq=False)
+class Concepts:
+    """Concepts with what is proved of them, what they have in drives, and what none goes below.
+
+    Attributes
+    ----------
+    specification : Rms
+        What is kept low.
+    rows : tuple of (Concept, Ridden)
+    semi_active, active : float, optional
+        No semi-active law, and none at all, goes below it; None where nothing was proved.
+    loads : int
+        Values of the parameters that were driven.
+    """
+
+    plant: UncertainPlant
+    specification: Rms
+    rows: tuple[tuple[Concept, Ridden], ...]
+    semi_active: float | None
+    active: float | None
+    loads: int
+
+
+@small_matrices()
+def concepts(
+    plant: UncertainPlant,
+    specification: Rms,
+    dampers: Sequence[Damper],
+    measured: Sequence[str] | None = None,
+) -> Concepts:
+    """Design seven suspensions for one rms, prove it for every load, and drive them.
+
+    The best damper that stays; a skyhook, ADD and the law of `semi_active` for dampers; LQG, an
+    active law by the same sensors and one by all states, for forces in place of the dampers.
+
+    Parameters
+    ----------
+    plant : UncertainPlant
+        A quarter car without its damper.
+    specification : Rms
+        Of one signal or a vector, with a force in it.
+    dampers : sequence of Damper
+        Its one.
+    measured : sequence of str, optional
+        By LQG and one active law; by default suspension deflection and the velocity of the sprung
+        mass, which an accelerometer tells.
+
+    Raises
+    ------
+    InputError
+        If the plant is no quarter car, or something does not fit.
+    NotProvedError
+        If nothing is proved of the law of `semi_active`.
+    """
+    known = require_ride(plant)
+    first, _, third, _ = known.places
+    known_states = [own.name for own in states(plant)]
+    own = tuple(measured or (known_states[first], known_states[third]))
+    task = _Task(plant, specification, tuple(dampers), known, own)
+    active, others = task.below(()), task.below(task.dampers)
+    if active is not None:  # what no law has, no semi-active one has
+        others = active if others is None else max(active, others)
+    each = counted(list(task.concepts()), "concept")
+    rows = tuple((one, task.driven(one)) for one in each)
+    return Concepts(plant, specification, rows, others, active, len(task.loads))
+
+
+class _Task:
+    def __init__(
+        self,
+        plant: UncertainPlant,
+        specification: Rms,
+        dampers: tuple[Damper, ...],
+        known: Ride,
+        measured: tuple[str, ...],
+    ) -> None:
+        self.plant, self.specification, self.dampers = plant, specification, dampers
+        self.known, self.measured = known, measured
+        _, through = self._rows(choose(plant, measured))
+        if through.any():
+            raise InputError(f"measured: a force passes straight into {', '.join(measured)}")
+        self.best = semi_active(plant, specification, dampers)
+        self.rates = np.array([[float(x) for x in one.of(plant).rate[0][0]] for one in dampers])
+        self.loads = seeded(plant, LOADS)
+
+    def concepts(self) -> Iterator[Concept]:
+        """Design all."""
+        names = tuple(own.name for own in states(self.plant))
+        body, deflection = names[self.known.places[2]], names[self.known.places[0]]
+        rate = f"rate of {deflection}"
+        c = np.array(self.best.coefficients)
+        stays = FixedGain(c[:, None] * self.rates)
+        yield Concept("passive", (), self.plant, stays, (), self.proved(self.plant, stays))
+        yield self.clipped("skyhook", (body, rate), self.skyhook())
+        yield self.clipped("ADD", (deflection, rate), self.against_the_spring())
+        own = FixedGain(self.best.K)
+        yield Concept("semi-active", names, self.plant, own, self.dampers, self.best.level)
+        larger, law = self.lqg()
+        yield Concept("LQG", self.measured, larger, law, (), self.proved(larger, law))
+        for name, sensors in (("active, few sensors", self.measured), ("active, all states", None)):
+            found = optimise(self.plant, self.specification, structure=Structure(measured=sensors))
+            level = found.bounds[0].level
+            yield Concept(name, sensors or names, found.plant, found.law, (), level)
+
+    def proved(self, plant: UncertainPlant, law: Law) -> float | None:
+        """Return what is proved of a law of forces."""
+        found = best_bound(plant, law, self.specification)
+        return None if found is None else found.level
+
+    def clipped(self, name: str, sensors: tuple[str, ...], K: Array) -> Concept:
+        """Return a demand of dampers with what is proved of it."""
+        level = None
+        with suppress(NotProvedError):
+            level = semi_active(self.plant, self.specification, self.dampers, K=K).level
+        return Concept(name, sensors, self.plant, FixedGain(K), self.dampers, level)
+
+    def skyhook(self) -> Array:
+        """Return the skyhook that has the least rms in drives."""
+        car = masses(self.plant, self.known, nominal(self.plant))
+        critical = 2 * float(np.sqrt(car.k * car.m1))
+        found = []
+        for share in SKYHOOKS:
+            K = np.zeros(self.plant.shape[::-1])
+            K[self.known.input, self.known.places[2]] = -share * critical
+            found.append((self._roads(self.plant, FixedGain(K), self.dampers, 1)[0].max(), K))
+        return min(found, key=lambda pair: pair[0])[1]
+
+    def against_the_spring(self) -> Array:
+        """Return ADD's demand, which leaves the body without force: minus the spring's."""
+        car = masses(self.plant, self.known, nominal(self.plant))
+        K = np.zeros(self.plant.shape[::-1])
+        K[self.known.input, self.known.places[0]] = -self.known.sense[0] * float(car.k)
+        return K
+
+    def lqg(self) -> tuple[UncertainPlant, FixedGain]:
+        """Return the regulator of the nominal car with a Kalman filter, and the plant with it."""
+        from scipy.linalg import solve_continuous_are
+
+        plant, spec, alpha = self.plant, self.specification, nominal(self.plant)
+        A, B = plant.at(alpha)
+        C, D = (np.tensordot(alpha, M, 1) for M in self._rows([*spec.outputs(plant)]))
+        E = np.tensordot(alpha, spec.entering(plant), 1) * (spec.density / 2) ** 0.5
+        signals = choose(plant, self.measured)
+        seen = np.tensordot(alpha, self._rows(signals)[0], 1)
+        noise = np.diag([NOISE.get(own.unit, 1e-3) ** 2 * SAMPLE for own in signals])
+        R = D.T @ D
+        P = solve_continuous_are(A, B, C.T @ C, R, s=C.T @ D)
+        K = -np.linalg.solve(R, B.T @ P + D.T @ C)
+        X = solve_continuous_are(A.T, seen.T, E @ E.T, noise)
+        filtered = X @ seen.T @ np.linalg.inv(noise)
+        both = np.block([[np.zeros(K.shape), K], [filtered @ seen, A + B @ K - filtered @ seen]])
+        return with_states(plant, len(A)), FixedGain(both)
+
+    def _rows(self, signals: Sequence[Any]) -> tuple[Array, Array]:
+        pairs = [own.arrays(self.plant) for own in signals]
+        return np.stack([C for C, _, _ in pairs], 1), np.stack([D for _, D, _ in pairs], 1)
+
+    def below(self, dampers: tuple[Damper, ...]) -> float | None:
+        """Return what no law goes below, of these dampers or of forces."""
+        tiny = BELOW * self.best.level
+        found = refute_limits(self.plant, [replace(self.specification, at_most=tiny)], dampers)
+        return None if found is None else tiny * found.factor
+
+    def driven(self, one: Concept) -> Ridden:
+        """Drive it."""
+        squares = self._roads(one.plant, one.law, one.dampers, ROADS)
+        rms = np.sqrt(squares[:-1])
+        worst = int(np.argmax(rms[0].mean(axis=1)))
+        error = float(rms[0, worst].std(ddof=1) / np.sqrt(ROADS))
+        means = squares.mean(axis=2).max(axis=1)
+        cost, acceleration, tyre, travel, force = np.sqrt(means[:-1]).tolist()
+        return Ridden(cost, error, acceleration, tyre, travel, force, float(means[-1]))
+
+    def _roads(
+        self, plant: UncertainPlant, law: Law, dampers: tuple[Damper, ...], count: int
+    ) -> Array:
+        """Return mean squares, and the power, by load and road: (quantities, loads, roads)."""
+        return np.stack([self._road(plant, law, dampers, k) for k in range(count)], axis=-1)
+
+    def _road(
+        self, plant: UncertainPlant, law: Law, dampers: tuple[Damper, ...], seed: int
+    ) -> Array:
+        spec, known = self.specification, self.known
+        random, steps = np.random.default_rng(seed), round(SECONDS / STEP)
+        w = random.standard_normal((steps, self.plant.disturbance_count))
+        w *= np.sqrt(spec.density / 2 / STEP * spec.squares(self.plant))
+        moved = disturbed(plant, w, STEP, hold="held")
+        found = drive(plant, law, moved, self.loads, Hardware(dampers=dampers))
+        tyre = known.tyre if known.tyre_force is None else known.tyre_force
+        cost = [own.name for own in spec.outputs(self.plant)]
+        shown = [own.name for own in (known.acceleration, tyre, known.travel, known.force)]
+        asked, begin = list(dict.fromkeys([*cost, *shown])), round(SETTLED / STEP)
+        squares = np.mean(found.response(asked).values[:, begin:] ** 2, axis=1)
+        place = {name: i for i, name in enumerate(asked)}
+        v = found.states[:, begin:, : self.rates.shape[1]] @ self.rates.T
+        into = -np.sum(found.applied[:, begin:, : len(self.rates)] * v, axis=-1)
+        power = np.maximum(into, 0.0).mean(axis=1)
+        whole = sum(squares[:, place[name]] for name in cost)
+        return np.vstack([whole, *(squares[:, place[name]] for name in shown), power])

@@ -45,6 +45,20 @@ def test_a_half_car_rides_within_its_limits(half, tmp_path, capsys):
     assert main(["check", str(tmp_path / "d" / "design.json")]) == 0
 
 
+@pytest.mark.parametrize(("name", "wheels"), [("half-car", 2), ("full-car", 4)])
+def test_no_load_of_ten_thousand_exceeds_a_bound(name, wheels, tmp_path, capsys):
+    spec = tmp_path / "car.toml"
+    spec.write_text(spec_text(name))
+    assert main(["optimise", str(spec), *REGION, "--method", "quadratic"]) == 0
+    out = capsys.readouterr().out
+    assert "proved sampled 10000" in out
+    rows = re.findall(r"rms of (.*) \[(?:m|N|m/s2)\] +(\S+) +(\S+) +\S+  (\w+)", out)
+    assert [row[3] for row in rows] == ["minimised", *["limit"] * 2 * wheels]
+    for signal, proved, sampled, _ in rows:
+        assert 0 < float(sampled) <= float(proved), signal
+    assert float(rows[0][1]) < 1.001 * float(rows[0][2])
+
+
 @pytest.mark.parametrize(
     ("new", "words"),
     [

@@ -20,6 +20,7 @@ SPECS = {
     "f16": "short period of an F-16 over dynamic pressure and airspeed",
     "f4e": "short period of an F4-E with canards at four flight conditions",
     "active-suspension": "two sensors, a law of order 3; load and actuator uncertain",
+    "active-suspension-ride": "the same on a road; its actuator uncertain by 40 %",
     "two-masses": "Wie and Bernstein's problem, one position measured; order 4",
     "servo": "position servo with a flexible shaft and an uncertain load",
 }

@@ -56,13 +56,13 @@ def draw(done, folder):
         ax.plot(own.time, values, color="#2166ac", lw=0.7)
         ax.set(xlabel="time [s]", ylabel=signal.label)
         ax.margins(x=0)
-    axes[0].plot([], [], color="#2166ac", lw=0.9, label="law of order 2, 20 actuators")
+    axes[0].plot([], [], color="#2166ac", lw=0.9, label="law of order 1, 20 actuators")
     axes[0].legend(fontsize=8.5)
     write_bytes(Path(folder) / "active-suspension.png", render(figure, "png"))
 
 
 if __name__ == "__main__":
-    for order in (0, 2):
+    for order in (0, 1):
         found = design(order)
         shown = ", ".join(f"worst of {n}: {sampled(found, n):.4f}" for n in (20, 10_000))
         print(f"order {order}: {shown}, proved {found.bounds[0].level:.4f} m/s2")

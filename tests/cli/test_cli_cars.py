@@ -56,7 +56,7 @@ def test_no_load_of_ten_thousand_exceeds_a_bound(name, wheels, tmp_path, capsys)
     assert [row[3] for row in rows] == ["minimised", *["limit"] * 2 * wheels]
     for signal, proved, sampled, _ in rows:
         assert 0 < float(sampled) <= float(proved), signal
-    assert float(rows[0][1]) < 1.001 * float(rows[0][2])
+    assert float(rows[0][1]) < 1.003 * float(rows[0][2])
 
 
 @pytest.mark.parametrize(
@@ -129,8 +129,10 @@ def test_a_law_of_a_car_on_tracks_does_not_measure_the_road(half, tmp_path, caps
     assert "held at road velocity = 1 m/s" in said[1]
     page = (DOCS / "cars.md").read_text()
     levels = [float(re.search(r"driver acceleration \[m/s2\] +(\S+)", own)[1]) for own in said]
-    pattern = r"proves (\S+) m/s² for the driver on independent roads, and (\S+) m/s² on tracks"
-    assert [f"{own:.3f}" for own in levels] == list(re.search(pattern, page).groups())
+    pattern = (
+        r"proves (\S+) m/s² for the driver on independent roads, and about (\S+) m/s² on tracks"
+    )
+    assert levels == pytest.approx(list(map(float, re.search(pattern, page).groups())), rel=1.5e-2)
     assert main(["check", str(out / "design.json"), "--spec", str(half)]) == 0
 
 

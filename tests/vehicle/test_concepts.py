@@ -14,11 +14,12 @@ from scipy.linalg import solve_continuous_lyapunov
 from polefence import Rms
 from polefence.cli.main import main
 from polefence.examples import family, spec_path, spec_text
+from polefence.law.laws import FixedGain
 from polefence.plant.spec import load_dampers
 from polefence.response.closed import close
 from polefence.response.stationary import stationary, velocity_density
 from polefence.show.plots import concepts_figure
-from polefence.vehicle import concepts
+from polefence.vehicle import Ridden, concepts
 from polefence.vehicle.vehicle import require_ride
 from support.commands import refused
 from support.paths import DOCS
@@ -157,6 +158,34 @@ def test_the_command_prints_and_writes_all_rows(quick, tmp_path, capsys):
     assert [row["concept"] for row in rows] == NAMES
     assert rows[3]["proved"] == quick.rows[3][0].level
     assert figure.stat().st_size > 10_000
+
+
+def test_a_concept_that_runs_away_is_said_to(found, monkeypatch, tmp_path, capsys):
+    lost = Ridden(*(float("nan"),) * 7)
+    rows = tuple(
+        (replace(one, level=None), lost) if one.name == "LQG" else (one, ridden)
+        for one, ridden in found.rows
+    )
+    other = replace(found, rows=rows)
+    monkeypatch.setattr(import_module("polefence.vehicle.concepts"), "concepts", lambda *_: other)
+    spec, figure = tmp_path / "d.toml", tmp_path / "all.png"
+    spec.write_text(spec_text("semi-active"))
+    assert main(["concepts", str(spec), "--json", "-", "--plot", str(figure)]) == 0
+    said = capsys.readouterr()
+    assert json.loads(said.out)["rows"][4]["drives"] is None
+    (line,) = [line for line in said.err.splitlines() if line.startswith("LQG")]
+    assert line.split()[1:9] == ["2", *["-"] * 7]
+    assert "not stable at every value of the parameters: LQG" in said.err
+    assert len(concepts_figure(other).axes[1].texts) == 6
+
+
+def test_a_law_that_is_not_stable_everywhere_is_driven_to_nan(plant):
+    task = import_module("polefence.vehicle.concepts")._Task
+    own = task(plant, Rms(SIGNALS, density=DENSITY), load_dampers(spec_path("semi-active")),
+               require_ride(plant), ("suspension deflection", "sprung-mass velocity"))  # fmt: skip
+    away = FixedGain([[0, 0, 9000.0, 0]])
+    assert own.proved(plant, away) is None
+    assert np.isnan(own._road(plant, away, (), 0)).all()
 
 
 @pytest.mark.parametrize(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import math
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -66,7 +67,9 @@ def _lines(found: Concepts) -> list[str]:
     for what, level in (("semi-active law", found.semi_active), ("law", found.active)):
         if level is not None:
             lines.append(f"proved: no {what} goes below {digits_down(level)}")
-    error = max(ridden.error / ridden.cost for _, ridden in found.rows)
+    error = max(own.error / own.cost for _, own in found.rows if math.isfinite(own.cost))
+    away = [one.name for one, own in found.rows if not math.isfinite(own.cost)]
+    lines += [f"not stable at every value of the parameters: {', '.join(away)}"] * bool(away)
     lines.append(
         f"drives: rms, the worst of {found.loads} values of the parameters, the mean of {ROADS} "
         f"roads of {SECONDS:g} s; standard error at most {error:.1%}"
@@ -75,10 +78,13 @@ def _lines(found: Concepts) -> list[str]:
 
 
 def _cells(one: Concept, ridden: Ridden) -> tuple[str, ...]:
+    level = "-" if one.level is None else digits_up(one.level, 4)
+    if not math.isfinite(ridden.cost):
+        return (one.name, str(len(one.sensors)), level, *("-",) * 6, f"{one.gain:.3g}")
     return (
         one.name,
         str(len(one.sensors)),
-        "-" if one.level is None else digits_up(one.level, 4),
+        level,
         f"{ridden.cost:.4g}",
         f"{ridden.acceleration:.3g}",
         f"{ridden.tyre:.0f}",
@@ -105,7 +111,7 @@ def _document(found: Concepts) -> dict[str, Any]:
                 "sensors": list(one.sensors),
                 "proved": one.level,
                 "gain": one.gain,
-                "drives": asdict(ridden),
+                "drives": asdict(ridden) if math.isfinite(ridden.cost) else None,
             }
             for one, ridden in found.rows
         ],

@@ -925,7 +925,7 @@ def concepts_figure(found: Concepts) -> Figure:
     y = np.arange(len(names))[::-1]
     costs = [ridden.cost for _, ridden in found.rows]
     levels = [np.nan if one.level is None else one.level for one, _ in found.rows]
-    edge = 1.6 * min(costs)  # farther bounds are told, not drawn
+    edge = 1.6 * np.nanmin(costs)  # farther bounds are told, not drawn
     for k, level in zip(y, levels, strict=True):
         if level > edge:
             left.annotate(f"{level:.2f} \u2192", (edge, k), ha="right", va="center", fontsize=8.5)
@@ -945,9 +945,10 @@ def concepts_figure(found: Concepts) -> Figure:
         if limit is not None:
             left.axvline(limit, color="#b2182b", ls=dashes, lw=1.3, label=label, zorder=0.9)
     left.set_yticks(y, names)
-    left.set_xlim(0.97 * min([*costs, found.active or np.inf]), edge)
+    left.set_xlim(0.97 * np.nanmin([*costs, found.active or np.nan]), edge)
     left.set_xlabel(_wrapped(found.specification.title, 48))
-    across = sorted(found.rows, key=lambda row: row[1].acceleration)
+    driven = (row for row in found.rows if math.isfinite(row[1].cost))
+    across = sorted(driven, key=lambda row: row[1].acceleration)
     for k, (one, ridden) in enumerate(across):
         damped, x = bool(one.dampers) or not one.sensors, ridden.acceleration
         colour = "#2166ac" if damped else "#b2182b"

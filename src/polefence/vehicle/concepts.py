@@ -85,6 +85,8 @@ class Concept:
 class Ridden:
     """What a concept has in drives: rms, worst of all loads, of each the mean of all roads.
 
+    All are nan where a drive ran away.
+
     Attributes
     ----------
     cost : float
@@ -258,9 +260,14 @@ class _Task:
         seen = np.tensordot(alpha, self._rows(signals)[0], 1)
         noise = np.diag([NOISE.get(own.unit, 1e-3) ** 2 * SAMPLE for own in signals])
         R = D.T @ D
-        P = solve_continuous_are(A, B, C.T @ C, R, s=C.T @ D)
+        try:
+            P = solve_continuous_are(A, B, C.T @ C, R, s=C.T @ D)
+            X = solve_continuous_are(A.T, seen.T, E @ E.T, noise)
+        except (np.linalg.LinAlgError, ValueError) as error:
+            raise InputError(
+                f"{plant.name}: no LQG by {' and '.join(self.measured)}: {error}"
+            ) from error
         K = -np.linalg.solve(R, B.T @ P + D.T @ C)
-        X = solve_continuous_are(A.T, seen.T, E @ E.T, noise)
         filtered = X @ seen.T @ np.linalg.inv(noise)
         both = np.block([[np.zeros(K.shape), K], [filtered @ seen, A + B @ K - filtered @ seen]])
         return with_states(plant, len(A)), FixedGain(both)

@@ -154,11 +154,11 @@ def test_bits_hang_on_no_threads_and_nothing_else_on_stretches(
         require_alike(one, two, 1e-11)
 
 
-def test_a_car_among_many_goes_as_it_does_alone(physical, scheduled, road):
-    hardware = Hardware(actuator=LIMIT, stops=STOPS)
-    found = drive(physical, scheduled, road, CARS, hardware)
+def test_a_car_among_many_goes_as_it_does_alone(physical, road):
+    hardware, law = Hardware(actuator=LIMIT, stops=STOPS), lqr(physical)
+    found = drive(physical, law, road, CARS, hardware)
     for k in (0, 7, 8):
-        alone = drive(physical, scheduled, road, CARS[k], hardware)
+        alone = drive(physical, law, road, CARS[k], hardware)
         assert np.array_equal(found.states[k], alone.states[0])
 
 

@@ -54,7 +54,7 @@ from polefence.region.text import digits_down
 
 # Decay taken off the plant, of its own rates, so that P proves the inequality with a margin; and
 # as a share of that what is taken off the cost, for directions that no output sees.
-MARGINS = tuple((10.0**k, share) for share in (0.0, 1.0) for k in range(-9, -2))
+MARGINS = tuple((10.0 ** (k / 2), share) for share in (0.0, 1.0) for k in range(-18, -5))
 SEARCH = 1e-6  # the same in the search for weights
 SHORT = 1e-9  # below what P stands for, the factor that is claimed
 

@@ -210,8 +210,8 @@ def add_excitation_arguments(parser: argparse.ArgumentParser) -> None:
         "--duration",
         type=float,
         metavar="T",
-        help="[s]; default: 10 on a random road, 3 over an obstacle or more, all of a file, else ten "
-        "of the first law's slowest time constants",
+        help="[s]; default: 10 on a random road, 3 over an obstacle or more, all of a file, else "
+        "ten of the first law's slowest time constants",
     )
     parser.add_argument(
         "--step",

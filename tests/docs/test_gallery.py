@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib.util
 import re
 
 import numpy as np
@@ -11,6 +10,7 @@ import pytest
 from polefence.design.signals.bounds import best_bound
 from polefence.law.laws import FixedGain
 from support.paths import DOCS
+from support.scripts import docs_script
 
 PAGE = (DOCS / "gallery-active-suspension.md").read_text()
 TABLE = {
@@ -21,11 +21,7 @@ TABLE = {
 
 @pytest.fixture(scope="module")
 def example():
-    path = DOCS / "examples" / "active_suspension.py"
-    spec = importlib.util.spec_from_file_location("active_suspension", path)
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return vars(module)
+    return vars(docs_script("active_suspension"))
 
 
 @pytest.fixture(scope="module")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib.util
 import re
 import shutil
 
@@ -15,16 +14,14 @@ from polefence.region.text import load_region
 from polefence.show.plots import sampled
 from support.console import blocks, follow
 from support.paths import DOCS
+from support.scripts import docs_script
 
 PAGE = (DOCS / "regions.md").read_text()
 
 
 @pytest.fixture(scope="module")
 def example():
-    spec = importlib.util.spec_from_file_location("regions", DOCS / "examples" / "regions.py")
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
+    return docs_script("regions")
 
 
 @pytest.mark.parametrize("block", blocks(PAGE))

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import doctest
-import importlib.util
 import re
 import subprocess
 import sys
@@ -13,16 +12,14 @@ import pytest
 
 from polefence import response, vehicle
 from support.paths import DOCS
+from support.scripts import docs_script
 
 PAGE = (DOCS / "responses.md").read_text()
 
 
 @pytest.fixture(scope="module")
 def example():
-    spec = importlib.util.spec_from_file_location("estimation", DOCS / "examples" / "estimation.py")
-    example = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(example)
-    return example
+    return docs_script("estimation")
 
 
 @pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import importlib.util
 import io
 import re
 import shlex
@@ -26,6 +25,7 @@ from polefence.response.closed import close
 from polefence.response.stationary import lyapunov
 from polefence.vehicle.compare import compare, points
 from support.paths import DOCS
+from support.scripts import docs_script
 
 PAGE = (DOCS / "ride.md").read_text()
 # Options of every command, or written short on the page.
@@ -166,9 +166,7 @@ def test_the_snippet_and_the_figure(said, monkeypatch, tmp_path):
     names: dict[str, object] = {}
     exec(snippet, names)
     assert str(names["done"].bounds[0]) in snippet
-    spec = importlib.util.spec_from_file_location("ride", DOCS / "examples" / "ride.py")
-    example = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(example)
+    example = docs_script("ride")
     assert (said[0] / "ride.png").read_bytes().startswith(b"\x89PNG")
     facts = example.facts(names["done"])
     shown = rows()["quadratic", "stable"]

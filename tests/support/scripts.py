@@ -1,0 +1,16 @@
+"""The scripts behind the documentation's pages, as modules."""
+
+from __future__ import annotations
+
+import importlib.util
+from types import ModuleType
+
+from support.paths import DOCS
+
+
+def docs_script(name: str) -> ModuleType:
+    """Return a script of docs/examples, run but for its main part."""
+    spec = importlib.util.spec_from_file_location(name, DOCS / "examples" / f"{name}.py")
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module

@@ -39,12 +39,12 @@ def recorded(model: Model, controller: Controller | None, start: Array) -> Recor
     start : (count, width) array
     """
     way = _Way(model, controller, start)
-    if way.learner is None:
+    if controller is not None and way.learner is not None:
+        used = way.learned(controller, way.learner)
+    else:
         way.go(0, model.excitation.steps)
         way.end()
         used = way.used
-    else:
-        used = way.learned(way.learner)
     return Record(
         model.excitation.disturbance(*instants(model)),
         way.states[..., : model.plant.shape[0]],
@@ -119,11 +119,9 @@ class _Way:
         """Steps from one sample of the controller to the next."""
         return 1 if self.controller is None else self.controller.every_demand
 
-    def learned(self, learner: Learner) -> Array:
+    def learned(self, controller: Controller, learner: Learner) -> Array:
         """Go through all steps with an estimator; return the parameters that the law was given."""
-        controller, steps = self.controller, self.model.excitation.steps
-        if controller is None:
-            return self.used
+        steps = self.model.excitation.steps
         paces = [controller.every_estimate]
         if controller.sampling is not None:
             paces.append(controller.every_demand)

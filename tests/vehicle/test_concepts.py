@@ -69,6 +69,13 @@ def test_the_page_has_these_numbers(found):
         if not one.name.startswith("active"):  # laws of one cost may share it out in other ways
             assert own == pytest.approx(shown, rel=4e-3, abs=0.06)
         assert own[2:6] == pytest.approx(shown[2:6], rel=0.2)
+    cost = {one.name: ridden.cost for one, ridden in found.rows}
+    (less,), (above,) = (
+        re.findall(rf"(\d+) % {word}", page) for word in ("less than", "above what")
+    )
+    own = cost["semi-active"]
+    assert 1 - own / cost["passive"] == pytest.approx(float(less) / 100, abs=7e-3)
+    assert own / found.active - 1 == pytest.approx(float(above) / 100, abs=7e-3)
     for level in map(float, re.findall(r"goes below (\d\.\d+)", page)):
         assert level == pytest.approx(found.active, rel=1e-5)
 
@@ -132,7 +139,9 @@ def test_the_figure_has_every_concept(found):
     both = {line.get_label() for line in concepts_figure(apart).axes[0].lines}
     assert {"no semi-active law below", "no law below"} <= both
     unproved = [(replace(one, level=None), ridden) for one, ridden in found.rows]
-    concepts_figure(replace(found, rows=tuple(unproved), active=None, semi_active=None))
+    bare = concepts_figure(replace(found, rows=tuple(unproved), active=None, semi_active=None))
+    (lines,) = bare.axes[0].collections
+    assert all(len(own) < 2 for own in lines.get_segments())  # no line to a bound
 
 
 # --- the command ---------------------------------------------------------------------------------
@@ -194,6 +203,7 @@ def test_a_law_that_is_not_stable_everywhere_is_driven_to_nan(plant):
         ("quarter-car-level", [], "has no controllable damper"),
         ("semi-active", ["--measured", "damper force"], "force passes straight into"),
         ("semi-active", ["--measured", "speed"], "no signal 'speed'"),
+        ("semi-active", ["--measured", "tyre force variation"], "no sensor is known for N"),
         ("semi-active", ["--plot", "a.txt"], "a figure ends in"),
     ],
 )

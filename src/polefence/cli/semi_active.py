@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import argparse
-from dataclasses import replace
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -20,7 +20,7 @@ from polefence.cli.optimise import asked, road_of
 from polefence.cli.terminal import say
 from polefence.design.requirements.rms import Rms
 from polefence.design.rows import plant_summary
-from polefence.design.signals.refutation import Refutation, refute_limits
+from polefence.design.signals.refutation import Refutation, lowest
 from polefence.design.signals.semi_active import DEGREES, SemiActiveLaw, semi_active
 from polefence.plant.dampers import Damper
 from polefence.plant.family import UncertainPlant
@@ -29,7 +29,8 @@ from polefence.plant.tracks import own_states
 from polefence.region.text import digits_down, digits_up
 
 LAW, LIMIT = "law.json", "limit.json"
-BELOW = 1e-3  # of what the law keeps: a limit that every law exceeds
+
+Lowest = tuple[Refutation, float] | None  # that no law goes below a level
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -100,12 +101,11 @@ def semi_active_command(options: Any) -> int:
     plant, dampers, least = question(options)
     check_targets(options.json, folder=options.output, names=(LAW, LIMIT))
     law = semi_active(plant, least, dampers, options.degree)
-    tiny = replace(least, at_most=BELOW * law.level)
-    below = {name: refute_limits(plant, [tiny], own) for name, own in _logics(law)}
+    below = {name: lowest(plant, least, law.level, own) for name, own in _logics(law)}
     if options.output is not None:
         files = {LAW: law.file().dumps()}
-        lowest = below["semi-active law"]
-        files |= {LIMIT: lowest.file().dumps()} if lowest is not None else {}
+        proof = below["semi-active law"]
+        files |= {LIMIT: proof[0].file().dumps()} if proof is not None else {}
         paths = write_documents(options.output, files)
     if options.json is not None:
         write_json(options.json, _document(law, below))
@@ -119,12 +119,7 @@ def _logics(law: SemiActiveLaw) -> list[tuple[str, Any]]:
     return [("semi-active law", law.dampers), ("law", ())]
 
 
-def _level(law: SemiActiveLaw, found: Refutation | None) -> float | None:
-    """Return what no law goes below, None where nothing was proved."""
-    return None if found is None else BELOW * law.level * found.factor
-
-
-def _lines(law: SemiActiveLaw, below: dict[str, Refutation | None]) -> list[str]:
+def _lines(law: SemiActiveLaw, below: Mapping[str, Lowest]) -> list[str]:
     """Return what to print."""
     stays = zip(law.dampers, law.coefficients, strict=True)
     fixed = ", ".join(f"{c:g} N s/m for {own.force}" for own, c in stays)
@@ -135,13 +130,13 @@ def _lines(law: SemiActiveLaw, below: dict[str, Refutation | None]) -> list[str]
         f"  with the best dampers that stay, {fixed}: {law.passive:.6g}",
     ]
     for name, found in below.items():
-        level = _level(law, found)
-        if found is not None and level is not None:
-            lines.append(f"  proved: no {name} goes below {digits_down(level)} at {found.where}")
+        if found is not None:
+            proof, level = found
+            lines.append(f"  proved: no {name} goes below {digits_down(level)} at {proof.where}")
     return lines
 
 
-def _document(law: SemiActiveLaw, below: dict[str, Refutation | None]) -> dict[str, Any]:
+def _document(law: SemiActiveLaw, below: Mapping[str, Lowest]) -> dict[str, Any]:
     """Return the summary."""
     return {
         "plant": plant_summary(law.plant),
@@ -160,6 +155,5 @@ def _document(law: SemiActiveLaw, below: dict[str, Refutation | None]) -> dict[s
             for own, c in zip(law.dampers, law.coefficients, strict=True)
         ],
         "best that stay": law.passive,
-        "no semi-active law below": _level(law, below["semi-active law"]),
-        "no law below": _level(law, below["law"]),
+        **{f"no {name} below": None if own is None else own[1] for name, own in below.items()},
     }

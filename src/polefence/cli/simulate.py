@@ -41,7 +41,7 @@ RANDOM, OBSTACLE = 10.0, 3.0  # durations that are chosen [s]
 LASTING = 10.0  # time constants that are followed
 STEPS, MARGIN = 1000, 4.0  # of a response at least; of the longest step, over the family
 ROADS = ("road", "bump", "pothole", "kerb", "grade", "profile")
-LONG = 1.0  # over an obstacle; then it does not count to the duration that is chosen [s]
+LONG = 1.0  # over an obstacle: what takes more is added to the duration that is chosen [s]
 LEVEL = 0.1  # before an obstacle [s]
 WAVE = 100.0  # the longest that a class of roads is asked for [m]
 

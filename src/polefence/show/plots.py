@@ -930,9 +930,7 @@ def concepts_figure(found: Concepts) -> Figure:
         if level > edge:
             left.annotate(f"{level:.2f} \u2192", (edge, k), ha="right", va="center", fontsize=8.5)
     drawn = [level if level <= edge else np.nan for level in levels]
-    left.hlines(
-        y, costs, np.fmin(np.nan_to_num(levels, nan=0.0), edge * 0.93), color="0.8", zorder=1
-    )
+    left.hlines(y, costs, np.minimum(levels, edge * 0.93), color="0.8", zorder=1)
     left.plot(
         drawn, y, ls="", marker="|", ms=15, mew=2.2, color="black", label="proved, every load"
     )

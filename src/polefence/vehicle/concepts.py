@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -19,7 +19,7 @@ from polefence.base.progress import counted
 from polefence.design.requirements.rms import Rms
 from polefence.design.signals.bounds import best_bound
 from polefence.design.signals.optimise import optimise
-from polefence.design.signals.refutation import refute_limits
+from polefence.design.signals.refutation import lowest
 from polefence.design.signals.semi_active import semi_active
 from polefence.law.laws import FixedGain, Law
 from polefence.law.structure import Structure
@@ -43,7 +43,6 @@ SETTLED = 5.0  # from rest [s]
 SKYHOOKS = tuple(np.geomspace(0.1, 4.0, 9).tolist())
 # Of a Kalman filter's sensors, white from sample to sample at 1 kHz, rms by unit.
 NOISE, SAMPLE = {"m": 5e-4, "m/s": 5e-3, "m/s2": 0.05, "rad": 5e-4, "rad/s": 5e-3}, 1e-3
-BELOW = 1e-3  # of what a law keeps: a limit that every law exceeds
 
 
 @dataclass(frozen=True, eq=False)
@@ -195,6 +194,9 @@ class _Task:
         _, through = self._rows(choose(plant, measured))
         if through.any():
             raise InputError(f"measured: a force passes straight into {', '.join(measured)}")
+        for own in choose(plant, measured):
+            if own.unit not in NOISE:
+                raise InputError(f"measured: {own.name}: no sensor is known for {own.unit or '1'}")
         self.best = semi_active(plant, specification, dampers)
         self.rates = np.array([[float(x) for x in one.of(plant).rate[0][0]] for one in dampers])
         self.loads = seeded(plant, LOADS)
@@ -258,7 +260,7 @@ class _Task:
         E = np.tensordot(alpha, spec.entering(plant), 1) * (spec.density / 2) ** 0.5
         signals = choose(plant, self.measured)
         seen = np.tensordot(alpha, self._rows(signals)[0], 1)
-        noise = np.diag([NOISE.get(own.unit, 1e-3) ** 2 * SAMPLE for own in signals])
+        noise = np.diag([NOISE[own.unit] ** 2 * SAMPLE for own in signals])
         R = D.T @ D
         try:
             P = solve_continuous_are(A, B, C.T @ C, R, s=C.T @ D)
@@ -278,9 +280,8 @@ class _Task:
 
     def below(self, dampers: tuple[Damper, ...]) -> float | None:
         """Return what no law goes below, of these dampers or of forces."""
-        tiny = BELOW * self.best.level
-        found = refute_limits(self.plant, [replace(self.specification, at_most=tiny)], dampers)
-        return None if found is None else tiny * found.factor
+        found = lowest(self.plant, self.specification, self.best.level, dampers)
+        return None if found is None else found[1]
 
     def driven(self, one: Concept) -> Ridden:
         """Drive it."""

@@ -64,6 +64,7 @@ LEAST = 1e-7  # of a weight, of their sum: without any the control may be free
 CLOSE = 1e-7  # to the largest value, at which the search ends
 ROUNDS = 60
 REACH = 4.0  # times a weight or a share of it, from one round to the next
+BELOW = 1e-3  # of what a law keeps: a limit that every law exceeds
 SMALL = 1e-3  # of what a force costs, the first multiplier of its square
 TINY = 1e-11  # of the loop's norm: a pole nearer to the imaginary axis is on it
 
@@ -174,6 +175,28 @@ def refute_limits(
         if found is not None:
             return found
     return None
+
+
+def lowest(
+    plant: UncertainPlant, specification: Rms, near: float, dampers: Sequence[Damper] = ()
+) -> tuple[Refutation, float] | None:
+    """Return the proof that no law goes below a level, and the level; None if none was found.
+
+    Parameters
+    ----------
+    near : float
+        What a law keeps.
+    dampers : sequence of Damper
+        As `refute_limits` takes them.
+
+    Raises
+    ------
+    InputError
+        As `refute_limits` does.
+    """
+    tiny = BELOW * near
+    found = refute_limits(plant, [replace(specification, at_most=tiny)], dampers)
+    return None if found is None else (found, tiny * found.factor)
 
 
 def _refuted_together(

@@ -11,6 +11,9 @@ PARALLEL := -n auto --dist loadfile --no-loadscope-reorder
 # Many processes import the same: what they compile of it is kept.
 unexport PYTHONDONTWRITEBYTECODE
 
+# A process of tests for each processor: more threads of BLAS would only hinder one another.
+export OPENBLAS_NUM_THREADS := 1
+
 KERNEL := CMakeLists.txt $(wildcard src/kernel/*)
 # The kernel with AddressSanitizer and UndefinedBehaviorSanitizer, and what a plain Python preloads.
 SANITIZED := build/sanitized

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from polefence.base.errors import InputError, NotProvedError, SpecError
+from polefence.base.processors import small_matrices
 from polefence.cli.common import (
     PROVED,
     ROUNDING,
@@ -42,7 +43,7 @@ from polefence.design.requirements.text import (
     with_wheels,
 )
 from polefence.design.rows import plant_summary
-from polefence.design.signals.bounds import AGREED, Bound, Sampled, sampled
+from polefence.design.signals.bounds import AGREED, Bound, Sampled, each_sampled, sampled
 from polefence.design.signals.optimise import Optimised, optimise
 from polefence.design.signals.search import Retreat
 from polefence.law.laws import FixedGain
@@ -52,6 +53,7 @@ from polefence.plant.family import UncertainPlant
 from polefence.plant.outputs import disturbances, split
 from polefence.plant.points import seeded, values_at
 from polefence.plant.spec import load
+from polefence.plant.system import Array
 from polefence.proof.text import quoted
 from polefence.region.regions import HalfPlane, Region
 from polefence.region.text import digits_down, digits_up, load_region, parse_region
@@ -364,17 +366,24 @@ class Row:
         return self.bound.level / self.own.worst if self.own.worst > 0 else None
 
 
+@small_matrices()
 def rows_of(done: Optimised) -> list[Row]:
     """Sample every bound of a law."""
-    plant, alpha, found = done.plant, seeded(done.plant), []
-    for bound in done.bounds:
-        own, passive = bound.specification, None
-        if plant.vehicle is not None:
-            with suppress(InputError):  # the plant alone is not stable: nothing to compare with
-                passive = sampled(plant, None, own, alpha)
-        unit = own.unit(plant)
-        found.append(Row(bound, unit, sampled(plant, done.law, own, alpha), passive))
-    return found
+    plant, alpha = done.plant, seeded(done.plant)
+    asked = [bound.specification for bound in done.bounds]
+    own = each_sampled(plant, done.law, asked, alpha)
+    passive: Sequence[Sampled | None] = [None] * len(asked)
+    if plant.vehicle is not None:
+        passive = [_passive(plant, one, alpha) for one in asked]
+    every = zip(done.bounds, own, passive, strict=True)
+    return [Row(bound, bound.specification.unit(plant), one, alone) for bound, one, alone in every]
+
+
+def _passive(plant: UncertainPlant, asked: Specification, alpha: Array) -> Sampled | None:
+    """Return what is sampled of the plant alone; None where it is not stable in the signal."""
+    with suppress(InputError):
+        return sampled(plant, None, asked, alpha)
+    return None
 
 
 def require_agreement(rows: Sequence[Row]) -> None:

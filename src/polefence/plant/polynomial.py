@@ -118,10 +118,9 @@ class Domain:
         counts = [Domain((size,)).count(degree) for size in self.sizes]
         table = values.reshape(*counts, -1)
         for axis, size in enumerate(self.sizes):  # the nodes are products of each simplex's
-            one = Domain((size,))
             lines = np.moveaxis(table, axis, 0)
             flat = lines.reshape(len(lines), -1)
-            solved = np.linalg.solve(one.basis(one.nodes(degree), degree), flat)
+            solved = np.linalg.solve(_at_nodes(size, degree), flat)
             table = np.asarray(np.moveaxis(solved.reshape(lines.shape), 0, axis))
         return np.asarray(table.reshape(values.shape))
 
@@ -143,10 +142,29 @@ class Domain:
 
 def _bernstein(a: Array, degree: int) -> Array:
     """Return the Bernstein polynomials' values at points (..., size) of one simplex."""
-    exponents = np.array(_simplex(a.shape[-1], degree)).reshape(-1, a.shape[-1])
-    weights = [binomial(exponents.shape[1:], tuple(e)) for e in exponents.tolist()]
-    powers = np.prod(a[..., None, :] ** exponents, axis=-1)
-    return np.asarray(powers * np.array(weights, dtype=float))
+    exponents, weights = _weighted(a.shape[-1], degree)
+    return np.asarray(np.prod(a[..., None, :] ** exponents, axis=-1) * weights)
+
+
+@cache
+def _weighted(size: int, degree: int) -> tuple[Array, Array]:
+    """Exponents (count, size) of the monomials on a simplex, and their binomial coefficients."""
+    exponents = np.array(_simplex(size, degree)).reshape(-1, size)
+    weights = [binomial((size,), tuple(e)) for e in exponents.tolist()]
+    return _kept(exponents), _kept(np.array(weights, dtype=float))
+
+
+@cache
+def _at_nodes(size: int, degree: int) -> Array:
+    """The Bernstein polynomials' values at the nodes of one simplex, a row a node."""
+    one = Domain((size,))
+    return _kept(one.basis(one.nodes(degree), degree))
+
+
+def _kept(array: Array) -> Array:
+    """Return an array that nobody changes."""
+    array.setflags(write=False)
+    return array
 
 
 @cache

@@ -288,19 +288,21 @@ def _final(path: _Path) -> tuple[Array, Array]:
     """Return what the step responses tend to (count, p, q), NaN for nothing; and their scale."""
     (count, p, q), closed = path.D.shape, path.loops.closed
     values, scale = np.full((count, p, q), np.nan), np.zeros((p, q))
+    alike = dict[tuple[int, ...], list[int]]()  # signals that follow the same states
     for i in range(p):
-        C = path.C[:, i : i + 1]
-        keep = needed(C, closed)
+        alike.setdefault(tuple(needed(path.C[:, i : i + 1], closed).tolist()), []).append(i)
+    for states, own in alike.items():
+        keep = np.array(states, dtype=int)
         A = closed[:, keep][:, :, keep]
         good = np.setdiff1d(np.arange(len(A)), unstable(A))
         reached = np.linalg.solve(A[good], -path.E[good][:, keep])
-        row = C[good][:, :, keep]
-        values[good, i] = (row @ reached + path.D[good, i : i + 1])[:, 0]
+        rows = path.C[good][:, own][:, :, keep]
+        values[good[:, None], own] = rows @ reached + path.D[good][:, own]
         if len(good) and len(keep):
             # by state: one that goes far says little of how exact the others are (Skeel)
             moved = np.abs(np.linalg.inv(A[good])) @ (np.abs(A[good]) @ np.abs(reached))
             moved += FAR * np.abs(reached).max(axis=1, keepdims=True)
-            scale[i] = (np.abs(row) @ moved)[:, 0].max(axis=0)
+            scale[own] = (np.abs(rows) @ moved).max(axis=0)
     return values, scale
 
 

@@ -115,9 +115,7 @@ class Rms(Specification):
 
     def values(self, plant: UncertainPlant, law: Any, alpha: Array) -> Array:
         """Return the rms, by a Lyapunov equation at each point."""
-        psd = self.density * self.squares(plant)
-        found = stationary(plant, law, alpha, psd, self.outputs(plant))
-        return np.asarray(np.linalg.norm(found.rms, axis=1))
+        return of_one_noise(plant, law, [self], alpha)[0]
 
     def channel(self, plant: UncertainPlant, alpha: Array) -> Channel:
         """Return it with disturbances of unit intensity."""
@@ -127,3 +125,18 @@ class Rms(Specification):
     def slopes(self, loops: Loops) -> Slopes:
         """Return the rms with its slopes."""
         return of_noise(loops)
+
+
+def of_one_noise(plant: UncertainPlant, law: Any, owns: Sequence[Rms], alpha: Array) -> list[Array]:
+    """Return the values of each, by one covariance: all are of the same noise.
+
+    Raises
+    ------
+    InputError
+        As `stationary` raises, of all of them together.
+    """
+    outputs = [own.outputs(plant) for own in owns]
+    psd = owns[0].density * owns[0].squares(plant)
+    rms = stationary(plant, law, alpha, psd, [one for own in outputs for one in own]).rms
+    ends = np.cumsum([len(own) for own in outputs])[:-1]
+    return [np.asarray(np.linalg.norm(part, axis=1)) for part in np.split(rms, ends, axis=1)]

@@ -23,6 +23,7 @@ from polefence.design.certificate import Certificate, exact_law
 from polefence.design.design import FILE_NAME, check
 from polefence.design.evidence import loop_with
 from polefence.design.requirements.gain_norm import GainNorm, levels
+from polefence.design.requirements.rms import Rms, of_one_noise
 from polefence.design.requirements.specification import Specification, claim_of
 from polefence.design.search import first
 from polefence.law.laws import FixedGain, Law, domain_of
@@ -451,6 +452,28 @@ def sampled(
     alpha = seeded(plant) if alpha is None else np.atleast_2d(np.asarray(alpha, dtype=float))
     values = specification.values(plant, law, alpha)
     return Sampled(specification, alpha, np.asarray(values))
+
+
+def each_sampled(
+    plant: UncertainPlant, law: Any, specifications: Sequence[Specification], alpha: Array
+) -> list[Sampled]:
+    """Return what `sampled` does of each; rms values of one noise from one covariance.
+
+    Raises
+    ------
+    InputError
+        As `sampled` of one of them.
+    """
+    noises, values = dict[Any, dict[int, Rms]](), dict[int, Array]()
+    for k, own in enumerate(specifications):
+        if type(own) is Rms:
+            noises.setdefault((own.density, str(own.squares(plant))), {})[k] = own
+        else:
+            values[k] = own.values(plant, law, alpha)
+    for owns in noises.values():
+        found = of_one_noise(plant, law, list(owns.values()), alpha)
+        values |= dict(zip(owns, found, strict=True))
+    return [Sampled(own, alpha, values[k]) for k, own in enumerate(specifications)]
 
 
 def agreed_bound(plant: UncertainPlant, law: Any, bound: Bound) -> Bound | None:

@@ -16,6 +16,7 @@ from pathlib import Path
 import numpy as np
 
 from polefence.base.errors import InputError, NotProvedError, SolverError, require_type
+from polefence.base.processors import small_matrices
 from polefence.base.progress import stage
 from polefence.design.checks import (
     is_optimisable,
@@ -143,6 +144,7 @@ class Optimised:
         return save(self.design.certificate, [own.claim for own in self.bounds], directory)
 
 
+@small_matrices()
 def optimise(
     plant: UncertainPlant,
     minimise: Specification | None,

@@ -424,7 +424,8 @@ def majorant(matrices: Array) -> Array:
     """Return a symmetric matrix that none of some exceeds, of a trace that is nearly the least."""
     R = np.zeros(matrices.shape[-2:])
     eigenvalues = np.linalg.eigvalsh((matrices + matrices.swapaxes(-1, -2)) / 2)
-    for k in np.argsort(-np.maximum(eigenvalues, 0).sum(axis=-1)):
+    sizes = np.maximum(eigenvalues, 0).sum(axis=-1)
+    for k in np.argsort(-sizes)[: np.count_nonzero(sizes)]:
         R = R + _positive(matrices[k] - R)
     return R
 

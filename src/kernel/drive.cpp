@@ -45,12 +45,12 @@ struct Stretch {
     Mode mode;
     double lag, limit;
     std::vector<Damper> dampers;
-    bool stops;
+    Int stops;  // suspensions that have them
     double bump, rebound, stiffness, damping;
-    Int deflection;
-    double sense, gravity;
+    const double *compression;
+    double gravity;
     Int heavy;
-    const double *first_load;
+    const double *per_mass, *first_load;
     double *z, *after, *held, *waiting, *states, *rates, *demanded, *applied, *pushes;
 };
 
@@ -59,9 +59,9 @@ class Cars {
   public:
     Cars(const Stretch &stretch, Int begin)
         : s(stretch), begin(begin), many(std::min(L, s.count - begin)), A(s.n * s.n * L),
-          B(s.n * s.m * L), E(s.n * s.q * L), S(s.n * L), g(s.n * L), K(s.m * s.n * L),
+          B(s.n * s.m * L), E(s.n * s.q * L), S(s.n * s.stops * L), g(s.n * L), K(s.m * s.n * L),
           x(s.width * L), at(s.width * L), slopes(4 * s.width * L), asked(s.m * L), given(s.m * L),
-          set(s.m * L), waiting(s.m * L), push(L), gone(L, false) {
+          set(s.m * L), waiting(s.m * L), push(s.stops * L), per_mass(L), gone(L, false) {
         for (Int l = 0; l < L; ++l)
             for (Int i = 0; i < s.width; ++i) x[i * L + l] = s.z[car(l) * s.width + i];
         for (Int l = 0; l < L; ++l)
@@ -116,7 +116,7 @@ class Cars {
     using Numbers = std::vector<double>;
     const Stretch &s;
     Int begin, many;
-    Numbers A, B, E, S, g, K, x, at, slopes, asked, given, set, waiting, push;
+    Numbers A, B, E, S, g, K, x, at, slopes, asked, given, set, waiting, push, per_mass;
     std::vector<char> gone;
     bool known = false, K_known = false;
 
@@ -140,7 +140,8 @@ class Cars {
             mix(s.A, s.n * s.n, row, A);
             mix(s.B, s.n * s.m, row, B);
             mix(s.E, s.n * s.q, row, E);
-            mix(s.S, s.n, row, S);
+            mix(s.S, s.n * s.stops, row, S);
+            if (s.gravity != 0.0) mix(s.per_mass, 1, row, per_mass);
             known = true;
         }
         if (s.mode == by_gain && (s.K_moves || !K_known)) gain(s.K_moves ? stage : 0);
@@ -153,7 +154,7 @@ class Cars {
         }
         if (s.gravity != 0.0)
             for (Int l = 0; l < L; ++l)
-                g[s.heavy * L + l] -= s.gravity * (1 - s.first_load[car(l)] * S[s.heavy * L + l]);
+                g[s.heavy * L + l] -= s.gravity * (1 - s.first_load[car(l)] * per_mass[l]);
     }
 
     void gain(Int row) {
@@ -249,17 +250,30 @@ class Cars {
                 for (Int l = 0; l < L; ++l) sum[l] += B[(i * m + j) * L + l] * given[j * L + l];
             for (Int l = 0; l < L; ++l) dz[i * L + l] = sum[l];
         }
-        if (!s.stops) return;
-        for (Int l = 0; l < L; ++l) {
-            const double deflection = s.sense * y[s.deflection * L + l],
-                         speed = s.sense * dz[s.deflection * L + l];
-            const double over = deflection - s.bump, under = -deflection - s.rebound;
-            const double up = std::max(s.stiffness * over + s.damping * speed, 0.0),
-                         down = std::max(s.stiffness * under - s.damping * speed, 0.0);
-            push[l] = (over > 0 ? up : 0.0) - (under > 0 ? down : 0.0);
-        }
+        for (Int j = 0; j < s.stops; ++j) stop(j, y, dz);
         for (Int i = 0; i < n; ++i)
-            for (Int l = 0; l < L; ++l) dz[i * L + l] += S[i * L + l] * push[l];
+            for (Int j = 0; j < s.stops; ++j)
+                for (Int l = 0; l < L; ++l)
+                    dz[i * L + l] += S[(i * s.stops + j) * L + l] * push[j * L + l];
+    }
+
+    // What the stops of one suspension push.
+    void stop(Int j, const double *y, const double *dz) {
+        double deflection[L] = {}, speed[L] = {};
+        for (Int i = 0; i < s.n; ++i) {
+            const double share = s.compression[j * s.n + i];
+            if (share == 0.0) continue;
+            for (Int l = 0; l < L; ++l) {
+                deflection[l] += share * y[i * L + l];
+                speed[l] += share * dz[i * L + l];
+            }
+        }
+        for (Int l = 0; l < L; ++l) {
+            const double over = deflection[l] - s.bump, under = -deflection[l] - s.rebound;
+            const double up = std::max(s.stiffness * over + s.damping * speed[l], 0.0),
+                         down = std::max(s.stiffness * under - s.damping * speed[l], 0.0);
+            push[j * L + l] = (over > 0 ? up : 0.0) - (under > 0 ? down : 0.0);
+        }
     }
 
     // Put no numbers where a car is lost.
@@ -283,7 +297,8 @@ class Cars {
                 s.demanded[place * s.m + j] = gone[l] ? none : asked[j * L + l];
                 s.applied[place * s.m + j] = gone[l] ? none : given[j * L + l];
             }
-            s.pushes[place] = gone[l] ? 0.0 : push[l];
+            for (Int j = 0; j < s.stops; ++j)
+                s.pushes[place * s.stops + j] = gone[l] ? 0.0 : push[j * L + l];
         }
     }
 };
@@ -302,12 +317,13 @@ Int size(std::size_t own) { return static_cast<Int>(own); }
 
 // Goes through the steps first, ..., first + steps - 1, of which `noise` has three rows each; where
 // it has a single one, no step is gone, and what is the case at the instant `first` is recorded.
-void drive(const In<3> &A, const In<3> &B, const In<3> &E, const In<2> &S, const In<3> &alpha,
+void drive(const In<3> &A, const In<3> &B, const In<3> &E, const In<3> &S, const In<3> &alpha,
            const In<2> &noise, const In<4> &K, double h, Int first, Int mode, Int every, bool delayed,
            Int driven, double lag, double limit, const In<2> &dampers, const In<2> &damper_rates,
-           const In<1> &stops, double gravity, Int heavy, const In<1> &first_load, const Out<2> &z,
+           const In<1> &stops, const In<2> &compression, double gravity, Int heavy,
+           const In<1> &per_mass, const In<1> &first_load, const Out<2> &z,
            const Out<2> &after, const Out<2> &held_before, const Out<2> &waiting, const Out<3> &states,
-           const Out<3> &rates, const Out<3> &demanded, const Out<3> &applied, const Out<2> &pushes,
+           const Out<3> &rates, const Out<3> &demanded, const Out<3> &applied, const Out<3> &pushes,
            Int threads) {
     Stretch s{};
     s.N = size(A.shape(0)), s.n = size(A.shape(1)), s.m = size(B.shape(2)), s.q = size(E.shape(2));
@@ -347,15 +363,16 @@ void drive(const In<3> &A, const In<3> &B, const In<3> &E, const In<2> &S, const
         s.dampers.push_back(
             {static_cast<Int>(own[0]), damper_rates.data() + i * s.n, own[1], own[2]});
     }
-    s.stops = size(stops.shape(0)) > 0;
+    s.stops = size(S.shape(2));
+    require(size(stops.shape(0)) == (s.stops ? 4 : 0) && size(compression.shape(0)) == s.stops &&
+                size(compression.shape(1)) == s.n,
+            "the stops do not fit");
     if (s.stops) {
-        require(size(stops.shape(0)) == 6, "the stops do not fit");
         const double *own = stops.data();
         s.bump = own[0], s.rebound = own[1], s.stiffness = own[2], s.damping = own[3];
-        require(own[4] >= 0 && own[4] < static_cast<double>(s.n), "the stops are at no state");
-        s.deflection = static_cast<Int>(own[4]), s.sense = own[5];
     }
-    require(gravity == 0.0 || (heavy >= 0 && heavy < s.n && size(first_load.shape(0)) == s.count),
+    require(gravity == 0.0 || (heavy >= 0 && heavy < s.n && size(per_mass.shape(0)) == s.N &&
+                               size(first_load.shape(0)) == s.count),
             "the load does not fit");
     require(size(after.shape(0)) == s.count && size(after.shape(1)) == s.width,
             "the slopes do not fit");
@@ -367,11 +384,12 @@ void drive(const In<3> &A, const In<3> &B, const In<3> &E, const In<2> &S, const
                size(own.shape(2)) == each;
     };
     require(fits(states, s.width) && fits(rates, s.n) && fits(demanded, s.m) && fits(applied, s.m) &&
-                size(pushes.shape(0)) == s.count && size(pushes.shape(1)) == s.total,
+                fits(pushes, s.stops),
             "the record does not fit");
     require(threads >= 1 && threads <= 256, "there are 1 to 256 threads");
     s.A = A.data(), s.B = B.data(), s.E = E.data(), s.S = S.data(), s.alpha = alpha.data();
-    s.noise = noise.data(), s.K = K.data(), s.first_load = first_load.data(), s.z = z.data();
+    s.noise = noise.data(), s.K = K.data(), s.z = z.data(), s.compression = compression.data();
+    s.per_mass = per_mass.data(), s.first_load = first_load.data();
     s.after = after.data();
     s.held = held_before.data(), s.waiting = waiting.data(), s.states = states.data();
     s.rates = rates.data(), s.demanded = demanded.data(), s.applied = applied.data();
@@ -390,7 +408,8 @@ void add_drive(nb::module_ &module) {
                nb::arg("first"), nb::arg("mode"), nb::arg("every"), nb::arg("delayed"),
                nb::arg("driven"), nb::arg("lag"), nb::arg("limit"), nb::arg("dampers").noconvert(),
                nb::arg("damper_rates").noconvert(), nb::arg("stops").noconvert(),
-               nb::arg("gravity"), nb::arg("heavy"), nb::arg("first_load").noconvert(),
+               nb::arg("compression").noconvert(), nb::arg("gravity"), nb::arg("heavy"),
+               nb::arg("per_mass").noconvert(), nb::arg("first_load").noconvert(),
                nb::arg("z").noconvert(), nb::arg("after").noconvert(), nb::arg("held").noconvert(),
                nb::arg("waiting").noconvert(), nb::arg("states").noconvert(),
                nb::arg("rates").noconvert(), nb::arg("demanded").noconvert(),

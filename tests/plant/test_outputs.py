@@ -13,7 +13,7 @@ from polefence.plant.outputs import (
     choose,
     output_matrices,
     rate_of,
-    rate_place,
+    rates_in,
     stacked,
     weighted_sum,
 )
@@ -57,9 +57,25 @@ def test_outputs_are_exact_at_every_vertex(plant):
     C, D, F = acceleration.exact(plant)
     for vertex, c, d, f in zip(plant.vertices, C, D, F, strict=True):
         assert (c, d, f) == (vertex.exact_A[1], vertex.exact_B[1], vertex.exact_E[1])
-    assert rate_place(plant, acceleration) == 1
-    assert rate_place(plant, spring) is None
+    assert rates_in(plant, acceleration) == pytest.approx([0, 1], abs=1e-12)
+    share = weighted_sum("share", "", [(Fraction(1, 4), acceleration)])
+    assert rates_in(plant, share) == pytest.approx([0, 0.25], abs=1e-12)
+    assert rates_in(plant, spring) is None
+    force = Output("force", C=acceleration.C, D=acceleration.D)  # not that of a gust
+    assert rates_in(plant, force) is None
     assert rate_of(plant, "v", "acceleration") == acceleration
+
+
+def test_outputs_may_be_sums_of_signals():
+    more = """"both [m/s2]" = {sum = {"acceleration" = 0.5, "spring force" = "-1/3"}}
+"of both" = {sum = {"both" = 2, "v" = 1}}
+"""
+    plant = loads(SPEC + more)
+    acceleration, spring, _, both, of_both = plant.outputs
+    terms = [(Fraction(1, 2), acceleration), (Fraction(-1, 3), spring)]
+    assert both == weighted_sum("both", "m/s2", terms)
+    assert of_both == weighted_sum("of both", "", [(2, both), (1, plant.signal("v"))])
+    assert loads(dumps(plant)).outputs == plant.outputs
 
 
 @pytest.mark.parametrize("point", [(2.0, 1.0), (3.0, 1.7), (3.7, 2.9)])
@@ -154,6 +170,12 @@ def test_sums_are_exact(plant):
         ('{C = ["k", 0]}', "{C = 3}", "must be a list of rows"),
         ('{C = ["k", 0]}', "3", "must be a table"),
         ('"gauge"', '"spring force [kN]"', "two outputs have one name"),
+        ('{C = ["1/3", 0.1], D = [2]}', "{sum = {vv = 1}}", "outputs.'gauge': no signal 'vv'"),
+        ('{C = ["1/3", 0.1], D = [2]}', "{sum = 1}", "outputs.'gauge': write {sum = {"),
+        ('{C = ["1/3", 0.1], D = [2]}', "{sum = {}}", "outputs.'gauge': write {sum = {"),
+        ('{C = ["1/3", 0.1], D = [2]}', "{sum = {v = 1}, D = [2]}", "and nothing beside it"),
+        ('{C = ["1/3", 0.1], D = [2]}', '{sum = {v = "k"}}', "outputs.'gauge': "),
+        ('{C = ["1/3", 0.1], D = [2]}', "{sum = {v = inf}}", "must be a finite number"),
         ('"gauge"', '"x"', "output 'x' is the name of a state or input"),
         ("[outputs]", "[outputs]\nx = 1\n[others]", "unknown key 'others'"),
     ],

@@ -18,15 +18,19 @@ from polefence.response.bands import MOTION, RIDE, Bands, quadrature, stationary
 from polefence.response.closed import close
 from polefence.response.linear import frequency as frequency_response
 from polefence.response.stationary import velocity_density
-from polefence.response.weighting import WF, WK
+from polefence.response.weighting import WD, WE, WF, WK
 
 of = import_module("polefence.vehicle.comfort")  # the package has the function of that name
 
 # ISO 2631-1:1997, table 3: factors times 1000 at the nominal one-third octaves, band limits
 # among them. Wk from 0.1 to 400 Hz, Wf from 0.02 to 4 Hz. Figures, as several public programs
-# and papers repeat them.
+# and papers repeat them. Wd at 10 Hz, printed as 212, is 202: We, an octave below, has that at 5 Hz.
 TABLE_WK = """31.2 48.6 79.0 121 182 263 352 418 459 477 482 484 494 531 631 804 967 1039 1054 1036
 988 902 768 636 513 405 314 246 186 132 88.7 54.0 28.5 15.2 7.90 3.98 1.95"""
+TABLE_WD = """62.4 97.3 158 243 365 530 713 853 944 992 1011 1008 968 890 776 642 512 409 323 253
+202 161 125 100 80.0 63.2 49.4 38.8 29.5 21.1"""
+TABLE_WE = """62.5 97.5 159 245 368 536 723 862 939 941 880 772 632 512 409 323 253 202 160 125
+100 80.1 62.5 50.0 39.9 31.6 24.7 19.4 14.8 10.5"""
 TABLE_WF = """24.2 37.7 59.7 97.1 157 267 461 695 895 1006 992 854 619 384 224 116 53.0 23.5 9.98
 3.77 1.55 0.64 0.25 0.097"""
 
@@ -38,8 +42,13 @@ def table(text, first):
 
 @pytest.mark.parametrize(
     ("weighting", "text", "first", "ends"),
-    [(WK, TABLE_WK, -10, (0.1, 400.0)), (WF, TABLE_WF, -17, (0.02, 4.0))],
-    ids=["Wk", "Wf"],
+    [
+        (WK, TABLE_WK, -10, (0.1, 400.0)),
+        (WD, TABLE_WD, -10, (0.1, 80.0)),
+        (WE, TABLE_WE, -10, (0.1, 80.0)),
+        (WF, TABLE_WF, -17, (0.02, 4.0)),
+    ],
+    ids=["Wk", "Wd", "We", "Wf"],
 )
 def test_gain_meets_the_whole_table(weighting, text, first, ends):
     frequency, factors = table(text, first)
@@ -57,14 +66,30 @@ def test_known_figures_of_the_standard():
     found = np.abs(WK.gain([1, 6.3, 31.5, 80]))
     np.testing.assert_allclose(found, [0.482, 1.054, 0.405, 0.132], rtol=0.01)
     np.testing.assert_allclose(np.abs(WF.gain([0.2, 0.4])), [0.992, 0.384], rtol=0.01)
+    # ISO 8041: at its reference frequency, 100 rad/s
+    found = [abs(own.gain(50 / np.pi)) for own in (WK, WD, WE)]
+    np.testing.assert_allclose(found, [0.7718, 0.1261, 0.06287], rtol=4e-4)
 
 
-@pytest.mark.parametrize("weighting", [WK, WF])
+def test_a_seat_feels_rotations_too():
+    time = np.arange(0, 40, 2e-3)
+    heave, turn = np.sin(2 * np.pi * 4 * time), 3 * np.sin(2 * np.pi * time)
+    alone = of.vibration_total(heave, 2e-3)
+    assert alone == pytest.approx(of.comfort(heave, 2e-3).weighted_rms)
+    both = of.vibration_total(heave, 2e-3, roll=turn, pitch=2 * turn)
+    by_we = 3 / np.sqrt(2) * abs(WE.gain(1.0))  # of a sine, but for its beginning
+    wanted = np.sqrt(alone**2 + by_we**2 * (0.63**2 + (2 * 0.4) ** 2))
+    assert both == pytest.approx(wanted, rel=5e-3)
+    less = of.vibration_total(heave, 2e-3, pitch=2 * turn)
+    assert less == pytest.approx(np.sqrt(alone**2 + (0.8 * by_we) ** 2), rel=5e-3)
+
+
+@pytest.mark.parametrize("weighting", [WK, WD, WE, WF])
 def test_three_forms_are_one_filter(weighting):
     s = 2j * np.pi * np.geomspace(0.01, 500, 40)
     above, below = weighting.transfer_function()
     A, B, C, D = weighting.state_space()
-    by_state = [(C @ np.linalg.solve(p * np.eye(8) - A, B) + D).item() for p in s]
+    by_state = [(C @ np.linalg.solve(p * np.eye(len(A)) - A, B) + D).item() for p in s]
     gain = weighting.gain(s.imag / (2 * np.pi))
     np.testing.assert_allclose(np.polyval(above, s) / np.polyval(below, s), gain, rtol=1e-9)
     np.testing.assert_allclose(by_state, gain, rtol=1e-9, atol=1e-14)

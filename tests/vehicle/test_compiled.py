@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from polefence import Disk, Scheduled, place
-from polefence.examples import family
+from polefence.examples import family, spec_path
 from polefence.plant.family import UncertainPlant
+from polefence.plant.spec import load_car
 from polefence.response.discrete import Sampling
 from polefence.vehicle import (
     Actuator,
@@ -31,8 +32,9 @@ from polefence.vehicle.driving import drive as driving
 
 pytestmark = pytest.mark.skipif(compiled.compiled() is None, reason="built without a compiler")
 
-ARRAYS = ["states", "rates", "demanded", "applied", "stop_force", "parameters", "used"]
+ARRAYS = ["states", "rates", "demanded", "applied", "stop_forces", "parameters", "used"]
 LIMIT, STOPS = Actuator(limit=250.0), BumpStops(0.02, 0.015, 2e5, 300.0)
+TIGHT = BumpStops(0.002, 0.0015, 2e5, 300.0)
 CARS = [{"m1": m, "beta": b} for m in (240.0, 300.0, 340.0) for b in (-10.0, 0.0, 8.0)]
 MOVING = [
     {"m1": Jump(0.2, 250.0, 330.0), "beta": Sine(0, 8, 1.0)},
@@ -117,6 +119,25 @@ def test_controllable_dampers_give_the_same(sampling, monkeypatch):
     found, other = both(monkeypatch, plant, K, disturbed(plant, w, 5e-4), None, hardware)
     require_alike(found, other)
     assert np.any(found.applied != found.demanded) or sampling is not None
+
+
+@pytest.mark.parametrize(
+    "hardware", [Hardware(stops=TIGHT), Hardware(actuator=Actuator(20, 500), stops=TIGHT)]
+)
+@pytest.mark.parametrize("name", ["half-car", "full-car"])
+def test_stops_of_every_wheel_are_the_same(name, hardware, monkeypatch):
+    plant, car = family(name), load_car(spec_path(name))
+    (n, m), random = plant.shape, np.random.default_rng(3)
+    K, w = random.normal(size=(m, n)) * 300, random.normal(size=(900, m))
+    low, high = (float(getattr(plant.parameters[0], end)) for end in ("low", "high"))
+    loads = [{"felt": low, "age": 0.1}, {"felt": high, "age": Jump(0.2, -0.1, 0.1)}]
+    words = [plant, K, disturbed(plant, w, 5e-4), loads, hardware, None, False, False, car]
+    found, other = both(monkeypatch, *words)
+    require_alike(found, other)
+    hit = np.abs(found.stop_forces).max(axis=(0, 1)) > 10
+    assert len(hit) == m
+    assert hit.all()
+    assert found.stop_force == pytest.approx(found.stop_forces.sum(axis=-1))
 
 
 def test_lost_cars_are_lost_at_the_same_instant(physical, road, monkeypatch):

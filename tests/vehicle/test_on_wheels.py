@@ -11,13 +11,21 @@ from scipy.signal import coherence, welch
 from polefence import InputError
 from polefence.cli.main import main
 from polefence.examples import family, spec_path, spec_text
+from polefence.plant.family import UncertainPlant
+from polefence.plant.outputs import states
 from polefence.plant.spec import load_car
 from polefence.response.discrete import Sampling
 from polefence.response.stationary import velocity_density
 from polefence.vehicle import (
+    Body,
+    BumpStops,
+    Car,
     Hardware,
     Road,
+    Wheel,
     both_sides,
+    car_family,
+    disturbed,
     drive,
     excited,
     kerb,
@@ -25,7 +33,8 @@ from polefence.vehicle import (
     random_road,
 )
 from polefence.vehicle.contact import static_loads
-from polefence.vehicle.driving.drive import Setup, run
+from polefence.vehicle.driving.drive import Setup, run, signals
+from polefence.vehicle.vehicle import SIGNALS, quarter_car
 
 SPEED, STEP = 20.0, 1e-3
 
@@ -102,8 +111,8 @@ def test_a_full_car_is_driven_from_the_command_line(tmp_path, capsys):
     out = capsys.readouterr().out
     assert "rear right tyre force variation [N]" in out
     assert "driver: comfort (ISO 2631-1): weighted rms" in out
+    assert "driver:   with roll and pitch: vibration total value " in out
     assert "no limit was met" in out
-    assert "note: springs at their end are not looked for on several wheels" in out
     assert main(["simulate", str(spec), "--kerb", "0.1", "--speed", "10"]) == 0
     out = capsys.readouterr().out
     assert "no limit was met" not in out
@@ -112,7 +121,24 @@ def test_a_full_car_is_driven_from_the_command_line(tmp_path, capsys):
     figure = tmp_path / "full.png"
     assert main([*words, "--plot", str(figure), "--sampling", "0.002"]) == 0
     assert figure.exists()
-    assert "springs at their end are not looked for" in capsys.readouterr().out
+    capsys.readouterr()
+    rows = tmp_path / "rows.csv"
+    words = [
+        *words[:2],
+        "--kerb",
+        "0.1",
+        "--speed",
+        "10",
+        "--travel-limit",
+        "0.05",
+        "-o",
+        str(rows),
+    ]
+    assert main(words) == 0
+    assert "front left bump stop hit, " in capsys.readouterr().out
+    head = rows.read_text().partition("\n")[0]
+    for wheel in ("front left", "front right", "rear left", "rear right"):
+        assert f"{wheel} stop force [N]" in head
 
 
 @pytest.mark.parametrize(
@@ -133,6 +159,63 @@ def test_static_loads_are_those_of_a_beam(name, body, each):
         behind = 9.81 * (body + load) - ahead
         wanted = [force / each + 9.81 * wheel for force in (ahead, behind) for _ in range(each)]
         assert static_loads(plant, car, setup.alpha)[0] == pytest.approx(wanted, rel=1e-9)
+
+
+def test_stops_push_between_each_wheel_and_the_body(half):
+    """Newton and Euler for the body, and every wheel, of the car without a load."""
+    plant, car = half
+    mass, inertia, seat = 482.85, 783.0, 0.1
+    k, c, tyre, m = [24445, 19629], [1786, 1649], 158240, 31.9
+    x = np.array([1.156, -1.423])
+    stops = BumpStops(0.02, 0.015, 2e5, 500.0)
+    moved = on_wheels(plant, car.places, kerb(0.08, before=1.0, after=20.0), 10.0, STEP)
+    own = {"felt": float(car.body.empty), "age": 0.0}
+    found = drive(plant, None, moved, own, Hardware(stops=stops), outside=True, car=car)
+    of = {signal.name: found.of(signal.name)[0] for signal in signals(plant)}
+    s = np.stack([of[f"{end} suspension deflection"] for end in ("front", "rear")])
+    wheel = np.stack([of[f"{end} wheel velocity"] for end in ("front", "rear")])
+    speed = wheel - (of["heave rate"] - x[:, None] * of["pitch rate"])
+    stop = found.stop_forces[0].T
+    assert stop == pytest.approx(stops.force(s, speed), abs=1e-6)
+    assert (np.abs(stop).max(axis=1) > 100).all()
+    force = np.array(k)[:, None] * s + np.array(c)[:, None] * speed + stop
+    heave, pitch = force.sum(axis=0) / mass, -(x @ force) / inertia
+    assert of["heave acceleration"] == pytest.approx(heave, rel=1e-9, abs=1e-9)
+    assert of["pitch acceleration"] == pytest.approx(pitch, rel=1e-9, abs=1e-9)
+    assert of["driver acceleration"] == pytest.approx(heave - seat * pitch, rel=1e-9, abs=1e-9)
+    for i, end in enumerate(("front", "rear")):
+        place = [own.name for own in states(plant)].index(f"{end} wheel velocity")
+        moves = (tyre * of[f"{end} tyre deflection"] - force[i]) / m
+        assert found.rates[0, :, place] == pytest.approx(moves, rel=1e-9, abs=1e-9)
+    said = [event.text for event in found.events if event.kind == "stops"]
+    assert [text.partition(" stop hit, ")[0] for text in said] == ["front bump", "rear bump"]
+
+
+def test_one_wheel_with_stops_is_a_quarter_car():
+    parts = {"spring": 10000, "damper": 850, "tyre": 155900}
+    car = Car(Body(mass=288.9), [Wheel("w", mass=28.58, **parts)])
+    plant = car_family(lambda: car, ())
+    A, B, E = (np.array(M, float) for M in quarter_car(288.9, 28.58, 10000, 155900, 850))
+    other = UncertainPlant.from_vertices([A], [B], [E], **SIGNALS)
+    stops, w = BumpStops(0.02, 0.015, 2e5, 500.0), np.repeat([2.0, -1.5, 0.0], 100)
+    own, theirs = (
+        drive(one, None, disturbed(one, w, STEP), None, Hardware(stops=stops), car=known)
+        for one, known in ((plant, car), (other, None))
+    )
+    assert np.abs(theirs.stop_force).max() > 1000
+    assert own.stop_force == pytest.approx(theirs.stop_force, rel=1e-6, abs=1e-4)
+    lift = own.of("heave acceleration")
+    assert lift == pytest.approx(theirs.of("sprung-mass acceleration"), rel=1e-6, abs=1e-6)
+
+
+def test_a_car_with_stops_must_be_the_plants(half):
+    plant, _ = half
+    other = Car(Body(mass=300), [Wheel("w", mass=30, spring=1e4, damper=1e3, tyre=1e5)])
+    moved = excited(plant, 0.1, STEP)
+    with pytest.raises(InputError, match="half car is not the plant of this car: it has no 'w "):
+        drive(plant, None, moved, None, Hardware(stops=BumpStops()), car=other)
+    with pytest.raises(InputError, match="not described as a quarter car"):
+        drive(plant, None, moved, None, Hardware(stops=BumpStops()))
 
 
 @pytest.mark.parametrize("hardware", [Hardware(), Hardware(sampling=Sampling(0.002))])

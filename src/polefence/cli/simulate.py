@@ -643,7 +643,16 @@ def _comfort(run: Run) -> dict[str, Any]:
 
 
 def _at_seat(run: Run, name: str) -> dict[str, Any]:
-    return _felt(run, f"{name} acceleration")
+    """Return what ISO 2631-1 makes of a seat's acceleration, with the body's rotations."""
+    from polefence.vehicle.comfort import ROTATIONS, vibration_total
+
+    found, car = _felt(run, f"{name} acceleration"), run.setup.car
+    turns = [own for own in ROTATIONS if car is not None and own in car.body.motions]
+    if "weighted rms" not in found or not turns:
+        return found
+    record = {own: run.response.of(f"{own} acceleration")[0] for own in turns}
+    total = vibration_total(run.response.of(f"{name} acceleration")[0], run.setup.step, **record)
+    return found | {"total": float(total), "rotations": turns}
 
 
 def _felt(run: Run, acceleration: str) -> dict[str, Any]:
@@ -672,11 +681,14 @@ def _comfort_lines(found: Mapping[str, Any]) -> Sequence[str]:
     if "not evaluated" in found:
         return [f"comfort: not evaluated ({found['not evaluated']})"]
     shocks = "; shocks: the rms says too little" if found["shocks"] else ""
+    turns = " and ".join(found.get("rotations", ()))
+    total = [f"  with {turns}: vibration total value {found['total']:.4g} m/s2"] if turns else []
     return (
         f"comfort (ISO 2631-1): weighted rms {found['weighted rms']:.4g} m/s2, "
         f"{' to '.join(found['reading'])}{shocks}",
         f"  MTVV {found['mtvv']:.4g} m/s2, VDV {found['vdv']:.4g} m/s1.75, "
         f"MSDV {found['msdv']:.4g} m/s1.5",
+        *total,
     )
 
 

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from polefence.plant.family import UncertainPlant
 
 _UNIT = re.compile(r"^(?P<name>.*?)\s*\[(?P<unit>[^\]]*)\]$")
+IDENTICAL = 1e-10  # of numbers next to the largest of their column
 _RATES = {"m": "m/s", "m/s": "m/s2", "rad": "rad/s", "rad/s": "rad/s2", "m s": "m"}
 
 Rows = tuple[tuple[Fraction, ...], ...]
@@ -199,18 +200,24 @@ def rate_rows(plant: UncertainPlant, state: int) -> tuple[Exact, Exact, Exact]:
     return A, B, E
 
 
-def rate_place(plant: UncertainPlant, output: Output) -> int | None:
-    """Return the number of the state whose rate of change an output is, identically; else None."""
-    own = output.C, output.D, output.F
-    for i in range(plant.shape[0]):
-        rate = Output(output.name, output.unit, *rate_rows(plant, i)) if _moves(plant, i) else None
-        if rate is not None and own == (rate.C, rate.D, rate.F):
-            return i
-    return None
+def rates_in(plant: UncertainPlant, output: Output) -> Array | None:
+    """Return r (n,) of an output that is r dx/dt, identically for all parameters; None if none is.
 
-
-def _moves(plant: UncertainPlant, state: int) -> bool:
-    return any(any(row) for rows in rate_rows(plant, state) for row in rows)
+    Such are accelerations of points of a body, as they are and in shares of a limit.
+    """
+    E = [own.E for own in plant.vertices if own.E is not None]
+    each = [plant.A, plant.B, *([np.stack(E)] if E else [])]
+    rates = np.concatenate(each, axis=2).swapaxes(0, 1).reshape(plant.shape[0], -1)
+    own = np.concatenate(output.arrays(plant)[: len(each)], axis=1).ravel()
+    size = np.maximum(np.abs(rates).max(axis=0), np.abs(own))
+    used = size > 0
+    if not own.any():
+        return None
+    rates, own = rates[:, used] / size[used], own[used] / size[used]
+    found = np.linalg.lstsq(rates.T, own, rcond=None)[0]
+    found = np.where(np.abs(found) > IDENTICAL * np.abs(found).max(), found, 0.0)
+    found = np.array([float(f"{r:.12g}") for r in found])  # of one rate, that rate to the last bit
+    return found if np.abs(found @ rates - own).max() <= IDENTICAL else None
 
 
 def pick(known: Sequence[Output], name: str) -> Output:

@@ -6,7 +6,7 @@ import math
 import re
 import tomllib
 from collections.abc import Callable, Mapping
-from dataclasses import fields
+from dataclasses import fields, replace
 from decimal import Decimal
 from fractions import Fraction
 from pathlib import Path
@@ -19,7 +19,7 @@ from polefence.plant.dampers import Damper
 from polefence.plant.expression import decimal, evaluate
 from polefence.plant.family import Scope, UncertainPlant
 from polefence.plant.larger import with_actuator, with_sensor
-from polefence.plant.outputs import Output, split
+from polefence.plant.outputs import Output, split, weighted_sum
 from polefence.plant.parameters import Parameter, exact
 from polefence.plant.system import Exact
 from polefence.plant.tracks import Tracks
@@ -32,6 +32,7 @@ DEEP_KEY = re.compile(rf"(?<![\w\"'-])(?:[\w\"'-]+[ \t]*\.[ \t]*){{{DEEPEST}}}")
 QUOTED_KEY = re.compile(r"[\"'][ \t]*\.")
 _NAMES = ("states", "inputs", "disturbances", "noise")
 QUARTER_CAR = "quarter car"  # the one model of a vehicle
+SUM = "sum"  # the key of an output that is a sum of signals
 _TOP = {"name", "region", "sample_time", "specification", "road", *_NAMES}
 _TOP |= {"outputs", "vehicle", "constants", "parameter", "definitions", "matrices", "vertex"}
 _TOP |= {"actuator", "sensor", "damper", "law", "car"}
@@ -61,7 +62,7 @@ def loads(text: str, source: str = "spec") -> UncertainPlant:
     """Read a plant family from the text of a spec; see `load`."""
     data = _toml(text, source)
     try:
-        return _with_hardware(_plant(data), data)
+        return _with_hardware(_with_sums(_plant(data), data), data)
     except InputError as error:
         raise type(error)(f"{source}: {_one_line(error)}") from error
 
@@ -265,6 +266,25 @@ def _outputs(data: Mapping[str, Any]) -> tuple[Output, ...]:
     )
 
 
+def _with_sums(plant: UncertainPlant, data: Mapping[str, Any]) -> UncertainPlant:
+    """Return the plant with the outputs that are sums of its signals, one after the other."""
+    for label, table in data.get("outputs", {}).items():
+        if SUM not in table:
+            continue
+        where, terms = f"outputs.{shown(label)}", table[SUM]
+        if len(table) > 1 or not isinstance(terms, dict) or not terms:
+            raise SpecError(f'{where}: write {{sum = {{"SIGNAL" = 0.5}}}}, and nothing beside it')
+        weights = {name: _finite(_constant(x, where), where) for name, x in terms.items()}
+        try:
+            pairs = [(x, plant.signal(name)) for name, x in weights.items()]
+            plant = replace(
+                plant, outputs=(*plant.outputs, weighted_sum(*split(label), terms=pairs))
+            )
+        except InputError as error:
+            raise SpecError(f"{where}: {error}") from error
+    return plant
+
+
 def _output_tables(data: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
     """Return outputs by their label, with lists of rows."""
     tables, found = data.get("outputs", {}), dict[str, dict[str, Any]]()
@@ -274,9 +294,11 @@ def _output_tables(data: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
         where = f"outputs.{shown(label)}"
         if not isinstance(table, dict):
             raise SpecError(f"{where} must be a table, {{C = [...], D = [...], F = [...]}}")
+        if SUM in table:
+            continue
         _known(table, set("CDF"), f"{where}: ")
         if not table:
-            raise SpecError(f"{where} is empty; give a row C, D or F")
+            raise SpecError(f"{where} is empty; give a row C, D or F, or a sum")
         found[label] = {}
         for key, value in table.items():
             rows = value if isinstance(value, list) and value and _is_rows(value) else [value]

@@ -17,11 +17,13 @@ from polefence.response.bands import (
 )
 from polefence.response.linear import Frequency, Response, frequency, impulse, simulate, step
 from polefence.response.stationary import Stationary, stationary, velocity_psd
-from polefence.response.weighting import WF, WK, Weighting
+from polefence.response.weighting import WD, WE, WF, WK, Weighting
 
 __all__ = [
     "MOTION",
     "RIDE",
+    "WD",
+    "WE",
     "WF",
     "WK",
     "Bands",

@@ -1,5 +1,6 @@
-"""Frequency weightings of ISO 2631-1:1997: Wk of vertical vibration, Wf of motion sickness.
+"""Frequency weightings of ISO 2631-1:1997.
 
+Wk of vertical vibration, Wd of horizontal and We of rotational vibration, Wf of motion sickness.
 Source: the parameters of annex A of the standard (ISO 8041 repeats them), every stage of second
 order: band limits, transition from acceleration to velocity, upward step.
 """
@@ -38,7 +39,7 @@ class Weighting:
         Band limits f1, f2 [Hz], of Butterworth filters of second order.
     transition : (float, float, float)
         f3, f4 [Hz] and Q4: (1 + s/w3) / (1 + s/(Q4 w4) + (s/w4)^2); f3 may be infinite.
-    step : (float, float, float, float)
+    step : (float, float, float, float) or None
         f5 [Hz], Q5, f6 [Hz] and Q6: (s^2 + s w5/Q5 + w5^2) / (s^2 + s w6/Q6 + w6^2).
     top : float
         Nominal centre [Hz] of the highest one-third-octave band it is meant for.
@@ -48,7 +49,7 @@ class Weighting:
     high_pass: float
     low_pass: float
     transition: tuple[float, float, float]
-    step: tuple[float, float, float, float]
+    step: tuple[float, float, float, float] | None
     top: float
 
     def stages(self) -> Iterator[tuple[Array, float, float]]:
@@ -56,11 +57,12 @@ class Weighting:
         turn = 2 * math.pi
         w1, w2 = turn * self.high_pass, turn * self.low_pass
         w3, w4 = turn * self.transition[0], turn * self.transition[1]
-        w5, w6 = turn * self.step[0], turn * self.step[2]
         yield np.array([1.0, 0.0, 0.0]), w1, math.sqrt(0.5)
         yield np.array([0.0, 0.0, w2**2]), w2, math.sqrt(0.5)
         yield np.array([0.0, w4**2 / w3, w4**2]), w4, self.transition[2]
-        yield np.array([1.0, w5 / self.step[1], w5**2]), w6, self.step[3]
+        if self.step is not None:
+            w5, w6 = turn * self.step[0], turn * self.step[2]
+            yield np.array([1.0, w5 / self.step[1], w5**2]), w6, self.step[3]
 
     def gain(self, frequency: Any) -> Gains:
         """Return the complex gain at frequencies [Hz]."""
@@ -80,7 +82,7 @@ class Weighting:
         return above, below
 
     def state_space(self) -> tuple[Array, Array, Array, Array]:
-        """Return A (8, 8), B (8, 1), C (1, 8), D (1, 1) of the weighting, two states a stage."""
+        """Return A, B, C, D of the weighting, two states a stage: eight, or six without a step."""
         A, B, C, D = np.zeros((0, 0)), np.zeros((0, 1)), np.zeros((1, 0)), np.ones((1, 1))
         for (b2, b1, b0), w0, Q in self.stages():
             # x1 = w0^2 / den, x2 = w0 s / den: states of one size, so A is well scaled.
@@ -179,4 +181,6 @@ def positive(value: Any, what: str) -> float:
 
 
 WK = Weighting("Wk", 0.4, 100.0, (12.5, 12.5, 0.63), (2.37, 0.91, 3.35, 0.91), 80.0)
+WD = Weighting("Wd", 0.4, 100.0, (2.0, 2.0, 0.63), None, 80.0)
+WE = Weighting("We", 0.4, 100.0, (1.0, 1.0, 0.63), None, 80.0)
 WF = Weighting("Wf", 0.08, 0.63, (math.inf, 0.25, 0.86), (0.0625, 0.80, 0.10, 0.80), 0.63)

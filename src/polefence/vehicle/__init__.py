@@ -16,6 +16,7 @@ from polefence.vehicle.comfort import (
     dose_reading,
     health_reading,
     running_rms,
+    vibration_total,
 )
 from polefence.vehicle.compare import Comparison, NoLaw, Row, compare, points, standard_laws
 from polefence.vehicle.concepts import Concept, Concepts, Ridden, concepts
@@ -130,4 +131,5 @@ __all__ = [
     "skyhook",
     "standard_laws",
     "velocity_density",
+    "vibration_total",
 ]

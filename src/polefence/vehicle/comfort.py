@@ -14,7 +14,7 @@ import numpy as np
 
 from polefence.base.errors import InputError
 from polefence.plant.system import Array
-from polefence.response.weighting import BLOCK, WF, WK, positive, sampled
+from polefence.response.weighting import BLOCK, WE, WF, WK, positive, sampled
 
 # Clause 6: beyond these ratios the rms alone says too little.
 CREST, MTVV_RATIO, VDV_RATIO = 9.0, 1.5, 1.75
@@ -28,6 +28,8 @@ COMFORT = (
     (1.25, 2.5, "very uncomfortable"),
     (2.0, math.inf, "extremely uncomfortable"),
 )
+# Clause 8.2.2: what a rotation [rad/s2] counts beside a translation [m/s2], at a seat [m/rad].
+ROTATIONS = {"roll": 0.63, "pitch": 0.4}
 # Annex B, figure B.1: bounds of the caution zone, rms [m/s2] up to ten minutes, and VDV [m/s1.75].
 CAUTION_RMS, CAUTION_DOSE = (3.0, 6.0), (8.5, 17.0)
 
@@ -97,6 +99,33 @@ def comfort(acceleration: Any, step: float) -> Comfort:
     blocks = [rows[i : i + many] for i in range(0, max(1, len(rows)), many)]
     values = np.concatenate([_values(block, step) for block in blocks], axis=-1)
     return Comfort((count - 1) * step, *values.reshape(5, *record.shape[:-1]))
+
+
+def vibration_total(vertical: Any, step: float, roll: Any = None, pitch: Any = None) -> Array:
+    """Return the vibration total value [m/s2] of a seat: clauses 6.5 and 8.2.2.
+
+    The root of the sum of squares of the rms values by Wk of vertical, by We of 0.63 m/rad times
+    roll and 0.4 m/rad times pitch acceleration. Horizontal vibration, and yaw, are left out.
+
+    Parameters
+    ----------
+    vertical : (..., T) array
+        [m/s2]
+    step : float
+        Sampling step [s].
+    roll, pitch : (..., T) array, optional
+        [rad/s2]
+
+    Raises
+    ------
+    InputError
+        As `comfort` raises.
+    """
+    square = rms(WK.apply(vertical, step)) ** 2
+    for own, share in zip((roll, pitch), ROTATIONS.values(), strict=True):
+        if own is not None:
+            square = square + (share * rms(WE.apply(own, step))) ** 2
+    return np.asarray(np.sqrt(square))
 
 
 def _values(acceleration: Array, step: float) -> Array:

@@ -23,7 +23,7 @@ from polefence.design.signals.augmented import with_weights
 from polefence.design.signals.bounds import best_bound, kept_bound, sampled
 from polefence.design.signals.optimise import optimise
 from polefence.plant.outputs import Output
-from polefence.response.weighting import WK
+from polefence.response.weighting import WE, WK
 
 DENSITY = 0.5
 MIXED = Output("mixed", "N", C=[1, 0, -0.5], D=[0.3])
@@ -287,6 +287,31 @@ def test_a_weight_filters_each_entry():
     for one, square in zip(("a", "c"), squares, strict=True):
         alone, (filtered,) = with_weights(plant, (replace(own, signal=one),))
         assert sampled(alone, None, filtered).worst ** 2 == pytest.approx(square)
+
+
+def test_entries_may_have_weights_of_their_own():
+    plant = single()
+    own = Rms(("a", "c", "b"), 9.0, DENSITY, weight=["Wk", "none", "We"])
+    longer, (weighted,) = with_weights(plant, (own,))
+    assert longer.shape[0] == 3 + len(WK.state_space()[0]) + len(WE.state_space()[0])
+    assert weighted.name == '["a, Wk", c, "b, We"]'
+    total = 0.0
+    for signal, weight in (("a", "Wk"), ("c", None), ("b", "We")):
+        one = Rms(signal, None, DENSITY, weight=weight)
+        alone, (filtered,) = with_weights(plant, (one,))
+        total += sampled(alone, None, filtered).worst ** 2
+    assert sampled(longer, None, weighted).worst ** 2 == pytest.approx(total)
+    assert parse_specification(
+        "rms of [a, c, b] <= 9 with weight [Wk, none, We] with density 3"
+    ) == Rms(("a", "c", "b"), 9.0, 3.0, weight=["Wk", "none", "We"])
+    assert Rms(("a", "c"), weight=["none", "none"]).weight is None
+    for weight, said in (
+        (["Wk"], "weight names 1 for 2 entries"),
+        (["Wk", "Wx"], "weight = 'Wx' is unknown"),
+        ("none", "weight = 'none' is unknown"),
+    ):
+        with pytest.raises(InputError, match=said):
+            Rms(("a", "c"), weight=weight)
 
 
 # --- what is written -----------------------------------------------------------------------------

@@ -21,9 +21,10 @@ from polefence.plant.polynomial import Domain
 from polefence.plant.system import Array
 from polefence.proof import claims as proof
 from polefence.response.stationary import stationary
-from polefence.response.weighting import WF, WK
+from polefence.response.weighting import WD, WE, WF, WK
 
-WEIGHTS = {"Wk": WK, "Wf": WF}
+WEIGHTS = {"Wk": WK, "Wd": WD, "We": WE, "Wf": WF}
+PLAIN = "none"  # of an entry that goes through no filter
 
 
 @dataclass(frozen=True)
@@ -35,13 +36,14 @@ class Rms(Specification):
     density : float
         One-sided density of the disturbance [its unit squared per Hz]; of a road's velocity see
         `polefence.vehicle.velocity_density`.
-    weight : str, optional
-        "Wk" or "Wf" of ISO 2631-1: the rms of the signal so weighted.
-        `polefence.design.signals.optimise` puts the filter into the plant.
+    weight : str or sequence of str, optional
+        "Wk", "Wd", "We" or "Wf" of ISO 2631-1: the rms of the signal so weighted, of a vector each
+        entry; or one for each entry, "none" among them.
+        `polefence.design.signals.optimise` puts the filters into the plant.
     """
 
     density: float = 1.0
-    weight: str | None = None
+    weight: str | Sequence[str] | None = None
     kind = "rms"
     keys = ("density", "weight", "disturbances")
     vector = True
@@ -51,17 +53,19 @@ class Rms(Specification):
         super().__post_init__()
         if not (is_number(self.density) and self.density > 0):
             raise InputError(f"density = {self.density!r} must be a positive number")
-        if self.weight is not None and self.weight not in WEIGHTS:
-            raise InputError(
-                f"weight = {self.weight!r} is unknown; {suggest(str(self.weight), WEIGHTS)}"
-            )
+        if self.weight is not None:
+            self._settle("weight", _weights(self.weight, len(self.entries)))
 
     @classmethod
     def read(cls, row: Row) -> Self:
         """Return what a row says; the road says the density of one that has none."""
         weight = row.table.get("weight")
-        if weight is not None and not isinstance(weight, str):
-            raise SpecError(f'{row.where}: weight = {shown(weight)} must be text, for example "Wk"')
+        names = weight if isinstance(weight, list) else [weight]
+        if weight is not None and not all(isinstance(name, str) for name in names):
+            raise SpecError(
+                f'{row.where}: weight = {shown(weight)} must be text, for example "Wk", or a list '
+                "of them, one for each entry of the signal"
+            )
         density = row.given("density").get("density", row.density)
         if density is None:
             density = cls.without_density(row.where)
@@ -77,9 +81,12 @@ class Rms(Specification):
         )
 
     @property
-    def filter(self) -> str | None:
-        """Name of the weighting."""
-        return self.weight
+    def filters(self) -> tuple[str | None, ...]:
+        """Names of the weightings, one an entry."""
+        own = self.weight
+        if own is None or isinstance(own, str):
+            return (own,) * len(self.entries)
+        return tuple(None if name == PLAIN else name for name in own)
 
     def filtered(self, signals: Sequence[Output]) -> Rms:
         """Return it of the weighted signals."""
@@ -125,6 +132,23 @@ class Rms(Specification):
     def slopes(self, loops: Loops) -> Slopes:
         """Return the rms with its slopes."""
         return of_noise(loops)
+
+
+def _weights(weight: str | Sequence[str], entries: int) -> str | tuple[str, ...] | None:
+    """Return one weighting for all entries, or one for each."""
+    if not isinstance(weight, str):
+        weight = tuple(weight)
+        if len(weight) != entries:
+            raise InputError(
+                f"weight names {len(weight)} for {entries} entries of the signal; name one for "
+                f'each, "{PLAIN}" where an entry has none'
+            )
+    for name in (weight,) if isinstance(weight, str) else weight:
+        if name not in WEIGHTS and (isinstance(weight, str) or name != PLAIN):
+            raise InputError(f"weight = {name!r} is unknown; {suggest(str(name), WEIGHTS)}")
+    if isinstance(weight, str):
+        return weight
+    return None if set(weight) == {PLAIN} else weight
 
 
 def of_one_noise(plant: UncertainPlant, law: Any, owns: Sequence[Rms], alpha: Array) -> list[Array]:

@@ -177,12 +177,12 @@ class Specification:
         raise NotImplementedError
 
     @property
-    def filter(self) -> str | None:
-        """Name of the filter that the signal goes through first."""
-        return None
+    def filters(self) -> tuple[str | None, ...]:
+        """Name of the filter that each entry of the signal goes through first."""
+        return (None,) * len(self.entries)
 
     def filtered(self, signals: Sequence[Output]) -> Specification:
-        """Return it of the signals behind their filter."""
+        """Return it of the signals behind their filters."""
         return replace(self, signal=signals)
 
     def unweighted(self) -> Specification:

@@ -46,7 +46,7 @@ _NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
 _ENTRY = r'(?:"(?:[^"\\]|\\.)*"|[^,*\[\]"]+?)'
 _ITEM = re.compile(rf"\s*(?P<name>{_ENTRY})\s*(?:\*\s*(?P<scale>{_NUMBER})\s*)?(?:,|$)")
 _FROM = re.compile(r"(?P<rest>.*\S)\s+from\s+\[(?P<items>.*)\]\s*")
-_WITH = re.compile(r"(?P<rest>.*\S)\s+with\s+(?P<key>\w+)\s+(?P<value>\S+)\s*")
+_WITH = re.compile(r"(?P<rest>.*\S)\s+with\s+(?P<key>\w+)\s+(?P<value>\[[^\]]*\]|\S+)\s*")
 
 
 @dataclass(frozen=True)
@@ -260,6 +260,8 @@ def _scaled(found: list[tuple[str, Fraction | None]], text: str, what: str) -> d
 
 
 def _value(word: str) -> Any:
+    if word.startswith("[") and word.endswith("]"):
+        return [name.strip() for name in word[1:-1].split(",")]
     return Fraction(word) if re.fullmatch(_NUMBER, word) else word
 
 

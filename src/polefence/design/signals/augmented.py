@@ -63,21 +63,29 @@ def with_weights(
     made: dict[tuple[str, str], Output] = {}
     bare, n = plant, plant.shape[0]
     for own in specifications:
-        if own.filter is None:
-            continue
-        for signal in own.outputs(bare):
-            if (signal.name, own.filter) not in made:
+        for signal, name in _behind(bare, own):
+            if name is not None and (signal.name, name) not in made:
                 wider = padded(signal, plant.shape[0] - n)
-                system = WEIGHTS[own.filter].state_space()
-                plant, filtered = with_filter(plant, wider, system, own.filter)
-                made[signal.name, own.filter] = filtered
+                system = WEIGHTS[name].state_space()
+                plant, filtered = with_filter(plant, wider, system, name)
+                made[signal.name, name] = filtered
     more, found = plant.shape[0] - n, list[Specification]()
     for own in specifications:
-        if own.filter is not None:
-            signals = [made[signal.name, own.filter] for signal in own.outputs(bare)]
-            own = own.filtered([padded(y, n + more - len(y.C[0])) for y in signals])
+        pairs = _behind(bare, own)
+        if pairs:
+            signals = [y if name is None else made[y.name, name] for y, name in pairs]
+            wide = (len(y.C[0]) if y.C else n for y in signals)
+            own = own.filtered(
+                [padded(y, n + more - k) for y, k in zip(signals, wide, strict=True)]
+            )
         found.append(own.extended(n, more) if more else own)
     return plant, tuple(found)
+
+
+def _behind(plant: UncertainPlant, own: Specification) -> list[tuple[Output, str | None]]:
+    """Return the entries with the names of their filters, none where no entry has one."""
+    names = own.filters
+    return list(zip(own.outputs(plant), names, strict=True)) if any(names) else []
 
 
 def without_feedback(law: Law, plant: UncertainPlant) -> Law:

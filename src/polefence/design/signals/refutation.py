@@ -122,13 +122,18 @@ class Refutation:
 
     def __str__(self) -> str:
         named = "; ".join(
-            limit_text(s) + f" with weight {s.weight}" * bool(s.weight) for s in self.specifications
+            limit_text(s) + f" with weight {_weight(s.weight)}" * bool(s.weight)
+            for s in self.specifications
         )
         these, them = ("this", "it") if len(self.specifications) == 1 else ("these at once", "each")
         return (
             f"refuted: at {self.where} no {self.claim.of_laws} keeps {these}, nor "
             f"{digits_down(self.factor)} times {them}: {named}"
         )
+
+
+def _weight(weight: str | Sequence[str] | None) -> str:
+    return weight if isinstance(weight, str) else f"[{', '.join(weight or ())}]"
 
 
 def refute_limits(

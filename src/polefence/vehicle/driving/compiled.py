@@ -63,14 +63,13 @@ def _hardware(model: Model) -> dict[str, Any]:
     plant, known, actuator = model.plant, model.known, model.actuator
     corners = np.eye(len(plant.vertices))
     A, B = plant.at(corners)
-    S = np.zeros(A.shape[:2]) if known is None else known.push(A, B)
-    stops, load, heavy = list[float](), np.zeros(0), 0
-    if model.stops is not None and known is not None:
+    S, stops, weight, load, heavy = model.pushed(A, B), list[float](), np.zeros(0), np.zeros(0), 0
+    if model.stops is not None:
         own = model.stops
         stops = [own.bump, own.rebound, own.stiffness, own.damping]
-        stops += [known.places[0], known.sense[0]]
     if model.gravity and known is not None:
         load, heavy = model.first_load, known.places[2]
+        weight = known.push(A, B)[:, heavy]
     bounds = [(k, low, high) for k, _, low, high in model.dampers]
     rates = [rate for _, rate, _, _ in model.dampers]
     arrays = {
@@ -81,6 +80,8 @@ def _hardware(model: Model) -> dict[str, Any]:
         "dampers": np.array(bounds, float).reshape(-1, 3),
         "damper_rates": np.array(rates, float).reshape(-1, plant.shape[0]),
         "stops": np.array(stops, float),
+        "compression": model.stopped[:, : plant.shape[0]],
+        "per_mass": weight,
         "first_load": load,
     }
     return {name: np.ascontiguousarray(own) for name, own in arrays.items()} | {
@@ -105,7 +106,7 @@ class _Way:
         self.states = np.empty((count, total, model.width))
         self.rates = np.empty((count, total, n))
         self.demanded, self.applied = np.empty((count, total, m)), np.empty((count, total, m))
-        self.stops = np.empty((count, total))
+        self.stops = np.empty((count, total, len(model.stopped)))
         self.words = _hardware(model)
 
     @property

@@ -60,6 +60,7 @@ from polefence.vehicle.driving.result import (
 from polefence.vehicle.driving.trajectories import Trajectories, read_trajectories
 from polefence.vehicle.estimate import Estimate, collected, estimator
 from polefence.vehicle.excitation import Excitation
+from polefence.vehicle.suspensions import suspensions
 from polefence.vehicle.vehicle import masses, require_ride, ride
 
 Column = tuple[str, str, Array]
@@ -196,10 +197,11 @@ def run(setup: Setup, law: Any, margins: Any = None) -> Run:
         w = moved.samples if plant.disturbance_count else None
         found = linear.simulate(plant, law, setup.alpha, w, setup.time, asked, hold, start)
         events = (*_contact(found), *_wheels(setup, found), *_lost(found))
-        return Run(setup, found, events=events, notes=_unseen(setup))
+        return Run(setup, found, events=events)
     if setup.still:
         margins = ()
-    done = drive(plant, law, moved, setup.parameters, setup.hardware, margins, setup.outside)
+    parameters, car = setup.parameters, setup.car
+    done = drive(plant, law, moved, parameters, setup.hardware, margins, setup.outside, car=car)
     more = list[Column]()
     parts = setup.hardware
     if law is not None and (
@@ -207,8 +209,9 @@ def run(setup: Setup, law: Any, margins: Any = None) -> Run:
     ):
         for j, own in enumerate(inputs(plant)):
             more.append((f"{own.name} demanded", own.unit, done.demanded[0, :, j]))
-    if setup.hardware.stops is not None:
-        more.append(("stop force", "N", done.stop_force[0]))
+    names = ("",) if setup.car is None else [f"{wheel.name} " for wheel in setup.car.wheels]
+    for wheel, force in zip(names, done.stop_forces[0].T, strict=False):
+        more.append((f"{wheel}stop force", "N", force))
     if not setup.still:
         space = setup.trajectories.space
         for i, (name, unit) in enumerate(zip(space.names, space.units, strict=True)):
@@ -216,15 +219,9 @@ def run(setup: Setup, law: Any, margins: Any = None) -> Run:
             if setup.hardware.learns:
                 more.append((f"{name} estimated", unit, done.used[0, :, i]))
     covered = None if setup.still or done.covered is None else done.covered[0]
-    notes, found = (*done.notes, *_slow(setup, law), *_unseen(setup)), done.response(asked)
+    notes, found = (*done.notes, *_slow(setup, law)), done.response(asked)
     events = (*done.events, *_wheels(setup, found))
     return Run(setup, found, tuple(more), events, notes, covered)
-
-
-def _unseen(setup: Setup) -> tuple[str, ...]:
-    """Say what is not looked for."""
-    several = setup.car is not None
-    return ("springs at their end are not looked for on several wheels",) * several
 
 
 def signals(plant: UncertainPlant) -> tuple[Output, ...]:
@@ -287,6 +284,7 @@ def drive(
     margins: Any = None,
     outside: bool = False,
     adaptive: bool = False,
+    car: Car | None = None,
 ) -> Drive:
     """Drive one car or many, or any other plant.
 
@@ -309,6 +307,8 @@ def drive(
         Drive on where parameters leave their intervals; it is reported.
     adaptive : bool
         Error control within each step, of order eight, relative 1e-10.
+    car : Car, optional
+        Of a plant that is one on several wheels: each of its suspensions has the stops.
 
     Raises
     ------
@@ -322,11 +322,12 @@ def drive(
     trajectories.check(excitation.times, outside)
     space, sampling = trajectories.space, parts.sampling
     claims, scheduled = read_margins(margins, space, law), is_scheduled(space, law)
-    known = require_ride(plant) if parts.of_a_car else ride(plant)
+    known = require_ride(plant) if parts.of_a_quarter_car else ride(plant)
+    stopped = None if parts.stops is None else suspensions(plant, car)
     source = _source(trajectories, excitation, parts)
     follows = source if sampling is None else None
     gains = gains_of(space, law)
-    model = Model(plant, excitation, trajectories, gains, follows, parts, known)
+    model = Model(plant, excitation, trajectories, gains, follows, parts, known, stopped)
     begin = np.zeros((len(trajectories.cars), model.width))
     first = np.array([INSIDE * excitation.step])
     begin[:, : plant.shape[0]] = excitation.begin(plant, space.alpha(trajectories.at(first)[0]))
@@ -420,11 +421,11 @@ def fastest_pole(model: Model, trajectories: Trajectories, settled: bool) -> flo
     for gain in _gains(model, K):
         F = every.F if gain is None else every.F + every.B @ gain
         found = max(found, _largest(F))
-        if model.stops is not None and model.known is not None:
-            x, sense, stops = model.known.places[0], model.known.sense[0], model.stops
-            row = sense * stops.damping * F[..., x, :]
-            row[..., x] += sense * stops.stiffness
-            found = max(found, _largest(F + every.S[..., :, None] * row[..., None, :]))
+        if model.stops is not None:
+            d, stops = model.stopped, model.stops
+            found = max(
+                found, _largest(F + every.S @ (stops.stiffness * d + stops.damping * d @ F))
+            )
     return found
 
 

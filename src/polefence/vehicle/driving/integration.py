@@ -25,6 +25,7 @@ from polefence.vehicle.driving.parts import (
 from polefence.vehicle.driving.trajectories import Space, Trajectories
 from polefence.vehicle.estimate import Belief, Estimator
 from polefence.vehicle.excitation import Excitation
+from polefence.vehicle.suspensions import Suspensions
 from polefence.vehicle.vehicle import Ride, masses, require_ride
 
 # Of a state or force: beyond it a car counts as lost.
@@ -326,7 +327,7 @@ class Equations:
     """z' = F z + g + B u + S s at times: leading axes (times or 1, count).
 
     z is the state, behind it the forces of an actuator with a lag. u is the limited demand and s
-    the stops' force. Where K is None the law is in F already; else u = K z.
+    the stops' forces. Where K is None the law is in F already; else u = K z.
     """
 
     F: Array
@@ -356,6 +357,7 @@ class Model:
     reading: Reading | None
     hardware: Hardware
     known: Ride | None
+    suspensions: Suspensions | None = None
 
     @property
     def actuator(self) -> Actuator:
@@ -366,6 +368,20 @@ class Model:
     def stops(self) -> BumpStops | None:
         """Those of the hardware."""
         return self.hardware.stops
+
+    @cached_property
+    def stopped(self) -> Array:
+        """Compression of the suspensions that have stops, by z, (k, width)."""
+        if self.suspensions is None:
+            return np.zeros((0, self.width))
+        own = self.suspensions.compression
+        return np.concatenate([own, np.zeros((len(own), self.width - own.shape[1]))], axis=1)
+
+    def pushed(self, A: Array, B: Array) -> Array:
+        """Return how forces of stops move the state, (..., n, k)."""
+        if self.suspensions is None:
+            return np.zeros((*A.shape[:-1], 0))
+        return self.suspensions.push(A, B)
 
     @property
     def gravity(self) -> float:
@@ -475,13 +491,14 @@ class Model:
         """Return the equations at times (T,) that lie in steps number k (T,)."""
         A, B, g = self.open(times, k)
         n, m = self.plant.shape
-        S = self.known.push(A, B) if self.known else np.zeros(B.shape[:-1])
+        S = self.pushed(A, B)
         if self.width > n:
             rate, lead, d = self.actuator.rate, A.shape[:-2], self.driven
             F, G = np.zeros((*lead, n + d, n + d)), np.zeros((*lead, n + d, m))
             F[..., :n, :n], F[..., :n, n:], F[..., n:, n:] = A, B[..., :d], -rate * np.eye(d)
             G[..., :n, d:], G[..., n:, :d] = B[..., d:], rate * np.eye(d)
-            g, S = (np.concatenate([v, np.zeros((*v.shape[:-1], d))], axis=-1) for v in (g, S))
+            g = np.concatenate([g, np.zeros((*g.shape[:-1], d))], axis=-1)
+            S = np.concatenate([S, np.zeros((*S.shape[:-2], d, S.shape[-1]))], axis=-2)
             A, B = F, G
         if self.reading is None:
             return Equations(A, g, B, S, None)
@@ -510,9 +527,9 @@ class Model:
             u = (K @ z[:, :, None])[:, :, 0]
         if u is not None:
             dz = dz + (B @ self.limited(u, z)[:, :, None])[:, :, 0]
-        if self.stops is not None and self.known is not None:
-            x, sense = self.known.places[0], self.known.sense[0]
-            dz = dz + S * self.stops.force(sense * z[:, x], sense * dz[:, x])[:, None]
+        if self.stops is not None:
+            force = self.stops.force(z @ self.stopped.T, dz @ self.stopped.T)
+            dz = dz + (S @ force[:, :, None])[:, :, 0]
         return np.asarray(dz)
 
 

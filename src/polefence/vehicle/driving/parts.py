@@ -99,10 +99,10 @@ class Actuator:
 
 @dataclass(frozen=True)
 class BumpStops:
-    """One-sided springs beyond the free travel, between the two masses beside the actuator.
+    """One-sided springs beyond the free travel, between wheel and body beside the actuator.
 
     With x the suspension deflection, positive in compression, and d = x - bump > 0 the stop's
-    force up on the sprung mass (down on the unsprung) is max(stiffness d + damping dx/dt, 0).
+    force up on the body (down on the wheel) is max(stiffness d + damping dx/dt, 0).
     With e = -x - rebound > 0 it is -max(stiffness e - damping dx/dt, 0). It pushes, never pulls.
     With damping it jumps at contact, where a fixed step is of order one.
 
@@ -244,11 +244,11 @@ class Hardware:
         Of the controller; continuous by default.
     actuator : Actuator
     stops : BumpStops, optional
-        Of a car.
+        Of every suspension of a car.
     gravity : float
-        [m/s2] Of a car: deflections then count from the equilibrium of the first load, and a change
-        of load pulls the car down. By default they count from that of the current load, as the
-        plant has them, and a change of load moves nothing that is at rest.
+        [m/s2] Of a quarter car: deflections then count from the equilibrium of the first load, and
+        a change of load pulls the car down. By default they count from that of the current load,
+        as the plant has them, and a change of load moves nothing that is at rest.
     dampers : tuple of Damper
         Inputs that are forces of controllable dampers: of what is demanded they give as much as
         they can at every instant, u between low v and high v. With ``sampling`` the coefficient
@@ -275,6 +275,6 @@ class Hardware:
         return isinstance(self.scheduling, Estimated)
 
     @property
-    def of_a_car(self) -> bool:
-        """Whether a part of it belongs to a car."""
-        return self.stops is not None or self.gravity != 0 or self.learns
+    def of_a_quarter_car(self) -> bool:
+        """Whether a part of it belongs to a quarter car."""
+        return self.gravity != 0 or self.learns

@@ -15,7 +15,7 @@ from polefence.design.certificate import exact_law
 from polefence.design.margins import Margin, Margins
 from polefence.law.laws import GainTable, given_law, is_one
 from polefence.plant.family import UncertainPlant
-from polefence.plant.outputs import Output, choose, inputs, rate_place
+from polefence.plant.outputs import Output, choose, inputs, rates_in
 from polefence.plant.system import Array
 from polefence.region.text import digits_down
 from polefence.response.discrete import Sampling
@@ -50,8 +50,8 @@ class Drive:
         What the law asked of the inputs, and what the actuators gave.
     disturbance : (time, q) array
         The road's velocity, or what else was given; over a step that begins there.
-    stop_force : (count, time) array
-        Of the bump stops, up on the sprung mass [N].
+    stop_forces : (count, time, k) array
+        Of the bump stops of each suspension, up on the body [N]; k = 0 without any.
     parameters, used : (count, time, q) arrays
         The true ones, and what the law was told, cut off at the intervals; in their units. For a
         plant given by its vertices, weights alpha.
@@ -73,7 +73,7 @@ class Drive:
     demanded: Array
     applied: Array
     disturbance: Array
-    stop_force: Array
+    stop_forces: Array
     parameters: Array
     used: Array
     events: tuple[Event, ...]
@@ -101,6 +101,11 @@ class Drive:
         lines += summary(self.events, count) or ["no limit was met"]
         return lines + [f"note: {note}" for note in self.notes]
 
+    @property
+    def stop_force(self) -> Array:
+        """Of all bump stops, up on the body [N], (count, time)."""
+        return np.asarray(self.stop_forces.sum(axis=-1))
+
     def of(self, name: str) -> Array:
         """Return one state or input as it was applied, by its name, (count, time)."""
         return self.response([name]).values[:, :, 0]
@@ -108,9 +113,9 @@ class Drive:
     def response(self, signals: Sequence[Output | str] | None = None) -> Response:
         """Return signals over time, states and inputs by default.
 
-        Inputs are the applied ones. An output that is the rate of change of a state, such as an
-        acceleration, has the force of stops and the weight of a changed load in it. The result's
-        alpha is that of the first instant.
+        Inputs are the applied ones. An output that is made of rates of change of the state, such
+        as an acceleration of a point of the body, has the force of stops and the weight of a
+        changed load in it. The result's alpha is that of the first instant.
 
         Raises
         ------
@@ -124,9 +129,9 @@ class Drive:
 
     def _values(self, output: Output) -> Array:
         """Return an output over time, (count, time)."""
-        place = rate_place(self.plant, output)
-        if place is not None:
-            return self.rates[..., place]
+        rates = rates_in(self.plant, output)
+        if rates is not None:
+            return np.asarray(self.rates @ rates)
         found, alpha = np.zeros(self.states.shape[:2]), None
         sources = self.states, self.applied, self.disturbance[None]
         for rows, own, source in zip(
@@ -170,7 +175,7 @@ def record(model: Model, solution: Solution, reading: Reading | None) -> Record:
     (n, m), (total, count, _) = model.plant.shape, solution.z.shape
     x, rates = solution.z[..., :n], np.empty((total, count, n))
     demanded = np.empty((total, count, m)) if solution.demanded is None else solution.demanded
-    applied, stops = np.empty((total, count, m)), np.zeros((total, count))
+    applied, stops = np.empty((total, count, m)), np.zeros((total, count, len(model.stopped)))
     times, numbers = instants(model)
     for part in _parts(total, count * n * (n + m + 4)):
         if reading is not None and solution.used is None:
@@ -179,10 +184,10 @@ def record(model: Model, solution: Solution, reading: Reading | None) -> Record:
         applied[part] = model.applied(solution.z[part], demanded[part])
         A, B, g = model.open(times[part], numbers[part])
         rates[part] = (A @ x[part, :, :, None] + B @ applied[part][..., None])[..., 0] + g
-        if model.stops is not None and model.known is not None:
-            i, sense = model.known.places[0], model.known.sense[0]
-            stops[part] = model.stops.force(sense * x[part, :, i], sense * rates[part, :, i])
-            rates[part] += stops[part, :, None] * model.known.push(A, B)
+        if model.stops is not None:
+            d = model.stopped[:, :n]
+            stops[part] = model.stops.force(x[part] @ d.T, rates[part] @ d.T)
+            rates[part] += (model.pushed(A, B) @ stops[part][..., None])[..., 0]
     x, rates, demanded, applied, stops = (
         np.swapaxes(v, 0, 1) for v in (x, rates, demanded, applied, stops)
     )
@@ -306,7 +311,7 @@ def given(model: Model, own: Record) -> list[str]:
 def _hardware(model: Model, own: Record, times: Array) -> tuple[list[Event], Any]:
     """Return events of limits met, and where any is (count, time)."""
     found = list[Event]()
-    met = np.zeros(own.stops.shape, dtype=bool)
+    met = np.zeros(own.states.shape[:2], dtype=bool)
     limit = model.actuator.limit
     if limit is not None:
         size = reduce(np.maximum, np.abs(np.moveaxis(own.demanded[..., : model.driven], -1, 0)))
@@ -316,20 +321,25 @@ def _hardware(model: Model, own: Record, times: Array) -> tuple[list[Event], Any
             "limit", over, size, times,
             lambda car, k: f"{size[car, k]:.4g} demanded of an actuator that gives {limit:g}",
         )  # fmt: skip
-    if model.stops is not None:
-        push = np.abs(own.stops)
-        met |= push > 0
-        found += spans(
-            "stops", push > 0, push, times,
-            lambda car, k: (
-                f"{'rebound' if own.stops[car, k] < 0 else 'bump'} stop hit, "
-                f"{push[car, k]:.4g} N at most"
-            ),
-        )  # fmt: skip
+    for i, name in enumerate(model.suspensions.names if model.suspensions else ()):
+        force = own.stops[..., i]
+        met |= force != 0
+        found += _stops(name, force, times)
     for kind, mask, size, words in (*_contact(model, own), *_lost(own)):
         met |= mask
         found += spans(kind, mask, size, times, lambda *_, words=words: words)
     return found, met
+
+
+def _stops(name: str, force: Array, times: Array) -> list[Event]:
+    """Return events of one suspension's stops."""
+    wheel = f"{name} " * bool(name)
+
+    def words(car: int, k: int) -> str:
+        which = "rebound" if force[car, k] < 0 else "bump"
+        return f"{wheel}{which} stop hit, {abs(force[car, k]):.4g} N at most"
+
+    return spans("stops", force != 0, np.abs(force), times, words)
 
 
 def _contact(model: Model, own: Record) -> list[tuple[str, Any, Array, str]]:

@@ -24,7 +24,7 @@ of = import_module("polefence.vehicle.comfort")  # the package has the function 
 
 # ISO 2631-1:1997, table 3: factors times 1000 at the nominal one-third octaves, band limits
 # among them. Wk from 0.1 to 400 Hz, Wf from 0.02 to 4 Hz. Figures, as several public programs
-# and papers repeat them. Wd at 10 Hz, printed as 212, is 202: We, an octave below, has that at 5 Hz.
+# and papers repeat them. Wd at 10 Hz, printed as 212, is 202, as We has it an octave below.
 TABLE_WK = """31.2 48.6 79.0 121 182 263 352 418 459 477 482 484 494 531 631 804 967 1039 1054 1036
 988 902 768 636 513 405 314 246 186 132 88.7 54.0 28.5 15.2 7.90 3.98 1.95"""
 TABLE_WD = """62.4 97.3 158 243 365 530 713 853 944 992 1011 1008 968 890 776 642 512 409 323 253

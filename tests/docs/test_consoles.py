@@ -15,8 +15,13 @@ STAGE = (
     "stage.toml",
     re.search(r"```toml\n(.*?)```", (DOCS / "tutorial.md").read_text(), re.DOTALL)[1],
 )
+STUDY = (
+    "study.toml",
+    re.search(r"```toml\n(.*?)```", (DOCS / "fleet.md").read_text(), re.DOTALL)[1],
+)
 PAGES = {  # with what a reader has before the first command
     "cli": STAGE,
+    "fleet": STUDY,
     "index": None,
     "observers": None,
     "proof": STAGE,

@@ -20,7 +20,7 @@ from multiprocessing import get_context, parent_process
 from multiprocessing.connection import wait
 from typing import Any, TypeVar
 
-from polefence.base.processors import processors, share_processors
+from polefence.base.processors import processors, share_processors, spare_processors
 from polefence.base.progress import told
 
 Task = TypeVar("Task")
@@ -192,9 +192,11 @@ class _Threads(ThreadPoolExecutor):
 def threads(count: int | None = None) -> Iterator[Executor | None]:
     """Threads of this process, by default one a processor; None for a single one.
 
+    In a worker of `processes`, which shares the processors with others, none by default.
+
     For work that is mostly the kernel's, which holds no lock. Ctrl-C ends them.
     """
-    count = count or processors()
+    count = count or min(processors(), spare_processors())
     if count == 1:
         yield None
         return

@@ -35,6 +35,7 @@ from polefence.cli import (
     semi_active,
     service,
     simulate,
+    study,
     tightest,
     tradeoff,
 )
@@ -60,6 +61,7 @@ COMMANDS: tuple[Command, ...] = (
     ("simulate", simulate.simulate_command, simulate.add_arguments),
     ("compare", compare.compare_command, compare.add_arguments),
     ("concepts", concepts.concepts_command, concepts.add_arguments),
+    ("study", study.study_command, study.add_arguments),
     ("report", report.report_command, report.add_arguments),
     ("export", export.export_command, export.add_arguments),
     ("check", check.check_command, check.add_arguments),

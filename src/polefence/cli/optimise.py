@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from polefence.base.errors import InputError, NotProvedError, SpecError
+from polefence.base.errors import InputError, NotProvedError
 from polefence.base.processors import small_matrices
 from polefence.cli.common import (
     PROVED,
@@ -33,14 +33,10 @@ from polefence.cli.common import (
 )
 from polefence.cli.terminal import say
 from polefence.design.design import FILE_NAME
-from polefence.design.requirements.gain_norm import GainNorm
-from polefence.design.requirements.rms import Rms
-from polefence.design.requirements.specification import Specification, disturbance
+from polefence.design.requirements.asked import wanted
+from polefence.design.requirements.specification import Specification
 from polefence.design.requirements.text import (
     RoadSpectrum,
-    load_specifications,
-    parse_specification,
-    with_wheels,
 )
 from polefence.design.rows import plant_summary
 from polefence.design.signals.bounds import AGREED, Bound, Sampled, each_sampled, sampled
@@ -50,11 +46,10 @@ from polefence.law.laws import FixedGain
 from polefence.law.structure import Structure
 from polefence.lmi.conditions.methods import Method, Scheduled, method_label
 from polefence.plant.family import UncertainPlant
-from polefence.plant.outputs import disturbances, split
+from polefence.plant.outputs import split
 from polefence.plant.points import seeded, values_at
 from polefence.plant.spec import load
 from polefence.plant.system import Array
-from polefence.proof.text import quoted
 from polefence.region.regions import HalfPlane, Region
 from polefence.region.text import digits_down, digits_up, load_region, parse_region
 from polefence.vehicle.rest import Rest, held_words, rests
@@ -130,7 +125,7 @@ def optimise_command(options: Any) -> int:
     """Minimise the worst case of one signal within limits on others, and prove all of it."""
     plant = load(options.spec)
     road = road_of(options)
-    least, limits = wanted(plant, options, road)
+    least, limits = wanted(plant, options.spec, options.minimise, options.limit, road)
     region, structure = region_of_options(options), structure_of_options(plant, options)
     method = _method_if_given(plant, options, structure)
     check_results(options)
@@ -177,114 +172,13 @@ def asked(
     plant: UncertainPlant, options: Any, road: RoadSpectrum | None
 ) -> tuple[Specification, tuple[Specification, ...]]:
     """Return what `wanted` returns, where something must be minimised."""
-    least, limits = wanted(plant, options, road)
+    least, limits = wanted(plant, options.spec, options.minimise, options.limit, road)
     if least is None:
         raise InputError(
             f"{options.spec}: nothing is to be minimised; give --minimise 'rms of SIGNAL', or "
             "write minimise = true in one [[specification]]"
         )
     return least, limits
-
-
-def wanted(
-    plant: UncertainPlant, options: Any, road: RoadSpectrum | None
-) -> tuple[Specification | None, tuple[Specification, ...]]:
-    """Return what is to be minimised, if anything, and the limits, of the spec and the options.
-
-    Raises
-    ------
-    InputError
-        Naming the specification that cannot be used.
-    """
-    least, limits = load_specifications(options.spec, road)
-    road = with_wheels(road, options.spec)
-    if road is not None:
-        disturbance(plant)
-        for name in () if road.in_tracks else road.under:
-            if name not in [w.name for w in disturbances(plant)]:
-                raise SpecError(
-                    f"{options.spec}: road: under: {plant.name} has no disturbance {quoted(name)}"
-                )
-        limits = tuple(road.acting(own, plant) for own in limits)
-        least = None if least is None else road.acting(least, plant)
-    written = (*limits, *([least] if least else []))
-    for own in written:
-        _known(plant, own, options.spec, road)
-    known = densities_of(written)
-    if options.minimise is not None:
-        least = in_units(_parsed(plant, options.minimise, "--minimise", road, known), limits)
-        if least.at_most is not None:
-            raise InputError(f"--minimise {options.minimise!r} has a limit; give it by --limit")
-    found = {own.title: own for own in limits}
-    if len(found) < len(limits):
-        raise SpecError(f"{options.spec}: two limits on one kind and signal; keep the lower one")
-    given = set[str]()
-    for text in options.limit:
-        own = in_units(_parsed(plant, text, "--limit", road, known), limits)
-        if own.at_most is None:
-            raise InputError(f"--limit {text!r} has no limit; write for example {text!r} <= 1")
-        if own.title in given:
-            raise InputError(f"--limit: {own.title} is given twice; give it once")
-        given.add(own.title)
-        found[own.title] = own
-    if least is None and not found:
-        raise InputError(
-            f"{options.spec}: nothing is asked; give --minimise 'rms of SIGNAL' or --limit 'rms of "
-            "SIGNAL <= LIMIT', or write [[specification]] tables"
-        )
-    return least, tuple(found.values())
-
-
-def densities_of(written: Sequence[Specification]) -> dict[str, float]:
-    """Return the density by signal, as the spec's tables have it."""
-    return {own.name: own.density for own in written if isinstance(own, Rms)}
-
-
-def in_units(own: Specification, limits: Sequence[Specification]) -> Specification:
-    """Return a gain norm in the units of the spec's own, if it has one: a line has none."""
-    if isinstance(own, GainNorm):
-        for other in limits:
-            if isinstance(other, GainNorm):
-                return replace(own, rows=other.rows, columns=other.columns)
-    return own
-
-
-def _parsed(
-    plant: UncertainPlant,
-    text: str,
-    option: str,
-    road: RoadSpectrum | None,
-    known: Mapping[str, float],
-) -> Specification:
-    try:
-        own = parse_specification(text, road, known)
-        own = own if road is None else road.acting(own, plant)
-    except InputError as error:
-        raise InputError(f"{option} {error}") from error
-    _known(plant, own, f"{option} {text!r}", road)
-    return own
-
-
-def _known(
-    plant: UncertainPlant, own: Specification, where: str, road: RoadSpectrum | None
-) -> None:
-    """Refuse a signal that there is not, a plant that nothing disturbs, and a road that is many."""
-    try:
-        own.require_fit(plant)
-        if isinstance(own, Rms) and road is not None and own.density == road.density:
-            acting: Sequence[float] = plant.physical
-            if own.disturbances is not None:
-                acting = own.scales(plant) or (1.0,) * plant.disturbance_count
-            pairs = zip(disturbances(plant), acting, strict=True)
-            names = [w.name for w, acts in pairs if acts]
-            if len(names) != 1 and not set(names) <= set(road.under):
-                raise InputError(
-                    f"{plant.name} has {len(names)} disturbances; a road is one; name those that "
-                    "are roads, each by itself, by under = [NAMES] in [road], or give density, or "
-                    "disturbances = [NAME] (on a line: from [NAME])"
-                )
-    except InputError as error:
-        raise type(error)(f"{where}: {error}") from error
 
 
 def region_of_options(options: Any) -> Region | None:

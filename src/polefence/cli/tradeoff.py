@@ -32,14 +32,13 @@ from polefence.cli.common import (
 from polefence.cli.optimise import (
     METHODS,
     asked,
-    densities_of,
-    in_units,
     method_of_options,
     region_of_options,
     road_of,
 )
 from polefence.cli.terminal import say
 from polefence.design.checks import is_optimisable
+from polefence.design.requirements.asked import densities_of, in_units
 from polefence.design.requirements.specification import Specification, limit_text
 from polefence.design.requirements.text import load_specifications, parse_specification, with_wheels
 from polefence.design.rows import Row

@@ -13,6 +13,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass
+from decimal import Decimal
 from fractions import Fraction
 from numbers import Rational
 from typing import Any
@@ -59,6 +60,29 @@ def decimal(text: str) -> Fraction:
         if isinstance(error, SpecError):
             raise
         raise SpecError(f"{shown(text)} is not a finite decimal number") from error
+
+
+def decimal_text(value: Fraction) -> str:
+    """Write a number that `decimal` reads exactly.
+
+    Raises
+    ------
+    SpecError
+        If it is no finite decimal: a third, say.
+    """
+    rest, places = value.denominator, 0
+    for prime in (2, 5):
+        power = 0
+        while rest % prime == 0:
+            rest, power = rest // prime, power + 1
+        places = max(places, power)
+    if rest != 1:
+        raise SpecError(f"{value} is not a finite decimal number")
+    if places == 0:
+        return str(value.numerator)
+    digits = str(abs(value.numerator) * (10**places // value.denominator))
+    exact = Decimal((int(value < 0), tuple(map(int, digits)), -places))
+    return str(exact).lower()
 
 
 def evaluate(text: str, names: Mapping[str, Any], one: Any = None) -> Any:

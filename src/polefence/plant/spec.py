@@ -60,7 +60,7 @@ def load(path: str | Path) -> UncertainPlant:
 
 def loads(text: str, source: str = "spec") -> UncertainPlant:
     """Read a plant family from the text of a spec; see `load`."""
-    data = _toml(text, source)
+    data = parse(text, source)
     try:
         return _with_hardware(_with_sums(_plant(data), data), data)
     except InputError as error:
@@ -75,7 +75,7 @@ def region_text(path: str | Path) -> str | None:
     SpecError
         If the file is missing, too long, no TOML, or its region is no text.
     """
-    text = _toml(read_text(Path(path), MAX_BYTES, SpecError), str(path)).get("region")
+    text = parse(read_text(Path(path), MAX_BYTES, SpecError), str(path)).get("region")
     try:
         return None if text is None else _text(text, "region")
     except InputError as error:
@@ -90,7 +90,7 @@ def specification_tables(path: str | Path) -> tuple[list[dict[str, Any]], dict[s
     SpecError
         If the file is missing, too long, no TOML, or these are no tables.
     """
-    data = _toml(read_text(Path(path), MAX_BYTES, SpecError), str(path))
+    data = parse(read_text(Path(path), MAX_BYTES, SpecError), str(path))
     try:
         return _requirements(data)
     except InputError as error:
@@ -105,7 +105,7 @@ def law_table(path: str | Path) -> dict[str, Any] | None:
     SpecError
         If the file is missing, too long, no TOML, or this is no table.
     """
-    data = _toml(read_text(Path(path), MAX_BYTES, SpecError), str(path))
+    data = parse(read_text(Path(path), MAX_BYTES, SpecError), str(path))
     try:
         return _law(data)
     except InputError as error:
@@ -120,7 +120,7 @@ def load_dampers(path: str | Path) -> tuple[Damper, ...]:
     SpecError
         If the file is missing, too long, no TOML, or a table says something that cannot be used.
     """
-    data = _toml(read_text(Path(path), MAX_BYTES, SpecError), str(path))
+    data = parse(read_text(Path(path), MAX_BYTES, SpecError), str(path))
     try:
         return _dampers(data)
     except InputError as error:
@@ -161,7 +161,14 @@ def _requirements(data: Mapping[str, Any]) -> tuple[list[dict[str, Any]], dict[s
     return _tables(tables, "specification"), road
 
 
-def _toml(text: str, source: str) -> dict[str, Any]:
+def parse(text: str, source: str) -> dict[str, Any]:
+    """Return a spec as tables, decimals exact; says nothing of what they mean.
+
+    Raises
+    ------
+    SpecError
+        If it is no TOML.
+    """
     if DEEP_KEY.search(text) or len(QUOTED_KEY.findall(text)) > MOST_QUOTED:
         raise SpecError(f"{source}: a key of more than {DEEPEST} parts; a spec has at most 2")
     try:
@@ -375,7 +382,7 @@ def load_car(path: str | Path) -> Car | None:
     SpecError
         If the file is missing, too long, no TOML, or says something that cannot be used.
     """
-    data = _toml(read_text(Path(path), MAX_BYTES, SpecError), str(path))
+    data = parse(read_text(Path(path), MAX_BYTES, SpecError), str(path))
     if "car" not in data:
         return None
     try:

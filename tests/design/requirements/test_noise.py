@@ -117,13 +117,10 @@ def test_a_road_is_one_disturbance_beside_noise(tmp_path, capsys):
     words = ["analyse", str(path), "--gain", gain, "--region", "half_plane(0)"]
     assert main(words) == 0
     capsys.readouterr()
-    from polefence.cli.optimise import wanted
+    from polefence.design.requirements.asked import wanted
     from polefence.design.requirements.text import spec_road
     from polefence.plant.spec import load
 
-    class Options:
-        spec, minimise, limit = path, None, ()
-
-    least, limits = wanted(load(path), Options, spec_road(path))
+    least, limits = wanted(load(path), path, road=spec_road(path))
     assert least.scales(load(path)) == (1.0, pytest.approx(least.density**-0.5))
     assert len(limits) == 3

@@ -1,0 +1,165 @@
+"""``polefence study``: questions about many variants of a plant, kept in one folder."""
+
+from __future__ import annotations
+
+import argparse
+import re
+import time
+from collections import Counter
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+from polefence.base.errors import InputError, suggest
+from polefence.base.progress import stage
+from polefence.cli.common import NOT_PROVED, PROVED
+from polefence.cli.terminal import say
+from polefence.fleet.checked import judged
+from polefence.fleet.questions import PROVED as ROW_PROVED
+from polefence.fleet.run import processes, run
+from polefence.fleet.store import Row, Store
+from polefence.fleet.study import Study, load_study
+from polefence.region.text import digits_down, digits_up
+
+SHOWN, BEST = 5, 10  # reasons of rows that are not proved; rows of --best
+NUMBER = re.compile(r"-?\d+(\.\d+)?(e-?\d+)?")
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the options of `study`."""
+    parser.add_argument(
+        "study", metavar="STUDY", type=Path, help="a TOML file, or a folder of results"
+    )
+    parser.add_argument("-o", "--output", type=Path, metavar="RESULTS", help="a folder for results")
+    parser.add_argument("--resume", action="store_true", help="go on with what RESULTS has")
+    parser.add_argument("--jobs", type=int, metavar="N", help="processes; default: one a processor")
+    parser.add_argument(
+        "--estimate", action="store_true", help="say how large the study is; work nothing out"
+    )
+    parser.add_argument(
+        "--variant", type=int, metavar="N", help="print the spec of one variant, counted from 0"
+    )
+    parser.add_argument("--check", action="store_true", help="prove every row of results afresh")
+    parser.add_argument(
+        "--best", metavar="QUESTION", help=f"of results the {BEST} best rows of a question"
+    )
+
+
+def study_command(options: Any) -> int:
+    """Ask questions about many variants of a plant; keep every row with its proof."""
+    if options.jobs is not None and options.jobs < 1:
+        raise InputError(f"--jobs = {options.jobs} must be at least 1")
+    if options.study.is_dir():
+        return _of_results(Store(options.study), options)
+    for key in ("check", "best"):
+        if getattr(options, key):
+            raise InputError(f"--{key} is for a folder of results; name that")
+    study = load_study(options.study)
+    if options.variant is not None:
+        return _variant(study, options.variant)
+    if options.estimate:
+        say(f"{study.name}: {len(study.variants)} variants of {', '.join(study.variants.names)}")
+        say(*(f"  {own.name}: {own.words}" for own in study.questions), f"  {study.total} rows")
+        return PROVED
+    if options.output is None:
+        raise InputError("-o RESULTS is missing: the folder for results")
+    return _worked_out(study, Store(options.output), options)
+
+
+def _worked_out(study: Study, store: Store, options: Any) -> int:
+    fresh, begin = 0, time.perf_counter()
+    with stage(f"0 of {study.total} rows") as progress:
+        for rows in run(study, store, processes(options.jobs), options.resume):
+            fresh += len(rows)
+            rate = fresh / (time.perf_counter() - begin)
+            progress.now(f"{fresh} of {study.total} rows, {rate:.3g} a second")
+    say(f"{store.folder}: {study.total} rows, {fresh} of them new")
+    return _said(list(store.rows()), [own.name for own in study.questions], study.total)
+
+
+def _variant(study: Study, number: int) -> int:
+    count = len(study.variants)
+    if not 0 <= number < count:
+        raise InputError(f"--variant = {number}: there are 0 to {count - 1}")
+    say(*study.spec(number).splitlines())
+    return PROVED
+
+
+def _of_results(store: Store, options: Any) -> int:
+    """Say how far results are; prove them afresh, or show the best, where that is asked."""
+    for key in ("output", "resume", "estimate", "variant"):
+        if getattr(options, key) not in (None, False):
+            raise InputError(f"--{key} is for a study, and {store.folder} is a folder of results")
+    about = store.about
+    names = [own["name"] for own in about["questions"]]
+    if options.check:
+        return _checked(store, options)
+    rows = list(store.rows())
+    if options.best is not None:
+        if options.best not in names:
+            raise InputError(f"--best {options.best!r}: {suggest(options.best, names)}")
+        return _best([row for row in rows if row["question"] == options.best], about["names"])
+    total = len(about["rows"]) * len(names)
+    say(f"{store.folder}: {len(rows)} of {total} rows of {about['name']}")
+    return _said(rows, names, total)
+
+
+def _checked(store: Store, options: Any) -> int:
+    every, faults = 0, 0
+    with stage("0 rows proved afresh") as progress:
+        for own in judged(store, processes(options.jobs)):
+            every += 1
+            progress.now(f"{every} rows proved afresh")
+            if own.fault:
+                faults += 1
+                say(f"variant {own.variant}, {own.question}: {own.fault}")
+    proofs = sum(1 for row in store.rows() if row["proof"])
+    say(f"{store.folder}: {every} rows, {proofs} with proofs; {faults} faults")
+    return NOT_PROVED if faults else PROVED
+
+
+def _best(rows: Sequence[Row], names: Sequence[str]) -> int:
+    """Print the rows with the best bounds: the largest decay or damping, the smallest of others."""
+    known = [row for row in rows if row["bound"] is not None]
+    if not known:
+        raise InputError("no row of this question has a bound")
+    digits = _weaker(known)
+    sign = -1 if digits is digits_down else 1
+    known.sort(key=lambda row: (sign * row["bound"], row["variant"]))
+    head = [f"{name:>12}" for name in names]
+    say(f"{'variant':>8}  {'bound':>10}  {'unit':<6}{''.join(head)}  label".rstrip())
+    for row in known[:BEST]:
+        own = "".join(f"{'-' if row[name] is None else f'{row[name]:.6g}':>12}" for name in names)
+        line = f"{row['variant']:>8}  {digits(row['bound']):>10}  {row['unit']:<6}{own}"
+        say(f"{line}  {row['label']}".rstrip())
+    return PROVED
+
+
+def _weaker(rows: Sequence[Row]) -> Callable[[float], str]:
+    """Return how bounds are rounded: decays and damping ratios, the larger the better, down."""
+    largest = rows[0]["claim"].startswith(("poles in half_plane", "poles in sector"))
+    return digits_down if largest else digits_up
+
+
+def _said(rows: Sequence[Row], names: Sequence[str], total: int) -> int:
+    """Say what rows are; return 1 where one is not proved, or missing."""
+    for name in names:
+        own = [row for row in rows if row["question"] == name]
+        counts = Counter(row["status"] for row in own)
+        said = ", ".join(f"{count} {status}" for status, count in sorted(counts.items()))
+        known = [row for row in own if row["bound"] is not None]
+        if known:
+            bounds, digits = [row["bound"] for row in known], _weaker(known)
+            span = f"{digits(min(bounds))} to {digits(max(bounds))} {known[0]['unit']}"
+            said += f"; {span.rstrip()}"
+        say(f"  {name}: {said or 'nothing yet'}")
+    bad = [row for row in rows if row["status"] != ROW_PROVED]
+    alike = Counter((row["question"], row["status"], NUMBER.sub("#", row["reason"])) for row in bad)
+    for (name, status, reason), count in alike.most_common(SHOWN):
+        first = next(
+            row for row in bad
+            if (row["question"], NUMBER.sub("#", row["reason"])) == (name, reason)
+        )  # fmt: skip
+        variants = f"variant {first['variant']}" + f" and {count - 1} more" * (count > 1)
+        say(f"  {name}, {variants}: {status}: {first['reason']}")
+    return NOT_PROVED if bad or len(rows) < total else PROVED

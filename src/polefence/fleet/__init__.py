@@ -1,0 +1,22 @@
+"""Fleets: questions about many variants of a plant, worked out anywhere, kept in one folder."""
+
+from polefence.fleet.checked import Judged, judged
+from polefence.fleet.questions import Answer
+from polefence.fleet.run import Workers, given, processes, run
+from polefence.fleet.store import Store
+from polefence.fleet.study import Study, load_study
+from polefence.fleet.variants import Variants
+
+__all__ = [
+    "Answer",
+    "Judged",
+    "Store",
+    "Study",
+    "Variants",
+    "Workers",
+    "given",
+    "judged",
+    "load_study",
+    "processes",
+    "run",
+]

@@ -1,0 +1,168 @@
+"""Results of a study proved afresh: each row against its file, that against the variant."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from fractions import Fraction
+from pathlib import Path
+from typing import Any
+
+from polefence.base.errors import DesignFileError, PolefenceError
+from polefence.base.files import read_bytes
+from polefence.design.certificate import plant_of
+from polefence.design.design import check_document, read_document
+from polefence.fleet.engine import carried_out
+from polefence.fleet.questions import Question, read_questions
+from polefence.fleet.run import AHEAD, Workers
+from polefence.fleet.store import Row, Store, digest_of
+from polefence.plant.expression import decimal
+from polefence.plant.family import UncertainPlant
+from polefence.plant.spec import loads
+from polefence.plant.varied import varied
+from polefence.proof.claims.poles import Poles
+from polefence.proof.claims.signal import SignalClaim
+from polefence.proof.document import Document
+from polefence.proof.reading import MAX_BYTES
+
+TOGETHER = 8  # rows that one task has
+SIZES = ("radius", "decay", "damping")  # of parts of a region
+
+
+@dataclass(frozen=True)
+class Judged:
+    """A row, and what is wrong with it; empty where nothing is.
+
+    Attributes
+    ----------
+    variant : int
+    question : str
+    fault : str
+    """
+
+    variant: int
+    question: str
+    fault: str
+
+
+@dataclass(frozen=True)
+class _Fresh:
+    row: Row
+    spec: str
+    question: Question
+
+
+@dataclass(frozen=True)
+class _Rows:
+    folder: Path
+    rows: tuple[_Fresh, ...]
+
+
+def judged(store: Store, workers: Workers) -> Iterator[Judged]:
+    """Yield each row of a store, proved afresh.
+
+    Raises
+    ------
+    DesignFileError
+        If the store cannot be read.
+    """
+    about, seen = store.about, set[tuple[Any, Any]]()
+    questions = {own.name: own for own in read_questions(about["questions"])}
+    fresh = list[_Fresh]()
+    for row in store.rows():
+        key = row["variant"], row["question"]
+        fault = _of_row(row, about) or ("is there twice" if key in seen else "")
+        if not fault and row["question"] not in questions:
+            fault = "is of no question of the study"
+        seen.add(key)
+        if fault or not row["proof"]:
+            yield Judged(*key, fault)
+        else:
+            fresh.append(_Fresh(row, _spec(row, about), questions[row["question"]]))
+    parts = (fresh[k : k + TOGETHER] for k in range(0, len(fresh), TOGETHER))
+    tasks = (_Rows(store.folder, tuple(part)) for part in parts)
+    window = AHEAD * workers.count
+    for own, faults in carried_out(tasks, _faults, workers.places, window, workers.lost):
+        for one, fault in zip(own.rows, faults or _lost(own), strict=True):
+            yield Judged(one.row["variant"], one.row["question"], fault)
+
+
+def _lost(own: _Rows) -> list[str]:
+    return ["the process that proved it died"] * len(own.rows)
+
+
+def _of_row(row: Row, about: Mapping[str, Any]) -> str:
+    """Say what is wrong with a row by itself."""
+    if digest_of(row) != row["digest"]:
+        return "is not as it was written: its digest differs"
+    if not 0 <= row["variant"] < len(about["rows"]):
+        return "is of no variant of the study"
+    for name, text in zip(about["names"], about["rows"][row["variant"]], strict=True):
+        if row[name] != (float(decimal(text)) if text else None):
+            return f"has another {name} than the study"
+    if (row["status"] == "proved") != bool(row["proof"]):
+        return "says that it is proved, and names no proof" if not row["proof"] else "names a proof"
+    return ""
+
+
+def _spec(row: Row, about: Mapping[str, Any]) -> str:
+    texts = about["rows"][row["variant"]]
+    values = {k: decimal(x) for k, x in zip(about["names"], texts, strict=True) if x}
+    return varied(about["base"], values)
+
+
+def _faults(own: _Rows) -> list[str]:
+    return [_fault(Store(own.folder), one) for one in own.rows]
+
+
+def _fault(store: Store, own: _Fresh) -> str:
+    """Say what is wrong with a row's proof."""
+    row, path = own.row, store.proof(own.row["proof"])
+    try:
+        content = read_bytes(path, MAX_BYTES, DesignFileError)
+        if hashlib.sha256(content).hexdigest() != row["proof"]:
+            return "its file of claims is not as it was written"
+        document = read_document(path)
+        answer = check_document(document, path)
+        plant = loads(own.spec)
+    except PolefenceError as error:
+        return str(error)
+    if not answer.proved:
+        return f"its claims are {answer.answer}: {answer.reason}"
+    if "; ".join(answer.claims) != row["claim"]:
+        return "claims another thing than its file"
+    if not _is_about(document, plant):
+        return "its file is about another plant"
+    if not _has_bound(document, row):
+        return "its bound is none of its file"
+    return own.question.fault(document)
+
+
+def _is_about(document: Document, plant: UncertainPlant) -> bool:
+    """Whether a file is about this plant, behind which a law may have states of its own."""
+    found = plant_of(document.plant)
+    (n, m), wide = plant.shape, found.shape
+    if len(found.vertices) != len(plant.vertices) or wide[0] < n or wide[1] < m:
+        return False
+    for mine, own in zip(found.vertices, plant.vertices, strict=True):
+        A, B = (tuple(row[:k] for row in M[:n]) for M, k in ((mine.exact_A, n), (mine.exact_B, m)))
+        if (own.exact_A, own.exact_B) != (A, B):
+            return False
+        if mine.exact_E is not None and mine.exact_E[:n] != own.exact_E:
+            return False
+    return True
+
+
+def _has_bound(document: Document, row: Row) -> bool:
+    """Whether the bound of a row is one of those that its file proves."""
+    if row["bound"] is None:
+        return True
+    bound, proved = Fraction(row["bound"]), list[Fraction]()
+    for claim in document.claims:
+        if isinstance(claim, SignalClaim):
+            proved.append(claim.level)
+        elif isinstance(claim, Poles):
+            for part in claim.region:
+                proved += [getattr(part, key) for key in SIZES if hasattr(part, key)]
+    return bound in proved

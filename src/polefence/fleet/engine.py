@@ -1,0 +1,173 @@
+"""Tasks carried out by processes that may die: each once, or given up with its reason."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import (
+    FIRST_COMPLETED,
+    BrokenExecutor,
+    CancelledError,
+    Executor,
+    Future,
+    wait,
+)
+from contextlib import AbstractContextManager, ExitStack
+from dataclasses import dataclass
+from typing import Generic, TypeVar
+
+from polefence.base.errors import OutputError
+
+T = TypeVar("T")
+R = TypeVar("R")
+
+STRIKES = 2  # times that a task may end the worker that has it alone
+BARREN = 20  # times that workers may die, one after the other, with no result
+Places = Callable[[], AbstractContextManager[Executor | None]]
+Dead = tuple[type[BaseException], ...]
+
+
+@dataclass(eq=False)
+class _Tried(Generic[T]):
+    """A task, and how often the worker died that had it alone."""
+
+    task: T
+    suspect: bool = False
+    strikes: int = 0
+
+
+class _Queue(Generic[T]):
+    """Tasks that are left; suspects, which were under way when a worker died, come first."""
+
+    def __init__(self, tasks: Iterable[T]) -> None:
+        self.fresh, self.suspects = iter(tasks), deque[_Tried[T]]()
+
+    def next(self) -> _Tried[T] | None:
+        """Take one, None where none is left."""
+        if self.suspects:
+            return self.suspects.popleft()
+        for task in self.fresh:
+            return _Tried(task)
+        return None
+
+    def suspect(self, own: _Tried[T]) -> None:
+        """Put one back that may have ended its worker; surely where it was tried alone."""
+        if own.suspect:  # once more at once, to be sure
+            own.strikes += 1
+            self.suspects.appendleft(own)
+            return
+        own.suspect = True
+        self.suspects.append(own)
+
+    def given_up(self) -> list[T]:
+        """Take those out that end every worker."""
+        found = [own for own in self.suspects if own.strikes >= STRIKES]
+        self.suspects = deque(own for own in self.suspects if own.strikes < STRIKES)
+        return [own.task for own in found]
+
+
+def carried_out(
+    tasks: Iterable[T], work: Callable[[T], R], places: Places, window: int, lost: Dead = ()
+) -> Iterator[tuple[T, R | None]]:
+    """Yield each task with its result, as they come; None for one that ends its workers.
+
+    Where a worker dies, the tasks under way are suspects: each is then tried alone, so that it is
+    known which of them it was.
+
+    Parameters
+    ----------
+    work : callable
+        A function that travels to other processes.
+    places : callable
+        Opens what tasks are carried out in; None: here. It is called again when that is broken.
+    window : int
+        Tasks under way at once.
+    lost : tuple of exception classes
+        What says, besides `BrokenExecutor`, that a worker or who leads them has died.
+
+    Raises
+    ------
+    OutputError
+        If workers die as soon as they start.
+    """
+    queue, barren = _Queue(tasks), 0
+    broken = _Broken(BrokenExecutor, CancelledError, *lost)
+    while barren < BARREN:
+        with ExitStack() as stack:
+            pool = broken.entered(stack, places)
+            if not broken.seen and pool is None:
+                while (own := queue.next()) is not None:
+                    yield own.task, work(own.task)
+                return
+            if pool is not None:
+                for pair in _in_pool(pool, work, queue, window, broken):
+                    barren = 0
+                    yield pair
+        if not broken.seen:
+            return
+        for task in queue.given_up():
+            yield task, None
+        broken.seen, barren = False, barren + 1
+    raise OutputError("workers die as soon as they start; nothing more can be worked out")
+
+
+class _Broken:
+    """Whether one of some exceptions came."""
+
+    def __init__(self, *kinds: type[BaseException]) -> None:
+        self.kinds, self.seen = kinds, False
+
+    def entered(self, stack: ExitStack, places: Places) -> Executor | None:
+        """Open a pool; None where its workers die at once."""
+        try:
+            return stack.enter_context(places())
+        except self.kinds:
+            self.seen = True
+            return None
+
+
+def _in_pool(
+    pool: Executor, work: Callable[[T], R], queue: _Queue[T], window: int, broken: _Broken
+) -> Iterator[tuple[T, R]]:
+    """Yield what comes until nothing is left, or the pool breaks; what was under way goes back."""
+    under_way = dict[Future[R], _Tried[T]]()
+    while not broken.seen:
+        _submit(pool, work, queue, window, under_way, broken)
+        if not under_way:
+            return
+        done, _ = wait(under_way, return_when=FIRST_COMPLETED)
+        for future in done:
+            own = under_way.pop(future)
+            try:
+                result = future.result()
+            except broken.kinds:
+                broken.seen = True
+                queue.suspect(own)
+                continue
+            yield own.task, result
+    for future, own in under_way.items():
+        future.cancel()
+        queue.suspect(own)
+
+
+def _submit(
+    pool: Executor,
+    work: Callable[[T], R],
+    queue: _Queue[T],
+    window: int,
+    under_way: dict[Future[R], _Tried[T]],
+    broken: _Broken,
+) -> None:
+    """Put as many tasks under way as may be: of suspects one."""
+    while not broken.seen:
+        alone = bool(queue.suspects) or any(own.suspect for own in under_way.values())
+        if len(under_way) >= (1 if alone else window):
+            return
+        own = queue.next()
+        if own is None:
+            return
+        try:
+            under_way[pool.submit(work, own.task)] = own
+        except broken.kinds:
+            broken.seen = True
+            queue.suspect(own)

@@ -1,0 +1,383 @@
+"""Questions of a study: what is asked of each variant, and what is answered."""
+
+from __future__ import annotations
+
+import tempfile
+import time
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, fields, replace
+from fractions import Fraction
+from pathlib import Path
+from typing import Any, ClassVar
+
+from polefence.base.errors import (
+    InputError,
+    NotProvedError,
+    PolefenceError,
+    SpecError,
+    shown,
+    suggest,
+)
+from polefence.base.processors import small_matrices
+from polefence.design import many
+from polefence.design.design import Design
+from polefence.design.place import require_kind
+from polefence.design.requirements.asked import wanted
+from polefence.design.signals.bounds import bounds_file, sampled
+from polefence.design.signals.optimise import Optimised, optimise
+from polefence.law.structure import Structure, load_structure
+from polefence.lmi.conditions.methods import Method, Scheduled, Slack, method_name
+from polefence.plant.family import UncertainPlant
+from polefence.plant.points import seeded
+from polefence.plant.spec import loads
+from polefence.proof.claims.poles import Poles
+from polefence.proof.document import Document
+from polefence.proof.regions import write_region
+from polefence.region.text import load_region, parse_region
+
+PROVED, NOT_PROVED, ERROR, LOST = "proved", "not proved", "error", "lost"
+SIZES = {"disk": "radius", "half_plane": "decay", "sector": "damping"}
+OF_METHOD = ("degree", "elevation", "on")
+FEW = 200  # points at which a law is sampled
+
+
+@dataclass(frozen=True)
+class Answer:
+    """What is found about one variant.
+
+    Attributes
+    ----------
+    status : str
+        "proved"; "not proved"; "error": the question makes no sense for this variant; "lost": the
+        process that worked on it died.
+    bound, least, worst : float, optional
+        What is proved; what is proved to be out of the method's reach; the worst sample.
+    unit : str
+    claim, reason : str
+        What is proved, in words; why nothing is.
+    seconds : float
+        A share of the time that its group took.
+    document : str, optional
+        The file of claims, which proves it.
+    """
+
+    status: str
+    bound: float | None = None
+    least: float | None = None
+    worst: float | None = None
+    unit: str = ""
+    claim: str = ""
+    reason: str = ""
+    seconds: float = 0.0
+    document: str | None = None
+
+
+@dataclass(frozen=True)
+class Question:
+    """What is asked of each variant.
+
+    Attributes
+    ----------
+    name : str
+        For rows.
+    """
+
+    name: str
+
+    kind: ClassVar[str]
+    group: ClassVar[int] = 1  # variants that are worked out together
+
+    @classmethod
+    def read(cls, name: str, table: Mapping[str, Any], where: str) -> Question:
+        """Return what a table of a study says.
+
+        Raises
+        ------
+        SpecError
+            Naming key, value and remedy.
+        """
+        known = {own.name: own for own in fields(cls) if own.name != "name"}
+        for key in table:
+            if key not in known:
+                raise SpecError(f"{where}: unknown key {shown(key)}; {suggest(key, known)}")
+        try:
+            return cls(name, **{key: _plain(value) for key, value in table.items()})
+        except (InputError, TypeError) as error:
+            raise SpecError(f"{where}: {error}") from error
+
+    def table(self) -> dict[str, Any]:
+        """Return it as `read_questions` reads it."""
+        chosen: dict[str, Any] = {"ask": self.kind, "name": self.name}
+        for own in fields(self)[1:]:
+            value = getattr(self, own.name)
+            if value != own.default:
+                chosen[own.name] = list(value) if isinstance(value, tuple) else value
+        return chosen
+
+    @property
+    def words(self) -> str:
+        """The question with its options."""
+        own = [f"{key} = {x}" for key, x in self.table().items() if key not in ("ask", "name")]
+        return ", ".join([self.kind, *own])
+
+    def fault(self, document: Document) -> str:  # noqa: ARG002
+        """Say how a file of claims answers another question; empty where it answers this one."""
+        return ""
+
+    def answers(self, specs: Sequence[str]) -> list[Answer]:
+        """Return an answer for each spec, texts of variants.
+
+        Whatever happens to one, the others are answered.
+        """
+        begin = time.perf_counter()
+        plants = [_or_error(lambda text=text: loads(text, "variant")) for text in specs]
+        known = [k for k, own in enumerate(plants) if isinstance(own, UncertainPlant)]
+        found: dict[int, Answer] = {
+            k: _failed(own) for k, own in enumerate(plants) if isinstance(own, PolefenceError)
+        }
+        answered = self._answered([plants[k] for k in known], [specs[k] for k in known])
+        seconds = (time.perf_counter() - begin) / len(specs)
+        found |= dict(zip(known, answered, strict=True))
+        return [_timed(found[k], seconds) for k in range(len(specs))]
+
+    def _answered(self, plants: list[Any], specs: list[str]) -> list[Answer]:
+        raise NotImplementedError
+
+
+@dataclass(frozen=True)
+class _OfMethod(Question):
+    method: str = "scheduled"
+    degree: int | None = None
+    elevation: int | None = None
+    on: str | None = None
+
+    def __post_init__(self) -> None:
+        _ = self.options
+
+    @property
+    def options(self) -> Method:
+        """The method with its options."""
+        method_name(self.method)
+        own = {key: x for key in OF_METHOD if (x := getattr(self, key)) is not None}
+        if not own:
+            return self.method
+        if self.method == "quadratic":
+            raise InputError(f"{next(iter(own))} belongs to scheduled and slack, not to quadratic")
+        return Slack(**own) if self.method == "slack" else Scheduled(**own)
+
+
+@dataclass(frozen=True)
+class Place(_OfMethod):
+    """A law that keeps all poles in a region."""
+
+    region: str = ""
+    kind = "design"
+    group = 16
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if not self.region:
+            raise InputError('region is missing; write region = "disk(-40, 31)"')
+        parse_region(self.region)
+
+    def fault(self, document: Document) -> str:
+        """Say that it is about another region."""
+        asked = parse_region(self.region).document()
+        own = document.first(Poles)
+        same = own is not None and write_region(own.region) == asked
+        return "" if same else f"its file is not about {self.region}"
+
+    def _answered(self, plants: list[Any], specs: list[str]) -> list[Answer]:  # noqa: ARG002
+        found = many.place(plants, parse_region(self.region), self.options)
+        return [
+            _failed(own) if isinstance(own, PolefenceError) else _of_design(own) for own in found
+        ]
+
+
+@dataclass(frozen=True)
+class Tightest(_OfMethod):
+    """The smallest disk about a centre, the largest decay rate or damping ratio."""
+
+    centre: float | None = None
+    of: str = "disk"
+    within: str = ""
+    kind = "tightest"
+    group = 16
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        require_kind(self.of)
+        if (self.of == "disk") != (self.centre is not None):
+            raise InputError(
+                "centre is missing; write centre = -40"
+                if self.centre is None
+                else f"centre belongs to a disk; of = {self.of!r} has none"
+            )
+        if self.within:
+            parse_region(self.within)
+
+    def fault(self, document: Document) -> str:
+        """Say that it is about no such region."""
+        own = document.first(Poles)
+        parts = () if own is None else own.region
+        for part in parts:
+            if part.kind == self.of and (self.centre is None or part.centre == self.centre):
+                return ""
+        return f"its file is about no {self.of} as it was asked for"
+
+    def _answered(self, plants: list[Any], specs: list[str]) -> list[Answer]:  # noqa: ARG002
+        within = parse_region(self.within) if self.within else None
+        found = many.tightest(plants, self.centre, self.options, of=self.of, within=within)
+        return [
+            _failed(own) if isinstance(own, PolefenceError) else _of_design(own, self.of)
+            for own in found
+        ]
+
+
+@dataclass(frozen=True)
+class Optimise(Question):
+    """The law with the least worst case of one signal, within limits on others."""
+
+    minimise: str | None = None
+    limits: tuple[str, ...] = ()
+    region: str = ""
+    method: str | None = None
+    measured: tuple[str, ...] | None = None
+    schedule: tuple[str, ...] | None = None
+    degree: int | None = None
+    order: int | None = None
+    kind = "optimise"
+
+    def __post_init__(self) -> None:
+        if self.region:
+            parse_region(self.region)
+        if self.method is not None:
+            method_name(self.method)
+
+    def _answered(self, plants: list[Any], specs: list[str]) -> list[Answer]:
+        return [self._of(plant, text) for plant, text in zip(plants, specs, strict=True)]
+
+    @small_matrices()
+    def _of(self, plant: UncertainPlant, text: str) -> Answer:
+        try:
+            with _as_file(text) as spec:
+                least, limits = wanted(
+                    plant, spec, self.minimise, self.limits, options=("minimise", "limits")
+                )
+                region = parse_region(self.region) if self.region else load_region(spec)
+                structure = self._structure(spec, plant)
+            done = optimise(plant, least, limits, region, self.method, structure=structure)
+        except PolefenceError as error:
+            return _failed(error)
+        return _of_optimised(done)
+
+    def _structure(self, spec: Path, plant: UncertainPlant) -> Structure | None:
+        keys = ("measured", "schedule", "degree", "order")
+        own = {key: x for key in keys if (x := getattr(self, key)) is not None}
+        written = load_structure(spec)
+        if self.method is not None or (written is None and not own):
+            return None
+        given = (
+            {own.name: getattr(written, own.name) for own in fields(Structure)} if written else {}
+        )
+        found = Structure(**given | own)
+        found.require_fit(plant)
+        return found
+
+
+QUESTIONS: dict[str, type[Question]] = {own.kind: own for own in (Place, Tightest, Optimise)}
+
+
+def read_questions(tables: Any) -> tuple[Question, ...]:
+    """Read the tables ``[[question]]`` of a study.
+
+    Raises
+    ------
+    SpecError
+        Naming key, value and remedy.
+    """
+    if (
+        not isinstance(tables, list)
+        or not all(isinstance(own, dict) for own in tables)
+        or not tables
+    ):
+        raise SpecError('no question; write [[question]], ask = "tightest", centre = -40')
+    found = list[Question]()
+    for k, table in enumerate(tables):
+        where, own = f"question {k + 1}", dict(table)
+        ask = own.pop("ask", None)
+        if ask not in QUESTIONS:
+            raise SpecError(
+                f"{where}: ask = {shown(ask)} is unknown; {suggest(str(ask), QUESTIONS)}"
+            )
+        name = own.pop("name", ask)
+        if not isinstance(name, str) or not name.strip():
+            raise SpecError(f"{where}: name = {shown(name)} must be text")
+        if name in [other.name for other in found]:
+            raise SpecError(f"{where}: two questions are called {name!r}; give each a name")
+        found.append(QUESTIONS[ask].read(name, own, where))
+    return tuple(found)
+
+
+def _plain(value: Any) -> Any:
+    """Return numbers as floats and lists as tuples, as the API takes them."""
+    if isinstance(value, list):
+        return tuple(map(_plain, value))
+    return float(value) if isinstance(value, Fraction) else value
+
+
+def _or_error(make: Any) -> Any:
+    try:
+        return make()
+    except PolefenceError as error:
+        return error
+
+
+def _failed(error: PolefenceError) -> Answer:
+    status = NOT_PROVED if isinstance(error, NotProvedError) else ERROR
+    return Answer(status, reason=" ".join(str(error).split()))
+
+
+def _timed(own: Answer, seconds: float) -> Answer:
+    return replace(own, seconds=seconds)
+
+
+def _of_design(own: Design, of: str = "") -> Answer:
+    """Return what a design answers: what is smallest of its region, if anything was."""
+    bound, unit = None, ""
+    for part in own.region.parts:
+        if of and part.kind == of:
+            bound, unit = getattr(part, SIZES[of]), "" if of == "sector" else "1/s"
+    return _proved(own.certificate.file(), bound, own.lower, None, unit)
+
+
+def _of_optimised(done: Optimised) -> Answer:
+    own = done.bounds[0] if done.bounds else None
+    document = bounds_file(done.design.certificate, [one.claim for one in done.bounds])
+    if own is None or own.specification.at_most is not None:
+        return _proved(document)
+    alpha = seeded(done.plant, len(done.plant.vertices) + FEW)
+    worst = sampled(done.plant, done.law, own.specification, alpha).worst
+    unit = own.specification.unit(done.plant)
+    return _proved(document, own.level, None, worst, unit)
+
+
+def _proved(
+    document: Document,
+    bound: float | None = None,
+    least: float | None = None,
+    worst: float | None = None,
+    unit: str = "",
+) -> Answer:
+    claim = "; ".join(own.statement(document.plant) for own in document.claims)
+    return Answer(PROVED, bound, least, worst, unit, claim, document=document.dumps(None))
+
+
+@contextmanager
+def _as_file(text: str) -> Iterator[Path]:
+    """Yield a file with this text, for what reads specs from files."""
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "variant.toml"
+        path.write_text(text, encoding="utf-8")
+        yield path

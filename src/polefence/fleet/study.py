@@ -1,0 +1,125 @@
+"""Studies: a base spec, its variants, and the questions about each of them; all as data."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+from polefence.base.errors import SpecError, shown, suggest
+from polefence.base.files import read_text
+from polefence.fleet.questions import Question, read_questions
+from polefence.fleet.variants import Variants, read_variants
+from polefence.plant.expression import decimal_text
+from polefence.plant.spec import MAX_BYTES, loads, parse
+from polefence.plant.varied import numbers_of, varied
+
+KEYS = ("name", "base", "variants", "question")
+MOST = 10_000_000  # rows
+
+
+@dataclass(frozen=True)
+class Task:
+    """A question about some variants, which are worked out together.
+
+    Attributes
+    ----------
+    question : int
+    variants : tuple of int
+    """
+
+    question: int
+    variants: tuple[int, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class Study:
+    """A study.
+
+    Attributes
+    ----------
+    name : str
+    base : str
+        Text of the spec that is varied.
+    variants : Variants
+    questions : tuple of Question
+    """
+
+    name: str
+    base: str
+    variants: Variants
+    questions: tuple[Question, ...]
+
+    @property
+    def total(self) -> int:
+        """Number of rows: each variant with each question."""
+        return len(self.variants) * len(self.questions)
+
+    def spec(self, number: int) -> str:
+        """Return the spec of one variant."""
+        return varied(self.base, self.variants.values(number), self.name)
+
+    @cached_property
+    def digest(self) -> str:
+        """SHA-256 of all that its rows depend on."""
+        return hashlib.sha256(json.dumps(self.document()).encode()).hexdigest()
+
+    def document(self) -> dict[str, Any]:
+        """Return it as plain data, in which equal studies are equal."""
+        own = self.variants
+        rows = [["" if x is None else decimal_text(x) for x in row] for row in own.rows]
+        return {
+            "name": self.name,
+            "base": self.base,
+            "names": list(own.names),
+            "rows": rows,
+            "labels": list(own.labels),
+            "questions": [question.table() for question in self.questions],
+        }
+
+    def tasks(self, done: frozenset[tuple[int, str]] = frozenset()) -> Iterator[Task]:
+        """Yield what is to be worked out, in groups, but for the rows that are done."""
+        for k, question in enumerate(self.questions):
+            left = [n for n in range(len(self.variants)) if (n, question.name) not in done]
+            for first in range(0, len(left), question.group):
+                yield Task(k, tuple(left[first : first + question.group]))
+
+
+def load_study(path: str | Path) -> Study:
+    """Read a study from a TOML file.
+
+    Raises
+    ------
+    SpecError
+        If it says something that cannot be used: one line with file, key, value and remedy.
+    """
+    where = Path(path)
+    data = parse(read_text(where, MAX_BYTES, SpecError), str(path))
+    try:
+        return _study(data, where.parent)
+    except SpecError as error:
+        raise SpecError(f"{path}: {' '.join(str(error).split())}") from error
+
+
+def _study(data: dict[str, Any], folder: Path) -> Study:
+    for key in data:
+        if key not in KEYS:
+            raise SpecError(f"unknown key {shown(key)}; {suggest(key, KEYS)}")
+    if not isinstance(data.get("base"), str):
+        raise SpecError('base is missing; write base = "car.toml", the spec that is varied')
+    name = data.get("name", "study")
+    if not isinstance(name, str):
+        raise SpecError(f"name = {shown(name)} must be text")
+    path = folder / data["base"]
+    base = read_text(path, MAX_BYTES, SpecError)
+    loads(base, str(path))
+    known = numbers_of(base, str(path))
+    variants = read_variants(data.get("variants"), folder, known)
+    questions = read_questions(data.get("question"))
+    if len(variants) * len(questions) > MOST:
+        raise SpecError(f"{len(variants)} variants of {len(questions)} questions: too many rows")
+    return Study(name, base, variants, questions)

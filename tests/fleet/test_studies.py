@@ -16,7 +16,7 @@ from pathlib import Path
 
 import pytest
 
-from polefence import check, tightest
+from polefence import Disk, check, in_service, place, tightest
 from polefence.cli.main import main
 from polefence.examples import spec_text
 from polefence.fleet import Store, judged, load_study, processes, run
@@ -134,7 +134,8 @@ def test_results_say_what_they_are(done, capsys):
     best = min(rows, key=lambda row: row["bound"])
     assert int(lines[1].split()[0]) == best["variant"]
     assert main(["study", str(path), "--estimate"]) == 0
-    assert "12 rows" in capsys.readouterr().out
+    said = capsys.readouterr().out
+    assert re.search(r"12 rows: about \S+ s of one processor, 0\.\d+ MB", said)
     assert main(["study", str(path), "--variant", "2"]) == 0
     assert loads(capsys.readouterr().out).digest == loads(load_study(path).spec(2)).digest
 
@@ -158,6 +159,80 @@ method = "quadratic"
     assert "m2" in rows[1]["reason"] or "unsprung" in rows[1]["reason"]
     assert not any(row["proof"] for row in rows.values())
     assert main(["study", str(out), "--check"]) == 0
+
+
+def test_margins_of_variants_are_proved_and_rounded_down(tmp_path, capsys):
+    text = """base = "car.toml"
+[variants]
+grid = {m2 = [28, 30]}
+"""
+    margins = ["gain", "estimate-m1", "rate", "estimate"]
+    for name in margins:
+        text += f'[[question]]\nname = "{name}"\nask = "service"\nmargin = "{name}"\n'
+        text += 'region = "disk(-40, 33)"\n'
+    path, out = write(tmp_path, text=text), tmp_path / "out"
+    assert main(["study", str(path), "-o", str(out), "--jobs", "1"]) == 0
+    said, study = capsys.readouterr().out, load_study(path)
+    rows = list(Store(out).rows())
+    for name in margins:
+        low, high = map(float, re.search(rf"{name}: 2 proved; (\S+) to (\S+)", said).groups())
+        own = {row["variant"]: row["bound"] for row in rows if row["question"] == name}
+        assert low <= min(own.values())
+        assert high <= max(own.values())
+        design = place(loads(study.spec(1)), Disk(-40, 33))
+        assert own[1] == in_service(design)[name].value
+    assert main(["study", str(out), "--best", "gain"]) == 0
+    best = max((row for row in rows if row["question"] == "gain"), key=lambda row: row["bound"])
+    assert int(capsys.readouterr().out.splitlines()[1].split()[0]) == best["variant"]
+    assert main(["study", str(out), "--check", "--jobs", "1"]) == 0
+
+    def larger(rows):
+        return [signed(row, bound=row["bound"] * 1.001) for row in rows]
+
+    changed(out, larger)
+    faults = [own.fault for own in judged(Store(out), processes(1))]
+    assert faults == ["its bound is none of its file"] * 8
+
+
+def test_limits_and_structures_come_from_the_base_or_the_question(tmp_path, capsys):
+    (tmp_path / "ride.toml").write_text(spec_text("quarter-car-ride"))
+    text = """base = "ride.toml"
+[variants]
+grid = {m2 = [28]}
+[[question]]
+ask = "optimise"
+method = "quadratic"
+[[question]]
+name = "softer"
+ask = "optimise"
+method = "quadratic"
+limits = ["rms of actuator force <= 300"]
+[[question]]
+name = "no such limit"
+ask = "optimise"
+limits = ["rms of actuator force"]
+"""
+    path, out = write(tmp_path, text=text), tmp_path / "out"
+    assert main(["study", str(path), "-o", str(out), "--jobs", "1"]) == 1
+    rows = {row["question"]: row for row in Store(out).rows()}
+    assert rows["optimise"]["status"] == rows["softer"]["status"] == "proved"
+    for row in (rows["optimise"], rows["softer"]):
+        assert row["worst"] <= row["bound"]
+        assert row["unit"] == "m/s2"
+    assert rows["optimise"]["bound"] <= rows["softer"]["bound"] * (1 + 1e-6)
+    assert "rms of 'actuator force' = u1 <= 300" in rows["softer"]["claim"]
+    assert "rms of 'actuator force' = u1 <= 660" in rows["optimise"]["claim"]
+    assert "has no limit; write for example" in rows["no such limit"]["reason"]
+    assert main(["study", str(out), "--check", "--jobs", "1"]) == 0
+
+    def looser(rows):
+        own, other = of(rows, "softer"), of(rows, "optimise")
+        keys = ("proof", "claim", "bound", "worst")
+        return [signed(own, **{key: other[key] for key in keys}), other, of(rows, "no such limit")]
+
+    changed(out, looser)
+    (fault,) = [own.fault for own in judged(Store(out), processes(1)) if own.fault]
+    assert fault == "its file has no bound 300 on rms of actuator force"
 
 
 def test_resuming_works_out_what_is_missing_alone(done, tmp_path, capsys):
@@ -470,7 +545,7 @@ def test_options_that_do_not_go_together(done, capsys):
         ([path, "--jobs", "0"], "--jobs = 0 must be at least 1"),
         ([out, "--estimate"], "--estimate is for a study"),
         ([out, "--best", "tight"], "--best 'tight': "),
-        ([out, "--best", "wide"], "no row of this question has a bound"),
+        ([out, "--best", "wide"], "no row of wide has a bound"),
         ([out / "rows"], "study.json: cannot be read"),
     ):
         assert said in refused(capsys, "study", *map(str, words))

@@ -1,6 +1,18 @@
 """Files of tests that take four seconds and more on one processor, the slowest first."""
 
 SLOW = (
+    "fleet/test_studies.py",
+    "vehicle/test_concepts.py",
+    "design/signals/test_semi_active_laws.py",
+    "fleet/test_cluster.py",
+    "docs/test_gallery.py",
+    "cli/test_cli_cars.py",
+    "fleet/test_engine.py",
+    "export/test_damper.py",
+    "design/signals/test_tuned.py",
+    "design/signals/test_semi_active.py",
+    "design/signals/test_never_worse.py",
+    "plant/test_tracks.py",
     "export/test_export.py",
     "design/requirements/test_gain_norm.py",
     "docs/test_ride_page.py",

@@ -71,7 +71,7 @@ def processes(jobs: int | None = None) -> Iterator[Executor | None]:
         yield None
         return
     with _interrupted_once() as (hold, ignore):
-        _start_tracker()
+        start_quiet_tracker()
         pool = ProcessPoolExecutor(count, get_context("spawn"), initializer=_start_worker)
         try:
             with hold():
@@ -87,7 +87,7 @@ def processes(jobs: int | None = None) -> Iterator[Executor | None]:
                 pool.shutdown(wait=True, cancel_futures=True)
 
 
-def _start_tracker() -> None:
+def start_quiet_tracker() -> None:
     """Start what cleans up after processes that are cut off, to do so without a word."""
     if sys.platform == "win32":  # where nothing is left behind
         return

@@ -6,7 +6,7 @@ import argparse
 import re
 import time
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -15,8 +15,10 @@ from polefence.base.progress import stage
 from polefence.cli.common import NOT_PROVED, PROVED
 from polefence.cli.terminal import say
 from polefence.fleet.checked import judged
+from polefence.fleet.cluster import dask
 from polefence.fleet.questions import PROVED as ROW_PROVED
-from polefence.fleet.run import processes, run
+from polefence.fleet.questions import Question, read_questions
+from polefence.fleet.run import Packed, Workers, answered, processes, run
 from polefence.fleet.store import Row, Store
 from polefence.fleet.study import Study, load_study
 from polefence.region.text import digits_down, digits_up
@@ -34,7 +36,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--resume", action="store_true", help="go on with what RESULTS has")
     parser.add_argument("--jobs", type=int, metavar="N", help="processes; default: one a processor")
     parser.add_argument(
-        "--estimate", action="store_true", help="say how large the study is; work nothing out"
+        "--cluster",
+        metavar="ADDRESS",
+        help="of a Dask scheduler, tcp://host:8786; local: one is started here",
+    )
+    parser.add_argument(
+        "--estimate",
+        action="store_true",
+        help="try one group of each question; say what all would take",
     )
     parser.add_argument(
         "--variant", type=int, metavar="N", help="print the spec of one variant, counted from 0"
@@ -58,23 +67,47 @@ def study_command(options: Any) -> int:
     if options.variant is not None:
         return _variant(study, options.variant)
     if options.estimate:
-        say(f"{study.name}: {len(study.variants)} variants of {', '.join(study.variants.names)}")
-        say(*(f"  {own.name}: {own.words}" for own in study.questions), f"  {study.total} rows")
-        return PROVED
+        return _estimated(study)
     if options.output is None:
         raise InputError("-o RESULTS is missing: the folder for results")
     return _worked_out(study, Store(options.output), options)
 
 
+def _estimated(study: Study) -> int:
+    """Work out one group of each question, and say what all of them would take."""
+    say(f"{study.name}: {len(study.variants)} variants of {', '.join(study.variants.names)}")
+    seconds, size, count = 0.0, 0.0, len(study.variants)
+    for question, task in zip(study.questions, study.firsts(), strict=True):
+        answers = answered(Packed.of(study, task))
+        own = sum(answer.seconds for answer in answers) / len(answers)
+        seconds += count * own
+        size += count * sum(len(answer.document or "") for answer in answers) / len(answers)
+        say(f"  {question.name}: {question.words}: {own:.2g} s a variant")
+    hours = f" ({seconds / 3600:.2g} hours)" if seconds > 3600 else ""
+    say(f"  {study.total} rows: about {seconds:.2g} s{hours} of one processor, {size / 1e6:.2g} MB")
+    return PROVED
+
+
 def _worked_out(study: Study, store: Store, options: Any) -> int:
     fresh, begin = 0, time.perf_counter()
     with stage(f"0 of {study.total} rows") as progress:
-        for rows in run(study, store, processes(options.jobs), options.resume):
+        for rows in run(study, store, _workers(options), options.resume):
             fresh += len(rows)
             rate = fresh / (time.perf_counter() - begin)
             progress.now(f"{fresh} of {study.total} rows, {rate:.3g} a second")
     say(f"{store.folder}: {study.total} rows, {fresh} of them new")
-    return _said(list(store.rows()), [own.name for own in study.questions], study.total)
+    return _said(list(store.rows()), study.questions, study.total)
+
+
+def _workers(options: Any) -> Workers:
+    if options.cluster is None:
+        return processes(options.jobs)
+    if options.jobs is not None:
+        raise InputError("--jobs is for processes; a cluster has its own workers")
+    try:
+        return dask(options.cluster)
+    except (OSError, ValueError) as error:
+        raise InputError(f"--cluster {options.cluster}: no scheduler there: {error}") from error
 
 
 def _variant(study: Study, number: int) -> int:
@@ -91,23 +124,25 @@ def _of_results(store: Store, options: Any) -> int:
         if getattr(options, key) not in (None, False):
             raise InputError(f"--{key} is for a study, and {store.folder} is a folder of results")
     about = store.about
-    names = [own["name"] for own in about["questions"]]
+    questions = read_questions(about["questions"])
+    names = [own.name for own in questions]
     if options.check:
         return _checked(store, options)
     rows = list(store.rows())
     if options.best is not None:
         if options.best not in names:
             raise InputError(f"--best {options.best!r}: {suggest(options.best, names)}")
-        return _best([row for row in rows if row["question"] == options.best], about["names"])
+        question = questions[names.index(options.best)]
+        return _best([row for row in rows if row["question"] == question.name], question, about)
     total = len(about["rows"]) * len(names)
     say(f"{store.folder}: {len(rows)} of {total} rows of {about['name']}")
-    return _said(rows, names, total)
+    return _said(rows, questions, total)
 
 
 def _checked(store: Store, options: Any) -> int:
     every, faults = 0, 0
     with stage("0 rows proved afresh") as progress:
-        for own in judged(store, processes(options.jobs)):
+        for own in judged(store, _workers(options)):
             every += 1
             progress.now(f"{every} rows proved afresh")
             if own.fault:
@@ -118,15 +153,14 @@ def _checked(store: Store, options: Any) -> int:
     return NOT_PROVED if faults else PROVED
 
 
-def _best(rows: Sequence[Row], names: Sequence[str]) -> int:
-    """Print the rows with the best bounds: the largest decay or damping, the smallest of others."""
-    known = [row for row in rows if row["bound"] is not None]
+def _best(rows: Sequence[Row], question: Question, about: Mapping[str, Any]) -> int:
+    """Print the rows with the best bounds."""
+    known, names = [row for row in rows if row["bound"] is not None], about["names"]
     if not known:
-        raise InputError("no row of this question has a bound")
-    digits = _weaker(known)
-    sign = -1 if digits is digits_down else 1
+        raise InputError(f"no row of {question.name} has a bound")
+    sign = -1 if question.largest else 1
     known.sort(key=lambda row: (sign * row["bound"], row["variant"]))
-    head = [f"{name:>12}" for name in names]
+    digits, head = _weaker(question), [f"{name:>12}" for name in names]
     say(f"{'variant':>8}  {'bound':>10}  {'unit':<6}{''.join(head)}  label".rstrip())
     for row in known[:BEST]:
         own = "".join(f"{'-' if row[name] is None else f'{row[name]:.6g}':>12}" for name in names)
@@ -135,24 +169,23 @@ def _best(rows: Sequence[Row], names: Sequence[str]) -> int:
     return PROVED
 
 
-def _weaker(rows: Sequence[Row]) -> Callable[[float], str]:
-    """Return how bounds are rounded: decays and damping ratios, the larger the better, down."""
-    largest = rows[0]["claim"].startswith(("poles in half_plane", "poles in sector"))
-    return digits_down if largest else digits_up
+def _weaker(question: Question) -> Callable[[float], str]:
+    """Return how bounds are rounded."""
+    return digits_down if question.largest else digits_up
 
 
-def _said(rows: Sequence[Row], names: Sequence[str], total: int) -> int:
+def _said(rows: Sequence[Row], questions: Sequence[Question], total: int) -> int:
     """Say what rows are; return 1 where one is not proved, or missing."""
-    for name in names:
-        own = [row for row in rows if row["question"] == name]
+    for question in questions:
+        own = [row for row in rows if row["question"] == question.name]
         counts = Counter(row["status"] for row in own)
         said = ", ".join(f"{count} {status}" for status, count in sorted(counts.items()))
         known = [row for row in own if row["bound"] is not None]
         if known:
-            bounds, digits = [row["bound"] for row in known], _weaker(known)
+            bounds, digits = [row["bound"] for row in known], _weaker(question)
             span = f"{digits(min(bounds))} to {digits(max(bounds))} {known[0]['unit']}"
             said += f"; {span.rstrip()}"
-        say(f"  {name}: {said or 'nothing yet'}")
+        say(f"  {question.name}: {said or 'nothing yet'}")
     bad = [row for row in rows if row["status"] != ROW_PROVED]
     alike = Counter((row["question"], row["status"], NUMBER.sub("#", row["reason"])) for row in bad)
     for (name, status, reason), count in alike.most_common(SHOWN):

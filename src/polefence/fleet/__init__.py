@@ -1,6 +1,7 @@
 """Fleets: questions about many variants of a plant, worked out anywhere, kept in one folder."""
 
 from polefence.fleet.checked import Judged, judged
+from polefence.fleet.cluster import dask
 from polefence.fleet.questions import Answer
 from polefence.fleet.run import Workers, given, processes, run
 from polefence.fleet.store import Store
@@ -14,6 +15,7 @@ __all__ = [
     "Study",
     "Variants",
     "Workers",
+    "dask",
     "given",
     "judged",
     "load_study",

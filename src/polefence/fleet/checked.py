@@ -5,7 +5,6 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from fractions import Fraction
 from pathlib import Path
 from typing import Any
 
@@ -13,21 +12,17 @@ from polefence.base.errors import DesignFileError, PolefenceError
 from polefence.base.files import read_bytes
 from polefence.design.certificate import plant_of
 from polefence.design.design import check_document, read_document
-from polefence.fleet.engine import carried_out
 from polefence.fleet.questions import Question, read_questions
-from polefence.fleet.run import AHEAD, Workers
+from polefence.fleet.run import Workers
 from polefence.fleet.store import Row, Store, digest_of
 from polefence.plant.expression import decimal
 from polefence.plant.family import UncertainPlant
 from polefence.plant.spec import loads
 from polefence.plant.varied import varied
-from polefence.proof.claims.poles import Poles
-from polefence.proof.claims.signal import SignalClaim
 from polefence.proof.document import Document
 from polefence.proof.reading import MAX_BYTES
 
 TOGETHER = 8  # rows that one task has
-SIZES = ("radius", "decay", "damping")  # of parts of a region
 
 
 @dataclass(frozen=True)
@@ -82,8 +77,7 @@ def judged(store: Store, workers: Workers) -> Iterator[Judged]:
             fresh.append(_Fresh(row, _spec(row, about), questions[row["question"]]))
     parts = (fresh[k : k + TOGETHER] for k in range(0, len(fresh), TOGETHER))
     tasks = (_Rows(store.folder, tuple(part)) for part in parts)
-    window = AHEAD * workers.count
-    for own, faults in carried_out(tasks, _faults, workers.places, window, workers.lost):
+    for own, faults in workers.done(_faults, tasks):
         for one, fault in zip(own.rows, faults or _lost(own), strict=True):
             yield Judged(one.row["variant"], one.row["question"], fault)
 
@@ -134,9 +128,10 @@ def _fault(store: Store, own: _Fresh) -> str:
         return "claims another thing than its file"
     if not _is_about(document, plant):
         return "its file is about another plant"
-    if not _has_bound(document, row):
+    fault = own.question.fault(document, own.spec)
+    if not fault and row["bound"] is not None and not own.question.proves(document, row["bound"]):
         return "its bound is none of its file"
-    return own.question.fault(document)
+    return fault
 
 
 def _is_about(document: Document, plant: UncertainPlant) -> bool:
@@ -152,17 +147,3 @@ def _is_about(document: Document, plant: UncertainPlant) -> bool:
         if mine.exact_E is not None and mine.exact_E[:n] != own.exact_E:
             return False
     return True
-
-
-def _has_bound(document: Document, row: Row) -> bool:
-    """Whether the bound of a row is one of those that its file proves."""
-    if row["bound"] is None:
-        return True
-    bound, proved = Fraction(row["bound"]), list[Fraction]()
-    for claim in document.claims:
-        if isinstance(claim, SignalClaim):
-            proved.append(claim.level)
-        elif isinstance(claim, Poles):
-            for part in claim.region:
-                proved += [getattr(part, key) for key in SIZES if hasattr(part, key)]
-    return bound in proved

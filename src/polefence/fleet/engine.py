@@ -14,7 +14,7 @@ from concurrent.futures import (
 )
 from contextlib import AbstractContextManager, ExitStack
 from dataclasses import dataclass
-from typing import Generic, TypeVar
+from typing import Any, Generic, TypeVar
 
 from polefence.base.errors import OutputError
 
@@ -23,6 +23,7 @@ R = TypeVar("R")
 
 STRIKES = 2  # times that a task may end the worker that has it alone
 BARREN = 20  # times that workers may die, one after the other, with no result
+Work = Callable[[Any], Any]
 Places = Callable[[], AbstractContextManager[Executor | None]]
 Dead = tuple[type[BaseException], ...]
 

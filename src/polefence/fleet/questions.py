@@ -22,8 +22,10 @@ from polefence.base.errors import (
 from polefence.base.processors import small_matrices
 from polefence.design import many
 from polefence.design.design import Design
+from polefence.design.margins import in_service
 from polefence.design.place import require_kind
 from polefence.design.requirements.asked import wanted
+from polefence.design.requirements.specification import Specification
 from polefence.design.signals.bounds import bounds_file, sampled
 from polefence.design.signals.optimise import Optimised, optimise
 from polefence.law.structure import Structure, load_structure
@@ -31,13 +33,20 @@ from polefence.lmi.conditions.methods import Method, Scheduled, Slack, method_na
 from polefence.plant.family import UncertainPlant
 from polefence.plant.points import seeded
 from polefence.plant.spec import loads
+from polefence.proof.claims.estimate import Estimate
+from polefence.proof.claims.gain_error import GainError
+from polefence.proof.claims.margins import MarginClaim
 from polefence.proof.claims.poles import Poles
+from polefence.proof.claims.rate import Rate
+from polefence.proof.claims.signal import SignalClaim
 from polefence.proof.document import Document
-from polefence.proof.regions import write_region
+from polefence.proof.regions import Disk, Part, write_region
+from polefence.region.regions import HalfPlane, Region
 from polefence.region.text import load_region, parse_region
 
 PROVED, NOT_PROVED, ERROR, LOST = "proved", "not proved", "error", "lost"
 SIZES = {"disk": "radius", "half_plane": "decay", "sector": "damping"}
+KINDS = {"gain": GainError.kind, "estimate": Estimate.kind, "rate": Rate.kind}
 OF_METHOD = ("degree", "elevation", "on")
 FEW = 200  # points at which a law is sampled
 
@@ -121,9 +130,18 @@ class Question:
         own = [f"{key} = {x}" for key, x in self.table().items() if key not in ("ask", "name")]
         return ", ".join([self.kind, *own])
 
-    def fault(self, document: Document) -> str:  # noqa: ARG002
-        """Say how a file of claims answers another question; empty where it answers this one."""
+    def fault(self, document: Document, spec: str) -> str:  # noqa: ARG002
+        """Say how a file of claims answers another question of a variant; empty if it does not."""
         return ""
+
+    @property
+    def largest(self) -> bool:
+        """Whether a bound is the better the larger it is."""
+        return False
+
+    def proves(self, document: Document, bound: float) -> bool:  # noqa: ARG002
+        """Whether a file of claims that answers it has this bound."""
+        return False
 
     def answers(self, specs: Sequence[str]) -> list[Answer]:
         """Return an answer for each spec, texts of variants.
@@ -181,11 +199,14 @@ class Place(_OfMethod):
             raise InputError('region is missing; write region = "disk(-40, 31)"')
         parse_region(self.region)
 
-    def fault(self, document: Document) -> str:
+    @property
+    def _asked(self) -> dict[str, Any]:
+        return parse_region(self.region).document()
+
+    def fault(self, document: Document, spec: str) -> str:  # noqa: ARG002
         """Say that it is about another region."""
-        asked = parse_region(self.region).document()
         own = document.first(Poles)
-        same = own is not None and write_region(own.region) == asked
+        same = own is not None and write_region(own.region) == self._asked
         return "" if same else f"its file is not about {self.region}"
 
     def _answered(self, plants: list[Any], specs: list[str]) -> list[Answer]:  # noqa: ARG002
@@ -217,14 +238,26 @@ class Tightest(_OfMethod):
         if self.within:
             parse_region(self.within)
 
-    def fault(self, document: Document) -> str:
+    @property
+    def largest(self) -> bool:
+        """Whether that is a decay rate or a damping ratio."""
+        return self.of != "disk"
+
+    def fault(self, document: Document, spec: str) -> str:  # noqa: ARG002
         """Say that it is about no such region."""
+        return "" if self._parts(document) else f"its file has no such {self.of}"
+
+    def proves(self, document: Document, bound: float) -> bool:
+        """Whether that is the size of the region."""
+        return any(getattr(part, SIZES[self.of]) == bound for part in self._parts(document))
+
+    def _parts(self, document: Document) -> list[Part]:
         own = document.first(Poles)
-        parts = () if own is None else own.region
-        for part in parts:
-            if part.kind == self.of and (self.centre is None or part.centre == self.centre):
-                return ""
-        return f"its file is about no {self.of} as it was asked for"
+        return [
+            part
+            for part in (() if own is None else own.region)
+            if part.kind == self.of and (not isinstance(part, Disk) or part.centre == self.centre)
+        ]
 
     def _answered(self, plants: list[Any], specs: list[str]) -> list[Answer]:  # noqa: ARG002
         within = parse_region(self.within) if self.within else None
@@ -233,6 +266,62 @@ class Tightest(_OfMethod):
             _failed(own) if isinstance(own, PolefenceError) else _of_design(own, self.of)
             for own in found
         ]
+
+
+@dataclass(frozen=True)
+class Service(Place):
+    """How wrong the gain or estimates of parameters may be, how fast these may move: of a law."""
+
+    margin: str = "gain"
+    decay: float = 0.0
+    kind = "service"
+
+    @property
+    def largest(self) -> bool:
+        """Margins are."""
+        return True
+
+    def fault(self, document: Document, spec: str) -> str:  # noqa: ARG002
+        """Say that it is about another margin, or another region: of rates there is none."""
+        own = document.first(MarginClaim)
+        if own is None or own.kind != KINDS.get(self.margin.partition("-")[0]):
+            return f"its file is about no {self.margin}"
+        same = isinstance(own, Rate) or write_region(own.subject.design.region) == self._asked
+        return "" if same else f"its file is not about {self.region}"
+
+    def proves(self, document: Document, bound: float) -> bool:
+        """Whether no more is said than that."""
+        own = document.first(MarginClaim)
+        if isinstance(own, GainError):
+            return bound <= own.error
+        values: tuple[Fraction, ...] | None = None
+        if isinstance(own, Estimate):
+            values = own.errors
+        elif isinstance(own, Rate):
+            values = own.rates
+        if own is None or values is None:
+            return isinstance(own, Rate)  # any rate
+        ranges = [r.high - r.low for r in own.subject.ranges] or [Fraction(1)]
+        least = min(v / r for v, r in zip(values, ranges, strict=True))
+        return bound <= (max(values) if "-" in self.margin else least)
+
+    def _answered(self, plants: list[Any], specs: list[str]) -> list[Answer]:  # noqa: ARG002
+        found = many.place(plants, parse_region(self.region), self.options)
+        return [_failed(own) if isinstance(own, PolefenceError) else self._of(own) for own in found]
+
+    @small_matrices()
+    def _of(self, design: Design) -> Answer:
+        try:
+            every = in_service(design, self.decay)
+            own = next((one for one in every if one.name == self.margin), None)
+            if own is None:
+                names = [one.name for one in every]
+                raise InputError(f"margin = {self.margin!r} is none; {suggest(self.margin, names)}")
+        except PolefenceError as error:
+            return _failed(error)
+        if not own.proved:
+            return Answer(NOT_PROVED, reason="no margin was proved")
+        return _proved(every.file(own), own.value, None, None, own.unit)
 
 
 @dataclass(frozen=True)
@@ -255,6 +344,23 @@ class Optimise(Question):
         if self.method is not None:
             method_name(self.method)
 
+    def fault(self, document: Document, spec: str) -> str:
+        """Say which limit it does not have, or that it is about another region."""
+        with _as_file(spec) as path:
+            _, limits = self._wanted(loads(spec), path)
+            region = self._region(path) or HalfPlane(0)
+        own = document.first(Poles)
+        if own is None or write_region(own.region) != region.document():
+            return f"its file is not about {region}"
+        for limit in limits:
+            if not any(_keeps(claim, limit) for claim in document.claims):
+                return f"its file has no bound {limit.at_most:g} on {limit.title}"
+        return ""
+
+    def proves(self, document: Document, bound: float) -> bool:
+        """Whether a signal has this bound."""
+        return any(own.level == bound for own in document.claims if isinstance(own, SignalClaim))
+
     def _answered(self, plants: list[Any], specs: list[str]) -> list[Answer]:
         return [self._of(plant, text) for plant, text in zip(plants, specs, strict=True)]
 
@@ -262,15 +368,21 @@ class Optimise(Question):
     def _of(self, plant: UncertainPlant, text: str) -> Answer:
         try:
             with _as_file(text) as spec:
-                least, limits = wanted(
-                    plant, spec, self.minimise, self.limits, options=("minimise", "limits")
-                )
-                region = parse_region(self.region) if self.region else load_region(spec)
+                least, limits = self._wanted(plant, spec)
+                region = self._region(spec)
                 structure = self._structure(spec, plant)
             done = optimise(plant, least, limits, region, self.method, structure=structure)
         except PolefenceError as error:
             return _failed(error)
         return _of_optimised(done)
+
+    def _wanted(
+        self, plant: UncertainPlant, spec: Path
+    ) -> tuple[Specification | None, tuple[Specification, ...]]:
+        return wanted(plant, spec, self.minimise, self.limits, options=("minimise", "limits"))
+
+    def _region(self, spec: Path) -> Region | None:
+        return parse_region(self.region) if self.region else load_region(spec)
 
     def _structure(self, spec: Path, plant: UncertainPlant) -> Structure | None:
         keys = ("measured", "schedule", "degree", "order")
@@ -286,7 +398,9 @@ class Optimise(Question):
         return found
 
 
-QUESTIONS: dict[str, type[Question]] = {own.kind: own for own in (Place, Tightest, Optimise)}
+QUESTIONS: dict[str, type[Question]] = {
+    own.kind: own for own in (Place, Tightest, Service, Optimise)
+}
 
 
 def read_questions(tables: Any) -> tuple[Question, ...]:
@@ -372,6 +486,16 @@ def _proved(
 ) -> Answer:
     claim = "; ".join(own.statement(document.plant) for own in document.claims)
     return Answer(PROVED, bound, least, worst, unit, claim, document=document.dumps(None))
+
+
+def _keeps(claim: Any, limit: Specification) -> bool:
+    """Whether a claim is a limit, or a lower one on the same."""
+    if claim.kind != limit.kind or claim.level > limit.at_most:
+        return False
+    names = [own if isinstance(own, str) else own.name for own in limit.entries]
+    behind = (f", {own}" if own else "" for own in limit.filters)
+    filtered = [f"{name}{own}" for name, own in zip(names, behind, strict=True)]
+    return not isinstance(claim, SignalClaim) or [own.name for own in claim.outputs] == filtered
 
 
 @contextmanager

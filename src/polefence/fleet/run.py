@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import Executor
 from contextlib import nullcontext
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
+from typing import Any
 
 from polefence.base import workers
 from polefence.base.processors import processors
-from polefence.fleet.engine import Dead, Places, carried_out
+from polefence.fleet.engine import Dead, Places, R, T, Work, carried_out
 from polefence.fleet.questions import LOST, Answer, Question
 from polefence.fleet.store import Row, Store
 from polefence.fleet.study import Study, Task
@@ -30,11 +31,19 @@ class Workers:
         How many there are.
     lost : tuple of exception classes
         What says that one has died.
+    around : callable, optional
+        ``around(work, task)`` does a task there; by default the work itself does.
     """
 
     places: Places
     count: int
     lost: Dead = ()
+    around: Callable[[Work, Any], Any] | None = None
+
+    def done(self, work: Callable[[T], R], tasks: Iterable[T]) -> Iterator[tuple[T, R | None]]:
+        """Yield tasks with their results, as `carried_out` does."""
+        own = work if self.around is None else partial(self.around, work)
+        return carried_out(tasks, own, self.places, AHEAD * self.count, self.lost)
 
 
 def processes(jobs: int | None = None) -> Workers:
@@ -60,13 +69,11 @@ def run(study: Study, store: Store, workers: Workers, resume: bool = False) -> I
         store.begin(study, resume)
         tasks = study.tasks(store.done())
         packed = (Packed.of(study, task) for task in tasks)
-        window = AHEAD * workers.count
-        for own, answers in carried_out(packed, answered, workers.places, window, workers.lost):
+        for own, answers in workers.done(answered, packed):
             if answers is None and len(own.task.variants) > 1:
                 singles = [Task(own.task.question, (n,)) for n in own.task.variants]
                 again = (Packed.of(study, one) for one in singles)
-                each = carried_out(again, answered, workers.places, 1, workers.lost)
-                for one, found in each:
+                for one, found in replace(workers, count=1).done(answered, again):
                     yield _kept(study, store, one, found)
             else:
                 yield _kept(study, store, own, answers)

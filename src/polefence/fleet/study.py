@@ -81,6 +81,11 @@ class Study:
             "questions": [question.table() for question in self.questions],
         }
 
+    def firsts(self) -> Iterator[Task]:
+        """Yield the first group of each question."""
+        for k, question in enumerate(self.questions):
+            yield Task(k, tuple(range(min(question.group, len(self.variants)))))
+
     def tasks(self, done: frozenset[tuple[int, str]] = frozenset()) -> Iterator[Task]:
         """Yield what is to be worked out, in groups, but for the rows that are done."""
         for k, question in enumerate(self.questions):

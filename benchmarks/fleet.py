@@ -3,7 +3,8 @@
     python benchmarks/fleet.py [--variants N] [--workers 1 2 4]
 
 Three questions about N quarter cars (2,000 by default). "one core" is the same work by batched
-calls in this process, in one thread, without any store. Needs the extras parquet and cluster.
+calls in this process, in one thread, without any store. The command with processes and with Dask
+is timed whole, turn by turn. Needs the extras parquet and cluster.
 """
 
 import os
@@ -12,13 +13,15 @@ os.environ["OPENBLAS_NUM_THREADS"] = "1"
 
 import argparse
 import resource
+import subprocess
+import sys
 import tempfile
 import time
 from pathlib import Path
 
 from polefence.base.processors import share_processors
 from polefence.examples import spec_text
-from polefence.fleet import Store, dask, load_study, processes, run
+from polefence.fleet import Store, load_study, processes, run
 from polefence.fleet.run import Packed, answered
 
 STUDY = """
@@ -37,6 +40,9 @@ name = "decay"
 ask = "tightest"
 of = "half_plane"
 """
+
+
+TURNS = 3
 
 
 def timed(work):
@@ -77,16 +83,30 @@ def main():
         print(f"{'':<22}{'rows/s':>8}{'of so many cores':>18}{'client MB':>16}")
         print(f"{'one core':<22}{rate:>8.1f}")
         places = [(f"{n} processes", processes(n), n) for n in options.workers]
-        places.append(("Dask, local", dask("local"), os.cpu_count()))
         for k, (label, workers, n) in enumerate(places):
             own, (early, late) = timed(lambda w=workers, k=k: studied(study, folder / f"{k}", w))
             cores = min(n, os.cpu_count())
             share = study.total / own / (rate * cores)
             print(f"{label:<22}{study.total / own:>8.1f}{share:>18.2f}{early:>8.0f}{late:>8.0f}")
+        ratios = []
+        for turn in range(TURNS):
+            own, other = (
+                timed(lambda m=more, t=turn: command(folder, f"{t}{len(m)}", m))[0]
+                for more in ((), ("--cluster", "local"))
+            )
+            ratios.append(other / own)
+        said = ", ".join(f"{ratio:.2f}" for ratio in sorted(ratios))
+        print(f"the whole command with Dask over that with processes: {said}")
         client, _ = timed(lambda: kept(study, folder / "kept", packed, answers))
         print(f"the client alone keeps {study.total / client:.0f} rows a second: by that")
         for n in (10, 100, 1000):
             print(f"  {n:>5} workers: {min(n * rate, study.total / client):>8.0f} rows/s")
+
+
+def command(folder, name, more):
+    words = [sys.executable, "-m", "polefence", "study", folder / "study.toml"]
+    words += ["-o", folder / f"command{name}", *more]
+    subprocess.run(words, stdout=subprocess.DEVNULL, check=False)
 
 
 def kept(study, folder, packed, answers):

@@ -161,6 +161,42 @@ method = "quadratic"
     assert main(["study", str(out), "--check"]) == 0
 
 
+def test_the_page_has_every_question_and_every_kind_of_failure(tmp_path, capsys):
+    text = """name = "<b>fleet</b>"
+base = "car.toml"
+[variants]
+grid = {m2 = [28, -3, 30], kt = [150000, 160000]}
+[[question]]
+name = "<script>"
+ask = "tightest"
+centre = -40
+[[question]]
+ask = "design"
+region = "disk(-40, 27)"
+method = "quadratic"
+"""
+    out, page = tmp_path / "out", tmp_path / "page.html"
+    main(["study", str(write(tmp_path, text=text)), "-o", str(out), "--jobs", "1"])
+    assert main(["study", str(out), "--html", str(page)]) == 1
+    assert f"saved: {page}" in capsys.readouterr().out
+    html = page.read_text()
+    assert "<h1>&lt;b&gt;fleet&lt;/b&gt;: 6 variants</h1>" in html
+    assert "4 of 12 answers proved" in html
+    assert "<script" not in html
+    assert html.count("data:image/svg+xml;base64,") == 1  # designs have no bounds
+    assert "Red crosses" in html
+    assert "<td>2 error, 4 proved</td>" in html
+    assert "<td>2 error, 4 not proved</td>" in html
+    bounds = [row["bound"] for row in Store(out).rows() if row["bound"]]
+    shown = re.search(r"4 proved</td><td>([\d.]+)</td><td>[\d.]+</td><td>([\d.]+)", html)
+    low, high = map(float, shown.groups())
+    assert low >= min(bounds)
+    assert high >= max(bounds)
+    assert not re.search(r"(src|href)=\"(?!data:)", html)
+    message = refused(capsys, "study", str(out), "--html", str(tmp_path))
+    assert "is a folder; name a file" in message
+
+
 def test_margins_of_variants_are_proved_and_rounded_down(tmp_path, capsys):
     text = """base = "car.toml"
 [variants]
@@ -283,21 +319,26 @@ linux = pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="looks i
 
 @linux
 def test_workers_killed_at_random_lose_no_row(tmp_path):
-    count, killed, chance = 400, 0, random.Random(1)
-    client = started(write(tmp_path, count), "-o", tmp_path / "out", "--jobs", "2")
+    count, killed, chance, before = 400, 0, random.Random(1), -1
+    out = tmp_path / "out"
+    client = started(write(tmp_path, count), "-o", out, "--jobs", "2")
     while client.poll() is None and killed < 20:
         time.sleep(chance.uniform(0.02, 0.25))
+        parts = len(list((out / "rows").glob("*.parquet")))
+        if killed % 3 == 0 and parts == before:
+            continue  # on a slow machine workers would not even start between two kills
         workers = children(client.pid)
         if workers:
+            before = parts
             try:
                 os.kill(chance.choice(workers), signal.SIGKILL)
             except ProcessLookupError:
                 continue
             killed += 1
-    out, err = client.communicate(timeout=300)
-    assert client.returncode == 0, out + err
+    _, err = client.communicate(timeout=300)
+    assert client.returncode == 0, err
     assert killed == 20
-    assert keys(tmp_path / "out") == every(count)
+    assert keys(out) == every(count)
     assert not temporary(tmp_path)
 
 
@@ -541,6 +582,7 @@ def test_options_that_do_not_go_together(done, capsys):
     for words, said in (
         ([path], "-o RESULTS is missing"),
         ([path, "--check"], "--check is for a folder of results"),
+        ([path, "--html", "x"], "--html is for a folder of results"),
         ([path, "--variant", "9"], "--variant = 9: there are 0 to 5"),
         ([path, "--jobs", "0"], "--jobs = 0 must be at least 1"),
         ([out, "--estimate"], "--estimate is for a study"),

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import re
 import time
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
@@ -11,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from polefence.base.errors import InputError, suggest
+from polefence.base.files import check_target, write_text
 from polefence.base.progress import stage
 from polefence.cli.common import NOT_PROVED, PROVED
 from polefence.cli.terminal import say
@@ -19,12 +19,11 @@ from polefence.fleet.cluster import dask
 from polefence.fleet.questions import PROVED as ROW_PROVED
 from polefence.fleet.questions import Question, read_questions
 from polefence.fleet.run import Packed, Workers, answered, processes, run
-from polefence.fleet.store import Row, Store
+from polefence.fleet.store import Row, Store, alike
 from polefence.fleet.study import Study, load_study
 from polefence.region.text import digits_down, digits_up
 
 SHOWN, BEST = 5, 10  # reasons of rows that are not proved; rows of --best
-NUMBER = re.compile(r"-?\d+(\.\d+)?(e-?\d+)?")
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -48,6 +47,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--variant", type=int, metavar="N", help="print the spec of one variant, counted from 0"
     )
+    parser.add_argument("--html", type=Path, metavar="FILE", help="write a page about results")
     parser.add_argument("--check", action="store_true", help="prove every row of results afresh")
     parser.add_argument(
         "--best", metavar="QUESTION", help=f"of results the {BEST} best rows of a question"
@@ -60,7 +60,7 @@ def study_command(options: Any) -> int:
         raise InputError(f"--jobs = {options.jobs} must be at least 1")
     if options.study.is_dir():
         return _of_results(Store(options.study), options)
-    for key in ("check", "best"):
+    for key in ("check", "best", "html"):
         if getattr(options, key):
             raise InputError(f"--{key} is for a folder of results; name that")
     study = load_study(options.study)
@@ -128,12 +128,22 @@ def _of_results(store: Store, options: Any) -> int:
     names = [own.name for own in questions]
     if options.check:
         return _checked(store, options)
+    if options.html is not None:
+        check_target(options.html)
     rows = list(store.rows())
     if options.best is not None:
         if options.best not in names:
             raise InputError(f"--best {options.best!r}: {suggest(options.best, names)}")
         question = questions[names.index(options.best)]
         return _best([row for row in rows if row["question"] == question.name], question, about)
+    if options.html is not None:
+        from polefence.show.fleet import fleet_page
+
+        pairs = [(own.name, own.largest) for own in questions]
+        failed = alike([row for row in rows if row["status"] != ROW_PROVED])
+        text = fleet_page(about["name"], about["names"], pairs, rows, failed)
+        write_text(options.html, text)
+        say(f"saved: {options.html}")
     total = len(about["rows"]) * len(names)
     say(f"{store.folder}: {len(rows)} of {total} rows of {about['name']}")
     return _said(rows, questions, total)
@@ -187,12 +197,7 @@ def _said(rows: Sequence[Row], questions: Sequence[Question], total: int) -> int
             said += f"; {span.rstrip()}"
         say(f"  {question.name}: {said or 'nothing yet'}")
     bad = [row for row in rows if row["status"] != ROW_PROVED]
-    alike = Counter((row["question"], row["status"], NUMBER.sub("#", row["reason"])) for row in bad)
-    for (name, status, reason), count in alike.most_common(SHOWN):
-        first = next(
-            row for row in bad
-            if (row["question"], NUMBER.sub("#", row["reason"])) == (name, reason)
-        )  # fmt: skip
-        variants = f"variant {first['variant']}" + f" and {count - 1} more" * (count > 1)
-        say(f"  {name}, {variants}: {status}: {first['reason']}")
+    for row, count in alike(bad)[:SHOWN]:
+        variants = f"variant {row['variant']}" + f" and {count - 1} more" * (count > 1)
+        say(f"  {row['question']}, {variants}: {row['status']}: {row['reason']}")
     return NOT_PROVED if bad or len(rows) < total else PROVED

@@ -21,8 +21,8 @@ from polefence.base.errors import OutputError
 T = TypeVar("T")
 R = TypeVar("R")
 
-STRIKES = 2  # times that a task may end the worker that has it alone
-BARREN = 20  # times that workers may die, one after the other, with no result
+STRIKES = 4  # times that a task may end the worker that has it alone
+BARREN = 40  # times that workers may die, one after the other, with no result
 Work = Callable[[Any], Any]
 Places = Callable[[], AbstractContextManager[Executor | None]]
 Dead = tuple[type[BaseException], ...]

@@ -8,27 +8,31 @@ RESULTS/proofs/ab/....json   files of claims, each named by its SHA-256
 from __future__ import annotations
 
 import hashlib
-import io
 import json
+import re
 import sys
+from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 from polefence.base import VERSION
-from polefence.base.errors import DesignFileError, MissingExtraError, OutputError
+from polefence.base.errors import DesignFileError, OutputError
 from polefence.base.files import make_folder, read_bytes, read_text, write_bytes
+from polefence.base.parquet import arrow, read_table, table_bytes
 from polefence.fleet.questions import Answer
 from polefence.fleet.study import Study
 from polefence.lmi.solve.engine import engine
 
 STUDY, ROWS, PROOFS, LOCK = "study.json", "rows", "proofs", "lock"
 FORMAT = "polefence study"
+REMEDY = "pip install 'polefence[parquet]'"
 MAX_BYTES = 1_000_000_000
 TEXTS = ("label", "question", "ask", "status", "unit", "claim", "reason")
 NUMBERS = ("bound", "least", "worst", "seconds")
 MARKS = ("version", "engine", "proof", "digest")
+NUMBER = re.compile(r"-?\d+(\.\d+)?(e-?\d+)?")
 OURS = ("variant", *TEXTS, *NUMBERS, *MARKS)
 
 Row = dict[str, Any]
@@ -77,7 +81,7 @@ class Store:
         OutputError
             If there are results already, and they are not to be resumed, or of another study.
         """
-        _pyarrow()
+        arrow(REMEDY)
         if (self.folder / STUDY).exists():
             if self.about["digest"] != study.digest:
                 raise OutputError(
@@ -161,6 +165,16 @@ class Store:
         return frozenset((row["variant"], row["question"]) for row in self.rows())
 
 
+def alike(rows: Sequence[Row]) -> list[tuple[Row, int]]:
+    """Return the first of rows whose reasons differ in numbers alone, and how many there are."""
+    first, counts = dict[tuple[str, ...], Row](), Counter[tuple[str, ...]]()
+    for row in sorted(rows, key=lambda row: row["variant"]):
+        key = row["question"], row["status"], NUMBER.sub("#", row["reason"])
+        first.setdefault(key, row)
+        counts[key] += 1
+    return [(first[key], count) for key, count in counts.most_common()]
+
+
 def row_of(study: Study, question: int, number: int, answer: Answer, proof: str) -> Row:
     """Return a row, with the numbers that the variant changes."""
     asked = study.questions[question]
@@ -175,39 +189,21 @@ def row_of(study: Study, question: int, number: int, answer: Answer, proof: str)
 
 
 def _table(rows: Sequence[Row], names: Sequence[str]) -> bytes:
-    pyarrow, parquet = _pyarrow()
-    kinds = {"variant": pyarrow.int64()}
-    kinds |= dict.fromkeys((*TEXTS, *MARKS), pyarrow.string())
-    kinds |= dict.fromkeys((*NUMBERS, *names), pyarrow.float64())
-    schema = pyarrow.schema([(key, kinds[key]) for key in (*OURS, *names)])
-    buffer = io.BytesIO()
-    parquet.write_table(pyarrow.Table.from_pylist(list(rows), schema), buffer)
-    return buffer.getvalue()
+    own = arrow(REMEDY)
+    kinds = {"variant": own.int64()}
+    kinds |= dict.fromkeys((*TEXTS, *MARKS), own.string())
+    kinds |= dict.fromkeys((*NUMBERS, *names), own.float64())
+    schema = own.schema([(key, kinds[key]) for key in (*OURS, *names)])
+    return table_bytes(own.Table.from_pylist(list(rows), schema), REMEDY)
 
 
 def _read(path: Path) -> list[Row]:
-    pyarrow, parquet = _pyarrow()
-    try:
-        table = parquet.read_table(
-            pyarrow.BufferReader(read_bytes(path, MAX_BYTES, DesignFileError))
-        )
-        found: list[Row] = table.to_pylist()
-    except pyarrow.ArrowException as error:
-        raise DesignFileError(f"{path}: no Parquet: {str(error).splitlines()[0]}") from error
+    content = read_bytes(path, MAX_BYTES, DesignFileError)
+    table = read_table(content, str(path), REMEDY, DesignFileError)
     if not {"variant", "question", "digest", "proof"} <= set(table.column_names):
         raise DesignFileError(f"{path}: not rows of a study")
+    found: list[Row] = table.to_pylist()
     return found
-
-
-def _pyarrow() -> tuple[Any, Any]:
-    try:
-        import pyarrow
-        import pyarrow.parquet
-    except ImportError as error:
-        raise MissingExtraError(
-            "results of a study are Parquet, which needs pyarrow; pip install 'polefence[parquet]'"
-        ) from error
-    return pyarrow, pyarrow.parquet
 
 
 def _lock(handle: int) -> None:

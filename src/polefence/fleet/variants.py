@@ -14,13 +14,15 @@ from typing import Any
 
 import numpy as np
 
-from polefence.base.errors import MissingExtraError, SpecError, shown, suggest
+from polefence.base.errors import SpecError, shown, suggest
 from polefence.base.files import read_bytes, read_text
+from polefence.base.parquet import read_table
 from polefence.plant.expression import decimal
 
 MOST = 1_000_000  # variants of a study
 MAX_BYTES = 200_000_000
 LABEL = "label"  # the column that names a variant
+REMEDY = "pip install 'polefence[parquet]', or give a .csv"
 DIGITS = 6  # of a random number: so it is a decimal that anybody can write
 WAYS = ("latin hypercube", "uniform")
 
@@ -192,17 +194,8 @@ def _csv(path: Path) -> tuple[list[str], Iterable[list[str]]]:
 
 
 def _parquet(path: Path) -> tuple[list[str], Iterable[list[str]]]:
-    try:
-        from pyarrow import ArrowException, BufferReader
-        from pyarrow.parquet import read_table
-    except ImportError as error:
-        raise MissingExtraError(
-            f"{path}: Parquet needs pyarrow; pip install 'polefence[parquet]', or give a .csv"
-        ) from error
-    try:
-        table = read_table(BufferReader(read_bytes(path, MAX_BYTES, SpecError)))
-    except ArrowException as error:
-        raise SpecError(f"{path}: no Parquet: {str(error).splitlines()[0]}") from error
+    content = read_bytes(path, MAX_BYTES, SpecError)
+    table = read_table(content, str(path), REMEDY, SpecError)
     columns = [["" if x is None else str(x) for x in own.to_pylist()] for own in table.columns]
     return list(table.column_names), [list(row) for row in zip(*columns, strict=True)]
 

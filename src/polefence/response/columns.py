@@ -8,16 +8,17 @@ from array import array
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from polefence.base.errors import InputError, MissingExtraError, shown
+from polefence.base.errors import InputError, shown
 from polefence.base.files import make_folder, read_text, write_bytes
+from polefence.base.parquet import arrow, table_bytes
 from polefence.plant.system import Array
 from polefence.proof.text import visible
 
+REMEDY = "pip install 'polefence[parquet]', or name a .csv file"
 FORMATS = (".csv", ".parquet")
 ROWS = 100_000  # turned into text at once
 
@@ -61,7 +62,7 @@ def check_format(path: Path) -> None:
     if path.suffix not in FORMATS:
         raise InputError(f"{path}: signals are written as .csv or .parquet; name such a file")
     if path.suffix == ".parquet":
-        _pyarrow()
+        arrow(REMEDY)
 
 
 def write_table(path: Path, table: Table) -> None:
@@ -98,23 +99,8 @@ def _cell(label: str) -> str:
 
 
 def _parquet(table: Table) -> bytes:
-    pyarrow, parquet = _pyarrow()
     columns = {visible(label): np.ascontiguousarray(table.of(label)) for label in table.labels}
-    buffer = io.BytesIO()
-    parquet.write_table(pyarrow.table(columns), buffer)
-    return buffer.getvalue()
-
-
-def _pyarrow() -> tuple[Any, Any]:
-    try:
-        import pyarrow
-        import pyarrow.parquet
-    except ImportError as error:
-        raise MissingExtraError(
-            "Parquet needs pyarrow, which is not installed; pip install 'polefence[parquet]', or "
-            "name a .csv file"
-        ) from error
-    return pyarrow, pyarrow.parquet
+    return table_bytes(arrow(REMEDY).table(columns), REMEDY)
 
 
 @dataclass(frozen=True, eq=False)

@@ -72,12 +72,18 @@ def html_report(
     InputError
         If the road or the speed cannot be used, or the design is an observer's.
     """
-    from jinja2 import Environment, PackageLoader, StrictUndefined  # deferred: slow to import
-
     require_kind(design.certificate)
     answer = check(design)
     if not answer.proved:
         raise NotProvedError(f"no report: {answer}")
+    title = f"{design.plant.name} in {short_text(design.region)}"
+    return page(title, answer.answer, sections(design, answer, road, speed, bounds, front))
+
+
+def page(title: str, answer: str, sections: Sequence[Section]) -> str:
+    """Return one HTML page with its figures inside, which asks nothing of any other address."""
+    from jinja2 import Environment, PackageLoader, StrictUndefined  # deferred: slow to import
+
     environment = Environment(
         loader=PackageLoader("polefence.show"),
         autoescape=True,
@@ -85,11 +91,8 @@ def html_report(
         finalize=_visible,
     )
     environment.filters["picture"] = _picture
-    return environment.get_template("report.html").render(
-        title=f"{design.plant.name} in {short_text(design.region)}",
-        answer=answer.answer,
-        sections=sections(design, answer, road, speed, bounds, front),
-    )
+    template = environment.get_template("report.html")
+    return template.render(title=title, answer=answer, sections=sections)
 
 
 def _visible(value: object) -> object:

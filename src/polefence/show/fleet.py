@@ -1,0 +1,134 @@
+"""One HTML page about the rows of a study: how each question was answered over the variants."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from polefence.region.text import digits_down, digits_up
+from polefence.show.plots import new_figure
+from polefence.show.report import Section, Table, page
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+Row = Mapping[str, Any]
+MOST_REASONS = 20
+FAILED = "#b2182b"
+
+
+def fleet_page(
+    name: str,
+    names: Sequence[str],
+    questions: Sequence[tuple[str, bool]],
+    rows: Sequence[Row],
+    failed: Sequence[tuple[Row, int]],
+) -> str:
+    """Return the page.
+
+    Parameters
+    ----------
+    name : str
+        Of the study.
+    names : sequence of str
+        Of the numbers that vary.
+    questions : sequence of (str, bool)
+        Their names, and whether a bound is the better the larger it is.
+    rows : sequence of mapping
+        As the store has them.
+    failed : sequence of (mapping, int)
+        The first of rows that failed alike, and how many there are.
+    """
+    rows = sorted(rows, key=lambda row: row["variant"])
+    variants = len({row["variant"] for row in rows})
+    proved = sum(row["status"] == "proved" for row in rows)
+    sections = [_overview(questions, rows)]
+    for question, largest in questions:
+        own = [row for row in rows if row["question"] == question]
+        if any(_finite(row) for row in own):
+            sections.append(_question(question, largest, names, own))
+    if failed:
+        sections.append(_failures(failed))
+    title = f"{name}: {variants} variants"
+    return page(title, f"{proved} of {len(rows)} answers proved", sections)
+
+
+def _finite(row: Row) -> bool:
+    return row["bound"] is not None and bool(np.isfinite(row["bound"]))
+
+
+def _overview(questions: Sequence[tuple[str, bool]], rows: Sequence[Row]) -> Section:
+    cells = []
+    for question, largest in questions:
+        own = [row for row in rows if row["question"] == question]
+        counts = Counter(row["status"] for row in own)
+        bounds = sorted(row["bound"] for row in own if _finite(row))
+        digits, unit = (digits_down if largest else digits_up), own[0]["unit"] if own else ""
+        span = ["-"] * 3
+        if bounds:
+            span = [digits(bounds[k]) for k in (0, len(bounds) // 2, -1)]
+        seconds = sum(row["seconds"] for row in own)
+        said = ", ".join(f"{count} {status}" for status, count in sorted(counts.items()))
+        cells.append((question, said, *span, unit, f"{seconds:.3g} s"))
+    head = ("question", "answers", "least bound", "middle", "largest", "unit", "worked")
+    return Section("Questions", table=Table(head, tuple(cells)))
+
+
+def _question(question: str, largest: bool, names: Sequence[str], rows: Sequence[Row]) -> Section:
+    known = [row for row in rows if _finite(row)]
+    better = "the larger the better" if largest else "the smaller the better"
+    ratios = sorted(
+        row["bound"] / (row["worst"] or row["least"])
+        for row in known
+        if row["worst"] or row["least"]
+    )
+    crosses = " Red crosses: variants without one." if len(known) < len(rows) else ""
+    text = [f"Proved bounds; {better}.{crosses}"]
+    if ratios:
+        middle, last = (digits_up(ratios[k]) for k in (len(ratios) // 2, -1))
+        beside = "the worst sample" if known[0]["worst"] else "the proved lower limit"
+        text.append(f"The bound is {middle} times {beside} in the middle, {last} times at most.")
+    figure = _figure(known, [row for row in rows if not _finite(row)], names)
+    return Section(question, tuple(text), figure=figure)
+
+
+def _figure(known: Sequence[Row], failed: Sequence[Row], names: Sequence[str]) -> Figure:
+    """Return bounds sorted, and their map over the two numbers that vary in most steps."""
+    varied = sorted(names, key=lambda name: -len({row[name] for row in known}))[:2]
+    bounds = np.array([row["bound"] for row in known])
+    label = f"bound [{known[0]['unit']}]" if known[0]["unit"] else "bound"
+    figure, axes = new_figure(2 if varied else 1, 10.0, 3.6)
+    shares = (np.arange(len(bounds)) + 0.5) / len(bounds)
+    axes[0].plot(np.sort(bounds), shares, ".-", ms=3, lw=0.8, color="#2166ac")
+    axes[0].set(xlabel=label, ylabel="share of the variants up to it", ylim=(0, 1))
+    if not varied:
+        return figure
+    x, y = ([_number(row, name) for row in known] for name in (varied[0], varied[-1]))
+    if len(varied) == 1:
+        axes[1].plot(x, bounds, ".", ms=4, color="#2166ac")
+        axes[1].set(xlabel=varied[0], ylabel=label)
+        return figure
+    map_ = axes[1].scatter(x, y, c=bounds, s=14, cmap="viridis")
+    figure.colorbar(map_, ax=axes[1], label=label)
+    out = [[_number(row, name) for row in failed] for name in varied]
+    axes[1].plot(*out, "x", color=FAILED, ms=5)
+    axes[1].set(xlabel=varied[0], ylabel=varied[1])
+    return figure
+
+
+def _number(row: Row, name: str) -> float:
+    return np.nan if row[name] is None else float(row[name])
+
+
+def _failures(found: Sequence[tuple[Row, int]]) -> Section:
+    cells = [
+        (row["question"], row["status"], str(count), str(row["variant"]), row["reason"])
+        for row, count in found[:MOST_REASONS]
+    ]
+    more = len(found) - len(cells)
+    text = (f"{more} more kinds of reasons are in the rows.",) if more else ()
+    head = ("question", "status", "variants", "first", "its reason")
+    return Section("Not proved", text, Table(head, tuple(cells)))

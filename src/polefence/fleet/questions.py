@@ -157,7 +157,7 @@ class Question:
         answered = self._answered([plants[k] for k in known], [specs[k] for k in known])
         seconds = (time.perf_counter() - begin) / len(specs)
         found |= dict(zip(known, answered, strict=True))
-        return [_timed(found[k], seconds) for k in range(len(specs))]
+        return [replace(found[k], seconds=seconds) for k in range(len(specs))]
 
     def _answered(self, plants: list[Any], specs: list[str]) -> list[Answer]:
         raise NotImplementedError
@@ -451,10 +451,6 @@ def _or_error(make: Any) -> Any:
 def _failed(error: PolefenceError) -> Answer:
     status = NOT_PROVED if isinstance(error, NotProvedError) else ERROR
     return Answer(status, reason=" ".join(str(error).split()))
-
-
-def _timed(own: Answer, seconds: float) -> Answer:
-    return replace(own, seconds=seconds)
 
 
 def _of_design(own: Design, of: str = "") -> Answer:

@@ -18,9 +18,10 @@ from polefence.fleet.checked import judged
 from polefence.fleet.cluster import dask
 from polefence.fleet.questions import PROVED as ROW_PROVED
 from polefence.fleet.questions import Question, read_questions
-from polefence.fleet.run import Packed, Workers, answered, processes, run
+from polefence.fleet.run import Packed, answered, run
 from polefence.fleet.store import Row, Store, alike
 from polefence.fleet.study import Study, load_study
+from polefence.fleet.workers import Workers, processes
 from polefence.region.text import digits_down, digits_up
 
 SHOWN, BEST = 5, 10  # reasons of rows that are not proved; rows of --best
@@ -77,12 +78,16 @@ def _estimated(study: Study) -> int:
     """Work out one group of each question, and say what all of them would take."""
     say(f"{study.name}: {len(study.variants)} variants of {', '.join(study.variants.names)}")
     seconds, size, count = 0.0, 0.0, len(study.variants)
-    for question, task in zip(study.questions, study.firsts(), strict=True):
+    for task in study.firsts():
+        question = study.questions[task.question]
         answers = answered(Packed.of(study, task))
         own = sum(answer.seconds for answer in answers) / len(answers)
         seconds += count * own
         size += count * sum(len(answer.document or "") for answer in answers) / len(answers)
         say(f"  {question.name}: {question.words}: {own:.2g} s a variant")
+    for question in study.questions:
+        if question.together:
+            say(f"  {question.name}: {question.words}: of all at once; not tried")
     hours = f" ({seconds / 3600:.2g} hours)" if seconds > 3600 else ""
     say(f"  {study.total} rows: about {seconds:.2g} s{hours} of one processor, {size / 1e6:.2g} MB")
     return PROVED
@@ -191,6 +196,10 @@ def _said(rows: Sequence[Row], questions: Sequence[Question], total: int) -> int
         counts = Counter(row["status"] for row in own)
         said = ", ".join(f"{count} {status}" for status, count in sorted(counts.items()))
         known = [row for row in own if row["bound"] is not None]
+        if question.together and counts[ROW_PROVED]:
+            laws = Counter(row["law"] for row in own if row["law"])
+            each = ", ".join(str(count) for _, count in laws.most_common())
+            said += f"; by {len(laws)} law{'s' * (len(laws) > 1)}: of {each} variants"
         if known:
             bounds, digits = [row["bound"] for row in known], _weaker(question)
             span = f"{digits(min(bounds))} to {digits(max(bounds))} {known[0]['unit']}"

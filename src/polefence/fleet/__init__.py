@@ -3,10 +3,11 @@
 from polefence.fleet.checked import Judged, judged
 from polefence.fleet.cluster import dask
 from polefence.fleet.questions import Answer
-from polefence.fleet.run import Workers, given, processes, run
+from polefence.fleet.run import run
 from polefence.fleet.store import Store
 from polefence.fleet.study import Study, load_study
 from polefence.fleet.variants import Variants
+from polefence.fleet.workers import Workers, given, processes
 
 __all__ = [
     "Answer",

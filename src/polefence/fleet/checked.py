@@ -13,8 +13,8 @@ from polefence.base.files import read_bytes
 from polefence.design.certificate import plant_of
 from polefence.design.design import check_document, read_document
 from polefence.fleet.questions import Question, read_questions
-from polefence.fleet.run import Workers
-from polefence.fleet.store import Row, Store, digest_of
+from polefence.fleet.store import Row, Store, digest_of, law_of
+from polefence.fleet.workers import Workers
 from polefence.plant.expression import decimal
 from polefence.plant.family import UncertainPlant
 from polefence.plant.spec import loads
@@ -117,6 +117,8 @@ def _fault(store: Store, own: _Fresh) -> str:
         content = read_bytes(path, MAX_BYTES, DesignFileError)
         if hashlib.sha256(content).hexdigest() != row["proof"]:
             return "its file of claims is not as it was written"
+        if law_of(content) != row["law"]:
+            return "names another law than its file"
         document = read_document(path)
         answer = check_document(document, path)
         plant = loads(own.spec)

@@ -12,7 +12,7 @@ from polefence.base.errors import MissingExtraError
 from polefence.base.processors import processors, share_processors, small_matrices
 from polefence.base.workers import start_quiet_tracker
 from polefence.fleet.engine import Work
-from polefence.fleet.run import Workers
+from polefence.fleet.workers import Workers
 
 LOCAL = "local"
 PATIENCE = 10  # [s] for a scheduler, each time that it is looked for

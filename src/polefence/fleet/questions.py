@@ -22,12 +22,16 @@ from polefence.base.errors import (
 from polefence.base.processors import small_matrices
 from polefence.design import many
 from polefence.design.design import Design
+from polefence.design.given import analyse
 from polefence.design.margins import in_service
 from polefence.design.place import require_kind
 from polefence.design.requirements.asked import wanted
 from polefence.design.requirements.specification import Specification
-from polefence.design.signals.bounds import bounds_file, sampled
+from polefence.design.requirements.text import load_specifications
+from polefence.design.signals.augmented import with_weights, without_feedback
+from polefence.design.signals.bounds import bounds_file, kept_bound, sampled
 from polefence.design.signals.optimise import Optimised, optimise
+from polefence.law.laws import FixedGain
 from polefence.law.structure import Structure, load_structure
 from polefence.lmi.conditions.methods import Method, Scheduled, Slack, method_name
 from polefence.plant.family import UncertainPlant
@@ -35,6 +39,7 @@ from polefence.plant.points import seeded
 from polefence.plant.spec import loads
 from polefence.proof.claims.estimate import Estimate
 from polefence.proof.claims.gain_error import GainError
+from polefence.proof.claims.gain_norm import BoundClaim
 from polefence.proof.claims.margins import MarginClaim
 from polefence.proof.claims.poles import Poles
 from polefence.proof.claims.rate import Rate
@@ -45,6 +50,7 @@ from polefence.region.regions import HalfPlane, Region
 from polefence.region.text import load_region, parse_region
 
 PROVED, NOT_PROVED, ERROR, LOST = "proved", "not proved", "error", "lost"
+DIED = "the process that worked on it died, each time: out of memory, or a fault of ours"
 SIZES = {"disk": "radius", "half_plane": "decay", "sector": "damping"}
 KINDS = {"gain": GainError.kind, "estimate": Estimate.kind, "rate": Rate.kind}
 OF_METHOD = ("degree", "elevation", "on")
@@ -95,6 +101,7 @@ class Question:
     name: str
 
     kind: ClassVar[str]
+    together: ClassVar[bool] = False  # whether it is one question about all variants
     group: ClassVar[int] = 1  # variants that are worked out together
 
     @classmethod
@@ -349,13 +356,7 @@ class Optimise(Question):
         with _as_file(spec) as path:
             _, limits = self._wanted(loads(spec), path)
             region = self._region(path) or HalfPlane(0)
-        own = document.first(Poles)
-        if own is None or write_region(own.region) != region.document():
-            return f"its file is not about {region}"
-        for limit in limits:
-            if not any(_keeps(claim, limit) for claim in document.claims):
-                return f"its file has no bound {limit.at_most:g} on {limit.title}"
-        return ""
+        return _fault(document, region, limits)
 
     def proves(self, document: Document, bound: float) -> bool:
         """Whether a signal has this bound."""
@@ -398,8 +399,60 @@ class Optimise(Question):
         return found
 
 
+@dataclass(frozen=True)
+class Cover(Question):
+    """As few gains as are found, one of which keeps each variant in a region and within limits."""
+
+    region: str = ""
+    limits: tuple[str, ...] = ()
+    kind = "cover"
+    together = True
+    group = 16
+
+    def __post_init__(self) -> None:
+        if self.region:
+            parse_region(self.region)
+
+    def kept(self, spec: str) -> tuple[Region, tuple[Specification, ...]]:
+        """Return the region and the limits of a variant."""
+        with _as_file(spec) as path:
+            region = parse_region(self.region) if self.region else load_region(path)
+            least, limits = load_specifications(path)
+            if self.limits or least or limits:
+                _, limits = wanted(loads(spec), path, None, self.limits, options=("", "limits"))
+        return region or HalfPlane(0), limits
+
+    def fault(self, document: Document, spec: str) -> str:
+        """Say which limit it does not have, or that it is about another region."""
+        return _fault(document, *self.kept(spec))
+
+    @small_matrices()
+    def proved(self, K: Any, spec: str) -> Answer:
+        """Return what is proved of a gain about one variant."""
+        begin = time.perf_counter()
+        try:
+            own = self._proved(FixedGain(K), spec)
+        except PolefenceError as error:
+            own = _failed(error)
+        return replace(own, seconds=time.perf_counter() - begin)
+
+    def _proved(self, law: FixedGain, spec: str) -> Answer:
+        region, limits = self.kept(spec)
+        plant, limits = with_weights(loads(spec, "variant"), limits)
+        answer = analyse(plant, without_feedback(law, plant), region)
+        if answer.certificate is None or not answer.proved:
+            return Answer(NOT_PROVED, reason=answer.reason)
+        claims = list[BoundClaim]()
+        for limit in limits:
+            bound = kept_bound(plant, answer.certificate.law, limit)
+            if bound is None:
+                return Answer(NOT_PROVED, reason=f"{limit.title} <= {limit.at_most:g}: no proof")
+            claims.append(bound.claim)
+        return _proved(bounds_file(answer.certificate, claims))
+
+
 QUESTIONS: dict[str, type[Question]] = {
-    own.kind: own for own in (Place, Tightest, Service, Optimise)
+    own.kind: own for own in (Place, Tightest, Service, Optimise, Cover)
 }
 
 
@@ -482,6 +535,17 @@ def _proved(
 ) -> Answer:
     claim = "; ".join(own.statement(document.plant) for own in document.claims)
     return Answer(PROVED, bound, least, worst, unit, claim, document=document.dumps(None))
+
+
+def _fault(document: Document, region: Region, limits: Sequence[Specification]) -> str:
+    """Say which limit a file of claims does not have, or that it is about another region."""
+    own = document.first(Poles)
+    if own is None or write_region(own.region) != region.document():
+        return f"its file is not about {region}"
+    for limit in limits:
+        if not any(_keeps(claim, limit) for claim in document.claims):
+            return f"its file has no bound {limit.at_most:g} on {limit.title}"
+    return ""
 
 
 def _keeps(claim: Any, limit: Specification) -> bool:

@@ -2,59 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
-from concurrent.futures import Executor
-from contextlib import nullcontext
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from functools import partial
-from typing import Any
 
-from polefence.base import workers
-from polefence.base.processors import processors
-from polefence.fleet.engine import Dead, Places, R, T, Work, carried_out
-from polefence.fleet.questions import LOST, Answer, Question
+from polefence.fleet.cover import covered
+from polefence.fleet.questions import DIED, LOST, Answer, Cover, Question
 from polefence.fleet.store import Row, Store
 from polefence.fleet.study import Study, Task
-
-AHEAD = 2  # groups for each worker that are under way or wait for it
-
-
-@dataclass(frozen=True)
-class Workers:
-    """Where tasks are carried out.
-
-    Attributes
-    ----------
-    places : callable
-        As `carried_out` takes it.
-    count : int
-        How many there are.
-    lost : tuple of exception classes
-        What says that one has died.
-    around : callable, optional
-        ``around(work, task)`` does a task there; by default the work itself does.
-    """
-
-    places: Places
-    count: int
-    lost: Dead = ()
-    around: Callable[[Work, Any], Any] | None = None
-
-    def done(self, work: Callable[[T], R], tasks: Iterable[T]) -> Iterator[tuple[T, R | None]]:
-        """Yield tasks with their results, as `carried_out` does."""
-        own = work if self.around is None else partial(self.around, work)
-        return carried_out(tasks, own, self.places, AHEAD * self.count, self.lost)
-
-
-def processes(jobs: int | None = None) -> Workers:
-    """Return worker processes of this machine, by default one a processor."""
-    count = jobs or processors()
-    return Workers(partial(workers.processes, count), count)
-
-
-def given(executor: Executor, count: int | None = None) -> Workers:
-    """Return the workers of an executor, which is left open."""
-    return Workers(lambda: nullcontext(executor), count or processors())
+from polefence.fleet.workers import Workers
 
 
 def run(study: Study, store: Store, workers: Workers, resume: bool = False) -> Iterator[list[Row]]:
@@ -77,6 +32,10 @@ def run(study: Study, store: Store, workers: Workers, resume: bool = False) -> I
                     yield _kept(study, store, one, found)
             else:
                 yield _kept(study, store, own, answers)
+        for k, question in enumerate(study.questions):
+            if isinstance(question, Cover):
+                for each in covered(study, question, store.done(), workers):
+                    yield store.add(study, k, each)
 
 
 @dataclass(frozen=True)
@@ -101,7 +60,6 @@ def answered(own: Packed) -> list[Answer]:
 
 def _kept(study: Study, store: Store, own: Packed, answers: list[Answer] | None) -> list[Row]:
     if answers is None:
-        reason = "the process that worked on it died, each time: out of memory, or a fault of ours"
-        answers = [Answer(LOST, reason=reason)] * len(own.specs)
+        answers = [Answer(LOST, reason=DIED)] * len(own.specs)
     pairs = zip(own.task.variants, answers, strict=True)
     return store.add(study, own.task.question, dict(pairs))

@@ -31,7 +31,8 @@ REMEDY = "pip install 'polefence[parquet]'"
 MAX_BYTES = 1_000_000_000
 TEXTS = ("label", "question", "ask", "status", "unit", "claim", "reason")
 NUMBERS = ("bound", "least", "worst", "seconds")
-MARKS = ("version", "engine", "proof", "digest")
+MARKS = ("law", "version", "engine", "proof", "digest")
+LETTERS = 12  # of a law's digest
 NUMBER = re.compile(r"-?\d+(\.\d+)?(e-?\d+)?")
 OURS = ("variant", *TEXTS, *NUMBERS, *MARKS)
 
@@ -165,6 +166,12 @@ class Store:
         return frozenset((row["variant"], row["question"]) for row in self.rows())
 
 
+def law_of(document: str | bytes) -> str:
+    """Return what tells the law of a file of claims from others: the start of its SHA-256."""
+    own = json.dumps(json.loads(document)["law"], sort_keys=True)
+    return hashlib.sha256(own.encode()).hexdigest()[:LETTERS]
+
+
 def alike(rows: Sequence[Row]) -> list[tuple[Row, int]]:
     """Return the first of rows whose reasons differ in numbers alone, and how many there are."""
     first, counts = dict[tuple[str, ...], Row](), Counter[tuple[str, ...]]()
@@ -181,6 +188,7 @@ def row_of(study: Study, question: int, number: int, answer: Answer, proof: str)
     row: Row = {"variant": number, "label": study.variants.label(number)}
     row |= {"question": asked.name, "ask": asked.kind}
     row |= {key: getattr(answer, key) for key in ("status", "unit", "claim", "reason", *NUMBERS)}
+    row["law"] = "" if answer.document is None else law_of(answer.document)
     row |= {"version": VERSION, "engine": engine(), "proof": proof}
     values = study.variants.values(number)
     for name in study.variants.names:

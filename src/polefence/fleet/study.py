@@ -81,14 +81,19 @@ class Study:
             "questions": [question.table() for question in self.questions],
         }
 
+    @property
+    def _alone(self) -> list[tuple[int, Question]]:
+        """Questions about one variant, with their numbers."""
+        return [(k, own) for k, own in enumerate(self.questions) if not own.together]
+
     def firsts(self) -> Iterator[Task]:
-        """Yield the first group of each question."""
-        for k, question in enumerate(self.questions):
+        """Yield the first group of each question about one variant."""
+        for k, question in self._alone:
             yield Task(k, tuple(range(min(question.group, len(self.variants)))))
 
     def tasks(self, done: frozenset[tuple[int, str]] = frozenset()) -> Iterator[Task]:
-        """Yield what is to be worked out, in groups, but for the rows that are done."""
-        for k, question in enumerate(self.questions):
+        """Yield what is asked of variants alone, in groups, but for the rows that are done."""
+        for k, question in self._alone:
             left = [n for n in range(len(self.variants)) if (n, question.name) not in done]
             for first in range(0, len(left), question.group):
                 yield Task(k, tuple(left[first : first + question.group]))

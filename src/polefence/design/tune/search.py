@@ -146,9 +146,35 @@ def tune_region(
     InputError
         As `tune` raises.
     """
+    return _run(_of_region(plant, structure, goal, limits), starts)
+
+
+def _of_region(
+    plant: UncertainPlant, structure: Structure, goal: Goal, limits: Sequence[Specification]
+) -> Task:
     sides = tuple(own for own in goal.target(1.0).sides if np.any(own.L1) or np.any(own.M1))
     within = getattr(goal, "within", None)
-    return _run(_task(plant, structure, sides, tuple(limits), within), starts)
+    return _task(plant, structure, sides, tuple(limits), within)
+
+
+def at_vertices(
+    plant: UncertainPlant,
+    structure: Structure,
+    goal: Goal,
+    limits: Sequence[Specification] = (),
+    start: Law | None = None,
+) -> Tuned | None:
+    """Return the best law for the vertices alone, from one start; None where none keeps the limits.
+
+    Parameters
+    ----------
+    goal, limits
+        As `tune_region` has them.
+    start : Law, optional
+        By default the best of the search's own starts.
+    """
+    search = _Search(_of_region(plant, structure, goal, limits), most=len(plant.vertices))
+    return search.rough(() if start is None else (start,), alone=start is not None)
 
 
 def _task(
@@ -219,13 +245,13 @@ class _Reached:
 class _Search:
     """A task with the points that it is looked at."""
 
-    def __init__(self, task: Task) -> None:
+    def __init__(self, task: Task, most: int = MOST_CORNERS) -> None:
         count = len(task.plant.vertices)
         self.task = task
         self.domain = Domain.of("box" if task.plant.parameters else "simplex", count)
         corners = np.eye(count)
-        if count > MOST_CORNERS:
-            some = np.random.default_rng(SEED).permutation(count)[:MOST_CORNERS]
+        if count > most:
+            some = np.random.default_rng(SEED).permutation(count)[:most]
             corners = corners[np.sort(some)]
         self.first = task.at(corners)
         self.places = _cloud(self.domain)
@@ -247,9 +273,17 @@ class _Search:
         found += [own for own in given if own.kept]
         return sorted(found, key=lambda own: (not own.kept, own.level))
 
-    def rough(self, laws: Sequence[Law]) -> Tuned | None:
-        """Return what the best start leads to at the corners, None where it does not keep them."""
-        for own in _distinct(self._quick(laws))[:1]:
+    def rough(self, laws: Sequence[Law], alone: bool = False) -> Tuned | None:
+        """Return what the best start leads to at the corners, None where it does not keep them.
+
+        With ``alone`` from these laws and no other.
+        """
+        if alone:
+            starts = self._given_starts(laws)
+            quick = [self._improved(theta, self.first, QUICK) for theta in starts]
+        else:
+            quick = self._quick(laws)
+        for own in _distinct(quick)[:1]:
             best = min(self._improved(own.theta, self.first), own, key=attrgetter("rank"))
             if best.excess <= FEASIBLE:
                 law = self.task.unknowns.law(best.theta)
@@ -271,16 +305,23 @@ class _Search:
         rows = points.rows(theta, REGION)
         return np.inf if rows is None else rows.level
 
+    def _given_starts(self, laws: Sequence[Law]) -> list[Array]:
+        own, alpha = self.task.unknowns, self._few
+        few, root = own.at(alpha), _root(self.task.sizes.covariance)
+        return [few.nearest(np.asarray(law.gain(alpha)) * own.states, root) for law in laws]
+
+    @property
+    def _few(self) -> Array:
+        return self.cloud.alpha[:: max(1, len(self.cloud.alpha) // FEW)]
+
     def _starts(self, laws: Sequence[Law]) -> list[Array]:
-        task, own = self.task, self.task.unknowns
-        alpha = self.cloud.alpha[:: max(1, len(self.cloud.alpha) // FEW)]
+        found = self._given_starts(laws)
+        if len(found) >= ENOUGH:
+            return found
+        task, own, alpha = self.task, self.task.unknowns, self._few
         few, root = own.at(alpha), _root(task.sizes.covariance)
-        gains = [np.asarray(law.gain(alpha)) * own.states for law in laws]
-        if len(gains) >= ENOUGH:
-            return [few.nearest(K, root) for K in gains]
         some = regulators(task.plant, task.sizes, task.region, task.requirements)
-        gains += [np.broadcast_to(K, (len(alpha), *K.shape)) for K in some]
-        found = [few.nearest(K, root) for K in gains]
+        found += [few.nearest(np.broadcast_to(K, (len(alpha), *K.shape)), root) for K in some]
         found.append(np.zeros(own.size))
         random = np.random.default_rng(SEED)
         found += [random.normal(size=own.size) for _ in range(RANDOM)]

@@ -1,0 +1,169 @@
+"""Laws that many plants share: as few as are found for all of them, in floats.
+
+A law is sought for all plants. Of those that it does not keep, the worst joins the few that it is
+searched for, and so on. Where there is no law for these few, it is sought for the plants nearest to
+one at the rim of the fleet, as many of them as have one. What is found here is proved elsewhere.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from polefence.base.errors import InputError, PolefenceError
+from polefence.base.progress import stage
+from polefence.design.requirements.specification import Specification
+from polefence.design.signals.augmented import with_weights, without_feedback
+from polefence.design.signals.bounds import sampled
+from polefence.design.signals.tuned import tighter
+from polefence.design.tune.search import at_vertices
+from polefence.law.laws import FixedGain, Law
+from polefence.law.structure import Structure
+from polefence.lmi.conditions.target import Around
+from polefence.plant.family import MAX_VERTICES, UncertainPlant
+from polefence.plant.joined import joined
+from polefence.plant.outputs import states
+from polefence.plant.points import seeded
+from polefence.plant.system import Array
+from polefence.region.regions import Region
+
+POINTS = 40  # of each plant, besides its vertices, at which a law is looked at
+INSIDE = 1e-3  # by which limits and region are asked for smaller than they are to be
+FEW = 12  # plants at most that one law is searched for
+ROUNDS = 16  # of searches for one law of one set
+
+
+@dataclass(frozen=True, eq=False)
+class Fleet:
+    """Plants, each with what a law is to keep.
+
+    Attributes
+    ----------
+    plants : tuple of UncertainPlant
+        Of one shape, and with the same names.
+    limits : tuple of tuples of Specification
+        For each plant the same kinds and signals.
+    region : Region
+    numbers : (V, k) array
+        What tells one from another: near ones are taken together.
+    """
+
+    plants: tuple[UncertainPlant, ...]
+    limits: tuple[tuple[Specification, ...], ...]
+    region: Region
+    numbers: Array
+
+    @cached_property
+    def _scaled(self) -> Array:
+        spread = np.ptp(self.numbers, axis=0, keepdims=True)
+        return np.asarray(self.numbers / np.where(spread > 0, spread, 1.0))
+
+    @stage("laws that are shared")
+    def next(self, left: Sequence[int]) -> tuple[FixedGain | None, list[int]]:
+        """Return a law and which of some plants it keeps, as far as floats tell.
+
+        Where there is none, the one plant that has none comes alone.
+        """
+        law, kept = self._for(left)
+        if len(kept) == len(left):
+            return law, kept
+        around = self._by_distance(left)
+        low, high = 1, len(left)  # sets of these sizes have a law, and have none
+        best = self._for(around[:1])
+        if not best[1]:
+            return None, around[:1]
+        while high - low > 1:
+            size = (low + high) // 2
+            own = self._for(around[:size])
+            if len(own[1]) == size:
+                low, best = size, own
+            else:
+                high = size
+        found = best[0]
+        return found, [k for k in left if found is not None and self.excess(k, found) < 0]
+
+    def _by_distance(self, left: Sequence[int]) -> list[int]:
+        """Return them by their distance from the one that is farthest from the middle."""
+        own = self._scaled[list(left)]
+        rim = int(np.linalg.norm(own - own.mean(axis=0), axis=1).argmax())
+        order = np.linalg.norm(own - own[rim], axis=1).argsort(kind="stable")
+        return [left[k] for k in order]
+
+    def _for(self, those: Sequence[int]) -> tuple[FixedGain | None, list[int]]:
+        """Return a law and which of these plants it keeps: all of them, if one is found."""
+        middle = self._scaled[list(those)]
+        first = int(np.linalg.norm(middle - middle.mean(axis=0), axis=1).argmin())
+        few: list[int] = [those[first]]
+        law: FixedGain | None = None
+        best: tuple[FixedGain | None, list[int]] = None, []
+        most = min(FEW, MAX_VERTICES // max(len(own.vertices) for own in self.plants))
+        for _ in range(ROUNDS):
+            law = self._searched(few, law)
+            if law is None:
+                break
+            excess = np.array([self.excess(k, law) for k in those])
+            kept = [k for k, own in zip(those, excess, strict=True) if own < 0]
+            if len(kept) > len(best[1]):
+                best = law, kept
+            if len(kept) == len(those):
+                break
+            worst = those[int(excess.argmax())]
+            if worst in few or len(few) >= most:
+                break
+            few.append(worst)
+        return best
+
+    def _searched(self, few: Sequence[int], start: Law | None) -> FixedGain | None:
+        """Return a law that keeps a few plants, well inside the region; None where none is found.
+
+        What lies between them may be out of reach: the plants alone count.
+        """
+        limits = [
+            replace(own, at_most=own.at_most * (1 - INSIDE))
+            for own in self.limits[few[0]]
+            if own.at_most is not None
+        ]
+        names = [name for own in limits for name in _signals(own)]
+        with suppress(PolefenceError):
+            bare = joined([self.plants[k] for k in few], names)
+            plant, wanted = with_weights(bare, limits)
+            asked = Around(tighter(self.region, INSIDE))
+            first = None if start is None else without_feedback(start, plant)
+            own = at_vertices(plant, _one_gain(bare), asked, wanted, first)
+            if own is not None:
+                n = bare.shape[0]
+                law = FixedGain(own.law.gain(np.eye(len(plant.vertices))[:1])[0][:, :n])
+                if max(self.excess(k, law) for k in few) < 0:
+                    return law
+        return None
+
+    def excess(self, number: int, law: FixedGain) -> float:
+        """Return by how much a law does not keep a plant, in floats; below zero where it does."""
+        plant, limits = with_weights(self.plants[number], self.limits[number])
+        own = without_feedback(law, plant)
+        alpha = seeded(plant, len(plant.vertices) + POINTS)
+        A, B = plant.at(alpha)
+        outside = float(self.region.distance(np.linalg.eigvals(A + B @ own.gain(alpha))).max())
+        if not outside < 0 or not limits:
+            return outside
+        try:
+            return max(
+                sampled(plant, own, limit, alpha).worst / limit.at_most - 1
+                for limit in limits
+                if limit.at_most is not None
+            )
+        except InputError:
+            return np.inf
+
+
+def _one_gain(plant: UncertainPlant) -> Structure:
+    """Return that of one gain of the plant's own states, whatever filters are behind them."""
+    return Structure(measured=tuple(own.name for own in states(plant)), schedule=())
+
+
+def _signals(own: Specification) -> list[str]:
+    return [entry if isinstance(entry, str) else entry.name for entry in own.entries]

@@ -1,0 +1,54 @@
+"""Where tasks are carried out: this process, worker processes, an executor."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import Executor
+from contextlib import nullcontext
+from dataclasses import dataclass
+from functools import partial
+from typing import Any
+
+from polefence.base import workers
+from polefence.base.processors import processors
+from polefence.fleet.engine import Dead, Places, R, T, Work, carried_out
+
+AHEAD = 2  # groups for each worker that are under way or wait for it
+
+
+@dataclass(frozen=True)
+class Workers:
+    """Where tasks are carried out.
+
+    Attributes
+    ----------
+    places : callable
+        As `carried_out` takes it.
+    count : int
+        How many there are.
+    lost : tuple of exception classes
+        What says that one has died.
+    around : callable, optional
+        ``around(work, task)`` does a task there; by default the work itself does.
+    """
+
+    places: Places
+    count: int
+    lost: Dead = ()
+    around: Callable[[Work, Any], Any] | None = None
+
+    def done(self, work: Callable[[T], R], tasks: Iterable[T]) -> Iterator[tuple[T, R | None]]:
+        """Yield tasks with their results, as `carried_out` does."""
+        own = work if self.around is None else partial(self.around, work)
+        return carried_out(tasks, own, self.places, AHEAD * self.count, self.lost)
+
+
+def processes(jobs: int | None = None) -> Workers:
+    """Return worker processes of this machine, by default one a processor."""
+    count = jobs or processors()
+    return Workers(partial(workers.processes, count), count)
+
+
+def given(executor: Executor, count: int | None = None) -> Workers:
+    """Return the workers of an executor, which is left open."""
+    return Workers(lambda: nullcontext(executor), count or processors())

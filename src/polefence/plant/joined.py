@@ -1,0 +1,64 @@
+"""Several plants as one: for the search of a law that they share."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from itertools import chain
+
+from polefence.base.errors import PlantError
+from polefence.plant.family import UncertainPlant
+from polefence.plant.outputs import Output
+
+
+def require_alike(plants: Sequence[UncertainPlant]) -> None:
+    """Refuse plants whose laws mean different things.
+
+    Raises
+    ------
+    PlantError
+        If they differ in shape, or in the names of states, inputs or disturbances, or in time.
+    """
+    first = plants[0]
+    for own in plants[1:]:
+        if own.shape != first.shape:
+            raise PlantError("plants of one law need the same numbers of states and inputs")
+        for key in ("states", "inputs", "disturbances", "noise", "sample_time"):
+            if getattr(own, key) != getattr(first, key):
+                raise PlantError(f"plants of one law need the same {key.replace('_', ' ')}")
+
+
+def joined(plants: Sequence[UncertainPlant], signals: Iterable[str] = ()) -> UncertainPlant:
+    """Return the convex hull of all plants, with the outputs of these names.
+
+    It holds more than the plants: what lies between them. A law for it is one for each of them; to
+    prove this of each alone asks less.
+
+    Raises
+    ------
+    PlantError
+        If they differ in what a law is about, or have too many vertices together.
+    """
+    require_alike(plants)
+    first = plants[0]
+    vertices = tuple(chain.from_iterable(own.vertices for own in plants))
+    own = {output.name for output in first.every_output}
+    outputs = tuple(_output(plants, name) for name in dict.fromkeys(signals) if name in own)
+    return UncertainPlant(
+        vertices,
+        name=first.name,
+        states=first.states,
+        inputs=first.inputs,
+        disturbances=first.disturbances,
+        sample_time=first.sample_time,
+        outputs=outputs,
+        noise=first.noise,
+    )
+
+
+def _output(plants: Sequence[UncertainPlant], name: str) -> Output:
+    found = [(plant.signal(name), plant) for plant in plants]
+    C, D, F = (
+        tuple(chain.from_iterable(rows))
+        for rows in zip(*(own.exact(plant) for own, plant in found), strict=True)
+    )
+    return Output(name, found[0][0].unit, C, D, F)

@@ -263,7 +263,7 @@ limits = ["rms of actuator force"]
 
     def looser(rows):
         own, other = of(rows, "softer"), of(rows, "optimise")
-        keys = ("proof", "claim", "bound", "worst")
+        keys = ("proof", "law", "claim", "bound", "worst")
         return [signed(own, **{key: other[key] for key in keys}), other, of(rows, "no such limit")]
 
     changed(out, looser)
@@ -479,7 +479,7 @@ CHANGES = {
 def _swapped(rows):
     one, two = (row for row in rows if row["question"] == "wide" and row["variant"] < 2)
     others = [row for row in rows if row is not one and row is not two]
-    keys = ("proof", "claim")
+    keys = ("proof", "law", "claim")
     return [signed(one, **{key: two[key] for key in keys}), two, *others]
 
 
@@ -489,7 +489,7 @@ def _answered_otherwise(rows):
         row for row in rows if row["question"] == "tightest" and row["variant"] == own["variant"]
     )
     others = [row for row in rows if row is not own]
-    return [signed(own, **{key: other[key] for key in ("proof", "claim")}), *others]
+    return [signed(own, **{key: other[key] for key in ("proof", "law", "claim")}), *others]
 
 
 @pytest.mark.parametrize("name", CHANGES)

@@ -58,7 +58,7 @@ def joined(plants: Sequence[UncertainPlant], signals: Iterable[str] = ()) -> Unc
 def _output(plants: Sequence[UncertainPlant], name: str) -> Output:
     found = [(plant.signal(name), plant) for plant in plants]
     C, D, F = (
-        tuple(chain.from_iterable(rows))
+        tuple(row for row in chain.from_iterable(rows) if row)  # none without disturbances
         for rows in zip(*(own.exact(plant) for own, plant in found), strict=True)
     )
     return Output(name, found[0][0].unit, C, D, F)

@@ -177,7 +177,7 @@ def test_joined_plants_have_the_vertices_and_outputs_of_each():
     ]
     both = joined(plants, ["y"])
     assert both.vertices == tuple(own.vertices[0] for own in plants)
-    assert both.signal("y").C == ((Fraction(1), 0), (Fraction(2), 0))
+    assert ((Fraction(1), 0), (Fraction(2), 0)) == both.signal("y").C
     other = UncertainPlant.from_vertices([[[0, 1], [-1, 0]]], [[[0], [1]]], states=("a", "b"))
     with pytest.raises(PlantError, match="need the same states"):
         joined([plants[0], other])

@@ -15,20 +15,19 @@ STAGE = (
     "stage.toml",
     re.search(r"```toml\n(.*?)```", (DOCS / "tutorial.md").read_text(), re.DOTALL)[1],
 )
-STUDY = (
-    "study.toml",
-    re.search(r"```toml\n(.*?)```", (DOCS / "fleet.md").read_text(), re.DOTALL)[1],
+STUDIES = re.findall(
+    r"```toml\n(# (\S+\.toml)\n.*?)```", (DOCS / "fleet.md").read_text(), re.DOTALL
 )
 PAGES = {  # with what a reader has before the first command
-    "cli": STAGE,
-    "fleet": STUDY,
-    "index": None,
-    "observers": None,
-    "proof": STAGE,
-    "reproduction": None,
-    "semi-active": None,
-    "service": CAR,
-    "tutorial": STAGE,
+    "cli": [STAGE],
+    "fleet": [(name, text) for text, name in STUDIES],
+    "index": [],
+    "observers": [],
+    "proof": [STAGE],
+    "reproduction": [],
+    "semi-active": [],
+    "service": [CAR],
+    "tutorial": [STAGE],
 }
 ELSEWHERE = {
     "analysis", "export", "regions", "ride", "simulate", "structures", "tradeoff", "vectors",
@@ -39,8 +38,7 @@ INSTALLED = re.compile(r"^\$ (?:python3 -m venv|polefence --version)")
 
 @pytest.mark.parametrize("page", PAGES)
 def test_the_commands_print_what_the_page_shows(page, tmp_path, monkeypatch, capsys):
-    if PAGES[page]:
-        name, text = PAGES[page]
+    for name, text in PAGES[page]:
         (tmp_path / name).write_text(text)
     for block in blocks((DOCS / f"{page}.md").read_text()):
         if not INSTALLED.match(block):

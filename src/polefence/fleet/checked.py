@@ -117,9 +117,9 @@ def _fault(store: Store, own: _Fresh) -> str:
         content = read_bytes(path, MAX_BYTES, DesignFileError)
         if hashlib.sha256(content).hexdigest() != row["proof"]:
             return "its file of claims is not as it was written"
+        document = read_document(path)
         if law_of(content) != row["law"]:
             return "names another law than its file"
-        document = read_document(path)
         answer = check_document(document, path)
         plant = loads(own.spec)
     except PolefenceError as error:

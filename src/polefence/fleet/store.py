@@ -168,7 +168,7 @@ class Store:
 
 def law_of(document: str | bytes) -> str:
     """Return what tells the law of a file of claims from others: the start of its SHA-256."""
-    own = json.dumps(json.loads(document)["law"], sort_keys=True)
+    own = json.dumps(json.loads(document).get("law"), sort_keys=True)
     return hashlib.sha256(own.encode()).hexdigest()[:LETTERS]
 
 

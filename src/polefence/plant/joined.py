@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from dataclasses import replace
 from itertools import chain
 
 from polefence.base.errors import PlantError
@@ -43,16 +44,7 @@ def joined(plants: Sequence[UncertainPlant], signals: Iterable[str] = ()) -> Unc
     vertices = tuple(chain.from_iterable(own.vertices for own in plants))
     own = {output.name for output in first.every_output}
     outputs = tuple(_output(plants, name) for name in dict.fromkeys(signals) if name in own)
-    return UncertainPlant(
-        vertices,
-        name=first.name,
-        states=first.states,
-        inputs=first.inputs,
-        disturbances=first.disturbances,
-        sample_time=first.sample_time,
-        outputs=outputs,
-        noise=first.noise,
-    )
+    return replace(first, vertices=vertices, parameters=(), outputs=outputs, vehicle=None)
 
 
 def _output(plants: Sequence[UncertainPlant], name: str) -> Output:

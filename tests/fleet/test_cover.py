@@ -122,6 +122,36 @@ def test_a_row_that_names_another_law_is_found(tmp_path):
     assert faults == {one["variant"]: "", other["variant"]: "names another law than its file"}
 
 
+def test_an_estimate_counts_what_it_tried(tmp_path, capsys):
+    study_of(tmp_path, [1, 2])
+    assert main(["study", str(tmp_path / "study.toml"), "--estimate"]) == 0
+    said = capsys.readouterr().out
+    assert "cover: cover, region = disk(-5, 4): of all at once; not tried" in said
+    assert "  0 rows: about" in said
+
+
+def test_a_proof_that_is_no_file_of_claims_is_found(tmp_path):
+    import hashlib
+
+    import pyarrow.parquet as parquet
+    from pyarrow import Table
+
+    study, out = study_of(tmp_path, [1]), tmp_path / "out"
+    for _ in run(study, Store(out), processes(1)):
+        pass
+    for content in (b"[1]", b"{", b"\xff", b"{}"):
+        digest = hashlib.sha256(content).hexdigest()
+        Store(out).proof(digest).parent.mkdir(exist_ok=True)
+        Store(out).proof(digest).write_bytes(content)
+        (path,) = (out / "rows").iterdir()
+        table = parquet.read_table(path)
+        rows = [row | {"proof": digest} for row in table.to_pylist()]
+        rows = [row | {"digest": digest_of(row)} for row in rows]
+        parquet.write_table(Table.from_pylist(rows, table.schema), path)
+        (own,) = judged(Store(out), processes(1))
+        assert own.fault
+
+
 class _Dead(Workers):
     def done(self, work, tasks):
         for task in tasks:
@@ -129,8 +159,7 @@ class _Dead(Workers):
 
 
 def test_where_those_that_prove_die_rows_are_lost(tmp_path):
-    study, dead = study_of(tmp_path, [1, 2]), processes(1)
-    dead = _Dead(dead.places, 1)
+    study, dead = study_of(tmp_path, [1, 2]), _Dead(processes(1).places, 1)
     rows = [row for found in run(study, Store(tmp_path / "out"), dead) for row in found]
     assert [row["status"] for row in rows] == [LOST, LOST]
 

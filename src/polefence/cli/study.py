@@ -88,8 +88,9 @@ def _estimated(study: Study) -> int:
     for question in study.questions:
         if question.together:
             say(f"  {question.name}: {question.words}: of all at once; not tried")
+    rows = count * sum(not question.together for question in study.questions)
     hours = f" ({seconds / 3600:.2g} hours)" if seconds > 3600 else ""
-    say(f"  {study.total} rows: about {seconds:.2g} s{hours} of one processor, {size / 1e6:.2g} MB")
+    say(f"  {rows} rows: about {seconds:.2g} s{hours} of one processor, {size / 1e6:.2g} MB")
     return PROVED
 
 

@@ -123,9 +123,8 @@ class Fleet:
         What lies between them may be out of reach: the plants alone count.
         """
         limits = [
-            replace(own, at_most=own.at_most * (1 - INSIDE))
-            for own in self.limits[few[0]]
-            if own.at_most is not None
+            replace(own[0], at_most=min(one.at_most or np.inf for one in own) * (1 - INSIDE))
+            for own in zip(*(self.limits[k] for k in few), strict=True)
         ]
         names = [name for own in limits for name in _signals(own)]
         with suppress(PolefenceError):

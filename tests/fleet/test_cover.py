@@ -127,7 +127,7 @@ def test_an_estimate_counts_what_it_tried(tmp_path, capsys):
     assert main(["study", str(tmp_path / "study.toml"), "--estimate"]) == 0
     said = capsys.readouterr().out
     assert "cover: cover, region = disk(-5, 4): of all at once; not tried" in said
-    assert "  0 rows: about" in said
+    assert " rows: about" not in said
 
 
 def test_a_proof_that_is_no_file_of_claims_is_found(tmp_path):

@@ -90,7 +90,8 @@ def _estimated(study: Study) -> int:
             say(f"  {question.name}: {question.words}: of all at once; not tried")
     rows = count * sum(not question.together for question in study.questions)
     hours = f" ({seconds / 3600:.2g} hours)" if seconds > 3600 else ""
-    say(f"  {rows} rows: about {seconds:.2g} s{hours} of one processor, {size / 1e6:.2g} MB")
+    if rows:
+        say(f"  {rows} rows: about {seconds:.2g} s{hours} of one processor, {size / 1e6:.2g} MB")
     return PROVED
 
 

@@ -72,7 +72,7 @@ MOST_UNKNOWNS = 1500
 STEPS = (1e-7, 1e-6, 1e-5, 1e-4)
 
 # A lower bound farther off than this share of the radius is sought again, with this tolerance.
-GAP, CLOSER = 3e-6, 1e-10
+GAP, CLOSER = 9e-7, 1e-10
 EARLIER = 1e-6  # tolerance of a run that ends farther inside, where the ends have no bound
 
 # How far inside a region a point is looked for, as a share of its size.

@@ -57,7 +57,7 @@ def commands(spec):
     yield ["analyse", spec, "--gain", "[[-9, -6]]", "--of", "disk", "--centre", "-3"]
     yield ["observe", spec, "--measured", "v", "--disk", "-3", "2.9"]
     yield ["optimise", spec, "--minimise", "rms of v with density 2", "--limit",
-           "gain of v <= 9", "--method", "scheduled", "--plot", "ride.svg"]  # fmt: skip
+           "gain of v <= 9", "--method", "quadratic", "--plot", "ride.svg"]  # fmt: skip
     yield ["optimise", spec, "--minimise", "rms of nothing with density 2"]
     yield from of_a_design("law")
 

@@ -23,7 +23,7 @@ from polefence.base.processors import small_matrices
 from polefence.design import many
 from polefence.design.design import Design
 from polefence.design.given import analyse
-from polefence.design.margins import in_service
+from polefence.design.margins import Margin, estimation_error, gain_error, parameter_rate
 from polefence.design.place import require_kind
 from polefence.design.requirements.asked import wanted
 from polefence.design.requirements.specification import Specification
@@ -283,6 +283,11 @@ class Service(Place):
     decay: float = 0.0
     kind = "service"
 
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.margin.partition("-")[0] not in KINDS:
+            raise InputError(f"margin = {self.margin!r} is none; {suggest(self.margin, KINDS)}")
+
     @property
     def largest(self) -> bool:
         """Margins are."""
@@ -319,7 +324,7 @@ class Service(Place):
     @small_matrices()
     def _of(self, design: Design) -> Answer:
         try:
-            every = in_service(design, self.decay)
+            every = self._of_kind(design)
             own = next((one for one in every if one.name == self.margin), None)
             if own is None:
                 names = [one.name for one in every]
@@ -328,7 +333,13 @@ class Service(Place):
             return _failed(error)
         if not own.proved:
             return Answer(NOT_PROVED, reason="no margin was proved")
-        return _proved(every.file(own), own.value, None, None, own.unit)
+        return _proved(own.file(design), own.value, None, None, own.unit)
+
+    def _of_kind(self, design: Design) -> tuple[Margin, ...]:
+        kind = self.margin.partition("-")[0]
+        if kind == "gain":
+            return (gain_error(design),)
+        return estimation_error(design) if kind == "estimate" else parameter_rate(design, self.decay)
 
 
 @dataclass(frozen=True)

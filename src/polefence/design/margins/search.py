@@ -297,6 +297,11 @@ class Margin:
     claim: MarginClaim | None = None
     design: Design | None = None
 
+    def file(self, design: Design) -> Document:
+        """Return the file of what is proved of a design."""
+        own = self.design or design
+        return own.certificate.file([self.claim] if self.claim else [])
+
     def __repr__(self) -> str:
         return f"<Margin {self}>"
 
@@ -378,8 +383,7 @@ class Margins:
 
     def file(self, margin: Margin) -> Document:
         """Return the file of a margin that is proved."""
-        design = margin.design or self.design
-        return design.certificate.file([margin.claim] if margin.claim else [])
+        return margin.file(self.design)
 
     def save(self, directory: str | Path) -> list[Path]:
         """Write one file for each proved margin into a folder; return their paths.

@@ -337,9 +337,9 @@ class Service(Place):
 
     def _of_kind(self, design: Design) -> tuple[Margin, ...]:
         kind = self.margin.partition("-")[0]
-        if kind == "gain":
-            return (gain_error(design),)
-        return estimation_error(design) if kind == "estimate" else parameter_rate(design, self.decay)
+        if kind == "rate":
+            return parameter_rate(design, self.decay)
+        return (gain_error(design),) if kind == "gain" else estimation_error(design)
 
 
 @dataclass(frozen=True)

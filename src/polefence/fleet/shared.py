@@ -7,10 +7,10 @@ one at the rim of the fleet, as many of them as have one. What is found here is 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, lru_cache
 
 import numpy as np
 
@@ -34,6 +34,7 @@ from polefence.region.regions import Region
 POINTS = 40  # of each plant, besides its vertices, at which a law is looked at
 INSIDE = 1e-3  # by which limits and region are asked for smaller than they are to be
 FEW = 12  # plants at most that one law is searched for
+MOST_KEPT = 4096  # plants of which what is looked at is kept
 ROUNDS = 16  # of searches for one law of one set
 
 
@@ -71,6 +72,8 @@ class Fleet:
         law, kept = self._for(left)
         if len(kept) == len(left):
             return law, kept
+        if not kept:
+            return None, [self._middle(left)]
         around = self._by_distance(left)
         low, high = 1, len(left)  # sets of these sizes have a law, and have none
         best = self._for(around[:1])
@@ -93,11 +96,17 @@ class Fleet:
         order = np.linalg.norm(own - own[rim], axis=1).argsort(kind="stable")
         return [left[k] for k in order]
 
+    def _middle(self, those: Sequence[int]) -> int:
+        """Return the one that is nearest to the middle of these plants."""
+        own = self._scaled[list(those)]
+        return those[int(np.linalg.norm(own - own.mean(axis=0), axis=1).argmin())]
+
     def _for(self, those: Sequence[int]) -> tuple[FixedGain | None, list[int]]:
-        """Return a law and which of these plants it keeps: all of them, if one is found."""
-        middle = self._scaled[list(those)]
-        first = int(np.linalg.norm(middle - middle.mean(axis=0), axis=1).argmin())
-        few: list[int] = [those[first]]
+        """Return a law and which of these plants it keeps: all of them, if one is found.
+
+        None where the one in the middle has none.
+        """
+        few = [self._middle(those)]
         law: FixedGain | None = None
         best: tuple[FixedGain | None, list[int]] = None, []
         most = min(FEW, MAX_VERTICES // max(len(own.vertices) for own in self.plants))
@@ -142,21 +151,42 @@ class Fleet:
 
     def excess(self, number: int, law: FixedGain) -> float:
         """Return by how much a law does not keep a plant, in floats; below zero where it does."""
-        plant, limits = with_weights(self.plants[number], self.limits[number])
-        own = without_feedback(law, plant)
-        alpha = seeded(plant, len(plant.vertices) + POINTS)
-        A, B = plant.at(alpha)
-        outside = float(self.region.distance(np.linalg.eigvals(A + B @ own.gain(alpha))).max())
-        if not outside < 0 or not limits:
+        seen = self._seen(number)
+        own = without_feedback(law, seen.plant)
+        poles = np.linalg.eigvals(seen.A + seen.B @ own.gain(seen.alpha))
+        outside = float(self.region.distance(poles).max())
+        if not outside < 0 or not seen.limits:
             return outside
         try:
             return max(
-                sampled(plant, own, limit, alpha).worst / limit.at_most - 1
-                for limit in limits
+                sampled(seen.plant, own, limit, seen.alpha).worst / limit.at_most - 1
+                for limit in seen.limits
                 if limit.at_most is not None
             )
         except InputError:
             return np.inf
+
+    @cached_property
+    def _seen(self) -> Callable[[int], _Seen]:
+        """What is looked at of a plant, kept for some thousand of them."""
+        return lru_cache(MOST_KEPT)(lambda k: _Seen.of(self.plants[k], self.limits[k]))
+
+
+@dataclass(frozen=True, eq=False)
+class _Seen:
+    """A plant with the filters of its limits, and points of it."""
+
+    plant: UncertainPlant
+    limits: tuple[Specification, ...]
+    alpha: Array
+    A: Array
+    B: Array
+
+    @classmethod
+    def of(cls, plant: UncertainPlant, limits: tuple[Specification, ...]) -> _Seen:
+        wide, own = with_weights(plant, limits)
+        alpha = seeded(wide, len(wide.vertices) + POINTS)
+        return cls(wide, tuple(own), alpha, *wide.at(alpha))
 
 
 def _one_gain(plant: UncertainPlant) -> Structure:

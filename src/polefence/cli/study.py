@@ -16,10 +16,10 @@ from polefence.cli.common import NOT_PROVED, PROVED
 from polefence.cli.terminal import say
 from polefence.fleet.checked import judged
 from polefence.fleet.cluster import dask
+from polefence.fleet.questions import GOOD, Question, read_questions
 from polefence.fleet.questions import PROVED as ROW_PROVED
-from polefence.fleet.questions import Question, read_questions
 from polefence.fleet.run import Packed, answered, run
-from polefence.fleet.store import Row, Store, alike
+from polefence.fleet.store import Row, Store, alike, value_of
 from polefence.fleet.study import Study, load_study
 from polefence.fleet.workers import Workers, processes
 from polefence.region.text import digits_down, digits_up
@@ -147,8 +147,9 @@ def _of_results(store: Store, options: Any) -> int:
         from polefence.show.fleet import fleet_page
 
         pairs = [(own.name, own.largest) for own in questions]
-        failed = alike([row for row in rows if row["status"] != ROW_PROVED])
-        text = fleet_page(about["name"], about["names"], pairs, rows, failed)
+        failed = alike([row for row in rows if row["status"] not in GOOD])
+        valued = [row | {"value": value_of(row)} for row in rows]
+        text = fleet_page(about["name"], about["names"], pairs, valued, failed)
         write_text(options.html, text)
         say(f"saved: {options.html}")
     total = len(about["rows"]) * len(names)
@@ -172,16 +173,18 @@ def _checked(store: Store, options: Any) -> int:
 
 def _best(rows: Sequence[Row], question: Question, about: Mapping[str, Any]) -> int:
     """Print the rows with the best bounds."""
-    known, names = [row for row in rows if row["bound"] is not None], about["names"]
+    found, names = [(value_of(row), row) for row in rows], about["names"]
+    known = [(value, row) for value, row in found if value is not None]
     if not known:
         raise InputError(f"no row of {question.name} has a bound")
     sign = -1 if question.largest else 1
-    known.sort(key=lambda row: (sign * row["bound"], row["variant"]))
+    known.sort(key=lambda own: (sign * own[0], own[1]["variant"]))
     digits, head = _weaker(question), [f"{name:>12}" for name in names]
-    say(f"{'variant':>8}  {'bound':>10}  {'unit':<6}{''.join(head)}  label".rstrip())
-    for row in known[:BEST]:
+    title = "bound" if known[0][1]["bound"] is not None else "sample"
+    say(f"{'variant':>8}  {title:>10}  {'unit':<6}{''.join(head)}  label".rstrip())
+    for value, row in known[:BEST]:
         own = "".join(f"{'-' if row[name] is None else f'{row[name]:.6g}':>12}" for name in names)
-        line = f"{row['variant']:>8}  {digits(row['bound']):>10}  {row['unit']:<6}{own}"
+        line = f"{row['variant']:>8}  {digits(value):>10}  {row['unit']:<6}{own}"
         say(f"{line}  {row['label']}".rstrip())
     return PROVED
 
@@ -197,17 +200,17 @@ def _said(rows: Sequence[Row], questions: Sequence[Question], total: int) -> int
         own = [row for row in rows if row["question"] == question.name]
         counts = Counter(row["status"] for row in own)
         said = ", ".join(f"{count} {status}" for status, count in sorted(counts.items()))
-        known = [row for row in own if row["bound"] is not None]
+        values = [value for row in own if (value := value_of(row)) is not None]
         if question.together and counts[ROW_PROVED]:
             laws = Counter(row["law"] for row in own if row["law"])
             each = ", ".join(str(count) for _, count in laws.most_common())
             said += f"; by {len(laws)} law{'s' * (len(laws) > 1)}: of {each} variants"
-        if known:
-            bounds, digits = [row["bound"] for row in known], _weaker(question)
-            span = f"{digits(min(bounds))} to {digits(max(bounds))} {known[0]['unit']}"
+        if values:
+            digits, unit = _weaker(question), next((row["unit"] for row in own if row["unit"]), "")
+            span = f"{digits(min(values))} to {digits(max(values))} {unit}"
             said += f"; {span.rstrip()}"
         say(f"  {question.name}: {said or 'nothing yet'}")
-    bad = [row for row in rows if row["status"] != ROW_PROVED]
+    bad = [row for row in rows if row["status"] not in GOOD]
     for row, count in alike(bad)[:SHOWN]:
         variants = f"variant {row['variant']}" + f" and {count - 1} more" * (count > 1)
         say(f"  {row['question']}, {variants}: {row['status']}: {row['reason']}")

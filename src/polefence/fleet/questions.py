@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import itertools
+import math
 import tempfile
 import time
 from collections.abc import Iterator, Mapping, Sequence
@@ -33,7 +35,8 @@ from polefence.design.signals.bounds import bounds_file, kept_bound, sampled
 from polefence.design.signals.optimise import Optimised, optimise
 from polefence.law.laws import FixedGain
 from polefence.law.structure import Structure, load_structure
-from polefence.lmi.conditions.methods import Method, Scheduled, Slack, method_name
+from polefence.lmi.conditions.methods import METHODS, Method, Scheduled, Slack, method_name
+from polefence.plant.expression import decimal_text
 from polefence.plant.family import UncertainPlant
 from polefence.plant.points import seeded
 from polefence.plant.spec import loads
@@ -48,8 +51,12 @@ from polefence.proof.document import Document
 from polefence.proof.regions import Disk, Part, write_region
 from polefence.region.regions import HalfPlane, Region
 from polefence.region.text import load_region, parse_region
+from polefence.response.stationary import velocity_density
+from polefence.vehicle.compare import NAMES, QUANTITIES, NoLaw, compare, standard_laws
 
 PROVED, NOT_PROVED, ERROR, LOST = "proved", "not proved", "error", "lost"
+SAMPLED = "sampled"
+GOOD = (PROVED, SAMPLED)
 DIED = "the process that worked on it died, each time: out of memory, or a fault of ours"
 SIZES = {"disk": "radius", "half_plane": "decay", "sector": "damping"}
 KINDS = {"gain": GainError.kind, "estimate": Estimate.kind, "rate": Rate.kind}
@@ -64,8 +71,8 @@ class Answer:
     Attributes
     ----------
     status : str
-        "proved"; "not proved"; "error": the question makes no sense for this variant; "lost": the
-        process that worked on it died.
+        "proved"; "sampled", of which nothing is proved; "not proved"; "error": the question makes
+        no sense for this variant; "lost": the process that worked on it died.
     bound, least, worst : float, optional
         What is proved; what is proved to be out of the method's reach; the worst sample.
     unit : str
@@ -462,9 +469,49 @@ class Cover(Question):
         return _proved(bounds_file(answer.certificate, claims))
 
 
+@dataclass(frozen=True)
+class Ride(Question):
+    """How a law rides on a random road: the worst of one quantity over the family, sampled."""
+
+    law: str = "passive"
+    quantity: str = "weighted acceleration"
+    road: str = "C"
+    speed: float = 20.0
+    disk: tuple[float, float] = (-40.0, 36.0)
+    kind = "compare"
+
+    def __post_init__(self) -> None:
+        for key, known in (("law", NAMES), ("quantity", dict(QUANTITIES))):
+            own = getattr(self, key)
+            if own not in known:
+                raise InputError(f"{key} = {own!r} is none; {suggest(str(own), known)}")
+        velocity_density(self.road, self.speed)
+        if not isinstance(self.disk, tuple) or len(self.disk) != 2:
+            raise InputError(f"disk = {self.disk!r} must be [CENTRE, RADIUS]")
+        parse_region("disk({!r}, {!r})".format(*self.disk))
+
+    def _answered(self, plants: list[Any], specs: list[str]) -> list[Answer]:  # noqa: ARG002
+        return [self._of(plant) for plant in plants]
+
+    @small_matrices()
+    def _of(self, plant: UncertainPlant) -> Answer:
+        try:
+            laws = standard_laws(plant, self.disk, (self.law,))
+            if isinstance(own := laws[self.law], NoLaw):
+                return Answer(NOT_PROVED, reason=own.reason)
+            found = compare(plant, laws, self.road, self.speed)
+        except PolefenceError as error:
+            return _failed(error)
+        ridden = next(row for row in found.rows if row.quantity == self.quantity)
+        reason = f"the worst of {len(found.alpha)} points of the family; nothing is proved"
+        return Answer(SAMPLED, worst=ridden.worst, unit=ridden.unit, reason=reason)
+
+
 QUESTIONS: dict[str, type[Question]] = {
-    own.kind: own for own in (Place, Tightest, Service, Optimise, Cover)
+    own.kind: own for own in (Place, Tightest, Service, Optimise, Cover, Ride)
 }
+LIMITS = "limits"  # asks for the tightest region of each method
+MOST = 1000  # questions
 
 
 def read_questions(tables: Any) -> tuple[Question, ...]:
@@ -483,19 +530,39 @@ def read_questions(tables: Any) -> tuple[Question, ...]:
         raise SpecError('no question; write [[question]], ask = "tightest", centre = -40')
     found = list[Question]()
     for k, table in enumerate(tables):
-        where, own = f"question {k + 1}", dict(table)
-        ask = own.pop("ask", None)
-        if ask not in QUESTIONS:
-            raise SpecError(
-                f"{where}: ask = {shown(ask)} is unknown; {suggest(str(ask), QUESTIONS)}"
-            )
-        name = own.pop("name", ask)
-        if not isinstance(name, str) or not name.strip():
-            raise SpecError(f"{where}: name = {shown(name)} must be text")
-        if name in [other.name for other in found]:
-            raise SpecError(f"{where}: two questions are called {name!r}; give each a name")
-        found.append(QUESTIONS[ask].read(name, own, where))
+        where = f"question {k + 1}"
+        for name, one in _each(table, where):
+            if name in [other.name for other in found]:
+                raise SpecError(f"{where}: two questions are called {name!r}; give each a name")
+            found.append(QUESTIONS[one.pop("ask")].read(name, one, where))
     return tuple(found)
+
+
+def _each(table: Mapping[str, Any], where: str) -> Iterator[tuple[str, dict[str, Any]]]:
+    """Yield the questions of a table: one for each value of an option that is a list of them."""
+    ask, own = table.get("ask"), dict(table)
+    if ask == LIMITS:
+        own = {"method": list(METHODS), "name": ask} | own | {"ask": Tightest.kind}
+    if own.get("ask") not in QUESTIONS:
+        known = (LIMITS, *QUESTIONS)
+        raise SpecError(f"{where}: ask = {shown(ask)} is unknown; {suggest(str(ask), known)}")
+    name = own.pop("name", ask)
+    if not isinstance(name, str) or not name.strip():
+        raise SpecError(f"{where}: name = {shown(name)} must be text")
+    single = [one.name for one in fields(QUESTIONS[own["ask"]]) if "tuple" not in str(one.type)]
+    several = {key: x for key, x in own.items() if key in single and isinstance(x, list)}
+    if math.prod(map(len, several.values())) > MOST:
+        raise SpecError(f"{where}: more than {MOST} questions; give shorter lists")
+    for key, values in several.items():
+        if not values:
+            raise SpecError(f"{where}: {key} = [] is empty; give one value, or several")
+    for chosen in itertools.product(*several.values()):
+        one = own | dict(zip(several, chosen, strict=True))
+        yield " ".join([name, *map(_short, chosen)]), one
+
+
+def _short(value: Any) -> str:
+    return decimal_text(value) if isinstance(value, Fraction) else str(value)
 
 
 def _plain(value: Any) -> Any:

@@ -21,7 +21,7 @@ from polefence.base import VERSION
 from polefence.base.errors import DesignFileError, OutputError
 from polefence.base.files import make_folder, read_bytes, read_text, write_bytes
 from polefence.base.parquet import arrow, read_table, table_bytes
-from polefence.fleet.questions import Answer
+from polefence.fleet.questions import SAMPLED, Answer
 from polefence.fleet.study import Study
 from polefence.lmi.solve.engine import engine
 
@@ -170,6 +170,12 @@ def law_of(document: str | bytes) -> str:
     """Return what tells the law of a file of claims from others: the start of its SHA-256."""
     own = json.dumps(json.loads(document).get("law"), sort_keys=True)
     return hashlib.sha256(own.encode()).hexdigest()[:LETTERS]
+
+
+def value_of(row: Row) -> float | None:
+    """Return what a row has found: a bound, or the worst sample where nothing is to be proved."""
+    found: float | None = row["worst"] if row["status"] == SAMPLED else row["bound"]
+    return found
 
 
 def alike(rows: Sequence[Row]) -> list[tuple[Row, int]]:

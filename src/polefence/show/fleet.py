@@ -18,6 +18,9 @@ if TYPE_CHECKING:
 Row = Mapping[str, Any]
 MOST_REASONS = 20
 FAILED = "#b2182b"
+SHARED = "cover"  # the question of which few laws cover all variants
+MOST_LAWS, MOST_LABELS = 20, 12
+MARKERS = "osD^v"
 
 
 def fleet_page(
@@ -38,7 +41,7 @@ def fleet_page(
     questions : sequence of (str, bool)
         Their names, and whether a bound is the better the larger it is.
     rows : sequence of mapping
-        As the store has them.
+        As the store has them, with a "value" to be shown, or None.
     failed : sequence of (mapping, int)
         The first of rows that failed alike, and how many there are.
     """
@@ -50,6 +53,8 @@ def fleet_page(
         own = [row for row in rows if row["question"] == question]
         if any(_finite(row) for row in own):
             sections.append(_question(question, largest, names, own))
+        elif own and own[0]["ask"] == SHARED and any(row["law"] for row in own):
+            sections.append(_laws(question, names, own))
     if failed:
         sections.append(_failures(failed))
     title = f"{name}: {variants} variants"
@@ -57,7 +62,7 @@ def fleet_page(
 
 
 def _finite(row: Row) -> bool:
-    return row["bound"] is not None and bool(np.isfinite(row["bound"]))
+    return row["value"] is not None and bool(np.isfinite(row["value"]))
 
 
 def _overview(questions: Sequence[tuple[str, bool]], rows: Sequence[Row]) -> Section:
@@ -65,7 +70,7 @@ def _overview(questions: Sequence[tuple[str, bool]], rows: Sequence[Row]) -> Sec
     for question, largest in questions:
         own = [row for row in rows if row["question"] == question]
         counts = Counter(row["status"] for row in own)
-        bounds = sorted(row["bound"] for row in own if _finite(row))
+        bounds = sorted(row["value"] for row in own if _finite(row))
         digits, unit = (digits_down if largest else digits_up), own[0]["unit"] if own else ""
         span = ["-"] * 3
         if bounds:
@@ -73,7 +78,7 @@ def _overview(questions: Sequence[tuple[str, bool]], rows: Sequence[Row]) -> Sec
         seconds = sum(row["seconds"] for row in own)
         said = ", ".join(f"{count} {status}" for status, count in sorted(counts.items()))
         cells.append((question, said, *span, unit, f"{seconds:.3g} s"))
-    head = ("question", "answers", "least bound", "middle", "largest", "unit", "worked")
+    head = ("question", "answers", "least", "middle", "largest", "unit", "worked")
     return Section("Questions", table=Table(head, tuple(cells)))
 
 
@@ -81,12 +86,14 @@ def _question(question: str, largest: bool, names: Sequence[str], rows: Sequence
     known = [row for row in rows if _finite(row)]
     better = "the larger the better" if largest else "the smaller the better"
     ratios = sorted(
-        row["bound"] / (row["worst"] or row["least"])
+        row["value"] / (row["worst"] or row["least"])
         for row in known
-        if row["worst"] or row["least"]
+        if row["bound"] is not None and (row["worst"] or row["least"])
     )
     crosses = " Red crosses: variants without one." if len(known) < len(rows) else ""
-    text = [f"Proved bounds; {better}.{crosses}"]
+    sampled = known[0]["status"] == "sampled"
+    what = "Worst samples, of which nothing is proved" if sampled else "Proved bounds"
+    text = [f"{what}; {better}.{crosses}"]
     if ratios:
         middle, last = (digits_up(ratios[k]) for k in (len(ratios) // 2, -1))
         beside = "the worst sample" if known[0]["worst"] else "the proved lower limit"
@@ -97,9 +104,10 @@ def _question(question: str, largest: bool, names: Sequence[str], rows: Sequence
 
 def _figure(known: Sequence[Row], failed: Sequence[Row], names: Sequence[str]) -> Figure:
     """Return bounds sorted, and their map over the two numbers that vary in most steps."""
-    varied = sorted(names, key=lambda name: -len({row[name] for row in known}))[:2]
-    bounds = np.array([row["bound"] for row in known])
-    label = f"bound [{known[0]['unit']}]" if known[0]["unit"] else "bound"
+    varied = _most_varied(names, known)
+    bounds = np.array([row["value"] for row in known])
+    word = "worst sample" if known[0]["status"] == "sampled" else "bound"
+    label = f"{word} [{known[0]['unit']}]" if known[0]["unit"] else word
     figure, axes = new_figure(2 if varied else 1, 10.0, 3.6)
     shares = (np.arange(len(bounds)) + 0.5) / len(bounds)
     axes[0].plot(np.sort(bounds), shares, ".-", ms=3, lw=0.8, color="#2166ac")
@@ -117,6 +125,43 @@ def _figure(known: Sequence[Row], failed: Sequence[Row], names: Sequence[str]) -
     axes[1].plot(*out, "x", color=FAILED, ms=5)
     axes[1].set(xlabel=varied[0], ylabel=varied[1])
     return figure
+
+
+def _laws(question: str, names: Sequence[str], rows: Sequence[Row]) -> Section:
+    """Return which variants have which law."""
+    counts = Counter(row["law"] for row in rows if row["law"]).most_common()
+    cells = [
+        (law, str(count), str(next(row["variant"] for row in rows if row["law"] == law)))
+        for law, count in counts[:MOST_LAWS]
+    ]
+    without = sum(not row["law"] for row in rows)
+    text = [f"{len(counts)} laws keep {len(rows) - without} of {len(rows)} variants, each proved."]
+    if len(counts) > len(cells):
+        text.append(f"{len(counts) - len(cells)} more laws are in the rows.")
+    varied = _most_varied(names, rows)
+    figure = _map_of_laws([law for law, _ in counts], varied, rows) if varied else None
+    return Section(question, tuple(text), Table(("law", "variants", "first"), tuple(cells)), figure)
+
+
+def _map_of_laws(laws: Sequence[str], varied: Sequence[str], rows: Sequence[Row]) -> Figure:
+    """Return the variants over the two numbers that vary in most steps: each law has its mark."""
+    figure, (axes,) = new_figure(1, 6.0, 4.0)
+    for k, law in enumerate([*laws, ""]):
+        own = [row for row in rows if row["law"] == law]
+        x, y = ([_number(row, name) for row in own] for name in (varied[0], varied[-1]))
+        style = {"color": FAILED, "marker": "x"}
+        if law:
+            style = {"color": f"C{k % 10}", "marker": MARKERS[k // 10 % len(MARKERS)]}
+        label = (law or "none") if k < MOST_LABELS or not law else None
+        if own:
+            axes.plot(x, y, ls="", ms=5, label=label, **style)
+    axes.set(xlabel=varied[0], ylabel=varied[-1])
+    axes.legend(title="law", fontsize="small", loc="center left", bbox_to_anchor=(1.0, 0.5))
+    return figure
+
+
+def _most_varied(names: Sequence[str], rows: Sequence[Row]) -> list[str]:
+    return sorted(names, key=lambda name: -len({row[name] for row in rows}))[:2]
 
 
 def _number(row: Row, name: str) -> float:

@@ -35,7 +35,17 @@ POINTS = 40  # of each plant, besides its vertices, at which a law is looked at
 INSIDE = 1e-3  # by which limits and region are asked for smaller than they are to be
 FEW = 12  # plants at most that one law is searched for
 MOST_KEPT = 4096  # plants of which what is looked at is kept
+TRIES = 3  # plants that a law is not stretched to, before it is done
 ROUNDS = 16  # of searches for one law of one set
+
+
+@dataclass(frozen=True)
+class _Shared:
+    """A law, the plants that it keeps, and the few of them that it was searched for."""
+
+    law: FixedGain | None
+    kept: list[int]
+    few: list[int]
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,25 +79,42 @@ class Fleet:
 
         Where there is none, the one plant that has none comes alone.
         """
-        law, kept = self._for(left)
-        if len(kept) == len(left):
-            return law, kept
-        if not kept:
+        best = self._for(left)
+        if len(best.kept) == len(left):
+            return best.law, best.kept
+        if best.law is None:
             return None, [self._middle(left)]
         around = self._by_distance(left)
         low, high = 1, len(left)  # sets of these sizes have a law, and have none
         best = self._for(around[:1])
-        if not best[1]:
+        if best.law is None:
             return None, around[:1]
         while high - low > 1:
             size = (low + high) // 2
             own = self._for(around[:size])
-            if len(own[1]) == size:
+            if len(own.kept) == size:
                 low, best = size, own
             else:
                 high = size
-        found = best[0]
-        return found, [k for k in left if found is not None and self.excess(k, found) < 0]
+        best = self._grown(left, best)
+        return best.law, best.kept
+
+    def _grown(self, left: Sequence[int], best: _Shared) -> _Shared:
+        """Return a law that keeps more of some plants: the ones that it just does not keep."""
+        shut = set[int]()
+        while best.law is not None and len(shut) < TRIES:
+            excess = {k: self.excess(k, best.law) for k in left}
+            best = replace(best, kept=[k for k, own in excess.items() if own < 0])
+            outside = [k for k, own in excess.items() if own >= 0 and k not in shut]
+            if not outside:
+                break
+            near = min(outside, key=excess.__getitem__)
+            own = self._for([*best.kept, near], replace(best, few=[*best.few, near]))
+            if len(own.kept) > len(best.kept):
+                best = own
+            else:
+                shut.add(near)
+        return best
 
     def _by_distance(self, left: Sequence[int]) -> list[int]:
         """Return them by their distance from the one that is farthest from the middle."""
@@ -101,29 +128,27 @@ class Fleet:
         own = self._scaled[list(those)]
         return those[int(np.linalg.norm(own - own.mean(axis=0), axis=1).argmin())]
 
-    def _for(self, those: Sequence[int]) -> tuple[FixedGain | None, list[int]]:
+    def _for(self, those: Sequence[int], first: _Shared | None = None) -> _Shared:
         """Return a law and which of these plants it keeps: all of them, if one is found.
 
-        None where the one in the middle has none.
+        The search goes on from ``first``. None where the one in the middle has none.
         """
-        few = [self._middle(those)]
-        law: FixedGain | None = None
-        best: tuple[FixedGain | None, list[int]] = None, []
+        few = [self._middle(those)] if first is None else first.few
+        law = None if first is None else first.law
+        best = _Shared(None, [], few)
         most = min(FEW, MAX_VERTICES // max(len(own.vertices) for own in self.plants))
         for _ in range(ROUNDS):
-            law = self._searched(few, law)
+            law = self._searched(few, law) if len(few) <= most else None
             if law is None:
                 break
             excess = np.array([self.excess(k, law) for k in those])
             kept = [k for k, own in zip(those, excess, strict=True) if own < 0]
-            if len(kept) > len(best[1]):
-                best = law, kept
-            if len(kept) == len(those):
-                break
+            if len(kept) > len(best.kept):
+                best = _Shared(law, kept, few)
             worst = those[int(excess.argmax())]
-            if worst in few or len(few) >= most:
+            if len(kept) == len(those) or worst in few:
                 break
-            few.append(worst)
+            few = [*few, worst]
         return best
 
     def _searched(self, few: Sequence[int], start: Law | None) -> FixedGain | None:

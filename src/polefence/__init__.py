@@ -37,7 +37,7 @@ from polefence.region.text import parse_region
 __version__ = VERSION
 
 if TYPE_CHECKING:
-    from polefence import examples, export, response, vehicle
+    from polefence import examples, export, fleet, response, vehicle
     from polefence.base.workers import processes
     from polefence.design import many
     from polefence.design.given import analyse, worst_case
@@ -58,6 +58,7 @@ if TYPE_CHECKING:
     from polefence.design.signals.refutation import refute_limits
     from polefence.design.signals.semi_active import semi_active
     from polefence.design.signals.tradeoff import tradeoff
+    from polefence.fleet.run import study
     from polefence.law.control import from_control, to_control
     from polefence.law.structure import Structure, load_structure
     from polefence.plant.larger import with_actuator, with_sensor
@@ -93,6 +94,7 @@ _LATER = {
     "load_specifications": "polefence.design.requirements.text",
     "parse_specification": "polefence.design.requirements.text",
     "tradeoff": "polefence.design.signals.tradeoff",
+    "study": "polefence.fleet.run",
     "from_control": "polefence.law.control",
     "to_control": "polefence.law.control",
     "Structure": "polefence.law.structure",
@@ -104,6 +106,7 @@ _LATER = {
 _ROOMS = {
     "examples": "polefence.examples",
     "export": "polefence.export",
+    "fleet": "polefence.fleet",
     "many": "polefence.design.many",
     "plots": "polefence.show.plots",
     "response": "polefence.response",
@@ -156,6 +159,7 @@ __all__ = [
     "estimation_error",
     "examples",
     "export",
+    "fleet",
     "from_control",
     "gain_error",
     "in_service",
@@ -177,6 +181,7 @@ __all__ = [
     "refute_limits",
     "response",
     "semi_active",
+    "study",
     "tightest",
     "to_control",
     "tradeoff",

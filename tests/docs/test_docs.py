@@ -56,10 +56,10 @@ def after_the_readme(tmp_path_factory):
 
 def test_the_table_has_commands_for_every_command_but_these():
     used = {command.split()[1] for row in rows_commands() for command in row}
-    assert len(ROWS) == 11
+    assert len(ROWS) == 12
     assert used >= {
         "design", "limits", "analyse", "service", "optimise", "compare", "simulate", "report",
-        "observe", "export", "concepts",
+        "observe", "export", "concepts", "study",
     }  # fmt: skip
 
 

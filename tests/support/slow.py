@@ -9,6 +9,8 @@ SLOW = (
     "cli/test_cli_cars.py",
     "fleet/test_engine.py",
     "export/test_damper.py",
+    "fleet/test_cover.py",
+    "fleet/test_rides.py",
     "design/signals/test_tuned.py",
     "design/signals/test_semi_active.py",
     "design/signals/test_never_worse.py",

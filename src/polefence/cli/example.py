@@ -8,7 +8,7 @@ from typing import Any
 
 from polefence.cli.common import PROVED
 from polefence.cli.terminal import say
-from polefence.examples import SPECS, spec_text
+from polefence.examples import SPECS, STUDIES, spec_text
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -17,9 +17,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def example_command(options: Any) -> int:
-    """Print a spec that ships with polefence, to copy and edit."""
+    """Print a spec, or a study, that ships with polefence, to copy and edit."""
     if options.name is None:
-        for name, text in SPECS.items():
+        for name, text in (SPECS | STUDIES).items():
             say(f"{name:<24} {text}")
         say("copy one: polefence example quarter-car-physical > car.toml")
     else:

@@ -89,21 +89,28 @@ def _estimated(study: Study) -> int:
         if question.together:
             say(f"  {question.name}: {question.words}: of all at once; not tried")
     rows = count * sum(not question.together for question in study.questions)
-    hours = f" ({seconds / 3600:.2g} hours)" if seconds > 3600 else ""
     if rows:
-        say(f"  {rows} rows: about {seconds:.2g} s{hours} of one processor, {size / 1e6:.2g} MB")
+        say(f"  {rows} rows: about {_lasting(seconds)} of one processor, {size / 1e6:.2g} MB")
     return PROVED
 
 
 def _worked_out(study: Study, store: Store, options: Any) -> int:
     fresh, begin = 0, time.perf_counter()
-    with stage(f"0 of {study.total} rows") as progress:
+    there = len(store.done()) if options.resume else 0
+    with stage(f"{there} of {study.total} rows") as progress:
         for rows in run(study, store, _workers(options), options.resume):
             fresh += len(rows)
-            rate = fresh / (time.perf_counter() - begin)
-            progress.now(f"{fresh} of {study.total} rows, {rate:.3g} a second")
+            done, rate = there + fresh, fresh / (time.perf_counter() - begin)
+            left = _lasting((study.total - done) / rate)
+            progress.now(f"{done} of {study.total} rows, {rate:.3g} a second, {left} left")
     say(f"{store.folder}: {study.total} rows, {fresh} of them new")
     return _said(list(store.rows()), study.questions, study.total)
+
+
+def _lasting(seconds: float) -> str:
+    if seconds < 100:
+        return f"{seconds:.0f} s"
+    return f"{seconds / 60:.0f} min" if seconds < 6000 else f"{seconds / 3600:.1f} h"
 
 
 def _workers(options: Any) -> Workers:

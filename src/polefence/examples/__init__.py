@@ -25,22 +25,24 @@ SPECS = {
     "servo": "position servo with a flexible shaft and an uncertain load",
 }
 
+STUDIES = {"fleet": "a study of car.toml, one of the quarter cars: other wheels, tyres and loads"}
+
 
 def spec_path(name: str) -> Path:
-    """Return where a spec that ships with the package lies.
+    """Return where a spec, or a study, that ships with the package lies.
 
     Raises
     ------
     InputError
         If there is none of that name.
     """
-    if name not in SPECS:
-        raise InputError(f"no example named {name!r}; {suggest(name, SPECS)}")
+    if name not in SPECS | STUDIES:
+        raise InputError(f"no example named {name!r}; {suggest(name, SPECS | STUDIES)}")
     return Path(__file__).with_name(f"{name}.toml")
 
 
 def spec_text(name: str) -> str:
-    """Return the text of a spec that ships with the package; names as in `SPECS`."""
+    """Return the text of a spec or study that ships with the package, as `SPECS` and `STUDIES`."""
     return spec_path(name).read_text(encoding="utf-8")
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -12,13 +12,12 @@ from polefence.base.errors import DesignFileError, PolefenceError
 from polefence.base.files import read_bytes
 from polefence.design.certificate import plant_of
 from polefence.design.design import check_document, read_document
-from polefence.fleet.questions import Question, read_questions
+from polefence.fleet.questions import Question
 from polefence.fleet.store import Row, Store, digest_of, law_of
+from polefence.fleet.study import Study
 from polefence.fleet.workers import Workers
-from polefence.plant.expression import decimal
 from polefence.plant.family import UncertainPlant
 from polefence.plant.spec import loads
-from polefence.plant.varied import varied
 from polefence.proof.document import Document
 from polefence.proof.reading import MAX_BYTES
 
@@ -62,19 +61,19 @@ def judged(store: Store, workers: Workers) -> Iterator[Judged]:
     DesignFileError
         If the store cannot be read.
     """
-    about, seen = store.about, set[tuple[Any, Any]]()
-    questions = {own.name: own for own in read_questions(about["questions"])}
+    study, seen = Study.of(store.about), set[tuple[Any, Any]]()
+    questions = {own.name: own for own in study.questions}
     fresh = list[_Fresh]()
     for row in store.rows():
         key = row["variant"], row["question"]
-        fault = _of_row(row, about) or ("is there twice" if key in seen else "")
+        fault = _of_row(row, study) or ("is there twice" if key in seen else "")
         if not fault and row["question"] not in questions:
             fault = "is of no question of the study"
         seen.add(key)
         if fault or not row["proof"]:
             yield Judged(*key, fault)
         else:
-            fresh.append(_Fresh(row, _spec(row, about), questions[row["question"]]))
+            fresh.append(_Fresh(row, study.spec(row["variant"]), questions[row["question"]]))
     parts = (fresh[k : k + TOGETHER] for k in range(0, len(fresh), TOGETHER))
     tasks = (_Rows(store.folder, tuple(part)) for part in parts)
     for own, faults in workers.done(_faults, tasks):
@@ -86,24 +85,19 @@ def _lost(own: _Rows) -> list[str]:
     return ["the process that proved it died"] * len(own.rows)
 
 
-def _of_row(row: Row, about: Mapping[str, Any]) -> str:
+def _of_row(row: Row, study: Study) -> str:
     """Say what is wrong with a row by itself."""
     if digest_of(row) != row["digest"]:
         return "is not as it was written: its digest differs"
-    if not 0 <= row["variant"] < len(about["rows"]):
+    if not 0 <= row["variant"] < len(study.variants):
         return "is of no variant of the study"
-    for name, text in zip(about["names"], about["rows"][row["variant"]], strict=True):
-        if row[name] != (float(decimal(text)) if text else None):
+    values = study.variants.values(row["variant"])
+    for name in study.variants.names:
+        if row[name] != (float(values[name]) if name in values else None):
             return f"has another {name} than the study"
     if (row["status"] == "proved") != bool(row["proof"]):
         return "says that it is proved, and names no proof" if not row["proof"] else "names a proof"
     return ""
-
-
-def _spec(row: Row, about: Mapping[str, Any]) -> str:
-    texts = about["rows"][row["variant"]]
-    values = {k: decimal(x) for k, x in zip(about["names"], texts, strict=True) if x}
-    return varied(about["base"], values)
 
 
 def _faults(own: _Rows) -> list[str]:

@@ -4,12 +4,50 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from pathlib import Path
 
 from polefence.fleet.cover import covered
 from polefence.fleet.questions import DIED, LOST, Answer, Cover, Question
 from polefence.fleet.store import Row, Store
-from polefence.fleet.study import Study, Task
-from polefence.fleet.workers import Workers
+from polefence.fleet.study import Study, Task, load_study
+from polefence.fleet.workers import Workers, processes
+
+
+def study(
+    path: str | Path,
+    results: str | Path,
+    *,
+    resume: bool = False,
+    workers: Workers | None = None,
+) -> Iterator[Row]:
+    """Ask the questions of a study about all its variants; yield rows as they are kept.
+
+    Parameters
+    ----------
+    path : str or Path
+        A TOML file.
+    results : str or Path
+        The folder of results: a Parquet data set ``rows``, files of claims beside it.
+    resume : bool
+        Whether to go on with what the folder has.
+    workers : Workers, optional
+        Where tasks are carried out: by default in a process for each processor.
+
+    Yields
+    ------
+    dict
+        A row: its keys are the columns of the data set.
+
+    Raises
+    ------
+    SpecError
+        If the study cannot be read.
+    OutputError
+        If the folder cannot be written, is another study's, or another process adds to it.
+    """
+    own = load_study(path)
+    for rows in run(own, Store(Path(results)), workers or processes(), resume):
+        yield from rows
 
 
 def run(study: Study, store: Store, workers: Workers, resume: bool = False) -> Iterator[list[Row]]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -14,7 +14,7 @@ from polefence.base.errors import SpecError, shown, suggest
 from polefence.base.files import read_text
 from polefence.fleet.questions import Question, read_questions
 from polefence.fleet.variants import Variants, read_variants
-from polefence.plant.expression import decimal_text
+from polefence.plant.expression import decimal, decimal_text
 from polefence.plant.spec import MAX_BYTES, loads, parse
 from polefence.plant.varied import numbers_of, varied
 
@@ -53,6 +53,14 @@ class Study:
     base: str
     variants: Variants
     questions: tuple[Question, ...]
+
+    @classmethod
+    def of(cls, document: Mapping[str, Any]) -> Study:
+        """Return the study that was written as `document` has it."""
+        rows = [tuple(decimal(x) if x else None for x in row) for row in document["rows"]]
+        variants = Variants(tuple(document["names"]), rows, document["labels"])
+        questions = read_questions(document["questions"])
+        return cls(document["name"], document["base"], variants, questions)
 
     @property
     def total(self) -> int:

@@ -106,9 +106,10 @@ $(VENV)/.installed: $(VENV)/.created pyproject.toml $(KERNEL)
 	$(BIN)/python -m pip install --quiet --editable .
 	touch $@
 
-$(VENV)/.installed-test: $(VENV)/.installed pyproject.toml
+# Not after .installed: the kernel would be built twice.
+$(VENV)/.installed-test: $(VENV)/.created pyproject.toml $(KERNEL)
 	$(BIN)/python -m pip install --quiet --editable '.[test,docs]'
-	touch $@
+	touch $(VENV)/.installed $@
 
 clean:
 	rm -rf $(VENV) build dist docs/_build $(OUT)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import doctest
 import re
-import shlex
 from pathlib import Path
 
 import numpy as np
@@ -14,8 +13,7 @@ import polefence
 from polefence.cli.main import main
 from polefence.examples import spec_text
 from support.paths import DOCS, ROOT
-
-README = (ROOT / "README.md").read_text()
+from support.readme import README, ROWS, commands_of, run_as_written
 
 
 def blocks(language):
@@ -34,12 +32,8 @@ def test_the_tutorial_does_what_it_shows(monkeypatch):
     assert result.failed == 0
 
 
-ROWS = re.findall(r"^\|[^|]*\|([^|]*polefence[^|]*)\|", README, re.MULTILINE)
-
-
-def rows_commands():
-    """The commands of the README's table, row by row, with what a row says in brackets."""
-    return [re.findall(r"`(polefence [^`]*)`", row) for row in ROWS]
+# Whose numbers vehicle/test_concepts.py looks at, and runs it for them.
+ELSEWHERE = "polefence concepts"
 
 
 @pytest.fixture(scope="module")
@@ -55,7 +49,7 @@ def after_the_readme(tmp_path_factory):
 
 
 def test_the_table_has_commands_for_every_command_but_these():
-    used = {command.split()[1] for row in rows_commands() for command in row}
+    used = {command.split()[1] for row in ROWS for command in commands_of(row)}
     assert len(ROWS) == 12
     assert used >= {
         "design", "limits", "analyse", "service", "optimise", "compare", "simulate", "report",
@@ -63,19 +57,15 @@ def test_the_table_has_commands_for_every_command_but_these():
     }  # fmt: skip
 
 
-@pytest.mark.parametrize("number", range(len(ROWS)))
-def test_every_row_of_the_readme_runs_as_it_is_written(
-    number, after_the_readme, monkeypatch, capsys
-):
+@pytest.mark.parametrize(
+    "row",
+    [row for row in ROWS if ELSEWHERE not in row],
+    ids=lambda row: commands_of(row)[-1].split()[1],
+)
+def test_every_row_of_the_readme_runs_as_it_is_written(row, after_the_readme, monkeypatch):
     monkeypatch.chdir(after_the_readme)
-    commands = rows_commands()[number]
-    assert commands
-    for line in commands:
-        command, _, target = line.partition(" > ")
-        assert main(shlex.split(command)[1:]) == 0, line
-        said = capsys.readouterr().out
-        if target:
-            Path(target).write_text(said)
+    assert commands_of(row)
+    run_as_written(commands_of(row))
 
 
 def test_the_readmes_region_has_a_gain_that_can_be_built(physical):
@@ -88,17 +78,12 @@ def test_the_readmes_region_has_a_gain_that_can_be_built(physical):
     assert np.abs(K[:, 0, 1]).max() < 155900  # the tyre's own stiffness
 
 
-def test_readme_commands_run(tmp_path, monkeypatch, capsys):
+def test_readme_commands_run(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     lines = [line.split("#")[0].strip() for block in blocks("sh") for line in block.splitlines()]
     commands = [line for line in lines if line.startswith("polefence")]
     assert len(commands) == 4
-    for line in commands:
-        command, _, target = line.partition(">")
-        assert main(shlex.split(command)[1:]) == 0, line
-        out = capsys.readouterr().out
-        if target:
-            Path(target.strip()).write_text(out)
+    run_as_written(commands)
 
 
 def test_readme_make_targets_exist():

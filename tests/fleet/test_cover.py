@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+from collections import Counter
 from fractions import Fraction
 
 import numpy as np
@@ -16,6 +18,7 @@ from polefence.fleet.questions import LOST, NOT_PROVED
 from polefence.fleet.store import digest_of
 from polefence.plant.joined import joined
 from polefence.plant.outputs import Output
+from polefence.show.fleet import _laws
 
 pytest.importorskip("pyarrow")
 
@@ -90,6 +93,22 @@ def test_one_that_nothing_moves_is_a_row_with_its_reason(tmp_path, capsys):
     assert rows[0]["status"] != "proved"
     assert rows[0]["reason"]
     assert rows[1]["law"] == rows[2]["law"] != ""
+
+
+def test_the_page_has_a_table_and_a_map_of_the_laws(tmp_path, capsys):
+    study, out, page = study_of(tmp_path, [-2, 0, 1, 2]), tmp_path / "out", tmp_path / "all.html"
+    for _ in run(study, Store(out), processes(1)):
+        pass
+    assert main(["study", str(out), "--html", str(page)]) == 1
+    text = page.read_text()
+    assert "2 laws keep 3 of 4 variants, each proved." in text
+    counts = Counter(row["law"] for row in Store(out).rows())
+    cells = re.findall(r"<td>([0-9a-f]{8,})</td>\s*<td>(\d+)</td>\s*<td>(\d+)</td>", text)
+    assert {law: int(count) for law, count, _ in cells} == {k: n for k, n in counts.items() if k}
+    rows = [row | {"value": None} for row in Store(out).rows()]
+    (axes,) = _laws("cover", ["b"], rows).figure.axes
+    marks = {line.get_label(): len(line.get_xdata()) for line in axes.lines}
+    assert marks == {law or "none": count for law, count in counts.items()}
 
 
 def test_resuming_gives_a_law_to_those_that_have_none(tmp_path):

@@ -23,6 +23,7 @@ from polefence.vehicle import Ridden, concepts
 from polefence.vehicle.vehicle import require_ride
 from support.commands import refused
 from support.paths import DOCS
+from support.readme import ROWS, commands_of, run_as_written
 
 SIGNALS = ["sprung-mass acceleration", "tyre share", "travel share"]
 DENSITY = velocity_density("C", 20)
@@ -36,12 +37,24 @@ def plant():
 
 
 @pytest.fixture(scope="module")
-def found(plant):
-    limit = Rms(SIGNALS, density=DENSITY)
-    return concepts(plant, limit, load_dampers(spec_path("semi-active")))
+def found(tmp_path_factory):
+    """What README's own line finds."""
+    kept = []
+
+    def recorded(*words):
+        kept.append(concepts(*words))
+        return kept[0]
+
+    (row,) = [row for row in ROWS if "polefence concepts" in row]
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(tmp_path_factory.mktemp("readme"))
+        patch.setattr(import_module("polefence.vehicle.concepts"), "concepts", recorded)
+        run_as_written(commands_of(row))
+    return kept[0]
 
 
 def test_bounds_lie_above_drives_and_limits_below(found):
+    assert found.specification == Rms(SIGNALS, density=DENSITY)
     assert [one.name for one, _ in found.rows] == NAMES
     for one, ridden in found.rows:
         assert one.level is not None

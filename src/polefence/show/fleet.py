@@ -144,18 +144,27 @@ def _laws(question: str, names: Sequence[str], rows: Sequence[Row]) -> Section:
 
 
 def _map_of_laws(laws: Sequence[str], varied: Sequence[str], rows: Sequence[Row]) -> Figure:
-    """Return the variants over the two numbers that vary in most steps: each law has its mark."""
+    """Return the variants over the two numbers that vary in most steps: each law has its mark.
+
+    Where one number varies, over that; each law has its height.
+    """
     figure, (axes,) = new_figure(1, 6.0, 4.0)
     for k, law in enumerate([*laws, ""]):
         own = [row for row in rows if row["law"] == law]
         x, y = ([_number(row, name) for row in own] for name in (varied[0], varied[-1]))
+        if len(varied) == 1:
+            y = [float(k)] * len(own)
         style = {"color": FAILED, "marker": "x"}
         if law:
             style = {"color": f"C{k % 10}", "marker": MARKERS[k // 10 % len(MARKERS)]}
         label = (law or "none") if k < MOST_LABELS or not law else None
         if own:
             axes.plot(x, y, ls="", ms=5, label=label, **style)
-    axes.set(xlabel=varied[0], ylabel=varied[-1])
+    axes.set(xlabel=varied[0])
+    if len(varied) == 1:
+        axes.set(yticks=[])
+    else:
+        axes.set(ylabel=varied[1])
     axes.legend(title="law", fontsize="small", loc="center left", bbox_to_anchor=(1.0, 0.5))
     return figure
 

@@ -1,0 +1,30 @@
+"""The commands of README's table, to be run as they are written."""
+
+from __future__ import annotations
+
+import re
+import shlex
+from contextlib import redirect_stdout
+from io import StringIO
+from pathlib import Path
+
+from polefence.cli.main import main
+from support.paths import ROOT
+
+README = (ROOT / "README.md").read_text()
+ROWS = re.findall(r"^\|[^|]*\|([^|]*polefence[^|]*)\|", README, re.MULTILINE)
+
+
+def commands_of(row):
+    """The commands of a row, without what it says in brackets."""
+    return re.findall(r"`(polefence [^`]*)`", row)
+
+
+def run_as_written(commands):
+    """Run them in the present folder; `> FILE` writes what they print."""
+    for line in commands:
+        command, _, target = line.partition(" > ")
+        with redirect_stdout(StringIO()) as said:
+            assert main(shlex.split(command)[1:]) == 0, line
+        if target:
+            Path(target).write_text(said.getvalue())

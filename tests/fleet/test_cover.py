@@ -14,7 +14,7 @@ from polefence.base.errors import PlantError
 from polefence.cli.main import main
 from polefence.examples import spec_text
 from polefence.fleet import Store, Workers, judged, load_study, processes, run
-from polefence.fleet.questions import LOST, NOT_PROVED
+from polefence.fleet.questions import LOST, NOT_PROVED, Answer, Cover
 from polefence.fleet.store import digest_of
 from polefence.plant.joined import joined
 from polefence.plant.outputs import Output
@@ -141,12 +141,15 @@ def test_a_row_that_names_another_law_is_found(tmp_path):
     assert faults == {one["variant"]: "", other["variant"]: "names another law than its file"}
 
 
-def test_an_estimate_counts_what_it_tried(tmp_path, capsys):
-    study_of(tmp_path, [1, 2])
+def test_an_estimate_tries_the_first_group(tmp_path, capsys, monkeypatch):
+    study_of(tmp_path, [1 + k / 100 for k in range(20)])
+    tried = []
+    monkeypatch.setattr(Cover, "proved", lambda *own: tried.append(own) or Answer("proved"))
     assert main(["study", str(tmp_path / "study.toml"), "--estimate"]) == 0
     said = capsys.readouterr().out
-    assert "cover: cover, region = disk(-5, 4): of all at once; not tried" in said
-    assert " rows: about" not in said
+    assert re.search(r"  cover: cover, region = disk\(-5, 4\): \S+ s a variant\n", said)
+    assert re.search(r"  20 rows: about \S+ s of one processor", said)
+    assert len(tried) == Cover.group
 
 
 def test_a_proof_that_is_no_file_of_claims_is_found(tmp_path):

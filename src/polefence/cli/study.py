@@ -18,10 +18,10 @@ from polefence.fleet.checked import judged
 from polefence.fleet.cluster import dask
 from polefence.fleet.questions import GOOD, Question, read_questions
 from polefence.fleet.questions import PROVED as ROW_PROVED
-from polefence.fleet.run import Packed, answered, run
+from polefence.fleet.run import run, worked_out
 from polefence.fleet.store import Row, Store, alike, value_of
 from polefence.fleet.study import Study, load_study
-from polefence.fleet.workers import Workers, processes
+from polefence.fleet.workers import Workers, here, processes
 from polefence.region.text import digits_down, digits_up
 
 SHOWN, BEST = 5, 10  # reasons of rows that are not proved; rows of --best
@@ -78,19 +78,15 @@ def _estimated(study: Study) -> int:
     """Work out one group of each question, and say what all of them would take."""
     say(f"{study.name}: {len(study.variants)} variants of {', '.join(study.variants.names)}")
     seconds, size, count = 0.0, 0.0, len(study.variants)
-    for task in study.firsts():
-        question = study.questions[task.question]
-        answers = answered(Packed.of(study, task))
-        own = sum(answer.seconds for answer in answers) / len(answers)
+    for question in study.questions:
+        few, begin = study.tried(question), time.perf_counter()
+        answers = [own for _, each in worked_out(few, here()) for own in each.values()]
+        own = (time.perf_counter() - begin) / len(answers)
         seconds += count * own
         size += count * sum(len(answer.document or "") for answer in answers) / len(answers)
         say(f"  {question.name}: {question.words}: {own:.2g} s a variant")
-    for question in study.questions:
-        if question.together:
-            say(f"  {question.name}: {question.words}: of all at once; not tried")
-    rows = count * sum(not question.together for question in study.questions)
-    if rows:
-        say(f"  {rows} rows: about {_lasting(seconds)} of one processor, {size / 1e6:.2g} MB")
+    took = f"about {_lasting(seconds)} of one processor, {size / 1e6:.2g} MB"
+    say(f"  {study.total} rows: {took}")
     return PROVED
 
 

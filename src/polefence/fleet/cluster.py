@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from concurrent.futures import Executor
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from functools import partial
 from typing import Any
 
@@ -15,6 +15,7 @@ from polefence.fleet.engine import Work
 from polefence.fleet.workers import Workers
 
 LOCAL = "local"
+PROFILE = "distributed.worker.profile.enabled"  # stops workers a hundred times a second
 PATIENCE = 10  # [s] for a scheduler, each time that it is looked for
 
 
@@ -56,13 +57,18 @@ def alone(work: Work, task: Any) -> Any:
 @contextmanager
 def _opened(address: str, count: int) -> Iterator[Executor]:
     distributed = _distributed()
+    from dask import config
+
     if address != LOCAL:
         with _connected(distributed, address) as client:
             yield client.get_executor(pure=False)
         return
     start_quiet_tracker()
     options = {"n_workers": count, "threads_per_worker": 1, "dashboard_address": None}
-    with distributed.LocalCluster(**options) as own, distributed.Client(own) as client:
+    with ExitStack() as stack:
+        stack.enter_context(config.set({PROFILE: False}))
+        own = stack.enter_context(distributed.LocalCluster(**options))
+        client = stack.enter_context(distributed.Client(own))
         yield client.get_executor(pure=False)
 
 

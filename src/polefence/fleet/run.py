@@ -60,20 +60,27 @@ def run(study: Study, store: Store, workers: Workers, resume: bool = False) -> I
     """
     with store.locked():
         store.begin(study, resume)
-        tasks = study.tasks(store.done())
-        packed = (Packed.of(study, task) for task in tasks)
-        for own, answers in workers.done(answered, packed):
-            if answers is None and len(own.task.variants) > 1:
-                singles = [Task(own.task.question, (n,)) for n in own.task.variants]
-                again = (Packed.of(study, one) for one in singles)
-                for one, found in replace(workers, count=1).done(answered, again):
-                    yield _kept(study, store, one, found)
-            else:
-                yield _kept(study, store, own, answers)
-        for k, question in enumerate(study.questions):
-            if isinstance(question, Cover):
-                for each in covered(study, question, store.done(), workers):
-                    yield store.add(study, k, each)
+        for question, answers in worked_out(study, workers, store.done()):
+            yield store.add(study, question, answers)
+
+
+def worked_out(
+    study: Study, workers: Workers, done: frozenset[tuple[int, str]] = frozenset()
+) -> Iterator[tuple[int, dict[int, Answer]]]:
+    """Yield numbers of questions with answers by variant, but for the rows that are done."""
+    packed = (Packed.of(study, task) for task in study.tasks(done))
+    for own, answers in workers.done(answered, packed):
+        if answers is None and len(own.task.variants) > 1:
+            singles = [Task(own.task.question, (n,)) for n in own.task.variants]
+            again = (Packed.of(study, one) for one in singles)
+            for one, found in replace(workers, count=1).done(answered, again):
+                yield one.task.question, _by_variant(one, found)
+        else:
+            yield own.task.question, _by_variant(own, answers)
+    for k, question in enumerate(study.questions):
+        if isinstance(question, Cover):
+            for each in covered(study, question, done, workers):
+                yield k, each
 
 
 @dataclass(frozen=True)
@@ -96,8 +103,6 @@ def answered(own: Packed) -> list[Answer]:
     return own.question.answers(own.specs)
 
 
-def _kept(study: Study, store: Store, own: Packed, answers: list[Answer] | None) -> list[Row]:
-    if answers is None:
-        answers = [Answer(LOST, reason=DIED)] * len(own.specs)
-    pairs = zip(own.task.variants, answers, strict=True)
-    return store.add(study, own.task.question, dict(pairs))
+def _by_variant(own: Packed, answers: list[Answer] | None) -> dict[int, Answer]:
+    lost = [Answer(LOST, reason=DIED)] * len(own.specs)
+    return dict(zip(own.task.variants, answers or lost, strict=True))

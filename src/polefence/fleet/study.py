@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -89,19 +89,17 @@ class Study:
             "questions": [question.table() for question in self.questions],
         }
 
-    @property
-    def _alone(self) -> list[tuple[int, Question]]:
-        """Questions about one variant, with their numbers."""
-        return [(k, own) for k, own in enumerate(self.questions) if not own.together]
-
-    def firsts(self) -> Iterator[Task]:
-        """Yield the first group of each question about one variant."""
-        for k, question in self._alone:
-            yield Task(k, tuple(range(min(question.group, len(self.variants)))))
+    def tried(self, question: Question) -> Study:
+        """Return one question about the first variants, as many as are worked out together."""
+        own = self.variants
+        few = Variants(own.names, own.rows[: question.group], own.labels[: question.group])
+        return replace(self, variants=few, questions=(question,))
 
     def tasks(self, done: frozenset[tuple[int, str]] = frozenset()) -> Iterator[Task]:
         """Yield what is asked of variants alone, in groups, but for the rows that are done."""
-        for k, question in self._alone:
+        for k, question in enumerate(self.questions):
+            if question.together:
+                continue
             left = [n for n in range(len(self.variants)) if (n, question.name) not in done]
             for first in range(0, len(left), question.group):
                 yield Task(k, tuple(left[first : first + question.group]))

@@ -43,6 +43,11 @@ class Workers:
         return carried_out(tasks, own, self.places, AHEAD * self.count, self.lost)
 
 
+def here() -> Workers:
+    """Return this process as a worker."""
+    return Workers(nullcontext, 1)
+
+
 def processes(jobs: int | None = None) -> Workers:
     """Return worker processes of this machine, by default one a processor."""
     count = jobs or processors()

@@ -18,7 +18,7 @@ from polefence.fleet.questions import LOST, NOT_PROVED, Answer, Cover
 from polefence.fleet.store import digest_of
 from polefence.plant.joined import joined
 from polefence.plant.outputs import Output
-from polefence.show.fleet import _laws
+from polefence.show.fleet import _laws, _ringed
 
 pytest.importorskip("pyarrow")
 
@@ -107,8 +107,14 @@ def test_the_page_has_a_table_and_a_map_of_the_laws(tmp_path, capsys):
     assert {law: int(count) for law, count, _ in cells} == {k: n for k, n in counts.items() if k}
     rows = [row | {"value": None} for row in Store(out).rows()]
     (axes,) = _laws("cover", ["b"], rows).figure.axes
-    marks = {line.get_label(): len(line.get_xdata()) for line in axes.lines}
+    marks = {own.get_label(): len(own.get_offsets()) for own in axes.collections}
     assert marks == {law or "none": count for law, count in counts.items()}
+
+
+def test_of_variants_at_one_place_of_a_map_the_first_is_a_ring_behind_the_others():
+    order, sizes = _ringed([1, 2, 1, 1], [5, 5, 5, 5])
+    assert sizes[0] > sizes[2] > sizes[3] == sizes[1]
+    assert [k for k in order if k != 1] == [0, 2, 3]
 
 
 def test_resuming_gives_a_law_to_those_that_have_none(tmp_path):

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from polefence.plant.system import Array
 from polefence.region.text import digits_down, digits_up
 from polefence.show.plots import new_figure
 from polefence.show.report import Section, Table, page
@@ -21,6 +22,7 @@ FAILED = "#b2182b"
 SHARED = "cover"  # the question of which few laws cover all variants
 MOST_LAWS, MOST_LABELS = 20, 12
 MARKERS = "osD^v"
+DOT, MOST_RINGS = 14.0, 3  # size of a point in a map; larger ones behind it
 
 
 def fleet_page(
@@ -58,7 +60,9 @@ def fleet_page(
     if failed:
         sections.append(_failures(failed))
     title = f"{name}: {variants} variants"
-    return page(title, f"{proved} of {len(rows)} answers proved", sections)
+    sampled = sum(row["status"] == "sampled" for row in rows)
+    answer = f"{proved} of {len(rows)} answers proved"
+    return page(title, answer + (f", {sampled} sampled" if sampled else ""), sections)
 
 
 def _finite(row: Row) -> bool:
@@ -119,7 +123,10 @@ def _figure(known: Sequence[Row], failed: Sequence[Row], names: Sequence[str]) -
         axes[1].plot(x, bounds, ".", ms=4, color="#2166ac")
         axes[1].set(xlabel=varied[0], ylabel=label)
         return figure
-    map_ = axes[1].scatter(x, y, c=bounds, s=14, cmap="viridis")
+    order, sizes = _ringed(x, y)
+    map_ = axes[1].scatter(
+        *np.array([x, y])[:, order], c=bounds[order], s=sizes[order], cmap="viridis"
+    )
     figure.colorbar(map_, ax=axes[1], label=label)
     out = [[_number(row, name) for row in failed] for name in varied]
     axes[1].plot(*out, "x", color=FAILED, ms=5)
@@ -135,7 +142,8 @@ def _laws(question: str, names: Sequence[str], rows: Sequence[Row]) -> Section:
         for law, count in counts[:MOST_LAWS]
     ]
     without = sum(not row["law"] for row in rows)
-    text = [f"{len(counts)} laws keep {len(rows) - without} of {len(rows)} variants, each proved."]
+    laws = "1 law keeps" if len(counts) == 1 else f"{len(counts)} laws keep"
+    text = [f"{laws} {len(rows) - without} of {len(rows)} variants, each proved."]
     if len(counts) > len(cells):
         text.append(f"{len(counts) - len(cells)} more laws are in the rows.")
     varied = _most_varied(names, rows)
@@ -149,17 +157,22 @@ def _map_of_laws(laws: Sequence[str], varied: Sequence[str], rows: Sequence[Row]
     Where one number varies, over that; each law has its height.
     """
     figure, (axes,) = new_figure(1, 6.0, 4.0)
+    x, y = (np.array([_number(row, name) for row in rows]) for name in (varied[0], varied[-1]))
+    if len(varied) == 1:
+        y = np.array([float([*laws, ""].index(row["law"])) for row in rows])
+    _, sizes = _ringed(x, y)
     for k, law in enumerate([*laws, ""]):
-        own = [row for row in rows if row["law"] == law]
-        x, y = ([_number(row, name) for row in own] for name in (varied[0], varied[-1]))
-        if len(varied) == 1:
-            y = [float(k)] * len(own)
-        style = {"color": FAILED, "marker": "x"}
+        own = np.array([row["law"] == law for row in rows])
+        style: dict[str, Any] = {"color": FAILED, "marker": "x"}
         if law:
             style = {"color": f"C{k % 10}", "marker": MARKERS[k // 10 % len(MARKERS)]}
         label = (law or "none") if k < MOST_LABELS or not law else None
-        if own:
-            axes.plot(x, y, ls="", ms=5, label=label, **style)
+        if own.any():
+            # the larger of two at one place lies behind
+            for size in sorted(set(sizes[own].tolist()), reverse=True):
+                at = own & (sizes == size)
+                own_label = label if size == sizes[own].max() else None
+                axes.scatter(x[at], y[at], s=size, label=own_label, zorder=2 + 1 / size, **style)
     axes.set(xlabel=varied[0])
     if len(varied) == 1:
         axes.set(yticks=[])
@@ -167,6 +180,16 @@ def _map_of_laws(laws: Sequence[str], varied: Sequence[str], rows: Sequence[Row]
         axes.set(ylabel=varied[1])
     axes.legend(title="law", fontsize="small", loc="center left", bbox_to_anchor=(1.0, 0.5))
     return figure
+
+
+def _ringed(x: Sequence[float] | Array, y: Sequence[float] | Array) -> tuple[Any, Array]:
+    """Return an order to draw points in, and their sizes: of several at one place all are seen."""
+    places = list(zip(map(float, x), map(float, y), strict=True))
+    left, behind = Counter(places), np.zeros(len(places))
+    for k, place in enumerate(places):
+        left[place] -= 1
+        behind[k] = min(left[place], MOST_RINGS)
+    return np.argsort(-behind, kind="stable"), DOT * (1 + behind) ** 2
 
 
 def _most_varied(names: Sequence[str], rows: Sequence[Row]) -> list[str]:

@@ -9,6 +9,7 @@ from io import StringIO
 from pathlib import Path
 
 from polefence.cli.main import main
+from support.browser import studio
 from support.paths import ROOT
 
 README = (ROOT / "README.md").read_text()
@@ -23,6 +24,9 @@ def commands_of(row):
 def run_as_written(commands):
     """Run them in the present folder; `> FILE` writes what they print."""
     for line in commands:
+        if line.startswith("polefence studio "):  # which goes on until Ctrl-C
+            with studio(Path.cwd(), *shlex.split(line)[2:]):
+                continue
         command, _, target = line.partition(" > ")
         with redirect_stdout(StringIO()) as said:
             assert main(shlex.split(command)[1:]) == 0, line

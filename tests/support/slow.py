@@ -8,6 +8,8 @@ SLOW = (
     "docs/test_gallery.py",
     "cli/test_cli_cars.py",
     "fleet/test_engine.py",
+    "studio/test_browser.py",
+    "studio/test_server.py",
     "export/test_damper.py",
     "fleet/test_cover.py",
     "fleet/test_rides.py",

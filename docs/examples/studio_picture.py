@@ -1,0 +1,23 @@
+"""Take the picture of docs/studio.md: needs the extras studio and test, chromium and chromedriver.
+
+python docs/examples/studio_picture.py FILE.png
+"""
+
+import sys
+import tempfile
+from pathlib import Path
+
+from polefence.examples import spec_text
+
+sys.path.insert(0, str(Path(__file__).parents[2] / "tests"))
+from support.browser import browser, studio, text_of, until
+
+REGION = "half_plane(9) & sector(0.6) & disk(-40, 34)"
+
+with tempfile.TemporaryDirectory() as name:
+    folder = Path(name)
+    (folder / "car.toml").write_text(spec_text("quarter-car-physical"))
+    with studio(folder, "car.toml", "--region", REGION) as (address, _), browser(1280, 860) as page:
+        page.get(address)
+        until(lambda: "proved: all poles" in text_of(page))
+        page.save_screenshot(sys.argv[1])

@@ -1,0 +1,215 @@
+"""The plane of the poles: region, cloud, trails; handles that are dragged."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from bokeh.events import Pan, PanEnd, PanStart
+from bokeh.models import ColumnDataSource, CustomJS, Range1d, Span
+from bokeh.plotting import figure
+
+from polefence.base.errors import RegionError
+from polefence.design.design import Design
+from polefence.plant.family import UncertainPlant
+from polefence.plant.points import seeded, weights_of
+from polefence.plant.system import Array
+from polefence.proof.text import visible
+from polefence.region.regions import Region
+from polefence.show.plots import PANEL, view_of
+from polefence.studio.handles import Handle, handles, moved, outline
+from polefence.studio.state import State
+
+CLOUD = 250  # plants
+STEPS = 40  # of a trail
+REACH = 24  # from a handle to where it is grabbed, in pixels
+
+
+@dataclass(frozen=True)
+class Palette:
+    """Colours that red-green blind readers tell apart, as anybody does in grey."""
+
+    inside: str
+    cars: str
+    ink: str
+    paper: str
+    looked: str = "#e66101"
+    trails: tuple[str, ...] = ("#e66101", "#8073ac", "#b8860b", "#e7298a")
+
+
+LIGHT = Palette("#cfe3f5", "#2b5c8a", "#111111", "#ffffff")
+DARK = Palette("#1d3a55", "#8ec1ee", "#f0f0f0", "#121212")
+
+DRAGGING = Path(__file__).parent / "templates" / "dragging.js"
+ASKED = ("x", "y", "handle", "begin", "end", "number")  # of a place that is dragged to
+
+
+class Poles:
+    """The figure.
+
+    Parameters
+    ----------
+    plant : UncertainPlant
+    state : State
+    drag : callable
+        Called with the region that a handle was dragged to, and whether the drag is at its end.
+    palette : Palette
+    """
+
+    def __init__(
+        self,
+        plant: UncertainPlant,
+        state: State,
+        drag: Callable[[Region, bool], object],
+        palette: Palette = LIGHT,
+    ) -> None:
+        self.plant, self._drag, self._palette = plant, drag, palette
+        self._alpha = seeded(plant, CLOUD)
+        self._design: Design | None = None
+        self._handles: list[Handle] = []
+        self._number = 0  # of the place that a handle was dragged to last
+        self._held: tuple[Handle, Region] | None = None
+        self.view = view_of(state.region, np.zeros(0))
+        self.state = state
+        self._sources()
+        self.figure = self._figure()
+        self.fit()
+
+    def _sources(self) -> None:
+        empty: dict[str, list[float]] = {"x": [], "y": []}
+        self.region, self.cloud, self.corners, self.looked, self.handles = (
+            ColumnDataSource(dict(empty)) for _ in range(5)
+        )
+        self.trails = [ColumnDataSource(dict(empty)) for _ in self.plant.parameters]
+        self.asked = ColumnDataSource({key: [] for key in ASKED})
+        self.seen = ColumnDataSource({"number": [0], "shown": [0]})
+        self.asked.on_change("data", self._dragged)
+
+    def _figure(self) -> Any:
+        colour = self._palette
+        plot = figure(
+            sizing_mode="stretch_width",
+            aspect_ratio=PANEL,
+            min_width=280,
+            x_range=Range1d(-1, 1),
+            y_range=Range1d(-1, 1),
+            x_axis_label="real part [1/s]",
+            y_axis_label="imaginary part [rad/s]",
+            tools="pan,wheel_zoom,reset,save",
+            active_drag=None,
+            toolbar_location="above",
+            name="poles",
+        )
+        plot.toolbar.logo = None
+        marks = {"source": self.region, "color": colour.inside, "line_color": colour.cars}
+        plot.patch("x", "y", line_width=2, **marks)
+        plot.add_layout(Span(location=0, dimension="height", line_color="#888888"))
+        marks = {"source": self.cloud, "size": 3, "color": colour.cars, "alpha": 0.6}
+        plot.scatter("x", "y", **marks)
+        marks = {"source": self.corners, "size": 8, "marker": "square", "line_color": colour.ink}
+        plot.scatter("x", "y", fill_alpha=0, **marks)
+        for k, (own, p) in enumerate(zip(self.trails, self.plant.parameters, strict=True)):
+            label = f"as {visible(p.name)} varies"
+            shade = colour.trails[k % len(colour.trails)]
+            plot.scatter("x", "y", source=own, size=4, color=shade, legend_label=label)
+        marks = {"source": self.looked, "size": 12, "marker": "x", "color": colour.looked}
+        plot.scatter("x", "y", line_width=3, **marks)
+        marks = {"source": self.handles, "size": 14, "marker": "diamond", "color": colour.paper}
+        plot.scatter("x", "y", line_color=colour.ink, line_width=2, name="handles", **marks)
+        if plot.legend:
+            plot.legend.update(location="top_left", background_fill_alpha=0.6, click_policy="hide")
+        plot.background_fill_color = plot.border_fill_color = colour.paper
+        self._draggable(plot)
+        return plot
+
+    def _draggable(self, plot: Any) -> None:
+        """Have the browser tell where handles are dragged to."""
+        models: dict[str, Any] = {
+            "asked": self.asked,
+            "seen": self.seen,
+            "handles": self.handles,
+            "plot": plot,
+        }
+        models |= {"reach": REACH}
+        code = DRAGGING.read_text(encoding="utf-8")
+        for event, what in ((PanStart, "begin"), (Pan, "move"), (PanEnd, "end")):
+            plot.js_on_event(event, CustomJS(args=models | {"what": what}, code=code))
+        self.seen.js_on_change("data", CustomJS(args=models | {"what": "seen"}, code=code))
+
+    def fit(self) -> None:
+        """Show all of the region and of the poles."""
+        poles = np.zeros(0) if self._design is None else self._design.poles(self._alpha)
+        low, high, height = view_of(self.state.region, np.ravel(poles))
+        missing = max(PANEL * 2 * height - (high - low), 0.0) / 2
+        low, high = low - missing, high + missing
+        height = max(height, (high - low) / (2 * PANEL))
+        self.view = low, high, height
+        self.figure.x_range.update(start=low, end=high)
+        self.figure.y_range.update(start=-height, end=height)
+        self.look(self.state)
+
+    def look(self, state: State) -> None:
+        """Show a state's region, and its car."""
+        moved_on, self.state = state.values != self.state.values, state
+        points = outline(state.region, self.view)
+        self.region.data = _columns(points)
+        self._handles = handles(state.region, self.view)
+        self.handles.data = _columns(np.array([own.place for own in self._handles]))
+        if moved_on:
+            self._trace()
+
+    def show(self, design: Design, region: Region) -> None:
+        """Show the poles of a design that was asked for a region."""
+        self._design = design
+        poles = design.poles(self._alpha)
+        corners = len(self.plant.vertices)
+        self.cloud.data = _columns(np.ravel(poles[corners:]))
+        self.corners.data = _columns(np.ravel(poles[:corners]))
+        self._trace()
+        if region == self.state.region:
+            self.seen.data = {"number": self.seen.data["number"], "shown": [self._number]}
+
+    def _trace(self) -> None:
+        """Show the poles of the car that is looked at, and as each parameter varies."""
+        if self._design is None or not self.plant.parameters:
+            return
+        names = [p.name for p in self.plant.parameters]
+        here = np.array([dict(self.state.values)[name] for name in names])
+        for k, (own, p) in enumerate(zip(self.trails, self.plant.parameters, strict=True)):
+            values = np.tile(here, (STEPS, 1))
+            values[:, k] = np.linspace(float(p.low), float(p.high), STEPS)
+            own.data = _columns(np.ravel(self._poles(values)))
+        self.looked.data = _columns(np.ravel(self._poles(here[None])))
+
+    def _poles(self, values: Array) -> Array:
+        if self._design is None:
+            return np.zeros(0, dtype=complex)
+        return self._design.poles(weights_of(self.plant.parameters, values))
+
+    def _dragged(self, _: str, __: Any, new: dict[str, Any]) -> None:
+        """Move the handle that is held to where it was dragged."""
+        if not len(new["number"]):
+            return
+        which, place = int(new["handle"][0]), complex(new["x"][0], new["y"][0])
+        if new["begin"][0] or self._held is None:
+            if not 0 <= which < len(self._handles):
+                return
+            self._held = self._handles[which], self.state.region
+        handle, region = self._held
+        end = bool(new["end"][0])
+        try:
+            self._drag(moved(region, handle, place), end)
+        except RegionError:  # nothing there is a region: it stays as it is
+            self._drag(self.state.region, end)
+        if end:
+            self._held = None
+        self._number = int(new["number"][0])
+        self.seen.data = {"number": [self._number], "shown": self.seen.data["shown"]}
+
+
+def _columns(points: Array) -> dict[str, Array]:
+    points = np.asarray(points, dtype=complex)
+    return {"x": points.real.copy(), "y": points.imag.copy()}

@@ -1,0 +1,86 @@
+"""The studio's server: on this machine only, behind a token in its address."""
+
+from __future__ import annotations
+
+import secrets
+import webbrowser
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import panel as pn
+
+from polefence.base.errors import OutputError
+from polefence.base.processors import small_matrices
+from polefence.proof.text import visible
+from polefence.studio.page import Page
+from polefence.studio.state import Session
+
+HOST = "localhost"
+TEMPLATE = Path(__file__).parent / "templates" / "page.html"
+
+
+def serve(
+    session: Session,
+    name: str,
+    folder: Path,
+    port: int = 0,
+    show: bool = True,
+    ready: Callable[[str], object] = print,
+) -> None:
+    """Serve a session until Ctrl-C.
+
+    Parameters
+    ----------
+    session : Session
+    name : str
+        How the spec is called in commands.
+    folder : Path
+        Where files are saved.
+    port : int
+        0: one that is free.
+    show : bool
+        Whether to open a browser.
+    ready : callable
+        Called with the address.
+
+    Raises
+    ------
+    OutputError
+        If the port is taken.
+    """
+    token = secrets.token_urlsafe(24)
+
+    def page() -> Any:
+        document = pn.state.curdoc
+        own = Page(session, name, folder, document, pn.config.theme == "dark")
+        pn.state.on_session_destroyed(lambda _: own.close())
+        shown = pn.Template(TEMPLATE.read_text(encoding="utf-8"))
+        shown.add_variable("heading", visible(session.plant.name))
+        shown.add_variable("app_favicon", "data:,")
+        shown.add_variable("apple_icon", "data:,")
+        shown.add_panel("body", own.view())
+        return shown
+
+    pn.extension()
+    with small_matrices():
+        try:
+            server = pn.io.server.get_server(
+                {"/": page},
+                port=port,
+                address="127.0.0.1",
+                prefix=token,
+                websocket_origin=[],
+                title=visible(session.plant.name),
+                location=False,
+                start=False,
+                show=False,
+            )
+        except OSError as error:
+            raise OutputError(f"--port {port}: cannot be served there: {error.strerror}") from error
+        address = f"http://{HOST}:{server.port}/{token}/"
+        ready(address)
+        if show:
+            webbrowser.open(address)
+        server.start()
+        server.io_loop.start()

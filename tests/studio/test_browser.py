@@ -1,0 +1,268 @@
+"""The studio in a real browser: what is dragged, typed and pressed does what it says."""
+
+from __future__ import annotations
+
+import json
+import re
+from urllib.parse import urlsplit
+
+import pytest
+
+from polefence import Design, Disk, parse_region
+from polefence.examples import spec_text
+from polefence.studio import read_session
+from support.browser import (
+    browser,
+    complaints,
+    element,
+    named,
+    requests,
+    require_browser,
+    studio,
+    text_of,
+    until,
+)
+
+pytest.importorskip("selenium")
+require_browser()
+
+REGION = "disk(-40, 31)"
+HANDLES = """
+const plot = Bokeh.documents[0].get_model_by_name("poles")
+const view = Bokeh.index.find_one(plot)
+const box = view.el.getBoundingClientRect()
+const {x, y} = view.model.renderers.find(own => own.name == "handles").data_source.data
+return [...x].map((own, i) => [
+  box.left + view.frame.x_scale.compute(own), box.top + view.frame.y_scale.compute(y[i])
+])
+"""
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    own = tmp_path_factory.mktemp("studio")
+    (own / "car.toml").write_text(spec_text("quarter-car-physical"))
+    return own
+
+
+@pytest.fixture(scope="module")
+def address(folder):
+    with studio(folder, "car.toml", "--region", REGION) as (own, _):
+        yield own
+
+
+@pytest.fixture(scope="module")
+def window():
+    with browser() as own:
+        yield own
+
+
+@pytest.fixture
+def page(window, address):
+    """A page of its own, at which nobody has complained in the end, and which asked nobody else."""
+    window.get(address)
+    assert until(lambda: f"proved: all poles in {REGION}" in text_of(window))
+    yield window
+    assert complaints(window) == []
+    own = urlsplit(address).netloc
+    for asked in requests(window):
+        if urlsplit(asked).scheme not in ("data", "blob", "chrome", "about"):
+            assert urlsplit(asked).netloc == own
+
+
+def drag(page, start, *places):
+    from selenium.webdriver import ActionChains
+
+    chain = ActionChains(page, duration=10)
+    pointer = chain.w3c_actions.pointer_action
+    pointer.move_to_location(*map(round, start))
+    pointer.pointer_down()
+    for place in places:
+        pointer.move_to_location(*map(round, place))
+    pointer.pointer_up()
+    chain.perform()
+
+
+def type_into(page, name, text):
+    from selenium.webdriver import ActionChains, Keys
+
+    page.execute_script("arguments[0].focus(); arguments[0].select()", named(page, name))
+    ActionChains(page).send_keys(text, Keys.ENTER).perform()
+
+
+def region_of(page):
+    return named(page, "Region").get_attribute("value")
+
+
+def pixel(page, place):
+    """Where a point of the plane is on the screen."""
+    return page.execute_script(
+        """
+        const [x, y] = arguments
+        const view = Bokeh.index.find_one(Bokeh.documents[0].get_model_by_name("poles"))
+        const box = view.el.getBoundingClientRect()
+        return [box.left + view.frame.x_scale.compute(x), box.top + view.frame.y_scale.compute(y)]
+        """,
+        place.real,
+        place.imag,
+    )
+
+
+def cloud(page):
+    return page.execute_script(
+        """
+        const plot = Bokeh.documents[0].get_model_by_name("poles")
+        const {x, y} = plot.renderers[1].data_source.data
+        return [...x].map((own, i) => [own, y[i]])
+        """
+    )
+
+
+def test_it_opens_with_a_proof_and_a_cloud_inside(page):
+    poles = [complex(*own) for own in cloud(page)]
+    assert len(poles) > 1000
+    assert Disk(-40, 31).contains(poles)
+    assert page.title == "quarter car, physical"
+
+
+def test_an_edge_is_dragged_and_the_law_follows(page):
+    top, _, _ = page.execute_script(HANDLES)
+    ends = [pixel(page, -40 + height * 1j) for height in (31.3, 32, 33, 34)]
+    drag(page, top, *ends)
+    assert until(lambda: "proved: all poles in disk(-40, 3" in text_of(page))
+    assert until(lambda: region_of(page) != REGION)
+    region = parse_region(region_of(page))
+    assert region.centre == -40
+    assert region.radius == pytest.approx(34, abs=0.2)
+    assert until(lambda: f"proved: all poles in {region}" in text_of(page))
+    assert f"--region '{region}'" in text_of(page)
+
+
+def test_what_is_out_of_reach_is_refuted_and_shows_the_car_that_fails(page):
+    _, right, _ = page.execute_script(HANDLES)
+    drag(page, right, pixel(page, -12 + 0j), pixel(page, -18 + 0j))
+    assert until(lambda: f"refuted: poles leave {region_of(page)}" in text_of(page))
+    assert parse_region(region_of(page)).radius == pytest.approx(22, abs=0.2)
+    named(page, "Show the car that fails").click()
+    assert until(lambda: "leaves the region at m1 = " in text_of(page))
+    said = re.search(r"leaves the region at m1 = (\S+) kg, beta = (\S+)", text_of(page))
+    assert 231.12 <= float(said[1]) <= 346.68
+
+
+def test_a_place_where_nothing_is_moves_nothing(page):
+    drag(page, pixel(page, -60 + 30j), pixel(page, -50 + 20j))
+    assert region_of(page) == REGION
+
+
+def test_undo_and_redo(page):
+    type_into(page, "Region", "half_plane(4)")
+    assert until(lambda: "proved: all poles in half_plane(4)" in text_of(page))
+    named(page, "Undo").click()
+    assert until(lambda: region_of(page) == REGION)
+    assert until(lambda: f"proved: all poles in {REGION}" in text_of(page))
+    named(page, "Redo").click()
+    assert until(lambda: region_of(page) == "half_plane(4)")
+
+
+def test_what_is_no_region_is_said_and_changes_nothing(page):
+    type_into(page, "Region", "circle(3) <img src=x onerror=alert(1)>")
+    assert until(lambda: "region: " in text_of(page))
+    assert element(page, "return all.filter(own => own.nodeName == 'IMG').length") == 0
+    type_into(page, "Region", REGION)
+
+
+def test_the_keyboard_alone_is_enough(page):
+    from selenium.webdriver import ActionChains, Keys
+
+    seen = set()
+    for _ in range(40):
+        ActionChains(page).send_keys(Keys.TAB).perform()
+        seen.add(
+            page.execute_script(
+                """
+                let own = document.activeElement
+                while (own.shadowRoot && own.shadowRoot.activeElement) {
+                  own = own.shadowRoot.activeElement
+                }
+                return own.className + own.nodeName + own.textContent.trim()
+                """
+            )
+        )
+    for name in ("INPUT", "SELECT", "BUTTON"):
+        assert any(name in own for own in seen), seen
+    for name in ("Fit view", "Save"):
+        assert any(own.endswith(name) for own in seen), seen
+    type_into(page, "Region", "disk(-40, 33)")
+    assert until(lambda: "proved: all poles in disk(-40, 33)" in text_of(page))
+
+
+def test_two_tabs_are_two_views(page, address):
+    first = page.current_window_handle
+    page.switch_to.new_window("tab")
+    page.get(address)
+    assert until(lambda: f"proved: all poles in {REGION}" in text_of(page))
+    type_into(page, "Region", "disk(-40, 35)")
+    assert until(lambda: "proved: all poles in disk(-40, 35)" in text_of(page))
+    page.close()
+    page.switch_to.window(first)
+    assert region_of(page) == REGION
+
+
+def test_what_is_saved_is_proved_and_opens_again(page, folder):
+    type_into(page, "Region", "disk(-40, 32)")
+    assert until(lambda: "proved: all poles in disk(-40, 32)" in text_of(page))
+    named(page, "Save").click()
+    assert until(lambda: "saved: " in text_of(page))
+    assert Design.load(folder / "studio" / "design").region == Disk(-40, 32)
+    session = folder / "studio" / "session.json"
+    assert read_session(session).state.region == Disk(-40, 32)
+    assert json.loads(session.read_text())["method"] == "scheduled"
+    page.refresh()
+    assert until(lambda: region_of(page) == REGION)
+    with studio(folder, str(session), "-o", "again") as (other, _):
+        page.get(other)
+        assert until(lambda: "proved: all poles in disk(-40, 32)" in text_of(page))
+        requests(page)
+
+
+def test_a_server_that_starts_again_is_looked_at_anew(folder, window):
+    with studio(folder, "car.toml", "--region", REGION) as (first, _):
+        window.get(first)
+        assert until(lambda: f"proved: all poles in {REGION}" in text_of(window))
+        port = urlsplit(first).port
+    with studio(folder, "car.toml", "--region", "disk(-40, 33)", port=port) as (second, _):
+        window.get(second)
+        assert until(lambda: "proved: all poles in disk(-40, 33)" in text_of(window))
+    window.get("about:blank")
+    complaints(window), requests(window)
+
+
+HOSTILE = '<img src=x onerror="window.harmed = 1"><script>window.harmed = 1</script>'
+
+
+def test_names_are_no_markup(folder, window):
+    text = spec_text("quarter-car-physical").replace('"quarter car, physical"', repr(HOSTILE))
+    text = text.replace('unit = "kg"', f"unit = {HOSTILE!r}")
+    (folder / "hostile.toml").write_text(text)
+    with studio(folder, "hostile.toml", "--region", REGION) as (address, _):
+        window.get(address)
+        assert until(lambda: f"proved: all poles in {REGION}" in text_of(window))
+        assert window.execute_script("return window.harmed") is None
+        assert element(window, "return all.filter(own => own.nodeName == 'IMG').length") == 0
+        assert HOSTILE in text_of(window)
+        assert complaints(window) == []
+    window.get("about:blank")
+    complaints(window), requests(window)
+
+
+@pytest.mark.parametrize("dark", [False, True])
+def test_a_phone_shows_all_of_it(address, dark):
+    with browser(390, 800, dark) as page:
+        page.get(address)
+        assert until(lambda: f"proved: all poles in {REGION}" in text_of(page))
+        wide = page.execute_script("return document.documentElement.scrollWidth")
+        assert wide <= 390
+        paper = page.execute_script("return getComputedStyle(document.body).backgroundColor")
+        dim = sum(map(int, re.findall(r"\d+", paper)[:3])) < 3 * 60
+        assert dim == dark or (not dark and paper == "rgba(0, 0, 0, 0)")
+        assert complaints(page) == []

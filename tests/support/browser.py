@@ -1,0 +1,151 @@
+"""A browser without a window, and the studio as a process that it looks at."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import subprocess
+import sys
+import time
+from contextlib import contextmanager, suppress
+
+import pytest
+
+TOOLS = ("chromium", "chromedriver")
+SWITCHES = (
+    "--headless=new",
+    "--no-sandbox",
+    "--disable-gpu",
+    "--disable-quic",
+    "--no-first-run",
+    "--disable-background-networking",
+    "--disable-component-update",
+    "--disable-sync",
+)
+PATIENCE = 20  # [s]
+
+
+def require_browser():
+    """Skip where there is no browser; fail where one is promised."""
+    missing = [tool for tool in TOOLS if shutil.which(tool) is None]
+    if missing and os.environ.get("POLEFENCE_TEST_TARGET") == "1":
+        pytest.fail(f"{missing[0]} is not installed, and POLEFENCE_TEST_TARGET=1 promises it")
+    if missing:
+        pytest.skip(f"needs {missing[0]}")
+
+
+@contextmanager
+def browser(width=1280, height=900, dark=False):
+    """Open one."""
+    from selenium import webdriver
+    from selenium.webdriver.chrome.service import Service
+
+    options = webdriver.ChromeOptions()
+    options.binary_location = shutil.which("chromium")
+    for switch in SWITCHES:
+        options.add_argument(switch)
+    options.set_capability("goog:loggingPrefs", {"browser": "ALL", "performance": "ALL"})
+    own = webdriver.Chrome(options=options, service=Service(shutil.which("chromedriver")))
+    own.set_script_timeout(PATIENCE)
+    size = {"width": width, "height": height, "deviceScaleFactor": 1, "mobile": False}
+    own.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", size)
+    scheme = [{"name": "prefers-color-scheme", "value": "dark" if dark else "light"}]
+    own.execute_cdp_cmd("Emulation.setEmulatedMedia", {"features": scheme})
+    try:
+        yield own
+    finally:
+        own.quit()
+
+
+@contextmanager
+def studio(folder, *words, port=0):
+    """Run ``polefence studio`` in a folder; yield its address and process."""
+    command = [sys.executable, "-m", "polefence", "studio", *words, "--no-browser"]
+    command += ["--port", str(port)]
+    own = subprocess.Popen(
+        command, cwd=folder, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True
+    )
+    try:
+        line = own.stdout.readline()
+        assert line.startswith("studio: http://localhost:"), line + own.stdout.read()
+        yield line.removeprefix("studio: ").strip(), own
+    finally:
+        own.kill()
+        own.communicate()
+
+
+def until(ask, *, patience=PATIENCE):
+    """Ask again and again until the answer is true; return it."""
+    end = time.monotonic() + patience
+    while time.monotonic() < end:
+        with suppress(Exception):  # the page may be in the middle of a change
+            if found := ask():
+                return found
+        time.sleep(0.05)
+    return ask()
+
+
+def text_of(page):
+    """All that a page says, in shadow roots too."""
+    return page.execute_script(
+        """
+        const said = []
+        const walk = (node) => {
+          if (node.nodeType == 3) said.push(node.data)
+          if (node.shadowRoot) walk(node.shadowRoot)
+          if (!["STYLE", "SCRIPT"].includes(node.nodeName)) node.childNodes.forEach(walk)
+        }
+        walk(document.body)
+        return said.join(" ")
+        """
+    )
+
+
+def element(page, script, *given):
+    """The element that a script finds among ``all``, every element of the page."""
+    return page.execute_script(
+        """
+        const all = []
+        const walk = (node) => {
+          all.push(node)
+          if (node.shadowRoot) [...node.shadowRoot.children].forEach(walk)
+          ;[...node.children].forEach(walk)
+        }
+        walk(document.body)
+        """
+        + script,
+        *given,
+    )
+
+
+def named(page, name):
+    """The input or button that is labelled so."""
+    return element(
+        page,
+        """
+        const [name] = arguments
+        const button = all.find(e => e.nodeName == "BUTTON" && e.textContent.trim() == name)
+        if (button) return button
+        const label = all.find(e => e.nodeName == "LABEL" && e.textContent.trim().startsWith(name))
+        return label && label.getRootNode().querySelector("input, select, [role=slider]")
+        """,
+        name,
+    )
+
+
+def complaints(page):
+    """What the console says of errors."""
+    return [own["message"] for own in page.get_log("browser") if own["level"] == "SEVERE"]
+
+
+def requests(page):
+    """All addresses that were asked for, WebSockets among them."""
+    found = []
+    for entry in page.get_log("performance"):
+        message = json.loads(entry["message"])["message"]
+        if message["method"] == "Network.requestWillBeSent":
+            found.append(message["params"]["request"]["url"])
+        elif message["method"] == "Network.webSocketCreated":
+            found.append(message["params"]["url"])
+    return found

@@ -10,14 +10,24 @@ from pathlib import Path
 from polefence.examples import spec_text
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "tests"))
-from support.browser import browser, studio, text_of, until
+from support.browser import browser, named, studio, text_of, until
 
+FRAMES = """
+return [...Bokeh.documents[0]._all_models.values()].find(own => own.type == "Toggle").frames || 0
+"""
 REGION = "half_plane(9) & sector(0.6) & disk(-40, 34)"
 
 with tempfile.TemporaryDirectory() as name:
     folder = Path(name)
     (folder / "car.toml").write_text(spec_text("quarter-car-physical"))
-    with studio(folder, "car.toml", "--region", REGION) as (address, _), browser(1280, 860) as page:
+    with (
+        studio(folder, "car.toml", "--region", REGION) as (address, _),
+        browser(1280, 1330) as page,
+    ):
         page.get(address)
-        until(lambda: "proved: all poles" in text_of(page))
+        until(lambda: "with this law: " in text_of(page))
+        named(page, "Play").click()
+        until(lambda: page.execute_script(FRAMES) > 60)
+        named(page, "Pause").click()
+        page.execute_script("scrollTo(0, 0)")
         page.save_screenshot(sys.argv[1])

@@ -255,6 +255,42 @@ def test_names_are_no_markup(folder, window):
     complaints(window), requests(window)
 
 
+def drawn(page):
+    """Heights of the car's outline, and how many frames were drawn."""
+    return page.execute_script(
+        """
+        const plot = Bokeh.documents[0].get_model_by_name("car")
+        const models = [...Bokeh.documents[0]._all_models.values()]
+        const toggle = models.find(own => own.type == "Toggle")
+        return [[...plot.renderers[2].data_source.data.y], toggle.frames || 0]
+        """
+    )
+
+
+def test_the_car_rides_and_the_time_can_be_chosen(page):
+    assert until(lambda: "passive: 0." in text_of(page))
+    still, none = drawn(page)
+    assert none == 0
+    named(page, "Play").click()
+    assert until(lambda: drawn(page)[1] > 20)
+    assert drawn(page)[0] != still
+    named(page, "Pause").click()
+    paused = drawn(page)
+    assert paused[1] == drawn(page)[1]
+    assert until(lambda: named(page, "Play"))
+
+
+def test_another_road_is_another_ride(page):
+    from selenium.webdriver.support.select import Select
+
+    assert until(lambda: "passive: 0." in text_of(page))
+    said = re.search(r"passive: (\S+) m/s²", text_of(page))[1]
+    Select(named(page, "Road")).select_by_visible_text("class A")
+    assert until(lambda: f"passive: {said} m/s²" not in text_of(page))
+    assert "--road A" in text_of(page)
+    assert float(re.search(r"passive: (\S+) m/s²", text_of(page))[1]) < float(said)
+
+
 @pytest.mark.parametrize("dark", [False, True])
 def test_a_phone_shows_all_of_it(address, dark):
     with browser(390, 800, dark) as page:

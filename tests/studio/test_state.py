@@ -49,7 +49,7 @@ def test_the_command_and_the_python_design_what_is_shown(state, tmp_path, monkey
     monkeypatch.chdir(tmp_path)
     (tmp_path / "my car.toml").write_text(SPEC)
     region = parse_region("half_plane(4) & sector(0.2) & disk(-30, 30)")
-    own = State(region, "quadratic", state.values)
+    own = State(region, "quadratic", values=state.values)
     words = shlex.split(own.command("my car.toml"))
     assert words[0] == "polefence"
     assert main(words[1:]) == 0

@@ -20,10 +20,14 @@ from polefence.proof.text import visible
 from polefence.region.regions import Region
 from polefence.region.text import parse_region
 from polefence.studio.answers import Answer, Newest
-from polefence.studio.poles import DARK, LIGHT, Poles
+from polefence.studio.car import Car
+from polefence.studio.palette import DARK, LIGHT
+from polefence.studio.poles import Poles
+from polefence.studio.rides import ROADS, rides
 from polefence.studio.state import PLANT, SESSION, History, Session
 
 WIDE = {"sizing_mode": "stretch_width"}
+LARGE, SMALL = {"flex": "3 1 520px"}, {"flex": "2 1 340px"}
 STYLE = """
 .badge { font-weight: 600; padding: 4px 10px; border-radius: 4px; border: 2px solid; }
 .proved { border-color: #2b5c8a; }
@@ -65,7 +69,9 @@ class Page:
         self.answer: Answer | None = None
         self._document = document
         self.newest = Newest(self.plant, self._tell)
-        self.poles = Poles(self.plant, session.state, self._dragged, DARK if dark else LIGHT)
+        palette = DARK if dark else LIGHT
+        self.poles = Poles(self.plant, session.state, self._dragged, palette)
+        self.car = Car(self.plant, palette) if rides(self.plant) else None
         self._before: Region | None = None
         self._quiet, self._number = False, 0
         self._widgets()
@@ -97,6 +103,13 @@ class Page:
             )
             own.param.watch(lambda event, name=p.name: self._slid(name, event.new), "value")
             self.sliders.append(own)
+        self.road = pn.widgets.Select(name="Road", options=list(ROADS), value=state.road, **WIDE)
+        self.speed = pn.widgets.FloatSlider(
+            name="Speed [m/s]", start=5.0, end=40.0, step=1.0, value=state.speed, **WIDE
+        )
+        self.road.param.watch(lambda event: self._driven(road=event.new), "value")
+        self.speed.param.watch(lambda event: self._driven(speed=event.new), "value")
+        self.ride = pn.pane.HTML("", stylesheets=[STYLE])
         self.badge = pn.pane.HTML("", stylesheets=[STYLE])
         self.message = pn.pane.HTML("", stylesheets=[STYLE])
         self.take = pn.pane.HTML("", stylesheets=[STYLE])
@@ -118,19 +131,20 @@ class Page:
             self.region,
             self.method,
             *self.sliders,
+            *((self.road, self.speed, self.ride) if self.car is not None else ()),
             pn.FlexBox(self.back, self.forward, self.fit, self.save),
             self.message,
             self.take,
             min_width=280,
             sizing_mode="stretch_width",
         )
-        plot = pn.pane.Bokeh(self.poles.figure, sizing_mode="stretch_width", min_width=280)
-        # the sources that no glyph shows belong to the page too
-        return pn.FlexBox(
-            pn.Column(plot, styles={"flex": "3 1 420px"}),
-            pn.Column(asked, styles={"flex": "2 1 300px"}),
-            sizing_mode="stretch_width",
-        )
+        own = pn.pane.Bokeh(self.poles.figure, sizing_mode="scale_width", min_width=280)
+        shown = [pn.Column(own, styles=LARGE), pn.Column(asked, styles=SMALL)]
+        if self.car is not None:
+            for part, styles in zip(self.car.views, (LARGE, SMALL), strict=True):
+                own = pn.pane.Bokeh(part, min_width=280, **WIDE)
+                shown.append(pn.Column(own, styles=styles))
+        return pn.FlexBox(*shown, **WIDE)
 
     def _tell(self, own: Answer) -> None:
         """Have an answer shown in the page's own thread."""
@@ -152,6 +166,27 @@ class Page:
             self.poles.look(now)
         if (now.region, now.method) != (before.region, before.method):
             self._ask()
+        elif now != before:
+            self._ride()
+
+    def _ride(self) -> None:
+        """Drive the car that is looked at."""
+        if self.car is None:
+            return
+        design = None if self.answer is None else self.answer.design
+        try:
+            with self._together():
+                law, passive = self.car.show(design, self.history.now)
+                both = [("passive", passive), *([("with this law", law)] if law else [])]
+                self.ride.object = "".join(
+                    f"<p>{who}: {own.comfort:.3g} m/s², {_safe(own.words)}</p>" for who, own in both
+                )
+        except PolefenceError as error:
+            self.ride.object = f"<p>{_safe(str(error))}</p>"
+
+    def _driven(self, **changed: Any) -> None:
+        if not self._quiet:
+            self._go(replace(self.history, now=replace(self.history.now, **changed)))
 
     def _shown(self) -> None:
         """Have the widgets say what the state is."""
@@ -160,12 +195,15 @@ class Page:
         try:
             self.region.value = str(now.region)
             self.method.value = now.method
+            self.road.value, self.speed.value = now.road, now.speed
             for own, (_, value) in zip(self.sliders, now.values, strict=True):
                 own.value = value
         finally:
             self._quiet = False
         self.back.disabled, self.forward.disabled = not self.history.past, not self.history.future
-        commands = (now.command(self.name), now.python(self.name))
+        commands = [now.command(self.name), now.python(self.name)]
+        if self.car is not None:
+            commands.insert(1, now.drive(self.name))
         self.take.object = "".join(f"<pre>{_safe(text)}</pre>" for text in commands)
 
     def _ask(self) -> None:
@@ -212,6 +250,8 @@ class Page:
                 self.poles.show(own.design, own.region)
             word, text = _words(own)
             self.badge.object = f'<div role="status" class="badge {word}">{_safe(text)}</div>'
+            if own.check is not None:
+                self._ride()
             self.find.visible = own.check is not None and own.check.alpha is not None
 
     def _find(self) -> None:

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -21,29 +19,15 @@ from polefence.proof.text import visible
 from polefence.region.regions import Region
 from polefence.show.plots import PANEL, view_of
 from polefence.studio.handles import Handle, handles, moved, outline
+from polefence.studio.palette import LIGHT, Palette, coloured
 from polefence.studio.state import State
+from polefence.studio.templates import template
 
 CLOUD = 250  # plants
 STEPS = 40  # of a trail
 REACH = 24  # from a handle to where it is grabbed, in pixels
 
 
-@dataclass(frozen=True)
-class Palette:
-    """Colours that red-green blind readers tell apart, as anybody does in grey."""
-
-    inside: str
-    cars: str
-    ink: str
-    paper: str
-    looked: str = "#e66101"
-    trails: tuple[str, ...] = ("#e66101", "#8073ac", "#b8860b", "#e7298a")
-
-
-LIGHT = Palette("#cfe3f5", "#2b5c8a", "#111111", "#ffffff")
-DARK = Palette("#1d3a55", "#8ec1ee", "#f0f0f0", "#121212")
-
-DRAGGING = Path(__file__).parent / "templates" / "dragging.js"
 ASKED = ("x", "y", "handle", "begin", "end", "number")  # of a place that is dragged to
 
 
@@ -91,8 +75,9 @@ class Poles:
     def _figure(self) -> Any:
         colour = self._palette
         plot = figure(
-            sizing_mode="stretch_width",
-            aspect_ratio=PANEL,
+            sizing_mode="scale_width",
+            width=750,
+            height=round(750 / PANEL),
             min_width=280,
             x_range=Range1d(-1, 1),
             y_range=Range1d(-1, 1),
@@ -120,8 +105,8 @@ class Poles:
         marks = {"source": self.handles, "size": 14, "marker": "diamond", "color": colour.paper}
         plot.scatter("x", "y", line_color=colour.ink, line_width=2, name="handles", **marks)
         if plot.legend:
-            plot.legend.update(location="top_left", background_fill_alpha=0.6, click_policy="hide")
-        plot.background_fill_color = plot.border_fill_color = colour.paper
+            plot.legend.update(location="top_left", click_policy="hide")
+        coloured(plot, colour)
         self._draggable(plot)
         return plot
 
@@ -134,7 +119,7 @@ class Poles:
             "plot": plot,
         }
         models |= {"reach": REACH}
-        code = DRAGGING.read_text(encoding="utf-8")
+        code = template("dragging.js")
         for event, what in ((PanStart, "begin"), (Pan, "move"), (PanEnd, "end")):
             plot.js_on_event(event, CustomJS(args=models | {"what": what}, code=code))
         self.seen.js_on_change("data", CustomJS(args=models | {"what": "seen"}, code=code))

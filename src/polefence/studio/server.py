@@ -15,9 +15,9 @@ from polefence.base.processors import small_matrices
 from polefence.proof.text import visible
 from polefence.studio.page import Page
 from polefence.studio.state import Session
+from polefence.studio.templates import template
 
 HOST = "localhost"
-TEMPLATE = Path(__file__).parent / "templates" / "page.html"
 
 
 def serve(
@@ -55,7 +55,7 @@ def serve(
         document = pn.state.curdoc
         own = Page(session, name, folder, document, pn.config.theme == "dark")
         pn.state.on_session_destroyed(lambda _: own.close())
-        shown = pn.Template(TEMPLATE.read_text(encoding="utf-8"))
+        shown = pn.Template(template("page.html"))
         shown.add_variable("heading", visible(session.plant.name))
         shown.add_variable("app_favicon", "data:,")
         shown.add_variable("apple_icon", "data:,")

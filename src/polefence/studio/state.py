@@ -17,10 +17,12 @@ from polefence.plant.family import UncertainPlant
 from polefence.plant.spec import MAX_BYTES, loads
 from polefence.region.regions import Region
 from polefence.region.text import parse_region
+from polefence.studio.rides import ROADS
 
 FORMAT = "polefence studio"
 PLANT, SESSION = "plant.toml", "session.json"  # files that a page saves
-KEYS = ("format", "spec", "region", "method", "values")
+KEYS = ("format", "spec", "region", "method", "road", "speed", "values")
+LEAST_SPEED, MOST_SPEED = 1.0, 60.0  # [m/s]
 MOST_BACK = 200  # steps that are undone
 
 
@@ -33,19 +35,25 @@ class State:
     region : Region
     method : str
         One of `METHODS`.
+    road : str
+        One of `rides.ROADS`, on which a car is looked at.
+    speed : float
+        [m/s]
     values : tuple of (str, float)
         Of each parameter, of the car that is looked at.
     """
 
     region: Region
     method: str = METHODS[-1]
+    road: str = "class C"
+    speed: float = 20.0
     values: tuple[tuple[str, float], ...] = ()
 
     @classmethod
     def first(cls, plant: UncertainPlant, region: Region, method: str = METHODS[-1]) -> State:
         """Return what a session begins with: the middle of all intervals."""
         middles = ((p.name, float((p.low + p.high) / 2)) for p in plant.parameters)
-        return cls(region, method, tuple(middles))
+        return cls(region, method, values=tuple(middles))
 
     def at(self, name: str, value: float) -> State:
         """Return it with another value of a parameter."""
@@ -55,6 +63,12 @@ class State:
         """Return the command line that designs this."""
         words = f"polefence design {quote(spec)} --region {quote(str(self.region))}"
         return f"{words} --method {self.method} -o design"
+
+    def drive(self, spec: str) -> str:
+        """Return the command line that drives the car that is looked at, with that design."""
+        values = "".join(f" --set {name}={value!r}" for name, value in self.values)
+        road = f"{ROADS[self.road].option} --speed {self.speed:g}"
+        return f"polefence simulate {quote(spec)} --law passive --law design {road}{values}"
 
     def python(self, spec: str) -> str:
         """Return the Python that designs this, and its gain for the car that is looked at."""
@@ -123,6 +137,8 @@ class Session:
             "spec": self.spec,
             "region": str(own.region),
             "method": own.method,
+            "road": own.road,
+            "speed": own.speed,
             "values": dict(own.values),
         }
         return json.dumps(table, indent=1) + "\n"
@@ -165,8 +181,15 @@ def _session(table: Any) -> Session:
             raise SpecError(f"{key} is missing, or no text")
     if table["method"] not in METHODS:
         raise SpecError(f"method = {table['method']!r}: {suggest(table['method'], METHODS)}")
+    road, speed = table.get("road", "class C"), table.get("speed", 20.0)
+    if road not in ROADS:
+        raise SpecError(f"road = {road!r}: {suggest(str(road), ROADS)}")
+    if not _is_number(speed) or not LEAST_SPEED <= speed <= MOST_SPEED:
+        limits = f"from {LEAST_SPEED:g} to {MOST_SPEED:g} m/s"
+        raise SpecError(f"speed = {speed!r} must be a number {limits}")
     plant = loads(table["spec"], "its spec")
     state = State.first(plant, parse_region(table["region"]), table["method"])
+    state = replace(state, road=road, speed=float(speed))
     return Session(table["spec"], plant, _valued(plant, state, table.get("values", {})))
 
 
@@ -178,9 +201,13 @@ def _valued(plant: UncertainPlant, state: State, values: Any) -> State:
         if name not in known:
             raise SpecError(f"values: no parameter {name!r}; {suggest(name, known)}")
         own = known[name]
-        number = isinstance(value, int | float) and not isinstance(value, bool)
-        if not number or not math.isfinite(value) or not own.low <= value <= own.high:
+        if not _is_number(value) or not own.low <= value <= own.high:
             low, high = float(own.low), float(own.high)
             raise SpecError(f"values: {name} = {value!r} must be a number from {low:g} to {high:g}")
         state = state.at(name, float(value))
     return state
+
+
+def _is_number(value: Any) -> bool:
+    known = isinstance(value, int | float) and not isinstance(value, bool)
+    return known and math.isfinite(value)

@@ -1,0 +1,50 @@
+"""Colours that red-green blind readers tell apart, as anybody does in grey."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+
+@dataclass(frozen=True)
+class Palette:
+    """Colours of a page.
+
+    Attributes
+    ----------
+    inside : str
+        Of a region.
+    cars, looked : str
+        Of all cars, and of the one that is looked at.
+    ghost : str
+        Of what is there to compare with.
+    ink, paper, faint : str
+    trails : tuple of str
+    """
+
+    inside: str
+    cars: str
+    ink: str
+    paper: str
+    faint: str
+    looked: str = "#e66101"
+    ghost: str = "#8a8a8a"
+    trails: tuple[str, ...] = ("#e66101", "#8073ac", "#b8860b", "#e7298a")
+
+
+LIGHT = Palette("#cfe3f5", "#2b5c8a", "#111111", "#ffffff", "#e0e0e0")
+DARK = Palette("#1d3a55", "#8ec1ee", "#f0f0f0", "#121212", "#3a3a3a")
+
+
+def coloured(plot: Any, palette: Palette) -> None:
+    """Give a figure the colours of a page."""
+    plot.background_fill_color = plot.border_fill_color = palette.paper
+    plot.outline_line_color = plot.grid.grid_line_color = palette.faint
+    for axis in (*plot.xaxis, *plot.yaxis):
+        axis.axis_label_text_color = axis.major_label_text_color = palette.ink
+        axis.axis_line_color = axis.major_tick_line_color = palette.ink
+        axis.minor_tick_line_color = None
+    for legend in plot.legend:
+        legend.label_text_color = palette.ink
+        legend.background_fill_color, legend.background_fill_alpha = palette.paper, 0.7
+        legend.border_line_color = palette.faint

@@ -262,7 +262,8 @@ def drawn(page):
         const plot = Bokeh.documents[0].get_model_by_name("car")
         const models = [...Bokeh.documents[0]._all_models.values()]
         const toggle = models.find(own => own.type == "Toggle")
-        return [[...plot.renderers[2].data_source.data.y], toggle.frames || 0]
+        const law = plot.renderers.find(own => own.name == "law")
+        return [[...law.data_source.data.y], toggle.frames || 0]
         """
     )
 

@@ -95,7 +95,7 @@ class Car:
             ("law", "with this law", colour.cars, "solid"),
         ):
             style = {"color": shade, "line_width": 2, "line_dash": dash}
-            plot.line("x", "y", source=self.drawn[who], **style)
+            plot.line("x", "y", source=self.drawn[who], name=who, **style)
             plot.line(AWAY, AWAY, legend_label=label, **style)
         plot.line("x", "y", source=self.drawn["spring"], color=colour.cars, line_width=1.5)
         style = {"color": colour.looked, "line_width": 5}

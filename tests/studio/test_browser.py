@@ -27,9 +27,11 @@ pytest.importorskip("selenium")
 require_browser()
 
 REGION = "disk(-40, 31)"
+VIEW = """
+const view = Bokeh.index.find_one(Bokeh.documents[0].get_model_by_name(arguments[0]))
+"""
 HANDLES = """
-const plot = Bokeh.documents[0].get_model_by_name("poles")
-const view = Bokeh.index.find_one(plot)
+const view = Bokeh.index.find_one(Bokeh.documents[0].get_model_by_name("poles"))
 const box = view.el.getBoundingClientRect()
 const {x, y} = view.model.renderers.find(own => own.name == "handles").data_source.data
 return [...x].map((own, i) => [
@@ -290,6 +292,36 @@ def test_another_road_is_another_ride(page):
     assert until(lambda: f"passive: {said} m/s²" not in text_of(page))
     assert "--road A" in text_of(page)
     assert float(re.search(r"passive: (\S+) m/s²", text_of(page))[1]) < float(said)
+
+
+def test_a_car_is_chosen_in_the_map(page):
+    from selenium.webdriver import ActionChains
+
+    assert until(lambda: "none of them leaves it" in text_of(page))
+    page.execute_script(VIEW + "view.el.scrollIntoView()", "map")
+    box = page.execute_script(VIEW + "return view.el.getBoundingClientRect().toJSON()", "map")
+    place = page.execute_script(
+        VIEW + "return [view.frame.x_scale.compute(250), view.frame.y_scale.compute(-5)]",
+        "map",
+    )
+    chain = ActionChains(page, duration=10)
+    pointer = chain.w3c_actions.pointer_action
+    pointer.move_to_location(round(box["left"] + place[0]), round(box["top"] + place[1]))
+    pointer.click()
+    chain.perform()
+    assert until(lambda: "--set m1=2" in text_of(page) and "--set m1=288.9" not in text_of(page))
+    said = re.search(r"--set m1=(\S+) --set beta=(\S+)", text_of(page))
+    assert float(said[1]) == pytest.approx(250, abs=2)
+    assert float(said[2]) == pytest.approx(-5, abs=0.5)
+
+
+def test_how_wrong_it_may_be_is_proved(page):
+    named(page, "How wrong may it be?").click()
+    assert until(lambda: "error of the gain" in text_of(page))
+    said = re.search(r"error of the estimate, m1 (\S+) kg\s+breaks at (\S+)", text_of(page))
+    assert 2 < float(said[1]) < float(said[2]) < 20
+    type_into(page, "Region", "disk(-40, 32)")
+    assert until(lambda: "error of the gain" not in text_of(page))
 
 
 @pytest.mark.parametrize("dark", [False, True])

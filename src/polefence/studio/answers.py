@@ -62,7 +62,7 @@ def first_region(plant: UncertainPlant) -> Region:
     return HalfPlane(0.0)
 
 
-class _SupersededError(Exception):
+class SupersededError(Exception):
     """Ends work whose question is no longer the newest."""
 
 
@@ -101,7 +101,7 @@ class Newest:
     def _answer(self, own: Answer, method: str) -> None:
         def heed(_: str = "") -> None:
             if own.number != self._number:
-                raise _SupersededError
+                raise SupersededError
 
         try:
             with progress(heed):
@@ -116,7 +116,7 @@ class Newest:
                 self._wait(own.number)
                 heed()
                 self._say(replace(own, check=check(design)))
-        except _SupersededError:
+        except SupersededError:
             return
         except Exception as error:
             self._say(replace(own, design=None, reason=f"a fault of ours: {error!r}"))

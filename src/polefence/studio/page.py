@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-import html
+import threading
+from collections.abc import Callable
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import replace
 from functools import partial
@@ -14,17 +15,21 @@ import panel as pn
 from polefence.base.errors import PolefenceError
 from polefence.base.files import write_text
 from polefence.design.design import Design
+from polefence.design.margins import in_service
+from polefence.design.progress import progress
 from polefence.lmi.conditions.methods import METHODS
 from polefence.plant.points import values_at, values_text
 from polefence.proof.text import visible
 from polefence.region.regions import Region
 from polefence.region.text import parse_region
-from polefence.studio.answers import Answer, Newest
+from polefence.studio.answers import Answer, Newest, SupersededError
 from polefence.studio.car import Car
+from polefence.studio.map import SIDE, Map
 from polefence.studio.palette import DARK, LIGHT
 from polefence.studio.poles import Poles
 from polefence.studio.rides import ROADS, rides
 from polefence.studio.state import PLANT, SESSION, History, Session
+from polefence.studio.words import code, margins_table, paragraph, safe
 
 WIDE = {"sizing_mode": "stretch_width"}
 LARGE, SMALL = {"flex": "3 1 520px"}, {"flex": "2 1 340px"}
@@ -35,6 +40,11 @@ STYLE = """
 .refuted { border-color: #d95f02; border-style: double; }
 .refuted::before { content: "\\2717  "; }
 .undecided, .working { border-color: #888888; border-style: dashed; }
+.margins { border-collapse: collapse; }
+.margins th { text-align: left; font-weight: normal; }
+.margins th, .margins td { padding: 2px 10px 2px 0; }
+.bar { width: 110px; height: 12px; border: 1px solid #8a8a8a; }
+.bar div { height: 100%; background: #2b5c8a; }
 pre { white-space: pre-wrap; overflow-wrap: anywhere; }
 """
 
@@ -68,10 +78,14 @@ class Page:
         self.history = History(session.state)
         self.answer: Answer | None = None
         self._document = document
-        self.newest = Newest(self.plant, self._tell)
+        self.newest = Newest(self.plant, lambda own: self._soon(partial(self._answered, own)))
         palette = DARK if dark else LIGHT
         self.poles = Poles(self.plant, session.state, self._dragged, palette)
         self.car = Car(self.plant, palette) if rides(self.plant) else None
+        self.map: Map | None = None
+        if len(self.plant.parameters) > 1:
+            self.map = Map(self.plant, palette, self._pointed)
+            self.map.look(session.state)
         self._before: Region | None = None
         self._quiet, self._number = False, 0
         self._widgets()
@@ -110,12 +124,16 @@ class Page:
         self.road.param.watch(lambda event: self._driven(road=event.new), "value")
         self.speed.param.watch(lambda event: self._driven(speed=event.new), "value")
         self.ride = pn.pane.HTML("", stylesheets=[STYLE])
+        self.count = pn.pane.HTML("", stylesheets=[STYLE])
         self.badge = pn.pane.HTML("", stylesheets=[STYLE])
         self.message = pn.pane.HTML("", stylesheets=[STYLE])
         self.take = pn.pane.HTML("", stylesheets=[STYLE])
         self.back, self.forward, self.fit, self.save = (
             pn.widgets.Button(name=name) for name in ("Undo", "Redo", "Fit view", "Save")
         )
+        self.wrong = pn.widgets.Button(name="How wrong may it be?", disabled=True)
+        self.wrong.on_click(lambda _: self._wrong())
+        self.margins = pn.pane.HTML("", stylesheets=[STYLE])
         self.find = pn.widgets.Button(name="Show the car that fails", visible=False)
         self.back.on_click(lambda _: self._go(self.history.back()))
         self.forward.on_click(lambda _: self._go(self.history.forward()))
@@ -134,6 +152,8 @@ class Page:
             *((self.road, self.speed, self.ride) if self.car is not None else ()),
             pn.FlexBox(self.back, self.forward, self.fit, self.save),
             self.message,
+            self.wrong,
+            self.margins,
             self.take,
             min_width=280,
             sizing_mode="stretch_width",
@@ -144,14 +164,17 @@ class Page:
             for part, styles in zip(self.car.views, (LARGE, SMALL), strict=True):
                 own = pn.pane.Bokeh(part, min_width=280, **WIDE)
                 shown.append(pn.Column(own, styles=styles))
+        if self.map is not None:
+            own = pn.pane.Bokeh(self.map.figure, min_width=280, **WIDE)
+            shown.append(pn.Column(own, self.count, styles=SMALL))
         return pn.FlexBox(*shown, **WIDE)
 
-    def _tell(self, own: Answer) -> None:
-        """Have an answer shown in the page's own thread."""
+    def _soon(self, work: Callable[[], object]) -> None:
+        """Have something done in the page's own thread."""
         if self._document is None:
-            self._answered(own)
+            work()
         else:
-            self._document.add_next_tick_callback(partial(self._answered, own))
+            self._document.add_next_tick_callback(work)
 
     def _together(self) -> AbstractContextManager[Any]:
         """Have all changes inside reach the browser in one message."""
@@ -164,6 +187,8 @@ class Page:
         with self._together():
             self._shown()
             self.poles.look(now)
+            if self.map is not None:
+                self.map.look(now)
         if (now.region, now.method) != (before.region, before.method):
             self._ask()
         elif now != before:
@@ -179,10 +204,23 @@ class Page:
                 law, passive = self.car.show(design, self.history.now)
                 both = [("passive", passive), *([("with this law", law)] if law else [])]
                 self.ride.object = "".join(
-                    f"<p>{who}: {own.comfort:.3g} m/s², {_safe(own.words)}</p>" for who, own in both
+                    paragraph(f"{who}: {own.comfort:.3g} m/s², {own.words}") for who, own in both
                 )
         except PolefenceError as error:
-            self.ride.object = f"<p>{_safe(str(error))}</p>"
+            self.ride.object = paragraph(str(error))
+
+    def _mapped(self, design: Design, region: Region) -> None:
+        if self.map is not None:
+            count = self.map.show(design, region, self.history.now)
+            which = f"{count} of them leave it" if count else "none of them leaves it"
+            self.count.object = paragraph(f"{SIDE**2} cars and the region: {which}.")
+
+    def _pointed(self, values: dict[str, float]) -> None:
+        """Look at the car that was pointed at in the map."""
+        state = self.history.now
+        for name, value in values.items():
+            state = state.at(name, float(f"{value:.4g}"))
+        self._go(replace(self.history, now=state))
 
     def _driven(self, **changed: Any) -> None:
         if not self._quiet:
@@ -204,7 +242,7 @@ class Page:
         commands = [now.command(self.name), now.python(self.name)]
         if self.car is not None:
             commands.insert(1, now.drive(self.name))
-        self.take.object = "".join(f"<pre>{_safe(text)}</pre>" for text in commands)
+        self.take.object = "".join(code(text) for text in commands)
 
     def _ask(self) -> None:
         now = self.history.now
@@ -227,7 +265,7 @@ class Page:
         try:
             region = parse_region(event.new)
         except PolefenceError as error:
-            self.message.object = f"<p>{_safe(str(error))}</p>"
+            self.message.object = paragraph(str(error))
             return
         self.message.object = ""
         self._go(self.history.then(replace(self.history.now, region=region)))
@@ -248,9 +286,13 @@ class Page:
         with self._together():
             if own.design is not None and own.check is None:
                 self.poles.show(own.design, own.region)
+                self._mapped(own.design, own.region)
             word, text = _words(own)
-            self.badge.object = f'<div role="status" class="badge {word}">{_safe(text)}</div>'
-            if own.check is not None:
+            self.badge.object = f'<div role="status" class="badge {word}">{safe(text)}</div>'
+            self.wrong.disabled = own.check is None or not own.check.proved
+            if own.check is None:
+                self.margins.object = ""
+            else:
                 self._ride()
             self.find.visible = own.check is not None and own.check.alpha is not None
 
@@ -261,15 +303,39 @@ class Page:
         )
         values = None if alpha is None else values_at(self.plant, alpha)
         if values is None:
-            self.message.object = f"<p>{_safe(str(alpha))}</p>"
+            self.message.object = paragraph(str(alpha))
             return
         state = self.history.now
         for name, value in values.items():
             state = state.at(name, value)
-        self.message.object = (
-            f"<p>leaves the region at {_safe(values_text(self.plant, values))}</p>"
-        )
+        self.message.object = paragraph(f"leaves the region at {values_text(self.plant, values)}")
         self._go(replace(self.history, now=state))
+
+    def _wrong(self) -> None:
+        """Work out what errors the law bears in service; drop them for a newer law."""
+        own = self.answer
+        if own is None or own.design is None:
+            return
+        self.margins.object = paragraph("being proved ...")
+        threading.Thread(target=self._serviced, args=(own.number, own.design), daemon=True).start()
+
+    def _serviced(self, number: int, design: Design) -> None:
+        def heed(_: str) -> None:
+            if number != self._number:
+                raise SupersededError
+
+        try:
+            with progress(heed):
+                text = margins_table(in_service(design))
+        except SupersededError:
+            return
+        except PolefenceError as error:
+            text = paragraph(str(error))
+        self._soon(partial(self._margins, number, text))
+
+    def _margins(self, number: int, text: str) -> None:
+        if number == self._number:
+            self.margins.object = text
 
     def _save(self) -> None:
         """Write the session, and the design where it is proved, into the session's folder."""
@@ -282,10 +348,10 @@ class Page:
             if isinstance(design, Design) and design.proved:
                 saved.append(design.save(self.folder / "design"))
         except PolefenceError as error:
-            self.message.object = f"<p>{_safe(str(error))}</p>"
+            self.message.object = paragraph(str(error))
             return
         names = ", ".join(str(path) for path in saved)
-        self.message.object = f"<p>saved: {_safe(names)}</p>"
+        self.message.object = paragraph(f"saved: {names}")
 
     def close(self) -> None:
         """End what is under way."""
@@ -304,8 +370,3 @@ def _words(own: Answer) -> tuple[str, str]:
         "undecided": f"undecided: {own.check.reason}",
     }
     return own.check.answer, words[own.check.answer]
-
-
-def _safe(text: str) -> str:
-    """Return text to be put into a page: names are no markup, and have no control characters."""
-    return "\n".join(html.escape(visible(line)) for line in text.split("\n"))

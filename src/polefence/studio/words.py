@@ -1,0 +1,39 @@
+"""Texts of the page, as HTML in which names are no markup."""
+
+from __future__ import annotations
+
+import html
+from collections.abc import Iterable
+
+from polefence.design.margins import Margin
+from polefence.proof.text import digits_up, visible
+
+
+def safe(text: str) -> str:
+    """Return text to be put into a page: names are no markup, and have no control characters."""
+    return "\n".join(html.escape(visible(line)) for line in text.split("\n"))
+
+
+def paragraph(text: str) -> str:
+    """Return text as a paragraph."""
+    return f"<p>{safe(text)}</p>"
+
+
+def code(text: str) -> str:
+    """Return text as lines of code."""
+    return f"<pre>{safe(text)}</pre>"
+
+
+def margins_table(found: Iterable[Margin]) -> str:
+    """Return margins as a table: what is proved, and as a bar its share of what breaks."""
+    return f'<table class="margins">{"".join(map(_row, found))}</table>'
+
+
+def _row(own: Margin) -> str:
+    bar = breaks = ""
+    if own.upper is not None:
+        share = 100 * min(own.value / own.upper, 1.0) if own.upper > 0 else 0.0
+        bar = f'<div class="bar"><div style="width: {share:.1f}%"></div></div>'
+        breaks = f"breaks at {digits_up(own.upper, 4)}"
+    cells = f"<td>{safe(f'{own.text} {own.unit}')}</td><td>{bar}</td><td>{safe(breaks)}</td>"
+    return f'<tr title="{safe(own.example)}"><th>{safe(own.subject)}</th>{cells}</tr>'

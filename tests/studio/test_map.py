@@ -1,0 +1,57 @@
+"""The map: cells where poles leave the region are those where they do."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from polefence import Disk, place
+from polefence.studio import State
+from polefence.studio.map import SIDE, Map
+from polefence.studio.palette import LIGHT
+
+
+@pytest.fixture
+def chosen():
+    return []
+
+
+@pytest.fixture
+def own(physical, chosen):
+    return Map(physical, LIGHT, chosen.append)
+
+
+def test_of_a_proved_law_no_car_leaves_the_region(physical, own):
+    design = place(physical, Disk(-40, 31))
+    assert own.show(design, design.region, State.first(physical, design.region)) == 0
+
+
+def test_cells_are_marked_where_the_poles_of_their_cars_are_outside(physical, own):
+    design = place(physical, Disk(-40, 31))
+    region = Disk(-40, 28.5)
+    count = own.show(design, region, State.first(physical, region))
+    assert 0 < count < SIDE**2
+    cells = own.cells.data
+    for x, y, colour in zip(cells["x"], cells["y"], cells["colour"], strict=True):
+        poles = design.poles(physical.alpha(m1=x, beta=y))
+        assert (colour == LIGHT.looked) == (not region.contains(poles))
+
+
+def test_the_cells_fill_the_box(physical, own):
+    m1, beta = physical.parameters
+    for key, p in (("x", m1), ("y", beta)):
+        values = np.unique(own.cells.data[key])
+        half = (float(p.high) - float(p.low)) / SIDE / 2
+        assert values[0] - half == pytest.approx(float(p.low))
+        assert values[-1] + half == pytest.approx(float(p.high))
+
+
+def test_what_is_pointed_at_is_chosen_within_the_box(own, chosen):
+    class Event:
+        x, y = 250.0, -5.0
+
+    own._tapped(Event)
+    Event.x, Event.y = 1e9, -1e9
+    own._tapped(Event)
+    assert chosen[0] == {"m1": 250.0, "beta": -5.0}
+    assert chosen[1] == {"m1": pytest.approx(346.68), "beta": -10.0}

@@ -17,6 +17,7 @@ from polefence.design.certificate import Certificate, Check, check_claim, decide
 from polefence.design.evaluation import rounding_share, surely_runs
 from polefence.law.laws import Law, ScheduledGain
 from polefence.lmi.conditions.methods import Scheduled, Slack, method_label
+from polefence.plant.card import card
 from polefence.plant.family import UncertainPlant
 from polefence.plant.system import Array
 from polefence.proof.claims.base import Claim, Verdict, prove
@@ -56,6 +57,16 @@ class Design:
     def __repr__(self) -> str:
         status = "proved" if self.proved else "not proved"
         return f"<Design of {self.plant.name!r}: {self.method}, {self.region}, {status}>"
+
+    def _repr_html_(self) -> str:
+        """Show it in a notebook."""
+        status = "proved" if self.proved else "not proved"
+        rows = [
+            ("poles", f"{status}: in {self.region}" if self.proved else status),
+            ("method", self.label),
+            ("note", self.note.removeprefix("note: ")),
+        ]
+        return card(self.plant.name, rows)
 
     @property
     def plant(self) -> UncertainPlant:

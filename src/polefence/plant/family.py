@@ -22,6 +22,7 @@ from polefence.base.errors import (
     shown,
     suggest,
 )
+from polefence.plant.card import card
 from polefence.plant.controllability import PRIME, surely_controllable
 from polefence.plant.expression import RationalFunction, counted, evaluate
 from polefence.plant.outputs import Output, disturbances, inputs, pick, split, states
@@ -142,6 +143,16 @@ class UncertainPlant:
         n, m = self.shape
         vertices = len(self.vertices)
         return f"<UncertainPlant {self.name!r}: {vertices} vertices, {n} states, {m} inputs>"
+
+    def _repr_html_(self) -> str:
+        """Show it in a notebook."""
+        n, m = self.shape
+        size = f"{len(self.vertices)} vertices, {n} states, {m} inputs"
+        ranges = (
+            (p.name, f"{float(p.low):g} to {float(p.high):g} {p.unit}") for p in self.parameters
+        )
+        named = ((key, ", ".join(getattr(self, key))) for key in ("states", "inputs"))
+        return card(self.name, [("family", size), *ranges, *named])
 
     @classmethod
     def from_vertices(

@@ -33,6 +33,7 @@ from polefence.lmi.conditions.performance import Source
 from polefence.lmi.solve.gramians import Dual, DualProblem, duals, in_parts
 from polefence.lmi.solve.interior_point import TOLERANCE
 from polefence.lmi.solve.lyapunov import LyapunovPolynomial, points_given, work
+from polefence.plant.card import card
 from polefence.plant.family import UncertainPlant
 from polefence.plant.outputs import Output
 from polefence.plant.points import seeded
@@ -97,6 +98,10 @@ class Bound:
 
     def __str__(self) -> str:
         return f"{self.specification.title} <= {digits_up(self.level)}"
+
+    def _repr_html_(self) -> str:
+        """Show it in a notebook."""
+        return card("bound", [("proved", str(self)), ("by", self.reason)])
 
 
 def best_bound(

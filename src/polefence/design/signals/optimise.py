@@ -55,6 +55,7 @@ from polefence.law.laws import Law
 from polefence.law.structure import Structure
 from polefence.lmi.conditions.methods import Method, Scheduled, options
 from polefence.lmi.solve.search import Reached, singular_is_failure
+from polefence.plant.card import card
 from polefence.plant.family import UncertainPlant
 from polefence.plant.outputs import states
 from polefence.plant.tracks import own_states
@@ -106,6 +107,11 @@ class Optimised:
 
     def __repr__(self) -> str:
         return f"<Optimised {self.plant.name!r}: {'; '.join(map(str, self.bounds))}>"
+
+    def _repr_html_(self) -> str:
+        """Show it in a notebook."""
+        bounds = [("proved", str(own)) for own in self.bounds]
+        return card(self.plant.name, [*bounds, ("poles", f"proved: in {self.design.region}")])
 
     @property
     def plant(self) -> UncertainPlant:

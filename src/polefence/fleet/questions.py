@@ -157,6 +157,7 @@ class Question:
         """Whether a file of claims that answers it has this bound."""
         return False
 
+    @small_matrices()  # as workers have it, whose rows are the same to the last bit
     def answers(self, specs: Sequence[str]) -> list[Answer]:
         """Return an answer for each spec, texts of variants.
 
@@ -328,7 +329,6 @@ class Service(Place):
         found = many.place(plants, parse_region(self.region), self.options)
         return [_failed(own) if isinstance(own, PolefenceError) else self._of(own) for own in found]
 
-    @small_matrices()
     def _of(self, design: Design) -> Answer:
         try:
             every = self._of_kind(design)
@@ -383,7 +383,6 @@ class Optimise(Question):
     def _answered(self, plants: list[Any], specs: list[str]) -> list[Answer]:
         return [self._of(plant, text) for plant, text in zip(plants, specs, strict=True)]
 
-    @small_matrices()
     def _of(self, plant: UncertainPlant, text: str) -> Answer:
         try:
             with _as_file(text) as spec:
@@ -493,7 +492,6 @@ class Ride(Question):
     def _answered(self, plants: list[Any], specs: list[str]) -> list[Answer]:  # noqa: ARG002
         return [self._of(plant) for plant in plants]
 
-    @small_matrices()
     def _of(self, plant: UncertainPlant) -> Answer:
         try:
             laws = standard_laws(plant, self.disk, (self.law,))

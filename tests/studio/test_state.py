@@ -76,6 +76,8 @@ FAULTS = {
     "region": ("disk(1)", "takes 2 numbers"),
     "method": ("best", "method = 'best'"),
     "values": ({"m1": 1e9}, "m1 = 1000000000.0 must be a number from 231.12 to 346.68"),
+    "road": ("class Z", "road = 'class Z'"),
+    "speed": (50, "speed = 50 must be a number from 5 to 40 m/s"),
     "more": (1, "unknown key 'more'"),
 }
 

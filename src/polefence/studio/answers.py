@@ -82,6 +82,11 @@ class Newest:
         self._lock, self._number = threading.Lock(), 0
         self._asked = threading.Condition(self._lock)
 
+    @property
+    def number(self) -> int:
+        """That of the newest question."""
+        return self._number
+
     def ask(self, region: Region, method: str) -> int:
         """Ask for a law; return the question's number. What was asked before is given up."""
         with self._lock:

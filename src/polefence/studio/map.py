@@ -68,11 +68,17 @@ class Map:
         plot.on_event(Tap, self._tapped)
         return plot
 
-    def show(self, design: Design, region: Region, state: State) -> int:
+    def show(self, design: Design | None, region: Region, state: State) -> int | None:
         """Show where the poles of a law are in a region; return in how many cells they are not.
+
+        Without a law nothing is shown, and None returned.
 
         Parameters that are not in the map have the values of the state.
         """
+        if design is None:
+            colours = np.full(SIDE**2, self._palette.paper)
+            self.cells.data = {"x": self._x, "y": self._y, "colour": colours}
+            return None
         names = [p.name for p in self.plant.parameters]
         values = np.tile([dict(state.values)[name] for name in names], (SIDE**2, 1))
         values[:, 0], values[:, 1] = self._x, self._y

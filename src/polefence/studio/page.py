@@ -28,7 +28,7 @@ from polefence.studio.map import SIDE, Map
 from polefence.studio.palette import DARK, LIGHT
 from polefence.studio.poles import Poles
 from polefence.studio.rides import ROADS, rides
-from polefence.studio.state import PLANT, SESSION, History, Session
+from polefence.studio.state import LEAST_SPEED, MOST_SPEED, PLANT, SESSION, History, Session
 from polefence.studio.words import code, margins_table, paragraph, safe
 
 WIDE = {"sizing_mode": "stretch_width"}
@@ -87,7 +87,7 @@ class Page:
             self.map = Map(self.plant, palette, self._pointed)
             self.map.look(session.state)
         self._before: Region | None = None
-        self._quiet, self._number = False, 0
+        self._quiet = False
         self._widgets()
         if document is None:
             self._ask()
@@ -96,10 +96,10 @@ class Page:
 
     def _widgets(self) -> None:
         state = self.history.now
-        self.region = pn.widgets.TextInput(name="Region", value=str(state.region), **WIDE)
+        self.region = pn.widgets.TextInput(label="Region", value=str(state.region), **WIDE)
         self.region.param.watch(self._typed, "value")
         self.method = pn.widgets.Select(
-            name="Method", options=list(METHODS), value=state.method, **WIDE
+            label="Method", options=list(METHODS), value=state.method, **WIDE
         )
         self.method.param.watch(self._chosen, "value")
         self.sliders = []
@@ -108,7 +108,7 @@ class Page:
             unit = f" [{p.unit}]" if p.unit else ""
             low, high = float(p.low), float(p.high)
             own = pn.widgets.FloatSlider(
-                name=visible(f"{p.name}{unit}"),
+                label=visible(f"{p.name}{unit}"),
                 start=low,
                 end=high,
                 step=(high - low) / 100,
@@ -117,9 +117,14 @@ class Page:
             )
             own.param.watch(lambda event, name=p.name: self._slid(name, event.new), "value")
             self.sliders.append(own)
-        self.road = pn.widgets.Select(name="Road", options=list(ROADS), value=state.road, **WIDE)
+        self.road = pn.widgets.Select(label="Road", options=list(ROADS), value=state.road, **WIDE)
         self.speed = pn.widgets.FloatSlider(
-            name="Speed [m/s]", start=5.0, end=40.0, step=1.0, value=state.speed, **WIDE
+            label="Speed [m/s]",
+            start=LEAST_SPEED,
+            end=MOST_SPEED,
+            step=1.0,
+            value=state.speed,
+            **WIDE,
         )
         self.road.param.watch(lambda event: self._driven(road=event.new), "value")
         self.speed.param.watch(lambda event: self._driven(speed=event.new), "value")
@@ -129,12 +134,12 @@ class Page:
         self.message = pn.pane.HTML("", stylesheets=[STYLE])
         self.take = pn.pane.HTML("", stylesheets=[STYLE])
         self.back, self.forward, self.fit, self.save = (
-            pn.widgets.Button(name=name) for name in ("Undo", "Redo", "Fit view", "Save")
+            pn.widgets.Button(label=label) for label in ("Undo", "Redo", "Fit view", "Save")
         )
-        self.wrong = pn.widgets.Button(name="How wrong may it be?", disabled=True)
+        self.wrong = pn.widgets.Button(label="How wrong may it be?", disabled=True)
         self.wrong.on_click(lambda _: self._wrong())
         self.margins = pn.pane.HTML("", stylesheets=[STYLE])
-        self.find = pn.widgets.Button(name="Show the car that fails", visible=False)
+        self.find = pn.widgets.Button(label="Show the car that fails", visible=False)
         self.back.on_click(lambda _: self._go(self.history.back()))
         self.forward.on_click(lambda _: self._go(self.history.forward()))
         self.fit.on_click(lambda _: self.poles.fit())
@@ -189,10 +194,10 @@ class Page:
             self.poles.look(now)
             if self.map is not None:
                 self.map.look(now)
-        if (now.region, now.method) != (before.region, before.method):
-            self._ask()
-        elif now != before:
-            self._ride()
+            if (now.region, now.method) != (before.region, before.method):
+                self._ask()
+            elif now != before:
+                self._ride()
 
     def _ride(self) -> None:
         """Drive the car that is looked at."""
@@ -208,12 +213,6 @@ class Page:
                 )
         except PolefenceError as error:
             self.ride.object = paragraph(str(error))
-
-    def _mapped(self, design: Design, region: Region) -> None:
-        if self.map is not None:
-            count = self.map.show(design, region, self.history.now)
-            which = f"{count} of them leave it" if count else "none of them leaves it"
-            self.count.object = paragraph(f"{SIDE**2} cars and the region: {which}.")
 
     def _pointed(self, values: dict[str, float]) -> None:
         """Look at the car that was pointed at in the map."""
@@ -246,7 +245,12 @@ class Page:
 
     def _ask(self) -> None:
         now = self.history.now
-        self._number = self.newest.ask(now.region, now.method)
+        self.newest.ask(now.region, now.method)
+        self._say("working", f"being searched: {now.region}")
+
+    def _say(self, word: str, text: str) -> None:
+        """Have the badge say something."""
+        self.badge.object = f'<div role="status" class="badge {word}">{safe(text)}</div>'
 
     def _dragged(self, region: Region, end: bool) -> None:
         """Ask about a region that is being dragged; it is a step to undo once that ends."""
@@ -280,21 +284,27 @@ class Page:
 
     def _answered(self, own: Answer) -> None:
         """Show an answer, unless a newer question has been asked meanwhile."""
-        if own.number != self._number:
+        if own.number != self.newest.number:
             return
         self.answer = own
         with self._together():
-            if own.design is not None and own.check is None:
-                self.poles.show(own.design, own.region)
-                self._mapped(own.design, own.region)
-            word, text = _words(own)
-            self.badge.object = f'<div role="status" class="badge {word}">{safe(text)}</div>'
+            self._say(*_words(own))
+            self.find.visible = own.check is not None and own.check.alpha is not None
             self.wrong.disabled = own.check is None or not own.check.proved
             if own.check is None:
                 self.margins.object = ""
-            else:
+                self._drawn(own)
+            if own.final:
                 self._ride()
-            self.find.visible = own.check is not None and own.check.alpha is not None
+
+    def _drawn(self, own: Answer) -> None:
+        """Show the poles of a law, and none where there is none."""
+        self.poles.show(own.design, own.region)
+        if self.map is not None:
+            count = self.map.show(own.design, own.region, self.history.now)
+            which = {None: "there is no law", 0: "none of them leaves it"}
+            words = which.get(count, f"{count} of them leave it")
+            self.count.object = paragraph(f"{SIDE**2} cars and the region: {words}.")
 
     def _find(self) -> None:
         """Look at the car whose poles leave the region."""
@@ -321,7 +331,7 @@ class Page:
 
     def _serviced(self, number: int, design: Design) -> None:
         def heed(_: str) -> None:
-            if number != self._number:
+            if number != self.newest.number:
                 raise SupersededError
 
         try:
@@ -334,7 +344,7 @@ class Page:
         self._soon(partial(self._margins, number, text))
 
     def _margins(self, number: int, text: str) -> None:
-        if number == self._number:
+        if number == self.newest.number:
             self.margins.object = text
 
     def _save(self) -> None:

@@ -146,11 +146,14 @@ class Poles:
         if moved_on:
             self._trace()
 
-    def show(self, design: Design, region: Region) -> None:
-        """Show the poles of a design that was asked for a region."""
+    def show(self, design: Design | None, region: Region) -> None:
+        """Show the poles of a law that was asked for a region; none where there is none."""
         self._design = design
-        poles = design.poles(self._alpha)
-        corners = len(self.plant.vertices)
+        none = np.zeros((0, 0), dtype=complex)
+        poles, corners = (
+            none if design is None else design.poles(self._alpha),
+            len(self.plant.vertices),
+        )
         self.cloud.data = _columns(np.ravel(poles[corners:]))
         self.corners.data = _columns(np.ravel(poles[:corners]))
         self._trace()
@@ -160,6 +163,8 @@ class Poles:
     def _trace(self) -> None:
         """Show the poles of the car that is looked at, and as each parameter varies."""
         if self._design is None or not self.plant.parameters:
+            for own in (self.looked, *self.trails):
+                own.data = _columns(np.zeros(0))
             return
         names = [p.name for p in self.plant.parameters]
         here = np.array([dict(self.state.values)[name] for name in names])

@@ -22,7 +22,7 @@ from polefence.studio.rides import ROADS
 FORMAT = "polefence studio"
 PLANT, SESSION = "plant.toml", "session.json"  # files that a page saves
 KEYS = ("format", "spec", "region", "method", "road", "speed", "values")
-LEAST_SPEED, MOST_SPEED = 1.0, 60.0  # [m/s]
+LEAST_SPEED, MOST_SPEED = 5.0, 40.0  # [m/s]
 MOST_BACK = 200  # steps that are undone
 
 

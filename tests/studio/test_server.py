@@ -32,6 +32,18 @@ def served(tmp_path_factory):
         yield address
 
 
+DISCRETE = """
+sample_time = 0.1
+states = ["x"]
+inputs = ["u"]
+[parameter.a]
+range = [0.5, 1.5]
+[matrices]
+A = [["a"]]
+B = [[1]]
+"""
+
+
 def status(address, **headers):
     try:
         request = urllib.request.Request(address, headers=headers)
@@ -170,4 +182,7 @@ def test_bad_input_is_one_line_before_anything_is_served(tmp_path, capsys, monke
     assert "bad.toml" in refused(capsys, "studio", "bad.toml")
     assert "none.toml" in refused(capsys, "studio", "none.toml")
     assert "circle" in refused(capsys, "studio", "car.toml", "--region", "circle(1)")
+    words = ["studio", "discrete.toml", "--region", "disk(-40, 31)"]
+    Path("discrete.toml").write_text(DISCRETE)
+    assert "disk(-40, 31)" in refused(capsys, *words)
     assert not Path("studio").exists()

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import json
 import shlex
+from pathlib import Path
 
 import pytest
 
-from polefence import METHODS, Disk, parse_region
+from polefence import METHODS, Disk, HalfPlane, parse_region
 from polefence.base.errors import SpecError
 from polefence.cli.main import main
 from polefence.examples import spec_text
@@ -54,10 +55,21 @@ def test_the_command_and_the_python_design_what_is_shown(state, tmp_path, monkey
     assert words[0] == "polefence"
     assert main(words[1:]) == 0
     found = {}
-    exec(own.python("my car.toml"), found)
+    exec(own.python("my car.toml", 4), found)
     assert found["design"].region == region
     assert found["design"].method == "quadratic"
     assert (tmp_path / "design" / "design.json").is_file()
+
+
+def test_the_python_of_a_plant_without_parameters(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    text = spec_text("f4e")
+    plant = loads(text)
+    assert not plant.parameters
+    Path("f4e.toml").write_text(text)
+    state, found = State.first(plant, HalfPlane(0.5)), {}
+    exec(state.python("f4e.toml", len(plant.vertices)), found)
+    assert found["K"].shape == plant.shape[::-1]
 
 
 def test_a_session_is_read_as_it_was_written(state, tmp_path):

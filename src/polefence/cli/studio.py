@@ -12,6 +12,7 @@ from polefence.base.errors import InputError, MissingExtraError
 from polefence.base.files import make_folder, read_text
 from polefence.cli.common import PROVED
 from polefence.cli.terminal import say
+from polefence.design.checks import require_region
 from polefence.design.design import Design, is_proof_file
 from polefence.lmi.conditions.methods import METHODS
 from polefence.plant.spec import MAX_BYTES, dumps, loads
@@ -59,6 +60,7 @@ def studio_command(options: Any) -> int:
     from polefence.studio import serve
 
     session, name = _session(options)
+    require_region(session.plant, session.state.region)
     folder = make_folder(options.output)
     serve(session, name, folder, options.port, not options.no_browser, _ready)
     return PROVED

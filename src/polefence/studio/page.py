@@ -238,7 +238,7 @@ class Page:
         finally:
             self._quiet = False
         self.back.disabled, self.forward.disabled = not self.history.past, not self.history.future
-        commands = [now.command(self.name), now.python(self.name)]
+        commands = [now.command(self.name), now.python(self.name, len(self.plant.vertices))]
         if self.car is not None:
             commands.insert(1, now.drive(self.name))
         self.take.object = "".join(code(text) for text in commands)

@@ -70,9 +70,13 @@ class State:
         road = f"{ROADS[self.road].option} --speed {self.speed:g}"
         return f"polefence simulate {quote(spec)} --law passive --law design {road}{values}"
 
-    def python(self, spec: str) -> str:
-        """Return the Python that designs this, and its gain for the car that is looked at."""
+    def python(self, spec: str, vertices: int) -> str:
+        """Return the Python that designs this, and its gain for the car that is looked at.
+
+        For a plant without parameters that is the middle of its so many vertices.
+        """
         values = ", ".join(f"{name}={value!r}" for name, value in self.values)
+        gain = f"gain_at({values})" if values else f"gain([1 / {vertices}] * {vertices})"
         return "\n".join(
             (
                 "import polefence as pf",
@@ -80,7 +84,7 @@ class State:
                 f"plant = pf.load({spec!r})",
                 f"region = pf.parse_region({str(self.region)!r})",
                 f"design = pf.place(plant, region, {self.method!r})",
-                f"K = design.law.gain_at({values})",
+                f"K = design.law.{gain}",
                 'design.save("design")',
             )
         )

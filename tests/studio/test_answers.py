@@ -6,7 +6,7 @@ import threading
 
 import pytest
 
-from polefence import Disk, HalfPlane
+from polefence import Disk
 from polefence.base.progress import stage
 from polefence.design.design import check
 from polefence.studio import Newest, answers, first_region
@@ -52,7 +52,7 @@ def test_what_is_out_of_reach_is_refuted_with_a_car(told):
 
 
 def test_what_makes_no_sense_is_said(told):
-    told.newest.ask(HalfPlane(1e90), "scheduled")
+    told.newest.ask(Disk(0.5, 0.4), "scheduled")
     assert told.done.wait(SOON)
     assert told.all[-1].design is None
     assert told.all[-1].reason
@@ -98,10 +98,13 @@ def test_nothing_is_told_of_an_older_question(told, monkeypatch):
     number = told.newest.ask(Disk(-40, 32), "scheduled")
     assert told.done.wait(SOON)
     go.set()
-    told.newest._pool.shutdown(wait=True)
+    for own in threading.enumerate():
+        if own.name == answers.THREAD:
+            own.join(SOON)
     assert {own.number for own in told.all} == {number}
 
 
+@pytest.mark.filterwarnings("ignore::pytest.PytestUnhandledThreadExceptionWarning")
 def test_a_fault_of_ours_is_no_silence(told, monkeypatch):
     def broken(*own, **more):
         raise ZeroDivisionError("oh")

@@ -143,7 +143,7 @@ def test_an_edge_is_dragged_and_the_law_follows(page):
 def test_what_is_out_of_reach_is_refuted_and_shows_the_car_that_fails(page):
     _, right, _ = page.execute_script(HANDLES)
     drag(page, right, pixel(page, -12 + 0j), pixel(page, -18 + 0j))
-    assert until(lambda: f"refuted: poles leave {region_of(page)}" in text_of(page))
+    assert until(lambda: f"refuted: poles of this law leave {region_of(page)}" in text_of(page))
     assert parse_region(region_of(page)).radius == pytest.approx(22, abs=0.2)
     named(page, "Show the car that fails").click()
     assert until(lambda: "leaves the region at m1 = " in text_of(page))
@@ -297,7 +297,7 @@ def test_another_road_is_another_ride(page):
 def test_a_car_is_chosen_in_the_map(page):
     from selenium.webdriver import ActionChains
 
-    assert until(lambda: "none of them leaves it" in text_of(page))
+    assert until(lambda: "None of 576 cars leaves the region" in text_of(page))
     page.execute_script(VIEW + "view.el.scrollIntoView()", "map")
     box = page.execute_script(VIEW + "return view.el.getBoundingClientRect().toJSON()", "map")
     place = page.execute_script(

@@ -68,7 +68,7 @@ def studio(folder, *words, port=0):
     )
     try:
         line = own.stdout.readline()
-        assert line.startswith("studio: http://localhost:"), line + own.stdout.read()
+        assert line.startswith("studio: http://127.0.0.1:"), line + own.stdout.read()
         yield line.removeprefix("studio: ").strip(), own
     finally:
         own.kill()

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from dataclasses import dataclass, replace
 
@@ -19,6 +18,7 @@ from polefence.region.regions import Disk, HalfPlane, Region
 
 ROOM = 1.1  # times the smallest radius, that a session begins with
 PAUSE = 0.1  # [s] before a proof begins
+THREAD = "polefence studio"  # name of threads
 AT_ONCE = 2  # one that ends where it next tells how far it is, and the newest
 
 
@@ -78,7 +78,7 @@ class Newest:
 
     def __init__(self, plant: UncertainPlant, tell: Callable[[Answer], object]) -> None:
         self._plant, self._tell = plant, tell
-        self._pool = ThreadPoolExecutor(AT_ONCE, "polefence studio")
+        self._room = threading.Semaphore(AT_ONCE)
         self._lock, self._number = threading.Lock(), 0
         self._asked = threading.Condition(self._lock)
 
@@ -93,7 +93,9 @@ class Newest:
             self._number += 1
             number = self._number
             self._asked.notify_all()
-        self._pool.submit(self._answer, Answer(number, region), method)
+        # what is inside the kernel when the page is closed must not keep the process
+        own = Answer(number, region)
+        threading.Thread(target=self._answer, args=(own, method), name=THREAD, daemon=True).start()
         return number
 
     def close(self) -> None:
@@ -101,7 +103,6 @@ class Newest:
         with self._lock:
             self._number += 1
             self._asked.notify_all()
-        self._pool.shutdown(wait=False, cancel_futures=True)
 
     def _answer(self, own: Answer, method: str) -> None:
         def heed(_: str = "") -> None:
@@ -109,7 +110,7 @@ class Newest:
                 raise SupersededError
 
         try:
-            with progress(heed):
+            with self._room, progress(heed):
                 heed()
                 try:
                     design = place(self._plant, own.region, method, allow_unproved=True)

@@ -70,11 +70,19 @@ class Car:
         if design is not None:
             law = ridden(self.plant, design, values, state.road, state.speed)[0]
         along = np.arange(-AHEAD, distance[-1], SPACING)
+        self.at.update(end=float(passive.time[-1]), value=min(self.at.value, passive.time[-1]))
         self.road.data = {"distance": along, "height": np.interp(along, distance, height)}
         for who, own in (("law", law), ("passive", passive)):
             self.frames[who].data = _frames(own, state.speed)
-        self.at.end = float(passive.time[-1])
         return law, passive
+
+    def clear(self) -> None:
+        """Show no car."""
+        for own in (
+            *self.frames.values(),
+            *(self.drawn[who] for who in ("law", "spring", "force")),
+        ):
+            own.data = {key: [] for key in own.data}
 
     def _scene(self) -> Any:
         plot = self._plot(

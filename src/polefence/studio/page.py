@@ -14,7 +14,8 @@ import panel as pn
 
 from polefence.base.errors import PolefenceError
 from polefence.base.files import write_text
-from polefence.design.design import Design
+from polefence.design.checks import implies_stability
+from polefence.design.design import FILE_NAME, Design
 from polefence.design.margins import in_service
 from polefence.design.progress import progress
 from polefence.lmi.conditions.methods import METHODS
@@ -87,7 +88,7 @@ class Page:
             self.map = Map(self.plant, palette, self._pointed)
             self.map.look(session.state)
         self._before: Region | None = None
-        self._quiet = False
+        self._quiet = self._fitted = False
         self._widgets()
         if document is None:
             self._ask()
@@ -140,8 +141,8 @@ class Page:
         self.wrong.on_click(lambda _: self._wrong())
         self.margins = pn.pane.HTML("", stylesheets=[STYLE])
         self.find = pn.widgets.Button(label="Show the car that fails", visible=False)
-        self.back.on_click(lambda _: self._go(self.history.back()))
-        self.forward.on_click(lambda _: self._go(self.history.forward()))
+        self.back.on_click(lambda _: self._asked_again(self.history.back()))
+        self.forward.on_click(lambda _: self._asked_again(self.history.forward()))
         self.fit.on_click(lambda _: self.poles.fit())
         self.save.on_click(lambda _: self._save())
         self.find.on_click(lambda _: self._find())
@@ -192,12 +193,16 @@ class Page:
         with self._together():
             self._shown()
             self.poles.look(now)
-            if self.map is not None:
-                self.map.look(now)
+            self._mapped()
             if (now.region, now.method) != (before.region, before.method):
                 self._ask()
             elif now != before:
                 self._ride()
+
+    def _asked_again(self, history: History) -> None:
+        """Go to what was asked at another time, with the car that is looked at now."""
+        asked, now = history.now, self.history.now
+        self._go(replace(history, now=replace(now, region=asked.region, method=asked.method)))
 
     def _ride(self) -> None:
         """Drive the car that is looked at."""
@@ -212,13 +217,15 @@ class Page:
                     paragraph(f"{who}: {own.comfort:.3g} m/s², {own.words}") for who, own in both
                 )
         except PolefenceError as error:
+            self.car.clear()
             self.ride.object = paragraph(str(error))
 
     def _pointed(self, values: dict[str, float]) -> None:
         """Look at the car that was pointed at in the map."""
-        state = self.history.now
+        state, known = self.history.now, {p.name: p for p in self.plant.parameters}
         for name, value in values.items():
-            state = state.at(name, float(f"{value:.4g}"))
+            low, high = float(known[name].low), float(known[name].high)
+            state = state.at(name, min(max(float(f"{value:.4g}"), low), high))
         self._go(replace(self.history, now=state))
 
     def _driven(self, **changed: Any) -> None:
@@ -245,8 +252,11 @@ class Page:
 
     def _ask(self) -> None:
         now = self.history.now
-        self.newest.ask(now.region, now.method)
+        self.answer = None
         self._say("working", f"being searched: {now.region}")
+        self.find.visible, self.wrong.disabled = False, True
+        self.margins.object = self.count.object = self.message.object = ""
+        self.newest.ask(now.region, now.method)
 
     def _say(self, word: str, text: str) -> None:
         """Have the badge say something."""
@@ -300,11 +310,21 @@ class Page:
     def _drawn(self, own: Answer) -> None:
         """Show the poles of a law, and none where there is none."""
         self.poles.show(own.design, own.region)
-        if self.map is not None:
-            count = self.map.show(own.design, own.region, self.history.now)
-            which = {None: "there is no law", 0: "none of them leaves it"}
-            words = which.get(count, f"{count} of them leave it")
-            self.count.object = paragraph(f"{SIDE**2} cars and the region: {words}.")
+        if not self._fitted:
+            self._fitted = True
+            self.poles.fit()
+        self._mapped()
+
+    def _mapped(self) -> None:
+        """Show in the map where the poles are of the law that is known, and the car looked at."""
+        if self.map is None:
+            return
+        self.map.look(self.history.now)
+        if self.answer is not None:
+            count = self.map.show(self.answer.design, self.answer.region, self.history.now)
+            words = {None: "There is no law", 0: f"None of {SIDE**2} cars leaves the region"}
+            text = words.get(count, f"{count} of {SIDE**2} cars leave the region")
+            self.count.object = paragraph(f"{text}.")
 
     def _find(self) -> None:
         """Look at the car whose poles leave the region."""
@@ -313,7 +333,8 @@ class Page:
         )
         values = None if alpha is None else values_at(self.plant, alpha)
         if values is None:
-            self.message.object = paragraph(str(alpha))
+            weights = ", ".join(str(own) for own in alpha or ())
+            self.message.object = paragraph(f"leaves the region at alpha = ({weights})")
             return
         state = self.history.now
         for name, value in values.items():
@@ -354,13 +375,16 @@ class Page:
             saved = [self.folder / PLANT, self.folder / SESSION]
             for path, text in zip(saved, (session.spec, session.dumps()), strict=True):
                 write_text(path, text)
-            design = None if self.answer is None else self.answer.design
-            if isinstance(design, Design) and design.proved:
-                saved.append(design.save(self.folder / "design"))
+            own = self.answer
+            if own is not None and own.design is not None and own.check and own.check.proved:
+                saved.append(own.design.save(self.folder / "design"))
+            else:
+                (self.folder / "design" / FILE_NAME).unlink(missing_ok=True)
         except PolefenceError as error:
             self.message.object = paragraph(str(error))
             return
         names = ", ".join(str(path) for path in saved)
+        names += "" if len(saved) > 2 else "; no design, for none is proved"
         self.message.object = paragraph(f"saved: {names}")
 
     def close(self) -> None:
@@ -373,10 +397,15 @@ def _words(own: Answer) -> tuple[str, str]:
     if own.design is None:
         return "undecided", own.reason
     if own.check is None:
-        return "working", f"found, being proved: {own.region}"
+        return "working", f"being proved: {own.region}"
+    proved = f"proved: all poles in {own.region}"
+    if own.design.note:
+        proved += f"; {own.design.note}"
+    if not implies_stability(own.design.plant, own.region):
+        proved += "; note: this region does not imply stability"
     words = {
-        "proved": f"proved: all poles in {own.region}",
-        "refuted": f"refuted: poles leave {own.region}",
+        "proved": proved,
+        "refuted": f"refuted: poles of this law leave {own.region}",
         "undecided": f"undecided: {own.check.reason}",
     }
     return own.check.answer, words[own.check.answer]

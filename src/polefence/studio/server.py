@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import secrets
+import socket
 import webbrowser
 from collections.abc import Callable
 from pathlib import Path
@@ -17,7 +18,7 @@ from polefence.studio.page import Page
 from polefence.studio.state import Session
 from polefence.studio.templates import template
 
-HOST = "localhost"
+HOST = "127.0.0.1"
 
 
 def serve(
@@ -63,14 +64,15 @@ def serve(
         return shown
 
     pn.extension()
+    port = port or _free()
     with small_matrices():
         try:
             server = pn.io.server.get_server(
                 {"/": page},
                 port=port,
-                address="127.0.0.1",
+                address=HOST,
                 prefix=token,
-                websocket_origin=[],
+                websocket_origin=[f"{HOST}:{port}"],
                 title=visible(session.plant.name),
                 location=False,
                 start=False,
@@ -78,9 +80,17 @@ def serve(
             )
         except OSError as error:
             raise OutputError(f"--port {port}: cannot be served there: {error.strerror}") from error
-        address = f"http://{HOST}:{server.port}/{token}/"
+        address = f"http://{HOST}:{port}/{token}/"
         ready(address)
         if show:
             webbrowser.open(address)
         server.start()
         server.io_loop.start()
+
+
+def _free() -> int:
+    """Return a port that is free."""
+    with socket.socket() as own:
+        own.bind((HOST, 0))
+        port: int = own.getsockname()[1]
+        return port

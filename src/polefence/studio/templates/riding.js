@@ -38,8 +38,15 @@ function draw(k) {
   const up = (own) => larger * (own - level)
   const x = Array.from(height, (_, i) => i * spacing - ahead)
   put(drawn.ground, {x, y: Array.from(height, up)})
-  const own = law.data.time.length == time.length ? law.data : passive.data
   put(drawn.passive, outline(up(passive.data.sprung[k]), up(passive.data.unsprung[k])))
+  const own = law.data
+  if (own.time.length != time.length) {
+    for (const name of ["law", "spring", "force", "lift", "cursor"]) {
+      put(drawn[name], Object.fromEntries(Object.keys(drawn[name].data).map((key) => [key, []])))
+    }
+    put(words, {x: [-1.95], y: [1.95], text: ["no law"]})
+    return
+  }
   put(drawn.law, outline(up(own.sprung[k]), up(own.unsprung[k])))
   const bottom = body - 0.18 + up(own.sprung[k])
   put(drawn.spring, spring(radius + up(own.unsprung[k]), bottom))
@@ -52,7 +59,8 @@ function draw(k) {
   })
 }
 
-const frame = (seconds) => Math.round(seconds / at.end * (passive.data.time.length - 1))
+const frame = (seconds) =>
+  Math.round(Math.min(seconds / at.end, 1) * (passive.data.time.length - 1))
 if (what == "play") {
   play.label = play.active ? "Pause" : "Play"
   const begun = performance.now() - 1000 * at.value

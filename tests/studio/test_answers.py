@@ -9,6 +9,7 @@ import pytest
 from polefence import Disk
 from polefence.base.progress import stage
 from polefence.design.design import check
+from polefence.examples import family
 from polefence.studio import Newest, answers, first_region
 
 SOON = 60  # [s]
@@ -22,6 +23,13 @@ class Told:
         self.all.append(own)
         if own.final:
             self.done.set()
+
+
+def join():
+    """Wait for the end of all that is under way."""
+    for own in threading.enumerate():
+        if own.name == answers.THREAD:
+            own.join(SOON)
 
 
 @pytest.fixture
@@ -98,9 +106,7 @@ def test_nothing_is_told_of_an_older_question(told, monkeypatch):
     number = told.newest.ask(Disk(-40, 32), "scheduled")
     assert told.done.wait(SOON)
     go.set()
-    for own in threading.enumerate():
-        if own.name == answers.THREAD:
-            own.join(SOON)
+    join()
     assert {own.number for own in told.all} == {number}
 
 
@@ -113,9 +119,14 @@ def test_a_fault_of_ours_is_no_silence(told, monkeypatch):
     told.newest.ask(Disk(-40, 31), "scheduled")
     assert told.done.wait(SOON)
     assert "a fault of ours" in told.all[-1].reason
+    join()
 
 
-def test_a_session_begins_with_a_region_that_can_be_had(physical, told):
-    told.newest.ask(first_region(physical), "scheduled")
-    assert told.done.wait(SOON)
-    assert told.all[-1].check.proved
+@pytest.mark.parametrize("name", ["quarter-car-physical", "f16", "f4e", "two-masses"])
+def test_a_session_begins_with_a_region_that_can_be_had(name):
+    plant, own = family(name), Told()
+    newest = Newest(plant, own)
+    newest.ask(first_region(plant), "scheduled")
+    assert own.done.wait(SOON)
+    assert own.all[-1].check.proved
+    newest.close()

@@ -60,6 +60,14 @@ def test_a_boundary_is_dragged_through_a_place_and_the_other_parts_stay(text, pl
                 assert after == before
 
 
+@pytest.mark.parametrize("place", [-62, -30, -10])
+def test_the_edge_of_a_strip_that_is_held_moves(place):
+    low, high = sorted(handles(VerticalStrip(-60, -5), VIEW), key=lambda own: own.place.real)
+    assert moved(VerticalStrip(-60, -5), low, place + 3j) == VerticalStrip(place, -5)
+    if place > -60:
+        assert moved(VerticalStrip(-60, -5), high, place + 3j) == VerticalStrip(-60, place)
+
+
 def test_what_is_below_the_real_axis_is_its_mirror_image():
     region, (top, *_) = Disk(-40, 31), handles(Disk(-40, 31), VIEW)
     assert moved(region, top, -40 - 20j) == moved(region, top, -40 + 20j) == Disk(-40, 20)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -44,6 +46,14 @@ def test_the_cells_fill_the_box(physical, own):
         half = (float(p.high) - float(p.low)) / SIDE / 2
         assert values[0] - half == pytest.approx(float(p.low))
         assert values[-1] + half == pytest.approx(float(p.high))
+
+
+def test_units_are_no_formulas(physical):
+    m1, beta = physical.parameters
+    hostile = replace(physical, parameters=(replace(m1, unit=r"$$\text{kg}$$ \(x\)"), beta))
+    label = Map(hostile, LIGHT, print).figure.xaxis[0].axis_label
+    assert not any(own in label for own in ("$$", r"\(", r"\)", r"\["))
+    assert "kg" in label
 
 
 def test_what_is_pointed_at_is_chosen_within_the_box(own, chosen):

@@ -82,6 +82,30 @@ def test_a_session_is_read_as_it_was_written(state, tmp_path):
     assert found.plant.digest == own.plant.digest
 
 
+def test_a_session_may_be_written_closer(state, tmp_path):
+    path = tmp_path / "session.json"
+    table = json.loads(Session(SPEC, loads(SPEC), state).dumps())
+    path.write_text(json.dumps(table, separators=(",", ":")))
+    assert is_session(path)
+    assert read_session(path).state == state
+
+
+@pytest.mark.parametrize("text", ["[" * 100_000, '{"format": "polefence studio", "spec": 1'])
+def test_what_is_no_json_is_said(tmp_path, text):
+    (tmp_path / "session.json").write_text(text)
+    with pytest.raises(SpecError, match="no JSON"):
+        read_session(tmp_path / "session.json")
+
+
+@pytest.mark.parametrize("end", ["low", "high"])
+def test_the_ends_of_an_interval_are_values_like_others(state, tmp_path, end):
+    plant, path = loads(SPEC), tmp_path / "session.json"
+    for p in plant.parameters:
+        state = state.at(p.name, float(getattr(p, end)))
+    path.write_text(Session(SPEC, plant, state).dumps())
+    assert read_session(path).state == state
+
+
 FAULTS = {
     "format": ("other", "format is not"),
     "spec": (None, "spec is missing"),
@@ -90,6 +114,8 @@ FAULTS = {
     "values": ({"m1": 1e9}, "m1 = 1000000000.0 must be a number from 231.12 to 346.68"),
     "road": ("class Z", "road = 'class Z'"),
     "speed": (50, "speed = 50 must be a number from 5 to 40 m/s"),
+    "road ": ([], "road = []"),
+    "speed ": (10**400, "must be a number from 5 to 40 m/s"),
     "more": (1, "unknown key 'more'"),
 }
 
@@ -98,7 +124,7 @@ FAULTS = {
 def test_a_bad_session_is_named_in_one_line(state, tmp_path, key):
     path = tmp_path / "session.json"
     table = json.loads(Session(SPEC, loads(SPEC), state).dumps())
-    table[key], words = FAULTS[key]
+    table[key.strip()], words = FAULTS[key]
     path.write_text(json.dumps(table))
     with pytest.raises(SpecError) as caught:
         read_session(path)

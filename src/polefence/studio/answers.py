@@ -57,8 +57,10 @@ def first_region(plant: UncertainPlant) -> Region:
         return Disk(0.0, 1.0)
     rate = float(f"{typical_rate(plant.A):.2g}")
     with suppress(PolefenceError):
-        radius = tightest(plant, -rate).region.distance(-rate)
-        return Disk(-rate, float(f"{min(-ROOM * float(radius), rate):.3g}"))
+        part = tightest(plant, -rate).region
+        radius = ROOM * part.radius if isinstance(part, Disk) else rate
+        if radius < rate:
+            return Disk(-rate, float(f"{max(radius, rate / 2):.3g}"))
     return HalfPlane(0.0)
 
 

@@ -73,7 +73,7 @@ def moved(region: Region, handle: Handle, place: complex) -> Region:
     place = complex(place.real, abs(place.imag))
     parts = list(region.parts)
     for k in handle.parts:
-        parts[k] = _shifted(parts[k], place) if handle.centre else _through(parts[k], place)
+        parts[k] = _dragged(parts[k], handle, place)
     return reduce(and_, parts)
 
 
@@ -149,14 +149,10 @@ def _short(value: float) -> float:
     return float(f"{value:.{DIGITS}g}")
 
 
-def _shifted(part: Region, place: complex) -> Region:
-    if isinstance(part, Disk | Ellipse):
+def _dragged(part: Region, handle: Handle, place: complex) -> Region:
+    """Return a part with its boundary, or its centre, at a place."""
+    if handle.centre and isinstance(part, Disk | Ellipse):
         return replace(part, centre=_short(place.real))
-    raise RegionError(f"{part} has no centre")
-
-
-def _through(part: Region, place: complex) -> Region:
-    """Return a part with its boundary through a place."""
     x, y = place.real, place.imag
     if isinstance(part, Disk):
         return replace(part, radius=_short(abs(place - part.centre)))
@@ -166,7 +162,8 @@ def _through(part: Region, place: complex) -> Region:
         damping = -x / abs(place) if place else 1.0
         return Sector(_short(min(max(damping, LEAST_DAMPING), MOST_DAMPING)))
     if isinstance(part, VerticalStrip):
-        first = abs(x - part.low) < abs(x - part.high)
+        begin = handle.place.real
+        first = abs(begin - part.low) < abs(begin - part.high)
         return replace(part, low=_short(x)) if first else replace(part, high=_short(x))
     if isinstance(part, HorizontalStrip):
         return replace(part, height=_short(y))

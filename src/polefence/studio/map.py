@@ -12,6 +12,7 @@ from bokeh.plotting import figure
 
 from polefence.design.design import Design
 from polefence.plant.family import UncertainPlant
+from polefence.plant.parameters import Parameter
 from polefence.plant.points import weights_of
 from polefence.proof.text import visible
 from polefence.region.regions import Region
@@ -56,8 +57,8 @@ class Map:
             toolbar_location=None,
             x_range=Range1d(left, right),
             y_range=Range1d(low, high),
-            x_axis_label=visible(f"{first.name} [{first.unit}]" if first.unit else first.name),
-            y_axis_label=visible(f"{second.name} [{second.unit}]" if second.unit else second.name),
+            x_axis_label=_label(first),
+            y_axis_label=_label(second),
             name="map",
         )
         size = {"width": (right - left) / SIDE, "height": (high - low) / SIDE}
@@ -99,3 +100,9 @@ class Map:
         values = [min(max(float(own), low), high) for own, low, high in places]
         names = (p.name for p in self.plant.parameters[:2])
         self._choose(dict(zip(names, values, strict=True)))
+
+
+def _label(p: Parameter) -> str:
+    """Return a parameter's name with its unit, in which nothing is a formula."""
+    text = visible(f"{p.name} [{p.unit}]" if p.unit else p.name)
+    return text.replace("$", "$\u200b").replace("\\", "\\\u200b")

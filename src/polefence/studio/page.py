@@ -347,7 +347,7 @@ class Page:
         own = self.answer
         if own is None or own.design is None:
             return
-        self.margins.object = paragraph("being proved ...")
+        self.margins.object, self.wrong.disabled = paragraph("being proved ..."), True
         threading.Thread(target=self._serviced, args=(own.number, own.design), daemon=True).start()
 
     def _serviced(self, number: int, design: Design) -> None:
@@ -362,11 +362,14 @@ class Page:
             return
         except PolefenceError as error:
             text = paragraph(str(error))
+        except Exception as error:
+            self._soon(partial(self._margins, number, paragraph(f"a fault of ours: {error!r}")))
+            raise
         self._soon(partial(self._margins, number, text))
 
     def _margins(self, number: int, text: str) -> None:
         if number == self.newest.number:
-            self.margins.object = text
+            self.margins.object, self.wrong.disabled = text, False
 
     def _save(self) -> None:
         """Write the session, and the design where it is proved, into the session's folder."""

@@ -23,7 +23,7 @@ from polefence.studio.palette import LIGHT, Palette, coloured
 from polefence.studio.state import State
 from polefence.studio.templates import template
 
-CLOUD = 250  # plants
+CLOUD = 250  # plants besides the vertices
 STEPS = 40  # of a trail
 REACH = 24  # from a handle to where it is grabbed, in pixels
 
@@ -51,7 +51,7 @@ class Poles:
         palette: Palette = LIGHT,
     ) -> None:
         self.plant, self._drag, self._palette = plant, drag, palette
-        self._alpha = seeded(plant, CLOUD)
+        self._alpha = seeded(plant, CLOUD + len(plant.vertices))
         self._design: Design | None = None
         self._handles: list[Handle] = []
         self._number = 0  # of the place that a handle was dragged to last
@@ -194,10 +194,11 @@ class Poles:
             self._drag(moved(region, handle, place), end)
         except RegionError:  # nothing there is a region: it stays as it is
             self._drag(self.state.region, end)
+        finally:  # without which the browser would ask no more
+            self._number = int(new["number"][0])
+            self.seen.data = {"number": [self._number], "shown": self.seen.data["shown"]}
         if end:
             self._held = None
-        self._number = int(new["number"][0])
-        self.seen.data = {"number": [self._number], "shown": self.seen.data["shown"]}
 
 
 def _columns(points: Array) -> dict[str, Array]:

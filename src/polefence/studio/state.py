@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -20,6 +21,7 @@ from polefence.studio.rides import ROADS
 
 FORMAT = "polefence studio"
 PLANT, SESSION = "plant.toml", "session.json"  # files that a page saves
+HEAD = 400  # characters in which a file says what it is
 KEYS = ("format", "spec", "region", "method", "road", "speed", "values")
 LEAST_SPEED, MOST_SPEED = 5.0, 40.0  # [m/s]
 MOST_BACK = 200  # steps that are undone
@@ -150,9 +152,10 @@ class Session:
 def is_session(path: Path) -> bool:
     """Whether a file says that it is one of a session; what cannot be read says nothing."""
     try:
-        return f'"format": "{FORMAT}"' in read_text(path, MAX_BYTES, SpecError)[:200]
+        head = read_text(path, MAX_BYTES, SpecError)[:HEAD]
     except SpecError:
         return False
+    return re.search(rf'"format"\s*:\s*"{FORMAT}"', head) is not None
 
 
 def read_session(path: Path) -> Session:

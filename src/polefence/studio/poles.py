@@ -73,7 +73,7 @@ class Poles:
         self.asked.on_change("data", self._dragged)
 
     def _figure(self) -> Any:
-        colour, unit = self._palette, " [1/s]" if self.plant.sample_time is None else ""
+        colour, discrete = self._palette, self.plant.sample_time is not None
         plot = figure(
             sizing_mode="scale_width",
             width=750,
@@ -81,8 +81,8 @@ class Poles:
             min_width=280,
             x_range=Range1d(-1, 1),
             y_range=Range1d(-1, 1),
-            x_axis_label=f"real part{unit}",
-            y_axis_label=f"imaginary part{unit}",
+            x_axis_label="real part" if discrete else "real part [1/s]",
+            y_axis_label="imaginary part" if discrete else "imaginary part [rad/s]",
             tools="pan,wheel_zoom,reset,save",
             active_drag=None,
             toolbar_location="above",

@@ -283,7 +283,7 @@ def test_the_examples_are_stable_cars(name, n, m):
         poles = np.linalg.eigvals(A)
         assert poles.real.max() < -1
         assert 5 < np.abs(poles).min() < 20 < 60 < np.abs(poles).max() < 90  # bodies and wheels
-    # another way to write it: vertices in numbers
+    # another way to write it: its matrices
     again = loads(dumps(plant))
     assert [v.exact_A for v in again.vertices] == [v.exact_A for v in plant.vertices]
     assert [o.label for o in again.every_output] == [o.label for o in plant.every_output]

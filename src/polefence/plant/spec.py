@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 import re
 import tomllib
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import fields, replace
 from decimal import Decimal
 from fractions import Fraction
@@ -16,16 +17,17 @@ from polefence.base.errors import InputError, SpecError, shown, suggest
 from polefence.base.files import read_text
 from polefence.plant.cars import Bar, Body, Car, Wheel, car_family
 from polefence.plant.dampers import Damper
-from polefence.plant.expression import decimal, evaluate
+from polefence.plant.expression import MAX_LENGTH, decimal, decimal_text, evaluate
 from polefence.plant.family import Scope, UncertainPlant
 from polefence.plant.larger import with_actuator, with_sensor
 from polefence.plant.outputs import Output, split, weighted_sum
 from polefence.plant.parameters import Parameter, exact
-from polefence.plant.system import Exact
+from polefence.plant.system import Exact, System
 from polefence.plant.tracks import Tracks
 from polefence.plant.vehicle import Vehicle
 
 MAX_BYTES = 1_000_000
+LINE = 80  # characters of a matrix that is written on one
 # The parser's work grows with the square of a key's parts (a.b.c), of which ours have two.
 DEEPEST, MOST_QUOTED = 16, 200
 DEEP_KEY = re.compile(rf"(?<![\w\"'-])(?:[\w\"'-]+[ \t]*\.[ \t]*){{{DEEPEST}}}")
@@ -574,30 +576,99 @@ def _need(table: Mapping[str, Any], keys: tuple[str, ...], where: str) -> None:
             raise SpecError(f"{where}: {key} is missing")
 
 
+# --- writing --------------------------------------------------------------------------------------
+
+
 def dumps(plant: UncertainPlant) -> str:
-    """Write a plant as the text of a spec with explicit vertices; `loads` returns them exactly."""
-    lines = [f"name = {_quoted(plant.name)}"]
+    """Write a plant as the text of a spec, from which `loads` returns it exactly.
+
+    With its parameters where it has some: entries are expressions, multi-affine in the scheduling
+    variables. Where no spec says so, the vertices are written in numbers and parameters are lost:
+    where an end of an interval is no finite decimal (1/3), a parameter changes nothing, an
+    expression is longer than `MAX_LENGTH`, or the text than `MAX_BYTES`.
+    """
+    if plant.parameters:
+        try:
+            text = _written(plant, _expression_lines(plant))
+            if len(text.encode()) <= MAX_BYTES:
+                loads(text)  # the reader knows its own limits
+                return text
+        except InputError:
+            pass
+    return _written(plant, _vertex_lines(plant))
+
+
+def _written(plant: UncertainPlant, lines: list[str]) -> str:
+    """Return a spec of these lines, with what they do not say."""
+    head = [f"name = {_quoted(plant.name)}"]
     if plant.sample_time is not None:
-        lines.append(f"sample_time = {_entry(plant.sample_time)}")
+        head.append(f"sample_time = {_entry(plant.sample_time)}")
     given = {key: getattr(plant, key) for key in _NAMES if getattr(plant, key)}
-    lines += [f"{key} = [{', '.join(map(_quoted, names))}]" for key, names in given.items()]
+    head += [f"{key} = [{', '.join(map(_quoted, names))}]" for key, names in given.items()]
+    return "\n".join([*head, *lines, *_vehicle_lines(plant)]) + "\n"
+
+
+def _vertex_lines(plant: UncertainPlant) -> list[str]:
+    """Return tables of vertices, and outputs with one row for all or one a vertex."""
+    lines = []
     for vertex in plant.vertices:
         lines.append("\n[[vertex]]")
-        for letter in "ABE":
-            matrix = getattr(vertex, f"exact_{letter}")
-            if matrix is not None:
-                lines.append(f"{letter} = {_matrix_text(matrix)}")
-    return "\n".join([*lines, *_output_lines(plant), *_vehicle_lines(plant)]) + "\n"
+        for letter, matrix in _letters(vertex).items():
+            lines.append(f"{letter} = {_matrix_text([list(map(_entry, row)) for row in matrix])}")
+
+    def rows_text(rows: Exact) -> str:
+        texts = [_row_text(map(_entry, row)) for row in rows]
+        return texts[0] if len(texts) == 1 else _row_text(texts)
+
+    return [*lines, *_output_lines(plant, rows_text)]
 
 
-def _output_lines(plant: UncertainPlant) -> list[str]:
+def _expression_lines(plant: UncertainPlant) -> list[str]:
+    """Return parameters, and matrices and outputs whose entries are expressions.
+
+    Raises
+    ------
+    SpecError
+        If an end of an interval is no finite decimal, or an expression is too long.
+    """
+    lines = []
+    for own in plant.parameters:
+        bounds = _row_text(map(decimal_text, (own.low, own.high)))
+        lines += [f"\n[parameter.{own.name}]", f"range = {bounds}"]
+        lines += [f"unit = {_quoted(own.unit)}"] if own.unit else []
+        lines += [f"through = {_quoted(own.through)}"] if own.inverted else []
+    lines.append("\n[matrices]")
+    tables = [_letters(vertex) for vertex in plant.vertices]
+    for letter in tables[0]:
+        rows = zip(*(table[letter] for table in tables), strict=True)  # a row of each vertex
+        texts = [_expressions(row, plant.parameters) for row in rows]
+        lines.append(f"{letter} = {_matrix_text(texts)}")
+    return [
+        *lines,
+        *_output_lines(plant, lambda rows: _row_text(_expressions(rows, plant.parameters))),
+    ]
+
+
+def _letters(vertex: System) -> dict[str, Exact]:
+    """Return the matrices that a vertex has."""
+    given = {letter: getattr(vertex, f"exact_{letter}") for letter in "ABE"}
+    return {letter: matrix for letter, matrix in given.items() if matrix is not None}
+
+
+def _output_lines(plant: UncertainPlant, rows_text: Callable[[Exact], str]) -> list[str]:
     """Return outputs with explicit rows; a vehicle's follow from the matrices."""
     found = []
     for output in plant.outputs:
         rows = {key: getattr(output, key) for key in "CDF" if getattr(output, key)}
-        texts = [f"{key} = {_matrix_text(M)}" for key, M in rows.items()]
-        found.append(f"{_quoted(output.label)} = {{{', '.join(texts)}}}")
+        texts = (f"{key} = {rows_text(own)}" for key, own in rows.items())
+        found.append(f"{_quoted(_label(output))} = {{{', '.join(texts)}}}")
     return ["\n[outputs]", *found] if found else []
+
+
+def _label(output: Output) -> str:
+    """Return what `split` reads as the output's name and unit: one may end as if in a unit."""
+    plain = split(output.label) == (output.name, output.unit)
+    return output.label if plain else f"{output.name} [{output.unit}]"
 
 
 def _vehicle_lines(plant: UncertainPlant) -> list[str]:
@@ -608,9 +679,62 @@ def _vehicle_lines(plant: UncertainPlant) -> list[str]:
     return ["\n[vehicle]", f"model = {_quoted(QUARTER_CAR)}", *lines]
 
 
-def _matrix_text(matrix: Exact) -> str:
-    rows = (f"[{', '.join(map(_entry, row))}]" for row in matrix)
-    return f"[{', '.join(rows)}]"
+def _expressions(rows: Exact, parameters: Sequence[Parameter]) -> list[str]:
+    """Return entries that have these values at the vertices, or one for all."""
+    return [_expression(values, parameters) for values in zip(*rows, strict=True)]
+
+
+def _expression(values: Sequence[Fraction], parameters: Sequence[Parameter]) -> str:
+    """Return an entry with these values at the vertices: a number where they are all the same."""
+    if all(value == values[0] for value in values):
+        return _entry(values[0])
+    box = [(p.scheduling(p.low), p.scheduling(p.high)) for p in parameters]
+    factors = itertools.product((False, True), repeat=len(box))
+    terms = (
+        _term(c, list(itertools.compress(parameters, own)))
+        for c, own in zip(_coefficients(values, box), factors, strict=True)
+        if c
+    )
+    text = " + ".join(terms).replace(" + -", " - ")
+    if len(text) > MAX_LENGTH:  # seen here, before a dense matrix of such is written
+        raise SpecError(f"an expression is longer than {MAX_LENGTH} characters")
+    return f'"{text}"'
+
+
+def _coefficients(
+    values: Sequence[Fraction], box: Sequence[tuple[Fraction, Fraction]]
+) -> list[Fraction]:
+    """Return those of the multi-affine polynomial with these values at the corners of a box.
+
+    Both in the order of vertices: in that of values a variable is low, then high; in that of
+    coefficients it is no factor, then one.
+    """
+    if not box:
+        return list(values)
+    (low, high), rest = box[0], box[1:]
+    pairs = list(zip(values[: len(values) // 2], values[len(values) // 2 :], strict=True))
+    slopes = [(end - begin) / (high - low) for begin, end in pairs]
+    constants = [begin - slope * low for (begin, _), slope in zip(pairs, slopes, strict=True)]
+    return _coefficients(constants, rest) + _coefficients(slopes, rest)
+
+
+def _term(coefficient: Fraction, factors: Sequence[Parameter]) -> str:
+    times = [p.name for p in factors if not p.inverted]
+    over = "".join(f"/{p.name}" for p in factors if p.inverted)
+    if times and abs(coefficient) == 1:
+        return "-" * (coefficient < 0) + "*".join(times) + over
+    return "*".join([_number_text(coefficient), *times]) + over
+
+
+def _matrix_text(texts: list[list[str]]) -> str:
+    """Return rows of entries on one line, or on a line each where that is too long."""
+    rows = [_row_text(row) for row in texts]
+    line = _row_text(rows)
+    return line if len(line) <= LINE else "[\n" + "".join(f"    {row},\n" for row in rows) + "]"
+
+
+def _row_text(texts: Iterable[str]) -> str:
+    return f"[{', '.join(texts)}]"
 
 
 def _quoted(text: str) -> str:
@@ -620,5 +744,25 @@ def _quoted(text: str) -> str:
 
 
 def _entry(value: Fraction) -> str:
-    plain = value.denominator == 1 and math.log2(abs(value.numerator) + 1) < 60
-    return str(value) if plain else f'"{value}"'
+    """Return a number, in quotes where TOML has none that is it."""
+    text = _number_text(value)
+    plain = value.denominator > 1 or math.log2(abs(value.numerator) + 1) < 60
+    return text if plain and "/" not in text else f'"{text}"'
+
+
+def _number_text(value: Fraction) -> str:
+    """Return a decimal, or a fraction where there is none or it is longer, quotes counted.
+
+    Raises
+    ------
+    SpecError
+        If it is longer than any expression; Python itself writes no more than 4300 digits.
+    """
+    if max(value.numerator.bit_length(), value.denominator.bit_length()) > 4 * MAX_LENGTH:
+        raise SpecError(f"a number is longer than {MAX_LENGTH} characters")
+    fraction = str(value)
+    try:
+        plain = decimal_text(value)
+    except SpecError:
+        return fraction
+    return plain if len(plain) <= len(fraction) + 2 else fraction

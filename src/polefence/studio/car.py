@@ -5,154 +5,194 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from bokeh.layouts import column
-from bokeh.models import ColumnDataSource, CustomJS, Range1d, Slider, Span, Toggle
+from bokeh.layouts import column, row
+from bokeh.models import ColumnDataSource, CustomJS, Legend, Slider, Span, Toggle
 from bokeh.plotting import figure
 
 from polefence.design.design import Design
+from polefence.plant import cars
 from polefence.plant.family import UncertainPlant
-from polefence.plant.system import Array
+from polefence.plant.parameters import Parameter
+from polefence.proof.text import visible
 from polefence.studio.palette import Palette, coloured
-from polefence.studio.rides import Motion, ridden
+from polefence.studio.rides import Motion, ridden, seats_of, under, wheels_of
+from polefence.studio.scene import BODY, LARGER, NARROW, RADIUS, Scene
 from polefence.studio.state import State
 from polefence.studio.templates import template
 
-LARGER = 5.0  # heights are drawn so many times as large
-AHEAD = 2.0  # [m] of road either way
-SPACING = 0.02  # [m] between points of the road that are drawn
-SIGNALS = (
-    ("acceleration", "body [m/s²]", 1.0),
-    ("travel", "travel [mm]", 1e3),
-    ("tyre", "tyre [N]", 1.0),
-)
-BODY, RADIUS = 1.3, 0.3  # heights of what is drawn
-BOTTOM, TOP, WIDE, AXIS = -0.5, 2.2, 600, 50  # of the picture [m], [m], pixels, pixels
-AWAY = [-99, -98]  # where what a legend explains is not seen
+BEFORE, SPACING = 12.0, 0.02  # [m] of level road that is drawn before it begins; of its points
+DASHES = ("solid", "dashed", "dotted", "dotdash")
+MOST = 3  # seats whose acceleration is drawn
+FAINT = 0.5  # ghosts of several wheels
+PASSIVE, LAW = "passive", "with this law"
 
 
 class Car:
-    """The pane of a quarter car.
+    """The pane of a car.
 
     Parameters
     ----------
     plant : UncertainPlant
+    car : polefence.plant.cars.Car or None
+        What the plant is where it has several wheels; None for a quarter car.
     palette : Palette
     """
 
-    def __init__(self, plant: UncertainPlant, palette: Palette) -> None:
-        self.plant, self._palette = plant, palette
-        self.frames = {who: ColumnDataSource(_frames(None, 0.0)) for who in ("law", "passive")}
-        self.road = ColumnDataSource({"distance": [0.0, 1.0], "height": [0.0, 0.0]})
-        self.drawn = {
-            name: ColumnDataSource({"x": [], "y": []})
-            for name in ("ground", "law", "passive", "spring", "force", "cursor", "lift")
-        }
-        self.words = ColumnDataSource({"x": [], "y": [], "text": []})
-        self.traces = [self._trace(*own) for own in SIGNALS]
-        self.scene = self._scene()
+    def __init__(self, plant: UncertainPlant, car: cars.Car | None, palette: Palette) -> None:
+        self.plant, self.car, self._palette = plant, car, palette
+        self.roads = tuple(ColumnDataSource({"distance": [], "height": []}) for _ in range(2))
+        loads = 3 if plant.parameters else 1
+        self.scenes = [Scene(car, self.roads, palette) for _ in range(loads)]
+        self.looked = self.scenes[loads // 2]
+        self.cursor = ColumnDataSource({"x": []})
+        self.limits = ColumnDataSource({"x": [], "y": []})
+        self.traces = self._traces()
         self.play = Toggle(label="Play", width=90)
         self.at = Slider(
             title="time [s]", start=0, end=1, step=0.02, value=0, sizing_mode="stretch_width"
         )
+        self._shown = row(self.looked.view, sizing_mode="stretch_width")
         self._animated()
 
     @property
     def views(self) -> tuple[Any, Any]:
         """The car with its buttons, and its signals over time."""
-        car = column(self.scene, self.play, self.at, sizing_mode="stretch_width")
+        car = column(self._shown, self.play, self.at, sizing_mode="stretch_width")
         return car, column(*self.traces, sizing_mode="stretch_width")
 
-    def show(self, design: Design | None, state: State) -> tuple[Motion | None, Motion]:
-        """Drive the car of a state, with a law and without; return both."""
-        values = dict(state.values)
-        passive, distance, height = ridden(self.plant, None, values, state.road, state.speed)
-        law = None
-        if design is not None:
-            law = ridden(self.plant, design, values, state.road, state.speed)[0]
-        along = np.arange(-AHEAD, distance[-1], SPACING)
-        self.at.update(end=float(passive.time[-1]), value=min(self.at.value, passive.time[-1]))
-        self.road.data = {"distance": along, "height": np.interp(along, distance, height)}
-        for who, own in (("law", law), ("passive", passive)):
-            self.frames[who].data = _frames(own, state.speed)
-        return law, passive
+    def show(self, design: Design | None, state: State) -> tuple[tuple[str, str], ...]:
+        """Drive the car of a state, with a law and without; return who rides how, in words."""
+        loads = self._loads(state)
+        shown = self.scenes if len(loads) > 1 else [self.looked]
+        found = [self._driven(design, values, state) for _, values in loads]
+        self._arranged(shown, state, float(found[0][0].time[-1]))
+        for scene, (title, _) in zip(shown, loads, strict=True):
+            scene.entitle(title, explained=len(loads) == 1)
+        self._put(dict(zip(shown, found, strict=True)), state.speed)
+        pairs = zip(loads, found, strict=True)
+        return tuple(line for (title, _), both in pairs for line in self._said(title, both))
 
     def clear(self) -> None:
         """Show no car."""
-        for own in (
-            *self.frames.values(),
-            *(self.drawn[who] for who in ("law", "spring", "force")),
-        ):
-            own.data = {key: [] for key in own.data}
+        self._put({}, 0.0)
 
-    def _scene(self) -> Any:
-        plot = self._plot(
-            "car",
-            sizing_mode="scale_width",
-            width=WIDE,
-            height=round(WIDE * (TOP - BOTTOM) / (2 * AHEAD)) + AXIS,
-            x_range=Range1d(-AHEAD, AHEAD),
-            y_range=Range1d(BOTTOM, TOP),
+    def _loads(self, state: State) -> list[tuple[str, dict[str, float]]]:
+        """Return title and values of each car that is shown, the one looked at in the middle."""
+        values = dict(state.values)
+        if not state.beside or not self.plant.parameters:
+            return [("", values)]
+        first = self.plant.parameters[0]
+        each = (float(first.low), values[first.name], float(first.high))
+        return [(_title(first, value), values | {first.name: value}) for value in each]
+
+    def _driven(
+        self, design: Design | None, values: dict[str, float], state: State
+    ) -> tuple[Motion, Motion | None]:
+        own = (values, state.road, state.speed, state.travel_limit)
+        passive = ridden(self.plant, self.car, None, *own)
+        return passive, None if design is None else ridden(self.plant, self.car, design, *own)
+
+    def _arranged(self, shown: list[Scene], state: State, end: float) -> None:
+        """Have these scenes beside each other, on the roads of a state."""
+        if len(self._shown.children) != len(shown):
+            self._shown.children = [scene.view for scene in shown]
+        self.at.update(end=end, value=min(self.at.value, end))
+        limit = 1e3 * state.travel_limit
+        ends = [0.0, end, np.nan, 0.0, end]
+        self.limits.data = {"x": ends, "y": [limit, limit, np.nan, -limit, -limit]}
+        if not limit:
+            self.limits.data = {"x": [], "y": []}
+        for source, road in zip(self.roads, under(self.car, state.road, state.speed), strict=True):
+            along = np.arange(-BEFORE, road.length, SPACING)
+            height = np.interp(along + road.distance[0], road.distance, road.height)
+            source.data = {"distance": along, "height": height - road.height[0]}
+
+    def _put(self, motions: dict[Scene, tuple[Motion, Motion | None]], speed: float) -> None:
+        """Have motions in the scenes; the one looked at comes last, at which all are drawn."""
+        for scene in sorted(self.scenes, key=lambda own: own is self.looked):
+            passive, law = motions.get(scene, (None, None))
+            scene.show(passive, law, speed)
+
+    def _said(self, title: str, both: tuple[Motion, Motion | None]) -> list[tuple[str, str]]:
+        """Say how a car rides, without a law and with it, at each seat."""
+        found = []
+        for who, own in zip((PASSIVE, LAW), both, strict=True):
+            for felt in () if own is None else own.felt:
+                seat = "" if self.car is None else visible(felt.name)
+                found.append((", ".join(filter(None, (title, who, seat))), felt.text))
+        return found
+
+    def _traces(self) -> list[Any]:
+        wheels = [visible(name) for name in wheels_of(self.car)[0]]
+        seats = [visible(name) for name in seats_of(self.car)][:MOST]
+        felt = seats[0] if len(seats) == 1 else "acceleration"
+        found = [
+            self._trace("felt", f"{felt} [m/s²]", seats),
+            self._trace("travel", "travel [mm]", wheels),
+            self._trace("tyre", "tyre [N]", wheels),
+        ]
+        _, travel, tyre = found
+        colour = self._palette.looked
+        travel.line("x", "y", source=self.limits, color=colour, line_dash="dashed")
+        tyre.add_layout(Span(location=0, line_color=colour, line_dash="dotted"))
+        return found
+
+    def _trace(self, key: str, label: str, names: list[str]) -> Any:
+        """Draw a signal over time: of each wheel or seat with a law, and grey without."""
+        plot = figure(
+            name=key,
+            height=130,
+            min_width=280,
+            sizing_mode="stretch_width",
+            tools="",
+            toolbar_location=None,
         )
-        colour = self._palette
-        plot.xaxis.axis_label = "along the road [m]"
-        plot.yaxis.visible = False
-        plot.grid.visible = False
-        plot.line("x", "y", source=self.drawn["ground"], color=colour.ink, line_width=2)
-        for who, label, shade, dash in (
-            ("passive", "passive", colour.ghost, "dashed"),
-            ("law", "with this law", colour.cars, "solid"),
-        ):
-            style = {"color": shade, "line_width": 2, "line_dash": dash}
-            plot.line("x", "y", source=self.drawn[who], name=who, **style)
-            plot.line(AWAY, AWAY, legend_label=label, **style)
-        plot.line("x", "y", source=self.drawn["spring"], color=colour.cars, line_width=1.5)
-        style = {"color": colour.looked, "line_width": 5}
-        plot.line("x", "y", source=self.drawn["force"], **style)
-        plot.line(AWAY, AWAY, legend_label="actuator force", **style)
-        marks = {"source": self.drawn["lift"], "size": 22, "color": colour.looked}
-        plot.scatter("x", "y", marker="inverted_triangle", **marks)
-        plot.text("x", "y", "text", source=self.words, text_color=colour.ink, text_font_size="13px")
-        plot.legend.location = "top_right"
-        coloured(plot, colour)
-        return plot
-
-    def _trace(self, key: str, label: str, _: float) -> Any:
-        plot = self._plot(key, height=130, sizing_mode="stretch_width")
         plot.yaxis.axis_label = label
         plot.yaxis.axis_label_text_font_size = "10px"
-        colour = self._palette
-        own = self.frames
-        plot.line("time", key, source=own["passive"], color=colour.ghost, line_dash="dashed")
-        plot.line("time", key, source=own["law"], color=colour.cars, line_width=1.5)
-        if key == "tyre":
-            plot.add_layout(Span(location=0, line_color=colour.looked, line_dash="dotted"))
-        marks = {"source": self.drawn["cursor"], "color": colour.looked, "size": 9}
-        plot.scatter("x", key, marker="triangle", **marks)
+        colour, lines = self._palette, []
+        shades = (colour.cars, *colour.trails[1:])
+        for who, own in reversed(self.looked.frames.items()):
+            for i, name in enumerate(names):
+                style: dict[str, Any] = {"color": colour.ghost, "line_dash": "dashed"}
+                if who == "law":
+                    dash = DASHES[(i + i // len(shades)) % len(DASHES)]
+                    style = {"color": shades[i % len(shades)], "line_dash": dash}
+                elif len(names) > 1:
+                    style |= {"line_alpha": FAINT}
+                own_line = plot.line("time", f"{key} {i}", source=own, line_width=1.5, **style)
+                lines.append((who, name, own_line))
+        plot.vspan("x", source=self.cursor, color=colour.looked)
+        if len(names) > 1 or key == "felt":
+            _explain(plot, lines, len(names))
         coloured(plot, colour)
         return plot
-
-    def _plot(self, name: str, **options: Any) -> Any:
-        shared = {"min_width": 280, "tools": "", "toolbar_location": None, "name": name}
-        return figure(**(shared | options))
 
     def _animated(self) -> None:
         """Have the browser draw one frame after the other, by itself."""
-        self.drawn["cursor"].data = {"x": [], **{key: [] for key, _, _ in SIGNALS}}
-        models = {"law": self.frames["law"], "passive": self.frames["passive"], "road": self.road}
-        models |= {"drawn": self.drawn, "words": self.words, "play": self.play, "at": self.at}
-        models |= {"larger": LARGER, "ahead": AHEAD, "spacing": SPACING}
-        models |= {"body": BODY, "radius": RADIUS}
+        models: dict[str, Any] = {
+            "cars": [own.models for own in self.scenes],
+            "looked": self.looked.models,
+        }
+        models |= {"cursor": self.cursor, "play": self.play, "at": self.at}
+        models |= {"larger": LARGER, "spacing": SPACING, "before": BEFORE}
+        models |= {"body": BODY, "radius": RADIUS, "narrow": NARROW}
         code = template("riding.js")
         own = {what: CustomJS(args=models | {"what": what}, code=code) for what in ("play", "draw")}
         self.play.js_on_change("active", own["play"])
         self.at.js_on_change("value", own["draw"])
-        self.frames["passive"].js_on_change("data", own["draw"])
+        self.looked.frames["passive"].js_on_change("data", own["draw"])
 
 
-def _frames(own: Motion | None, speed: float) -> dict[str, Array]:
-    keys = ("time", "unsprung", "sprung", "force", "lifted", *(key for key, _, _ in SIGNALS))
-    if own is None:  # two instants at which nothing moves
-        return {key: np.zeros(2) for key in (*keys, "place")} | {"time": np.array([0.0, 1.0])}
-    scales = {key: scale for key, _, scale in SIGNALS}
-    found = {key: np.asarray(getattr(own, key), float) * scales.get(key, 1.0) for key in keys}
-    return found | {"place": speed * own.time}
+def _title(first: Parameter, value: float) -> str:
+    return f"{first.name} = {value:.4g} {first.unit}".rstrip()
+
+
+def _explain(plot: Any, lines: list[tuple[str, str, Any]], many: int) -> None:
+    """Say above a plot what its lines are; a click on a word hides them."""
+    ghosts = [line for who, _, line in lines if who == PASSIVE]
+    items: list[Any] = [(PASSIVE, ghosts)]
+    items += [(LAW if many == 1 else name, [own]) for who, name, own in lines if who != PASSIVE]
+    legend = Legend(items=items, orientation="horizontal", click_policy="hide", padding=2, margin=2)
+    legend.label_text_font_size = "11px"
+    plot.add_layout(legend, "above")
+    plot.height += 30

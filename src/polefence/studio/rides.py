@@ -1,20 +1,27 @@
-"""One car on a road: under its law and without, as heights and signals over time."""
+"""One car on a road: under its law or without, as heights and signals over time."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
 
+from polefence.base.errors import InputError
+from polefence.plant.cars import Car
 from polefence.plant.family import UncertainPlant
+from polefence.plant.outputs import disturbances
 from polefence.plant.system import Array
+from polefence.plant.tracks import SHARE, own_states
 from polefence.vehicle.comfort import comfort, comfort_reading
-from polefence.vehicle.contact import GRAVITY
-from polefence.vehicle.driving.drive import drive
-from polefence.vehicle.excitation import on_road
-from polefence.vehicle.roads import Road, bump, grade, kerb, pothole, random_road
+from polefence.vehicle.contact import GRAVITY, static_loads
+from polefence.vehicle.driving.drive import Run, Setup, run
+from polefence.vehicle.driving.parts import BumpStops, Hardware
+from polefence.vehicle.excitation import Excitation, on_road, on_wheels
+from polefence.vehicle.roads import Road, both_sides, bump, grade, kerb, pothole, random_road
+from polefence.vehicle.suspensions import suspensions
 from polefence.vehicle.vehicle import masses, require_ride, ride
 
 STEP, EVERY = 1e-3, 20  # [s]; one frame in so many steps
@@ -33,13 +40,13 @@ class RoadChoice:
     option : str
         Of `polefence simulate`.
     make : callable
-        Returns the road for a speed [m/s].
+        Returns the road for a speed [m/s] and the seed of a random road, 0 by default.
     length : float
         Of an obstacle [m]; 0 of a random road.
     """
 
     option: str
-    make: Callable[[float], Road]
+    make: Callable[..., Road]
     length: float = 0.0
 
     def seconds(self, speed: float) -> float:
@@ -51,8 +58,8 @@ class RoadChoice:
 
 
 def _random(name: str) -> RoadChoice:
-    def make(speed: float) -> Road:
-        return random_road(name, max(speed * SECONDS, WAVE), 0)
+    def make(speed: float, seed: int = 0) -> Road:
+        return random_road(name, max(speed * SECONDS, WAVE), seed)
 
     return RoadChoice(f"--road {name}", make)
 
@@ -80,53 +87,147 @@ ROADS: Mapping[str, RoadChoice] = {
 
 
 @dataclass(frozen=True, eq=False)
+class Felt:
+    """What is felt at a seat, or of a quarter car's body.
+
+    Attributes
+    ----------
+    name : str
+        Of the seat.
+    acceleration : (T,) array
+        [m/s2]
+    comfort : float
+        Weighted rms of it, by ISO 2631-1 [m/s2].
+    shocks : bool
+        Whether the rms says too little.
+    """
+
+    name: str
+    acceleration: Array
+    comfort: float
+    shocks: bool
+
+    @property
+    def text(self) -> str:
+        """What people in public transport say of it."""
+        shocks = "; shocks: the rms says too little" if self.shocks else ""
+        return f"{self.comfort:.3g} m/s², {' to '.join(comfort_reading(self.comfort))}{shocks}"
+
+
+@dataclass(frozen=True, eq=False)
 class Motion:
     """A car on a road, frame by frame.
 
     Attributes
     ----------
-    time, unsprung, sprung : (T,) arrays
-        [s]; heights above where they rest on a level road [m].
-    acceleration, travel, tyre, force : (T,) arrays
-        Of the body [m/s2]; compression of the suspension [m]; force of the tyre on the road, its
-        static part included [N]; of the actuator [N].
-    comfort : float
-        Weighted rms of the acceleration, by ISO 2631-1 [m/s2].
+    time : (T,) array
+        [s]
+    road, twist : (T, wheels) arrays
+        Height of the road under the wheels, and what of it under four wheels no plane fits, which
+        the car does not feel [m].
+    unsprung, sprung : (T, wheels) arrays
+        Heights of the wheels, and of the body above them, over where they rest on a level road [m].
+    travel, tyre, force : (T, wheels) arrays
+        Compression of the suspension [m]; force of the tyre on the road, its static part included
+        [N]; of the actuator, up on the body [N].
+    pose : (T, 3) array
+        Heave [m], pitch and roll [rad] of the body.
+    felt : tuple of Felt
+    travel_limit : float
+        Where bump stops begin [m]; 0 of none.
     """
 
     time: Array
+    road: Array
+    twist: Array
     unsprung: Array
     sprung: Array
-    acceleration: Array
     travel: Array
     tyre: Array
     force: Array
-    comfort: float
+    pose: Array
+    felt: tuple[Felt, ...]
+    travel_limit: float
 
     @property
     def lifted(self) -> Any:
-        """Where the tyre would have to pull, which no tyre does, (T,)."""
+        """Where a tyre would have to pull, which no tyre does, (T, wheels)."""
         return self.tyre < 0
 
     @property
-    def words(self) -> str:
-        """What people in public transport say of it."""
-        return " to ".join(comfort_reading(self.comfort))
+    def stopped(self) -> Any:
+        """Where a bump stop is hit, (T, wheels)."""
+        return (np.abs(self.travel) > self.travel_limit) & (self.travel_limit > 0)
+
+    def height(self, x: float, y: float) -> Array:
+        """Return how high a point of the body is over where it rests [m], (T,)."""
+        return np.asarray(self.pose @ corners([(x, y)])[0])
 
 
-def rides(plant: UncertainPlant) -> bool:
-    """Whether a plant is a quarter car that a road moves."""
+def corners(places: Any) -> Array:
+    """Return how points (x, y) of the body go up with its heave, pitch and roll, (points, 3)."""
+    x, y = np.asarray(places, float).T
+    return np.stack([np.ones_like(x), -x, y], axis=1)
+
+
+def wheels_of(car: Car | None) -> tuple[tuple[str, ...], Array]:
+    """Return names and places (x, y) [m] of a car's wheels; a quarter car has one, of no name."""
+    if car is None:
+        return ("",), np.zeros((1, 2))
+    own = [(float(wheel.x), float(wheel.y)) for wheel in car.wheels]
+    return tuple(wheel.name for wheel in car.wheels), np.array(own)
+
+
+def seats_of(car: Car | None) -> tuple[str, ...]:
+    """Return where a ride is felt: at the seats of a car, or by the body of one without."""
+    return ("body",) if car is None else tuple(car.seats) or ("body",)
+
+
+def rides(plant: UncertainPlant, car: Car | None) -> bool:
+    """Whether a plant is a car that a road moves, and that roads are no part of."""
+    if car is not None:
+        whole = len(own_states(plant)) == plant.shape[0]
+        return whole and set(car.places) <= {own.name for own in disturbances(plant)}
     known = ride(plant)
     return known is not None and known.road is not None
 
 
-def ridden(
-    plant: UncertainPlant, law: Any, values: Mapping[str, float], road: str, speed: float
-) -> tuple[Motion, Array, Array]:
-    """Drive a car on a road.
+@lru_cache(maxsize=4)
+def roads(road: str, speed: float, width: float = 0.0) -> tuple[Road, Road]:
+    """Return the roads on the left and on the right, of one of `ROADS`.
 
     Parameters
     ----------
+    width : float
+        Between wheels on the left and on the right [m]; random roads differ over it.
+    """
+    chosen = ROADS[road]
+    own = chosen.make(speed)
+    if chosen.length or not width:
+        return own, own
+    return both_sides(own, chosen.make(speed, 1), float(SHARE) * width)
+
+
+def under(car: Car | None, road: str, speed: float) -> tuple[Road, Road]:
+    """Return the roads under the left and the right wheels of a car."""
+    return roads(road, speed, float(np.ptp(wheels_of(car)[1][:, 1])))
+
+
+def ridden(
+    plant: UncertainPlant,
+    car: Car | None,
+    law: Any,
+    values: Mapping[str, float],
+    road: str,
+    speed: float,
+    travel_limit: float = 0.0,
+) -> Motion:
+    """Drive a car on a road, as `polefence simulate` does.
+
+    Parameters
+    ----------
+    car : Car, optional
+        Of a plant that is one on several wheels.
     law : None or Design
     values : mapping
         Of all parameters.
@@ -134,40 +235,94 @@ def ridden(
         One of `ROADS`.
     speed : float
         [m/s]
-
-    Returns
-    -------
-    Motion
-    distance, height : arrays
-        Of the road, from where the wheel begins [m].
+    travel_limit : float
+        Of every suspension, either way [m]: where bump stops begin; 0 for none.
 
     Raises
     ------
     InputError
-        If the plant is no quarter car, or the law cannot be driven.
+        If the plant is no car, the law cannot be driven, or the loop runs away.
     """
-    known, chosen = require_ride(plant), ROADS[road]
-    own = chosen.make(speed)
-    excitation = on_road(plant, own, speed, STEP, chosen.seconds(speed))
-    asked = [known.travel, known.tyre, known.acceleration, known.force]
-    done = drive(plant, law, excitation, values or None).response(asked)
-    travel, tyre, acceleration, force = done.values[0].T
-    car = masses(plant, known, done.alpha)
-    distance = own.distance - own.distance[0]
-    height = own.height - own.height[0]
-    under = np.interp(done.time * speed, distance, height)
-    compressed = known.sense[1] * tyre
-    unsprung = under - compressed
-    sprung = unsprung - known.sense[0] * travel
-    static = float(car.m1[0] + car.m2[0]) * GRAVITY
-    motion = Motion(
-        time=done.time[::EVERY],
+    stops = BumpStops(travel_limit, travel_limit) if travel_limit else None
+    moved = _moved(plant, car, road, speed)
+    setup = Setup(plant, moved, values or None, hardware=Hardware(stops=stops), car=car)
+    done = run(setup, law)
+    if done.lost is not None:
+        raise InputError(f"the loop runs away at {done.lost.first:.4g} s")
+    heights = _heights(car, road, speed, setup.time)
+    G = corners(wheels_of(car)[1])
+    flat = np.linalg.pinv(G)  # fits a plane
+    twist = heights - heights @ flat.T @ G.T
+    compressed, tyre = _tyres(done)
+    states = done.response.values[0][:, : plant.shape[0]]
+    travel = states @ suspensions(plant, car).compression.T
+    unsprung = heights - twist - compressed
+    sprung = unsprung - travel
+    return Motion(
+        time=setup.time[::EVERY],
+        road=heights[::EVERY],
+        twist=twist[::EVERY],
         unsprung=unsprung[::EVERY],
         sprung=sprung[::EVERY],
-        acceleration=acceleration[::EVERY],
-        travel=known.sense[0] * travel[::EVERY],
-        tyre=static + float(car.kt[0]) * compressed[::EVERY],
-        force=force[::EVERY],
-        comfort=float(comfort(acceleration, STEP).weighted_rms),
+        travel=travel[::EVERY],
+        tyre=tyre[::EVERY],
+        force=_forces(done)[::EVERY],
+        pose=(sprung @ flat.T)[::EVERY],
+        felt=_felt(done),
+        travel_limit=travel_limit,
     )
-    return motion, distance, height
+
+
+def _moved(plant: UncertainPlant, car: Car | None, road: str, speed: float) -> Excitation:
+    pair, seconds = under(car, road, speed), ROADS[road].seconds(speed)
+    if car is None:
+        return on_road(plant, pair[0], speed, STEP, seconds)
+    return on_wheels(plant, car.places, pair, speed, STEP, seconds)
+
+
+def _heights(car: Car | None, road: str, speed: float, time: Array) -> Array:
+    """Return how much higher the road under each wheel is than where it begins, (T, wheels)."""
+    left, right = under(car, road, speed)
+    _, places = wheels_of(car)
+    found = []
+    for x, y in places:
+        own = (left if y > 0 else right).later(float(places[:, 0].max() - x))
+        found.append(np.interp(own.distance[0] + speed * time, own.distance, own.height))
+    heights = np.stack(found, axis=1)
+    return np.asarray(heights - heights[0])
+
+
+def _columns(done: Run, names: Sequence[str]) -> Array:
+    """Return signals over time, (T, names)."""
+    return np.stack([done.response.of(name)[0] for name in names], axis=1)
+
+
+def _tyres(done: Run) -> tuple[Array, Array]:
+    """Return how much the tyres are compressed, and their forces on the road, (T, wheels)."""
+    plant, car, alpha = done.setup.plant, done.setup.car, done.response.alpha
+    if car is None:
+        known = require_ride(plant)
+        own = masses(plant, known, alpha)
+        compressed = known.sense[1] * _columns(done, [known.tyre.name])
+        return compressed, (own.m1 + own.m2) * GRAVITY + own.kt * compressed
+    names = wheels_of(car)[0]
+    compressed = _columns(done, [f"{name} tyre deflection" for name in names])
+    varied = _columns(done, [f"{name} tyre force variation" for name in names])
+    return compressed, static_loads(plant, car, alpha) + varied
+
+
+def _forces(done: Run) -> Array:
+    car = done.setup.car
+    if car is None:
+        return _columns(done, [require_ride(done.setup.plant).force.name])
+    return _columns(done, [f"{name} force" for name in wheels_of(car)[0]])
+
+
+def _felt(done: Run) -> tuple[Felt, ...]:
+    plant, car, found = done.setup.plant, done.setup.car, []
+    for name in seats_of(car):
+        signal = f"{name} acceleration" if car and car.seats else "heave acceleration"
+        own = done.response.of(signal if car else require_ride(plant).acceleration.name)[0]
+        of = comfort(own, STEP)
+        found.append(Felt(name, own[::EVERY], float(of.weighted_rms), bool(of.shocks)))
+    return tuple(found)

@@ -1,6 +1,7 @@
-// The car on its road, frame by frame.
-// Given: law, passive, road, words and drawn (data sources), play (toggle), at (slider), what
-// ("play", "draw"), and sizes: larger, ahead, spacing, body, radius.
+// Cars on their road, frame by frame.
+// Given: cars (each with law and passive, data sources, foremost, and views, each with its wheels),
+// looked (the one of them whose signals are shown), cursor (data source), play (toggle), at
+// (slider), what ("play", "draw"), and sizes: larger, spacing, before, body, radius, narrow.
 // What is drawn is changed in place: nothing of it travels to the server.
 
 function put(source, columns) {
@@ -8,59 +9,132 @@ function put(source, columns) {
   source.change.emit()
 }
 
-function outline(sprung, unsprung) {
-  const x = [-0.7, 0.7, 0.7, -0.7, -0.7, NaN]
-  const y = [-0.18, -0.18, 0.18, 0.18, -0.18, NaN].map((own) => own + body + sprung)
-  for (let k = 0; k <= 24; k++) {
-    x.push(radius * Math.cos(k * Math.PI / 12))
-    y.push(radius + unsprung + radius * Math.sin(k * Math.PI / 12))
+function empty(...sources) {
+  for (const own of sources) {
+    put(own, Object.fromEntries(Object.keys(own.data).map((key) => [key, []])))
   }
+}
+
+// Through values at some places, straight in between and beyond.
+function straight(at, values) {
+  return (x) => {
+    if (at.length == 1) return values[0]
+    let i = 1
+    while (i < at.length - 1 && x > at[i]) i++
+    const share = (x - at[i - 1]) / (at[i] - at[i - 1] || 1)
+    return values[i - 1] + share * (values[i] - values[i - 1])
+  }
+}
+
+const wheels = (view, own, key, k) => Array.from(view.wheels, (i) => own[`${key} ${i}`][k])
+
+// The road as the wheels feel it: without the twist that no plane under them fits.
+function ground(view, car, k) {
+  const own = car.passive.data, [low, high] = view.span, twist = wheels(view, own, "twist", k)
+  if (!view.along) {
+    const felt = straight(view.at, wheels(view, own, "road", k).map((h, i) => h - twist[i]))
+    return {x: [low, high], y: [felt(low), felt(high)]}
+  }
+  const all = view.road.data.height, last = all.length - 1, off = straight(view.at, twist)
+  const first = Math.round((own.place[k] - car.foremost + low + before) / spacing)
+  const count = Math.round((high - low) / spacing)
+  const x = Array.from({length: count + 1}, (_, i) => low + i * spacing)
+  return {x, y: x.map((at, i) => all[Math.max(0, Math.min(first + i, last))] - off(at))}
+}
+
+function outline(view, ends, unsprung) {
+  const left = view.at[0] - 0.7, right = view.at[view.at.length - 1] + 0.7
+  const x = [left, right, right, left, left]
+  const y = [ends[0] - 0.18, ends[1] - 0.18, ends[1] + 0.18, ends[0] + 0.18, ends[0] - 0.18]
+  const wide = view.along ? radius : narrow
+  unsprung.forEach((height, i) => {
+    x.push(NaN)
+    y.push(NaN)
+    for (let k = 0; k <= 24; k++) {
+      const across = radius * Math.cos(k * Math.PI / 12)
+      x.push(view.at[i] + Math.max(-wide, Math.min(across, wide)))
+      y.push(radius + height + radius * Math.sin(k * Math.PI / 12))
+    }
+  })
+  return {x, y}
+}
+
+// Springs, or bars, of all wheels as one line.
+function joined(view, points) {
+  const x = [], y = []
+  view.at.forEach((at, i) => {
+    for (const [aside, height] of points(i)) {
+      x.push(at + aside)
+      y.push(height)
+    }
+    x.push(NaN)
+    y.push(NaN)
+  })
   return {x, y}
 }
 
 function spring(from, to) {
-  const x = [0], y = [from]
-  for (let k = 1; k < 10; k++) {
-    x.push(k % 2 ? 0.12 : -0.12)
-    y.push(from + (to - from) * k / 10)
-  }
-  return {x: [...x, 0], y: [...y, to]}
+  const zigzag = [[0, from]]
+  for (let k = 1; k < 10; k++) zigzag.push([k % 2 ? 0.12 : -0.12, from + (to - from) * k / 10])
+  return [...zigzag, [0, to]]
 }
 
 function draw(k) {
-  const time = passive.data.time
-  if (!(k < time.length)) return
-  const place = passive.data.place[k]
-  const first = Math.round(place / spacing), count = Math.round(2 * ahead / spacing)
-  const height = road.data.height.slice(first, first + count + 1)
-  let level = 0
-  for (const own of height) level += own / height.length
-  const up = (own) => larger * (own - level)
-  const x = Array.from(height, (_, i) => i * spacing - ahead)
-  put(drawn.ground, {x, y: Array.from(height, up)})
-  put(drawn.passive, outline(up(passive.data.sprung[k]), up(passive.data.unsprung[k])))
-  const own = law.data
-  if (own.time.length != time.length) {
-    for (const name of ["law", "spring", "force", "lift", "cursor"]) {
-      put(drawn[name], Object.fromEntries(Object.keys(drawn[name].data).map((key) => [key, []])))
-    }
-    put(words, {x: [-1.95], y: [1.95], text: ["no law"]})
+  empty(cursor)
+  for (const car of cars) show(car, k)
+  if (k < looked.passive.data.time.length) put(cursor, {x: [looked.passive.data.time[k]]})
+}
+
+function show(car, k) {
+  const sources = (view) => [
+    view.ground, view.passive, view.law, view.spring, view.force, view.lift, view.hit, view.words,
+  ]
+  if (!(k < car.passive.data.time.length)) {
+    for (const view of car.views) empty(...sources(view))
     return
   }
-  put(drawn.law, outline(up(own.sprung[k]), up(own.unsprung[k])))
-  const bottom = body - 0.18 + up(own.sprung[k])
-  put(drawn.spring, spring(radius + up(own.unsprung[k]), bottom))
-  put(drawn.force, {x: [0.45, 0.45], y: [bottom, bottom - own.force[k] / 3000]})
-  put(drawn.lift, own.lifted[k] ? {x: [0], y: [-0.35]} : {x: [], y: []})
-  const said = `${time[k].toFixed(2)} s   force ${own.force[k].toFixed(0)} N`
-  put(words, {x: [-1.95], y: [1.95], text: [own.lifted[k] ? `${said}   the tyre leaves the road` : said]})
-  put(drawn.cursor, {
-    x: [time[k]], acceleration: [own.acceleration[k]], travel: [own.travel[k]], tyre: [own.tyre[k]],
+  const grounds = car.views.map((view) => ground(view, car, k))
+  const heights = grounds.flatMap((own) => own.y)
+  const level = heights.reduce((sum, own) => sum + own, 0) / heights.length
+  const up = (own) => larger * (own - level)
+  car.views.forEach((view, j) => {
+    const ends = (own) => [0, 1].map((i) => body + up(own[`end ${j} ${i}`][k]))
+    const under = (own) => wheels(view, own, "unsprung", k).map(up)
+    put(view.ground, {x: grounds[j].x, y: grounds[j].y.map(up)})
+    put(view.passive, outline(view, ends(car.passive.data), under(car.passive.data)))
+    const own = car.law.data, time = `${car.passive.data.time[k].toFixed(2)} s`
+    const begin = view.span[0] + 0.05
+    if (!own.time.length) {
+      empty(view.law, view.spring, view.force, view.lift, view.hit)
+      put(view.words, {x: [begin], y: [1.98], text: [`${time}   no law`], align: ["left"]})
+      return
+    }
+    put(view.law, outline(view, ends(own), under(own)))
+    const bottoms = wheels(view, own, "sprung", k).map((height) => body - 0.18 + up(height))
+    const tops = under(own).map((height) => radius + height)
+    const force = wheels(view, own, "force", k)
+    put(view.spring, joined(view, (i) => spring(tops[i], bottoms[i])))
+    const bars = (i) => [[0.45, bottoms[i]], [0.45, bottoms[i] + force[i] / 3000]]
+    put(view.force, joined(view, bars))
+    const lifted = wheels(view, own, "lifted", k), stopped = wheels(view, own, "stopped", k)
+    const lit = view.at.filter((_, i) => lifted[i])
+    put(view.lift, {x: lit, y: lit.map(() => -0.38)})
+    const hit = view.at.map((at, i) => [at, tops[i]]).filter((_, i) => stopped[i])
+    put(view.hit, {x: hit.map(([x]) => x), y: hit.map(([, y]) => y)})
+    const said = [time]
+    if (lifted.some(Boolean)) said.push("the tyre leaves the road")
+    if (stopped.some(Boolean)) said.push("a bump stop is hit")
+    put(view.words, {
+      x: [begin, ...view.at],
+      y: [1.98, ...view.at.map(() => 1.7)],
+      text: [said.join("   "), ...force.map((own, i) => `${view.names[i]} ${own.toFixed(0)} N`)],
+      align: ["left", ...view.at.map(() => "center")],
+    })
   })
 }
 
 const frame = (seconds) =>
-  Math.round(Math.min(seconds / at.end, 1) * (passive.data.time.length - 1))
+  Math.round(Math.min(seconds / at.end, 1) * (looked.passive.data.time.length - 1))
 if (what == "play") {
   play.label = play.active ? "Pause" : "Play"
   const begun = performance.now() - 1000 * at.value

@@ -23,7 +23,8 @@ from polefence.studio.templates import template
 BEFORE, SPACING = 12.0, 0.02  # [m] of level road that is drawn before it begins; of its points
 DASHES = ("solid", "dashed", "dotted", "dotdash")
 MOST = 3  # seats whose acceleration is drawn
-FAINT = 0.5  # ghosts of several wheels
+LOW, HIGH, ROW = 130, 200, 30  # traces of one wheel and of several, a legend: pixels
+FAINT = 0.6  # ghosts of several wheels
 PASSIVE, LAW = "passive", "with this law"
 
 
@@ -67,7 +68,8 @@ class Car:
         found = [self._driven(design, values, state) for _, values in loads]
         self._arranged(shown, state, float(found[0][0].time[-1]))
         for scene, (title, _) in zip(shown, loads, strict=True):
-            scene.entitle(title, explained=len(loads) == 1)
+            scene.entitle(title, len(loads))
+        self.traces[0].title.text = visible(loads[len(loads) // 2][0])
         self._put(dict(zip(shown, found, strict=True)), state.speed)
         pairs = zip(loads, found, strict=True)
         return tuple(line for (title, _), both in pairs for line in self._said(title, both))
@@ -141,13 +143,14 @@ class Car:
         """Draw a signal over time: of each wheel or seat with a law, and grey without."""
         plot = figure(
             name=key,
-            height=130,
+            height=LOW if len(names) == 1 else HIGH,
             min_width=280,
             sizing_mode="stretch_width",
             tools="",
             toolbar_location=None,
         )
         plot.yaxis.axis_label = label
+        plot.title.text_color = self._palette.ink
         plot.yaxis.axis_label_text_font_size = "10px"
         colour, lines = self._palette, []
         shades = (colour.cars, *colour.trails[1:])
@@ -195,4 +198,4 @@ def _explain(plot: Any, lines: list[tuple[str, str, Any]], many: int) -> None:
     legend = Legend(items=items, orientation="horizontal", click_policy="hide", padding=2, margin=2)
     legend.label_text_font_size = "11px"
     plot.add_layout(legend, "above")
-    plot.height += 30
+    plot.height += ROW

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 from bokeh.layouts import column
-from bokeh.models import ColumnDataSource, Range1d
+from bokeh.models import ColumnDataSource, Legend, Range1d
 from bokeh.plotting import figure
 
 from polefence.plant.cars import Car
@@ -21,8 +21,8 @@ LARGER = 5.0  # heights are drawn so many times as large
 AHEAD, LEAST = 2.0, 1.0  # [m] of road either way of a wheel, and of the last of several
 HALF = 0.7  # [m] of the body either way of a wheel
 BODY, RADIUS, NARROW = 1.3, 0.3, 0.11  # heights of what is drawn; a wheel from behind
-BOTTOM, TOP, WIDE, AXIS = -0.75, 2.2, 600, 50  # of the picture [m], [m], pixels, pixels
-AWAY = [-99, -98]  # where what a legend explains is not seen
+BOTTOM, TOP, WIDE = -0.5, 2.2, 600  # of the picture [m], [m], pixels
+AXIS, LINE = 45, 25  # what else there is, title and legend a line each: pixels
 SIGNALS = ("unsprung", "sprung", "travel", "tyre", "force", "lifted", "stopped", "road", "twist")
 SCALES = {"travel": 1e3}
 DRAWN = ("ground", "passive", "law", "spring", "force", "lift", "hit")
@@ -115,6 +115,7 @@ class Scene:
             *(f"felt {i}" for i in range(len(seats_of(car)))),
         )
         self.figures = [self._figure(*own) for own in zip(self.sides, self.drawn, strict=True)]
+        self.entitle("", 1)
         self.show(None, None, 0.0)
 
     @property
@@ -144,11 +145,18 @@ class Scene:
         for who, own in (("law", law), ("passive", passive)):
             self.frames[who].data = self._columns(own, speed)
 
-    def entitle(self, title: str, explained: bool) -> None:
-        """Say which car it is, and whether a legend tells the lines."""
+    def entitle(self, title: str, of: int) -> None:
+        """Say which car it is, of so many beside each other; one alone has a legend."""
         for side, plot in zip(self.sides, self.figures, strict=True):
             plot.title.text = ", ".join(filter(None, (visible(title), side.title)))
-            plot.legend.visible = explained
+            outside = LINE if plot.title.text else 0
+            if side is self.sides[-1]:
+                plot.legend.visible = of == 1
+                outside += AXIS + (LINE if of == 1 else 0)
+            low, high = side.span
+            if of > 1:  # texts stay as high where the picture is smaller
+                outside *= 2
+            plot.height = round(WIDE * (TOP - BOTTOM) / (high - low)) + outside
 
     def _columns(self, own: Motion | None, speed: float) -> dict[str, Array]:
         """Return a motion by columns: of each wheel, each end of the body, and each seat."""
@@ -162,35 +170,37 @@ class Scene:
         return {"time": own.time, "place": speed * own.time, **known}
 
     def _figure(self, side: Side, drawn: dict[str, ColumnDataSource]) -> Any:
-        low, high = side.span
         plot = figure(
             name="car",
-            title=side.title,
             tools="",
             toolbar_location=None,
             sizing_mode="scale_width",
             width=WIDE,
-            height=round(WIDE * (TOP - BOTTOM) / (high - low)) + AXIS,
-            x_range=Range1d(low, high),
+            x_range=Range1d(*side.span),
             y_range=Range1d(BOTTOM, TOP),
             min_width=200,
         )
         plot.xaxis.axis_label = "along the road [m]" if side.along else "to the right [m]"
+        plot.xaxis.visible = last = side is self.sides[-1]
+        plot.xaxis.ticker.desired_num_ticks = 5
         plot.yaxis.visible = False
         plot.grid.visible = False
-        self._lines(plot, drawn)
         colour = self._palette
-        for name, marker, size in (("lift", "inverted_triangle", 18), ("hit", "circle", 18)):
-            marks = {"source": drawn[name], "marker": marker, "size": size}
+        lines = self._lines(plot, drawn)
+        if last:
+            plot.add_layout(Legend(items=lines, orientation="horizontal", padding=2), "below")
+        for name, marker in (("lift", "inverted_triangle"), ("hit", "circle")):
+            marks = {"source": drawn[name], "marker": marker, "size": 18}
             plot.scatter("x", "y", color=colour.looked, **marks)
         style = {"text_color": colour.ink, "text_font_size": "12px", "text_align": "align"}
-        plot.text("x", "y", "text", source=drawn["words"], **style)
-        plot.legend.location, plot.legend.orientation = "bottom_center", "horizontal"
+        plot.text("x", "y", "text", source=drawn["words"], text_baseline="top", **style)
         coloured(plot, colour)
+        plot.title.text_color = colour.ink
         return plot
 
-    def _lines(self, plot: Any, drawn: dict[str, ColumnDataSource]) -> None:
-        colour = self._palette
+    def _lines(self, plot: Any, drawn: dict[str, ColumnDataSource]) -> list[tuple[str, list[Any]]]:
+        """Draw what moves; return what a legend says of it."""
+        colour, found = self._palette, []
         plot.line("x", "y", source=drawn["ground"], color=colour.ink, line_width=2)
         plot.line("x", "y", source=drawn["spring"], color=colour.cars, line_width=1.5)
         for who, label, shade, dash, wide in (
@@ -199,5 +209,6 @@ class Scene:
             ("force", "actuator force", colour.looked, "solid", 5),
         ):
             style = {"color": shade, "line_width": wide, "line_dash": dash}
-            plot.line("x", "y", source=drawn[who], name=who, **style)
-            plot.line(AWAY, AWAY, legend_label=label, **style)
+            line = plot.line("x", "y", source=drawn[who], name=who, **style)
+            found.append((label, [line]))
+        return found

@@ -26,6 +26,7 @@ function straight(at, values) {
   }
 }
 
+const signed = (value) => `${Math.round(value) || 0}`.replace("-", "\u2212")
 const wheels = (view, own, key, k) => Array.from(view.wheels, (i) => own[`${key} ${i}`][k])
 
 // The road as the wheels feel it: without the twist that no plane under them fits.
@@ -106,7 +107,7 @@ function show(car, k) {
     const begin = view.span[0] + 0.05
     if (!own.time.length) {
       empty(view.law, view.spring, view.force, view.lift, view.hit)
-      put(view.words, {x: [begin], y: [1.98], text: [`${time}   no law`], align: ["left"]})
+      put(view.words, {x: [begin], y: [2.17], text: [`${time}   no law`], align: ["left"]})
       return
     }
     put(view.law, outline(view, ends(own), under(own)))
@@ -126,8 +127,8 @@ function show(car, k) {
     if (stopped.some(Boolean)) said.push("a bump stop is hit")
     put(view.words, {
       x: [begin, ...view.at],
-      y: [1.98, ...view.at.map(() => 1.7)],
-      text: [said.join("   "), ...force.map((own, i) => `${view.names[i]} ${own.toFixed(0)} N`)],
+      y: [2.17, ...view.at.map(() => 1.95)],
+      text: [said.join("   "), ...force.map((own, i) => `${view.names[i]} ${signed(own)} N`)],
       align: ["left", ...view.at.map(() => "center")],
     })
   })

@@ -237,7 +237,7 @@ def poles_figure(
             mew=1.2,
             label="poles of the vertices",
         )
-        shown = _fitted(view or view_of(region, np.concatenate([cloud, vertices])))
+        shown = fitted(view or view_of(region, np.concatenate([cloud, vertices])))
         _draw_region(ax, region, shown)
         _note_unseen(ax, cloud, shown)
         ax.set_title(title)
@@ -251,8 +251,8 @@ def poles_figure(
     return figure
 
 
-def _fitted(view: View) -> View:
-    """Widen a view to the shape of a panel, so that one unit is as long either way."""
+def fitted(view: View) -> View:
+    """Return a view widened to the shape of a panel, so that one unit is as long either way."""
     low, high, height = view
     missing = max(PANEL * 2 * height - (high - low), 0.0) / 2
     return low - missing, high + missing, max(height, (high - low) / (2 * PANEL))
@@ -392,19 +392,26 @@ _CURVES: dict[type[Region], Callable[[Any, View], list[Curve]]] = {
 
 
 def view_of(region: Region, poles: Array) -> View:
-    """Return a view of the poles, of the region's boundary and of the origin."""
+    """Return a view of the poles, if there are any, of the region's boundary and of the origin."""
     low, high, height = _extent(region)
     x, y = np.real(poles), np.abs(np.imag(poles))
+    scale, typical = region.size, 0.0  # where nothing else tells, some width is better than none
+    if x.size:
+        scale, typical = region.scale, float(np.median(np.abs(x)))
     if np.isfinite(low):
         seen = np.ones(x.shape, dtype=bool)
     else:
-        reach = FARTHEST * max(region.scale, float(np.median(np.abs(x))))
-        seen = x >= -reach
-        low = min(-1.3 * region.scale, float(x[seen].min(initial=0.0)))
+        seen = x >= -FARTHEST * max(scale, typical)
+        low = min(-1.3 * scale, float(x[seen].min(initial=0.0)))
     low, high = min(low, float(x[seen].min(initial=low))), max(high, float(x[seen].max(initial=0)))
     height = max(height, float(y[seen].max(initial=0.0)), 0.35 * (high - low))
     margin = 0.06 * max(high - low, 1e-9)
     return low - margin, high + margin, height + margin
+
+
+def half_axes(part: Disk | Ellipse) -> tuple[float, float]:
+    """Return how far a round part reaches from its centre, along the real axis and across."""
+    return (part.radius,) * 2 if isinstance(part, Disk) else (part.real, part.imaginary)
 
 
 def _extent(region: Region) -> View:
@@ -412,11 +419,7 @@ def _extent(region: Region) -> View:
     low, high, height = -np.inf, 0.0, 0.0
     for part in region.parts:
         if isinstance(part, Disk | Ellipse):
-            real, imaginary = (
-                (part.radius, part.radius)
-                if isinstance(part, Disk)
-                else (part.real, part.imaginary)
-            )
+            real, imaginary = half_axes(part)
             low = max(low, part.centre - real)
             high, height = max(high, part.centre + real), max(height, imaginary)
         elif isinstance(part, VerticalStrip):

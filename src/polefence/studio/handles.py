@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import reduce
+from itertools import combinations
 from operator import and_
 
 import numpy as np
@@ -20,12 +21,13 @@ from polefence.region.regions import (
     Sector,
     VerticalStrip,
 )
-from polefence.show.plots import Curve, View, curves
+from polefence.show.plots import Curve, View, curves, half_axes
 
 DIGITS = 4  # of numbers that are dragged
 NEAR = 0.02  # of the view's width: of an edge and a corner so near, the corner is enough
-ANGLES = 361
-HALVINGS = 40
+WIDE = 100.0  # times the view, that an outline reaches: so far one can zoom out, or pan
+ANGLES = 361  # points on the upper half of a round part, as far as it is shown
+LITTLE = 0.02  # of the view's width: a boundary of which less is seen is not seen
 LEAST_DAMPING, MOST_DAMPING = 1e-3, 0.999
 
 
@@ -77,26 +79,81 @@ def moved(region: Region, handle: Handle, place: complex) -> Region:
     return reduce(and_, parts)
 
 
-def outline(region: Region, view: View) -> Array:
-    """Return the boundary of what of a region is in a view, a closed curve of complex points.
+def outline(region: Region, view: View) -> Curve:
+    """Return the boundary of a region far beyond a view, a closed curve of complex points.
 
-    Empty where nothing of it is.
+    Cut off at `WIDE` times the view, about its middle; empty where nothing of it is there.
     """
     low, high, height = view
-    grid = np.linspace(low, high, 201) + 1j * np.linspace(0, height, 101)[:, None]
-    depth = np.maximum(region.distance(grid), _beyond(grid, view))
-    inside = complex(grid.flat[int(depth.argmin())])
-    if depth.min() >= 0:
+    middle, half = (low + high) / 2, WIDE * (high - low) / 2
+    return _cut(region, (middle - half, middle + half, WIDE * height))
+
+
+def in_sight(region: Region, view: View) -> bool:
+    """Whether a view shows more than a `LITTLE` of a region's boundary."""
+    points, width = _cut(region, view), view[1] - view[0]
+    inner = _beyond((points[1:] + points[:-1]) / 2, view) < -1e-9 * width  # not of the frame
+    return float(np.abs(np.diff(points))[inner].sum()) > LITTLE * width
+
+
+def _cut(region: Region, view: View) -> Curve:
+    """Return the boundary of what of a region is in a view.
+
+    Every part is |Im z| < top(Re z) between its ends, and so is what they have in common.
+    """
+    low, high = np.array([view[:2], *map(_ends, region.parts)]).T
+    low, high = low.max(), high.min()
+    if low >= high:
         return np.empty(0, dtype=complex)
-    inside = complex(inside.real, 0.0)  # regions are convex, and symmetric about the real axis
-    rays = np.exp(1j * np.linspace(-np.pi, np.pi, ANGLES))
-    near, far = np.zeros(ANGLES), np.full(ANGLES, 2 * (high - low + height))
-    for _ in range(HALVINGS):
-        middle = (near + far) / 2
-        points = inside + middle * rays
-        out = np.maximum(region.distance(points), _beyond(points, view)) >= 0
-        near, far = np.where(out, near, middle), np.where(out, middle, far)
-    return np.asarray(inside + near * rays)
+    x = np.unique(np.concatenate([[low, high], *(_curved(own, low, high) for own in region.parts)]))
+    x = np.sort(np.concatenate([x, *_meetings(x, _tops(region, view, x))]))
+    upper = x + 1j * _tops(region, view, x).min(axis=0)
+    return np.concatenate([upper, upper[::-1].conj(), upper[:1]])
+
+
+def _ends(part: Region) -> tuple[float, float]:
+    """Return the least and the largest real part in a region's part."""
+    if isinstance(part, Disk | Ellipse):
+        real, _ = half_axes(part)
+        return part.centre - real, part.centre + real
+    if isinstance(part, HalfPlane):
+        return -np.inf, -part.decay
+    if isinstance(part, VerticalStrip):
+        return part.low, part.high
+    return -np.inf, 0.0 if isinstance(part, Sector) else np.inf
+
+
+def _curved(part: Region, low: float, high: float) -> Array:
+    """Return real parts between two, at which a round part is drawn: close where it is steep."""
+    if not isinstance(part, Disk | Ellipse):
+        return np.empty(0)
+    real, _ = half_axes(part)
+    first, last = (np.arccos(np.clip((x - part.centre) / real, -1, 1)) for x in (low, high))
+    x = part.centre + real * np.cos(np.linspace(first, last, ANGLES))
+    return np.asarray(np.clip(x, low, high))
+
+
+def _tops(region: Region, view: View, x: Array) -> Array:
+    """Return the largest imaginary parts of the view, and of parts that bound them, at each x."""
+    found = [np.full(len(x), view[2])]
+    for part in region.parts:
+        if isinstance(part, Disk | Ellipse):
+            real, imaginary = half_axes(part)
+            share = (x - part.centre) / real
+            found.append(imaginary * np.sqrt(np.maximum((1 - share) * (1 + share), 0)))
+        elif isinstance(part, HorizontalStrip):
+            found.append(np.full(len(x), part.height))
+        elif isinstance(part, Sector):
+            found.append(part.slope * np.abs(x))
+    return np.array(found)
+
+
+def _meetings(x: Array, tops: Array) -> Iterator[Array]:
+    """Yield where two of the tops cross, from one x to the next: there are corners."""
+    for one, other in combinations(tops, 2):
+        level = one - other
+        i = np.flatnonzero(level[:-1] * level[1:] < 0)
+        yield x[i] + (x[i + 1] - x[i]) * level[i] / (level[i] - level[i + 1])
 
 
 def _beyond(points: Curve, view: View) -> Array:

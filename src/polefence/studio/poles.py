@@ -17,8 +17,8 @@ from polefence.plant.points import seeded, weights_of
 from polefence.plant.system import Array
 from polefence.proof.text import visible
 from polefence.region.regions import Region
-from polefence.show.plots import PANEL, view_of
-from polefence.studio.handles import Handle, handles, moved, outline
+from polefence.show.plots import PANEL, Curve, View, fitted, view_of
+from polefence.studio.handles import Handle, handles, in_sight, moved, outline
 from polefence.studio.palette import LIGHT, Palette, coloured
 from polefence.studio.state import State
 from polefence.studio.templates import template
@@ -56,7 +56,7 @@ class Poles:
         self._handles: list[Handle] = []
         self._number = 0  # of the place that a handle was dragged to last
         self._held: tuple[Handle, Region] | None = None
-        self.view = view_of(state.region, np.zeros(0))
+        self._moving = False  # whether it is a drag that changes the region
         self.state = state
         self._sources()
         self.figure = self._figure()
@@ -126,25 +126,35 @@ class Poles:
 
     def fit(self) -> None:
         """Show all of the region and of the poles."""
-        poles = np.zeros(0) if self._design is None else self._design.poles(self._alpha)
-        low, high, height = view_of(self.state.region, np.ravel(poles))
-        missing = max(PANEL * 2 * height - (high - low), 0.0) / 2
-        low, high = low - missing, high + missing
-        height = max(height, (high - low) / (2 * PANEL))
-        self.view = low, high, height
-        self.figure.x_range.update(start=low, end=high)
-        self.figure.y_range.update(start=-height, end=height)
-        self.look(self.state)
+        self._frame()
+        self._draw()
 
     def look(self, state: State) -> None:
-        """Show a state's region, and its car."""
-        moved_on, self.state = state.values != self.state.values, state
-        points = outline(state.region, self.view)
-        self.region.data = _columns(points)
-        self._handles = handles(state.region, self.view)
-        self.handles.data = _columns(np.array([own.place for own in self._handles]))
-        if moved_on:
+        """Show a state's region, and its car; fit the view to a region that is out of sight."""
+        before, self.state = self.state, state
+        new = state.region != before.region and not self._moving
+        if new and not in_sight(state.region, self._seen):
+            self._frame()
+        self._draw()
+        if state.values != before.values:
             self._trace()
+
+    @property
+    def _seen(self) -> View:
+        """What the browser shows, be it panned or zoomed."""
+        x, y = self.figure.x_range, self.figure.y_range
+        return x.start, x.end, max(abs(y.start), abs(y.end))
+
+    def _frame(self) -> None:
+        poles = np.zeros(0) if self._design is None else self._design.poles(self._alpha)
+        self.view = low, high, height = fitted(view_of(self.state.region, np.ravel(poles)))
+        self.figure.x_range.update(start=low, end=high)
+        self.figure.y_range.update(start=-height, end=height)
+
+    def _draw(self) -> None:
+        self.region.data = _columns(outline(self.state.region, self.view))
+        self._handles = handles(self.state.region, self.view)
+        self.handles.data = _columns(np.array([own.place for own in self._handles]))
 
     def show(self, design: Design | None, region: Region) -> None:
         """Show the poles of a law that was asked for a region; none where there is none."""
@@ -184,23 +194,30 @@ class Poles:
         if not len(new["number"]):
             return
         which, place = int(new["handle"][0]), complex(new["x"][0], new["y"][0])
-        if new["begin"][0] or self._held is None:
-            if not 0 <= which < len(self._handles):
-                return
+        if new["begin"][0]:
+            self._held = None  # the last end is lost where the pointer was released elsewhere
+        if self._held is None and 0 <= which < len(self._handles):
             self._held = self._handles[which], self.state.region
-        handle, region = self._held
-        end = bool(new["end"][0])
         try:
-            self._drag(moved(region, handle, place), end)
-        except RegionError:  # nothing there is a region: it stays as it is
-            self._drag(self.state.region, end)
+            if self._held is not None:
+                self._move(*self._held, place, bool(new["end"][0]))
         finally:  # without which the browser would ask no more
             self._number = int(new["number"][0])
             self.seen.data = {"number": [self._number], "shown": self.seen.data["shown"]}
-        if end:
-            self._held = None
+
+    def _move(self, handle: Handle, region: Region, place: complex, end: bool) -> None:
+        try:
+            region = moved(region, handle, place)
+        except RegionError:  # nothing there is a region: it stays as it is
+            region = self.state.region
+        self._moving = True
+        try:
+            self._drag(region, end)
+        finally:
+            self._moving = False
+            self._held = None if end else self._held
 
 
-def _columns(points: Array) -> dict[str, Array]:
+def _columns(points: Array | Curve) -> dict[str, Array]:
     points = np.asarray(points, dtype=complex)
     return {"x": points.real.copy(), "y": points.imag.copy()}

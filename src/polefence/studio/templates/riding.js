@@ -81,9 +81,11 @@ function spring(from, to) {
 }
 
 function draw(k) {
-  empty(cursor)
   for (const car of cars) show(car, k)
-  if (k < looked.passive.data.time.length) put(cursor, {x: [looked.passive.data.time[k]]})
+  const now = performance.now()
+  if (play.active && now - (play.pointed || 0) < 100) return // signals take long to be drawn
+  play.pointed = now
+  put(cursor, {x: [...looked.passive.data.time.slice(k, k + 1)]})
 }
 
 function show(car, k) {
@@ -134,8 +136,10 @@ function show(car, k) {
   })
 }
 
-const frame = (seconds) =>
-  Math.round(Math.min(seconds / at.end, 1) * (looked.passive.data.time.length - 1))
+function frame(seconds) {
+  const last = Math.max(looked.passive.data.time.length - 1, 0)
+  return Math.round(Math.min(seconds / at.end, 1) * last)
+}
 if (what == "play") {
   play.label = play.active ? "Pause" : "Play"
   const begun = performance.now() - 1000 * at.value

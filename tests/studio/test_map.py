@@ -11,6 +11,7 @@ from polefence import Disk, place
 from polefence.studio import State
 from polefence.studio.map import SIDE, Map
 from polefence.studio.palette import LIGHT
+from support.studios import subject
 
 
 @pytest.fixture
@@ -25,18 +26,27 @@ def own(physical, chosen):
 
 def test_of_a_proved_law_no_car_leaves_the_region(physical, own):
     design = place(physical, Disk(-40, 31))
-    assert own.show(design, design.region, State.first(physical, design.region)) == 0
+    assert own.show(design, design.region, State.first(subject(), design.region)) == 0
 
 
 def test_cells_are_marked_where_the_poles_of_their_cars_are_outside(physical, own):
     design = place(physical, Disk(-40, 31))
     region = Disk(-40, 28.5)
-    count = own.show(design, region, State.first(physical, region))
+    count = own.show(design, region, State.first(subject(), region))
     assert 0 < count < SIDE**2
     cells = own.cells.data
     for x, y, colour in zip(cells["x"], cells["y"], cells["colour"], strict=True):
         poles = design.poles(physical.alpha(m1=x, beta=y))
         assert (colour == LIGHT.looked) == (not region.contains(poles))
+
+
+def test_the_python_counts_the_cells_of_the_map(physical, own):
+    design, region = place(physical, Disk(-40, 31)), Disk(-40, 28.5)
+    count = own.show(design, region, State.first(subject(), region))
+    found = {"plant": physical, "design": design, "region": region}
+    exec(own.python, found)
+    assert found["inside"].shape == (SIDE**2,)
+    assert 0 < (~found["inside"]).sum() == count
 
 
 def test_the_cells_fill_the_box(physical, own):

@@ -8,20 +8,16 @@ import numpy as np
 import pytest
 
 from polefence import Design, Disk, HalfPlane
-from polefence.examples import spec_text
-from polefence.plant.spec import loads
-from polefence.studio import Page, Session, State, answers
+from polefence.studio import Page, State, answers, question
 from support.browser import until
+from support.studios import subject
 
 pytest.importorskip("panel")
-
-SPEC = spec_text("quarter-car-physical")
 
 
 @pytest.fixture
 def page(tmp_path):
-    plant = loads(SPEC)
-    own = Page(Session(SPEC, plant, State.first(plant, Disk(-40, 31))), "car.toml", tmp_path)
+    own = Page(subject(), State.first(subject(), Disk(-40, 31)), tmp_path)
     assert until(lambda: "proved: all poles in disk(-40, 31)" in own.badge.object)
     yield own
     own.close()
@@ -41,14 +37,14 @@ def test_the_cloud_is_of_the_region_that_the_badge_names(page):
 
 
 def test_while_a_law_is_searched_nothing_is_said_of_the_last_one(page, monkeypatch):
-    held, go, place = threading.Event(), threading.Event(), answers.place
+    held, go, place = threading.Event(), threading.Event(), question.place
 
     def late(*own, **more):
         held.set()
         go.wait(20)
         return place(*own, **more)
 
-    monkeypatch.setattr(answers, "place", late)
+    monkeypatch.setattr(question, "place", late)
     page.region.value = "disk(-40, 36)"
     assert held.wait(20)
     assert "being searched: disk(-40, 36)" in page.badge.object
@@ -61,14 +57,14 @@ def test_where_there_is_no_law_no_poles_are_shown(page, monkeypatch):
     def none(*own, **more):
         raise answers.PolefenceError("there is <none>")
 
-    monkeypatch.setattr(answers, "place", none)
+    monkeypatch.setattr(question, "place", none)
     page.region.value = "disk(-40, 36)"
     assert until(lambda: "there is &lt;none&gt;" in page.badge.object)
     assert len(cloud(page)) == 0
     assert len(page.poles.looked.data["x"]) == 0
     assert until(lambda: "There is no law" in page.count.object)
     assert until(lambda: "with this law" not in page.ride.object)
-    assert page.wrong.disabled
+    assert page.service.button.disabled
 
 
 def test_what_is_saved_is_what_is_shown(page, tmp_path):
@@ -81,13 +77,13 @@ def test_what_is_saved_is_what_is_shown(page, tmp_path):
 
 def test_what_was_proved_is_not_saved_with_another_region(page, tmp_path, monkeypatch):
     page.save.clicks += 1
-    assert (tmp_path / "design" / "design.json").is_file()
-    go, place = threading.Event(), answers.place
-    monkeypatch.setattr(answers, "place", lambda *own, **more: go.wait(20) and place(*own, **more))
+    assert until(lambda: (tmp_path / "design" / "design.json").is_file())
+    go, place = threading.Event(), question.place
+    monkeypatch.setattr(question, "place", lambda *own, **more: go.wait(20) and place(*own, **more))
     page.region.value = "disk(-40, 36)"
     page.save.clicks += 1
+    assert until(lambda: "no design" in page.message.object)
     assert not (tmp_path / "design" / "design.json").exists()
-    assert "no design" in page.message.object
     go.set()
 
 
@@ -124,7 +120,7 @@ def test_a_slider_is_no_new_question(page):
     page.sliders[0].value = 250.0
     assert dict(page.history.now.values)["m1"] == 250.0
     assert page.newest.number == number
-    assert "--set m1=250.0" in page.take.object
+    assert "--set m1=250.0" in page.takes["drive"].object
 
 
 def test_a_region_of_another_kind_has_other_handles(page):
@@ -132,6 +128,48 @@ def test_a_region_of_another_kind_has_other_handles(page):
     assert until(lambda: "proved: all poles in half_plane(4)" in page.badge.object)
     assert {type(page.history.now.region)} == {HalfPlane}
     assert all(own.place.real == -4 for own in page.poles._handles)
+
+
+def test_a_drag_whose_end_was_lost_is_a_step_to_undo_all_the_same(page):
+    page._dragged(Disk(-40, 35), False)
+    page._dragged(Disk(-40, 36), False)
+    page.region.value = "half_plane(4)"
+    page.back.clicks += 1
+    assert page.history.now.region == Disk(-40, 36)
+    page.back.clicks += 1
+    assert page.history.now.region == Disk(-40, 31)
+
+
+def test_an_answer_that_was_there_is_there_at_once(page, monkeypatch):
+    page.region.value = "disk(-40, 36)"
+    assert until(lambda: "proved: all poles in disk(-40, 36)" in page.badge.object)
+    monkeypatch.setattr(question, "place", lambda *own, **more: pytest.fail("searched again"))
+    page.back.clicks += 1
+    assert until(lambda: "proved: all poles in disk(-40, 31)" in page.badge.object)
+    assert Disk(-40, 31).contains(cloud(page))
+
+
+def test_a_report_and_code_are_written_of_what_is_proved(page, tmp_path):
+    page.report.clicks += 1
+    assert until(lambda: "report.html" in page.message.object, patience=60)
+    text = (tmp_path / "report.html").read_text()
+    assert "disk(-40, 31)" in text
+    page.code.clicks += 1
+    assert until(lambda: "law.c" in page.message.object, patience=60)
+    assert "double" in (tmp_path / "code" / "law.c").read_text()
+    page.region.value = "disk(-40, 20)"
+    assert page.report.disabled
+    assert page.code.disabled
+    assert until(lambda: "refuted" in page.badge.object)
+    assert page.report.disabled
+    assert page.code.disabled
+
+
+def test_no_report_takes_the_place_of_another_file(page, tmp_path):
+    (tmp_path / "report.html").write_text("mine")
+    page.report.clicks += 1
+    assert until(lambda: "is no report" in page.message.object, patience=60)
+    assert (tmp_path / "report.html").read_text() == "mine"
 
 
 def test_closing_gives_up_what_is_asked(page):

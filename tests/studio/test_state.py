@@ -1,27 +1,23 @@
-"""States, their history, and the files of sessions."""
+"""States, their history, and the commands and the Python that give what is shown."""
 
 from __future__ import annotations
 
-import json
 import shlex
-from pathlib import Path
 
 import pytest
 
-from polefence import METHODS, Disk, HalfPlane, parse_region
-from polefence.base.errors import SpecError
+from polefence import METHODS, Disk, HalfPlane, Structure, parse_region
 from polefence.cli.main import main
+from polefence.design.design import read_document
 from polefence.examples import spec_text
-from polefence.plant.spec import loads
-from polefence.studio import History, Session, State, is_session, read_session
+from polefence.studio import Found, History, State
 from polefence.studio.state import MOST_BACK
-
-SPEC = spec_text("quarter-car-physical")
+from support.studios import subject, written
 
 
 @pytest.fixture(scope="module")
 def state():
-    return State.first(loads(SPEC), Disk(-40, 31))
+    return State.first(subject(), Disk(-40, 31))
 
 
 def test_a_session_begins_in_the_middle_of_all_intervals(state):
@@ -48,99 +44,91 @@ def test_so_many_steps_are_kept(state):
 
 def test_the_command_and_the_python_design_what_is_shown(state, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    (tmp_path / "my car.toml").write_text(SPEC)
+    own = written("", spec_text("quarter-car-physical"), "my car.toml")
     region = parse_region("half_plane(4) & sector(0.2) & disk(-30, 30)")
-    own = State(region, "quadratic", values=state.values)
-    words = shlex.split(own.command("my car.toml"))
+    state = State.first(own, region, method="quadratic")
+    words = shlex.split(state.question.command(own))
     assert words[0] == "polefence"
     assert main(words[1:]) == 0
     found = {}
-    exec(own.python("my car.toml", 4), found)
+    exec(state.python(own), found)
     assert found["design"].region == region
     assert found["design"].method == "quadratic"
     assert (tmp_path / "design" / "design.json").is_file()
 
 
-def test_the_python_of_a_plant_without_parameters(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    text = spec_text("f4e")
-    plant = loads(text)
-    assert not plant.parameters
-    Path("f4e.toml").write_text(text)
-    state, found = State.first(plant, HalfPlane(0.5)), {}
-    exec(state.python("f4e.toml", len(plant.vertices)), found)
-    assert found["K"].shape == plant.shape[::-1]
-
-
-def test_a_session_is_read_as_it_was_written(state, tmp_path):
-    path = tmp_path / "session.json"
-    own = Session(SPEC, loads(SPEC), state.at("m1", 250.0))
-    path.write_text(own.dumps())
-    assert is_session(path)
-    found = read_session(path)
-    assert (found.spec, found.state) == (SPEC, own.state)
-    assert found.plant.digest == own.plant.digest
-
-
-def test_a_session_may_be_written_closer(state, tmp_path):
-    path = tmp_path / "session.json"
-    table = json.loads(Session(SPEC, loads(SPEC), state).dumps())
-    path.write_text(json.dumps(table, separators=(",", ":")))
-    assert is_session(path)
-    assert read_session(path).state == state
-
-
-@pytest.mark.parametrize("text", ["[" * 100_000, '{"format": "polefence studio", "spec": 1'])
-def test_what_is_no_json_is_said(tmp_path, text):
-    (tmp_path / "session.json").write_text(text)
-    with pytest.raises(SpecError, match="no JSON"):
-        read_session(tmp_path / "session.json")
-
-
-@pytest.mark.parametrize("end", ["low", "high"])
-def test_the_ends_of_an_interval_are_values_like_others(state, tmp_path, end):
-    plant, path = loads(SPEC), tmp_path / "session.json"
-    for p in plant.parameters:
-        state = state.at(p.name, float(getattr(p, end)))
-    path.write_text(Session(SPEC, plant, state).dumps())
-    assert read_session(path).state == state
-
-
-FAULTS = {
-    "format": ("other", "format is not"),
-    "spec": (None, "spec is missing"),
-    "region": ("disk(1)", "takes 2 numbers"),
-    "method": ("best", "method = 'best'"),
-    "values": ({"m1": 1e9}, "m1 = 1000000000.0 must be a number from 231.12 to 346.68"),
-    "road": ("class Z", "road = 'class Z'"),
-    "speed": (50, "speed = 50 must be a number from 5 to 40 m/s"),
-    "road ": ([], "road = []"),
-    "speed ": (10**400, "must be a number from 5 to 40 m/s"),
-    "more": (1, "unknown key 'more'"),
+FREE = """
+[law]
+measured = ["suspension deflection", "sprung-mass velocity", "unsprung-mass velocity"]
+schedule = []
+"""
+ASKED = {
+    "one gain": ("", {"method": "quadratic", "ride": True}),
+    "scheduled": ("", {"ride": True}),
+    "fewer sensors": ("", {"measured": ("suspension deflection", "sprung-mass velocity")}),
+    "limit": ("", {"ride": True, "over": "rms of actuator force", "limit": 200.0}),
+    "law": (FREE, {"ride": True}),
+    "law, other sensors": (FREE, {"measured": ("tyre deflection", "unsprung-mass velocity")}),
 }
 
 
-@pytest.mark.parametrize("key", FAULTS)
-def test_a_bad_session_is_named_in_one_line(state, tmp_path, key):
-    path = tmp_path / "session.json"
-    table = json.loads(Session(SPEC, loads(SPEC), state).dumps())
-    table[key.strip()], words = FAULTS[key]
-    path.write_text(json.dumps(table))
-    with pytest.raises(SpecError) as caught:
-        read_session(path)
-    assert words in str(caught.value)
-    assert str(path) in str(caught.value)
-    assert "\n" not in str(caught.value)
+@pytest.mark.parametrize("name", ASKED)
+def test_all_that_is_asked_has_its_command_and_its_python(tmp_path, monkeypatch, name):
+    monkeypatch.chdir(tmp_path)
+    more, changed = ASKED[name]
+    own = written("", spec_text("quarter-car-ride") + more)
+    region = parse_region("half_plane(0.5) & sector(0.1)")
+    asked = State.first(own, region).asking(**{"method": "quadratic"} | changed).question
+    shown = Found.of(asked.found(own).design).design.law
+    assert main(shlex.split(asked.command(own))[1:]) == 0
+    document = read_document(tmp_path / "design" / "design.json")
+    assert len(document.claims) == (5 if asked.ride else 1)
+    found = {}
+    exec(asked.python(own), found)
+    alpha = [0.1, 0.2, 0.3, 0.4]
+    assert found["design"].law.gain(alpha) == pytest.approx(shown.gain(alpha), rel=1e-9)
+    from polefence import Design
+
+    again = Design.load(tmp_path / "design")
+    assert again.law.gain(alpha) == pytest.approx(shown.gain(alpha), rel=1e-9)
 
 
-@pytest.mark.parametrize("value", [True, "1", None, float("nan")])
-def test_a_value_that_is_no_number_is_refused(state, tmp_path, value):
-    path = tmp_path / "session.json"
-    table = json.loads(Session(SPEC, loads(SPEC), state).dumps())
-    path.write_text(json.dumps(table | {"values": {"beta": value}}))
-    with pytest.raises(SpecError, match="beta"):
-        read_session(path)
+def test_a_limit_takes_the_place_of_that_of_the_spec():
+    own = subject("quarter-car-ride")
+    asked = State.first(own, HalfPlane(0)).asking(ride=True).question
+    other = State.first(own, HalfPlane(0)).asking(
+        ride=True, over="rms of actuator force", limit=100.0
+    )
+    free = [bound.rpartition("<= ")[2] for bound in asked.found(own).bounds]
+    held = other.question.found(own).bounds
+    assert float(held[0].rpartition("<= ")[2]) > float(free[0])
+    assert "rms of actuator force <= 100" in held
+    assert len(held) == 4
+
+
+def test_every_signal_is_an_lmi_and_fewer_are_tuned():
+    own = subject()
+    asked = State.first(own, Disk(-40, 31)).question
+    assert asked.structure(own) is None
+    fewer = State.first(own, Disk(-40, 31)).asking(measured=own.measured[:2], method="quadratic")
+    assert fewer.question.structure(own) == Structure(measured=own.measured[:2], schedule=())
+
+
+def test_names_with_commas_are_quoted(tmp_path):
+    text = spec_text("servo").replace("load speed", "speed, of the load")
+    own = written(tmp_path, text)
+    asked = State.first(own, HalfPlane(1)).asking(measured=own.measured[:2]).question
+    words = shlex.split(asked.command(own))
+    assert words[words.index("--measured") + 1] == 'load angle, "speed, of the load"'
+
+
+def test_the_python_of_a_plant_without_parameters(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    own, found = written("", spec_text("f4e"), "f4e.toml"), {}
+    assert not own.plant.parameters
+    exec(State.first(own, HalfPlane(0.5)).python(own), found)
+    assert found["K"].shape == own.plant.shape[::-1]
 
 
 def test_methods_are_those_of_the_package(state):
-    assert state.method == METHODS[-1]
+    assert state.question.method == METHODS[-1]

@@ -3,23 +3,23 @@
 from __future__ import annotations
 
 import argparse
-from dataclasses import replace
 from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from polefence.base.errors import InputError, MissingExtraError
-from polefence.base.files import make_folder, read_text
+from polefence.base.files import check_target
 from polefence.cli.common import PROVED
 from polefence.cli.terminal import say
 from polefence.design.checks import require_region
-from polefence.design.design import Design, is_proof_file
+from polefence.design.design import FILE_NAME, Design, is_proof_file, read_document
 from polefence.lmi.conditions.methods import METHODS
-from polefence.plant.spec import MAX_BYTES, dumps, loads
+from polefence.plant.spec import dumps, loads
+from polefence.region.regions import Region
 from polefence.region.text import load_region, parse_region
 
 if TYPE_CHECKING:
-    from polefence.studio import Session
+    from polefence.studio import Found, State, Subject
 
 MOST_PORT = 65535
 
@@ -57,12 +57,12 @@ def studio_command(options: Any) -> int:
         raise MissingExtraError(
             "the studio needs Panel, which is not installed; pip install 'polefence[studio]'"
         )
-    from polefence.studio import serve
+    from polefence.studio import SESSION, serve
 
-    session, name = _session(options)
-    require_region(session.plant, session.state.region)
-    folder = make_folder(options.output)
-    serve(session, name, folder, options.port, not options.no_browser, _ready)
+    check_target(options.output / SESSION)
+    subject, state, found = _opened(options)
+    require_region(subject.plant, state.region)
+    serve(subject, state, options.output, options.port, not options.no_browser, _ready, found=found)
     return PROVED
 
 
@@ -70,22 +70,35 @@ def _ready(address: str) -> None:
     say(f"studio: {address}", "whoever has this address can use it; Ctrl-C ends it")
 
 
-def _session(options: Any) -> tuple[Session, str]:
-    """Read a spec, a design or a session; return it with how its spec is called in commands."""
-    from polefence.studio import PLANT, Session, State, first_region, is_session, read_session
+def _opened(options: Any) -> tuple[Subject, State, Found | None]:
+    """Read a spec, a design or a session; of a design its law too."""
+    from polefence.studio import Session, State, Subject, first_region, is_session, put_spec
 
-    path, name = options.subject, str(options.output / PLANT)
+    path, found = options.subject, None
     region = None if options.region is None else parse_region(options.region)
     if path.is_dir() or is_proof_file(path):
-        design = Design.load(path, allow_unproved=True)
-        method = design.method if design.method in METHODS else METHODS[-1]
-        state = State.first(design.plant, region or design.region, method)
-        return Session(dumps(design.plant), design.plant, state), name
+        return _design(path, region, options.output)
     if is_session(path):
-        session = read_session(path)
-        now = session.state if region is None else replace(session.state, region=region)
-        return replace(session, state=now), name
-    text = read_text(path, MAX_BYTES, InputError)
-    plant = loads(text, str(path))
-    region = region or load_region(path) or first_region(plant)
-    return Session(text, plant, State.first(plant, region)), str(path)
+        session = Session.read(path)
+        loads(session.text, f"{path}: spec")  # nothing is written of what makes no sense
+        subject = Subject.read(put_spec(options.output, session.text))
+        state = session.state(subject, path)
+    else:
+        subject = Subject.read(path)
+        state = State.first(subject, region or load_region(path) or first_region(subject))
+    return subject, state if region is None else state.asking(region=region), found
+
+
+def _design(path: Path, region: Region | None, folder: Path) -> tuple[Subject, State, Found | None]:
+    from polefence.studio import Found, State, Subject, put_spec
+
+    where = path / FILE_NAME if path.is_dir() else path
+    design, document = Design.load(path, allow_unproved=True), read_document(where)
+    subject = Subject.read(put_spec(folder, dumps(design.plant)))
+    method = design.method if design.method in METHODS else METHODS[-1]
+    state = State.first(subject, design.region, method=method)
+    if region is not None:
+        return subject, state.asking(region=region), None
+    claims = document.claims[1:]
+    bounds = tuple(" ".join(own.statement(document.plant).split()) for own in claims)
+    return subject, state, Found(design, document, bounds)

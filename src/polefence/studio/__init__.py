@@ -2,19 +2,25 @@
 
 from polefence.studio.answers import Answer, Newest, first_region
 from polefence.studio.page import Page
+from polefence.studio.question import Found, Question
 from polefence.studio.server import serve
-from polefence.studio.state import PLANT, History, Session, State, is_session, read_session
+from polefence.studio.session import SESSION, Session, is_session, put_spec
+from polefence.studio.state import History, State
+from polefence.studio.subject import Subject
 
 __all__ = [
-    "PLANT",
+    "SESSION",
     "Answer",
+    "Found",
     "History",
     "Newest",
     "Page",
+    "Question",
     "Session",
     "State",
+    "Subject",
     "first_region",
     "is_session",
-    "read_session",
+    "put_spec",
     "serve",
 ]

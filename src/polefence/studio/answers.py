@@ -6,20 +6,23 @@ import threading
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from pathlib import Path
 
 from polefence.base.errors import PolefenceError
 from polefence.design.certificate import Check
-from polefence.design.design import Design, check
+from polefence.design.design import FILE_NAME, Design, check_document
 from polefence.design.progress import progress
-from polefence.design.signals.placed import place, tightest
+from polefence.design.signals.placed import tightest
 from polefence.lmi.solve.smallest import typical_rate
-from polefence.plant.family import UncertainPlant
 from polefence.region.regions import Disk, HalfPlane, Region
+from polefence.studio.question import Found, Question
+from polefence.studio.subject import Subject
 
 ROOM = 1.1  # times the smallest radius, that a session begins with
 PAUSE = 0.1  # [s] before a proof begins
 THREAD = "polefence studio"  # name of threads
 AT_ONCE = 2  # one that ends where it next tells how far it is, and the newest
+MOST_KNOWN = 100  # answers that are kept
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,34 +33,49 @@ class Answer:
     ----------
     number : int
         Of the question.
-    region : Region
-    design : Design, optional
+    question : Question
+    found : Found, optional
         What was found in floats; None where nothing was.
     check : Check, optional
         What the checker says of it; None while it is at work.
     reason : str
         Why nothing was found.
+    refuted : bool
+        Whether there is a proof that nothing can be.
     """
 
     number: int
-    region: Region
-    design: Design | None = None
+    question: Question
+    found: Found | None = None
     check: Check | None = None
     reason: str = ""
+    refuted: bool = False
+
+    @property
+    def design(self) -> Design | None:
+        """The law that was found."""
+        return None if self.found is None else self.found.design
 
     @property
     def final(self) -> bool:
         """Whether no more is to come."""
-        return self.check is not None or self.design is None
+        return self.check is not None or self.found is None
+
+    @property
+    def proved(self) -> bool:
+        """Whether everything is that is claimed."""
+        return self.check is not None and self.check.proved
 
 
-def first_region(plant: UncertainPlant) -> Region:
-    """Return a region that a plant can have: a disk a little larger than the smallest."""
+def first_region(subject: Subject) -> Region:
+    """Return a region that a law can keep: for one of all states, a disk little above the least."""
+    plant = subject.plant
     if plant.sample_time is not None:
         return Disk(0.0, 1.0)
     rate = float(f"{typical_rate(plant.A):.2g}")
+    tuned = Question(HalfPlane(0.0), subject.measured).structure(subject) is not None
     with suppress(PolefenceError):
-        part = tightest(plant, -rate).region
+        part = HalfPlane(0.0) if tuned else tightest(plant, -rate).region
         radius = ROOM * part.radius if isinstance(part, Disk) else rate
         if radius < rate:
             return Disk(-rate, float(f"{max(radius, rate / 2):.3g}"))
@@ -65,40 +83,83 @@ def first_region(plant: UncertainPlant) -> Region:
 
 
 class SupersededError(Exception):
-    """Ends work whose question is no longer the newest."""
+    """Ends work that nobody waits for any longer."""
 
 
-class Newest:
-    """Designs for what was asked last.
+def in_background(
+    work: Callable[[], object], wanted: Callable[[], bool], fault: Callable[[str], object]
+) -> None:
+    """Do work in a thread of its own, which ends where it is no longer wanted.
 
     Parameters
     ----------
-    plant : UncertainPlant
+    work : callable
+        Tells by itself what it finds.
+    wanted : callable
+    fault : callable
+        Told what it raises, in one line.
+    """
+
+    def heed(_: str = "") -> None:
+        if not wanted():
+            raise SupersededError
+
+    def run() -> None:
+        try:
+            with progress(heed):
+                heed()
+                work()
+        except SupersededError:
+            return
+        except PolefenceError as error:
+            fault(" ".join(str(error).split()))
+        except Exception as error:
+            fault(f"a fault of ours: {error!r}")
+            raise
+
+    # what is inside the kernel when the page is closed must not keep the process
+    threading.Thread(target=run, name=THREAD, daemon=True).start()
+
+
+class Newest:
+    """Laws for what was asked last.
+
+    Parameters
+    ----------
+    subject : Subject
     tell : callable
         Called with each `Answer` to the newest question, in another thread.
     """
 
-    def __init__(self, plant: UncertainPlant, tell: Callable[[Answer], object]) -> None:
-        self._plant, self._tell = plant, tell
+    def __init__(self, subject: Subject, tell: Callable[[Answer], object]) -> None:
+        self._subject, self._tell = subject, tell
         self._room = threading.Semaphore(AT_ONCE)
         self._lock, self._number = threading.Lock(), 0
         self._asked = threading.Condition(self._lock)
+        self._known = dict[Question, Answer]()
 
     @property
     def number(self) -> int:
         """That of the newest question."""
         return self._number
 
-    def ask(self, region: Region, method: str) -> int:
+    def know(self, question: Question, found: Found, check: Check | None = None) -> None:
+        """Take over what was found elsewhere; without a check it is proved when it is asked for."""
+        with self._lock:
+            self._keep(Answer(0, question, found, check))
+
+    def ask(self, question: Question) -> int:
         """Ask for a law; return the question's number. What was asked before is given up."""
         with self._lock:
             self._number += 1
-            number = self._number
+            own = Answer(self._number, question)
             self._asked.notify_all()
-        # what is inside the kernel when the page is closed must not keep the process
-        own = Answer(number, region)
-        threading.Thread(target=self._answer, args=(own, method), name=THREAD, daemon=True).start()
-        return number
+
+        def fault(reason: str) -> None:
+            self._say(replace(own, reason=reason))
+
+        in_background(lambda: self._answer(own), lambda: own.number == self._number, fault)
+        return own.number
 
     def close(self) -> None:
         """Give up what is asked, and take no more."""
@@ -106,29 +167,31 @@ class Newest:
             self._number += 1
             self._asked.notify_all()
 
-    def _answer(self, own: Answer, method: str) -> None:
-        def heed(_: str = "") -> None:
+    def _answer(self, own: Answer) -> None:
+        with self._room:
             if own.number != self._number:
-                raise SupersededError
-
-        try:
-            with self._room, progress(heed):
-                heed()
-                try:
-                    design = place(self._plant, own.region, method, allow_unproved=True)
-                except PolefenceError as error:
-                    self._say(replace(own, reason=" ".join(str(error).split())))
-                    return
-                own = replace(own, design=design)
-                self._say(own)
+                return
+            known = self._known.get(own.question)
+            if known is not None:
+                own = replace(known, number=own.number)
+            if own.found is None:
+                own = self._search(own)
+            else:
+                self._say(replace(own, check=None))
+            if own.found is not None and own.check is None:
                 self._wait(own.number)
-                heed()
-                self._say(replace(own, check=check(design)))
-        except SupersededError:
-            return
-        except Exception as error:
-            self._say(replace(own, design=None, reason=f"a fault of ours: {error!r}"))
-            raise
+                if own.number == self._number:
+                    own = replace(own, check=check_document(own.found.document, Path(FILE_NAME)))
+            self._say(own)
+
+    def _search(self, own: Answer) -> Answer:
+        try:
+            own = replace(own, found=own.question.found(self._subject))
+        except PolefenceError as error:
+            refuted = getattr(error, "refutation", None) is not None
+            return replace(own, reason=" ".join(str(error).split()), refuted=refuted)
+        self._say(own)
+        return own
 
     def _wait(self, number: int) -> None:
         """Wait a little for a newer question, whose law a proof of this one would only delay."""
@@ -138,4 +201,13 @@ class Newest:
     def _say(self, own: Answer) -> None:
         with self._lock:
             if own.number == self._number:
+                if own.final:
+                    self._keep(own)
                 self._tell(own)
+
+    def _keep(self, own: Answer) -> None:
+        if not own.reason.startswith("a fault"):
+            self._known.pop(own.question, None)
+            self._known[own.question] = own
+            for question in list(self._known)[:-MOST_KNOWN]:
+                del self._known[question]

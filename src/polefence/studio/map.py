@@ -14,10 +14,10 @@ from polefence.design.design import Design
 from polefence.plant.family import UncertainPlant
 from polefence.plant.parameters import Parameter
 from polefence.plant.points import weights_of
-from polefence.proof.text import visible
 from polefence.region.regions import Region
 from polefence.studio.palette import Palette, coloured
 from polefence.studio.state import State
+from polefence.studio.words import plain
 
 SIDE = 24  # cars either way
 
@@ -89,6 +89,26 @@ class Map:
         self.cells.data = {"x": self._x, "y": self._y, "colour": colours}
         return int(outside.sum())
 
+    @property
+    def python(self) -> str:
+        """Python that finds the cells in which a design keeps the region."""
+        x, y = (p.name for p in self.plant.parameters[:2])
+        (left, right), (low, high) = ((own[0], own[-1]) for own in (self._x, self._y))
+        rest = "".join(f", {p.name}={p.name}" for p in self.plant.parameters[2:])
+        fixed = [f"{p.name} = {float((p.low + p.high) / 2)!r}" for p in self.plant.parameters[2:]]
+        lines = [
+            "import numpy as np",
+            "",
+            *fixed,
+            "alpha = [",
+            f"    plant.alpha({x}={x}, {y}={y}{rest})",
+            f"    for {x} in np.linspace({float(left)!r}, {float(right)!r}, {SIDE})",
+            f"    for {y} in np.linspace({float(low)!r}, {float(high)!r}, {SIDE})",
+            "]",
+            "inside = region.distance(design.poles(np.array(alpha))).max(axis=-1) < 0",
+        ]
+        return "\n".join(lines)
+
     def look(self, state: State) -> None:
         """Mark the car of a state."""
         first, second = (dict(state.values)[p.name] for p in self.plant.parameters[:2])
@@ -103,6 +123,5 @@ class Map:
 
 
 def _label(p: Parameter) -> str:
-    """Return a parameter's name with its unit, in which nothing is a formula."""
-    text = visible(f"{p.name} [{p.unit}]" if p.unit else p.name)
-    return text.replace("$", "$\u200b").replace("\\", "\\\u200b")
+    """Return a parameter's name with its unit."""
+    return plain(f"{p.name} [{p.unit}]" if p.unit else p.name)

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import threading
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import replace
 from functools import partial
@@ -13,41 +12,32 @@ from typing import Any
 import panel as pn
 
 from polefence.base.errors import PolefenceError
-from polefence.base.files import write_text
 from polefence.design.checks import implies_stability
-from polefence.design.design import FILE_NAME, Design
-from polefence.design.margins import in_service
-from polefence.design.progress import progress
+from polefence.design.rows import Row
 from polefence.lmi.conditions.methods import METHODS
 from polefence.plant.points import values_at, values_text
 from polefence.proof.text import visible
 from polefence.region.regions import Region
 from polefence.region.text import parse_region
-from polefence.studio.answers import Answer, Newest, SupersededError
+from polefence.studio import taking
+from polefence.studio.answers import Answer, Newest, in_background
 from polefence.studio.car import Car
+from polefence.studio.front import Front
 from polefence.studio.map import SIDE, Map
-from polefence.studio.palette import DARK, LIGHT
+from polefence.studio.palette import DARK, LIGHT, STYLE
 from polefence.studio.poles import Poles
+from polefence.studio.question import Found, Question
 from polefence.studio.rides import ROADS, rides
-from polefence.studio.state import LEAST_SPEED, MOST_SPEED, PLANT, SESSION, History, Session
-from polefence.studio.words import code, margins_table, paragraph, safe
+from polefence.studio.sensors import Sensors
+from polefence.studio.service import Service, margins_of
+from polefence.studio.state import LEAST_SPEED, MOST_SPEED, MOST_TRAVEL, History, State
+from polefence.studio.subject import Subject
+from polefence.studio.words import paragraph, safe, taken
 
 WIDE = {"sizing_mode": "stretch_width"}
 LARGE, SMALL = {"flex": "3 1 520px"}, {"flex": "2 1 340px"}
-STYLE = """
-.badge { font-weight: 600; padding: 4px 10px; border-radius: 4px; border: 2px solid; }
-.proved { border-color: #2b5c8a; }
-.proved::before { content: "\\2713  "; }
-.refuted { border-color: #d95f02; border-style: double; }
-.refuted::before { content: "\\2717  "; }
-.undecided, .working { border-color: #888888; border-style: dashed; }
-.margins { border-collapse: collapse; }
-.margins th { text-align: left; font-weight: normal; }
-.margins th, .margins td { padding: 2px 10px 2px 0; }
-.bar { width: 110px; height: 12px; border: 1px solid #8a8a8a; }
-.bar div { height: 100%; background: #2b5c8a; }
-pre { white-space: pre-wrap; overflow-wrap: anywhere; }
-"""
+AIMS = {"a law for the region": False, "the best ride": True}
+OWN = "as the spec has it", 0.0  # the limit that is nobody's choice
 
 
 class Page:
@@ -55,125 +45,189 @@ class Page:
 
     Parameters
     ----------
-    session : Session
-    name : str
-        How the spec is called in commands.
+    subject : Subject
+    state : State
+        What it begins with.
     folder : Path
         Where files are saved.
     document : bokeh.document.Document, optional
         What the page is shown in; without one, answers come in a thread of their own.
     dark : bool
         Whether it is dark.
+    found : Found, optional
+        A law that is known to what it begins with.
     """
 
     def __init__(
         self,
-        session: Session,
-        name: str,
+        subject: Subject,
+        state: State,
         folder: Path,
         document: Any = None,
         dark: bool = False,
+        found: Found | None = None,
     ) -> None:
-        self.session, self.name, self.folder = session, name, folder
-        self.plant = session.plant
-        self.history = History(session.state)
+        self.subject, self.folder = subject, folder
+        self.plant = subject.plant
+        self.history = History(state)
         self.answer: Answer | None = None
         self._document = document
-        self.newest = Newest(self.plant, lambda own: self._soon(partial(self._answered, own)))
-        palette = DARK if dark else LIGHT
-        self.poles = Poles(self.plant, session.state, self._dragged, palette)
-        self.car = Car(self.plant, palette) if rides(self.plant) else None
-        self.map: Map | None = None
-        if len(self.plant.parameters) > 1:
-            self.map = Map(self.plant, palette, self._pointed)
-            self.map.look(session.state)
-        self._before: Region | None = None
-        self._quiet = self._fitted = False
+        self.newest = Newest(subject, lambda own: self._soon(partial(self._answered, own)))
+        if found is not None:
+            self.newest.know(state.question, found)
+        self._before: Question | None = None
+        self._quiet = self._fitted = self._closed = False
+        self._panes(DARK if dark else LIGHT)
         self._widgets()
         if document is None:
             self._ask()
         else:  # what changes before the browser listens is lost
             pn.state.onload(self._ask)
 
+    def _panes(self, palette: Any) -> None:
+        subject, state = self.subject, self.history.now
+        self.poles = Poles(self.plant, state, self._dragged, palette)
+        self.car = Car(self.plant, subject.car, palette) if rides(self.plant, subject.car) else None
+        self.map: Map | None = None
+        if len(self.plant.parameters) > 1:
+            self.map = Map(self.plant, palette, self._pointed)
+            self.map.look(state)
+        self.sensors = Sensors(subject, self._ticked)
+        self.front = Front(subject, palette, self._limited) if subject.overs else None
+        self.service = Service(self._wrong)
+
     def _widgets(self) -> None:
         state = self.history.now
         self.region = pn.widgets.TextInput(label="Region", value=str(state.region), **WIDE)
         self.region.param.watch(self._typed, "value")
-        self.method = pn.widgets.Select(
-            label="Method", options=list(METHODS), value=state.method, **WIDE
-        )
-        self.method.param.watch(self._chosen, "value")
-        self.sliders = []
-        values = dict(state.values)
-        for p in self.plant.parameters:
-            unit = f" [{p.unit}]" if p.unit else ""
-            low, high = float(p.low), float(p.high)
-            own = pn.widgets.FloatSlider(
-                label=visible(f"{p.name}{unit}"),
-                start=low,
-                end=high,
-                step=(high - low) / 100,
-                value=values[p.name],
-                **WIDE,
-            )
-            own.param.watch(lambda event, name=p.name: self._slid(name, event.new), "value")
-            self.sliders.append(own)
-        self.road = pn.widgets.Select(label="Road", options=list(ROADS), value=state.road, **WIDE)
-        self.speed = pn.widgets.FloatSlider(
-            label="Speed [m/s]",
-            start=LEAST_SPEED,
-            end=MOST_SPEED,
-            step=1.0,
-            value=state.speed,
-            **WIDE,
-        )
-        self.road.param.watch(lambda event: self._driven(road=event.new), "value")
-        self.speed.param.watch(lambda event: self._driven(speed=event.new), "value")
-        self.ride = pn.pane.HTML("", stylesheets=[STYLE])
-        self.count = pn.pane.HTML("", stylesheets=[STYLE])
-        self.badge = pn.pane.HTML("", stylesheets=[STYLE])
-        self.message = pn.pane.HTML("", stylesheets=[STYLE])
-        self.take = pn.pane.HTML("", stylesheets=[STYLE])
-        self.back, self.forward, self.fit, self.save = (
-            pn.widgets.Button(label=label) for label in ("Undo", "Redo", "Fit view", "Save")
-        )
-        self.wrong = pn.widgets.Button(label="How wrong may it be?", disabled=True)
-        self.wrong.on_click(lambda _: self._wrong())
-        self.margins = pn.pane.HTML("", stylesheets=[STYLE])
-        self.find = pn.widgets.Button(label="Show the car that fails", visible=False)
+        self.aim = pn.widgets.RadioButtonGroup(label="Look for", options=AIMS)
+        self.aim.param.watch(lambda event: self._asked(ride=event.new), "value")
+        self.method = pn.widgets.Select(label="Method", options=list(METHODS), **WIDE)
+        self.method.param.watch(lambda event: self._asked(method=event.new), "value")
+        self.sliders = [self._slider(p, dict(state.values)[p.name]) for p in self.plant.parameters]
+        self._roads()
+        html = partial(pn.pane.HTML, "", stylesheets=[STYLE])
+        self.ride, self.count, self.badge, self.message = html(), html(), html(), html()
+        self.takes = {key: html() for key in ("law", "drive", "service", "map", "front", "sensors")}
+        button = pn.widgets.Button
+        self.back, self.forward, self.fit = (button(label=x) for x in ("Undo", "Redo", "Fit view"))
+        self.save, self.report, self.code = (button(label=x) for x in ("Save", "Report", "C code"))
         self.back.on_click(lambda _: self._asked_again(self.history.back()))
         self.forward.on_click(lambda _: self._asked_again(self.history.forward()))
         self.fit.on_click(lambda _: self.poles.fit())
-        self.save.on_click(lambda _: self._save())
+        for own, name in ((self.save, "save"), (self.report, "report"), (self.code, "code")):
+            own.on_click(lambda _, name=name: self._take(name))
+        self.find = pn.widgets.Button(label="Show the car that fails", visible=False)
         self.find.on_click(lambda _: self._find())
+        self.worth = pn.widgets.Button(label="What is each sensor worth?")
+        self.worth.on_click(lambda _: self._compare())
+        self._trade()
         self._shown()
+
+    def _slider(self, parameter: Any, value: float) -> Any:
+        unit = f" [{parameter.unit}]" if parameter.unit else ""
+        low, high = float(parameter.low), float(parameter.high)
+        own = pn.widgets.FloatSlider(
+            label=visible(f"{parameter.name}{unit}"),
+            start=low,
+            end=high,
+            step=(high - low) / 100,
+            value=value,
+            **WIDE,
+        )
+        own.param.watch(lambda event: self._slid(parameter.name, event.new), "value")
+        return own
+
+    def _roads(self) -> None:
+        slider = pn.widgets.FloatSlider
+        self.road = pn.widgets.Select(label="Road", options=list(ROADS), **WIDE)
+        self.speed = slider(
+            label="Speed [m/s]", start=LEAST_SPEED, end=MOST_SPEED, step=1.0, **WIDE
+        )
+        self.travel = slider(
+            label="Bump stops at [mm]; 0: none", end=1e3 * MOST_TRAVEL, step=1.0, **WIDE
+        )
+        self.beside = pn.widgets.Checkbox(label="Smallest and largest load beside it")
+        self.road.param.watch(lambda event: self._driven(road=event.new), "value")
+        self.speed.param.watch(lambda event: self._driven(speed=event.new), "value")
+        self.travel.param.watch(lambda event: self._driven(travel_limit=event.new / 1e3), "value")
+        self.beside.param.watch(lambda event: self._driven(beside=event.new), "value")
+        if self.plant.parameters:
+            name = visible(self.plant.parameters[0].name)
+            self.beside.label = f"Smallest and largest {name} beside it"
+
+    def _trade(self) -> None:
+        titles = {visible(own.title): own.title for own in self.subject.overs} or {"": ""}
+        self.over = pn.widgets.Select(label="Trade-off over", options=titles, **WIDE)
+        self.over.param.watch(lambda _: self._anew(), "value")
+        self.draw = pn.widgets.Button(label="Draw the trade-off")
+        self.draw.on_click(lambda _: self._drawn_front())
+        self.progress = pn.pane.HTML("", stylesheets=[STYLE])
+        self.limit = pn.widgets.Select(label="Limit", options=dict([OWN]), **WIDE)
+        self.limit.param.watch(lambda event: self._limited(event.new), "value")
 
     def view(self) -> Any:
         """Return what the page shows."""
-        asked = pn.Column(
+        panes = self.panes()
+        rows = (("poles", "asked"), ("car", "traces"), ("map", "front", "sensors", "service"))
+        styles = {"poles": LARGE, "car": LARGE}
+        return pn.Column(
+            *(
+                pn.FlexBox(
+                    *(
+                        pn.Column(panes[name], styles=styles.get(name, SMALL))
+                        for name in names
+                        if name in panes
+                    ),
+                    **WIDE,
+                )
+                for names in rows
+            ),
+            **WIDE,
+        )
+
+    def panes(self) -> dict[str, Any]:
+        """Return all panes of this session, by their names."""
+        found = {
+            "poles": pn.pane.Bokeh(self.poles.figure, sizing_mode="scale_width", min_width=280),
+            "asked": self._asked_pane(),
+        }
+        if self.car is not None:
+            found |= self._car_panes(*self.car.views)
+        if self.map is not None:
+            own = pn.pane.Bokeh(self.map.figure, min_width=280, **WIDE)
+            found["map"] = pn.Column(own, self.count, self.takes["map"], **WIDE)
+        if self.front is not None:
+            own = pn.pane.Bokeh(self.front.figure, min_width=280, **WIDE)
+            front = (self.over, self.draw, self.progress, own, self.limit, self.takes["front"])
+            found["front"] = pn.Column(*front, **WIDE)
+        worth = (self.worth,) if self.subject.wanted is not None else ()
+        sensors = (self.sensors.view, *worth, self.takes["sensors"])
+        found["sensors"] = pn.Column(*sensors, **WIDE)
+        found["service"] = pn.Column(self.service.view, self.takes["service"], **WIDE)
+        return found
+
+    def _asked_pane(self) -> Any:
+        aim = (self.aim,) if self.subject.wanted is not None else ()
+        return pn.Column(
             pn.Row(self.badge, self.find),
+            *aim,
             self.region,
             self.method,
             *self.sliders,
-            *((self.road, self.speed, self.ride) if self.car is not None else ()),
-            pn.FlexBox(self.back, self.forward, self.fit, self.save),
+            pn.FlexBox(self.back, self.forward, self.fit, self.save, self.report, self.code),
             self.message,
-            self.wrong,
-            self.margins,
-            self.take,
+            self.takes["law"],
             min_width=280,
-            sizing_mode="stretch_width",
+            **WIDE,
         )
-        own = pn.pane.Bokeh(self.poles.figure, sizing_mode="scale_width", min_width=280)
-        shown = [pn.Column(own, styles=LARGE), pn.Column(asked, styles=SMALL)]
-        if self.car is not None:
-            for part, styles in zip(self.car.views, (LARGE, SMALL), strict=True):
-                own = pn.pane.Bokeh(part, min_width=280, **WIDE)
-                shown.append(pn.Column(own, styles=styles))
-        if self.map is not None:
-            own = pn.pane.Bokeh(self.map.figure, min_width=280, **WIDE)
-            shown.append(pn.Column(own, self.count, styles=SMALL))
-        return pn.FlexBox(*shown, **WIDE)
+
+    def _car_panes(self, scene: Any, traces: Any) -> dict[str, Any]:
+        drawn = [pn.pane.Bokeh(own, min_width=280, **WIDE) for own in (scene, traces)]
+        beside = (self.beside,) if self.plant.parameters else ()
+        asked = (self.road, self.speed, self.travel, *beside, self.ride)
+        own = pn.Column(*asked, drawn[1], self.takes["drive"], **WIDE)
+        return {"car": drawn[0], "traces": own}
 
     def _soon(self, work: Callable[[], object]) -> None:
         """Have something done in the page's own thread."""
@@ -191,18 +245,47 @@ class Page:
         before, self.history = self.history.now, history
         now = history.now
         with self._together():
+            if now.question.basis != before.question.basis:
+                self._anew()
             self._shown()
             self.poles.look(now)
             self._mapped()
-            if (now.region, now.method) != (before.region, before.method):
+            if now.question != before.question:
                 self._ask()
             elif now != before:
                 self._ride()
 
+    def _anew(self) -> None:
+        """Forget what was worked out of another question."""
+        self.sensors.clear()
+        if self.front is not None:
+            self.front.show((), self.history.now.question)
+            self.progress.object = ""
+
     def _asked_again(self, history: History) -> None:
         """Go to what was asked at another time, with the car that is looked at now."""
-        asked, now = history.now, self.history.now
-        self._go(replace(history, now=replace(now, region=asked.region, method=asked.method)))
+        self._before = None
+        self._go(replace(history, now=replace(self.history.now, question=history.now.question)))
+
+    def _asked(self, **changed: Any) -> None:
+        """Ask something else; it is a step to undo."""
+        if not self._quiet:
+            self._settled()
+            self._go(self.history.then(self.history.now.asking(**changed)))
+
+    def _ticked(self, measured: tuple[str, ...]) -> None:
+        if measured:
+            self._asked(measured=measured)
+        else:
+            self.message.object = paragraph("a law measures one signal at least")
+            self.sensors.look(self.history.now.question)
+
+    def _limited(self, limit: float) -> None:
+        """Ask for the best ride within a limit of the trade-off; 0: within the spec's own."""
+        if limit:
+            self._asked(over=self.over.value, limit=limit, ride=True)
+        else:
+            self._asked(over="", limit=None)
 
     def _ride(self) -> None:
         """Drive the car that is looked at."""
@@ -211,11 +294,8 @@ class Page:
         design = None if self.answer is None else self.answer.design
         try:
             with self._together():
-                law, passive = self.car.show(design, self.history.now)
-                both = [("passive", passive), *([("with this law", law)] if law else [])]
-                self.ride.object = "".join(
-                    paragraph(f"{who}: {own.comfort:.3g} m/s², {own.words}") for who, own in both
-                )
+                lines = self.car.show(design, self.history.now)
+                self.ride.object = "".join(paragraph(f"{who}: {text}") for who, text in lines)
         except PolefenceError as error:
             self.car.clear()
             self.ride.object = paragraph(str(error))
@@ -234,29 +314,66 @@ class Page:
 
     def _shown(self) -> None:
         """Have the widgets say what the state is."""
-        now = self.history.now
+        now, asked = self.history.now, self.history.now.question
         self._quiet = True
         try:
-            self.region.value = str(now.region)
-            self.method.value = now.method
+            self.region.value, self.aim.value = str(now.region), asked.ride
+            self.method.value = asked.method
+            own = self.subject.structure
+            self.method.disabled = own is not None and own.schedule is not None
             self.road.value, self.speed.value = now.road, now.speed
-            for own, (_, value) in zip(self.sliders, now.values, strict=True):
-                own.value = value
+            self.travel.value, self.beside.value = 1e3 * now.travel_limit, now.beside
+            self.sensors.look(asked)
+            for slider, (_, value) in zip(self.sliders, now.values, strict=True):
+                slider.value = value
+            if self.front is not None:
+                self.front.look(asked)
+                self._limits()
         finally:
             self._quiet = False
         self.back.disabled, self.forward.disabled = not self.history.past, not self.history.future
-        commands = [now.command(self.name), now.python(self.name, len(self.plant.vertices))]
+        self._recipes()
+
+    def _limits(self) -> None:
+        """Offer the limits of the trade-off, and the one that is asked for."""
+        now = self.history.now.question.limit or 0.0
+        rows = () if self.front is None else self.front.rows
+        known = {row["value"] for row in rows if row["status"] == "proved"} | {now} - {0.0}
+        options = dict([OWN]) | {f"{own:g}": own for own in sorted(known)}
+        if options != self.limit.options:
+            self.limit.options = options
+        self.limit.value = now
+
+    def _recipes(self) -> None:
+        """Have each view show the command line and the Python that give it."""
+        now, subject = self.history.now, self.subject
+        asked, python = now.question, now.python(subject)
+        found = {
+            "law": (asked.command(subject), python),
+            "service": ("polefence service design", f"{python}\nmargins = pf.in_service(design)"),
+            "sensors": self.sensors.recipe(asked),
+        }
         if self.car is not None:
-            commands.insert(1, now.drive(self.name))
-        self.take.object = "".join(code(text) for text in commands)
+            found["drive"] = (now.drive(subject), "")
+        if self.map is not None:
+            found["map"] = ("polefence check design", f"{python}\n{self.map.python}")
+        if self.front is not None and self.front.rows:
+            found["front"] = (self.front.command(asked), self.front.python(asked))
+        for key, pair in found.items():
+            self.takes[key].object = taken(*pair)
 
     def _ask(self) -> None:
         now = self.history.now
         self.answer = None
         self._say("working", f"being searched: {now.region}")
-        self.find.visible, self.wrong.disabled = False, True
-        self.margins.object = self.count.object = self.message.object = ""
-        self.newest.ask(now.region, now.method)
+        self.find.visible = False
+        self.service.allow(False)
+        self._takeable(False)
+        self.count.object = self.message.object = ""
+        self.newest.ask(now.question)
+
+    def _takeable(self, proved: bool) -> None:
+        self.report.disabled = self.code.disabled = not proved
 
     def _say(self, word: str, text: str) -> None:
         """Have the badge say something."""
@@ -266,12 +383,17 @@ class Page:
         """Ask about a region that is being dragged; it is a step to undo once that ends."""
         now = self.history.now
         if self._before is None:
-            self._before = now.region
-        self._go(replace(self.history, now=replace(now, region=region)))
+            self._before = now.question
+        self._go(replace(self.history, now=now.asking(region=region)))
         if end:
-            first, self._before = replace(self.history.now, region=self._before), None
-            self.history = replace(self.history, now=first).then(self.history.now)
+            self._settled()
             self._shown()
+
+    def _settled(self) -> None:
+        """Make of a drag a step to undo, whether or not the browser told its end."""
+        if self._before is not None:
+            first, self._before = replace(self.history.now, question=self._before), None
+            self.history = replace(self.history, now=first).then(self.history.now)
 
     def _typed(self, event: Any) -> None:
         if self._quiet:
@@ -282,11 +404,7 @@ class Page:
             self.message.object = paragraph(str(error))
             return
         self.message.object = ""
-        self._go(self.history.then(replace(self.history.now, region=region)))
-
-    def _chosen(self, event: Any) -> None:
-        if not self._quiet:
-            self._go(self.history.then(replace(self.history.now, method=event.new)))
+        self._asked(region=region)
 
     def _slid(self, name: str, value: float) -> None:
         if not self._quiet:
@@ -300,16 +418,16 @@ class Page:
         with self._together():
             self._say(*_words(own))
             self.find.visible = own.check is not None and own.check.alpha is not None
-            self.wrong.disabled = own.check is None or not own.check.proved
+            self.service.allow(own.proved)
+            self._takeable(own.proved)
             if own.check is None:
-                self.margins.object = ""
                 self._drawn(own)
             if own.final:
                 self._ride()
 
     def _drawn(self, own: Answer) -> None:
         """Show the poles of a law, and none where there is none."""
-        self.poles.show(own.design, own.region)
+        self.poles.show(own.design, own.question.region)
         if not self._fitted:
             self._fitted = True
             self.poles.fit()
@@ -321,16 +439,16 @@ class Page:
             return
         self.map.look(self.history.now)
         if self.answer is not None:
-            count = self.map.show(self.answer.design, self.answer.region, self.history.now)
-            words = {None: "There is no law", 0: f"None of {SIDE**2} cars leaves the region"}
-            text = words.get(count, f"{count} of {SIDE**2} cars leave the region")
+            region = self.answer.question.region
+            count = self.map.show(self.answer.design, region, self.history.now)
+            words = {None: "There is no law", 0: f"None of {SIDE**2} plants leaves the region"}
+            text = words.get(count, f"{count} of {SIDE**2} plants leave the region")
             self.count.object = paragraph(f"{text}.")
 
     def _find(self) -> None:
-        """Look at the car whose poles leave the region."""
-        alpha = (
-            None if self.answer is None or self.answer.check is None else self.answer.check.alpha
-        )
+        """Look at the plant whose poles leave the region."""
+        check = None if self.answer is None else self.answer.check
+        alpha = None if check is None else check.alpha
         values = None if alpha is None else values_at(self.plant, alpha)
         if values is None:
             weights = ", ".join(str(own) for own in alpha or ())
@@ -347,68 +465,108 @@ class Page:
         own = self.answer
         if own is None or own.design is None:
             return
-        self.margins.object, self.wrong.disabled = paragraph("being proved ..."), True
-        threading.Thread(target=self._serviced, args=(own.number, own.design), daemon=True).start()
+        self.service.wait()
+        number, design = own.number, own.design
 
-    def _serviced(self, number: int, design: Design) -> None:
-        def heed(_: str) -> None:
-            if number != self.newest.number:
-                raise SupersededError
+        def work() -> None:
+            text = margins_of(design)
+            self._soon(partial(self._if_newest, number, partial(self.service.show, text)))
 
-        try:
-            with progress(heed):
-                text = margins_table(in_service(design))
-        except SupersededError:
-            return
-        except PolefenceError as error:
-            text = paragraph(str(error))
-        except Exception as error:
-            self._soon(partial(self._margins, number, paragraph(f"a fault of ours: {error!r}")))
-            raise
-        self._soon(partial(self._margins, number, text))
+        self._background(work, lambda: number == self.newest.number)
 
-    def _margins(self, number: int, text: str) -> None:
+    def _if_newest(self, number: int, work: Callable[[], object]) -> None:
         if number == self.newest.number:
-            self.margins.object, self.wrong.disabled = text, False
+            work()
 
-    def _save(self) -> None:
-        """Write the session, and the design where it is proved, into the session's folder."""
-        try:
-            session = replace(self.session, state=self.history.now)
-            saved = [self.folder / PLANT, self.folder / SESSION]
-            for path, text in zip(saved, (session.spec, session.dumps()), strict=True):
-                write_text(path, text)
-            own = self.answer
-            if own is not None and own.design is not None and own.check and own.check.proved:
-                saved.append(own.design.save(self.folder / "design"))
-            else:
-                (self.folder / "design" / FILE_NAME).unlink(missing_ok=True)
-        except PolefenceError as error:
-            self.message.object = paragraph(str(error))
+    def _background(self, work: Callable[[], object], wanted: Callable[[], bool]) -> None:
+        def still() -> bool:
+            return not self._closed and wanted()
+
+        in_background(work, still, lambda reason: self._soon(partial(self._complain, reason)))
+
+    def _complain(self, reason: str) -> None:
+        self.message.object = paragraph(reason)
+
+    def _compare(self) -> None:
+        """Work out the ride of what is measured, and of each signal the other way."""
+        asked = self.history.now.question
+
+        def wanted() -> bool:
+            return self.history.now.question.basis == asked.basis
+
+        def say(name: str, text: str) -> None:
+            self._soon(lambda: self.sensors.say(name, text) if wanted() else None)
+
+        self.sensors.clear()
+        self._background(lambda: self.sensors.compare(asked, say, self.newest.know), wanted)
+
+    def _drawn_front(self) -> None:
+        """Work the trade-off out, for the region and what is measured now."""
+        front, asked = self.front, self.history.now.question
+        if front is None:
             return
-        names = ", ".join(str(path) for path in saved)
-        names += "" if len(saved) > 2 else "; no design, for none is proved"
-        self.message.object = paragraph(f"saved: {names}")
+        over = front.over(self.over.value)
+
+        def wanted() -> bool:
+            same = self.history.now.question.basis == asked.basis
+            return same and self.over.value == over.title
+
+        def show(rows: Sequence[Row]) -> None:
+            self._soon(partial(self._rows, tuple(rows)) if wanted() else lambda: None)
+
+        front.show((), asked)
+        self.progress.object = paragraph("the law without that limit is being searched")
+        know = self.newest.know
+        self._background(lambda: front.rows_of(asked, over, show, know), wanted)
+
+    def _rows(self, rows: Sequence[Row]) -> None:
+        if self.front is None:
+            return
+        with self._together():
+            self.front.show(rows, self.history.now.question)
+            self.progress.object = paragraph(f"{len(rows)} of {self.front.count} limits")
+            self._shown()
+
+    def _take(self, what: str) -> None:
+        """Write what is taken away into the session's folder."""
+        folder, state, answer = self.folder, self.history.now, self.answer
+        works: dict[str, Callable[[], list[Path]]] = {
+            "save": lambda: taking.save(folder, self.subject, state, answer),
+            "report": lambda: taking.report(folder, state, answer) if answer else [],
+            "code": lambda: taking.code(folder, answer) if answer else [],
+        }
+
+        def work() -> None:
+            paths = works[what]()
+            names = ", ".join(str(path) for path in paths)
+            if what == "save" and len(paths) == 1:
+                names += "; no design, for none is proved"
+            self._soon(partial(self._complain, f"saved: {names}"))
+
+        self.message.object = paragraph("being written ...")
+        self._background(work, lambda: True)
 
     def close(self) -> None:
         """End what is under way."""
+        self._closed = True
         self.newest.close()
 
 
 def _words(own: Answer) -> tuple[str, str]:
     """Return the class of a badge, and what it says."""
-    if own.design is None:
-        return "undecided", own.reason
+    region = own.question.region
+    if own.found is None:
+        return "refuted" if own.refuted else "undecided", own.reason
     if own.check is None:
-        return "working", f"being proved: {own.region}"
-    proved = f"proved: all poles in {own.region}"
-    if own.design.note:
-        proved += f"; {own.design.note}"
-    if not implies_stability(own.design.plant, own.region):
+        return "working", f"being proved: {region}"
+    proved = "; ".join((f"proved: all poles in {region}", *own.found.bounds))
+    if own.found.design.note:
+        proved += f"; {own.found.design.note}"
+    if not implies_stability(own.found.design.plant, region):
         proved += "; note: this region does not imply stability"
     words = {
         "proved": proved,
-        "refuted": f"refuted: poles of this law leave {own.region}",
+        "refuted": f"refuted: poles of this law leave {region}",
         "undecided": f"undecided: {own.check.reason}",
     }
     return own.check.answer, words[own.check.answer]

@@ -48,3 +48,22 @@ def coloured(plot: Any, palette: Palette) -> None:
         legend.label_text_color = palette.ink
         legend.background_fill_color, legend.background_fill_alpha = palette.paper, 0.7
         legend.border_line_color = palette.faint
+
+
+# Of what is HTML. Words and marks say what colours say.
+STYLE = """
+.badge { font-weight: 600; padding: 4px 10px; border-radius: 4px; border: 2px solid; }
+.proved { border-color: #2b5c8a; }
+.proved::before { content: "\\2713  "; }
+.refuted { border-color: #d95f02; border-style: double; }
+.refuted::before { content: "\\2717  "; }
+.undecided, .working { border-color: #888888; border-style: dashed; }
+.margins { border-collapse: collapse; }
+.margins th { text-align: left; font-weight: normal; }
+.margins th, .margins td { padding: 2px 10px 2px 0; }
+.bar { width: 110px; height: 12px; border: 1px solid #8a8a8a; }
+.bar div { height: 100%; background: #2b5c8a; }
+.copy { font: inherit; margin-top: 4px; }
+summary { cursor: pointer; }
+pre { white-space: pre-wrap; overflow-wrap: anywhere; margin: 4px 0 8px; }
+"""

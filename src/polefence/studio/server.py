@@ -15,27 +15,30 @@ from polefence.base.errors import OutputError
 from polefence.base.processors import small_matrices
 from polefence.proof.text import visible
 from polefence.studio.page import Page
-from polefence.studio.state import Session
+from polefence.studio.question import Found
+from polefence.studio.state import State
+from polefence.studio.subject import Subject
 from polefence.studio.templates import template
 
 HOST = "127.0.0.1"
 
 
 def serve(
-    session: Session,
-    name: str,
+    subject: Subject,
+    state: State,
     folder: Path,
     port: int = 0,
     show: bool = True,
     ready: Callable[[str], object] = print,
+    found: Found | None = None,
 ) -> None:
     """Serve a session until Ctrl-C.
 
     Parameters
     ----------
-    session : Session
-    name : str
-        How the spec is called in commands.
+    subject : Subject
+    state : State
+        What a page begins with.
     folder : Path
         Where files are saved.
     port : int
@@ -44,6 +47,8 @@ def serve(
         Whether to open a browser.
     ready : callable
         Called with the address.
+    found : Found, optional
+        A law that is known to what a page begins with.
 
     Raises
     ------
@@ -54,10 +59,11 @@ def serve(
 
     def page() -> Any:
         document = pn.state.curdoc
-        own = Page(session, name, folder, document, pn.config.theme == "dark")
+        dark = pn.config.theme == "dark"
+        own = Page(subject, state, folder, document, dark, found)
         pn.state.on_session_destroyed(lambda _: own.close())
         shown = pn.Template(template("page.html"))
-        shown.add_variable("heading", visible(session.plant.name))
+        shown.add_variable("heading", visible(subject.plant.name))
         shown.add_variable("app_favicon", "data:,")
         shown.add_variable("apple_icon", "data:,")
         shown.add_panel("body", own.view())
@@ -73,7 +79,7 @@ def serve(
                 address=HOST,
                 prefix=token,
                 websocket_origin=[f"{HOST}:{port}"],
-                title=visible(session.plant.name),
+                title=visible(subject.plant.name),
                 location=False,
                 start=False,
                 show=False,

@@ -8,10 +8,23 @@ from collections.abc import Iterable
 from polefence.design.margins import Margin
 from polefence.proof.text import digits_up, visible
 
+# what it copies is the text that stands after it
+COPY = (
+    '<button type="button" class="copy" onclick="'
+    "navigator.clipboard.writeText(this.parentNode.querySelector('pre').textContent)"
+    ".then(() => {{ this.textContent = 'Copied' }})"
+    '">Copy {what}</button>'
+)
+
 
 def safe(text: str) -> str:
     """Return text to be put into a page: names are no markup, and have no control characters."""
     return "\n".join(html.escape(visible(line)) for line in text.split("\n"))
+
+
+def plain(text: str) -> str:
+    """Return the label of an axis, in which names have nothing that is a formula."""
+    return visible(text).replace("$", "$\u200b").replace("\\", "\\\u200b")
 
 
 def paragraph(text: str) -> str:
@@ -22,6 +35,16 @@ def paragraph(text: str) -> str:
 def code(text: str) -> str:
     """Return text as lines of code."""
     return f"<pre>{safe(text)}</pre>"
+
+
+def taken(command: str, python: str) -> str:
+    """Return a command line and Python, folded, each with a button that copies it."""
+    own = "".join(
+        f"<div>{COPY.format(what=what)}{code(text)}</div>"
+        for what, text in (("the command line", command), ("the Python", python))
+        if text
+    )
+    return f"<details><summary>Command line and Python</summary>{own}</details>"
 
 
 def margins_table(found: Iterable[Margin]) -> str:

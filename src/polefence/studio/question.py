@@ -1,0 +1,180 @@
+"""What is asked for: a region and, if one likes, the best ride of what is measured; and the law."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable
+from dataclasses import dataclass, fields, replace
+from shlex import quote
+
+from polefence.design.design import Design
+from polefence.design.requirements.specification import Specification
+from polefence.design.signals.bounds import bounds_file
+from polefence.design.signals.optimise import Optimised, optimise
+from polefence.design.signals.placed import place
+from polefence.law.structure import Structure
+from polefence.proof.document import Document
+from polefence.region.regions import Region
+from polefence.studio.subject import Subject, Wanted
+
+SCHEDULED = "scheduled"
+
+
+@dataclass(frozen=True, eq=False)
+class Found:
+    """A law that was found in floats, and what is claimed of it.
+
+    Attributes
+    ----------
+    design : Design
+    document : Document
+        The file of the law and its claims.
+    bounds : tuple of str
+        What is claimed besides the region.
+    """
+
+    design: Design
+    document: Document
+    bounds: tuple[str, ...] = ()
+
+    @classmethod
+    def of(cls, done: Design | Optimised) -> Found:
+        """Return what was found."""
+        if isinstance(done, Design):
+            return cls(done, done.certificate.file())
+        document = bounds_file(done.design.certificate, [own.claim for own in done.bounds])
+        return cls(done.design, document, tuple(map(str, done.bounds)))
+
+
+@dataclass(frozen=True)
+class Question:
+    """What is asked for.
+
+    Attributes
+    ----------
+    region : Region
+    measured : tuple of str
+        Signals that the law measures.
+    method : str
+        One of `METHODS`. Of a law that is tuned: scheduled, or else one gain.
+    ride : bool
+        Whether what the spec minimises is to be the least, within its limits; else any law will do.
+    over : str
+        Title of the specification whose limit is another one than the spec's; empty for none.
+    limit : float, optional
+        That limit, in its unit; None for none.
+    """
+
+    region: Region
+    measured: tuple[str, ...]
+    method: str = SCHEDULED
+    ride: bool = False
+    over: str = ""
+    limit: float | None = None
+
+    @property
+    def basis(self) -> Question:
+        """The question of the ride with the spec's own limits: what comparisons begin from."""
+        return replace(self, ride=True, over="", limit=None)
+
+    def structure(self, subject: Subject) -> Structure | None:
+        """Return the structure of a law that is tuned; None of one of all states, by an LMI."""
+        own = subject.structure
+        everything = len(self.measured) == subject.plant.shape[0] and self.measured == (
+            subject.measured
+        )
+        if own is None and everything and not self.ride:
+            return None
+        own = own or Structure(measured=subject.measured)
+        if self.measured != subject.measured or own.measured is None:
+            own = replace(own, measured=self.measured)
+        fixed = own.schedule is None and self.method != SCHEDULED
+        return replace(own, schedule=()) if fixed else own
+
+    def others(self, wanted: Wanted) -> tuple[Specification, ...]:
+        """Return the limits of the spec that are as they are."""
+        return tuple(own for own in wanted.limits if own.title != self.over)
+
+    def found(self, subject: Subject) -> Found:
+        """Search a law.
+
+        Raises
+        ------
+        PolefenceError
+            If there is none, or what is asked does not fit.
+        """
+        structure, wanted = self.structure(subject), subject.wanted
+        if self.ride and wanted is not None:
+            limits = (*self.others(wanted), *self._limited(subject))
+            plant, region = subject.plant, self.region
+            return Found.of(optimise(plant, wanted.least, limits, region, structure=structure))
+        if structure is not None:
+            return Found.of(place(subject.plant, self.region, structure=structure))
+        return Found.of(place(subject.plant, self.region, self.method, allow_unproved=True))
+
+    def _limited(self, subject: Subject) -> Iterable[Specification]:
+        """Return what has the limit that was chosen."""
+        if self.limit is None:
+            return ()
+        own = (each for each in subject.overs if replace(each, at_most=None).title == self.over)
+        return [replace(each, at_most=self.limit) for each in own][:1]
+
+    def options(self, subject: Subject) -> str:
+        """Return the options of the command line for region, law and structure."""
+        words = f"--region {quote(str(self.region))}"
+        own = self.structure(subject)
+        if own is None:
+            return f"{words} --method {self.method}"
+        if self.measured != subject.measured or subject.structure is None:
+            words += f" --measured {quote(', '.join(map(_named, self.measured)))}"
+        written = None if subject.structure is None else subject.structure.schedule
+        return f"{words} --schedule none" if own.schedule == () and written is None else words
+
+    def command(self, subject: Subject) -> str:
+        """Return the command line that designs this."""
+        name, options = quote(subject.name), self.options(subject)
+        if not self.ride or subject.wanted is None:
+            return f"polefence design {name} {options} -o design"
+        words = "".join(f" {quote(own)}" for own in subject.wanted.words)
+        for own in self._limited(subject):
+            words += f" --limit {quote(f'{own.title} <= {self.limit!r}')}"
+        return f"polefence optimise {name} {options}{words} -o design"
+
+    def python(self, subject: Subject) -> str:
+        """Return the Python that designs this, as lines that end with ``design``."""
+        structure, wanted = self.structure(subject), subject.wanted
+        lines = [
+            "import polefence as pf",
+            "",
+            f"plant = pf.load({subject.name!r})",
+            f"region = pf.parse_region({str(self.region)!r})",
+        ]
+        if structure is None:
+            lines.append(f"design = pf.place(plant, region, {self.method!r})")
+        else:
+            lines.append(f"structure = {made(structure)}")
+        if self.ride and wanted is not None:
+            kept = (*self.others(wanted), *self._limited(subject))
+            lines += [
+                f"least = {made(wanted.least)}",
+                f"limits = [{', '.join(map(made, kept))}]",
+                "found = pf.optimise(plant, least, limits, region, structure=structure)",
+                "design = found.design",
+            ]
+        elif structure is not None:
+            lines.append("design = pf.place(plant, region, structure=structure)")
+        if any("Fraction(" in line for line in lines):
+            lines.insert(0, "from fractions import Fraction\n")
+        return "\n".join(lines)
+
+
+def _named(name: str) -> str:
+    """Return a name as a list of names has it."""
+    return json.dumps(name) if set(name) & set(',*[]"') else name
+
+
+def made(own: Specification | Structure) -> str:
+    """Return the Python that makes it."""
+    given = ((field, getattr(own, field.name)) for field in fields(own))
+    words = (f"{field.name}={value!r}" for field, value in given if value != field.default)
+    return f"pf.{type(own).__name__}({', '.join(words)})"

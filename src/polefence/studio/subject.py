@@ -1,0 +1,132 @@
+"""What a studio is about: a spec, with all that it says, and how it is called in commands."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+
+from polefence.base.errors import InputError
+from polefence.base.files import read_text
+from polefence.design.requirements.asked import wanted
+from polefence.design.requirements.rms import Rms
+from polefence.design.requirements.specification import Specification
+from polefence.design.requirements.text import RoadSpectrum, load_specifications, spec_road
+from polefence.law.structure import Structure, load_structure
+from polefence.plant.cars import Car
+from polefence.plant.family import UncertainPlant
+from polefence.plant.outputs import split
+from polefence.plant.spec import MAX_BYTES, load_car, loads
+from polefence.plant.tracks import own_states
+
+MOST_SIGNALS = 24  # that are offered to be measured
+ACCELERATION = "rms of sprung-mass acceleration"
+ROAD_CLASS, SPEED = "C", 20.0  # on which a quarter car rides that names no road
+
+
+@dataclass(frozen=True, eq=False)
+class Wanted:
+    """The ride that is asked for.
+
+    Attributes
+    ----------
+    least : Specification
+        What is minimised.
+    limits : tuple of Specification
+        What is kept.
+    words : tuple of str
+        Options of the command line that say so where the spec does not.
+    """
+
+    least: Specification
+    limits: tuple[Specification, ...]
+    words: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, eq=False)
+class Subject:
+    """A spec.
+
+    Attributes
+    ----------
+    name : str
+        Of the file, in commands.
+    text : str
+    plant : UncertainPlant
+    car : Car, optional
+        On several wheels.
+    structure : Structure, optional
+        What the spec says of its law.
+    wanted : Wanted, optional
+        What the spec asks of the ride; of a quarter car on a road its comfort.
+    """
+
+    name: str
+    text: str
+    plant: UncertainPlant
+    car: Car | None = None
+    structure: Structure | None = None
+    wanted: Wanted | None = None
+
+    @classmethod
+    def read(cls, path: Path) -> Subject:
+        """Read a spec.
+
+        Raises
+        ------
+        InputError
+            In one line with file, key, value and remedy.
+        """
+        text = read_text(path, MAX_BYTES, InputError)
+        plant = loads(text, str(path))
+        structure = load_structure(path)
+        if structure is not None:
+            structure.require_fit(plant)
+        return cls(str(path), text, plant, load_car(path), structure, _wanted(plant, path))
+
+    @cached_property
+    def signals(self) -> tuple[str, ...]:
+        """Names of what a law can measure: states, without a road's own, and outputs."""
+        found = list(own_states(self.plant))
+        outputs = [own.name for own in self.plant.outputs if not (own.D or own.F)]
+        known = () if self.structure is None else self.structure.measured or ()
+        for name in (*(split(own)[0] for own in known), *outputs):
+            if name not in found and len(found) < MOST_SIGNALS:
+                found.append(name)
+        return tuple(found)
+
+    @cached_property
+    def measured(self) -> tuple[str, ...]:
+        """Names of what the law of the spec measures."""
+        if self.structure is not None and self.structure.measured is not None:
+            return tuple(split(own)[0] for own in self.structure.measured)
+        return own_states(self.plant)
+
+    @cached_property
+    def overs(self) -> tuple[Specification, ...]:
+        """What a trade-off can be over: the limits, those on inputs first; else inputs."""
+        if self.wanted is None:
+            return ()
+        inputs = {split(own)[0] for own in self.plant.inputs}
+        limits = [own for own in self.wanted.limits if own.of_signal]
+        if limits:
+            return tuple(sorted(limits, key=lambda own: own.name not in inputs))
+        least = self.wanted.least
+        density = least.density if isinstance(least, Rms) else 1.0
+        return tuple(Rms(split(own)[0], density=density) for own in self.plant.inputs)
+
+
+def _wanted(plant: UncertainPlant, path: Path) -> Wanted | None:
+    """Return what a spec asks of the ride, None where nothing is to be minimised."""
+    if load_specifications(path)[0] is not None:
+        least, limits = wanted(plant, path)
+        return None if least is None else Wanted(least, limits)
+    if plant.vehicle is None or not plant.disturbance_count:
+        return None
+    words: tuple[str, ...] = ("--minimise", ACCELERATION)
+    road = None
+    if spec_road(path) is None:
+        road = RoadSpectrum(ROAD_CLASS, SPEED)
+        words = ("--road", ROAD_CLASS, "--speed", f"{SPEED:g}", *words)
+    least, limits = wanted(plant, path, ACCELERATION, (), road)
+    return None if least is None else Wanted(least, limits, words)

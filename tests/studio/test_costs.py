@@ -1,0 +1,194 @@
+"""What a ride costs: the trade-off and its dot, sensors, all by laws that are proved."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+
+from polefence import Design, HalfPlane, check, load_specifications, optimise
+from polefence.examples import spec_path, spec_text
+from polefence.studio import Page, State, front
+from polefence.studio.front import Front
+from polefence.studio.palette import LIGHT
+from support.browser import until
+from support.studios import asked, subject, written
+
+pytest.importorskip("panel")
+
+REGION = HalfPlane(0.5)
+COUNT = 3
+FORCE = "rms of actuator force"
+
+
+@pytest.fixture(scope="module", autouse=True)
+def few():
+    """Few limits: what is shown of a trade-off hangs on no number of them."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(front, "COUNT", COUNT)
+        yield
+
+
+@pytest.fixture(scope="module")
+def own():
+    return subject("quarter-car-ride")
+
+
+@pytest.fixture(scope="module")
+def known(own):
+    """Rows of the trade-off, and the laws that were told of."""
+    pane, told, shown = Front(own, LIGHT, print), {}, []
+    question = asked(REGION, own, method="quadratic")
+    over = pane.over(FORCE)
+    pane.rows_of(question, over, lambda rows: shown.append(list(rows)), told.__setitem__)
+    return shown, told
+
+
+def test_a_trade_off_falls_to_what_no_limit_holds(own, known):
+    shown, _ = known
+    assert [len(rows) for rows in shown] == [*range(1, COUNT + 1), COUNT]
+    rows = sorted(shown[-1], key=lambda row: row["value"])
+    assert all(row["status"] == "proved" for row in rows)
+    bounds = [row["proved"] for row in rows]
+    assert bounds == sorted(bounds, reverse=True)
+    least, limits = load_specifications(spec_path("quarter-car-ride"))
+    others = [each for each in limits if each.title != FORCE]
+    structure = asked(REGION, own, method="quadratic", ride=True).structure(own)
+    free = optimise(own.plant, least, others, REGION, structure=structure)
+    assert bounds[-1] == pytest.approx(free.bounds[0].level, rel=1e-3)
+    assert bounds[0] > 1.1 * bounds[-1]
+
+
+def test_the_law_of_each_row_is_known_with_its_proof(own, known):
+    shown, told = known
+    values = {row["value"] for row in shown[-1] if row["law_of"] == row["value"]}
+    assert {question.limit for question in told} == values
+    question, found = next(iter(told.items()))
+    assert question.ride
+    assert question.over == FORCE
+    assert f"{FORCE} <= " in "; ".join(found.bounds)
+    assert len(found.bounds) == 4
+    assert check(found.design).proved
+
+
+def test_the_command_and_the_python_work_the_same_rows_out(own, known):
+    pane = Front(own, LIGHT, print)
+    question = asked(REGION, own, method="quadratic")
+    pane.show(known[0][-1][:2], question)
+    found = {}
+    text = pane.python(question)
+    exec(text, found)
+    for row, other in zip(pane.rows, found["front"].rows, strict=True):
+        assert other["own"] == pytest.approx(row["own"], rel=1e-9)
+    words = pane.command(question)
+    assert f"--over '{FORCE}'" in words
+    assert words.count("--value") == 2
+    assert words.startswith("polefence tradeoff ")
+
+
+def test_what_is_picked_is_the_limit_of_the_law(own, known):
+    chosen = []
+    pane = Front(own, LIGHT, chosen.append)
+    pane.show(known[0][-1], asked(REGION, own))
+    pane.picked.data = {"number": [1]}
+    pane.picked.data = {"number": [99]}
+    assert chosen == [pane.rows[1]["law_of"]]
+    question = asked(REGION, own, ride=True, over=FORCE, limit=chosen[0])
+    pane.look(question)
+    assert pane.dot.data == {"x": [chosen[0]], "y": [pane.rows[1]["proved"]]}
+    pane.look(replace(question, ride=False))
+    assert pane.dot.data == {"x": [], "y": []}
+
+
+@pytest.fixture
+def page(own, tmp_path):
+    state = State.first(own, REGION, method="quadratic").asking(ride=True)
+    found = Page(own, state, tmp_path)
+    assert until(lambda: "proved: all poles in half_plane(0.5); rms" in found.badge.object)
+    yield found
+    found.close()
+
+
+def test_a_law_for_the_ride_is_proved_with_its_bounds_and_saved_with_them(page, tmp_path):
+    for text in ("rms of sprung-mass acceleration &lt;= ", "rms of tyre deflection &lt;= 0.00472"):
+        assert text in page.badge.object
+    page.save.clicks += 1
+    assert until(lambda: "design.json" in page.message.object)
+    answer = check(tmp_path / "design")
+    assert answer.proved
+    assert len(answer.claims) == 5
+    assert Design.load(tmp_path / "design").region == REGION
+
+
+def test_a_sensor_is_ticked_off_and_on(page):
+    box = page.sensors.boxes["suspension deflection"]
+    box.value = False
+    assert "suspension deflection" not in page.history.now.question.measured
+    assert until(lambda: "proved: all poles in half_plane(0.5); rms" in page.badge.object)
+    assert page.answer.design.law.K[0, 0] == 0
+    box.value = True
+    assert page.history.now.question.measured == page.subject.measured
+    assert len(page.history.past) == 2
+
+
+def test_a_law_measures_one_signal_at_least(page):
+    for box in list(page.sensors.boxes.values()):
+        box.value = False
+    assert len(page.history.now.question.measured) == 1
+    assert "one signal at least" in page.message.object
+    assert sum(box.value for box in page.sensors.boxes.values()) == 1
+
+
+def test_the_ride_is_proved_beside_each_sensor(page):
+    page.worth.clicks += 1
+    texts = page.sensors.texts
+    done = lambda: all("it: proved" in own.object for own in texts.values())  # noqa: E731
+    assert until(done, patience=60)
+    level = float(texts["suspension deflection"].object.split()[3])
+    page.sensors.boxes["suspension deflection"].value = False
+    assert until(lambda: f"acceleration &lt;= {level:g}" in page.badge.object)
+    assert all(not own.object for own in texts.values())  # they were of another law
+
+
+def test_the_dot_is_dragged_to_a_law(page):
+    page.draw.clicks += 1
+    assert until(lambda: len(page.front.points.data["x"]) == COUNT, patience=60)
+    assert until(lambda: f"{COUNT} of {COUNT}" in page.progress.object)
+    page.front.picked.data = {"number": [1]}
+    limit = page.front.rows[1]["law_of"]
+    assert page.history.now.question.limit == limit
+    assert until(lambda: f"actuator force &lt;= {limit:g}" in page.badge.object)
+    assert "proved" in page.badge.object
+    assert len(page.front.points.data["x"]) == COUNT  # it is the same trade-off
+    assert page.limit.value == limit
+    page.limit.value = 0.0
+    assert page.history.now.question.limit is None
+    page.region.value = "half_plane(0.6)"
+    assert len(page.front.points.data["x"]) == 0
+
+
+def test_a_spec_that_says_its_law_keeps_it(tmp_path):
+    text = (
+        spec_text("quarter-car-ride")
+        + """
+[law]
+measured = ["suspension deflection", "sprung-mass velocity", "unsprung-mass velocity"]
+schedule = []
+"""
+    )
+    own = written(tmp_path, text)
+    page = Page(own, State.first(own, HalfPlane(0.0)), tmp_path)
+    assert until(lambda: "proved: all poles in half_plane(0)" in page.badge.object)
+    assert page.answer.design.law.K[0, 1] == 0  # the deflection of the tyre, which it names not
+    assert page.method.disabled
+    page.close()
+
+
+def test_a_plant_without_a_ride_has_no_trade_off(tmp_path):
+    own = subject("f16")
+    assert own.wanted is None
+    page = Page(own, State.first(own, HalfPlane(0.5)), tmp_path)
+    assert page.front is None
+    assert "front" not in page.panes()
+    assert {"poles", "asked", "sensors", "service"} <= set(page.panes())
+    page.close()

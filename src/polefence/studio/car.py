@@ -41,7 +41,7 @@ class Car:
 
     def __init__(self, plant: UncertainPlant, car: cars.Car | None, palette: Palette) -> None:
         self.plant, self.car, self._palette = plant, car, palette
-        self.roads = tuple(ColumnDataSource({"distance": [], "height": []}) for _ in range(2))
+        self.roads = tuple(ColumnDataSource({"height": []}) for _ in range(2))
         loads = 3 if plant.parameters else 1
         self.scenes = [Scene(car, self.roads, palette) for _ in range(loads)]
         self.looked = self.scenes[loads // 2]
@@ -107,7 +107,7 @@ class Car:
         for source, road in zip(self.roads, under(self.car, state.road, state.speed), strict=True):
             along = np.arange(-BEFORE, road.length, SPACING)
             height = np.interp(along + road.distance[0], road.distance, road.height)
-            source.data = {"distance": along, "height": height - road.height[0]}
+            source.data = {"height": np.float32(height - road.height[0])}
 
     def _put(self, motions: dict[Scene, tuple[Motion, Motion | None]], speed: float) -> None:
         """Have motions in the scenes; the one looked at comes last, at which all are drawn."""

@@ -22,7 +22,7 @@ from polefence.vehicle.driving.parts import BumpStops, Hardware
 from polefence.vehicle.excitation import Excitation, on_road, on_wheels
 from polefence.vehicle.roads import Road, both_sides, bump, grade, kerb, pothole, random_road
 from polefence.vehicle.suspensions import suspensions
-from polefence.vehicle.vehicle import masses, require_ride, ride
+from polefence.vehicle.vehicle import Ride, masses, require_ride, ride
 
 STEP, EVERY = 1e-3, 20  # [s]; one frame in so many steps
 SECONDS = 10.0
@@ -246,6 +246,7 @@ def ridden(
     stops = BumpStops(travel_limit, travel_limit) if travel_limit else None
     moved = _moved(plant, car, road, speed)
     setup = Setup(plant, moved, values or None, hardware=Hardware(stops=stops), car=car)
+    known = None if car is not None else require_ride(plant)
     done = run(setup, law)
     if done.lost is not None:
         raise InputError(f"the loop runs away at {done.lost.first:.4g} s")
@@ -253,7 +254,7 @@ def ridden(
     G = corners(wheels_of(car)[1])
     flat = np.linalg.pinv(G)  # fits a plane
     twist = heights - heights @ flat.T @ G.T
-    compressed, tyre = _tyres(done)
+    compressed, tyre = _tyres(done, known)
     states = done.response.values[0][:, : plant.shape[0]]
     travel = states @ suspensions(plant, car).compression.T
     unsprung = heights - twist - compressed
@@ -266,9 +267,9 @@ def ridden(
         sprung=sprung[::EVERY],
         travel=travel[::EVERY],
         tyre=tyre[::EVERY],
-        force=_forces(done)[::EVERY],
+        force=_forces(done, known)[::EVERY],
         pose=(sprung @ flat.T)[::EVERY],
-        felt=_felt(done),
+        felt=_felt(done, known),
         travel_limit=travel_limit,
     )
 
@@ -297,11 +298,11 @@ def _columns(done: Run, names: Sequence[str]) -> Array:
     return np.stack([done.response.of(name)[0] for name in names], axis=1)
 
 
-def _tyres(done: Run) -> tuple[Array, Array]:
+def _tyres(done: Run, known: Ride | None) -> tuple[Array, Array]:
     """Return how much the tyres are compressed, and their forces on the road, (T, wheels)."""
-    plant, car, alpha = done.setup.plant, done.setup.car, done.response.alpha
-    if car is None:
-        known = require_ride(plant)
+    plant, alpha = done.setup.plant, done.response.alpha
+    car: Any = done.setup.car
+    if known is not None:
         own = masses(plant, known, alpha)
         compressed = known.sense[1] * _columns(done, [known.tyre.name])
         return compressed, (own.m1 + own.m2) * GRAVITY + own.kt * compressed
@@ -311,18 +312,16 @@ def _tyres(done: Run) -> tuple[Array, Array]:
     return compressed, static_loads(plant, car, alpha) + varied
 
 
-def _forces(done: Run) -> Array:
-    car = done.setup.car
-    if car is None:
-        return _columns(done, [require_ride(done.setup.plant).force.name])
-    return _columns(done, [f"{name} force" for name in wheels_of(car)[0]])
+def _forces(done: Run, known: Ride | None) -> Array:
+    names = [f"{name} force" for name in wheels_of(done.setup.car)[0]]
+    return _columns(done, names if known is None else [known.force.name])
 
 
-def _felt(done: Run) -> tuple[Felt, ...]:
-    plant, car, found = done.setup.plant, done.setup.car, []
+def _felt(done: Run, known: Ride | None) -> tuple[Felt, ...]:
+    car, found = done.setup.car, []
     for name in seats_of(car):
         signal = f"{name} acceleration" if car and car.seats else "heave acceleration"
-        own = done.response.of(signal if car else require_ride(plant).acceleration.name)[0]
+        own = done.response.of(signal if known is None else known.acceleration.name)[0]
         of = comfort(own, STEP)
         found.append(Felt(name, own[::EVERY], float(of.weighted_rms), bool(of.shocks)))
     return tuple(found)

@@ -14,9 +14,10 @@ sums of squares). Only even degrees occur: the motion and its mirror image are a
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -28,6 +29,9 @@ from polefence.lmi.solve.stacked import Blocks, Factors
 from polefence.plant.system import Array
 from polefence.proof.polynomials import Exponent
 from polefence.proof.squares import bases, joined, monomials, moved
+
+if TYPE_CHECKING:
+    import scipy.sparse as sp  # imported where used: slow
 
 # Blocks that begin below zero end inside by this share of what they lacked.
 WITHIN = 0.05
@@ -138,10 +142,23 @@ class Conditions:
     L: Array
     row: tuple[Array, Array] | None = None
 
-    @property
+    @cached_property
+    def sizes(self) -> dict[int, list[int]]:
+        """Numbers of the blocks of each size."""
+        found: dict[int, list[int]] = {}
+        for k, own in enumerate(self.blocks):
+            found.setdefault(own.M.shape[1], []).append(k)
+        return found
+
+    @cached_property
     def order(self) -> int:
         """Sum of the blocks' sizes."""
         return sum(len(own.M[0]) for own in self.blocks) + (self.row is not None)
+
+    @cached_property
+    def operators(self) -> _Operators:
+        """D and M spelt out: nearly all their entries are zero."""
+        return _operators(self)
 
     def span(self, piece: int) -> slice:
         """Where a piece's moments are."""
@@ -149,24 +166,38 @@ class Conditions:
 
     def identity(self) -> Blocks:
         """Return the identity."""
-        sizes = [own.M.shape[1] for own in self.blocks] + [1] * (self.row is not None)
-        return [np.eye(size)[None] for size in sizes]
+        found = [np.tile(np.eye(size), (len(own), 1, 1)) for size, own in self.sizes.items()]
+        return found + [np.ones((1, 1, 1))] * (self.row is not None)
 
     def parts(self, x: Array) -> tuple[Blocks, Blocks]:
-        """Return D(x) and M(x)."""
-        each = [(own, x[self.span(own.piece)]) for own in self.blocks]
-        D, M = ([np.tensordot(y, getattr(own, k), 1)[None] for own, y in each] for k in "DM")
+        """Return D(x) and M(x), blocks of a size side by side."""
+        D, M = (self._split(own) for own in np.split(self.operators.both @ x, 2))
         if self.row is not None:
             for found, own in zip((D, M), self.row, strict=True):
                 found.append(np.reshape(own @ x, (1, 1, 1)))
         return D, M
 
+    def _split(self, flat: Array) -> Blocks:
+        """Return blocks from all their entries in one row."""
+        blocks, start = list[Array](), 0
+        for size, own in self.sizes.items():
+            end = start + len(own) * size**2
+            blocks.append(flat[start:end].reshape(-1, size, size))
+            start = end
+        return blocks
+
+    def each(self, X: Blocks) -> list[Array]:
+        """Return the blocks one by one, in their own order."""
+        found = dict[int, Array]()
+        for own, stacked in zip(self.sizes.values(), X, strict=False):
+            found |= zip(own, stacked, strict=True)
+        return [found[k] for k in range(len(self.blocks))]
+
     def adjoint(self, r: float, P: Blocks, only_D: bool = False) -> Array:
         """Return the gradient of <P, r D(x) - M(x)> in x; with ``only_D`` that of <P, D(x)>."""
-        total = np.zeros(self.L.shape[1])
-        for block, own in zip(self.blocks, P, strict=False):
-            F = block.D if only_D else r * block.D - block.M
-            total[self.span(block.piece)] += np.tensordot(F, own[0], 2)
+        flat = np.concatenate([own.ravel() for own in P[: len(self.sizes)]])
+        both = [flat, np.zeros_like(flat)] if only_D else [r * flat, -flat]
+        total = np.asarray(self.operators.transpose @ np.concatenate(both))
         if self.row is not None:
             D, M = self.row
             total += float(P[-1][0, 0, 0]) * (D if only_D else r * D - M)
@@ -175,9 +206,10 @@ class Conditions:
     def newton(self, r: float, Y: Blocks, Q: Blocks, shift: float) -> _Newton:
         """Return the factors of H on the moments with L y = 0."""
         H = np.zeros((self.L.shape[1] // self.count, self.count, self.count))
-        for block, y, q in zip(self.blocks, Y, Q, strict=False):
-            F = r * block.D - block.M
-            left, right = (F @ y[0]).reshape(self.count, -1), (F @ q[0]).swapaxes(1, 2)
+        each_F, each_Y, each_Q = self.operators.rows(r), self.each(Y), self.each(Q)
+        for block, F, y, q in zip(self.blocks, each_F, each_Y, each_Q, strict=True):
+            left = (F @ y).reshape(self.count, -1)
+            right = (F @ q).reshape(self.count, *q.shape).swapaxes(1, 2)
             H[block.piece] += left @ right.reshape(self.count, -1).T
         factors = [Factors.of((own + own.T) / 2, shift) for own in H]
         each = [own.half(self.L[:, self.span(p)].T) for p, own in enumerate(factors)]
@@ -186,6 +218,51 @@ class Conditions:
             return _Newton(factors, each, coupled)
         D, M = self.row
         return _Newton(factors, each, coupled, r * D - M, float(Y[-1][0, 0, 0] * Q[-1][0, 0, 0]))
+
+
+@dataclass(frozen=True, eq=False)
+class _Operators:
+    """D and M of conditions spelt out.
+
+    ``both`` - x to all entries of D(x), by size, then of M(x), and its ``transpose``. ``places`` -
+    of each block where its derivatives, row under row, are not zero, and there those of D and M.
+    """
+
+    both: sp.csr_array
+    transpose: sp.csr_array
+    places: list[tuple[sp.csr_array, Array, Array]]
+
+    def rows(self, r: float) -> Iterator[sp.csr_array]:
+        """Yield each block's derivatives of r D - M, row under row, each until the next."""
+        for F, D, M in self.places:
+            F.data = r * D - M
+            yield F
+
+
+def _operators(own: Conditions) -> _Operators:
+    import scipy.sparse as sp
+
+    total = sum(len(numbers) * size**2 for size, numbers in own.sizes.items())
+    starts, start = dict[int, int](), 0
+    for size, numbers in own.sizes.items():
+        for k in numbers:
+            starts[k], start = start, start + size**2
+    triples, places = [], []
+    for k, block in enumerate(own.blocks):
+        size, first = block.M.shape[1], own.span(block.piece).start
+        D, M = (part.reshape(own.count, -1) for part in (block.D, block.M))
+        moment, entry = np.nonzero((D != 0) | (M != 0))
+        D, M = D[moment, entry], M[moment, entry]
+        for half, values in enumerate((D, M)):
+            triples.append((half * total + starts[k] + entry, first + moment, values))
+        row, column = np.divmod(entry, size)
+        where = moment * size + row, column  # in ascending order, which the pattern keeps
+        pattern = sp.csr_array((np.ones(len(D)), where), shape=(own.count * size, size))
+        places.append((pattern, D, M))
+    rows, columns, values = (np.concatenate(part) for part in zip(*triples, strict=True))
+    both = sp.csr_array((values, (rows, columns)), shape=(2 * total, own.L.shape[1]))
+    both.eliminate_zeros()
+    return _Operators(both, sp.csr_array(both.T), places)
 
 
 class _Newton:
@@ -274,8 +351,8 @@ class Problem:
         x = self.first
         r = WIDE * float(self.mass @ x / (self.cost @ x))
         found = _run(own, x, r, 0.0, tolerance)
-        *grams, last = (Y[0] for Y in found.Y)
-        return self._completed([Y / last[0, 0] for Y in grams])
+        last = float(found.Y[-1][0, 0, 0])
+        return self._completed([Y / last for Y in own.each(found.Y)])
 
     @cached_property
     def first(self) -> Array:

@@ -43,27 +43,33 @@ def cost(plant, rho, level=1.0):
     return Rms(["sprung-mass acceleration", tyre], level, DENSITY)
 
 
-def driven(plant, law, rho, alpha=None, seconds=30.0, step=1e-3, count=400):
-    """The rms of the law in many long drives: half a step's noise, a step, the other half."""
+def driven(plant, cases, seconds=30.0, step=1e-3, count=400):
+    """The rms in many long drives: half a step's noise, a step, the other half.
+
+    Of each alpha, law and rho; all drive over the same noise, side by side.
+    """
     source = np.random.default_rng(5)
-    alpha = np.eye(len(plant.A))[0] if alpha is None else np.array(alpha)
-    A, B = (np.tensordot(alpha, M, 1) for M in (plant.A, plant.B))
-    E = np.array(plant.vertices[0].exact_E, float)[:, 0] * np.sqrt(DENSITY / 4 * step)
-    (rate,) = np.array(law.claim.dampers[0].rate[0], float)
+    alphas, laws, rhos = zip(*cases, strict=True)
+    A, B = (np.tensordot(np.array(alphas, float), M, 1) for M in (plant.A, plant.B))
+    E = np.array(plant.vertices[0].exact_E, float) * np.sqrt(DENSITY / 4 * step)
+    (rate,) = np.array(laws[0].claim.dampers[0].rate[0], float)
+    asked = np.concatenate([A, [[law.K[0], rate] for law in laws]], axis=1)
 
     def moved(x):
-        v, u = x @ rate, x @ law.K[0]
-        u = np.clip(u, np.minimum(LOW * v, HIGH * v), np.maximum(LOW * v, HIGH * v))
-        return x @ A.T + u[:, None] * B[:, 0]
+        free, u, v = np.split(asked @ x, (4, 5), axis=1)
+        low, high = LOW * v, HIGH * v
+        u = np.minimum(np.maximum(u, np.minimum(low, high)), np.maximum(low, high))
+        return free + B * u
 
-    x, total, steps = np.zeros((count, 4)), 0.0, int(seconds / step)
+    x, total, steps = np.zeros((len(cases), 4, count)), [], int(seconds / step)
     for k in range(steps):
-        x = x + source.standard_normal((count, 1)) * E
+        x = x + E * source.standard_normal(count)
         x = x + step * moved(x + step / 2 * moved(x))
-        x = x + source.standard_normal((count, 1)) * E
-        if k >= steps // 6:
-            total += np.mean(moved(x)[:, 2] ** 2 + rho * x[:, 1] ** 2) / (steps - steps // 6)
-    return float(np.sqrt(total))
+        x = x + E * source.standard_normal(count)
+        if k >= steps // 6 and k % 5 == 0:  # nothing changes faster
+            each = moved(x)[:, 2] ** 2 + np.reshape(rhos, (-1, 1)) * x[:, 1] ** 2
+            total.append(each.mean(axis=1))
+    return np.sqrt(np.mean(total, axis=0)).tolist()
 
 
 @pytest.fixture(scope="module")
@@ -74,6 +80,19 @@ def car():
 @pytest.fixture(scope="module")
 def laws(car):
     return {rho: semi_active(car, cost(car, rho), [DAMPER]) for rho, *_ in TABLE}
+
+
+@pytest.fixture(scope="module")
+def skyhook(car):
+    return semi_active(car, cost(car, 4e3), [DAMPER], K=[[0, 0, -4000, 0]])
+
+
+@pytest.fixture(scope="module")
+def reached(car, laws, skyhook):
+    """What the laws have in drives, by rho, and what the skyhook has."""
+    cases = [((1,), law, rho) for rho, law in laws.items()]
+    found = driven(car, [*cases, ((1,), skyhook, 4e3)])
+    return dict(zip([*laws, "skyhook"], found, strict=True))
 
 
 # docs/semi-active.md: what is proved of the law; best damper that stays; the law in drives [m/s2]
@@ -91,12 +110,11 @@ def test_the_bounds_of_a_known_car(laws, rho, proved, stays):
 
 
 @pytest.mark.parametrize(("rho", "drives"), [row[::3] for row in TABLE])
-def test_a_drive_lies_between_what_every_logic_has_and_the_bound(car, laws, rho, drives):
+def test_a_drive_lies_between_what_every_logic_has_and_the_bound(car, laws, reached, rho, drives):
     low = refute_limits(car, [cost(car, rho, 1e-3)], [DAMPER])
-    reached = driven(car, laws[rho], rho)
-    assert 1e-3 * low.factor < reached < laws[rho].level
-    assert reached < 0.97 * laws[rho].passive
-    assert reached == pytest.approx(drives, rel=3e-3)
+    assert 1e-3 * low.factor < reached[rho] < laws[rho].level
+    assert reached[rho] < 0.97 * laws[rho].passive
+    assert reached[rho] == pytest.approx(drives, rel=3e-3)
 
 
 def test_a_higher_degree_proves_more_and_two_what_the_best_damper_has(car):
@@ -119,12 +137,12 @@ def test_the_damper_that_stays_is_the_best(car, laws):
     assert law.coefficients[0] == pytest.approx(best.x, rel=0.05)
 
 
-def test_a_demand_that_is_given_is_judged(car, laws):
-    skyhook = semi_active(car, cost(car, 4e3), [DAMPER], K=[[0, 0, -4000, 0]])
-    reached = driven(car, skyhook, 4e3)
+def test_a_demand_that_is_given_is_judged(car, laws, skyhook, reached):
     assert laws[4e3].level < skyhook.level < skyhook.passive
-    assert reached < skyhook.level
-    assert [skyhook.level, reached] == pytest.approx([0.928, 0.819], abs=2e-3)  # the page's
+    assert reached["skyhook"] < skyhook.level
+    assert [skyhook.level, reached["skyhook"]] == pytest.approx(
+        [0.928, 0.819], abs=2e-3
+    )  # the page's
     with pytest.raises(InputError, match="K is 1 x 3, not 1 x 4"):
         semi_active(car, cost(car, 4e3), [DAMPER], K=[[0, 0, 1]])
 
@@ -140,8 +158,8 @@ def test_a_family_has_one_law_and_one_bound():
     law = semi_active(plant, cost(plant, 4e3), [DAMPER], 4)
     assert prove(law.claim).proved
     assert law.level < law.passive
-    for alpha in ((1, 0), (0.5, 0.5), (0, 1)):
-        assert driven(plant, law, 4e3, alpha, seconds=20) < law.level
+    loads = ((1, 0), (0.5, 0.5), (0, 1))
+    assert max(driven(plant, [(alpha, law, 4e3) for alpha in loads], seconds=20)) < law.level
     assert not prove(replace(law.claim, V=law.claim.V[::-1])).proved
 
 

@@ -10,7 +10,8 @@ import pytest
 
 from polefence import Design, Disk, parse_region
 from polefence.examples import spec_text
-from polefence.studio import read_session
+from polefence.studio import Session
+from support.studios import subject
 from support.browser import (
     browser,
     complaints,
@@ -217,7 +218,7 @@ def test_what_is_saved_is_proved_and_opens_again(page, folder):
     assert until(lambda: "saved: " in text_of(page))
     assert Design.load(folder / "studio" / "design").region == Disk(-40, 32)
     session = folder / "studio" / "session.json"
-    assert read_session(session).state.region == Disk(-40, 32)
+    assert Session.read(session).state(subject(), session).region == Disk(-40, 32)
     assert json.loads(session.read_text())["method"] == "scheduled"
     page.refresh()
     assert until(lambda: region_of(page) == REGION)
@@ -297,7 +298,7 @@ def test_another_road_is_another_ride(page):
 def test_a_car_is_chosen_in_the_map(page):
     from selenium.webdriver import ActionChains
 
-    assert until(lambda: "None of 576 cars leaves the region" in text_of(page))
+    assert until(lambda: "None of 576 plants leaves the region" in text_of(page))
     page.execute_script(VIEW + "view.el.scrollIntoView()", "map")
     box = page.execute_script(VIEW + "return view.el.getBoundingClientRect().toJSON()", "map")
     place = page.execute_script(
@@ -315,13 +316,112 @@ def test_a_car_is_chosen_in_the_map(page):
     assert float(said[2]) == pytest.approx(-5, abs=0.5)
 
 
-def test_how_wrong_it_may_be_is_proved(page):
-    named(page, "How wrong may it be?").click()
+def test_margins_in_service_are_proved(page):
+    named(page, "Prove the margins in service").click()
     assert until(lambda: "error of the gain" in text_of(page))
     said = re.search(r"error of the estimate, m1 (\S+) kg\s+breaks at (\S+)", text_of(page))
     assert 2 < float(said[1]) < float(said[2]) < 20
     type_into(page, "Region", "disk(-40, 32)")
     assert until(lambda: "error of the gain" not in text_of(page))
+
+
+def observed(page):
+    """Have the page keep all that its badge says."""
+    page.execute_script(
+        """
+        window.said = []
+        const walk = (node) => {
+          if (node.shadowRoot) walk(node.shadowRoot)
+          if (node.classList && node.classList.contains("badge")) badge = node
+          node.childNodes.forEach(walk)
+        }
+        let badge = null
+        setInterval(() => {
+          badge = null
+          walk(document.body)
+          if (badge && badge.textContent != window.said.at(-1)) window.said.push(badge.textContent)
+        }, 20)
+        """
+    )
+
+
+def test_a_slow_search_ends_with_a_newer_drag_and_is_never_shown(page):
+    type_into(page, "Region", "half_plane(1)")
+    assert until(lambda: "proved: all poles in half_plane(1)" in text_of(page))
+    observed(page)
+    named(page, "the best ride").click()  # which takes a minute, of five states and two parameters
+    assert until(lambda: "being searched" in text_of(page))
+    named(page, "a law for the region").click()
+    edge, *_ = page.execute_script(HANDLES)
+    drag(page, edge, pixel(page, -2 + 0j), pixel(page, -3 + 0j))
+    assert until(lambda: f"proved: all poles in {region_of(page)}" in text_of(page))
+    assert parse_region(region_of(page)).decay == pytest.approx(3, abs=0.2)
+    said = page.execute_script("return window.said")
+    assert said[-1].endswith(f"proved: all poles in {region_of(page)}")
+    assert not any("rms" in own for own in said)
+
+
+def test_the_command_line_is_copied(page, address):
+    own = urlsplit(address)
+    page.execute_cdp_cmd(
+        "Browser.grantPermissions",
+        {
+            "origin": f"{own.scheme}://{own.netloc}",
+            "permissions": ["clipboardReadWrite", "clipboardSanitizedWrite"],
+        },
+    )
+    element(page, "return all.find(own => own.nodeName == 'SUMMARY')").click()
+    named(page, "Copy the command line").click()
+    assert until(lambda: named(page, "Copied"))
+    read = "const done = arguments[0]; navigator.clipboard.readText().then(done, done)"
+    text = page.execute_async_script(read)
+    assert text == f"polefence design car.toml --region '{REGION}' --method scheduled -o design"
+
+
+def test_an_open_tab_sees_that_the_server_has_ended(folder, window):
+    with studio(folder, "car.toml", "--region", REGION) as (own, process):
+        window.get(own)
+        assert until(lambda: f"proved: all poles in {REGION}" in text_of(window))
+        process.kill()
+        assert until(lambda: "has ended; start it again" in text_of(window))
+    window.get("about:blank")
+    complaints(window), requests(window)
+
+
+def test_sensors_are_ticked_and_the_dot_is_dragged(folder, window):
+    (folder / "ride.toml").write_text(spec_text("quarter-car-ride"))
+    begin = "half_plane(0.5)"
+    with studio(folder, "ride.toml", "--region", begin, "-o", "rides") as (address, _):
+        window.get(address)
+        assert until(lambda: f"proved: all poles in {begin}" in text_of(window))
+        from selenium.webdriver.support.select import Select
+
+        Select(named(window, "Method")).select_by_visible_text("quadratic")
+        named(window, "the best ride").click()
+        assert until(lambda: f"proved: all poles in {begin}; rms" in text_of(window))
+        named(window, "suspension deflection").click()
+        assert until(lambda: "--measured 'tyre deflection, sprung" in text_of(window))
+        assert until(lambda: f"proved: all poles in {begin}; rms" in text_of(window))
+        named(window, "Draw the trade-off").click()
+        assert until(lambda: "8 of 8 limits" in text_of(window), patience=60)
+        ends = window.execute_script(
+            VIEW
+            + """
+            view.el.scrollIntoView()
+            const box = view.el.getBoundingClientRect()
+            const {x, y} = view.model.renderers[0].data_source.data
+            return [1, 3].map(i => [
+              box.left + view.frame.x_scale.compute(x[i]), box.top + view.frame.y_scale.compute(y[i])
+            ])
+            """,
+            "front",
+        )
+        drag(window, *ends)
+        limit = named(window, "Limit").get_attribute("value")
+        assert until(lambda: f"rms of actuator force <= {float(limit):g}" in text_of(window))
+        assert complaints(window) == []
+    window.get("about:blank")
+    complaints(window), requests(window)
 
 
 @pytest.mark.parametrize("dark", [False, True])

@@ -127,6 +127,9 @@ def named(page, name):
         const [name] = arguments
         const button = all.find(e => e.nodeName == "BUTTON" && e.textContent.trim() == name)
         if (button) return button
+        const says = (e) => e.nextSibling ? e.nextSibling.textContent.trim() : ""
+        const box = all.find(e => e.type == "checkbox" && says(e).startsWith(name))
+        if (box) return box
         const label = all.find(e => e.nodeName == "LABEL" && e.textContent.trim().startsWith(name))
         return label && label.getRootNode().querySelector("input, select, [role=slider]")
         """,

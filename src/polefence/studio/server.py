@@ -10,6 +10,8 @@ from pathlib import Path
 from typing import Any
 
 import panel as pn
+from bokeh.events import ConnectionLost
+from bokeh.models import CustomJS
 
 from polefence.base.errors import OutputError
 from polefence.base.processors import small_matrices
@@ -62,6 +64,7 @@ def serve(
         dark = pn.config.theme == "dark"
         own = Page(subject, state, folder, document, dark, found)
         pn.state.on_session_destroyed(lambda _: own.close())
+        document.js_on_event(ConnectionLost, CustomJS(code=template("ended.js")))
         shown = pn.Template(template("page.html"))
         shown.add_variable("heading", visible(subject.plant.name))
         shown.add_variable("app_favicon", "data:,")

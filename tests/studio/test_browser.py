@@ -11,7 +11,6 @@ import pytest
 from polefence import Design, Disk, parse_region
 from polefence.examples import spec_text
 from polefence.studio import Session
-from support.studios import subject
 from support.browser import (
     browser,
     complaints,
@@ -23,6 +22,7 @@ from support.browser import (
     text_of,
     until,
 )
+from support.studios import subject
 
 pytest.importorskip("selenium")
 require_browser()
@@ -410,8 +410,9 @@ def test_sensors_are_ticked_and_the_dot_is_dragged(folder, window):
             view.el.scrollIntoView()
             const box = view.el.getBoundingClientRect()
             const {x, y} = view.model.renderers[0].data_source.data
+            const {x_scale, y_scale} = view.frame
             return [1, 3].map(i => [
-              box.left + view.frame.x_scale.compute(x[i]), box.top + view.frame.y_scale.compute(y[i])
+              box.left + x_scale.compute(x[i]), box.top + y_scale.compute(y[i])
             ])
             """,
             "front",

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shlex
+from dataclasses import replace
 
 import pytest
 
@@ -11,6 +12,7 @@ from polefence.cli.main import main
 from polefence.design.design import read_document
 from polefence.examples import spec_text
 from polefence.studio import Found, History, State
+from polefence.studio.rides import EVERY, ridden, wheels_of
 from polefence.studio.state import MOST_BACK
 from support.studios import subject, written
 
@@ -91,6 +93,31 @@ def test_all_that_is_asked_has_its_command_and_its_python(tmp_path, monkeypatch,
 
     again = Design.load(tmp_path / "design")
     assert again.law.gain(alpha) == pytest.approx(shown.gain(alpha), rel=1e-9)
+
+
+RIDES = {
+    "quarter-car-physical": ("class B", 0.0),
+    "half-car": ("kerb, 40 mm", 0.03),
+    "full-car": ("class C", 0.0),
+}
+
+
+@pytest.mark.parametrize("name", RIDES)
+def test_the_python_of_a_ride_drives_what_is_shown(name):
+    own = subject(name)
+    road, limit = RIDES[name]
+    state = replace(State.first(own, HalfPlane(0.5)), road=road, travel_limit=limit)
+    found = {}
+    exec(f"{state.python(own)}\n{state.drive_python(own)}".replace("design.save", "str"), found)
+    shown = ridden(
+        own.plant, own.car, found["design"], dict(state.values), road, state.speed, limit
+    )
+    names = wheels_of(own.car)[0]
+    force = "actuator force" if own.car is None else f"{names[0]} force"
+    driven = found["ride"].of(force)[0, ::EVERY]
+    size = abs(shown.force[:, 0]).max()
+    assert size > 1
+    assert driven == pytest.approx(shown.force[:, 0], abs=2e-3 * size)
 
 
 def test_a_limit_takes_the_place_of_that_of_the_spec():

@@ -11,6 +11,7 @@ from bokeh.plotting import figure
 
 from polefence.design.design import Design
 from polefence.plant import cars
+from polefence.plant.dampers import Damper
 from polefence.plant.family import UncertainPlant
 from polefence.plant.parameters import Parameter
 from polefence.proof.text import visible
@@ -37,10 +38,18 @@ class Car:
     car : polefence.plant.cars.Car or None
         What the plant is where it has several wheels; None for a quarter car.
     palette : Palette
+    dampers : tuple of Damper
+        Controllable ones, that give what a law demands of them.
     """
 
-    def __init__(self, plant: UncertainPlant, car: cars.Car | None, palette: Palette) -> None:
-        self.plant, self.car, self._palette = plant, car, palette
+    def __init__(
+        self,
+        plant: UncertainPlant,
+        car: cars.Car | None,
+        palette: Palette,
+        dampers: tuple[Damper, ...] = (),
+    ) -> None:
+        self.plant, self.car, self._palette, self._dampers = plant, car, palette, dampers
         self.roads = tuple(ColumnDataSource({"height": []}) for _ in range(2))
         loads = 3 if plant.parameters else 1
         self.scenes = [Scene(car, self.roads, palette) for _ in range(loads)]
@@ -90,7 +99,7 @@ class Car:
     def _driven(
         self, design: Design | None, values: dict[str, float], state: State
     ) -> tuple[Motion, Motion | None]:
-        own = (values, state.road, state.speed, state.travel_limit)
+        own = (values, state.road, state.speed, state.travel_limit, self._dampers)
         passive = ridden(self.plant, self.car, None, *own)
         return passive, None if design is None else ridden(self.plant, self.car, design, *own)
 
@@ -162,8 +171,10 @@ class Car:
                     style = {"color": shades[i % len(shades)], "line_dash": dash}
                 elif len(names) > 1:
                     style |= {"line_alpha": FAINT}
-                own_line = plot.line("time", f"{key} {i}", source=own, line_width=1.5, **style)
-                lines.append((who, name, own_line))
+                style["line_width"] = 1.5
+                # a legend shows no line that has no points when it is drawn
+                both = [plot.line("time", f"{key} {i}", source=own, **style), _unseen(plot, style)]
+                lines.append((who, name, both))
         plot.vspan("x", source=self.cursor, color=colour.looked)
         if len(names) > 1 or key == "felt":
             _explain(plot, lines, len(names))
@@ -190,11 +201,16 @@ def _title(first: Parameter, value: float) -> str:
     return f"{first.name} = {value:.4g} {first.unit}".rstrip()
 
 
-def _explain(plot: Any, lines: list[tuple[str, str, Any]], many: int) -> None:
+def _unseen(plot: Any, style: dict[str, Any]) -> Any:
+    """Return a line of this style that is nowhere."""
+    return plot.line([np.nan, np.nan], [np.nan, np.nan], **style)
+
+
+def _explain(plot: Any, lines: list[tuple[str, str, list[Any]]], many: int) -> None:
     """Say above a plot what its lines are; a click on a word hides them."""
-    ghosts = [line for who, _, line in lines if who == PASSIVE]
+    ghosts = [line for who, _, own in lines for line in own if who == PASSIVE]
     items: list[Any] = [(PASSIVE, ghosts)]
-    items += [(LAW if many == 1 else name, [own]) for who, name, own in lines if who != PASSIVE]
+    items += [(LAW if many == 1 else name, own) for who, name, own in lines if who != PASSIVE]
     legend = Legend(items=items, orientation="horizontal", click_policy="hide", padding=2, margin=2)
     legend.label_text_font_size = "11px"
     plot.add_layout(legend, "above")

@@ -87,7 +87,9 @@ class Page:
     def _panes(self, palette: Any) -> None:
         subject, state = self.subject, self.history.now
         self.poles = Poles(self.plant, state, self._dragged, palette)
-        self.car = Car(self.plant, subject.car, palette) if rides(self.plant, subject.car) else None
+        self.car: Car | None = None
+        if rides(self.plant, subject.car):
+            self.car = Car(self.plant, subject.car, palette, subject.dampers)
         self.map: Map | None = None
         if len(self.plant.parameters) > 1:
             self.map = Map(self.plant, palette, self._pointed)
@@ -354,7 +356,7 @@ class Page:
             "sensors": self.sensors.recipe(asked),
         }
         if self.car is not None:
-            found["drive"] = (now.drive(subject), "")
+            found["drive"] = (now.drive(subject), f"{python}\n{now.drive_python(subject)}")
         if self.map is not None:
             found["map"] = ("polefence check design", f"{python}\n{self.map.python}")
         if self.front is not None and self.front.rows:

@@ -11,6 +11,7 @@ import numpy as np
 
 from polefence.base.errors import InputError
 from polefence.plant.cars import Car
+from polefence.plant.dampers import Damper
 from polefence.plant.family import UncertainPlant
 from polefence.plant.outputs import disturbances
 from polefence.plant.system import Array
@@ -41,12 +42,15 @@ class RoadChoice:
         Of `polefence simulate`.
     make : callable
         Returns the road for a speed [m/s] and the seed of a random road, 0 by default.
+    words : callable
+        Returns the Python that does.
     length : float
         Of an obstacle [m]; 0 of a random road.
     """
 
     option: str
     make: Callable[..., Road]
+    words: Callable[..., str]
     length: float = 0.0
 
     def seconds(self, speed: float) -> float:
@@ -61,7 +65,10 @@ def _random(name: str) -> RoadChoice:
     def make(speed: float, seed: int = 0) -> Road:
         return random_road(name, max(speed * SECONDS, WAVE), seed)
 
-    return RoadChoice(f"--road {name}", make)
+    def words(speed: float, seed: int = 0) -> str:
+        return f"pf.vehicle.random_road({name!r}, {max(speed * SECONDS, WAVE)!r}, {seed})"
+
+    return RoadChoice(f"--road {name}", make, words)
 
 
 def _obstacle(option: str, make: Callable[..., Road], *sizes: float) -> RoadChoice:
@@ -69,8 +76,13 @@ def _obstacle(option: str, make: Callable[..., Road], *sizes: float) -> RoadChoi
         seconds = chosen.seconds(speed)
         return make(*sizes, before=LEAD * speed, after=seconds * speed)
 
+    def words(speed: float) -> str:
+        ends = f"before={LEAD * speed!r}, after={chosen.seconds(speed) * speed!r}"
+        own = ", ".join(map(repr, sizes))
+        return f"pf.vehicle.{make.__name__}({own}, {ends})"
+
     text = " ".join(f"{size:g}" for size in sizes)
-    chosen = RoadChoice(f"--{option} {text}", made, sizes[-1])
+    chosen = RoadChoice(f"--{option} {text}", made, words, sizes[-1])
     return chosen
 
 
@@ -221,6 +233,7 @@ def ridden(
     road: str,
     speed: float,
     travel_limit: float = 0.0,
+    dampers: tuple[Damper, ...] = (),
 ) -> Motion:
     """Drive a car on a road, as `polefence simulate` does.
 
@@ -237,6 +250,8 @@ def ridden(
         [m/s]
     travel_limit : float
         Of every suspension, either way [m]: where bump stops begin; 0 for none.
+    dampers : tuple of Damper
+        Controllable ones, that give what a law demands of them.
 
     Raises
     ------
@@ -245,7 +260,8 @@ def ridden(
     """
     stops = BumpStops(travel_limit, travel_limit) if travel_limit else None
     moved = _moved(plant, car, road, speed)
-    setup = Setup(plant, moved, values or None, hardware=Hardware(stops=stops), car=car)
+    parts = Hardware(stops=stops, dampers=dampers)
+    setup = Setup(plant, moved, values or None, hardware=parts, car=car)
     known = None if car is not None else require_ride(plant)
     done = run(setup, law)
     if done.lost is not None:
@@ -272,6 +288,43 @@ def ridden(
         felt=_felt(done, known),
         travel_limit=travel_limit,
     )
+
+
+def python(
+    car: Car | None,
+    spec: str,
+    values: Mapping[str, float],
+    road: str,
+    speed: float,
+    travel_limit: float,
+    dampers: tuple[Damper, ...],
+) -> str:
+    """Return the Python that drives ``plant`` under ``design`` as `ridden` does."""
+    chosen, own = ROADS[road], {"plant": "plant", "roads": "road"}
+    across = float(np.ptp(wheels_of(car)[1][:, 1]))
+    lines, parts = [f"road = {chosen.words(speed)}"], []
+    if car is not None:
+        lines.insert(0, f"car = load_car({spec!r})")
+        own = {"plant": "plant, car.places", "roads": "(road, road)"}
+    if across and not chosen.length:
+        width = f"{float(SHARE) * across!r}"
+        lines.append(f"roads = pf.vehicle.both_sides(road, {chosen.words(speed, 1)}, {width})")
+        own["roads"] = "roads"
+    move = "on_road" if car is None else "on_wheels"
+    timed = f"{speed!r}, {STEP!r}, {chosen.seconds(speed)!r}"
+    lines.append(f"moved = pf.vehicle.{move}({own['plant']}, {own['roads']}, {timed})")
+    if travel_limit:
+        parts.append(f"stops=pf.vehicle.BumpStops({travel_limit!r}, {travel_limit!r})")
+    if dampers:
+        parts.append(f"dampers=load_dampers({spec!r})")
+    lines.append(f"parts = pf.vehicle.Hardware({', '.join(parts)})")
+    end = "" if car is None else ", car=car"
+    given = dict(values) or None
+    lines.append(f"ride = pf.vehicle.drive(plant, design, moved, {given!r}, parts{end})")
+    names = [*(["load_car"] if car is not None else []), *(["load_dampers"] if dampers else [])]
+    if names:
+        lines.insert(0, f"from polefence.plant.spec import {', '.join(names)}\n")
+    return "\n".join(lines)
 
 
 def _moved(plant: UncertainPlant, car: Car | None, road: str, speed: float) -> Excitation:

@@ -8,7 +8,7 @@ from typing import Any
 
 from polefence.region.regions import Region
 from polefence.studio.question import Question
-from polefence.studio.rides import ROADS
+from polefence.studio.rides import ROADS, python
 from polefence.studio.subject import Subject
 
 LEAST_SPEED, MOST_SPEED = 5.0, 40.0  # [m/s]
@@ -68,6 +68,11 @@ class State:
         stops = f" --travel-limit {self.travel_limit!r}" if self.travel_limit else ""
         laws = "--law passive --law design"
         return f"polefence simulate {quote(subject.name)} {laws} {road}{stops}{values}"
+
+    def drive_python(self, subject: Subject) -> str:
+        """Return the Python that does, behind that of `python`."""
+        own = dict(self.values), self.road, self.speed, self.travel_limit
+        return python(subject.car, subject.name, *own, subject.dampers)
 
     def python(self, subject: Subject) -> str:
         """Return the Python that designs this, and its gain for the car that is looked at.

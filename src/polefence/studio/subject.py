@@ -14,9 +14,10 @@ from polefence.design.requirements.specification import Specification
 from polefence.design.requirements.text import RoadSpectrum, load_specifications, spec_road
 from polefence.law.structure import Structure, load_structure
 from polefence.plant.cars import Car
+from polefence.plant.dampers import Damper
 from polefence.plant.family import UncertainPlant
 from polefence.plant.outputs import split
-from polefence.plant.spec import MAX_BYTES, load_car, loads
+from polefence.plant.spec import MAX_BYTES, load_car, load_dampers, loads
 from polefence.plant.tracks import own_states
 
 MOST_SIGNALS = 24  # that are offered to be measured
@@ -55,6 +56,8 @@ class Subject:
     plant : UncertainPlant
     car : Car, optional
         On several wheels.
+    dampers : tuple of Damper
+        Controllable ones.
     structure : Structure, optional
         What the spec says of its law.
     wanted : Wanted, optional
@@ -65,6 +68,7 @@ class Subject:
     text: str
     plant: UncertainPlant
     car: Car | None = None
+    dampers: tuple[Damper, ...] = ()
     structure: Structure | None = None
     wanted: Wanted | None = None
 
@@ -82,7 +86,8 @@ class Subject:
         structure = load_structure(path)
         if structure is not None:
             structure.require_fit(plant)
-        return cls(str(path), text, plant, load_car(path), structure, _wanted(plant, path))
+        car, dampers = load_car(path), load_dampers(path)
+        return cls(str(path), text, plant, car, dampers, structure, _wanted(plant, path))
 
     @cached_property
     def signals(self) -> tuple[str, ...]:

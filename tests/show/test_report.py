@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import html
 import json
 import re
 from html.parser import HTMLParser
@@ -14,7 +15,7 @@ from polefence.cli.main import main
 from polefence.examples import family
 from polefence.law.words import definitions, formula
 from polefence.response.stationary import stationary, velocity_psd
-from polefence.show.report import _how_to_check, comfort, html_report
+from polefence.show.report import Report, _how_to_check, comfort, html_report
 from polefence.vehicle.vehicle import require_ride
 from support.memories import design as with_memory
 from support.polynomials import design as polynomial
@@ -98,6 +99,14 @@ def test_the_comfort_is_that_of_the_stationary_answer(car):
 def test_a_report_of_the_same_design_is_the_same(car):
     _, design, text = car
     assert html_report(design) == text
+
+
+def test_a_notebook_shows_the_page_in_a_frame(car):
+    shown = Report(car[2])._repr_html_()
+    assert shown.startswith("<iframe ")
+    inner = re.search('srcdoc="([^"]*)"', shown)[1]
+    assert html.unescape(inner) == car[2]
+    assert "<" not in inner
 
 
 def test_names_are_text_not_markup():

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import base64
+import html
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
@@ -42,14 +43,27 @@ OURS = "this design"
 TITLE = "Comfort, grip and force on a road"
 
 
+class Report(str):
+    """The text of a page, which a notebook shows in a frame of its own."""
+
+    __slots__ = ()
+
+    def _repr_html_(self) -> str:
+        """Show it in a notebook; scripts in it, of which it has none, would not be run."""
+        frame = 'style="width: 100%; height: 40em; border: 1px solid #888" sandbox=""'
+        return f'<iframe srcdoc="{html.escape(self)}" title="report" {frame}></iframe>'
+
+
 def html_report(
     design: Design,
     road: str = "C",
     speed: float = 20.0,
     bounds: Sequence[str] = (),
     front: tuple[str, bytes] | None = None,
-) -> str:
+) -> Report:
     """Return a report about a design, one HTML page with its figures inside.
+
+    A notebook shows it in a frame.
 
     The claim is proved afresh. For a quarter car, known by the names of its states, comfort, grip,
     travel and force on a road are set beside those of the passive car, skyhook damping and LQR.
@@ -77,7 +91,7 @@ def html_report(
     if not answer.proved:
         raise NotProvedError(f"no report: {answer}")
     title = f"{design.plant.name} in {short_text(design.region)}"
-    return page(title, answer.answer, sections(design, answer, road, speed, bounds, front))
+    return Report(page(title, answer.answer, sections(design, answer, road, speed, bounds, front)))
 
 
 def page(title: str, answer: str, sections: Sequence[Section]) -> str:

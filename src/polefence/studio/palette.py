@@ -29,7 +29,7 @@ class Palette:
     faint: str
     looked: str = "#e66101"
     ghost: str = "#8a8a8a"
-    trails: tuple[str, ...] = ("#e66101", "#8073ac", "#b8860b", "#e7298a")
+    trails: tuple[str, ...] = ("#e66101", "#8073ac", "#009e73", "#cc79a7")
 
 
 LIGHT = Palette("#cfe3f5", "#2b5c8a", "#111111", "#ffffff", "#e0e0e0")

@@ -32,7 +32,7 @@ class Palette:
     trails: tuple[str, ...] = ("#e66101", "#8073ac", "#009e73", "#cc79a7")
 
 
-LIGHT = Palette("#cfe3f5", "#2b5c8a", "#111111", "#ffffff", "#e0e0e0")
+LIGHT = Palette("#c3dcf3", "#2b5c8a", "#111111", "#ffffff", "#e0e0e0")
 DARK = Palette("#1d3a55", "#8ec1ee", "#f0f0f0", "#121212", "#3a3a3a")
 
 

@@ -70,6 +70,8 @@ _STYLE: Any = {
     "axes.axisbelow": True,
     "svg.hashsalt": "polefence",
     "legend.framealpha": 1.0,
+    "figure.autolayout": False,
+    "figure.constrained_layout.use": False,
 }
 
 Curve = npt.NDArray[np.complex128]
@@ -317,7 +319,7 @@ def render(figure: Figure, kind: str) -> bytes:
     with rc_context(_STYLE):
         if figure.get_layout_engine() is not None:  # laid out once, for files of all kinds
             figure.draw_without_rendering()
-            figure.set_layout_engine("none")
+            figure.set_layout_engine(None)  # "none" would lay it out, and draw it, every time
         buffer = io.BytesIO()
         figure.savefig(buffer, format=kind, dpi=160, metadata=dates.get(kind))
     return buffer.getvalue()

@@ -4,6 +4,9 @@ from __future__ import annotations
 
 import json
 import re
+import signal
+import sys
+import time
 from urllib.parse import urlsplit
 
 import pytest
@@ -421,6 +424,25 @@ def test_sensors_are_ticked_and_the_dot_is_dragged(folder, window):
         limit = named(window, "Limit").get_attribute("value")
         assert until(lambda: f"rms of actuator force <= {float(limit):g}" in text_of(window))
         assert complaints(window) == []
+    window.get("about:blank")
+    complaints(window), requests(window)
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="signals")
+def test_ctrl_c_ends_a_long_search_at_once(folder, window):
+    (folder / "full.toml").write_text(spec_text("full-car"))
+    with studio(folder, "full.toml", "--region", "half_plane(0)", "-o", "full") as (own, process):
+        window.get(own)
+        assert until(lambda: "proved: all poles in half_plane(0)" in text_of(window))
+        named(window, "the best ride").click()  # of 14 states and four forces: seconds at least
+        assert until(lambda: "being searched" in text_of(window))
+        time.sleep(0.5)
+        begun = time.monotonic()
+        process.send_signal(signal.SIGINT)
+        said = process.stdout.read()
+        assert process.wait(20) == 0
+        assert time.monotonic() - begun < 5  # it has 2 s where nothing else is at work
+        assert said == "whoever has this address can use it; Ctrl-C ends it\n"
     window.get("about:blank")
     complaints(window), requests(window)
 

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import argparse
+import os
+import sys
 from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -22,6 +24,7 @@ if TYPE_CHECKING:
     from polefence.studio import Found, State, Subject
 
 MOST_PORT = 65535
+PATIENCE = 1.0  # [s] that searches have to end after Ctrl-C
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -57,7 +60,7 @@ def studio_command(options: Any) -> int:
         raise MissingExtraError(
             "the studio needs Panel, which is not installed; pip install 'polefence[studio]'"
         )
-    from polefence.studio import SESSION, serve
+    from polefence.studio import SESSION, serve, settled
 
     check_target(options.output / SESSION)
     subject, state, found = _opened(options)

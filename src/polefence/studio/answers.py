@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import threading
+import time
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass, replace
@@ -119,6 +120,18 @@ def in_background(
 
     # what is inside the kernel when the page is closed must not keep the process
     threading.Thread(target=run, name=THREAD, daemon=True).start()
+
+
+def settled(seconds: float) -> bool:
+    """Wait for the end of all work in the background, so long [s]; return whether it came.
+
+    A thread that is in the kernel while Python ends would abort the process.
+    """
+    end = time.monotonic() + seconds
+    threads = [own for own in threading.enumerate() if own.name == THREAD]
+    for own in threads:
+        own.join(max(end - time.monotonic(), 0.0))
+    return not any(own.is_alive() for own in threads)
 
 
 class Newest:

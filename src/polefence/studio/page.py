@@ -36,6 +36,8 @@ from polefence.studio.words import paragraph, safe, taken
 
 WIDE = {"sizing_mode": "stretch_width"}
 LARGE, SMALL = {"flex": "3 1 520px"}, {"flex": "2 1 340px"}
+ROWS = ("poles", "asked"), ("car", "traces"), ("map", "front", "sensors", "service")
+STYLES = {name: SMALL for names in ROWS for name in names} | {"poles": LARGE, "car": LARGE}
 AIMS = {"a law for the region": False, "the best ride": True}
 OWN = "as the spec has it", 0.0  # the limit that is nobody's choice
 
@@ -171,19 +173,17 @@ class Page:
     def view(self) -> Any:
         """Return what the page shows."""
         panes = self.panes()
-        rows = (("poles", "asked"), ("car", "traces"), ("map", "front", "sensors", "service"))
-        styles = {"poles": LARGE, "car": LARGE}
         return pn.Column(
             *(
                 pn.FlexBox(
                     *(
-                        pn.Column(panes[name], styles=styles.get(name, SMALL))
+                        pn.Column(panes[name], styles=STYLES[name])
                         for name in names
                         if name in panes
                     ),
                     **WIDE,
                 )
-                for names in rows
+                for names in ROWS
             ),
             **WIDE,
         )
@@ -251,7 +251,8 @@ class Page:
                 self._anew()
             self._shown()
             self.poles.look(now)
-            self._mapped()
+            if now.values != before.values:
+                self._mapped()
             if now.question != before.question:
                 self._ask()
             elif now != before:
@@ -315,24 +316,28 @@ class Page:
             self._go(replace(self.history, now=replace(self.history.now, **changed)))
 
     def _shown(self) -> None:
-        """Have the widgets say what the state is."""
-        now, asked = self.history.now, self.history.now.question
+        """Have the widgets say what the state is; of a region that is still dragged, it alone."""
         self._quiet = True
         try:
-            self.region.value, self.aim.value = str(now.region), asked.ride
-            self.method.value = asked.method
-            own = self.subject.structure
-            self.method.disabled = own is not None and own.schedule is not None
-            self.road.value, self.speed.value = now.road, now.speed
-            self.travel.value, self.beside.value = 1e3 * now.travel_limit, now.beside
-            self.sensors.look(asked)
-            for slider, (_, value) in zip(self.sliders, now.values, strict=True):
-                slider.value = value
-            if self.front is not None:
-                self.front.look(asked)
-                self._limits()
+            self.region.value = str(self.history.now.region)
+            if self._before is None:
+                self._told()
         finally:
             self._quiet = False
+
+    def _told(self) -> None:
+        now, asked = self.history.now, self.history.now.question
+        self.aim.value, self.method.value = asked.ride, asked.method
+        own = self.subject.structure
+        self.method.disabled = own is not None and own.schedule is not None
+        self.road.value, self.speed.value = now.road, now.speed
+        self.travel.value, self.beside.value = 1e3 * now.travel_limit, now.beside
+        self.sensors.look(asked)
+        for slider, (_, value) in zip(self.sliders, now.values, strict=True):
+            slider.value = value
+        if self.front is not None:
+            self.front.look(asked)
+            self._limits()
         self.back.disabled, self.forward.disabled = not self.history.past, not self.history.future
         self._recipes()
 
@@ -425,6 +430,7 @@ class Page:
             if own.check is None:
                 self._drawn(own)
             if own.final:
+                self._mapped()
                 self._ride()
 
     def _drawn(self, own: Answer) -> None:
@@ -433,7 +439,6 @@ class Page:
         if not self._fitted:
             self._fitted = True
             self.poles.fit()
-        self._mapped()
 
     def _mapped(self) -> None:
         """Show in the map where the poles are of the law that is known, and the car looked at."""

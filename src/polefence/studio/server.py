@@ -8,6 +8,7 @@ import webbrowser
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
+from weakref import WeakSet
 
 import panel as pn
 from bokeh.events import ConnectionLost
@@ -57,12 +58,13 @@ def serve(
     OutputError
         If the port is taken.
     """
-    token = secrets.token_urlsafe(24)
+    token, pages = secrets.token_urlsafe(24), WeakSet[Page]()
 
     def page() -> Any:
         document = pn.state.curdoc
         dark = pn.config.theme == "dark"
         own = Page(subject, state, folder, document, dark, found)
+        pages.add(own)
         pn.state.on_session_destroyed(lambda _: own.close())
         document.js_on_event(ConnectionLost, CustomJS(code=template("ended.js")))
         shown = pn.Template(template("page.html"))
@@ -94,7 +96,11 @@ def serve(
         if show:
             webbrowser.open(address)
         server.start()
-        server.io_loop.start()
+        try:
+            server.io_loop.start()
+        finally:
+            for own in pages:
+                own.close()
 
 
 def _free() -> int:

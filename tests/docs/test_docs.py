@@ -12,6 +12,7 @@ import pytest
 import polefence
 from polefence.cli.main import main
 from polefence.examples import spec_text
+from support import console
 from support.paths import DOCS, ROOT
 from support.readme import README, ROWS, commands_of, run_as_written
 
@@ -32,8 +33,8 @@ def test_the_tutorial_does_what_it_shows(monkeypatch):
     assert result.failed == 0
 
 
-# Whose numbers vehicle/test_concepts.py looks at, and runs it for them.
-ELSEWHERE = "polefence concepts"
+# Run by the tests of their pages: vehicle/test_concepts.py, docs/test_consoles.py.
+ELSEWHERE = ("polefence concepts", "polefence study")
 
 
 @pytest.fixture(scope="module")
@@ -59,13 +60,21 @@ def test_the_table_has_commands_for_every_command_but_these():
 
 @pytest.mark.parametrize(
     "row",
-    [row for row in ROWS if ELSEWHERE not in row],
+    [row for row in ROWS if not any(own in row for own in ELSEWHERE)],
     ids=lambda row: commands_of(row)[-1].split()[1],
 )
 def test_every_row_of_the_readme_runs_as_it_is_written(row, after_the_readme, monkeypatch):
     monkeypatch.chdir(after_the_readme)
     assert commands_of(row)
     run_as_written(commands_of(row))
+
+
+def test_the_row_of_studies_is_run_with_its_page():
+    (row,) = [row for row in ROWS if "polefence study" in row]
+    shown = [command for block in console.blocks((DOCS / "fleet.md").read_text())
+             for command, _ in console.COMMAND.findall(block)]  # fmt: skip
+    assert commands_of(row)
+    assert set(commands_of(row)) <= set(shown)
 
 
 def test_the_readmes_region_has_a_gain_that_can_be_built(physical):

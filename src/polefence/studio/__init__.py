@@ -1,6 +1,7 @@
 """A page in the browser in which a region is moved and every car is seen; an extra."""
 
-from polefence.studio.answers import Answer, Newest, first_region
+from polefence.studio.answers import Answer, Newest, first_region, settled
+from polefence.studio.notebook import Frame, Notebook, notebook
 from polefence.studio.page import Page
 from polefence.studio.question import Found, Question
 from polefence.studio.server import serve
@@ -12,8 +13,10 @@ __all__ = [
     "SESSION",
     "Answer",
     "Found",
+    "Frame",
     "History",
     "Newest",
+    "Notebook",
     "Page",
     "Question",
     "Session",
@@ -21,6 +24,8 @@ __all__ = [
     "Subject",
     "first_region",
     "is_session",
+    "notebook",
     "put_spec",
     "serve",
+    "settled",
 ]

@@ -50,11 +50,12 @@ def growth(side: Side, z: Any) -> tuple[Array, Array, Array]:
     up = np.swapaxes(half.conj(), -1, -2)
     values, vectors = np.linalg.eigh(half @ H0 @ up)
     r, v = values[..., -1], (up @ vectors[..., -1:])[..., 0]
+    dM, conj = side.M0 + r[..., None, None] * side.M1, v.conj()
+    other = np.swapaxes(dM, -1, -2)
 
     def along(turn: complex) -> Array:
-        dM = side.M0 + r[..., None, None] * side.M1
-        dH = turn * dM + np.conj(turn) * np.swapaxes(dM, -1, -2)
-        return np.asarray(np.einsum("...i,...ij,...j->...", v.conj(), dH, v).real)
+        dH = turn * dM + turn.conjugate() * other
+        return np.asarray(np.einsum("...i,...ij,...j->...", conj, dH, v).real)
 
     return np.asarray(r), along(1.0), along(1j)
 

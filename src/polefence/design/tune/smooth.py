@@ -97,9 +97,9 @@ def smooth_growth(side: Side, curve: Curve, modes: Modes, kappa: float) -> tuple
     powers = curve.powers(z)
 
     def inside(r: Array) -> Any:
-        found = powers[-1]
+        found, each = powers[-1], r[:, None, None]
         for own in powers[-2::-1]:
-            found = found * r[:, None, None] + own
+            found = found * each + own
         return found
 
     def trace(r: Array) -> Array:
@@ -135,22 +135,23 @@ def _least(trace: Any, low: Array, most: float) -> Array:
     over = 1 / trace(above)
     for _ in range(DOUBLINGS):
         out = ~(over >= aim)
-        if not np.any(out):
+        if not out.any():
             break
         below, under = np.where(out, above, below), np.where(out, over, under)
         step = np.where(out, 16 * step, step)
         above = np.where(out, low + step, above)
         over = 1 / trace(above)
     for k in range(STEPS):
-        share = (aim - under) / np.maximum(over - under, TINY)
-        # every third time halved, so that it ends
-        share = np.where(k % 3 == 2, 0.5, np.clip(share, 1e-3, 1 - 1e-3))
+        share: Array | float = 0.5  # every third time, so that it ends
+        if k % 3 != 2:
+            share = (aim - under) / np.maximum(over - under, TINY)
+            share = np.minimum(np.maximum(share, 1e-3), 1 - 1e-3)
         new = below + (above - below) * share
         value = 1 / trace(new)
         out = ~(value >= aim)
         below, under = np.where(out, new, below), np.where(out, value, under)
         above, over = np.where(out, above, new), np.where(out, over, value)
         near = np.abs(over - aim) <= CLOSE * aim
-        if np.all(near | (above - below <= CLOSE * size)):
+        if (near | (above - below <= CLOSE * size)).all():
             break
     return above

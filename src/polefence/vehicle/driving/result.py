@@ -123,7 +123,8 @@ class Drive:
             If a name is unknown.
         """
         asked = choose(self.plant, signals)
-        values = np.stack([self._values(output) for output in asked], axis=-1)
+        # signal by signal in memory, as they are found and mostly looked at
+        values = np.moveaxis(np.stack([self._values(output) for output in asked]), 0, -1)
         alpha = Space(self.plant).alpha(self.parameters[:, 0])
         return Response(self.plant, alpha, self.time, asked, values)
 
@@ -140,7 +141,7 @@ class Drive:
             if len(rows) == 1:
                 found += source @ own[0]
             elif rows:
-                alpha = Space(self.plant).alpha(self.parameters) if alpha is None else alpha
+                alpha = Space(self.plant).alpha(once(self.parameters)) if alpha is None else alpha
                 found += np.einsum("...j,...j->...", alpha @ own, source)
         return found
 
@@ -298,9 +299,10 @@ def throughout(model: Model, sampling: Sampling | None, learner: Learner | None)
 def given(model: Model, own: Record) -> list[str]:
     """Say how often controllable dampers gave what was demanded, of cars that are not lost."""
     found = list[str]()
-    there = np.isfinite(own.applied).all(axis=-1) if model.dampers else None
+    there = np.isfinite(own.applied).all(axis=-1) if model.dampers else np.True_
+    some: Any = ... if there.all() else there  # mostly all, which need not be copied
     for k, _, _, _ in model.dampers:
-        asked, gave = own.demanded[there, k], own.applied[there, k]
+        asked, gave = own.demanded[some, k], own.applied[some, k]
         if model.hardware.sampling is None and asked.any():
             share = float(np.mean(np.abs(asked - gave) <= TINY * np.abs(asked)))
             name = inputs(model.plant)[k].name

@@ -6,6 +6,7 @@ import keyword
 import math
 from dataclasses import dataclass
 from fractions import Fraction
+from functools import cached_property
 from numbers import Rational, Real
 from typing import Any
 
@@ -164,18 +165,26 @@ class Parameter:
             If the value lies outside the interval and ``clamp`` is not set.
         """
         p = exact(value, f"parameter {self.name}")
-        rounding = (self.high - self.low) / 10**12  # a float bound may lie beyond the decimal one
-        if clamp or self.low - rounding <= p <= self.high + rounding:
-            p = min(max(p, self.low), self.high)
-        if not self.low <= p <= self.high:
+        inside = self.low <= p <= self.high
+        if not inside:
+            rounding = (self.high - self.low) / 10**12  # a float bound may lie beyond the decimal
+            if clamp or self.low - rounding <= p <= self.high + rounding:
+                p, inside = min(max(p, self.low), self.high), True
+        if not inside:
             raise ParameterValueError(
                 f"parameter {self.name} = {float(p):g} {self.unit} lies outside "
                 f"[{float(self.low):g}, {float(self.high):g}]; the guarantee ends there "
                 "(clamp=True takes the nearest bound)"
             )
-        low, high = self.scheduling(self.low), self.scheduling(self.high)
-        weight = (self.scheduling(p) - low) / (high - low)
+        low, length = self._scheduled
+        weight = (self.scheduling(p) - low) / length
         return 1 - weight, weight
+
+    @cached_property
+    def _scheduled(self) -> tuple[Fraction, Fraction]:
+        """The scheduling variable at the low bound, and how far it is to the high one."""
+        low, high = self.scheduling(self.low), self.scheduling(self.high)
+        return low, high - low
 
 
 def simplex_weights(

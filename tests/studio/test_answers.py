@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import gc
 import threading
 
 import pytest
 
-from polefence import Certificate, Design, Disk, HalfPlane, place
-from polefence.base.progress import stage
+from polefence import Certificate, Design, Disk, HalfPlane, place, progress
+from polefence.base.progress import counted, note, stage
 from polefence.design.design import check
 from polefence.studio import Newest, answers, first_region, question
 from polefence.studio.question import Found
@@ -175,3 +176,18 @@ def test_limits_in_conflict_are_refuted_with_their_proof():
     assert told.all[-1].refuted
     assert "refuted" in told.all[-1].reason
     newest.close()
+
+
+def test_who_ends_the_work_is_told_no_more_of_it():
+    told = []
+
+    def listener(words):
+        told.append(words)
+        if "2 of 3" in words:
+            raise KeyError(words)
+
+    with progress(listener), pytest.raises(KeyError):
+        for _ in counted([1, 2, 3], "part"):
+            note("half")
+    gc.collect()
+    assert told[-1] == "part 2 of 3"

@@ -29,16 +29,26 @@ class Stage:
         _tell()
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(eq=False)
 class _Told:
-    """A listener, and the stages that are under way, the outermost first."""
+    """A listener, and the stages that are under way, the outermost first.
+
+    Once it has raised something the work is at its end: it is told of no stage that ends with it.
+    """
 
     listener: Listener
     stages: list[Stage] = field(default_factory=lambda: [Stage("")])
+    ended: bool = False
 
     def tell(self) -> None:
+        if self.ended:
+            return
         words = [text for own in self.stages for text in (own.words, own.note) if text]
-        self.listener(", ".join(words))
+        try:
+            self.listener(", ".join(words))
+        except BaseException:
+            self.ended = True
+            raise
 
 
 _TOLD: ContextVar[_Told | None] = ContextVar("told", default=None)

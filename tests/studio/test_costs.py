@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from contextlib import nullcontext
 from dataclasses import replace
 
 import pytest
 
 from polefence import Design, HalfPlane, check, load_specifications, optimise
+from polefence.base.progress import stage
 from polefence.examples import spec_path, spec_text
 from polefence.studio import Page, State, front
 from polefence.studio.front import Front
@@ -145,6 +147,10 @@ def test_the_ride_is_proved_beside_each_sensor(page):
     done = lambda: all("it: proved" in own.object for own in texts.values())  # noqa: E731
     assert until(done, patience=60)
     level = float(texts["suspension deflection"].object.split()[3])
+    now = page.sensors.head.object.split()
+    assert now[:3] == ["as", "ticked:", "proved"]
+    assert f"acceleration &lt;= {float(now[3]):g}" in page.badge.object
+    assert float(now[3]) < level
     page.sensors.boxes["suspension deflection"].value = False
     assert until(lambda: f"acceleration &lt;= {level:g}" in page.badge.object)
     assert all(not own.object for own in texts.values())  # they were of another law
@@ -165,6 +171,137 @@ def test_the_dot_is_dragged_to_a_law(page):
     assert page.history.now.question.limit is None
     page.region.value = "half_plane(0.6)"
     assert len(page.front.points.data["x"]) == 0
+
+
+class Document:
+    """Does what is asked for in the page's thread when it is told to, as a server does."""
+
+    def __init__(self):
+        self.works = []
+
+    def add_next_tick_callback(self, work):
+        self.works.append(work)
+
+    def go(self):
+        while self.works:
+            self.works.pop(0)()
+
+
+@pytest.fixture
+def queued(own, tmp_path, monkeypatch):
+    """A page whose answers wait for its thread."""
+    import panel
+
+    monkeypatch.setattr(panel.io, "hold", lambda document: nullcontext())
+    monkeypatch.setattr(panel.state, "onload", lambda work: work())
+    document = Document()
+    found = Page(own, State.first(own, REGION, method="quadratic"), tmp_path, document)
+    yield found, document
+    found.close()
+
+
+ROW = {
+    "value": 0.0047,
+    "method": "tuned",
+    "status": "proved",
+    "proved": 1.1,
+    "law_of": 0.0047,
+    "bounds": [],
+}
+
+
+def test_rows_of_an_older_region_are_not_shown(queued, monkeypatch):
+    page, document = queued
+    told = []
+
+    def rows_of(question, over, show, know):
+        show([ROW])
+        told.append(question.region)
+
+    monkeypatch.setattr(page.front, "rows_of", rows_of)
+    page.draw.clicks += 1
+    assert until(lambda: told)
+    page._asked(region=HalfPlane(0.7))
+    document.go()
+    assert page.front.rows == ()
+    page.draw.clicks += 1
+    assert until(lambda: len(told) == 2)
+    document.go()
+    assert page.front.rows == (ROW,)
+
+
+def test_a_trade_off_over_another_signal_says_so(queued, monkeypatch):
+    page, document = queued
+    monkeypatch.setattr(page.front, "rows_of", lambda asked, over, show, know: show([ROW]))
+    page.over.value = "rms of tyre deflection"
+    page.draw.clicks += 1
+    assert until(lambda: document.works)
+    document.go()
+    assert "tyre deflection" in page.front.figure.xaxis[0].axis_label
+    assert "--over &#x27;rms of tyre deflection&#x27; --value 0.0047" in page.takes["front"].object
+    page.limit.value = 0.0047
+    assert page.history.now.question.over == "rms of tyre deflection"
+    page.over.value = FORCE
+    assert page.history.now.question.limit is None
+    assert page.front.rows == ()
+    page.back.clicks += 1
+    assert page.history.now.question.limit == 0.0047
+    assert page.over.value == "rms of tyre deflection"
+    assert page.limit.value == 0.0047
+
+
+def test_a_limit_whose_law_is_another_s_is_not_offered(queued, monkeypatch):
+    page, document = queued
+    rows = [ROW, ROW | {"value": 0.006}]
+    monkeypatch.setattr(page.front, "rows_of", lambda asked, over, show, know: show(rows))
+    page.draw.clicks += 1
+    assert until(lambda: document.works)
+    document.go()
+    assert len(page.front.points.data["x"]) == 2
+    assert list(page.limit.options.values()) == [0.0, 0.0047]
+    page.front.picked.data = {"number": [1]}
+    assert page.history.now.question.limit == 0.0047
+
+
+def test_rides_beside_sensors_are_of_the_limit_that_is_asked(queued, monkeypatch):
+    page, document = queued
+    asked = []
+
+    def compare(question, say, know):
+        asked.append(question)
+        say("tyre deflection", "without it: proved 1.1")
+
+    monkeypatch.setattr(page.sensors, "compare", compare)
+    page._asked(ride=True, over=FORCE, limit=200.0)
+    page.worth.clicks += 1
+    assert until(lambda: asked)
+    assert asked[0].limit == 200.0
+    document.go()
+    assert page.sensors.texts["tyre deflection"].object
+    page._asked(limit=300.0)
+    assert not page.sensors.texts["tyre deflection"].object
+
+
+def test_a_button_that_is_pressed_again_begins_anew(queued, monkeypatch):
+    page, _ = queued
+    going, ended = [], []
+
+    def compare(question, say, know):
+        going.append(question)
+        try:
+            while True:
+                with stage("for ever"):
+                    pass
+        finally:
+            ended.append(question)
+
+    monkeypatch.setattr(page.sensors, "compare", compare)
+    page.worth.clicks += 1
+    assert until(lambda: len(going) == 1)
+    page.worth.clicks += 1
+    assert until(lambda: len(ended) == 1)
+    page.close()
+    assert until(lambda: len(ended) == 2)
 
 
 def test_a_spec_that_says_its_law_keeps_it(tmp_path):

@@ -7,11 +7,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from polefence import Disk, place
+from polefence import Disk, HalfPlane, place
 from polefence.studio import State
 from polefence.studio.map import SIDE, Map
 from polefence.studio.palette import LIGHT
-from support.studios import subject
+from support.studios import subject, written
 
 
 @pytest.fixture
@@ -44,9 +44,40 @@ def test_the_python_counts_the_cells_of_the_map(physical, own):
     design, region = place(physical, Disk(-40, 31)), Disk(-40, 28.5)
     count = own.show(design, region, State.first(subject(), region))
     found = {"plant": physical, "design": design, "region": region}
-    exec(own.python, found)
+    exec(own.python(State.first(subject(), region)), found)
     assert found["inside"].shape == (SIDE**2,)
     assert 0 < (~found["inside"]).sum() == count
+
+
+THREE = """
+states = ["x", "v"]
+inputs = ["u"]
+[parameter.plant]
+range = [1, 2]
+[parameter.np]
+range = [1, 2]
+[parameter.design]
+range = [0.1, 2]
+[matrices]
+A = [[0, 1], ["-plant", "-np"]]
+B = [[0], ["design"]]
+"""
+
+
+def test_the_python_has_the_values_of_what_is_not_in_the_map(tmp_path):
+    whole = written(tmp_path, THREE)
+    law = place(whole.plant, HalfPlane(0.7))
+    pane = Map(whole.plant, LIGHT, print)
+    worst = [law.poles(whole.plant.alpha(plant=1.5, np=1.5, design=d)).real.max() for d in (0.1, 2)]
+    region = HalfPlane(-sum(worst) / 2)
+    counts = []
+    for value in (0.1, 2.0):
+        state = State.first(whole, region).at("design", value)
+        counts.append(pane.show(law, region, state))
+        found = {"plant": whole.plant, "design": law, "region": region}
+        exec(pane.python(state), found)
+        assert (~found["inside"]).sum() == counts[-1]
+    assert counts[0] != counts[1]
 
 
 def test_the_cells_fill_the_box(physical, own):

@@ -11,12 +11,15 @@ import polefence.studio
 from polefence import Design, Disk, HalfPlane, Structure, load_specifications, optimise, place
 from polefence.cli.main import main
 from polefence.examples import spec_path, spec_text
-from polefence.studio import Newest, Page, Session, State, first_region, question
+from polefence.studio import Newest, Page, State, first_region, question
+from polefence.studio.taking import save
 from support.browser import until
 from support.commands import refused
 from support.studios import subject
 
 pytest.importorskip("panel")
+
+EVEN = [0.25] * 4
 
 
 @pytest.fixture
@@ -30,17 +33,14 @@ def opened(monkeypatch, tmp_path):
 
     def run(*words):
         assert main(["studio", *words]) == 0
-        *served, more = own.pop()
-        return (*served[:3], more["found"])
+        return own.pop()[:3]
 
     return run
 
 
-def answered(own, state, found=None):
+def answered(own, state):
     told = []
     newest = Newest(own, told.append)
-    if found is not None:
-        newest.know(state.question, found)
     newest.ask(state.question)
     assert until(lambda: told and told[-1].final, patience=60)
     newest.close()
@@ -49,8 +49,8 @@ def answered(own, state, found=None):
 
 def test_a_spec_is_opened_as_it_stands(opened):
     Path("my car.toml").write_text(spec_text("quarter-car-physical"))
-    own, state, folder, found = opened("my car.toml")
-    assert (own.name, folder, found) == ("my car.toml", Path("studio"), None)
+    own, state, folder = opened("my car.toml")
+    assert (own.name, folder) == ("my car.toml", Path("studio"))
     assert state.region == first_region(own)
     assert not Path("studio").exists()
 
@@ -58,28 +58,40 @@ def test_a_spec_is_opened_as_it_stands(opened):
 def test_a_design_is_opened_with_its_law_and_its_parameters(opened, physical, monkeypatch):
     design = place(physical, Disk(-40, 36), "quadratic")
     design.save("mine")
-    own, state, _, found = opened("mine")
+    own, state, _ = opened("mine")
     assert own.plant.parameters == physical.parameters
     assert own.plant.digest == physical.digest
     assert Path(own.name) == Path("studio/plant.toml")
     assert Path(own.name).is_file()  # commands name it
     assert state.question.method == "quadratic"
-    assert (found.design.law.K == design.law.K).all()
     monkeypatch.setattr(question, "place", lambda *own, **more: pytest.fail("searched anew"))
-    answer = answered(own, state, found)
+    answer = answered(own, state)
     assert answer.proved
     assert (answer.design.law.K == design.law.K).all()
 
 
 def test_a_session_of_a_design_opens_again(opened, physical):
     place(physical, Disk(-40, 33)).save("mine")
-    own, state, folder, _ = opened("mine")
-    path = Session.of(own, state.at("m1", 250.0)).save(folder)
-    again, other, _, found = opened(str(path))
-    assert found is None
-    assert other == state.at("m1", 250.0)
+    own, state, folder = opened("mine")
+    state, answer = state.at("m1", 250.0), answered(own, state)
+    path, *_ = save(folder, own, state, answer)
+    again, other, _ = opened(str(path))
+    assert other == state.asking(given=str(folder / "design"))
     assert again.plant.digest == own.plant.digest
-    place(physical, Disk(-40, 33)).save("mine")
+    assert (answered(again, other).design.law.gain(EVEN) == answer.design.law.gain(EVEN)).all()
+
+
+def test_a_law_that_is_not_proved_is_shown_and_not_saved(opened, physical):
+    design = place(physical, Disk(-40, 20), allow_unproved=True)
+    document = design.certificate.file()
+    Path("mine").mkdir()
+    Path("mine/design.json").write_text(document.dumps())
+    own, state, folder = opened("mine")
+    answer = answered(own, state)
+    assert answer.check.answer == "refuted"
+    path, *more = save(folder, own, state, answer)
+    assert not more
+    assert not opened(str(path))[1].question.given
 
 
 def test_a_design_with_bounds_shows_them(opened):
@@ -88,18 +100,22 @@ def test_a_design_with_bounds_shows_them(opened):
     structure = Structure(own.measured[:3], [])
     found = optimise(own.plant, least, limits, HalfPlane(0.5), structure=structure)
     found.save("ride")
-    again, state, _, shown = opened("ride")
-    assert len(shown.bounds) == 4
-    assert all("<=" in text and "rms of" in text for text in shown.bounds)
-    answer = answered(again, state, shown)
+    again, state, _ = opened("ride")
+    assert state.question.measured == own.measured[:3]
+    assert state.question.method == "quadratic"
+    assert state.question.command(again) == "polefence check ride"
+    answer = answered(again, state)
+    bounds = answer.found.bounds
+    assert len(bounds) == 4
+    assert all("<=" in text and "rms of" in text for text in bounds)
     assert answer.proved
     assert len(answer.check.claims) == 5
 
 
 def test_another_region_is_searched_anew(opened, physical):
     place(physical, Disk(-40, 33)).save("mine")
-    _, state, _, found = opened("mine", "--region", "disk(-40, 35)")
-    assert found is None
+    _, state, _ = opened("mine", "--region", "disk(-40, 35)")
+    assert not state.question.given
     assert state.region == Disk(-40, 35)
 
 
@@ -123,8 +139,8 @@ def test_of_a_session_that_makes_no_sense_nothing_is_written(tmp_path, monkeypat
 def test_the_law_of_a_design_is_shown_first(opened, physical, tmp_path):
     design = place(physical, Disk(-40, 36), "quadratic")
     design.save("mine")
-    own, state, folder, found = opened("mine")
-    page = Page(own, state, folder, found=found)
+    own, state, folder = opened("mine")
+    page = Page(own, state, folder)
     assert until(lambda: "proved: all poles in disk(-40, 36)" in page.badge.object)
     assert (page.answer.design.law.K == design.law.K).all()
     page.region.value = "disk(-40, 38)"
@@ -137,7 +153,7 @@ def test_the_law_of_a_design_is_shown_first(opened, physical, tmp_path):
 
 def test_a_spec_with_a_law_begins_with_a_region_that_it_keeps(opened):
     Path("two.toml").write_text(spec_text("active-suspension-ride").replace("region =", "# region"))
-    own, state, _, _ = opened("two.toml")
+    own, state, _ = opened("two.toml")
     assert own.structure is not None
     assert state.region == HalfPlane(0.0)
     assert isinstance(answered(own, state).design, Design)
@@ -146,9 +162,20 @@ def test_a_spec_with_a_law_begins_with_a_region_that_it_keeps(opened):
 def test_a_road_with_tracks_is_measured_by_no_law(opened):
     text = re.sub("under = .*", "tracks = { order = 1 }", spec_text("half-car"))
     Path("half.toml").write_text(text)
-    own, state, _, _ = opened("half.toml", "--region", "half_plane(0)")
+    own, state, _ = opened("half.toml", "--region", "half_plane(0)")
     assert len(own.measured) < own.plant.shape[0]
     assert state.question.measured == own.measured
     assert state.question.structure(own).measured == own.measured
     assert "--measured" in state.question.command(own)
     assert State.first(own, HalfPlane(0.0)) == state
+
+
+def test_a_law_with_states_of_its_own_is_given_and_no_question(opened):
+    own = subject("active-suspension-ride")
+    place(own.plant, HalfPlane(0.0), structure=own.structure).save("mine")
+    again, state, _ = opened("mine")
+    assert again.plant.shape[0] == own.plant.shape[0] + 1
+    answer = answered(again, state)
+    assert answer.proved
+    assert state.question.command(again) == "polefence check mine"
+    assert "Design.load('mine')" in state.question.python(again)

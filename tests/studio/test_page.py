@@ -75,7 +75,7 @@ def test_what_is_saved_is_what_is_shown(page, tmp_path):
     assert Design.load(tmp_path / "design").region == Disk(-40, 36)
 
 
-def test_what_was_proved_is_not_saved_with_another_region(page, tmp_path, monkeypatch):
+def test_no_design_is_saved_while_a_law_is_searched_and_none_is_lost(page, tmp_path, monkeypatch):
     page.save.clicks += 1
     assert until(lambda: (tmp_path / "design" / "design.json").is_file())
     go, place = threading.Event(), question.place
@@ -83,7 +83,7 @@ def test_what_was_proved_is_not_saved_with_another_region(page, tmp_path, monkey
     page.region.value = "disk(-40, 36)"
     page.save.clicks += 1
     assert until(lambda: "no design" in page.message.object)
-    assert not (tmp_path / "design" / "design.json").exists()
+    assert Design.load(tmp_path / "design").region == Disk(-40, 31)  # somebody's, as it was
     go.set()
 
 
@@ -133,6 +133,10 @@ def test_a_region_of_another_kind_has_other_handles(page):
 def test_a_drag_whose_end_was_lost_is_a_step_to_undo_all_the_same(page):
     page._dragged(Disk(-40, 35), False)
     page._dragged(Disk(-40, 36), False)
+    assert until(lambda: "proved: all poles in disk(-40, 36)" in page.badge.object)
+    assert until(lambda: "&#x27;disk(-40, 36)&#x27;" in page.takes["law"].object)
+    page.sliders[0].value = 300.0
+    assert "--set m1=300.0" in page.takes["drive"].object
     page.region.value = "half_plane(4)"
     page.back.clicks += 1
     assert page.history.now.region == Disk(-40, 36)
@@ -166,10 +170,20 @@ def test_a_report_and_code_are_written_of_what_is_proved(page, tmp_path):
 
 
 def test_no_report_takes_the_place_of_another_file(page, tmp_path):
-    (tmp_path / "report.html").write_text("mine")
+    mine = "<!DOCTYPE html><title>mine</title>"
+    (tmp_path / "report.html").write_text(mine)
     page.report.clicks += 1
     assert until(lambda: "is no report" in page.message.object, patience=60)
-    assert (tmp_path / "report.html").read_text() == "mine"
+    assert (tmp_path / "report.html").read_text() == mine
+
+
+@pytest.mark.parametrize(("button", "folder"), [("save", "design"), ("code", "code")])
+def test_no_folder_is_written_through_a_link(page, tmp_path, button, folder):
+    (tmp_path / "elsewhere").mkdir()
+    (tmp_path / folder).symlink_to(tmp_path / "elsewhere")
+    getattr(page, button).clicks += 1
+    assert until(lambda: "is a link" in page.message.object, patience=60)
+    assert not list((tmp_path / "elsewhere").iterdir())
 
 
 def test_closing_gives_up_what_is_asked(page):

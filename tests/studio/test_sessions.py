@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import pytest
 
-from polefence import Disk, HalfPlane
+from polefence import Disk, HalfPlane, place
 from polefence.base.errors import InputError, OutputError, SpecError
 from polefence.examples import spec_text
 from polefence.studio import Session, State, is_session, put_spec
@@ -71,7 +71,21 @@ def test_the_ends_of_an_interval_are_values_like_others(state, tmp_path, end):
     assert read(path) == state
 
 
+def test_the_law_of_a_design_is_that_of_the_file_beside_the_session(state, tmp_path):
+    own = state.asking(given=str(tmp_path / "mine"))
+    path = Session.of(subject(), own).save(tmp_path)
+    with pytest.raises(InputError, match="has no design.json|cannot be read"):
+        read(path)
+    place(subject().plant, Disk(-40, 31)).save(tmp_path / "design")
+    assert read(path) == state.asking(given=str(tmp_path / "design"))
+    place(subject("f16").plant, HalfPlane(0.5)).save(tmp_path / "design")
+    with pytest.raises(SpecError, match="is of another plant"):
+        read(path)
+
+
 FAULTS = {
+    "spec ": ("name = '\ud800'", "spec is missing, or no text"),
+    "given": ("elsewhere", "given = 'elsewhere' must be true or false"),
     "format": ("other", "format is not"),
     "spec": (None, "spec is missing"),
     "region": ("disk(1)", "takes 2 numbers"),

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import pytest
 
-from polefence import METHODS, Disk, HalfPlane, Structure, parse_region
+from polefence import METHODS, Disk, HalfPlane, Structure, parse_region, place
 from polefence.cli.main import main
 from polefence.design.design import read_document
 from polefence.examples import spec_text
@@ -139,6 +139,20 @@ def test_every_signal_is_an_lmi_and_fewer_are_tuned():
     assert asked.structure(own) is None
     fewer = State.first(own, Disk(-40, 31)).asking(measured=own.measured[:2], method="quadratic")
     assert fewer.question.structure(own) == Structure(measured=own.measured[:2], schedule=())
+
+
+def test_of_a_law_that_is_given_the_file_is_named(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    own = written("", spec_text("quarter-car-physical"))
+    design = place(own.plant, Disk(-40, 36), "quadratic")
+    design.save("my law")
+    state = State.first(own, Disk(-40, 36), given="my law")
+    assert main(shlex.split(state.question.command(own))[1:]) == 0
+    assert "--law 'my law'" in state.drive(own)
+    found = {}
+    exec(state.python(own), found)
+    assert (found["design"].law.K == design.law.K).all()
+    assert not state.asking(method="slack").question.given
 
 
 def test_names_with_commas_are_quoted(tmp_path):

@@ -14,17 +14,17 @@ from polefence.base.files import check_target
 from polefence.cli.common import PROVED
 from polefence.cli.terminal import say
 from polefence.design.checks import require_region
-from polefence.design.design import FILE_NAME, Design, is_proof_file, read_document
+from polefence.design.design import is_proof_file
+from polefence.law.laws import FixedGain
 from polefence.lmi.conditions.methods import METHODS
 from polefence.plant.spec import dumps, loads
-from polefence.region.regions import Region
 from polefence.region.text import load_region, parse_region
 
 if TYPE_CHECKING:
-    from polefence.studio import Found, State, Subject
+    from polefence.studio import State, Subject
 
 MOST_PORT = 65535
-PATIENCE = 1.0  # [s] that searches have to end after Ctrl-C
+PATIENCE = 0.5  # [s] that searches have to end after Ctrl-C
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -63,9 +63,9 @@ def studio_command(options: Any) -> int:
     from polefence.studio import SESSION, serve, settled
 
     check_target(options.output / SESSION)
-    subject, state, found = _opened(options)
+    subject, state = _opened(options)
     require_region(subject.plant, state.region)
-    serve(subject, state, options.output, options.port, not options.no_browser, _ready, found=found)
+    serve(subject, state, options.output, options.port, not options.no_browser, _ready)
     if not settled(PATIENCE):  # what is in the kernel hears of nothing
         sys.stdout.flush()
         os._exit(PROVED)
@@ -76,35 +76,32 @@ def _ready(address: str) -> None:
     say(f"studio: {address}", "whoever has this address can use it; Ctrl-C ends it")
 
 
-def _opened(options: Any) -> tuple[Subject, State, Found | None]:
-    """Read a spec, a design or a session; of a design its law too."""
+def _opened(options: Any) -> tuple[Subject, State]:
+    """Read a spec, a design or a session."""
     from polefence.studio import Session, State, Subject, first_region, is_session, put_spec
 
-    path, found = options.subject, None
+    path = options.subject
     region = None if options.region is None else parse_region(options.region)
     if path.is_dir() or is_proof_file(path):
-        return _design(path, region, options.output)
-    if is_session(path):
+        subject, state = _design(path, options.output)
+    elif is_session(path):
         session = Session.read(path)
         loads(session.text, f"{path}: spec")  # nothing is written of what makes no sense
         subject = Subject.read(put_spec(options.output, session.text))
         state = session.state(subject, path)
     else:
         subject = Subject.read(path)
-        state = State.first(subject, region or load_region(path) or first_region(subject))
-    return subject, state if region is None else state.asking(region=region), found
+        region = region or load_region(path) or first_region(subject)
+        return subject, State.first(subject, region)
+    return subject, state if region is None else state.asking(region=region)
 
 
-def _design(path: Path, region: Region | None, folder: Path) -> tuple[Subject, State, Found | None]:
+def _design(path: Path, folder: Path) -> tuple[Subject, State]:
+    """Read a design: its law is looked at first."""
     from polefence.studio import Found, State, Subject, put_spec
 
-    where = path / FILE_NAME if path.is_dir() else path
-    design, document = Design.load(path, allow_unproved=True), read_document(where)
+    design = Found.read(path).design
     subject = Subject.read(put_spec(folder, dumps(design.plant)))
-    method = design.method if design.method in METHODS else METHODS[-1]
-    state = State.first(subject, design.region, method=method)
-    if region is not None:
-        return subject, state.asking(region=region), None
-    claims = document.claims[1:]
-    bounds = tuple(" ".join(own.statement(document.plant).split()) for own in claims)
-    return subject, state, Found(design, document, bounds)
+    method = METHODS[0] if isinstance(design.law, FixedGain) else METHODS[-1]
+    state = State.first(subject, design.region, method=method, given=str(path))
+    return subject, state.asking(measured=subject.measured_by(design), given=str(path))

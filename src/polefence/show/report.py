@@ -41,6 +41,7 @@ CENTRES = tuple(np.geomspace(0.25, 2.5, 13))
 SHARES = (0.05, 0.02)
 OURS = "this design"
 TITLE = "Comfort, grip and force on a road"
+MARK = b'<meta name="generator" content="polefence">'  # in the head of every page
 
 
 class Report(str):

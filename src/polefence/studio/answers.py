@@ -21,6 +21,7 @@ from polefence.studio.subject import Subject
 
 ROOM = 1.1  # times the smallest radius, that a session begins with
 PAUSE = 0.1  # [s] before a proof begins
+OFTEN = 0.5  # [s] between words about how far a search is
 THREAD = "polefence studio"  # name of threads
 AT_ONCE = 2  # one that ends where it next tells how far it is, and the newest
 MOST_KNOWN = 100  # answers that are kept
@@ -73,6 +74,8 @@ def first_region(subject: Subject) -> Region:
     plant = subject.plant
     if plant.sample_time is not None:
         return Disk(0.0, 1.0)
+    if subject.wanted is not None and not subject.wanted.words:
+        return HalfPlane(0.0)  # the spec asks for a ride: a tight region is not what it is about
     rate = float(f"{typical_rate(plant.A):.2g}")
     tuned = Question(HalfPlane(0.0), subject.measured).structure(subject) is not None
     with suppress(PolefenceError):
@@ -88,7 +91,10 @@ class SupersededError(Exception):
 
 
 def in_background(
-    work: Callable[[], object], wanted: Callable[[], bool], fault: Callable[[str], object]
+    work: Callable[[], object],
+    wanted: Callable[[], bool],
+    fault: Callable[[str], object],
+    going: Callable[[str], object] = str,
 ) -> None:
     """Do work in a thread of its own, which ends where it is no longer wanted.
 
@@ -99,11 +105,17 @@ def in_background(
     wanted : callable
     fault : callable
         Told what it raises, in one line.
+    going : callable
+        Told in words how far it is, from time to time.
     """
+    told = [time.monotonic()]
 
-    def heed(_: str = "") -> None:
+    def heed(words: str = "") -> None:
         if not wanted():
             raise SupersededError
+        if words and time.monotonic() > told[0] + OFTEN:
+            told[0] = time.monotonic()
+            going(words)
 
     def run() -> None:
         try:
@@ -142,10 +154,17 @@ class Newest:
     subject : Subject
     tell : callable
         Called with each `Answer` to the newest question, in another thread.
+    going : callable
+        Called with its number and words about how far the search or the proof is.
     """
 
-    def __init__(self, subject: Subject, tell: Callable[[Answer], object]) -> None:
-        self._subject, self._tell = subject, tell
+    def __init__(
+        self,
+        subject: Subject,
+        tell: Callable[[Answer], object],
+        going: Callable[[int, str], object] = lambda number, words: None,  # noqa: ARG005
+    ) -> None:
+        self._subject, self._tell, self._going = subject, tell, going
         self._room = threading.Semaphore(AT_ONCE)
         self._lock, self._number = threading.Lock(), 0
         self._asked = threading.Condition(self._lock)
@@ -171,7 +190,12 @@ class Newest:
         def fault(reason: str) -> None:
             self._say(replace(own, reason=reason))
 
-        in_background(lambda: self._answer(own), lambda: own.number == self._number, fault)
+        in_background(
+            lambda: self._answer(own),
+            lambda: own.number == self._number,
+            fault,
+            lambda words: self._going(own.number, words),
+        )
         return own.number
 
     def close(self) -> None:

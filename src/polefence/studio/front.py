@@ -18,7 +18,7 @@ from polefence.design.signals.bounds import best_bound
 from polefence.design.signals.tradeoff import TUNED, label_of, tradeoff
 from polefence.region.text import digits_up
 from polefence.studio.palette import Palette, coloured
-from polefence.studio.question import Found, Question, made
+from polefence.studio.question import Found, Question, imported, made
 from polefence.studio.subject import Subject
 from polefence.studio.templates import template
 from polefence.studio.words import plain
@@ -44,6 +44,7 @@ class Front:
     ) -> None:
         self.subject, self._palette, self._choose = subject, palette, choose
         self.rows: tuple[Row, ...] = ()
+        self.swept = self.over("")  # what their limits are on
         self.points = ColumnDataSource({"x": [], "y": []})
         self.failed = ColumnDataSource({"x": [], "y": []})
         self.dot = ColumnDataSource({"x": [], "y": []})
@@ -94,8 +95,16 @@ class Front:
         bare = [replace(own, at_most=None) for own in self.subject.overs]
         return next((own for own in bare if own.title == title), bare[0])
 
-    def show(self, rows: Sequence[Row], question: Question) -> None:
+    @property
+    def limits(self) -> list[float]:
+        """Limits whose law is of no other row."""
+        return [row["value"] for row in self._proved() if row["law_of"] == row["value"]]
+
+    def show(
+        self, rows: Sequence[Row], question: Question, over: Specification | None = None
+    ) -> None:
         """Show rows, and which of them a question asks for."""
+        self.swept = self.swept if over is None else over
         self.rows = tuple(sorted(rows, key=lambda row: float(row["value"])))
         proved = self._proved()
         x, y = [row["value"] for row in proved], [row["proved"] for row in proved]
@@ -107,15 +116,15 @@ class Front:
     def look(self, question: Question) -> None:
         """Put the dot on what a question asks for, and name the axes."""
         plant, wanted = self.subject.plant, self.subject.wanted
-        own = [row for row in self._proved() if row["value"] == question.limit]
-        own = own if question.ride else []
+        asked = question.ride and question.over == self.swept.title
+        own = [row for row in self._proved() if asked and row["value"] == question.limit]
         self.dot.data = {
             key: [row[k] for row in own] for key, k in (("x", "value"), ("y", "proved"))
         }
         if wanted is not None:
-            over, least = (label_of(plant, own) for own in (self.over(question.over), wanted.least))
+            over, least = (label_of(plant, own) for own in (self.swept, wanted.least))
             self.figure.xaxis.axis_label = plain(f"limit on {over}")
-            self.figure.title.text = plain(f"proved: least {least}")
+            self.figure.title.text = plain(f"proved: least {least}") if self.rows else ""
 
     def rows_of(
         self,
@@ -139,7 +148,7 @@ class Front:
         subject, rows = self.subject, list[Row]()
         if subject.wanted is None:
             return
-        asked = replace(question, ride=True, over=over.title, limit=None)
+        asked = replace(question.basis, over=over.title)
 
         def finished(row: Row) -> None:
             rows.append(row)
@@ -179,8 +188,8 @@ class Front:
             "" if subject.wanted is None else "".join(f" {quote(w)}" for w in subject.wanted.words)
         )
         values = "".join(f" --value {row['value']!r}" for row in self.rows)
-        over = quote(self.over(question.over).title)
-        options = replace(question, ride=True).options(subject)
+        over = quote(self.swept.title)
+        options = question.basis.options(subject)
         return f"polefence tradeoff {quote(subject.name)} --over {over}{values} {options}{words}"
 
     def python(self, question: Question) -> str:
@@ -188,8 +197,8 @@ class Front:
         wanted = self.subject.wanted
         if wanted is None:
             return ""
-        over = self.over(question.over)
-        asked = replace(question, ride=True, over=over.title, limit=None)
+        over = self.swept
+        asked = replace(question, ride=True, over=over.title, limit=None, given="")
         limits = ", ".join(map(made, asked.others(wanted)))
         structure = asked.structure(self.subject)
         lines = [
@@ -203,7 +212,7 @@ class Front:
             f"front = pf.tradeoff(plant, least, over, values, [{limits}], region, "
             "structure=structure)",
         ]
-        return "\n".join(lines)
+        return imported(lines)
 
 
 def _bounds(

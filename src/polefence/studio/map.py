@@ -89,21 +89,18 @@ class Map:
         self.cells.data = {"x": self._x, "y": self._y, "colour": colours}
         return int(outside.sum())
 
-    @property
-    def python(self) -> str:
-        """Python that finds the cells in which a design keeps the region."""
-        x, y = (p.name for p in self.plant.parameters[:2])
+    def python(self, state: State) -> str:
+        """Return the Python that finds the cells in which a design keeps the region."""
+        values, (x, y) = dict(state.values), (p.name for p in self.plant.parameters[:2])
         (left, right), (low, high) = ((own[0], own[-1]) for own in (self._x, self._y))
-        rest = "".join(f", {p.name}={p.name}" for p in self.plant.parameters[2:])
-        fixed = [f"{p.name} = {float((p.low + p.high) / 2)!r}" for p in self.plant.parameters[2:]]
+        rest = "".join(f", {p.name!r}: {values[p.name]!r}" for p in self.plant.parameters[2:])
         lines = [
             "import numpy as np",
             "",
-            *fixed,
             "alpha = [",
-            f"    plant.alpha({x}={x}, {y}={y}{rest})",
-            f"    for {x} in np.linspace({float(left)!r}, {float(right)!r}, {SIDE})",
-            f"    for {y} in np.linspace({float(low)!r}, {float(high)!r}, {SIDE})",
+            f"    plant.alpha(**{{{x!r}: a, {y!r}: b{rest}}})",
+            f"    for a in np.linspace({float(left)!r}, {float(right)!r}, {SIDE})",
+            f"    for b in np.linspace({float(low)!r}, {float(high)!r}, {SIDE})",
             "]",
             "inside = region.distance(design.poles(np.array(alpha))).max(axis=-1) < 0",
         ]

@@ -7,9 +7,11 @@ from contextlib import AbstractContextManager, nullcontext
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
+from shlex import quote
 from typing import Any
 
 import panel as pn
+from bokeh.models import PrintfTickFormatter
 
 from polefence.base.errors import PolefenceError
 from polefence.design.checks import implies_stability
@@ -26,7 +28,7 @@ from polefence.studio.front import Front
 from polefence.studio.map import SIDE, Map
 from polefence.studio.palette import DARK, LIGHT, STYLE
 from polefence.studio.poles import Poles
-from polefence.studio.question import Found, Question
+from polefence.studio.question import Question
 from polefence.studio.rides import ROADS, rides
 from polefence.studio.sensors import Sensors
 from polefence.studio.service import Service, margins_of
@@ -56,8 +58,6 @@ class Page:
         What the page is shown in; without one, answers come in a thread of their own.
     dark : bool
         Whether it is dark.
-    found : Found, optional
-        A law that is known to what it begins with.
     """
 
     def __init__(
@@ -67,16 +67,20 @@ class Page:
         folder: Path,
         document: Any = None,
         dark: bool = False,
-        found: Found | None = None,
     ) -> None:
         self.subject, self.folder = subject, folder
         self.plant = subject.plant
         self.history = History(state)
         self.answer: Answer | None = None
         self._document = document
-        self.newest = Newest(subject, lambda own: self._soon(partial(self._answered, own)))
-        if found is not None:
-            self.newest.know(state.question, found)
+        self.newest = Newest(
+            subject,
+            lambda own: self._soon(partial(self._answered, own)),
+            lambda number, words: self._soon(
+                partial(self._if_newest, number, partial(self._going, words))
+            ),
+        )
+        self._jobs, self._saved = dict[str, int](), dict[str, str]()
         self._before: Question | None = None
         self._quiet = self._fitted = self._closed = False
         self._panes(DARK if dark else LIGHT)
@@ -137,6 +141,7 @@ class Page:
             end=high,
             step=(high - low) / 100,
             value=value,
+            format=PrintfTickFormatter(format="%.4g"),
             **WIDE,
         )
         own.param.watch(lambda event: self._slid(parameter.name, event.new), "value")
@@ -151,19 +156,19 @@ class Page:
         self.travel = slider(
             label="Bump stops at [mm]; 0: none", end=1e3 * MOST_TRAVEL, step=1.0, **WIDE
         )
-        self.beside = pn.widgets.Checkbox(label="Smallest and largest load beside it")
+        self.beside = pn.widgets.Checkbox(label="")
         self.road.param.watch(lambda event: self._driven(road=event.new), "value")
         self.speed.param.watch(lambda event: self._driven(speed=event.new), "value")
         self.travel.param.watch(lambda event: self._driven(travel_limit=event.new / 1e3), "value")
         self.beside.param.watch(lambda event: self._driven(beside=event.new), "value")
         if self.plant.parameters:
             name = visible(self.plant.parameters[0].name)
-            self.beside.label = f"Smallest and largest {name} beside it"
+            self.beside.label = f"Also with the least and the largest {name}"
 
     def _trade(self) -> None:
         titles = {visible(own.title): own.title for own in self.subject.overs} or {"": ""}
         self.over = pn.widgets.Select(label="Trade-off over", options=titles, **WIDE)
-        self.over.param.watch(lambda _: self._anew(), "value")
+        self.over.param.watch(lambda _: self._swept(), "value")
         self.draw = pn.widgets.Button(label="Draw the trade-off")
         self.draw.on_click(lambda _: self._drawn_front())
         self.progress = pn.pane.HTML("", stylesheets=[STYLE])
@@ -247,8 +252,7 @@ class Page:
         before, self.history = self.history.now, history
         now = history.now
         with self._together():
-            if now.question.basis != before.question.basis:
-                self._anew()
+            self._forget(before.question, now.question)
             self._shown()
             self.poles.look(now)
             if now.values != before.values:
@@ -258,12 +262,24 @@ class Page:
             elif now != before:
                 self._ride()
 
-    def _anew(self) -> None:
+    def _forget(self, before: Question, now: Question) -> None:
         """Forget what was worked out of another question."""
-        self.sensors.clear()
+        if _of_ride(before) != _of_ride(now):
+            self.sensors.clear()
+        if before.basis != now.basis:
+            self._no_rows()
+
+    def _no_rows(self) -> None:
         if self.front is not None:
             self.front.show((), self.history.now.question)
             self.progress.object = ""
+
+    def _swept(self) -> None:
+        """Have the trade-off over another signal; a limit on the last one goes."""
+        if self._quiet:
+            return
+        self._no_rows()
+        self._asked(over="", limit=None)
 
     def _asked_again(self, history: History) -> None:
         """Go to what was asked at another time, with the car that is looked at now."""
@@ -313,6 +329,7 @@ class Page:
 
     def _driven(self, **changed: Any) -> None:
         if not self._quiet:
+            self._settled()
             self._go(replace(self.history, now=replace(self.history.now, **changed)))
 
     def _shown(self) -> None:
@@ -336,6 +353,8 @@ class Page:
         for slider, (_, value) in zip(self.sliders, now.values, strict=True):
             slider.value = value
         if self.front is not None:
+            if asked.over:
+                self.over.value = asked.over
             self.front.look(asked)
             self._limits()
         self.back.disabled, self.forward.disabled = not self.history.past, not self.history.future
@@ -344,8 +363,7 @@ class Page:
     def _limits(self) -> None:
         """Offer the limits of the trade-off, and the one that is asked for."""
         now = self.history.now.question.limit or 0.0
-        rows = () if self.front is None else self.front.rows
-        known = {row["value"] for row in rows if row["status"] == "proved"} | {now} - {0.0}
+        known = {now} - {0.0} | set(() if self.front is None else self.front.limits)
         options = dict([OWN]) | {f"{own:g}": own for own in sorted(known)}
         if options != self.limit.options:
             self.limit.options = options
@@ -357,13 +375,16 @@ class Page:
         asked, python = now.question, now.python(subject)
         found = {
             "law": (asked.command(subject), python),
-            "service": ("polefence service design", f"{python}\nmargins = pf.in_service(design)"),
+            "service": (
+                f"polefence service {quote(asked.given or 'design')}",
+                f"{python}\nmargins = pf.in_service(design)",
+            ),
             "sensors": self.sensors.recipe(asked),
         }
         if self.car is not None:
             found["drive"] = (now.drive(subject), f"{python}\n{now.drive_python(subject)}")
         if self.map is not None:
-            found["map"] = ("polefence check design", f"{python}\n{self.map.python}")
+            found["map"] = ("", f"{python}\n{self.map.python(now)}")
         if self.front is not None and self.front.rows:
             found["front"] = (self.front.command(asked), self.front.python(asked))
         for key, pair in found.items():
@@ -377,7 +398,14 @@ class Page:
         self.service.allow(False)
         self._takeable(False)
         self.count.object = self.message.object = ""
+        self._saved.clear()
         self.newest.ask(now.question)
+
+    def _going(self, words: str) -> None:
+        """Say how far a search or a proof is, in the badge that says that it is under way."""
+        if self.answer is None or not self.answer.final:
+            what = "being searched" if self.answer is None else "being proved"
+            self._say("working", f"{what}: {self.history.now.region}; {words}")
 
     def _takeable(self, proved: bool) -> None:
         self.report.disabled = self.code.disabled = not proved
@@ -415,6 +443,7 @@ class Page:
 
     def _slid(self, name: str, value: float) -> None:
         if not self._quiet:
+            self._settled()
             self._go(replace(self.history, now=self.history.now.at(name, value)))
 
     def _answered(self, own: Answer) -> None:
@@ -430,6 +459,7 @@ class Page:
             if own.check is None:
                 self._drawn(own)
             if own.final:
+                self._recipes()
                 self._mapped()
                 self._ride()
 
@@ -475,37 +505,56 @@ class Page:
         self.service.wait()
         number, design = own.number, own.design
 
-        def work() -> None:
-            text = margins_of(design)
+        def show(text: str) -> None:
             self._soon(partial(self._if_newest, number, partial(self.service.show, text)))
 
-        self._background(work, lambda: number == self.newest.number)
+        self._background(
+            "service",
+            lambda: show(margins_of(design)),
+            lambda: number == self.newest.number,
+            lambda reason: show(paragraph(reason)),
+        )
 
     def _if_newest(self, number: int, work: Callable[[], object]) -> None:
         if number == self.newest.number:
             work()
 
-    def _background(self, work: Callable[[], object], wanted: Callable[[], bool]) -> None:
-        def still() -> bool:
-            return not self._closed and wanted()
+    def _background(
+        self,
+        job: str,
+        work: Callable[[], object],
+        wanted: Callable[[], bool],
+        complain: Callable[[str], object],
+    ) -> None:
+        """Do a job in a thread of its own, in place of an older one of this name."""
+        own = self._jobs[job] = self._jobs.get(job, 0) + 1
 
-        in_background(work, still, lambda reason: self._soon(partial(self._complain, reason)))
+        def still() -> bool:
+            return not self._closed and own == self._jobs[job] and wanted()
+
+        in_background(work, still, lambda reason: self._soon(partial(complain, reason)))
 
     def _complain(self, reason: str) -> None:
         self.message.object = paragraph(reason)
 
     def _compare(self) -> None:
         """Work out the ride of what is measured, and of each signal the other way."""
-        asked = self.history.now.question
+        asked = _of_ride(self.history.now.question)
 
         def wanted() -> bool:
-            return self.history.now.question.basis == asked.basis
+            return _of_ride(self.history.now.question) == asked
 
         def say(name: str, text: str) -> None:
             self._soon(lambda: self.sensors.say(name, text) if wanted() else None)
 
         self.sensors.clear()
-        self._background(lambda: self.sensors.compare(asked, say, self.newest.know), wanted)
+        know = self.newest.know
+        self._background(
+            "sensors",
+            lambda: self.sensors.compare(asked, say, know),
+            wanted,
+            lambda reason: say("", reason),
+        )
 
     def _drawn_front(self) -> None:
         """Work the trade-off out, for the region and what is measured now."""
@@ -519,12 +568,16 @@ class Page:
             return same and self.over.value == over.title
 
         def show(rows: Sequence[Row]) -> None:
-            self._soon(partial(self._rows, tuple(rows)) if wanted() else lambda: None)
+            own = tuple(rows)
+            self._soon(lambda: self._rows(own) if wanted() else None)
 
-        front.show((), asked)
+        def complain(reason: str) -> None:
+            self.progress.object = paragraph(reason)
+
+        front.show((), asked, over)
         self.progress.object = paragraph("the law without that limit is being searched")
         know = self.newest.know
-        self._background(lambda: front.rows_of(asked, over, show, know), wanted)
+        self._background("front", lambda: front.rows_of(asked, over, show, know), wanted, complain)
 
     def _rows(self, rows: Sequence[Row]) -> None:
         if self.front is None:
@@ -543,20 +596,29 @@ class Page:
             "code": lambda: taking.code(folder, answer) if answer else [],
         }
 
+        def told(text: str) -> None:
+            self._saved[what] = text
+            self.message.object = "".join(map(paragraph, self._saved.values()))
+
         def work() -> None:
             paths = works[what]()
             names = ", ".join(str(path) for path in paths)
             if what == "save" and len(paths) == 1:
                 names += "; no design, for none is proved"
-            self._soon(partial(self._complain, f"saved: {names}"))
+            self._soon(partial(told, f"saved: {names}"))
 
-        self.message.object = paragraph("being written ...")
-        self._background(work, lambda: True)
+        told("being written ...")
+        self._background(what, work, lambda: True, told)
 
     def close(self) -> None:
         """End what is under way."""
         self._closed = True
         self.newest.close()
+
+
+def _of_ride(question: Question) -> Question:
+    """Return the question of the best ride, in all else the same."""
+    return replace(question, ride=True, given="")
 
 
 def _words(own: Answer) -> tuple[str, str]:

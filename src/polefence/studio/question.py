@@ -5,9 +5,10 @@ from __future__ import annotations
 import json
 from collections.abc import Iterable
 from dataclasses import dataclass, fields, replace
+from pathlib import Path
 from shlex import quote
 
-from polefence.design.design import Design
+from polefence.design.design import FILE_NAME, Design, read_document
 from polefence.design.requirements.specification import Specification
 from polefence.design.signals.bounds import bounds_file
 from polefence.design.signals.optimise import Optimised, optimise
@@ -38,6 +39,20 @@ class Found:
     bounds: tuple[str, ...] = ()
 
     @classmethod
+    def read(cls, path: Path) -> Found:
+        """Return what a design's file claims; it is proved by whoever asks.
+
+        Raises
+        ------
+        DesignFileError
+            If it cannot be read.
+        """
+        document = read_document(path / FILE_NAME if path.is_dir() else path)
+        design = Design.load(path, allow_unproved=True)
+        others = (own.statement(document.plant) for own in document.claims[1:])
+        return cls(design, document, tuple(" ".join(own.split()) for own in others))
+
+    @classmethod
     def of(cls, done: Design | Optimised) -> Found:
         """Return what was found."""
         if isinstance(done, Design):
@@ -63,6 +78,8 @@ class Question:
         Title of the specification whose limit is another one than the spec's; empty for none.
     limit : float, optional
         That limit, in its unit; None for none.
+    given : str
+        The file of a design whose law is looked at, whatever else is said here; empty for a search.
     """
 
     region: Region
@@ -71,11 +88,12 @@ class Question:
     ride: bool = False
     over: str = ""
     limit: float | None = None
+    given: str = ""
 
     @property
     def basis(self) -> Question:
         """The question of the ride with the spec's own limits: what comparisons begin from."""
-        return replace(self, ride=True, over="", limit=None)
+        return replace(self, ride=True, over="", limit=None, given="")
 
     def structure(self, subject: Subject) -> Structure | None:
         """Return the structure of a law that is tuned; None of one of all states, by an LMI."""
@@ -103,6 +121,8 @@ class Question:
         PolefenceError
             If there is none, or what is asked does not fit.
         """
+        if self.given:
+            return Found.read(Path(self.given))
         structure, wanted = self.structure(subject), subject.wanted
         if self.ride and wanted is not None:
             limits = (*self.others(wanted), *self._limited(subject))
@@ -131,7 +151,9 @@ class Question:
         return f"{words} --schedule none" if own.schedule == () and written is None else words
 
     def command(self, subject: Subject) -> str:
-        """Return the command line that designs this."""
+        """Return the command line that designs this, or proves what is given."""
+        if self.given:
+            return f"polefence check {quote(self.given)}"
         name, options = quote(subject.name), self.options(subject)
         if not self.ride or subject.wanted is None:
             return f"polefence design {name} {options} -o design"
@@ -149,6 +171,8 @@ class Question:
             f"plant = pf.load({subject.name!r})",
             f"region = pf.parse_region({str(self.region)!r})",
         ]
+        if self.given:
+            return "\n".join([*lines, f"design = pf.Design.load({self.given!r})"])
         if structure is None:
             lines.append(f"design = pf.place(plant, region, {self.method!r})")
         else:
@@ -163,14 +187,18 @@ class Question:
             ]
         elif structure is not None:
             lines.append("design = pf.place(plant, region, structure=structure)")
-        if any("Fraction(" in line for line in lines):
-            lines.insert(0, "from fractions import Fraction\n")
-        return "\n".join(lines)
+        return imported(lines)
 
 
 def _named(name: str) -> str:
     """Return a name as a list of names has it."""
     return json.dumps(name) if set(name) & set(',*[]"') else name
+
+
+def imported(lines: list[str]) -> str:
+    """Return lines of Python behind the imports that values in them need."""
+    needs = any("Fraction(" in line for line in lines)
+    return "\n".join(["from fractions import Fraction\n", *lines] if needs else lines)
 
 
 def made(own: Specification | Structure) -> str:

@@ -27,6 +27,7 @@ class Sensors:
 
     def __init__(self, subject: Subject, ticked: Callable[[tuple[str, ...]], object]) -> None:
         self.subject, self._ticked, self._quiet = subject, ticked, False
+        self.head = pn.pane.HTML("")
         self.boxes, self.texts = dict[str, Any](), dict[str, Any]()
         for name in subject.signals:
             box = pn.widgets.Checkbox(label=visible(name), value=name in subject.measured)
@@ -40,7 +41,7 @@ class Sensors:
             pn.FlexBox(box, self.texts[name], justify_content="space-between")
             for name, box in self.boxes.items()
         )
-        return pn.Column(*rows, sizing_mode="stretch_width")
+        return pn.Column(self.head, *rows, sizing_mode="stretch_width")
 
     def look(self, question: Question) -> None:
         """Tick what a question has measured."""
@@ -52,12 +53,13 @@ class Sensors:
             self._quiet = False
 
     def say(self, name: str, text: str) -> None:
-        """Say something beside a signal."""
-        self.texts[name].object = safe(text)
+        """Say something beside a signal, or above all."""
+        own = self.texts.get(name, self.head)
+        own.object = safe(text)
 
     def clear(self) -> None:
         """Say nothing beside any."""
-        for own in self.texts.values():
+        for own in (self.head, *self.texts.values()):
             own.object = ""
 
     def _changed(self) -> None:
@@ -76,19 +78,30 @@ class Sensors:
         say: Callable[[str, str], object],
         know: Callable[[Question, Found], object],
     ) -> None:
-        """Work out the ride with each signal the other way; say it as it comes.
+        """Work out the ride of a question, and with each signal the other way, as it comes.
 
         Parameters
         ----------
+        say : callable
+            Told a signal, and what stands beside it; of none what stands above all.
         know : callable
             Told the law of each.
+
+        Raises
+        ------
+        PolefenceError
+            If there is no law for what is ticked.
         """
+        say("", "as ticked: being searched")
+        found = question.found(self.subject)
+        know(question, found)
+        say("", f"as ticked: {self._level(found)}")
         for name in self.subject.signals:
             other = set(question.measured) ^ {name}
             if not other:
                 say(name, "nothing else is measured")
                 continue
-            asked = replace(question, ride=True, measured=self.ordered(other))
+            asked = replace(question, measured=self.ordered(other))
             word = "without" if name in question.measured else "with"
             say(name, f"{word} it: being searched")
             try:
@@ -97,15 +110,15 @@ class Sensors:
                 say(name, f"{word} it: none is proved")
                 continue
             know(asked, found)
-            level = found.bounds[0].rpartition("<=")[2].strip()
-            say(name, f"{word} it: proved {level} {self._unit}".rstrip())
+            say(name, f"{word} it: {self._level(found)}")
 
-    @property
-    def _unit(self) -> str:
+    def _level(self, found: Found) -> str:
+        """Return the least that is proved, of what is minimised."""
         wanted = self.subject.wanted
-        return "" if wanted is None else wanted.least.unit(self.subject.plant)
+        unit = "" if wanted is None else wanted.least.unit(self.subject.plant)
+        return f"proved {found.bounds[0].rpartition('<=')[2].strip()} {unit}".rstrip()
 
     def recipe(self, question: Question) -> tuple[str, str]:
         """Return the command line and the Python of the best ride of what is ticked."""
-        asked = replace(question, ride=True)
+        asked = replace(question, ride=True, given="")
         return asked.command(self.subject), asked.python(self.subject)

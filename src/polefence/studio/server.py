@@ -18,7 +18,6 @@ from polefence.base.errors import OutputError
 from polefence.base.processors import small_matrices
 from polefence.proof.text import visible
 from polefence.studio.page import Page
-from polefence.studio.question import Found
 from polefence.studio.state import State
 from polefence.studio.subject import Subject
 from polefence.studio.templates import template
@@ -33,7 +32,6 @@ def serve(
     port: int = 0,
     show: bool = True,
     ready: Callable[[str], object] = print,
-    found: Found | None = None,
 ) -> None:
     """Serve a session until Ctrl-C.
 
@@ -50,8 +48,6 @@ def serve(
         Whether to open a browser.
     ready : callable
         Called with the address.
-    found : Found, optional
-        A law that is known to what a page begins with.
 
     Raises
     ------
@@ -63,7 +59,7 @@ def serve(
     def page() -> Any:
         document = pn.state.curdoc
         dark = pn.config.theme == "dark"
-        own = Page(subject, state, folder, document, dark, found)
+        own = Page(subject, state, folder, document, dark)
         pages.add(own)
         pn.state.on_session_destroyed(lambda _: own.close())
         document.js_on_event(ConnectionLost, CustomJS(code=template("ended.js")))

@@ -14,15 +14,17 @@ from polefence.base.files import make_folder, read_text, write_documents, write_
 from polefence.lmi.conditions.methods import METHODS
 from polefence.plant.spec import MAX_BYTES
 from polefence.region.text import parse_region
+from polefence.studio.question import Found
 from polefence.studio.rides import ROADS
 from polefence.studio.state import LEAST_SPEED, MOST_SPEED, MOST_TRAVEL, State
 from polefence.studio.subject import Subject
 
 FORMAT = "polefence studio"
 PLANT, SESSION = "plant.toml", "session.json"
+DESIGN = "design"  # the folder of the design beside a session
 HEAD = 400  # characters in which a file says what it is
 MOST_BYTES = 8 * MAX_BYTES  # of a session, in which a letter of its spec may take six
-QUESTION = ("region", "method", "measured", "ride", "over", "limit")
+QUESTION = ("region", "method", "measured", "ride", "over", "limit", "given")
 LOOKED_AT = ("road", "speed", "travel_limit", "beside", "values")
 
 
@@ -80,6 +82,7 @@ class Session:
             "ride": own.ride,
             "over": own.over,
             "limit": own.limit,
+            "given": bool(own.given),
             **{key: getattr(state, key) for key in LOOKED_AT},
             "values": dict(state.values),
         }
@@ -117,7 +120,7 @@ class Session:
                 f"{path}: format is not {FORMAT!r}; `polefence studio` writes such files"
             )
         text, known = table.pop("spec", None), (*QUESTION, *LOOKED_AT)
-        if not isinstance(text, str):
+        if not isinstance(text, str) or not _is_written(text):
             raise SpecError(f"{path}: spec is missing, or no text")
         for key in table:
             if key not in known:
@@ -133,7 +136,13 @@ class Session:
             Naming file, key, value and remedy.
         """
         try:
-            return self._state(subject)
+            state = self._state(subject)
+            if self._given("given", _is_switch, "true or false", False):
+                own = path.parent / DESIGN
+                if Found.read(own).design.plant.digest != subject.plant.digest:
+                    raise SpecError(f"given: {own} is of another plant")
+                state = state.asking(given=str(own))
+            return state
         except InputError as error:
             raise SpecError(f"{path}: {error}") from error
 
@@ -206,6 +215,15 @@ class Session:
                 )
             state = state.at(name, float(value))
         return state
+
+
+def _is_written(text: str) -> bool:
+    """Whether a file can have a text as it is: half a pair of surrogates is no letter."""
+    try:
+        text.encode()
+    except UnicodeEncodeError:
+        return False
+    return True
 
 
 def _is_text(value: Any) -> bool:

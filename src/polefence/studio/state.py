@@ -54,8 +54,8 @@ class State:
         return self.question.region
 
     def asking(self, **changed: Any) -> State:
-        """Return it with another question."""
-        return replace(self, question=replace(self.question, **changed))
+        """Return it with another question, to which nothing is given."""
+        return replace(self, question=replace(self.question, **{"given": ""} | changed))
 
     def at(self, name: str, value: float) -> State:
         """Return it with another value of a parameter."""
@@ -66,7 +66,7 @@ class State:
         values = "".join(f" --set {name}={value!r}" for name, value in self.values)
         road = f"{ROADS[self.road].option} --speed {self.speed!r}"
         stops = f" --travel-limit {self.travel_limit!r}" if self.travel_limit else ""
-        laws = "--law passive --law design"
+        laws = f"--law passive --law {quote(self.question.given or 'design')}"
         return f"polefence simulate {quote(subject.name)} {laws} {road}{stops}{values}"
 
     def drive_python(self, subject: Subject) -> str:
@@ -83,7 +83,8 @@ class State:
         values = ", ".join(f"{name}={value!r}" for name, value in self.values)
         gain = f"gain_at({values})" if values else f"gain([1 / {N}] * {N})"
         own = self.question.python(subject)
-        return f'{own}\nK = design.law.{gain}\ndesign.save("design")'
+        save = "" if self.question.given else '\ndesign.save("design")'
+        return f"{own}\nK = design.law.{gain}{save}"
 
 
 @dataclass(frozen=True)

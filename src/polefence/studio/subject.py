@@ -6,12 +6,16 @@ from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 
+import numpy as np
+
 from polefence.base.errors import InputError
 from polefence.base.files import read_text
+from polefence.design.design import Design
 from polefence.design.requirements.asked import wanted
 from polefence.design.requirements.rms import Rms
 from polefence.design.requirements.specification import Specification
 from polefence.design.requirements.text import RoadSpectrum, load_specifications, spec_road
+from polefence.law.laws import PolynomialGain
 from polefence.law.structure import Structure, load_structure
 from polefence.plant.cars import Car
 from polefence.plant.dampers import Damper
@@ -106,6 +110,16 @@ class Subject:
         if self.structure is not None and self.structure.measured is not None:
             return tuple(split(own)[0] for own in self.structure.measured)
         return own_states(self.plant)
+
+    def measured_by(self, design: Design) -> tuple[str, ...]:
+        """Return the names of what the law of a design measures, of those that are known."""
+        law, vertices = design.law, np.eye(len(self.plant.vertices))
+        names = own_states(self.plant)
+        if isinstance(law, PolynomialGain) and law.measured:
+            names = tuple(own.name for own in law.measured)
+        used = np.any([law.gain(alpha) for alpha in vertices], axis=(0, 1))
+        known = {name for name, some in zip(names, used, strict=False) if some}
+        return tuple(name for name in self.signals if name in known) or self.measured
 
     @cached_property
     def overs(self) -> tuple[Specification, ...]:

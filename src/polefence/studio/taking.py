@@ -4,36 +4,34 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from polefence.base.errors import InputError, NotProvedError
-from polefence.base.files import DOCUMENT, begins_with, make_folder, write_documents, write_text
+from polefence.base.errors import InputError, NotProvedError, OutputError
+from polefence.base.files import begins_with, make_folder, write_documents, write_text
 from polefence.design.design import FILE_NAME
 from polefence.export import export_c99
-from polefence.show.report import html_report
+from polefence.show.report import MARK, html_report
 from polefence.studio.answers import Answer
-from polefence.studio.session import Session
+from polefence.studio.session import DESIGN, Session
 from polefence.studio.state import State
 from polefence.studio.subject import Subject
 
-DESIGN, REPORT, CODE = "design", "report.html", "code"  # in the folder
-MARK = b"<!DOCTYPE html>"
+REPORT, CODE = "report.html", "code"  # in the folder
 
 
 def save(folder: Path, subject: Subject, state: State, answer: Answer | None) -> list[Path]:
-    """Write the session, and the design where all that it claims is proved; an older one goes.
+    """Write the session, and the design where all that it claims is proved; an older one stays.
 
     Raises
     ------
     InputError
         If a file cannot be written, or is another's.
     """
-    saved = [Session.of(subject, state).save(folder)]
+    design = []
     if answer is not None and answer.proved and answer.found is not None:
         documents = {FILE_NAME: answer.found.document.dumps()}
-        return [*saved, *write_documents(folder / DESIGN, documents)]
-    own = folder / DESIGN / FILE_NAME
-    if begins_with(own, DOCUMENT):
-        own.unlink()
-    return saved
+        design = write_documents(_own(folder / DESIGN), documents)
+    else:
+        state = state.asking()  # what is given has no file there
+    return [Session.of(subject, state).save(folder), *design]
 
 
 def report(folder: Path, state: State, answer: Answer) -> list[Path]:
@@ -70,4 +68,11 @@ def code(folder: Path, answer: Answer) -> list[Path]:
     """
     if answer.found is None or not answer.proved:
         raise NotProvedError("no code: the law is not proved")
-    return list(export_c99(answer.found.design).save(folder / CODE))
+    return list(export_c99(answer.found.design).save(_own(folder / CODE)))
+
+
+def _own(folder: Path) -> Path:
+    """Return a folder that is no link."""
+    if folder.is_symlink():
+        raise OutputError(f"{folder}: is a link, which is not written through; move it away")
+    return folder

@@ -143,9 +143,14 @@ function frame(seconds) {
 if (what == "play") {
   play.label = play.active ? "Pause" : "Play"
   const begun = performance.now() - 1000 * at.value
+  let seconds = at.value
   const next = () => {
-    if (!play.active) return
-    draw(frame(((performance.now() - begun) / 1000) % at.end))
+    if (!play.active) {  // the slider is where the picture is
+      at.value = Math.round(seconds / at.step) * at.step
+      return
+    }
+    seconds = ((performance.now() - begun) / 1000) % at.end
+    draw(frame(seconds))
     play.frames = (play.frames || 0) + 1
     requestAnimationFrame(next)
   }

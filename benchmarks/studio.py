@@ -67,7 +67,7 @@ def memory(process):
 
 
 def dragged(page, count, generator, every=False):
-    """Drag the top of the disk up and down, or any handle to and fro, and let it go where it was."""
+    """Drag the top of the disk up and down, or any handle to and fro, and back."""
     from selenium.webdriver import ActionChains
 
     places = page.execute_script(HANDLES)

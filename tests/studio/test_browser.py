@@ -421,8 +421,12 @@ def test_sensors_are_ticked_and_the_dot_is_dragged(folder, window):
             "front",
         )
         drag(window, *ends)
-        limit = named(window, "Limit").get_attribute("value")
-        assert until(lambda: f"rms of actuator force <= {float(limit):g}" in text_of(window))
+
+        def limit():
+            return float(named(window, "Limit").get_attribute("value"))
+
+        assert until(limit)
+        assert until(lambda: f"rms of actuator force <= {limit():g}" in text_of(window))
         assert complaints(window) == []
     window.get("about:blank")
     complaints(window), requests(window)

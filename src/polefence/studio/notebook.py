@@ -12,8 +12,6 @@ from queue import SimpleQueue
 from typing import Any
 
 import panel as pn
-from bokeh.events import ConnectionLost
-from bokeh.models import CustomJS
 
 from polefence.base.errors import InputError, OutputError, suggest
 from polefence.design.checks import require_region
@@ -22,11 +20,10 @@ from polefence.proof.text import visible
 from polefence.region.regions import Region
 from polefence.region.text import load_region, parse_region
 from polefence.studio.answers import first_region
-from polefence.studio.page import ROWS, STYLES, Page
-from polefence.studio.server import HOST, _free
+from polefence.studio.page import Page
+from polefence.studio.server import HOST, free_port, listening, shown
 from polefence.studio.state import State
 from polefence.studio.subject import Subject
-from polefence.studio.templates import template
 
 THREAD = "polefence notebook"  # name of the server's
 SESSION = "notebook"  # all frames look at this one, so that they are in step
@@ -34,30 +31,6 @@ NEVER = 2**31 - 1  # [ms] until a session ends that nobody looks at
 WHOLE, PANE = 1950, 560  # heights in pixels: of the page, of a pane that is in no table
 HEIGHTS = {"poles": 600, "car": 680, "traces": 800, "service": 260}
 WIDTH = 760  # of a pane at most
-AGAIN = "start it again, and open the address that it prints", "run the cell again"
-PANES = """
-{% for names in rows %}<div class="row">
-  {% for name in names if name in shown %}
-  <section data-pane="{{ name }}" style="flex: {{ styles[name].flex }}">
-    {{ embed(roots[name ~ "_pane"]) }}
-  </section>
-  {% endfor %}
-</div>{% endfor %}
-<style>
-  .row { display: flex; flex-wrap: wrap; gap: 10px; }
-  section { min-width: 280px; }
-</style>
-<script>
-  // sizes are each frame's own: they are told to no other
-  for (const size of ["inner_width", "inner_height", "outer_width", "outer_height"]) {
-    Bokeh.Models.get("Plot").prototype._props[size].options.internal = true
-  }
-  const pane = new URLSearchParams(location.search).get("pane")
-  for (const own of pane ? document.querySelectorAll("h1, section") : []) {
-    own.hidden = own.dataset.pane != pane
-  }
-</script>
-"""
 
 
 @dataclass(frozen=True)
@@ -119,34 +92,29 @@ class Notebook:
     def __init__(self, subject: Subject, state: State, folder: Path, dark: bool = False) -> None:
         self._given, self._dark = (subject, state, folder), dark
         self._title = visible(subject.plant.name)
-        self._token, self._port = secrets.token_urlsafe(24), _free()
+        self._token, self._port = secrets.token_urlsafe(24), free_port()
         theme = "dark" if dark else "default"
         path = f"/{self._token}/?bokeh-session-id={SESSION}&theme={theme}"
         self.address = f"http://{HOST}:{self._port}{path}"
         ready = SimpleQueue[Any]()
         threading.Thread(target=self._serve, args=(ready,), name=THREAD, daemon=True).start()
         self._server = ready.get()
-        if isinstance(self._server, OSError):
-            raise OutputError(f"cannot be served at {HOST}: {self._server.strerror}")
+        if isinstance(self._server, OutputError):
+            raise self._server
         self._begin(path)
 
     def _serve(self, ready: SimpleQueue[Any]) -> None:
         """Serve in this thread: a cell that is at work does not keep the page waiting."""
         try:
-            server = pn.io.server.get_server(
-                {"/": self._shown},
-                port=self._port,
-                address=HOST,
-                prefix=self._token,
-                websocket_origin=[f"{HOST}:{self._port}"],
-                title=self._title,
-                location=False,
-                start=False,
-                show=False,
+            server = listening(
+                self._shown,
+                self._token,
+                self._port,
+                self._title,
                 generate_session_ids=False,
                 unused_session_lifetime_milliseconds=NEVER,
             )
-        except OSError as error:
+        except OutputError as error:
             ready.put(error)
             return
         server.start()
@@ -168,16 +136,8 @@ class Notebook:
     def _shown(self) -> Any:
         document = pn.state.curdoc
         self.page = Page(*self._given, document, self._dark)
-        document.js_on_event(ConnectionLost, CustomJS(code=template("ended.js").replace(*AGAIN)))
-        panes = self.page.panes()
-        self.names = tuple(panes)
-        shown = pn.Template(template("page.html").replace("{{ embed(roots.body) }}", PANES))
-        variables = {"heading": self._title, "app_favicon": "data:,", "apple_icon": "data:,"}
-        for name, value in (variables | {"rows": ROWS, "styles": STYLES, "shown": panes}).items():
-            shown.add_variable(name, value)
-        for name, pane in panes.items():
-            shown.add_panel(f"{name}_pane", pane)
-        return shown
+        self.names = tuple(self.page.panes())
+        return shown(self.page, document, "run the cell again", frames=True)
 
     def pane(self, name: str, height: int | None = None) -> Frame:
         """Return one pane alone; all that are shown are in step.

@@ -175,24 +175,6 @@ class Page:
         self.limit = pn.widgets.Select(label="Limit", options=dict([OWN]), **WIDE)
         self.limit.param.watch(lambda event: self._limited(event.new), "value")
 
-    def view(self) -> Any:
-        """Return what the page shows."""
-        panes = self.panes()
-        return pn.Column(
-            *(
-                pn.FlexBox(
-                    *(
-                        pn.Column(panes[name], styles=STYLES[name])
-                        for name in names
-                        if name in panes
-                    ),
-                    **WIDE,
-                )
-                for names in ROWS
-            ),
-            **WIDE,
-        )
-
     def panes(self) -> dict[str, Any]:
         """Return all panes of this session, by their names."""
         found = {
@@ -305,6 +287,12 @@ class Page:
             self._asked(over=self.over.value, limit=limit, ride=True)
         else:
             self._asked(over="", limit=None)
+
+    def _followed(self) -> None:
+        """Have map and car follow a law of which all is known, once no handle is held."""
+        if self._before is None and self.answer is not None and self.answer.final:
+            self._mapped()
+            self._ride()
 
     def _ride(self) -> None:
         """Drive the car that is looked at."""
@@ -423,6 +411,7 @@ class Page:
         if end:
             self._settled()
             self._shown()
+            self._followed()
 
     def _settled(self) -> None:
         """Make of a drag a step to undo, whether or not the browser told its end."""
@@ -460,8 +449,7 @@ class Page:
                 self._drawn(own)
             if own.final:
                 self._recipes()
-                self._mapped()
-                self._ride()
+                self._followed()
 
     def _drawn(self, own: Answer) -> None:
         """Show the poles of a law, and none where there is none."""

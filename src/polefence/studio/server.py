@@ -17,7 +17,7 @@ from bokeh.models import CustomJS
 from polefence.base.errors import OutputError
 from polefence.base.processors import small_matrices
 from polefence.proof.text import visible
-from polefence.studio.page import Page
+from polefence.studio.page import ROWS, STYLES, Page
 from polefence.studio.state import State
 from polefence.studio.subject import Subject
 from polefence.studio.templates import template
@@ -58,35 +58,15 @@ def serve(
 
     def page() -> Any:
         document = pn.state.curdoc
-        dark = pn.config.theme == "dark"
-        own = Page(subject, state, folder, document, dark)
+        own = Page(subject, state, folder, document, pn.config.theme == "dark")
         pages.add(own)
         pn.state.on_session_destroyed(lambda _: own.close())
-        document.js_on_event(ConnectionLost, CustomJS(code=template("ended.js")))
-        shown = pn.Template(template("page.html"))
-        shown.add_variable("heading", visible(subject.plant.name))
-        shown.add_variable("app_favicon", "data:,")
-        shown.add_variable("apple_icon", "data:,")
-        shown.add_panel("body", own.view())
-        return shown
+        return shown(own, document, "start it again, and open the address that it prints")
 
     pn.extension()
-    port = port or _free()
+    port = port or free_port()
     with small_matrices():
-        try:
-            server = pn.io.server.get_server(
-                {"/": page},
-                port=port,
-                address=HOST,
-                prefix=token,
-                websocket_origin=[f"{HOST}:{port}"],
-                title=visible(subject.plant.name),
-                location=False,
-                start=False,
-                show=False,
-            )
-        except OSError as error:
-            raise OutputError(f"--port {port}: cannot be served there: {error.strerror}") from error
+        server = listening(page, token, port, visible(subject.plant.name))
         address = f"http://{HOST}:{port}/{token}/"
         ready(address)
         if show:
@@ -99,7 +79,54 @@ def serve(
                 own.close()
 
 
-def _free() -> int:
+def shown(page: Page, document: Any, remedy: str, frames: bool = False) -> Any:
+    """Return what a document shows of a page, each pane laid out by itself.
+
+    Parameters
+    ----------
+    remedy : str
+        What to do once the server has ended.
+    frames : bool
+        Whether it is looked at in several frames, each of one pane.
+    """
+    code = template("ended.js")
+    document.js_on_event(ConnectionLost, CustomJS(args={"remedy": remedy}, code=code))
+    made, panes = pn.Template(template("page.html")), page.panes()
+    variables = {"heading": visible(page.plant.name), "frames": frames}
+    variables |= {"rows": ROWS, "styles": STYLES, "shown": tuple(panes)}
+    for name, value in (variables | {"app_favicon": "data:,", "apple_icon": "data:,"}).items():
+        made.add_variable(name, value)
+    for name, pane in panes.items():
+        made.add_panel(f"{name}_pane", pane)
+    return made
+
+
+def listening(page: Callable[[], Any], token: str, port: int, title: str, **more: Any) -> Any:
+    """Return a server of a page, on this machine alone, behind a token.
+
+    Raises
+    ------
+    OutputError
+        If the port is taken.
+    """
+    try:
+        return pn.io.server.get_server(
+            {"/": page},
+            port=port,
+            address=HOST,
+            prefix=token,
+            websocket_origin=[f"{HOST}:{port}"],
+            title=title,
+            location=False,
+            start=False,
+            show=False,
+            **more,
+        )
+    except OSError as error:
+        raise OutputError(f"--port {port}: cannot be served there: {error.strerror}") from error
+
+
+def free_port() -> int:
     """Return a port that is free."""
     with socket.socket() as own:
         own.bind((HOST, 0))

@@ -261,7 +261,8 @@ class Page:
         if self._quiet:
             return
         self._no_rows()
-        self._asked(over="", limit=None)
+        if self.history.now.question.limit is not None:
+            self._asked(over="", limit=None)
 
     def _asked_again(self, history: History) -> None:
         """Go to what was asked at another time, with the car that is looked at now."""

@@ -10,7 +10,7 @@ import pytest
 from polefence import Design, HalfPlane, check, load_specifications, optimise
 from polefence.base.progress import stage
 from polefence.examples import spec_path, spec_text
-from polefence.studio import Page, State, front
+from polefence.studio import Page, State, front, settled
 from polefence.studio.front import Front
 from polefence.studio.palette import LIGHT
 from support.browser import until
@@ -160,6 +160,7 @@ def test_the_dot_is_dragged_to_a_law(page):
     page.draw.clicks += 1
     assert until(lambda: len(page.front.points.data["x"]) == COUNT, patience=60)
     assert until(lambda: f"{COUNT} of {COUNT}" in page.progress.object)
+    assert settled(60)  # without a document its rows come in a thread of their own
     page.front.picked.data = {"number": [1]}
     limit = page.front.rows[1]["law_of"]
     assert page.history.now.question.limit == limit

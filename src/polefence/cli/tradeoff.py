@@ -38,7 +38,7 @@ from polefence.cli.optimise import (
 )
 from polefence.cli.terminal import say
 from polefence.design.checks import is_optimisable
-from polefence.design.requirements.asked import densities_of, in_units
+from polefence.design.requirements.asked import COMFORT, densities_of, in_units
 from polefence.design.requirements.specification import Specification, limit_text
 from polefence.design.requirements.text import load_specifications, parse_specification, with_wheels
 from polefence.design.rows import Row
@@ -49,8 +49,6 @@ from polefence.plant.family import UncertainPlant
 from polefence.plant.spec import load
 from polefence.proof.text import exactly
 from polefence.region.text import digits_up
-
-ACCELERATION = "rms of sprung-mass acceleration"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -76,7 +74,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         (
             "--minimise",
             "TEXT",
-            f"default: the spec's with minimise = true, else of a quarter car '{ACCELERATION}'",
+            f"default: the spec's with minimise = true, else of a quarter car '{COMFORT}'",
         ),
         ("--road", "CLASS", "A to H of ISO 8608; default: the spec's"),
         ("--region", "TEXT", "for the poles; default: the spec's, else stability"),
@@ -210,7 +208,7 @@ def _specifications(
     known = densities_of((*written, *([first] if first else [])))
     told = options.minimise is not None or first is not None
     if not told and plant.vehicle is not None:
-        options = argparse.Namespace(**vars(options) | {"minimise": ACCELERATION})
+        options = argparse.Namespace(**vars(options) | {"minimise": COMFORT})
     least, limits = asked(plant, options, road)
     if least is None:
         raise InputError(f"{options.spec}: nothing is minimised; give --minimise 'rms of SIGNAL'")

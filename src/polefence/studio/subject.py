@@ -11,7 +11,7 @@ import numpy as np
 from polefence.base.errors import InputError
 from polefence.base.files import read_text
 from polefence.design.design import Design
-from polefence.design.requirements.asked import wanted
+from polefence.design.requirements.asked import COMFORT, wanted
 from polefence.design.requirements.rms import Rms
 from polefence.design.requirements.specification import Specification
 from polefence.design.requirements.text import RoadSpectrum, load_specifications, spec_road
@@ -25,7 +25,6 @@ from polefence.plant.spec import MAX_BYTES, load_car, load_dampers, loads
 from polefence.plant.tracks import own_states
 
 MOST_SIGNALS = 24  # that are offered to be measured
-ACCELERATION = "rms of sprung-mass acceleration"
 ROAD_CLASS, SPEED = "C", 20.0  # on which a quarter car rides that names no road
 
 
@@ -142,10 +141,10 @@ def _wanted(plant: UncertainPlant, path: Path) -> Wanted | None:
         return None if least is None else Wanted(least, limits)
     if plant.vehicle is None or not plant.disturbance_count:
         return None
-    words: tuple[str, ...] = ("--minimise", ACCELERATION)
+    words: tuple[str, ...] = ("--minimise", COMFORT)
     road = None
     if spec_road(path) is None:
         road = RoadSpectrum(ROAD_CLASS, SPEED)
         words = ("--road", ROAD_CLASS, "--speed", f"{SPEED:g}", *words)
-    least, limits = wanted(plant, path, ACCELERATION, (), road)
+    least, limits = wanted(plant, path, COMFORT, (), road)
     return None if least is None else Wanted(least, limits, words)

@@ -18,7 +18,10 @@ from polefence.design.requirements.text import (
 )
 from polefence.plant.family import UncertainPlant
 from polefence.plant.outputs import disturbances
+from polefence.plant.vehicle import ACCELERATION
 from polefence.proof.text import quoted
+
+COMFORT = f"rms of {ACCELERATION}"  # what is minimised of a quarter car that asks for nothing
 
 
 def wanted(

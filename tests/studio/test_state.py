@@ -11,7 +11,7 @@ from polefence import METHODS, Disk, HalfPlane, Structure, parse_region, place
 from polefence.cli.main import main
 from polefence.design.design import read_document
 from polefence.examples import spec_text
-from polefence.studio import Found, History, State
+from polefence.studio import History, State
 from polefence.studio.rides import EVERY, ridden, wheels_of
 from polefence.studio.state import MOST_BACK
 from support.studios import subject, written
@@ -81,7 +81,7 @@ def test_all_that_is_asked_has_its_command_and_its_python(tmp_path, monkeypatch,
     own = written("", spec_text("quarter-car-ride") + more)
     region = parse_region("half_plane(0.5) & sector(0.1)")
     asked = State.first(own, region).asking(**{"method": "quadratic"} | changed).question
-    shown = Found.of(asked.found(own).design).design.law
+    shown = asked.found(own).design.law
     assert main(shlex.split(asked.command(own))[1:]) == 0
     document = read_document(tmp_path / "design" / "design.json")
     assert len(document.claims) == (5 if asked.ride else 1)

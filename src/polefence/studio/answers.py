@@ -175,10 +175,10 @@ class Newest:
         """That of the newest question."""
         return self._number
 
-    def know(self, question: Question, found: Found, check: Check | None = None) -> None:
-        """Take over what was found elsewhere; without a check it is proved when it is asked for."""
+    def know(self, question: Question, found: Found) -> None:
+        """Take over what was found elsewhere; it is proved when it is asked for."""
         with self._lock:
-            self._keep(Answer(0, question, found, check))
+            self._keep(Answer(0, question, found))
 
     def ask(self, question: Question) -> int:
         """Ask for a law; return the question's number. What was asked before is given up."""

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterable
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from shlex import quote
 
-from polefence.design.design import FILE_NAME, Design, read_document
-from polefence.design.requirements.specification import Specification
+from polefence.base.errors import DesignFileError, InputError
+from polefence.design.certificate import Certificate
+from polefence.design.design import FILE_NAME, Design, read_document, require_kind
+from polefence.design.requirements.specification import Specification, listed
 from polefence.design.signals.bounds import bounds_file
 from polefence.design.signals.optimise import Optimised, optimise
 from polefence.design.signals.placed import place
@@ -48,9 +49,13 @@ class Found:
             If it cannot be read.
         """
         document = read_document(path / FILE_NAME if path.is_dir() else path)
-        design = Design.load(path, allow_unproved=True)
+        try:
+            certificate = Certificate.of(document)
+            require_kind(certificate)
+        except InputError as error:
+            raise DesignFileError(f"{path}: {error}") from error
         others = (own.statement(document.plant) for own in document.claims[1:])
-        return cls(design, document, tuple(" ".join(own.split()) for own in others))
+        return cls(Design(certificate), document, tuple(" ".join(own.split()) for own in others))
 
     @classmethod
     def of(cls, done: Design | Optimised) -> Found:
@@ -146,7 +151,7 @@ class Question:
         if own is None:
             return f"{words} --method {self.method}"
         if self.measured != subject.measured or subject.structure is None:
-            words += f" --measured {quote(', '.join(map(_named, self.measured)))}"
+            words += f" --measured {quote(listed(self.measured)[1:-1])}"
         written = None if subject.structure is None else subject.structure.schedule
         return f"{words} --schedule none" if own.schedule == () and written is None else words
 
@@ -188,11 +193,6 @@ class Question:
         elif structure is not None:
             lines.append("design = pf.place(plant, region, structure=structure)")
         return imported(lines)
-
-
-def _named(name: str) -> str:
-    """Return a name as a list of names has it."""
-    return json.dumps(name) if set(name) & set(',*[]"') else name
 
 
 def imported(lines: list[str]) -> str:

@@ -163,7 +163,7 @@ class Page:
         self.beside.param.watch(lambda event: self._driven(beside=event.new), "value")
         if self.plant.parameters:
             name = visible(self.plant.parameters[0].name)
-            self.beside.label = f"Also with the least and the largest {name}"
+            self.beside.label = f"Also show the smallest and the largest {name}"
 
     def _trade(self) -> None:
         titles = {visible(own.title): own.title for own in self.subject.overs} or {"": ""}

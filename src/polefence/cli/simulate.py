@@ -36,14 +36,9 @@ NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
 SET = re.compile(rf"(?P<name>\w+)=(?P<value>{NUMBER})")
 JUMP = re.compile(rf"(?P<name>\w+)=(?P<value>{NUMBER})@(?P<begin>{NUMBER})")
 DRIFT = re.compile(rf"{JUMP.pattern}\.\.(?P<end>{NUMBER})")
-LONGEST_STEP = 1e-3  # that is chosen [s]
-RANDOM, OBSTACLE = 10.0, 3.0  # durations that are chosen [s]
 LASTING = 10.0  # time constants that are followed
 STEPS, MARGIN = 1000, 4.0  # of a response at least; of the longest step, over the family
 ROADS = ("road", "bump", "pothole", "kerb", "grade", "profile")
-LONG = 1.0  # over an obstacle: what takes more is added to the duration that is chosen [s]
-LEVEL = 0.1  # before an obstacle [s]
-WAVE = 100.0  # the longest that a class of roads is asked for [m]
 
 DEMANDED, ESTIMATED = " demanded", " estimated"  # drawn into the panel of what they are of
 
@@ -441,8 +436,7 @@ def _time(plant: UncertainPlant, options: Any, law: Any) -> tuple[float, float]:
 def _road(options: Any) -> tuple[Road, float | None]:
     """Return the road, long enough, and the duration where one is given or chosen."""
     from polefence.response.weighting import positive
-    from polefence.vehicle import roads as obstacles
-    from polefence.vehicle.roads import measured_road, random_road
+    from polefence.vehicle import roads
 
     speed = positive(options.speed, "--speed [m/s]")
     if options.seed is not None and options.road is None:
@@ -451,26 +445,26 @@ def _road(options: Any) -> tuple[Road, float | None]:
     if duration is not None:
         duration = positive(duration, "--duration [s]")
     if options.profile is not None:
-        return measured_road(options.profile), duration
+        return roads.measured_road(options.profile), duration
     if options.road is not None:
-        duration = duration or RANDOM
-        length = max(speed * duration, WAVE)
-        return random_road(options.road, length, options.seed or 0), duration
+        duration = duration or roads.SECONDS
+        length = roads.length_of(speed, duration)
+        return roads.random_road(options.road, length, options.seed or 0), duration
     _, extent = options.bump or options.pothole or options.grade or (0.0, 0.0)
-    over = extent / speed
-    duration = duration or OBSTACLE + (over if over > LONG else 0.0)
-    level = {"before": LEVEL * speed, "after": speed * duration}
+    duration = duration or roads.seconds_over(extent, speed)
+    level = roads.level_of(speed, duration)
     if options.bump is not None:
-        return obstacles.bump(*options.bump, **level), duration
+        return roads.bump(*options.bump, **level), duration
     if options.pothole is not None:
-        return obstacles.pothole(*options.pothole, **level), duration
+        return roads.pothole(*options.pothole, **level), duration
     if options.grade is not None:
-        return obstacles.grade(*options.grade, **level), duration
-    return obstacles.kerb(options.kerb, **level), duration
+        return roads.grade(*options.grade, **level), duration
+    return roads.kerb(options.kerb, **level), duration
 
 
 def _step(options: Any) -> float:
     from polefence.response.weighting import positive
+    from polefence.vehicle.roads import LONGEST_STEP
 
     if options.step is not None:
         return positive(options.step, "--step [s]")

@@ -21,15 +21,24 @@ from polefence.vehicle.contact import GRAVITY, static_loads
 from polefence.vehicle.driving.drive import Run, Setup, run
 from polefence.vehicle.driving.parts import BumpStops, Hardware
 from polefence.vehicle.excitation import Excitation, on_road, on_wheels
-from polefence.vehicle.roads import Road, both_sides, bump, grade, kerb, pothole, random_road
+from polefence.vehicle.roads import (
+    LONGEST_STEP,
+    SECONDS,
+    Road,
+    both_sides,
+    bump,
+    grade,
+    kerb,
+    length_of,
+    level_of,
+    pothole,
+    random_road,
+    seconds_over,
+)
 from polefence.vehicle.suspensions import suspensions
 from polefence.vehicle.vehicle import Ride, masses, require_ride, ride
 
-STEP, EVERY = 1e-3, 20  # [s]; one frame in so many steps
-SECONDS = 10.0
-LEAD = 0.1  # [s] of level road before an obstacle
-WAVE = 100.0  # [m] of random road at least
-PASSED, LONG = 3.0, 1.0  # [s] over an obstacle; what takes longer is added
+STEP, EVERY = LONGEST_STEP, 20  # [s]; one frame in so many steps
 
 
 @dataclass(frozen=True)
@@ -55,31 +64,26 @@ class RoadChoice:
 
     def seconds(self, speed: float) -> float:
         """Return how long it is driven on, as `polefence simulate` does [s]."""
-        if not self.length:
-            return SECONDS
-        over = self.length / speed
-        return PASSED + (over if over > LONG else 0.0)
+        return seconds_over(self.length, speed) if self.length else SECONDS
 
 
 def _random(name: str) -> RoadChoice:
     def make(speed: float, seed: int = 0) -> Road:
-        return random_road(name, max(speed * SECONDS, WAVE), seed)
+        return random_road(name, length_of(speed, SECONDS), seed)
 
     def words(speed: float, seed: int = 0) -> str:
-        return f"pf.vehicle.random_road({name!r}, {max(speed * SECONDS, WAVE)!r}, {seed})"
+        return f"pf.vehicle.random_road({name!r}, {length_of(speed, SECONDS)!r}, {seed})"
 
     return RoadChoice(f"--road {name}", make, words)
 
 
 def _obstacle(option: str, make: Callable[..., Road], *sizes: float) -> RoadChoice:
     def made(speed: float) -> Road:
-        seconds = chosen.seconds(speed)
-        return make(*sizes, before=LEAD * speed, after=seconds * speed)
+        return make(*sizes, **level_of(speed, chosen.seconds(speed)))
 
     def words(speed: float) -> str:
-        ends = f"before={LEAD * speed!r}, after={chosen.seconds(speed) * speed!r}"
-        own = ", ".join(map(repr, sizes))
-        return f"pf.vehicle.{make.__name__}({own}, {ends})"
+        ends = (f"{key}={value!r}" for key, value in level_of(speed, chosen.seconds(speed)).items())
+        return f"pf.vehicle.{make.__name__}({', '.join((*map(repr, sizes), *ends))})"
 
     text = " ".join(f"{size:g}" for size in sizes)
     chosen = RoadChoice(f"--{option} {text}", made, words, sizes[-1])

@@ -29,6 +29,27 @@ PIECES = 256
 
 MAX_BYTES = 50_000_000
 
+# Where nobody says otherwise: durations [s], beyond which what takes long is added; level road
+# before an obstacle [s]; the least length of a random road, for its longest wave [m]; a step [s].
+SECONDS, OBSTACLE, LONG = 10.0, 3.0, 1.0
+LEVEL, WAVE, LONGEST_STEP = 0.1, 100.0, 1e-3
+
+
+def seconds_over(extent: float, speed: float) -> float:
+    """Return how long an obstacle of this extent [m] is driven on, and behind it [s]."""
+    over = extent / speed
+    return OBSTACLE + (over if over > LONG else 0.0)
+
+
+def length_of(speed: float, seconds: float) -> float:
+    """Return how long a random road is for a drive of so many seconds [m]."""
+    return max(speed * seconds, WAVE)
+
+
+def level_of(speed: float, seconds: float) -> dict[str, float]:
+    """Return how much level road is before an obstacle and after it [m]."""
+    return {"before": LEVEL * speed, "after": speed * seconds}
+
 
 @dataclass(frozen=True, eq=False)
 class Road:

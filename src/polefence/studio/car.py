@@ -7,7 +7,6 @@ from typing import Any
 import numpy as np
 from bokeh.layouts import column, row
 from bokeh.models import ColumnDataSource, CustomJS, Legend, Slider, Span, Toggle
-from bokeh.plotting import figure
 
 from polefence.design.design import Design
 from polefence.plant import cars
@@ -15,7 +14,7 @@ from polefence.plant.dampers import Damper
 from polefence.plant.family import UncertainPlant
 from polefence.plant.parameters import Parameter
 from polefence.proof.text import visible
-from polefence.studio.palette import Palette, coloured
+from polefence.studio.palette import Palette, coloured, small_figure
 from polefence.studio.rides import Motion, ridden, seats_of, under, wheels_of
 from polefence.studio.scene import BODY, LARGER, NARROW, RADIUS, Scene
 from polefence.studio.state import State
@@ -150,14 +149,7 @@ class Car:
 
     def _trace(self, key: str, label: str, names: list[str]) -> Any:
         """Draw a signal over time: of each wheel or seat with a law, and grey without."""
-        plot = figure(
-            name=key,
-            height=LOW if len(names) == 1 else HIGH,
-            min_width=280,
-            sizing_mode="stretch_width",
-            tools="",
-            toolbar_location=None,
-        )
+        plot = small_figure(key, height=LOW if len(names) == 1 else HIGH)
         plot.yaxis.axis_label = label
         plot.title.text_color = self._palette.ink
         plot.yaxis.axis_label_text_font_size = "10px"

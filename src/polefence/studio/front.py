@@ -9,7 +9,6 @@ from typing import Any
 
 from bokeh.events import Pan, PanStart, Tap
 from bokeh.models import ColumnDataSource, CustomJS
-from bokeh.plotting import figure
 
 from polefence.base.errors import NotProvedError
 from polefence.design.requirements.specification import Specification
@@ -17,7 +16,7 @@ from polefence.design.rows import Row
 from polefence.design.signals.bounds import best_bound
 from polefence.design.signals.tradeoff import TUNED, label_of, tradeoff
 from polefence.region.text import digits_up
-from polefence.studio.palette import Palette, coloured
+from polefence.studio.palette import Palette, coloured, small_figure
 from polefence.studio.question import Found, Question, imported, made
 from polefence.studio.subject import Subject
 from polefence.studio.templates import template
@@ -52,14 +51,7 @@ class Front:
         self.figure = self._figure()
 
     def _figure(self) -> Any:
-        plot = figure(
-            height=260,
-            min_width=280,
-            sizing_mode="stretch_width",
-            tools="",
-            toolbar_location=None,
-            name="front",
-        )
+        plot = small_figure("front", height=260)
         colour = self._palette
         plot.line("x", "y", source=self.points, color=colour.cars, line_width=1.5)
         plot.scatter("x", "y", source=self.points, color=colour.cars, size=7)

@@ -8,14 +8,13 @@ from typing import Any
 import numpy as np
 from bokeh.events import Tap
 from bokeh.models import ColumnDataSource, Range1d
-from bokeh.plotting import figure
 
 from polefence.design.design import Design
 from polefence.plant.family import UncertainPlant
 from polefence.plant.parameters import Parameter
 from polefence.plant.points import weights_of
 from polefence.region.regions import Region
-from polefence.studio.palette import Palette, coloured
+from polefence.studio.palette import Palette, coloured, small_figure
 from polefence.studio.state import State
 from polefence.studio.words import plain
 
@@ -49,17 +48,13 @@ class Map:
     def _figure(self) -> Any:
         first, second = self.plant.parameters[:2]
         (left, right), (low, high) = self._ranges
-        plot = figure(
+        plot = small_figure(
+            "map",
             height=260,
-            min_width=280,
-            sizing_mode="stretch_width",
-            tools="",
-            toolbar_location=None,
             x_range=Range1d(left, right),
             y_range=Range1d(low, high),
             x_axis_label=_label(first),
             y_axis_label=_label(second),
-            name="map",
         )
         size = {"width": (right - left) / SIDE, "height": (high - low) / SIDE}
         plot.rect("x", "y", source=self.cells, fill_color="colour", line_color=None, **size)

@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
+from bokeh.plotting import figure
+
 
 @dataclass(frozen=True)
 class Palette:
@@ -34,6 +36,12 @@ class Palette:
 
 LIGHT = Palette("#c3dcf3", "#2b5c8a", "#111111", "#ffffff", "#e0e0e0")
 DARK = Palette("#1d3a55", "#8ec1ee", "#f0f0f0", "#121212", "#3a3a3a")
+
+
+def small_figure(name: str, **options: Any) -> Any:
+    """Return a figure as wide as its column, without tools."""
+    shared = {"min_width": 280, "sizing_mode": "stretch_width"}
+    return figure(name=name, tools="", toolbar_location=None, **(shared | options))
 
 
 def coloured(plot: Any, palette: Palette) -> None:

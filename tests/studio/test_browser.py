@@ -21,6 +21,7 @@ from support.browser import (
     named,
     requests,
     require_browser,
+    resized,
     studio,
     text_of,
     until,
@@ -452,13 +453,16 @@ def test_ctrl_c_ends_a_long_search_at_once(folder, window):
 
 
 @pytest.mark.parametrize("dark", [False, True])
-def test_a_phone_shows_all_of_it(address, dark):
-    with browser(390, 800, dark) as page:
-        page.get(address)
-        assert until(lambda: f"proved: all poles in {REGION}" in text_of(page))
-        wide = page.execute_script("return document.documentElement.scrollWidth")
+def test_a_phone_shows_all_of_it(window, address, dark):
+    resized(window, 390, 800, dark)
+    try:
+        window.get(address)
+        assert until(lambda: f"proved: all poles in {REGION}" in text_of(window))
+        wide = window.execute_script("return document.documentElement.scrollWidth")
         assert wide <= 390
-        paper = page.execute_script("return getComputedStyle(document.body).backgroundColor")
+        paper = window.execute_script("return getComputedStyle(document.body).backgroundColor")
         dim = sum(map(int, re.findall(r"\d+", paper)[:3])) < 3 * 60
         assert dim == dark or (not dark and paper == "rgba(0, 0, 0, 0)")
-        assert complaints(page) == []
+        assert complaints(window) == []
+    finally:
+        resized(window)

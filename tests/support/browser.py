@@ -48,14 +48,19 @@ def browser(width=1280, height=900, dark=False):
     options.set_capability("goog:loggingPrefs", {"browser": "ALL", "performance": "ALL"})
     own = webdriver.Chrome(options=options, service=Service(shutil.which("chromedriver")))
     own.set_script_timeout(PATIENCE)
-    size = {"width": width, "height": height, "deviceScaleFactor": 1, "mobile": False}
-    own.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", size)
-    scheme = [{"name": "prefers-color-scheme", "value": "dark" if dark else "light"}]
-    own.execute_cdp_cmd("Emulation.setEmulatedMedia", {"features": scheme})
+    resized(own, width, height, dark)
     try:
         yield own
     finally:
         own.quit()
+
+
+def resized(own, width=1280, height=900, dark=False):
+    """Have a browser be of another size, and its user like another scheme."""
+    size = {"width": width, "height": height, "deviceScaleFactor": 1, "mobile": False}
+    own.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", size)
+    scheme = [{"name": "prefers-color-scheme", "value": "dark" if dark else "light"}]
+    own.execute_cdp_cmd("Emulation.setEmulatedMedia", {"features": scheme})
 
 
 @contextmanager

@@ -26,7 +26,7 @@ from polefence.studio.answers import Answer, Newest, in_background
 from polefence.studio.car import Car
 from polefence.studio.front import Front
 from polefence.studio.map import SIDE, Map
-from polefence.studio.palette import DARK, LIGHT, STYLE
+from polefence.studio.palette import CHOSEN, DARK, LIGHT, STYLE
 from polefence.studio.poles import Poles
 from polefence.studio.question import Question
 from polefence.studio.rides import ROADS, rides
@@ -108,7 +108,7 @@ class Page:
         state = self.history.now
         self.region = pn.widgets.TextInput(label="Region", value=str(state.region), **WIDE)
         self.region.param.watch(self._typed, "value")
-        self.aim = pn.widgets.RadioButtonGroup(label="Look for", options=AIMS)
+        self.aim = pn.widgets.RadioButtonGroup(label="Look for", options=AIMS, stylesheets=[CHOSEN])
         self.aim.param.watch(lambda event: self._asked(ride=event.new), "value")
         self.method = pn.widgets.Select(label="Method", options=list(METHODS), **WIDE)
         self.method.param.watch(lambda event: self._asked(method=event.new), "value")

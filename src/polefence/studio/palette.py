@@ -58,6 +58,9 @@ def coloured(plot: Any, palette: Palette) -> None:
         legend.border_line_color = palette.faint
 
 
+# The button that is chosen of several, on light and on dark.
+CHOSEN = ".bk-btn.bk-active { font-weight: 700; text-decoration: underline; }"
+
 # Of what is HTML. Words and marks say what colours say.
 STYLE = """
 .badge { font-weight: 600; padding: 4px 10px; border-radius: 4px; border: 2px solid; }

@@ -183,6 +183,10 @@ class Document:
     def add_next_tick_callback(self, work):
         self.works.append(work)
 
+    def add_callback(self, add, work):
+        """As the server's loop."""
+        add(work)
+
     def go(self):
         while self.works:
             self.works.pop(0)()
@@ -196,6 +200,7 @@ def queued(own, tmp_path, monkeypatch):
     monkeypatch.setattr(panel.io, "hold", lambda document: nullcontext())
     monkeypatch.setattr(panel.state, "onload", lambda work: work())
     document = Document()
+    monkeypatch.setattr("polefence.studio.page.IOLoop.current", lambda: document)
     found = Page(own, State.first(own, REGION, method="quadratic"), tmp_path, document)
     yield found, document
     found.close()

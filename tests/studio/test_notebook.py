@@ -53,7 +53,7 @@ def look(page, cell):
     frame = page.find_elements("tag name", "iframe")[cell]
     page.execute_script("arguments[0].scrollIntoView()", frame)
     page.switch_to.frame(frame)
-    assert until(lambda: "proved: all poles in" in text_of(page)), text_of(page)
+    assert until(lambda: "proved: all poles in" in text_of(page)), " ".join(text_of(page).split())
 
 
 def status(address):

@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from contextlib import AbstractContextManager, nullcontext
 from dataclasses import replace
-from functools import partial
+from functools import partial, wraps
 from pathlib import Path
 from shlex import quote
 from typing import Any
 
 import panel as pn
 from bokeh.models import PrintfTickFormatter
+from tornado.ioloop import IOLoop
 
 from polefence.base.errors import PolefenceError
 from polefence.design.checks import implies_stability
@@ -44,6 +44,29 @@ AIMS = {"a law for the region": False, "the best ride": True}
 OWN = "as the spec has it", 0.0  # the limit that is nobody's choice
 
 
+def _held(document: Any, work: Callable[[], object]) -> None:
+    """Have all changes that some work makes reach the browser in one message.
+
+    All go this way: what Panel holds and what Bokeh sends at once may overtake one another, and a
+    badge would stay behind its law.
+    """
+    if document is None:
+        work()
+    else:
+        with pn.io.hold(document):
+            work()
+
+
+def _together(change: Callable[..., None]) -> Callable[..., None]:
+    """Return a page's answer to what its user does, of which all changes are held."""
+
+    @wraps(change)
+    def held(self: Page, *given: Any, **more: Any) -> None:
+        _held(self._document, lambda: change(self, *given, **more))
+
+    return held
+
+
 class Page:
     """One view of a session: a tab of the browser.
 
@@ -73,6 +96,7 @@ class Page:
         self.history = History(state)
         self.answer: Answer | None = None
         self._document = document
+        self._loop = None if document is None else IOLoop.current()
         self.newest = Newest(
             subject,
             lambda own: self._soon(partial(self._answered, own)),
@@ -88,7 +112,7 @@ class Page:
         if document is None:
             self._ask()
         else:  # what changes before the browser listens is lost
-            pn.state.onload(self._ask)
+            pn.state.onload(partial(self._soon, self._ask))
 
     def _panes(self, palette: Any) -> None:
         subject, state = self.subject, self.history.now
@@ -220,29 +244,27 @@ class Page:
 
     def _soon(self, work: Callable[[], object]) -> None:
         """Have something done in the page's own thread."""
-        if self._document is None:
+        if self._loop is None:
             work()
         else:
-            self._document.add_next_tick_callback(work)
+            # Not from the thread of an answer: what is held there might stay so.
+            work = partial(_held, self._document, work)
+            self._loop.add_callback(self._document.add_next_tick_callback, work)
 
-    def _together(self) -> AbstractContextManager[Any]:
-        """Have all changes inside reach the browser in one message."""
-        return nullcontext() if self._document is None else pn.io.hold(self._document)
-
+    @_together
     def _go(self, history: History) -> None:
         """Show another state, and ask about it if it asks something else."""
         before, self.history = self.history.now, history
         now = history.now
-        with self._together():
-            self._forget(before.question, now.question)
-            self._shown()
-            self.poles.look(now)
-            if now.values != before.values:
-                self._mapped()
-            if now.question != before.question:
-                self._ask()
-            elif now != before:
-                self._ride()
+        self._forget(before.question, now.question)
+        self._shown()
+        self.poles.look(now)
+        if now.values != before.values:
+            self._mapped()
+        if now.question != before.question:
+            self._ask()
+        elif now != before:
+            self._ride()
 
     def _forget(self, before: Question, now: Question) -> None:
         """Forget what was worked out of another question."""
@@ -256,6 +278,7 @@ class Page:
             self.front.show((), self.history.now.question)
             self.progress.object = ""
 
+    @_together
     def _swept(self) -> None:
         """Have the trade-off over another signal; a limit on the last one goes."""
         if self._quiet:
@@ -264,17 +287,20 @@ class Page:
         if self.history.now.question.limit is not None:
             self._asked(over="", limit=None)
 
+    @_together
     def _asked_again(self, history: History) -> None:
         """Go to what was asked at another time, with the car that is looked at now."""
         self._before = None
         self._go(replace(history, now=replace(self.history.now, question=history.now.question)))
 
+    @_together
     def _asked(self, **changed: Any) -> None:
         """Ask something else; it is a step to undo."""
         if not self._quiet:
             self._settled()
             self._go(self.history.then(self.history.now.asking(**changed)))
 
+    @_together
     def _ticked(self, measured: tuple[str, ...]) -> None:
         if measured:
             self._asked(measured=measured)
@@ -282,6 +308,7 @@ class Page:
             self.message.object = paragraph("a law measures one signal at least")
             self.sensors.look(self.history.now.question)
 
+    @_together
     def _limited(self, limit: float) -> None:
         """Ask for the best ride within a limit of the trade-off; 0: within the spec's own."""
         if limit:
@@ -301,9 +328,8 @@ class Page:
             return
         design = None if self.answer is None else self.answer.design
         try:
-            with self._together():
-                lines = self.car.show(design, self.history.now)
-                self.ride.object = "".join(paragraph(f"{who}: {text}") for who, text in lines)
+            lines = self.car.show(design, self.history.now)
+            self.ride.object = "".join(paragraph(f"{who}: {text}") for who, text in lines)
         except PolefenceError as error:
             self.car.clear()
             self.ride.object = paragraph(str(error))
@@ -316,6 +342,7 @@ class Page:
             state = state.at(name, min(max(float(f"{value:.4g}"), low), high))
         self._go(replace(self.history, now=state))
 
+    @_together
     def _driven(self, **changed: Any) -> None:
         if not self._quiet:
             self._settled()
@@ -403,6 +430,7 @@ class Page:
         """Have the badge say something."""
         self.badge.object = f'<div role="status" class="badge {word}">{safe(text)}</div>'
 
+    @_together
     def _dragged(self, region: Region, end: bool) -> None:
         """Ask about a region that is being dragged; it is a step to undo once that ends."""
         now = self.history.now
@@ -420,6 +448,7 @@ class Page:
             first, self._before = replace(self.history.now, question=self._before), None
             self.history = replace(self.history, now=first).then(self.history.now)
 
+    @_together
     def _typed(self, event: Any) -> None:
         if self._quiet:
             return
@@ -431,6 +460,7 @@ class Page:
         self.message.object = ""
         self._asked(region=region)
 
+    @_together
     def _slid(self, name: str, value: float) -> None:
         if not self._quiet:
             self._settled()
@@ -441,16 +471,15 @@ class Page:
         if own.number != self.newest.number:
             return
         self.answer = own
-        with self._together():
-            self._say(*_words(own))
-            self.find.visible = own.check is not None and own.check.alpha is not None
-            self.service.allow(own.proved)
-            self._takeable(own.proved)
-            if own.check is None:
-                self._drawn(own)
-            if own.final:
-                self._recipes()
-                self._followed()
+        self._say(*_words(own))
+        self.find.visible = own.check is not None and own.check.alpha is not None
+        self.service.allow(own.proved)
+        self._takeable(own.proved)
+        if own.check is None:
+            self._drawn(own)
+        if own.final:
+            self._recipes()
+            self._followed()
 
     def _drawn(self, own: Answer) -> None:
         """Show the poles of a law, and none where there is none."""
@@ -471,6 +500,7 @@ class Page:
             text = words.get(count, f"{count} of {SIDE**2} plants leave the region")
             self.count.object = paragraph(f"{text}.")
 
+    @_together
     def _find(self) -> None:
         """Look at the plant whose poles leave the region."""
         check = None if self.answer is None else self.answer.check
@@ -486,6 +516,7 @@ class Page:
         self.message.object = paragraph(f"leaves the region at {values_text(self.plant, values)}")
         self._go(replace(self.history, now=state))
 
+    @_together
     def _wrong(self) -> None:
         """Work out what errors the law bears in service; drop them for a newer law."""
         own = self.answer
@@ -526,6 +557,7 @@ class Page:
     def _complain(self, reason: str) -> None:
         self.message.object = paragraph(reason)
 
+    @_together
     def _compare(self) -> None:
         """Work out the ride of what is measured, and of each signal the other way."""
         asked = _of_ride(self.history.now.question)
@@ -545,6 +577,7 @@ class Page:
             lambda reason: say("", reason),
         )
 
+    @_together
     def _drawn_front(self) -> None:
         """Work the trade-off out, for the region and what is measured now."""
         front, asked = self.front, self.history.now.question
@@ -571,11 +604,11 @@ class Page:
     def _rows(self, rows: Sequence[Row]) -> None:
         if self.front is None:
             return
-        with self._together():
-            self.front.show(rows, self.history.now.question)
-            self.progress.object = paragraph(f"{len(rows)} of {self.front.count} limits")
-            self._shown()
+        self.front.show(rows, self.history.now.question)
+        self.progress.object = paragraph(f"{len(rows)} of {self.front.count} limits")
+        self._shown()
 
+    @_together
     def _take(self, what: str) -> None:
         """Write what is taken away into the session's folder."""
         folder, state, answer = self.folder, self.history.now, self.answer

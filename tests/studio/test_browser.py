@@ -98,12 +98,11 @@ def page(window, address):
 
 
 @pytest.fixture
-def anew(page):
+def anew(window):
     """Have the page open afresh, and be left behind: more of it than the region is changed."""
-    page.refresh()
-    assert until(lambda: f"proved: all poles in {REGION}" in text_of(page))
+    window.get("about:blank")
     yield
-    page.get("about:blank")
+    window.get("about:blank")
 
 
 def drag(page, start, *places):

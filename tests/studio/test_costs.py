@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from contextlib import nullcontext
+from contextlib import contextmanager, nullcontext
 from dataclasses import replace
 
 import pytest
@@ -204,6 +204,27 @@ def queued(own, tmp_path, monkeypatch):
     found = Page(own, State.first(own, REGION, method="quadratic"), tmp_path, document)
     yield found, document
     found.close()
+
+
+def test_all_that_the_page_changes_is_held_and_sent_together(queued, monkeypatch):
+    page, document = queued
+    inside, held = [], []
+
+    @contextmanager
+    def hold(_):
+        inside.append(1)
+        yield
+        inside.pop()
+
+    monkeypatch.setattr("panel.io.hold", hold)
+    for pane in (page.badge, page.message):
+        pane.param.watch(lambda _: held.append(bool(inside)), "object")
+    page._soon(lambda: page._going("proof, inequality 3"))
+    document.go()
+    page.region.value = "no region"
+    page.region.value = "half_plane(0.6)"
+    assert len(held) >= 3
+    assert all(held)
 
 
 ROW = {

@@ -247,7 +247,7 @@ class Page:
         if self._loop is None:
             work()
         else:
-            # Not from the thread of an answer: what is held there might stay so.
+            # In the server's loop nothing is held: a callback that is added then is not lost.
             work = partial(_held, self._document, work)
             self._loop.add_callback(self._document.add_next_tick_callback, work)
 
@@ -287,13 +287,11 @@ class Page:
         if self.history.now.question.limit is not None:
             self._asked(over="", limit=None)
 
-    @_together
     def _asked_again(self, history: History) -> None:
         """Go to what was asked at another time, with the car that is looked at now."""
         self._before = None
         self._go(replace(history, now=replace(self.history.now, question=history.now.question)))
 
-    @_together
     def _asked(self, **changed: Any) -> None:
         """Ask something else; it is a step to undo."""
         if not self._quiet:
@@ -308,7 +306,6 @@ class Page:
             self.message.object = paragraph("a law measures one signal at least")
             self.sensors.look(self.history.now.question)
 
-    @_together
     def _limited(self, limit: float) -> None:
         """Ask for the best ride within a limit of the trade-off; 0: within the spec's own."""
         if limit:
@@ -342,7 +339,6 @@ class Page:
             state = state.at(name, min(max(float(f"{value:.4g}"), low), high))
         self._go(replace(self.history, now=state))
 
-    @_together
     def _driven(self, **changed: Any) -> None:
         if not self._quiet:
             self._settled()
@@ -460,7 +456,6 @@ class Page:
         self.message.object = ""
         self._asked(region=region)
 
-    @_together
     def _slid(self, name: str, value: float) -> None:
         if not self._quiet:
             self._settled()

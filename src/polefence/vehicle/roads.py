@@ -29,8 +29,9 @@ PIECES = 256
 
 MAX_BYTES = 50_000_000
 
-# Where nobody says otherwise: durations [s], beyond which what takes long is added; level road
-# before an obstacle [s]; the least length of a random road, for its longest wave [m]; a step [s].
+# Where nothing is given: how long a random road and an obstacle are driven on, and the time over an
+# obstacle from which it is added to that [s]; the level road before an obstacle [s]; the shortest
+# random road, for its longest wave [m]; the step of a drive [s].
 SECONDS, OBSTACLE, LONG = 10.0, 3.0, 1.0
 LEVEL, WAVE, LONGEST_STEP = 0.1, 100.0, 1e-3
 

@@ -458,7 +458,7 @@ def test_ctrl_c_ends_a_long_search(folder, window):
     begin = "half_plane(0)"
     with studio(folder, "full.toml", "--region", begin, "-o", "full") as (own, process):
         opened(window, own, begin)
-        named(window, "the best ride").click()  # of 14 states and four forces
+        named(window, "the best ride").click()  # which takes longer than is waited for below
         assert until(lambda: "being searched" in text_of(window))
         process.send_signal(signal.SIGINT)
         said = process.stdout.read()

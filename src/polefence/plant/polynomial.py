@@ -115,13 +115,11 @@ class Domain:
 
     def interpolated(self, values: Array, degree: int) -> Array:
         """Return the Bernstein coefficients (count, ...) of what has these values at the nodes."""
-        counts = [Domain((size,)).count(degree) for size in self.sizes]
-        table = values.reshape(*counts, -1)
-        for axis, size in enumerate(self.sizes):  # the nodes are products of each simplex's
-            lines = np.moveaxis(table, axis, 0)
-            flat = lines.reshape(len(lines), -1)
-            solved = np.linalg.solve(_at_nodes(size, degree), flat)
-            table = np.asarray(np.moveaxis(solved.reshape(lines.shape), 0, axis))
+        table = values.reshape(1, -1)
+        for size in self.sizes:  # the nodes are products of each simplex's
+            found = _from_nodes(size, degree)
+            table = found @ table.reshape(*table.shape[:-1], len(found), -1)
+            table = table.reshape(-1, table.shape[-1])
         return np.asarray(table.reshape(values.shape))
 
     def elevated(self, degree: int, times: int) -> list[dict[int, int]]:
@@ -155,10 +153,10 @@ def _weighted(size: int, degree: int) -> tuple[Array, Array]:
 
 
 @cache
-def _at_nodes(size: int, degree: int) -> Array:
-    """The Bernstein polynomials' values at the nodes of one simplex, a row a node."""
+def _from_nodes(size: int, degree: int) -> Array:
+    """What takes values at the nodes of one simplex to Bernstein coefficients."""
     one = Domain((size,))
-    return _kept(one.basis(one.nodes(degree), degree))
+    return _kept(np.linalg.inv(one.basis(one.nodes(degree), degree)))
 
 
 def _kept(array: Array) -> Array:

@@ -266,6 +266,17 @@ class _Interpolation:
         return domain.basis(at, self.degree), self.problem.at(at)
 
     @cached_property
+    def bounded(self) -> tuple[int, Array, Array, Array]:
+        """Of what is a share: its degree; Q's basis and E at its nodes; its coefficients."""
+        problem, domain, degree = self.problem, self.problem.domain, self.total
+        if problem.share is not None:
+            varies = bool(np.ptp(problem.E, axis=0).any())
+            degree = max(problem.share_degree, self.degree + 2 * varies)
+        at = domain.nodes(degree)
+        shares = domain.interpolated(problem.shares(at), degree)
+        return degree, domain.basis(at, self.degree), problem.at(at)[3], shares
+
+    @cached_property
     def units(self) -> Array:
         """T in which the mean covariance of the state is about the identity, X = T T'."""
         X = self.modes.covariance(self.nodes[2]).mean(axis=0)
@@ -388,14 +399,9 @@ class _Interpolation:
 
         Infinite where the latter are not all positive.
         """
-        problem, domain, degree = self.problem, self.problem.domain, self.total
-        if problem.share is not None:
-            varies = bool(np.ptp(problem.E, axis=0).any())
-            degree = max(problem.share_degree, self.degree + 2 * varies)
-        at = domain.nodes(degree)
-        E, own = problem.at(at)[3], np.tensordot(domain.basis(at, self.degree), Q, 1)
-        squares = np.einsum("pik,pij,pjk->p", E, own, E)
-        found, shares = (domain.interpolated(v, degree) for v in (squares, problem.shares(at)))
+        degree, basis, E, shares = self.bounded
+        squares = np.einsum("pik,pij,pjk->p", E, np.tensordot(basis, Q, 1), E)
+        found = self.problem.domain.interpolated(squares, degree)
         return found / shares if shares.min() > 0 else np.full_like(found, np.inf)
 
     def _bernstein(self, values: Array) -> Array:
@@ -422,14 +428,16 @@ def _inverse(level: Array | float, F: Array) -> tuple[Array, Array, Array]:
 
 def majorant(matrices: Array) -> Array:
     """Return a symmetric matrix that none of some exceeds, of a trace that is nearly the least."""
-    R = np.zeros(matrices.shape[-2:])
-    eigenvalues = np.linalg.eigvalsh((matrices + matrices.swapaxes(-1, -2)) / 2)
-    sizes = np.maximum(eigenvalues, 0).sum(axis=-1)
-    for k in np.argsort(-sizes)[: np.count_nonzero(sizes)]:
-        R = R + _positive(matrices[k] - R)
+    left = (matrices + matrices.swapaxes(-1, -2)) / 2
+    R, sizes = np.zeros(matrices.shape[-2:]), _above(left).sum(axis=-1)
+    left = left[np.argsort(-sizes)[: np.count_nonzero(sizes)]]
+    while len(left):
+        values, V = np.linalg.eigh(left[0] - R)
+        R = R + (V * np.maximum(values, 0)) @ V.T
+        left = left[1:][_above(left[1:] - R).any(axis=-1)]
     return R
 
 
-def _positive(M: Array) -> Array:
-    values, V = np.linalg.eigh((M + M.T) / 2)
-    return np.asarray((V * np.maximum(values, 0)) @ V.T)
+def _above(matrices: Array) -> Array:
+    """Eigenvalues of symmetric matrices, or zero where one is negative."""
+    return np.maximum(np.linalg.eigvalsh(matrices), 0)

@@ -156,7 +156,7 @@ def _weighted(size: int, degree: int) -> tuple[Array, Array]:
 def _from_nodes(size: int, degree: int) -> Array:
     """What takes values at the nodes of one simplex to Bernstein coefficients."""
     one = Domain((size,))
-    return _kept(np.linalg.inv(one.basis(one.nodes(degree), degree)))
+    return _kept(np.asarray(np.linalg.inv(one.basis(one.nodes(degree), degree)), dtype=float))
 
 
 def _kept(array: Array) -> Array:

@@ -440,4 +440,4 @@ def majorant(matrices: Array) -> Array:
 
 def _above(matrices: Array) -> Array:
     """Eigenvalues of symmetric matrices, or zero where one is negative."""
-    return np.maximum(np.linalg.eigvalsh(matrices), 0)
+    return np.asarray(np.maximum(np.linalg.eigvalsh(matrices), 0))

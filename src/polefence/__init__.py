@@ -58,6 +58,7 @@ if TYPE_CHECKING:
     from polefence.design.signals.refutation import refute_limits
     from polefence.design.signals.semi_active import semi_active
     from polefence.design.signals.tradeoff import tradeoff
+    from polefence.design.verify import Verified, verify
     from polefence.fleet.run import study
     from polefence.law.control import from_control, to_control
     from polefence.law.structure import Structure, load_structure
@@ -94,6 +95,8 @@ _LATER = {
     "load_specifications": "polefence.design.requirements.text",
     "parse_specification": "polefence.design.requirements.text",
     "tradeoff": "polefence.design.signals.tradeoff",
+    "Verified": "polefence.design.verify",
+    "verify": "polefence.design.verify",
     "study": "polefence.fleet.run",
     "from_control": "polefence.law.control",
     "to_control": "polefence.law.control",
@@ -151,6 +154,7 @@ __all__ = [
     "System",
     "UncertainPlant",
     "UncontrollableError",
+    "Verified",
     "VerticalStrip",
     "analyse",
     "build",
@@ -186,6 +190,7 @@ __all__ = [
     "to_control",
     "tradeoff",
     "vehicle",
+    "verify",
     "with_actuator",
     "with_sensor",
     "worst_case",

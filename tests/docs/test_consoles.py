@@ -18,6 +18,9 @@ STAGE = (
 STUDIES = re.findall(
     r"```toml\n(# (\S+\.toml)\n.*?)```", (DOCS / "fleet.md").read_text(), re.DOTALL
 )
+INTEGRATORS = re.search(
+    r"```python\n# (\S+\.py)\n(.*?)```", (DOCS / "verify.md").read_text(), re.DOTALL
+)
 PAGES = {  # with what a reader has before the first command
     "cli": [STAGE],
     "fleet": [(name, text) for text, name in STUDIES],
@@ -28,6 +31,7 @@ PAGES = {  # with what a reader has before the first command
     "semi-active": [],
     "service": [CAR],
     "tutorial": [STAGE],
+    "verify": [INTEGRATORS.groups()],
 }
 ELSEWHERE = {
     "analysis", "export", "regions", "ride", "simulate", "structures", "tradeoff", "vectors",

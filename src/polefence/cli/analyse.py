@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from math import prod
 from pathlib import Path
@@ -32,7 +32,9 @@ from polefence.design.given import Analysis, WorstCase, analyse, worst_case
 from polefence.design.rows import plant_summary
 from polefence.design.table import FILE_NAME as TABLE_NAME
 from polefence.design.table import TableAnalysis, analyse_table
+from polefence.law.arrays import law_from
 from polefence.law.laws import GainTable, Law, given_law, table_from
+from polefence.plant.arrays import NO_NAMES, read_arrays
 from polefence.plant.family import UncertainPlant
 from polefence.plant.points import values_text
 from polefence.plant.spec import load
@@ -43,6 +45,7 @@ from polefence.proof.text import exactly
 from polefence.region.regions import Region
 from polefence.region.text import digits_down, digits_up, load_region, parse_region
 
+OTHERS = (".mat", ".npz", ".csv")  # files of other tools
 WANTED = 'give a matrix, a design.json, or a table {"grid": {name: knots}, "gains": nested lists}'
 MOST_TEXT = 100_000  # characters of a matrix on the command line
 SHOWN = 3  # counterexamples printed
@@ -57,7 +60,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--gain",
         required=True,
         metavar="WHAT",
-        help="u = K x: '[[...]]', '[1 2; 3 4]', or a JSON file with a matrix, a design or a table",
+        help="u = K x: '[[...]]', '[1 2; 3 4]', or a file: JSON with a matrix, a design or a "
+        "table; .mat, .npz or .csv with a K",
     )
     where = parser.add_mutually_exclusive_group()
     where.add_argument(
@@ -122,8 +126,15 @@ def analyse_command(options: Any) -> int:
     )
 
 
-def read_gain(plant: UncertainPlant, what: str) -> Law | GainTable:
+def read_gain(
+    plant: UncertainPlant, what: str, names: Mapping[str, str] = NO_NAMES
+) -> Law | GainTable:
     """Read a gain: JSON text, or a file with a matrix, a design or a table; never executed.
+
+    Parameters
+    ----------
+    names : mapping
+        What a file of another tool calls K, Z or W.
 
     Raises
     ------
@@ -136,7 +147,9 @@ def read_gain(plant: UncertainPlant, what: str) -> Law | GainTable:
             raise InputError(f"--gain has {len(text)} characters; write a file")
     else:
         path = Path(what)
-        path = path / FILE_NAME if path.is_dir() else path
+        path = path / FILE_NAME if (path / FILE_NAME).is_file() else path
+        if path.is_dir() or path.suffix.lower() in OTHERS:
+            return law_from(read_arrays(path, names), plant)
         name, text = str(path), read_text(path, reading.MAX_BYTES, InputError)
     try:
         data = reading.parse(_as_json(text))
@@ -147,6 +160,8 @@ def read_gain(plant: UncertainPlant, what: str) -> Law | GainTable:
             certificate = Certificate.loads(text)
             require_kind(certificate)
             return given_law(plant, certificate.law)
+        if isinstance(data, dict) and {"K", "W", *names} & data.keys():
+            return law_from(read_arrays(name, names), plant)
         if isinstance(data, dict) and "format" in data:
             raise InputError(f"format = {shown(data['format'])} is not read here; {WANTED}")
         if isinstance(data, dict):

@@ -1,0 +1,51 @@
+"""Laws from the files of other tools."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from fractions import Fraction
+from typing import Any
+
+import numpy as np
+
+from polefence.base.errors import InputError
+from polefence.law.laws import FixedGain, Law, PolynomialGain, ScheduledGain, given_law
+from polefence.plant.arrays import Arrays
+from polefence.plant.family import UncertainPlant
+
+
+def law_from(arrays: Arrays, plant: UncertainPlant) -> Law:
+    """Return the law of a file: K, one or one a vertex, or Z and W of K = Z W^-1, one each.
+
+    Raises
+    ------
+    InputError
+        If there is none, or it does not fit.
+    """
+    try:
+        if "K" in arrays or len(arrays.matrices) == 1:
+            K = _floats(arrays.only("K"))
+            if len(K) == 1:
+                return given_law(plant, FixedGain(K[0]))
+            return given_law(plant, PolynomialGain(tuple(map(tuple, np.eye(len(K), dtype=int))), K))
+        if "W" in arrays and "Z" in arrays:
+            W, Z = _floats(arrays["W"]), _floats(arrays["Z"])
+            return given_law(plant, ScheduledGain(W, Z))
+        if "B" not in arrays:
+            return FixedGain(np.zeros(plant.shape[::-1]))
+    except InputError as problem:
+        raise type(problem)(f"{arrays.place}: {problem}") from problem
+    raise InputError(f"{arrays.place}: no gain K in it, nor W and Z; name the file of one")
+
+
+def negated(law: Law) -> Law:
+    """Return the law with the other sign."""
+    if isinstance(law, FixedGain):
+        return FixedGain(-law.K)
+    if isinstance(law, PolynomialGain):
+        return replace(law, gains=-law.gains)
+    return replace(law, Z=-law.Z)
+
+
+def _floats(matrices: list[Any]) -> Any:
+    return np.array([[[float(Fraction(e)) for e in row] for row in M] for M in matrices])

@@ -1,0 +1,411 @@
+"""Files of other tools, MATLAB, NumPy, JSON, CSV: their matrices by name, and the plant of them."""
+
+from __future__ import annotations
+
+import io
+import math
+import re
+import struct
+import zipfile
+import zlib
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import dataclass, field, replace
+from itertools import chain, islice
+from pathlib import Path
+from types import MappingProxyType
+from typing import Any, cast
+
+import numpy as np
+
+from polefence.base.errors import InputError, shown, suggest
+from polefence.base.files import read_bytes
+from polefence.plant.family import UncertainPlant
+from polefence.plant.outputs import Output, split
+from polefence.proof import reading
+from polefence.proof.work import FormatError
+
+MAX_ENTRIES = 2_000_000  # numbers in a file
+MAX_INFLATED = 64_000_000  # bytes of a file once it is unpacked
+MAX_FILES = 2_000  # in a folder
+KINDS = (".mat", ".npz", ".json", ".csv")
+WANTED = "name a .mat, .npz, .json or .csv file, or a folder of .csv files"
+HDF = b"MATLAB 7.3"
+MI_MATRIX, MI_COMPRESSED = 14, 15  # types of elements of a MATLAB 5 file: nested, and packed
+MAX_DEPTH, MAX_ELEMENTS = 20, 200_000  # of these
+HEADER = 128  # bytes before its first element
+_NUMBERED = re.compile(r"(.*?[A-Za-z])_?([1-9][0-9]{0,2})")
+NO_NAMES: Mapping[str, str] = MappingProxyType({})
+_BETWEEN = re.compile(r"[,;\t]| +")
+
+Matrix = list[list[Any]]  # of floats, whole numbers, rationals, or texts of these
+
+
+@dataclass(frozen=True, eq=False)
+class Arrays:
+    """What a file holds.
+
+    Attributes
+    ----------
+    place : str
+        Of the file, for messages.
+    matrices : dict of name to matrices
+        One, or one a vertex.
+    words : dict of name to texts
+    names : dict of name to name
+        What the file calls some of them.
+    """
+
+    place: str
+    matrices: Mapping[str, list[Matrix]]
+    words: Mapping[str, list[str]] = field(default_factory=dict)
+    names: Mapping[str, str] = field(default_factory=dict)
+
+    def __contains__(self, name: str) -> bool:
+        """Whether it is there, or was said to be: then `__getitem__` says that it is not."""
+        return name in self.matrices or name in self.names
+
+    def __getitem__(self, name: str) -> list[Matrix]:
+        """Return the matrices of a name.
+
+        Raises
+        ------
+        InputError
+            If there are none.
+        """
+        if name not in self.matrices:
+            own, known = self.names.get(name, name), sorted(self.matrices)
+            raise InputError(f"{self.place}: no matrix {shown(own)}; {suggest(own, known)}")
+        return self.matrices[name]
+
+    def one(self, name: str) -> Matrix:
+        """Return the matrix of a name.
+
+        Raises
+        ------
+        InputError
+            If there is none, or more than one.
+        """
+        found = self[name]
+        if len(found) > 1:
+            raise InputError(f"{self.place}: {name} holds {len(found)} matrices, not one")
+        return found[0]
+
+    def only(self, name: str) -> list[Matrix]:
+        """Return the matrices of a name, or those of a file that has no others.
+
+        Raises
+        ------
+        InputError
+            If it has several, none of this name.
+        """
+        every = list(self.matrices.values())
+        return every[0] if name not in self and len(every) == 1 else self[name]
+
+
+def read_arrays(path: str | Path, names: Mapping[str, str] = NO_NAMES) -> Arrays:
+    """Read the matrices of a file, or of the CSV files of a folder.
+
+    A matrix may be one a vertex: in MATLAB (n, n, N), a cell array, or ``A1`` to ``AN``; in NumPy
+    (N, n, n); in JSON a list of matrices; in CSV one file each. Fields of a structure array are
+    read as its members' matrices, under the field's name where no variable has it.
+
+    Parameters
+    ----------
+    names : mapping, optional
+        What the file calls some of them, {new: old}.
+
+    Raises
+    ------
+    InputError
+        If it cannot be read, is too long, or is not of these kinds.
+    """
+    found = _read_arrays(Path(path))
+    more = {new: found[old] for new, old in names.items() if old in found}
+    rest = {name: own for name, own in found.matrices.items() if name not in names}
+    return replace(found, matrices=rest | more, names=names)
+
+
+def _read_arrays(path: Path) -> Arrays:
+    if path.is_dir():
+        files = sorted(path.glob("*.csv"))
+        if not files or len(files) > MAX_FILES:
+            raise InputError(f"{path}: a folder of {len(files)} .csv files; {WANTED}")
+        each = {file.stem: [_csv(file, _read(file))] for file in files}
+        return Arrays(str(path), _numbered(str(path), each))
+    kind = path.suffix.lower()
+    if kind not in KINDS:
+        raise InputError(f"{path}: not read here; {WANTED}")
+    raw = _read(path)
+    if kind == ".csv":
+        return Arrays(str(path), {path.stem: [_csv(path, raw)]})
+    read: Callable[[Path, bytes], Iterable[tuple[str, Any]]]
+    read = {".mat": _mat, ".npz": _npz, ".json": _json}[kind]
+    matrices, words, count = dict[str, list[Matrix]](), dict[str, list[str]](), 0
+    for name, value in read(path, raw):
+        if isinstance(value, str) or (value and isinstance(value[0], str)):
+            words[name] = [value] if isinstance(value, str) else value
+            continue
+        matrices[name] = value
+        count += sum(len(row) for matrix in value for row in matrix)
+        if count > MAX_ENTRIES:
+            raise InputError(f"{path}: more than {MAX_ENTRIES} numbers; {WANTED}")
+    return Arrays(str(path), _numbered(str(path), matrices), words)
+
+
+def _read(path: Path) -> bytes:
+    return read_bytes(path, reading.MAX_BYTES, InputError)
+
+
+def _numbered(place: str, matrices: dict[str, list[Matrix]]) -> dict[str, list[Matrix]]:
+    """Add A for A1, A2, ..., AN, where there is no A."""
+    series = dict[str, dict[int, Matrix]]()
+    for name, found in matrices.items():
+        match = _NUMBERED.fullmatch(name)
+        if match and len(found) == 1:
+            series.setdefault(match[1], {})[int(match[2])] = found[0]
+    more = {}
+    for name, each in series.items():
+        if name in matrices:
+            continue
+        missing = next((k for k in range(1, max(each) + 1) if k not in each), None)
+        if missing is not None:
+            raise InputError(f"{place}: {name}{max(each)} is there, {name}{missing} is missing")
+        more[name] = [each[k] for k in sorted(each)]
+    return matrices | more
+
+
+def _csv(path: Path, raw: bytes) -> Matrix:
+    """Read one matrix: a row a line; between numbers commas, semicolons, tabs or spaces."""
+    try:
+        text = raw.decode("utf-8-sig")
+    except UnicodeDecodeError as problem:
+        raise InputError(f"{path}: not UTF-8 text") from problem
+    rows, count = list[list[Any]](), 0
+    for number, line in enumerate(text.splitlines(), 1):
+        line = re.split("[#%]", line, maxsplit=1)[0].strip()
+        if not line:
+            continue
+        words = [word.strip() for word in _BETWEEN.split(line) if word.strip()]
+        try:
+            rows.append([float(word) for word in words])
+        except ValueError as problem:
+            raise InputError(f"{path}: line {number}: {shown(line)} are not numbers") from problem
+        count += len(words)
+        if count > MAX_ENTRIES:
+            raise InputError(f"{path}: more than {MAX_ENTRIES} numbers")
+    if not rows:
+        raise InputError(f"{path}: holds no number")
+    return rows
+
+
+def _json(path: Path, raw: bytes) -> Iterator[tuple[str, Any]]:
+    try:
+        document = reading.parse(raw.decode("utf-8-sig"))
+    except (UnicodeDecodeError, FormatError) as problem:
+        raise InputError(f"{path}: {problem}") from problem
+    if isinstance(document, list):
+        document = {path.stem: document}
+    if not isinstance(document, dict):
+        raise InputError(f'{path}: must be a table of matrices, {{"A": [[...]], ...}}')
+    for name, value in document.items():
+        if isinstance(value, str):
+            yield name, value
+        elif isinstance(value, int | float) and not isinstance(value, bool):
+            yield name, [[[value]]]
+        elif isinstance(value, list) and value and isinstance(value[0], str):
+            yield name, [str(word) for word in value]
+        elif isinstance(value, list) and value and isinstance(value[0], list) and value[0]:
+            yield name, value if isinstance(value[0][0], list) else [value]
+
+
+def _npz(path: Path, raw: bytes) -> Iterator[tuple[str, Any]]:
+    try:
+        with zipfile.ZipFile(io.BytesIO(raw)) as archive:
+            size = sum(entry.file_size for entry in archive.infolist())
+        if size > MAX_INFLATED:
+            raise InputError(f"{path}: more than {MAX_INFLATED} bytes once unpacked")
+        with np.load(io.BytesIO(raw), allow_pickle=False) as file:
+            for name in file.files:
+                yield name, _array(f"{path}: {name}", file[name], first=True)
+    except (zipfile.BadZipFile, ValueError, OSError, EOFError, zlib.error) as problem:
+        if isinstance(problem, InputError):
+            raise
+        raise InputError(f"{path}: no .npz file of plain arrays: {problem}") from problem
+
+
+def _array(where: str, value: Any, first: bool) -> Any:
+    """Return an array's matrices, its vertices first or last; of texts, the texts."""
+    value = np.asarray(value)
+    if value.dtype.kind in "US":
+        return [str(word) for word in value.ravel()]
+    if value.dtype.kind == "c":
+        if np.any(value.imag):
+            raise InputError(f"{where} has complex entries")
+        value = value.real
+    if value.dtype.kind not in "biuf" or value.ndim > 3:
+        raise InputError(f"{where} is no matrix, and no list of them")
+    value = np.atleast_2d(value)
+    if value.ndim == 2:
+        return [value.tolist()]
+    return (value if first else np.moveaxis(value, 2, 0)).tolist()
+
+
+def _mat(path: Path, raw: bytes) -> Iterator[tuple[str, Any]]:
+    from scipy.io import loadmat, whosmat  # deferred: slow to import
+
+    if raw.startswith(HDF):
+        raise InputError(
+            f"{path}: MATLAB 7.3 files are not read; save(..., '-v7') writes one that is"
+        )
+    _require_plain(path, raw)
+    try:
+        names = [name for name, *_ in whosmat(cast(Any, io.BytesIO(raw)))]
+        found = loadmat(cast(Any, io.BytesIO(raw)), variable_names=names, squeeze_me=False)
+    except InputError:
+        raise
+    except Exception as problem:  # of a file that is damaged anything may be raised there
+        text = " ".join(str(problem).split())
+        raise InputError(f"{path}: no MATLAB file, or a damaged one: {shown(text)}") from problem
+    given, fields = dict[str, Any](), dict[str, list[Any]]()
+    for name in names:
+        value = found.get(name)
+        members = list(_members(value))
+        for key in members[0].dtype.names if members else ():
+            fields.setdefault(key, []).append([own[key] for own in members])
+        if not members:
+            given[name] = value
+    for key, lists in fields.items():
+        if len(lists) == 1 and key not in given:
+            own = np.empty(len(lists[0]), dtype=object)
+            own[:] = lists[0]
+            given[key] = own
+    for name, value in given.items():
+        own = _of_matlab(f"{path}: {name}", value)
+        if own is not None:
+            yield name, own
+
+
+def _members(value: Any) -> Iterator[Any]:
+    """Yield the members of a structure array, or of cells that hold one structure each."""
+    if not isinstance(value, np.ndarray):
+        return
+    cells = list(value.ravel(order="F"))
+    if value.dtype == object and all(getattr(own, "size", 0) == 1 for own in cells):
+        cells = [own.item() if own.dtype.names is None else own.ravel()[0] for own in cells]
+    names = {getattr(getattr(own, "dtype", None), "names", None) for own in cells}
+    if len(names) == 1 and names != {None}:
+        yield from cells
+
+
+def _of_matlab(where: str, value: Any) -> Any:
+    """Return matrices or texts of a variable, None where it is neither."""
+    if hasattr(value, "toarray"):  # sparse
+        if math.prod(value.shape) > MAX_ENTRIES:
+            raise InputError(f"{where}: more than {MAX_ENTRIES} entries")
+        return _array(where, value.toarray(), first=False)
+    if not isinstance(value, np.ndarray) or not value.size:
+        return None
+    if value.dtype != object:
+        if value.dtype.kind not in "biufcUS":
+            return None
+        found = _array(where, value, first=False)
+        return found[0] if value.dtype.kind == "U" and len(found) == 1 else found
+    cells = value.ravel(order="F")
+    if any(getattr(own, "dtype", value.dtype) == value.dtype for own in cells):
+        return None  # cells of cells
+    members = [_of_matlab(where, own) for own in cells]
+    if all(isinstance(own, str) for own in members):
+        return members
+    if all(isinstance(own, list) and len(own) == 1 for own in members):
+        return [own[0] for own in members]
+    return None
+
+
+def _require_plain(path: Path, raw: bytes) -> None:
+    """Refuse a MATLAB file that unpacks to, or nests, more than who reads it bears."""
+    order, left = "<" if raw[126:128] == b"IM" else ">", MAX_INFLATED
+    count = 0
+    for kind, content in _elements(raw, HEADER, order):
+        own: bytes | memoryview = content
+        if kind == MI_COMPRESSED:
+            try:
+                own = zlib.decompressobj().decompress(content, left + 1)
+            except zlib.error:
+                return  # who reads it will say so
+        left -= len(own)
+        if left < 0:
+            raise InputError(f"{path}: more than {MAX_INFLATED} bytes once unpacked")
+        level = list(_elements(own, 0, order)) if kind == MI_COMPRESSED else [(kind, own)]
+        for _ in range(MAX_DEPTH):
+            inside = (_elements(inner, 0, order) for kind, inner in level if kind == MI_MATRIX)
+            level = list(islice(chain.from_iterable(inside), MAX_ELEMENTS + 1))
+            count += len(level)
+            if count > MAX_ELEMENTS:
+                raise InputError(f"{path}: more than {MAX_ELEMENTS} pieces")
+            if not level:
+                break
+        else:
+            raise InputError(f"{path}: cells in cells, more than {MAX_DEPTH} deep")
+
+
+def _elements(raw: bytes | memoryview, at: int, order: str) -> Iterator[tuple[int, memoryview]]:
+    """Yield type and content of the elements of a MATLAB 5 file, or of one of them."""
+    own = memoryview(raw)
+    while at + 8 <= len(own):
+        kind, length = struct.unpack(order + "II", own[at : at + 8])
+        if kind >> 16:  # up to four bytes, in the place of the length
+            yield kind & 0xFFFF, own[at + 4 : at + 8]
+            at += 8
+            continue
+        yield kind, own[at + 8 : at + 8 + length]
+        at += 8 + length + (-length % 8 if kind != MI_COMPRESSED else 0)
+
+
+def plant_from(arrays: Arrays, name: str = "") -> UncertainPlant:
+    """Return the family whose vertices are a file's A, B, and where they are there E, C, D, F.
+
+    Rows of C, D and F are outputs. Texts ``states``, ``inputs``, ``disturbances``, ``outputs`` and
+    ``name`` name them, ``sample_time`` is that of a discrete plant [s]. Without a B the A are
+    closed loops as they are.
+
+    Raises
+    ------
+    InputError
+        If A is missing, or the matrices do not fit together.
+    """
+    A = arrays["A"]
+    n = len(A[0])
+    B = arrays["B"] if "B" in arrays else [np.eye(n, dtype=int).tolist()]
+    E = arrays["E"] if "E" in arrays else None  # noqa: SIM401
+    N = max(len(each) for each in (A, B, E or A))
+    words = {key: tuple(arrays.words.get(key, ())) for key in ("states", "inputs", "disturbances")}
+    label = name or next(iter(arrays.words.get("name", ())), "") or Path(arrays.place).stem
+    seconds = arrays.one("sample_time")[0][0] if "sample_time" in arrays else None
+    try:
+        plant = UncertainPlant.from_vertices(
+            _each(A, N), _each(B, N), None if E is None else _each(E, N), name=label, **words,
+            sample_time=seconds,
+        )  # fmt: skip
+        return replace(plant, outputs=tuple(_outputs(plant, arrays)))
+    except InputError as problem:
+        raise type(problem)(f"{arrays.place}: {problem}") from problem
+
+
+def _each(matrices: list[Any], N: int) -> list[Any]:
+    """Return a matrix of each vertex, where it is the same one of all."""
+    return matrices * N if len(matrices) == 1 else matrices
+
+
+def _outputs(plant: UncertainPlant, arrays: Arrays) -> Iterator[Output]:
+    """Yield the rows of C, D and F as outputs."""
+    keys = [key for key in "CDF" if key in arrays]
+    count = max((len(arrays[key][0]) for key in keys), default=0)
+    labels = arrays.words.get("outputs", ()) or [f"y{i + 1}" for i in range(count)]
+    if len(labels) != count:
+        raise InputError(f"outputs names {len(labels)} signals; C has {count} rows")
+    known = {signal.name for signal in plant.signals}
+    for i, label in enumerate(labels):
+        own, unit = split(label)
+        rows = {key: _each([matrix[i] for matrix in arrays[key]], 1) for key in keys}
+        if own not in known:
+            yield Output(own, unit, **rows)

@@ -1,0 +1,220 @@
+"""Files of other tools: the same matrices whatever the format; what is none is one line."""
+
+from __future__ import annotations
+
+import json
+import struct
+import zipfile
+import zlib
+from fractions import Fraction
+
+import numpy as np
+import pytest
+from scipy.io import savemat
+from scipy.sparse import csc_matrix
+
+from polefence import InputError
+from polefence.plant import arrays
+from polefence.plant.arrays import plant_from, read_arrays
+
+A = np.array([[[0.0, 1.0], [-1.0, -0.1]], [[0.0, 1.0], [-3.0, -0.1]], [[0.0, 2.0], [-2.0, 0.3]]])
+B = np.array([[0.0], [1.0]])
+N = len(A)
+
+
+def cells(matrices):
+    found = np.empty((1, len(matrices)), dtype=object)
+    for k, each in enumerate(matrices):
+        found[0, k] = each
+    return found
+
+
+def structures(matrices):
+    found = np.zeros((1, len(matrices)), dtype=[("A", object), ("B", object)])
+    for k, each in enumerate(matrices):
+        found[0, k]["A"], found[0, k]["B"] = each, B
+    return found
+
+
+def mat(**variables):
+    return lambda path: savemat(path, variables)
+
+
+def npz(**variables):
+    return lambda path: np.savez(path, **variables)
+
+
+def text(data):
+    return lambda path: path.write_text(json.dumps(data))
+
+
+def folder(path):
+    path.mkdir()
+    for k in range(N):
+        np.savetxt(path / f"A{k + 1}.csv", A[k], delimiter=",")
+    (path / "B.csv").write_text("# one column\n0\n\n1 % last\n")
+
+
+NUMBERED = {f"A{k + 1}": A[k] for k in range(N)}
+FILES = {
+    "last.mat": mat(A=np.moveaxis(A, 0, 2), B=B),
+    "cells.mat": mat(A=cells(A), B=B),
+    "numbered.mat": mat(**NUMBERED, B=B),
+    "packed.mat": lambda path: savemat(path, {"A": cells(A), "B": B}, do_compression=True),
+    "sparse.mat": mat(A=cells([csc_matrix(own) for own in A]), B=csc_matrix(B)),
+    "structures.mat": mat(family=structures(A)),
+    "dictionaries.mat": mat(family=[{"A": own, "B": B} for own in A]),
+    "first.npz": npz(A=A, B=B),
+    "numbered.npz": npz(**NUMBERED, B=B),
+    "list.json": text({"A": A.tolist(), "B": B.tolist()}),
+    "folder": folder,
+}
+
+
+@pytest.mark.parametrize("name", FILES)
+def test_every_file_holds_the_same_family(tmp_path, name):
+    path = tmp_path / name
+    FILES[name](path)
+    plant = plant_from(read_arrays(path))
+    np.testing.assert_array_equal(plant.A, A)
+    np.testing.assert_array_equal(plant.B, np.stack([B] * N))
+    assert plant.name == path.stem
+
+
+def test_names_outputs_and_disturbances_are_read(tmp_path):
+    path = tmp_path / "servo.mat"
+    savemat(
+        path,
+        {
+            "A": np.moveaxis(A, 0, 2),
+            "B": B,
+            "E": B,
+            "C": np.array([[1.0, 2.0]]),
+            "F": np.array([[3.0]]),
+            "name": "a servo",
+            "states": np.array(["angle [rad]", "speed [rad/s]"], dtype=object),
+            "outputs": np.array(["sum [rad]"], dtype=object),
+            "sample_time": 0.01,
+        },
+    )
+    plant = plant_from(read_arrays(path))
+    assert (plant.name, plant.states) == ("a servo", ("angle [rad]", "speed [rad/s]"))
+    assert plant.sample_time == Fraction(0.01)
+    (own,) = plant.outputs
+    assert (own.name, own.unit) == ("sum", "rad")
+    assert (own.C, own.F) == (((1, 2),), ((3,),))
+
+
+def test_rationals_are_exact(tmp_path):
+    path = tmp_path / "thirds.json"
+    path.write_text('{"A": [["-1/3", "0.1"], [0, 0.1]], "B": [[1], [1]]}')
+    (vertex,) = plant_from(read_arrays(path)).vertices
+    assert vertex.exact_A[0] == (Fraction(-1, 3), Fraction(1, 10))
+    assert vertex.exact_A[1] == (0, Fraction(0.1))
+
+
+def test_closed_loops_alone_are_a_family(tmp_path):
+    path = tmp_path / "loops.npz"
+    np.savez(path, A=A)
+    np.testing.assert_array_equal(plant_from(read_arrays(path)).B[0], np.eye(2))
+
+
+def test_other_names_are_told(tmp_path):
+    path = tmp_path / "mine.npz"
+    np.savez(path, Acl=A[0], Bu=B)
+    found = read_arrays(path, {"A": "Acl", "B": "Bu", "P": "Xopt"})
+    np.testing.assert_array_equal(plant_from(found).A[0], A[0])
+    with pytest.raises(InputError, match=r"mine.npz: no matrix 'Xopt'"):
+        found["P"]
+
+
+def pickled(path):
+    np.savez(path, A=np.array([{}], dtype=object))
+
+
+def cut(path):
+    savemat(path, {"A": A[0], "B": B})
+    path.write_bytes(path.read_bytes()[:200])
+
+
+def bomb(path):
+    packed = zlib.compress(bytes(arrays.MAX_INFLATED + 10), 9)
+    header = b"MATLAB 5.0 MAT-file".ljust(124) + struct.pack("<H", 0x0100) + b"IM"
+    path.write_bytes(header + struct.pack("<II", arrays.MI_COMPRESSED, len(packed)) + packed)
+
+
+def zip_bomb(path):
+    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
+        archive.writestr("A.npy", bytes(arrays.MAX_INFLATED + 10))
+
+
+def nested(depth):
+    """Write cells in cells, as no variable that anybody saves; SciPy alone ends the process."""
+
+    def element(kind, content):
+        return struct.pack("<II", kind, len(content)) + content + bytes(-len(content) % 8)
+
+    def head(kind, name=b""):
+        flags, sizes = struct.pack("<II", kind, 0), struct.pack("<ii", 1, 1)
+        return element(6, flags) + element(5, sizes) + element(1, name)
+
+    def write(path):
+        inner = element(arrays.MI_MATRIX, head(6) + element(9, struct.pack("<d", 1.0)))
+        size, parts = len(inner), [inner]
+        for k in range(depth):
+            own = head(1, b"A" if k == depth - 1 else b"")
+            parts.append(struct.pack("<II", arrays.MI_MATRIX, len(own) + size) + own)
+            size += len(own) + 8
+        header = b"MATLAB 5.0 MAT-file".ljust(124) + struct.pack("<H", 0x0100) + b"IM"
+        path.write_bytes(header + b"".join(reversed(parts)))
+
+    return write
+
+
+def written(content):
+    return lambda path: path.write_bytes(content)
+
+
+BAD = {
+    "pickled.npz": (pickled, "no .npz file of plain arrays"),
+    "cut.mat": (cut, "a damaged one"),
+    "bomb.mat": (bomb, "once unpacked"),
+    "bomb.npz": (zip_bomb, "once unpacked"),
+    "new.mat": (written(b"MATLAB 7.3 MAT-file" + bytes(600)), "save"),
+    "empty.mat": (written(b""), "damaged"),
+    "no.npz": (written(b"PK"), "no .npz file"),
+    "words.csv": (written(b"1, 2\n3, x\n"), "line 2: '3, x' are not numbers"),
+    "empty.csv": (written(b"# nothing\n"), "holds no number"),
+    "bytes.csv": (written(b"\xff\xfe1"), "not UTF-8"),
+    "list.json": (written(b"[1, 2"), "JSON"),
+    "number.json": (written(b"3"), "must be a table of matrices"),
+    "other.txt": (written(b"1"), "name a .mat"),
+    "gap.npz": (npz(A1=A[0], A3=A[1], B=B), "A3 is there, A2 is missing"),
+    "complex.npz": (npz(A=A[0] * 1j, B=B), "A has complex entries"),
+    "four.npz": (npz(A=np.zeros((2, 2, 2, 2)), B=B), "A is no matrix"),
+    "nothing.npz": (npz(K=B.T), "no matrix 'A'; known: K"),
+    "shapes.npz": (npz(A=A, B=np.ones((3, 1))), r"shapes.npz: vertex 1: B has 3 rows"),
+    "counts.npz": (npz(A=A, B=np.ones((2, 2, 1))), r"counts.npz: 3 matrices A, 2 B"),
+    "nan.npz": (npz(A=A[0] * np.nan, B=B), r"nan.npz: vertex 1: A\[1\]\[1\]"),
+    "outputs.json": (
+        text({"A": A[0].tolist(), "B": B.tolist(), "C": [[1, 0]], "outputs": ["a", "b"]}),
+        "outputs names 2 signals",
+    ),
+    "cells.mat": (nested(3), "no matrix 'A'"),
+    "abyss.mat": (nested(300_000), "cells in cells, more than 20 deep"),
+}
+
+
+@pytest.mark.parametrize("name", BAD)
+def test_what_is_no_plant_is_one_line(tmp_path, name):
+    write, said = BAD[name]
+    write(tmp_path / name)
+    with pytest.raises(InputError, match=said) as caught:
+        plant_from(read_arrays(tmp_path / name))
+    assert "\n" not in str(caught.value)
+    assert str(caught.value).startswith(str(tmp_path / name))
+
+
+def test_an_empty_folder_is_said(tmp_path):
+    with pytest.raises(InputError, match=r"a folder of 0 .csv files"):
+        read_arrays(tmp_path)

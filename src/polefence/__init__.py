@@ -63,6 +63,7 @@ if TYPE_CHECKING:
     from polefence.law.control import from_control, to_control
     from polefence.law.structure import Structure, load_structure
     from polefence.plant.larger import with_actuator, with_sensor
+    from polefence.plant.linearise import Linearised, linearise
     from polefence.region.text import load_region
     from polefence.show import plots
 
@@ -102,6 +103,8 @@ _LATER = {
     "to_control": "polefence.law.control",
     "Structure": "polefence.law.structure",
     "load_structure": "polefence.law.structure",
+    "Linearised": "polefence.plant.linearise",
+    "linearise": "polefence.plant.linearise",
     "with_actuator": "polefence.plant.larger",
     "with_sensor": "polefence.plant.larger",
     "load_region": "polefence.region.text",
@@ -134,6 +137,7 @@ __all__ = [
     "InitialPeak",
     "InputError",
     "Limit",
+    "Linearised",
     "MultiAffinityError",
     "NotProvedError",
     "Optimised",
@@ -168,6 +172,7 @@ __all__ = [
     "gain_error",
     "in_service",
     "limits",
+    "linearise",
     "load",
     "load_region",
     "load_specifications",

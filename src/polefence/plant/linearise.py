@@ -85,7 +85,7 @@ def linearise(
     declared: bool = False,
     **names: Any,
 ) -> Linearised:
-    """Linearise x' = f(x, u, **parameters) about an equilibrium, over a box of parameters.
+    """Linearise x' = f(x, u, p) about an equilibrium, over a box of parameters p.
 
     Parameters
     ----------

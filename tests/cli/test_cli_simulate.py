@@ -93,7 +93,7 @@ def test_csv_has_time_and_every_signal_exactly(car, physical, design, capsys):
     assert f"weighted rms {float(own.weighted_rms):.4g} m/s2, " in out
     assert "proved of this law: all poles in disk(-40, 36), for every constant value" in out
     assert "no limit was met" in out
-    assert "written: out/drive.csv" in out
+    assert "saved: out/drive.csv" in out
 
 
 def test_parquet_has_the_same_columns(car, capsys):

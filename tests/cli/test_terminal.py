@@ -197,6 +197,41 @@ def test_there_is_no_line_with_quiet_nor_where_standard_error_is_no_terminal(scr
     assert lines_of() == 0
 
 
+# --- colour --------------------------------------------------------------------------------------
+
+
+class Terminal(io.StringIO):
+    def isatty(self):
+        return True
+
+
+def shown(monkeypatch, stream, *lines, **words):
+    monkeypatch.setenv("TERM", "xterm")
+    say(*lines, file=stream, **words)
+    return stream.getvalue()
+
+
+def test_a_verdict_is_coloured_once_and_no_other_word(monkeypatch):
+    monkeypatch.delenv("NO_COLOR", raising=False)
+    lines = "refuted: it was proved, refuted", "proved: no"
+    said = shown(monkeypatch, Terminal(), *lines, verdict="refuted")
+    assert said == "\x1b[1;31mrefuted\x1b[0m: it was proved, refuted\nproved: no\n"
+    assert shown(monkeypatch, Terminal(), "proved: \x1b[1m") == "proved: \\x1b[1m\n"
+    assert shown(monkeypatch, Terminal(), "proved: x", verdict="written") == "proved: x\n"
+
+
+def test_what_is_no_terminal_has_no_colours(monkeypatch):
+    monkeypatch.delenv("NO_COLOR", raising=False)
+    assert shown(monkeypatch, io.StringIO(), "proved: x", verdict="proved") == "proved: x\n"
+    monkeypatch.setenv("NO_COLOR", "1")
+    assert shown(monkeypatch, Terminal(), "proved: x", verdict="proved") == "proved: x\n"
+    monkeypatch.delenv("NO_COLOR")
+    monkeypatch.setenv("TERM", "dumb")
+    stream = Terminal()
+    say("proved: x", file=stream, verdict="proved")
+    assert stream.getvalue() == "proved: x\n"
+
+
 # --- Ctrl-C --------------------------------------------------------------------------------------
 
 BUSY = """

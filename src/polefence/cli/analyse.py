@@ -19,6 +19,7 @@ from polefence.cli.common import (
     check_figure,
     check_targets,
     every_alpha,
+    saved,
     spec_argument,
     write_figure,
     write_json,
@@ -193,10 +194,11 @@ def _one(analysis: Analysis, options: Any) -> int:
     if analysis.proved:
         say(
             f"proved: the given law keeps all poles of {analysis.plant.name!r} in "
-            f"{analysis.region} for {every_alpha(analysis.design)}; {analysis.reason}"
+            f"{analysis.region} for {every_alpha(analysis.design)}; {analysis.reason}",
+            verdict="proved",
         )
     else:
-        say(f"{analysis.answer}: {analysis.reason}")
+        say(f"{analysis.answer}: {analysis.reason}", verdict=analysis.answer)
     pole, alpha = analysis.pole, analysis.alpha
     _finish(
         options,
@@ -225,12 +227,13 @@ def _worst(plant: UncertainPlant, worst: WorstCase, options: Any) -> int:
     about = f" about {exactly(options.centre)}" if options.of == "disk" else ""
     value = None if worst.region is None else _value(worst.region, options.of)
     if value is None:
-        say(f"undecided: no {name}{about} was proved")
+        say(f"undecided: no {name}{about} was proved", verdict="undecided")
     else:
         alpha = (
             "every alpha" if worst.certificate is None else every_alpha(Design(worst.certificate))
         )
-        say(f"proved: {name} {safe(value)}{unit}{about} for {alpha} of {plant.name!r}")
+        said = f"proved: {name} {safe(value)}{unit}{about} for {alpha} of {plant.name!r}"
+        say(said, verdict="proved")
     if options.of != "disk" and worst.bound < 0:
         say("note: below zero: the given law does not stabilise every plant of the family")
     where = f"alpha = ({', '.join(f'{a:.4g}' for a in worst.alpha)})"
@@ -270,7 +273,10 @@ def _finish(options: Any, design: Design | None, summary: dict[str, Any]) -> Non
     """Save what was proved, and the summary."""
     if options.output is not None:
         path = None if design is None else design.save(options.output)
-        say("not saved: nothing was proved" if path is None else f"saved: {path}")
+        if path is None:
+            say("not saved: nothing was proved")
+        else:
+            saved(path)
     if options.json is not None:
         write_json(options.json, summary)
 
@@ -280,7 +286,7 @@ def _table(plant: UncertainPlant, table: GainTable, region: Region, options: Any
         raise InputError(f"--plot draws one or two parameters; {plant.name} has more")
     with _finished_cells(table) as finished:
         found = analyse_table(plant, table, region, options.depth, options.budget, finished)
-    say(f"{found.answer}: {found.summary}")
+    say(f"{found.answer}: {found.summary}", verdict=found.answer)
     if found.cut:
         say(CUT)
     for values in found.counterexamples[:SHOWN]:
@@ -288,7 +294,7 @@ def _table(plant: UncertainPlant, table: GainTable, region: Region, options: Any
     if len(found.counterexamples) > SHOWN:
         say(f"  and in {len(found.counterexamples) - SHOWN} more cells")
     if options.output is not None:
-        say(f"saved: {found.save(options.output)}")
+        saved(found.save(options.output))
     if options.json is not None:
         write_json(options.json, _table_summary(found))
     if options.plot is not None:

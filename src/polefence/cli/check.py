@@ -151,7 +151,7 @@ def _row(
 
 
 def _say(row: dict[str, Any], spec: str | None) -> None:
-    say(f"{row['file']}: {row['answer']}: {row['reason']}")
+    say(f"{row['file']}: {row['answer']}: {row['reason']}", verdict=row["answer"])
     label = "" if row["answer"] == "proved" else "claimed, not proved: "
     say(*(f"  {label}{claim}" for claim in row["claims"]))
     if row["differs from the spec"] is not None:

@@ -42,6 +42,7 @@ TOO_LARGE = (
 STANDARD = Path("-")  # as a file: standard output
 MOST_GAINS = 8  # vertices whose gains are printed one by one
 _standard: ContextVar[TextIO | None] = ContextVar("standard output", default=None)
+_saved: ContextVar[list[str] | None] = ContextVar("files that were written", default=None)
 
 OPTIONS = ("degree", "elevation", "on")
 STRUCTURE = ("measured", "schedule", "degree", "order", "largest_gain")
@@ -49,8 +50,12 @@ STRUCTURE = ("measured", "schedule", "degree", "order", "largest_gain")
 
 @contextmanager
 def streams(options: Any) -> Iterator[None]:
-    """Keep standard output for the JSON of ``--json -``, text going to stderr; drop it if quiet."""
-    token = _standard.set(sys.stdout)
+    """Keep standard output for the JSON of ``--json -``, text going to stderr; drop it if quiet.
+
+    Files that were written are named at the end.
+    """
+    token, names = _standard.set(sys.stdout), list[str]()
+    listed = _saved.set(names)
     with ExitStack() as stack:
         if getattr(options, "quiet", False):
             nowhere = stack.enter_context(Path(os.devnull).open("w", encoding="utf-8"))
@@ -61,6 +66,15 @@ def streams(options: Any) -> Iterator[None]:
             yield
         finally:
             _standard.reset(token)
+            _saved.reset(listed)
+            say(*(f"saved: {name}" for name in names))
+
+
+def saved(*paths: object) -> None:
+    """Have files that were written named when the command has said all else."""
+    names = _saved.get()
+    if names is not None:
+        names += [name for name in map(str, paths) if name not in names]
 
 
 def rows_file(options: Any) -> Path | None:
@@ -187,7 +201,8 @@ def report(design: Design, lines: list[str], summary: Mapping[str, Any], options
 
     cloud, corners = sampled(design)
     gains = gains_of(design.law, len(design.plant.vertices))
-    saved = None if options.output is None else design.save(options.output)
+    if options.output is not None:
+        saved(design.save(options.output))
     if options.json is not None:
         write_json(options.json, {**summary, "gains": gains, **words_of(design.law)})
     if options.plot is not None:
@@ -195,9 +210,7 @@ def report(design: Design, lines: list[str], summary: Mapping[str, Any], options
         write_figure(options.plot, figure)
     if design.note:
         lines = [*lines, design.note]
-    say(*lines, *law_lines(design.law, len(design.plant.vertices)))
-    if saved is not None:
-        say(f"saved: {saved}")
+    say(*lines, *law_lines(design.law, len(design.plant.vertices)), verdict="proved")
 
 
 def write_figure(path: Path, figure: Any) -> None:
@@ -206,6 +219,7 @@ def write_figure(path: Path, figure: Any) -> None:
 
     make_folder(path.parent)
     write_bytes(path, render(figure, path.suffix[1:]))
+    saved(path)
 
 
 def words_of(law: Any) -> dict[str, Any]:
@@ -258,6 +272,7 @@ def write_json(path: Path, document: Mapping[str, Any]) -> None:
         return
     make_folder(path.parent)
     write_text(path, text)
+    saved(path)
 
 
 @contextmanager

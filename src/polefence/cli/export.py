@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from polefence.base.errors import InputError
-from polefence.cli.common import NOT_PROVED, PROVED
+from polefence.cli.common import NOT_PROVED, PROVED, saved
 from polefence.cli.terminal import say
 from polefence.design.design import Design, is_proof_file, read_document
 from polefence.design.observer import Observer
@@ -118,8 +118,7 @@ def export_command(options: Any) -> int:
         found = with_fmus(found, compiler=os.environ.get("CC") or "cc")
     paths = found.save(options.output)
     _print(found)
-    for path in paths:
-        say(f"saved: {path}")
+    saved(*paths)
     return PROVED if found.proved else NOT_PROVED
 
 
@@ -134,8 +133,7 @@ def _dampers(document: Document, options: Any) -> int:
     files = damper_sources(document, options.bits, name=options.name)
     paths = write_folder(options.output, files, marks(options.name))
     say(f"{document.plant.name}: coefficients of controllable dampers, {options.bits} bits")
-    for path in paths:
-        say(f"saved: {path}")
+    saved(*paths)
     return PROVED
 
 
@@ -164,8 +162,7 @@ def _matlab(options: Any) -> int:
     check_folder(options.output, own)
     design = Design.load(options.design, allow_unproved=options.allow_unproved)
     content = dict.fromkeys(own, mat_bytes(design))
-    for path in write_folder(options.output, content, own):
-        say(f"saved: {path}")
+    saved(*write_folder(options.output, content, own))
     return PROVED if design.proved else NOT_PROVED
 
 

@@ -23,6 +23,7 @@ from polefence.cli.common import (
     method_arguments,
     methods_of,
     rows_file,
+    saved,
     size_of,
     spaced,
     spec_argument,
@@ -98,6 +99,8 @@ def limits_command(options: Any) -> int:
         )
     if options.json == STANDARD:
         write_json(STANDARD, {"plant": plant_summary(plant), "rows": rows})
+    elif options.json is not None:
+        saved(options.json)
     if options.plot is not None:
         from polefence.show.plots import limits_figure
 

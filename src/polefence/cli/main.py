@@ -23,6 +23,7 @@ from polefence.cli import (
     analyse,
     check,
     compare,
+    completion,
     concepts,
     design,
     example,
@@ -42,6 +43,7 @@ from polefence.cli import (
     verify,
 )
 from polefence.cli.common import streams
+from polefence.cli.help import Formatter, examples, listing
 from polefence.cli.interrupt import cut_off
 from polefence.cli.terminal import say, shown_progress
 from polefence.lmi.solve.engine import engine
@@ -49,7 +51,7 @@ from polefence.lmi.solve.engine import engine
 PROVED, NOT_PROVED, BAD_INPUT, INTERRUPTED = 0, 1, 2, 130
 
 Command = tuple[str, Callable[[Any], int], Callable[[argparse.ArgumentParser], None]]
-# In the order of --help; each module declares its own options.
+# Each module declares its own options; --help lists them as polefence.cli.help groups them.
 COMMANDS: tuple[Command, ...] = (
     ("limits", limits.limits_command, limits.add_arguments),
     ("design", design.design_command, design.add_arguments),
@@ -71,12 +73,14 @@ COMMANDS: tuple[Command, ...] = (
     ("check", check.check_command, check.add_arguments),
     ("paper", paper.paper_command, paper.add_arguments),
     ("example", example.example_command, example.add_arguments),
+    ("completion", completion.completion_command, completion.add_arguments),
 )
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line; return its exit status."""
     parser = _parser()
+    completion.complete(parser)
     options = parser.parse_args(_negative_numbers(sys.argv[1:] if arguments is None else arguments))
     try:
         shown = shown_progress(not options.quiet)
@@ -149,22 +153,33 @@ class _Parser(argparse.ArgumentParser):
 
 
 def _parser() -> argparse.ArgumentParser:
+    texts = {name: str(run.__doc__) for name, run, _ in COMMANDS}
     parser = _Parser(
         prog="polefence",
-        description="State feedback that keeps every closed-loop pole in a region for all values "
-        "of the uncertain parameters, proved in exact arithmetic.",
-        epilog="exit status: 0 proved or done, 1 not proved, 2 bad input or usage. "
-        "CENTRE is the real coordinate, negative on the left (-40).",
+        usage="polefence [--help] [--version] COMMAND ...",
+        description="Feedback that keeps every closed-loop pole in a region for all values of the "
+        f"uncertain\nparameters, proved in exact arithmetic.\n\n{listing(texts)}",
+        epilog="polefence COMMAND --help lists the options of a command, with examples.\n"
+        "exit status: 0 proved or done, 1 not proved, 2 bad input or usage.",
+        formatter_class=Formatter,
         allow_abbrev=False,
     )
     parser.add_argument(
         "--version", action="version", version=f"polefence {VERSION}, engine: {engine()}"
     )
-    listed = parser.add_subparsers(metavar="COMMAND", required=True)
+    listed = parser.add_subparsers(
+        metavar="COMMAND", required=True, help=argparse.SUPPRESS, prog="polefence"
+    )
 
     for name, run, add_arguments in COMMANDS:
-        text = run.__doc__
-        sub = listed.add_parser(name, help=text, description=text, allow_abbrev=False)
+        sub = listed.add_parser(
+            name,
+            help=texts[name],
+            description=texts[name],
+            epilog=examples(name),
+            formatter_class=Formatter,
+            allow_abbrev=False,
+        )
         sub.set_defaults(run=run)
         add_arguments(sub)
         sub.add_argument(

@@ -14,6 +14,7 @@ from polefence.cli.common import (
     gain_lines,
     method_arguments,
     method_of,
+    saved,
     spec_argument,
     write_json,
 )
@@ -58,7 +59,8 @@ def observe_command(options: Any) -> int:
     label = observer.design.label
     say(
         f"proved: {label} keeps all poles of the observer of {plant.name!r} in {region} for every "
-        "alpha"
+        "alpha",
+        verdict="proved",
     )
     if not implies_stability(plant, region):
         say("note: this region reaches into the right half-plane; the error need not die out")
@@ -67,7 +69,7 @@ def observe_command(options: Any) -> int:
     gains = _gains(observer)
     say(*gain_lines(gains))
     if options.output is not None:
-        say(f"saved: {observer.save(options.output)}")
+        saved(observer.save(options.output))
     if options.json is not None:
         summary = {
             "plant": plant_summary(plant),

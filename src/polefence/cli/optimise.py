@@ -25,6 +25,7 @@ from polefence.cli.common import (
     law_lines,
     method_of,
     refuse_method_options,
+    saved,
     spec_argument,
     structure_of_options,
     words_of,
@@ -139,18 +140,17 @@ def optimise_command(options: Any) -> int:
 
 def _finish(done: Optimised, rows: Sequence[Row], method: Method | None, options: Any) -> None:
     """Write files, then print: nobody need read the output to its end."""
-    saved = None if options.output is None else done.save(options.output)
+    if options.output is not None:
+        saved(done.save(options.output))
     label = label_of(done, method)
     if options.json is not None:
         write_json(options.json, document_of(done, rows, label))
     if options.plot is not None:
         write_figure(options.plot, figure_of(done, rows))
-    say(*lines_of(done, rows, label))
+    say(*lines_of(done, rows, label), verdict="proved")
     # of one vertex one gain is every law
     if method is not None and label != method_label(method) and len(done.plant.vertices) > 1:
         say(f"  one gain: no law of {method_label(method)} that was found is better")
-    if saved is not None:
-        say(f"saved: {saved}")
 
 
 def road_of(options: Any) -> RoadSpectrum | None:

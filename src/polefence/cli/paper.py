@@ -8,7 +8,7 @@ from typing import Any
 
 from polefence.base.files import make_folder
 from polefence.base.workers import processes
-from polefence.cli.common import NOT_PROVED, PROVED, finished_rows, jobs_of, sweep_arguments
+from polefence.cli.common import NOT_PROVED, PROVED, finished_rows, jobs_of, saved, sweep_arguments
 from polefence.cli.terminal import say
 from polefence.region.text import digits_up
 
@@ -41,7 +41,7 @@ def paper_command(options: Any) -> int:
             f"{row['family']:<11} {row['method']:<10} {printed:<15} "
             f"{row['status']} {digits_up(row['radius']) if row['radius'] else '-'}"
         )
-    say(f"written: {folder / 'report.md'}, with {len(paths) - 1} files beside it")
+    saved(f"{folder / 'report.md'}, with {len(paths) - 1} files beside it")
     rows = [row for sweep_rows in results["limits"].values() for row in sweep_rows]
     rows += [*results["radii"], *results["slow centres"]]
     return PROVED if all(row["status"] == "proved" for row in rows) else NOT_PROVED

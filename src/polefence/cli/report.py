@@ -8,8 +8,7 @@ from typing import Any
 
 from polefence.base.errors import InputError
 from polefence.base.files import make_folder, write_text
-from polefence.cli.common import PROVED
-from polefence.cli.terminal import say
+from polefence.cli.common import PROVED, saved
 from polefence.design.design import Design
 from polefence.design.signals.bounds import statements
 
@@ -66,5 +65,5 @@ def report_command(options: Any) -> int:
     text = html_report(design, options.road, options.speed, bounds, front)
     make_folder(target.parent)
     write_text(target, text)
-    say(f"written: {target}")
+    saved(target)
     return PROVED

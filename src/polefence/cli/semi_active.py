@@ -13,6 +13,7 @@ from polefence.cli.common import (
     PROVED,
     check_targets,
     matrix_text,
+    saved,
     spec_argument,
     write_json,
 )
@@ -106,12 +107,10 @@ def semi_active_command(options: Any) -> int:
         files = {LAW: law.file().dumps()}
         proof = below["semi-active law"]
         files |= {LIMIT: proof[0].file().dumps()} if proof is not None else {}
-        paths = write_documents(options.output, files)
+        saved(*write_documents(options.output, files))
     if options.json is not None:
         write_json(options.json, _document(law, below))
     say(*_lines(law, below))
-    if options.output is not None:
-        say(f"saved: {' and '.join(map(str, paths))}")
     return PROVED
 
 

@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from polefence.cli.common import NOT_PROVED, PROVED, check_targets, write_json
+from polefence.cli.common import NOT_PROVED, PROVED, check_targets, saved, write_json
 from polefence.cli.terminal import say
 from polefence.design.design import Design
 from polefence.design.given import analyse
@@ -55,7 +55,7 @@ def service_command(options: Any) -> int:
     say(*_explained(service))
     if options.output is not None:
         for path in service.save(options.output):
-            say(f"saved: {path}")
+            saved(path)
     if options.json is not None:
         rows = [_row(margin) for margin in service]
         document = {"region": service.region.document(), "decay": service.decay, "margins": rows}

@@ -14,7 +14,14 @@ import numpy as np
 
 from polefence.base.errors import InputError, NotProvedError, ParameterValueError, suggest
 from polefence.base.progress import counted
-from polefence.cli.common import PROVED, check_figure, check_targets, write_figure, write_json
+from polefence.cli.common import (
+    PROVED,
+    check_figure,
+    check_targets,
+    saved,
+    write_figure,
+    write_json,
+)
 from polefence.cli.laws import Named, distinct, read_law, read_subject
 from polefence.cli.terminal import say
 from polefence.design.margins import estimation_error, parameter_rate
@@ -87,9 +94,6 @@ def simulate_command(options: Any) -> int:
     say(_head(setup))
     for summary in summaries:
         say("", *text_of(summary))
-    written = [path for path in (options.output, options.plot, options.json) if path is not None]
-    if written:
-        say("", *(f"written: {path}" for path in written))
     _require_end(runs)
     return PROVED
 
@@ -119,6 +123,7 @@ def _write(
         from polefence.response.columns import write_table
 
         write_table(options.output, table_of(setup, runs))
+        saved(options.output)
     if options.plot is not None:
         from polefence.show.plots import signals_figure
 

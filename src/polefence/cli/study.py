@@ -12,7 +12,7 @@ from typing import Any
 from polefence.base.errors import InputError, suggest
 from polefence.base.files import check_target, write_text
 from polefence.base.progress import stage
-from polefence.cli.common import NOT_PROVED, PROVED
+from polefence.cli.common import NOT_PROVED, PROVED, saved
 from polefence.cli.terminal import say
 from polefence.fleet.checked import judged
 from polefence.fleet.cluster import dask
@@ -154,7 +154,7 @@ def _of_results(store: Store, options: Any) -> int:
         valued = [row | {"value": value_of(row)} for row in rows]
         text = fleet_page(about["name"], about["names"], pairs, valued, failed)
         write_text(options.html, text)
-        say(f"saved: {options.html}")
+        saved(options.html)
     total = len(about["rows"]) * len(names)
     say(f"{store.folder}: {len(rows)} of {total} rows of {about['name']}")
     return _said(rows, questions, total)

@@ -19,6 +19,7 @@ from polefence.proof.text import visible
 
 EVERY = 0.2  # [s] between two drawings
 COLUMNS = 80  # of a terminal that does not say
+COLOURS = {"proved": "1;32", "refuted": "1;31", "exceeded": "1;31", "undecided": "1;33"}
 
 
 class Line:
@@ -101,15 +102,24 @@ def aside() -> AbstractContextManager[None]:
     return nullcontext() if line is None else line.aside()
 
 
-def say(*lines: object, file: TextIO | None = None) -> None:
+def say(*lines: object, file: TextIO | None = None, verdict: str = "") -> None:
     """Print each of these as one line, whatever names and paths are in it.
 
     All that commands print goes this way: a newline or an escape in a name is shown, not obeyed,
-    and what the terminal has no letter for does not stop the answer.
+    and what the terminal has no letter for does not stop the answer. On a terminal the verdict is
+    coloured where the first line has it; the line alone does not tell, for names may be words.
     """
     stream = sys.stdout if file is None else file
     code = getattr(stream, "encoding", None) or "utf-8"
     with aside():
-        for own in lines:
+        for k, own in enumerate(lines):
             shown = visible(str(own)).encode(code, "backslashreplace").decode(code)
+            if k == 0 and verdict in COLOURS and coloured(stream):
+                shown = shown.replace(verdict, f"\x1b[{COLOURS[verdict]}m{verdict}\x1b[0m", 1)
             print(shown, file=stream, flush=True)
+
+
+def coloured(stream: TextIO) -> bool:
+    """Whether a stream is a terminal that shows colours, and nobody has asked for none."""
+    plain = os.environ.get("NO_COLOR") or os.environ.get("TERM") == "dumb"
+    return not plain and stream.isatty()

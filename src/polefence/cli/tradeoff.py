@@ -21,6 +21,7 @@ from polefence.cli.common import (
     jobs_of,
     refuse_method_options,
     rows_file,
+    saved,
     size_of,
     spaced,
     spec_argument,
@@ -152,6 +153,7 @@ def tradeoff_command(options: Any) -> int:
         write_json(STANDARD, front.document())
     elif options.json is not None:
         keep_references(options.json, front.references)
+        saved(options.json)
     if options.plot is not None:
         from polefence.show.plots import front_figure
 

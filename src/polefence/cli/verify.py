@@ -9,13 +9,7 @@ from typing import Any, cast
 
 from polefence.base.errors import InputError, shown
 from polefence.cli.analyse import read_gain
-from polefence.cli.common import (
-    NOT_PROVED,
-    PROVED,
-    check_targets,
-    every_alpha,
-    write_json,
-)
+from polefence.cli.common import NOT_PROVED, PROVED, check_targets, every_alpha, saved, write_json
 from polefence.cli.terminal import say
 from polefence.design.design import FILE_NAME, Design, is_proof_file
 from polefence.design.requirements.specification import Specification
@@ -151,9 +145,9 @@ def _say(found: Verified) -> None:
     if analysis.proved:
         alpha = every_alpha(analysis.design)
         where = f"all poles of {plant.name!r} in {analysis.region} for {alpha}"
-        say(f"proved: {where}; {analysis.reason}")
+        say(f"proved: {where}; {analysis.reason}", verdict="proved")
     else:
-        say(f"{analysis.answer}: {analysis.reason}")
+        say(f"{analysis.answer}: {analysis.reason}", verdict=analysis.answer)
     given = found.lyapunov
     if given is not None:
         what = "P" if given.count == 1 else f"P of {given.count} vertices"
@@ -162,7 +156,7 @@ def _say(found: Verified) -> None:
         else:
             say(f"given {what}: does not prove it; {given.reason}")
     for own in found.bounds:
-        say(_bound_text(plant, own))
+        say(_bound_text(plant, own), verdict=own.answer)
 
 
 def _bound_text(plant: UncertainPlant, own: VerifiedBound) -> str:
@@ -184,7 +178,7 @@ def _save(found: Verified, folder: Path) -> None:
     claims = [own.bound.claim for own in found.bounds if own.bound is not None]
     design = Design(found.analysis.design.certificate)
     path = save(design.certificate, claims, folder) if claims else design.save(folder)
-    say(f"saved: {path}")
+    saved(path)
 
 
 def _summary(found: Verified) -> dict[str, Any]:

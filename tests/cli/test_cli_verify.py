@@ -36,7 +36,11 @@ def test_poles_matrices_and_bounds_are_said_and_saved(mine, capsys):
     limits = ["--limit", "gain of x1 <= 1", "--limit", "gain of x1 <= 0.1"]
     said = lines(capsys, "mine.npz", *limits, "-o", "out", "--json", "all.json", status=1)
     starts = ["proved: all poles of 'mine' in half_plane(0)", "given P: proves it, as V = x' P x"]
-    starts += ["proved: gain of x1 <= 1; ", "exceeded: gain of x1 <= 0.1; sampled ", "saved: out/design.json"]
+    starts += [
+        "proved: gain of x1 <= 1; ",
+        "exceeded: gain of x1 <= 0.1; sampled ",
+        "saved: out/design.json",
+    ]
     starts += ["saved: all.json"]
     for line, start in zip(said, starts, strict=True):
         assert line.startswith(start)

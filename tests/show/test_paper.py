@@ -46,6 +46,34 @@ def test_published_gains_hold_on_printed_vertices_and_fail_on_physical_ones(name
             assert 65 < worst < 70
 
 
+def test_the_third_matrix_of_the_example_is_indefinite_as_printed():
+    _, found = paper._coarse_example(paper.published())
+    signs = [found[f"smallest eigenvalue of W_{j} as printed"] > 0 for j in range(1, 5)]
+    assert signs == [True, True, False, True]
+    assert min(found[f"relative error of Z_{j} W_{j}^-1"] for j in range(1, 5)) > 1.6
+    for j in range(1, 5):
+        W = np.array(paper.published()["theorem1_example"]["W"][str(j)])
+        assert np.array_equal(W, W.T)
+    _, found = paper._magnitudes(paper.published())
+    assert [round(share) for share in found.values()] == [18, 17, 11, 11]
+
+
+def test_the_nominal_gain_leaves_the_disk_where_it_is_said_to():
+    data = paper.published()
+    _, found = paper._deviations(data)
+    K = paper.nominal_gain(data["nominal_pole_placement"]["poles"])
+    table = {name: entry["value"] for name, entry in data["table1"].items()}
+    assert found.pop("k higher by [%]") == "more than 20"
+    assert len(found) == 5
+    for key, percent in found.items():
+        name, way, *_ = key.split()
+        for share, inside in ((percent * 0.999, True), (percent * 1.001, False)):
+            factor = 1 + share / 100 * (1 if way == "higher" else -1)
+            A, B, _ = quarter_car(**table | {name: table[name] * factor})
+            poles = np.linalg.eigvals(np.array(A, dtype=float) + np.array(B, dtype=float) @ K)
+            assert bool(np.abs(poles + 40).max() < 31) is inside, key
+
+
 @pytest.fixture(scope="module")
 def reproduction(tmp_path_factory):
     folder = tmp_path_factory.mktemp("paper")

@@ -278,7 +278,7 @@ def _slow_centres(rows: Mapping[str, Sequence[Limit]]) -> list[Row]:
 def _inconsistencies(
     plants: Mapping[str, UncertainPlant], results: Mapping[str, Any]
 ) -> list[dict[str, Any]]:
-    """Return the five places where the paper contradicts itself, each with what was computed."""
+    """Return the places where the paper contradicts itself, each with what was computed."""
     data = results["published"]
     table = {name: entry["value"] for name, entry in data["table1"].items()}
     m1 = data["intervals_eq22_as_printed"]["m1"]
@@ -323,26 +323,98 @@ def _inconsistencies(
                 for row in results["slow centres"]
             },
         ),
+        _shapes(data),
         _coarse_example(data),
+        _magnitudes(data),
+        _readings(data, plants),
+        _deviations(data),
     ]
     return [{"statement": statement, "computed": computed} for statement, computed in found]
 
 
-def _coarse_example(data: Mapping[str, Any]) -> tuple[str, dict[str, Any]]:
-    """Return what the printed example of Theorem 1 gives, K_1 = Z_1 W_1^-1."""
-    example = data["theorem1_example"]
-    W, Z = np.array(example["W"]["1"]), np.array([example["Z"]["1"]])
-    K = np.array(example["K"]["1"])
-    error = np.linalg.norm(np.linalg.solve(W, Z.T).T[0] - K) / np.linalg.norm(K)
+def _shapes(data: Mapping[str, Any]) -> tuple[str, dict[str, Any]]:
+    """Return the shapes of what the paper multiplies."""
+    Z = np.array([data["theorem1_example"]["Z"]["1"]])
+    B = np.array([data["vertices_eq23_26_as_printed"]["1"]["B"]]).T
     return (
-        "K(alpha) and Z_j are m x n = 1 x 5, printed as n x m; and W_1, Z_1 are printed too "
-        "coarsely to give K_1 = Z_1 W_1^-1",
+        "K(alpha) and Z_j are m x n = 1 x 5, printed as n x m; so Z_j B_k in (17) is a number, and "
+        "B_k Z_j is meant",
+        {"shape of Z_1": list(Z.shape), "of Z_1 B_2": [1, 1], "of B_2 Z_1": list((B @ Z).shape)},
+    )
+
+
+def _coarse_example(data: Mapping[str, Any]) -> tuple[str, dict[str, Any]]:
+    """Return what the printed example of Theorem 1 gives, K_j = Z_j W_j^-1."""
+    example, found = data["theorem1_example"], dict[str, Any]()
+    for j, K in example["K"].items():
+        W, Z = np.array(example["W"][j]), np.array([example["Z"][j]])
+        error = np.linalg.norm(np.linalg.solve(W, Z.T).T[0] - K) / np.linalg.norm(K)
+        found[f"condition number of W_{j} as printed"] = float(np.linalg.cond(W))
+        found[f"smallest eigenvalue of W_{j} as printed"] = float(np.linalg.eigvalsh(W)[0])
+        found[f"relative error of Z_{j} W_{j}^-1"] = float(error)
+    return (
+        "(28)-(35) are printed too coarsely to give (37)-(40): Z_j W_j^-1 misses every K_j, and "
+        "W_3 as printed is not positive definite",
+        found,
+    )
+
+
+def _magnitudes(data: Mapping[str, Any]) -> tuple[str, dict[str, Any]]:
+    """Return how much smaller the scheduled gains are than the nominal one."""
+    nominal = np.linalg.norm(data["nominal_pole_placement"]["Kn"])
+    shares = {j: nominal / np.linalg.norm(K) for j, K in data["theorem1_example"]["K"].items()}
+    return (
+        "the elements of K(alpha) are said to be similar to those of (27); their norms are 11 to "
+        "18 times smaller",
+        {f"norm of (27) over that of K_{j}": float(share) for j, share in shares.items()},
+    )
+
+
+def _readings(
+    data: Mapping[str, Any], plants: Mapping[str, UncertainPlant]
+) -> tuple[str, dict[str, Any]]:
+    """Return what (22) says of beta, and what alpha is of m1 and beta."""
+    alpha = plants["physical"].alpha(m1=data["table1"]["m1"]["value"], beta=0)
+    return (
+        "(22) has beta in [0, 10] and a sign +- for c and another for k: eight corners with m1; "
+        "(23)-(26) are four, so one beta ties c to k. alpha is then a product of the weights of "
+        "1/m1 and of beta, bilinear in them",
         {
-            "shape of Z_1": list(Z.shape),
-            "condition number of W_1 as printed": float(np.linalg.cond(W)),
-            "smallest eigenvalue of W_1 as printed": float(np.linalg.eigvalsh(W)[0]),
-            "relative error of Z_1 W_1^-1": float(error),
+            "corners if c and k are free": 8,
+            "vertices printed": len(data["vertices_eq23_26_as_printed"]),
+            **{f"alpha_{j + 1} of the nominal car": float(value) for j, value in enumerate(alpha)},
         },
+    )
+
+
+def _deviations(data: Mapping[str, Any]) -> tuple[str, dict[str, Any]]:
+    """Return how far a parameter of Table 1 may be off before (27) leaves the disk."""
+    from scipy.optimize import brentq  # deferred: slow to import
+
+    table = {name: entry["value"] for name, entry in data["table1"].items()}
+    K = nominal_gain(data["nominal_pole_placement"]["poles"])
+    centre, radius = (data["theorem1_example"][key] for key in ("centre", "radius"))
+
+    def over(share: float, name: str) -> float:
+        A, B, _ = quarter_car(**table | {name: table[name] * (1 + share)})
+        poles = np.linalg.eigvals(np.array(A, dtype=float) + np.array(B, dtype=float) @ K)
+        return float(np.abs(poles - centre).max() - radius)
+
+    found = dict[str, Any]()
+    for name, sign in ((name, sign) for name in ("m1", "c", "k") for sign in (-1, 1)):
+        shares = sign * np.linspace(0, 0.2, 2001)
+        at = next((k for k, share in enumerate(shares) if over(share, name) > 0), None)
+        place = f"{name} {'lower' if sign < 0 else 'higher'} by [%]"
+        if at is None:
+            found[place] = "more than 20"
+        else:
+            share = brentq(over, shares[at - 1], shares[at], args=(name,))
+            found[place] = 100 * abs(float(share))
+    return (
+        "with standard pole placement, an infinitesimal change is said to suffice for poles to "
+        "leave the region; for (27) and the disk of radius 31, it takes these of one parameter of "
+        "Table 1 alone",
+        found,
     )
 
 

@@ -8,7 +8,8 @@ OLDEST := build/oldest
 COVERED := plant law region response
 PARALLEL := -n auto --dist loadfile --no-loadscope-reorder
 
-# Many processes import the same: what they compile of it is kept.
+# Many processes import the same: what they compile of it is kept. pip compiles nothing: most of
+# what it installs is never imported.
 unexport PYTHONDONTWRITEBYTECODE
 
 # A process of tests for each processor: more threads of BLAS would only hinder one another.
@@ -103,12 +104,12 @@ $(VENV)/.created:
 	touch $@
 
 $(VENV)/.installed: $(VENV)/.created pyproject.toml $(KERNEL)
-	$(BIN)/python -m pip install --quiet --editable .
+	$(BIN)/python -m pip install --quiet --no-compile --editable .
 	touch $@
 
 # Not after .installed: the kernel would be built twice.
 $(VENV)/.installed-test: $(VENV)/.created pyproject.toml $(KERNEL)
-	$(BIN)/python -m pip install --quiet --editable '.[test,docs]'
+	$(BIN)/python -m pip install --quiet --no-compile --editable '.[test,docs]'
 	touch $(VENV)/.installed $@
 
 clean:

@@ -121,12 +121,34 @@ def test_a_sweep_of_other_degrees_draws(count):
         for c in np.linspace(5, 60, count)
     ]
     rows.append({"centre": -70.0, "method": "slack", "radius": None})
-    figure = limits_figure({"plant": rows}, floor=-10)
+    figure = limits_figure({"plant": rows}, floor=20)
     drawn = [line.get_label() for line in figure.axes[0].lines if line.get_label()[0] != "_"]
     assert len(drawn) == len(LABELS)
     assert "scheduled(2, 1, box)" in drawn
+    assert [text.get_text() for text in figure.axes[0].texts] == ["cut at 20 %"]
     if count == 2:
         assert b"<svg" in render(figure, "svg")
+
+
+def test_what_others_published_is_drawn_where_it_belongs():
+    rows = [{"centre": -40.0, "method": "slack", "radius": r} for r in (34.0, 35.0)]
+    others = [{"centre": -40.0, "method": "slack", "radius": 30.0}]
+    first, second = limits_figure({"a": rows, "b": rows}, published={"b": others}).axes
+    points = [(line.get_xdata(), line.get_ydata()) for line in second.lines]
+    assert ([40.0], [25.0]) in [(list(x), list(y)) for x, y in points]
+    assert len(first.lines) == len(second.lines) - 2  # the point, and one for the legend
+    assert not first.texts
+
+
+def test_panels_of_poles_have_one_scale_and_another_law_its_marks():
+    near, far = POLES, 3 * POLES
+    own = {"a": (near, near[:2]), "b": (far, far[:2])}
+    figure = poles_figure(own, Disk(-40, 31), others={"a": ("published", near[:2])})
+    first, second = figure.axes
+    assert first.get_xlim() == second.get_xlim()
+    assert first.get_ylim() == second.get_ylim()
+    assert "published" in [line.get_label() for line in first.lines]
+    assert "published" not in [line.get_label() for line in second.lines]
 
 
 def test_the_papers_figure_is_the_same_twice():

@@ -65,7 +65,6 @@ SAMPLES = 10_000
 EDGES = {"as-printed": (-12.0, -13.0, -14.0), "physical": (-20.0, -25.0)}
 
 # A disk deep in the right half-plane is no design: keep figure 4's scale for those that are.
-FLOOR = -60.0
 # Figures 7 and 8: the settling time that the paper states, and the last time shown [s].
 SETTLED, SHOWN = 0.5, 0.8
 ENTRIES = ("K1", "K2", "K3", "K4", "K5")
@@ -432,6 +431,12 @@ def printed_entries(plant: UncertainPlant) -> str:
     return f"{same} of {total}"
 
 
+def _published_poles(plant: UncertainPlant) -> tuple[str, Array]:
+    """Return the poles at the vertices under the published gains (37)-(40), with their label."""
+    gains = np.array([[K] for K in published()["theorem1_example"]["K"].values()])
+    return "published gains (37)-(40)", np.linalg.eigvals(plant.A + plant.B @ gains)
+
+
 @stage("figures")
 def figures(
     results: Mapping[str, Any], designs: Mapping[str, Design], rides: Mapping[str, Ride]
@@ -446,12 +451,23 @@ def figures(
     }
     return {
         "figure-3": limits_figure({"m1 uncertain": rows["m1"]}),
-        "figure-4": limits_figure({f"{name} family": rows[name] for name in FAMILIES}, FLOOR),
+        "figure-4": limits_figure(
+            {f"{name} family": rows[name] for name in FAMILIES},
+            published={
+                f"{PUBLISHED_ON} family": [
+                    row | {"radius": row["published"]}
+                    for row in results["radii"]
+                    if row["published"] is not None
+                ]
+            },
+        ),
         "figure-5": poles_figure(
             {f"{n} family": cloud(p, nominal_poles(p)) for n, p in plants.items()}, DISK
         ),
         "figure-6": poles_figure(
-            {f"{n} family": cloud(plants[n], d.poles) for n, d in designs.items()}, DISK
+            {f"{n} family": cloud(plants[n], d.poles) for n, d in designs.items()},
+            DISK,
+            others={f"{PUBLISHED_ON} family": _published_poles(plants[PUBLISHED_ON])},
         ),
         "figure-7": responses_figure(
             {title: found.step for title, found in columns.items()}, SETTLED, SHOWN

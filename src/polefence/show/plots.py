@@ -8,6 +8,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from math import ceil
 from textwrap import wrap
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -60,6 +61,7 @@ OTHERS: tuple[dict[str, Any], ...] = (
     {"ls": "--", "color": "0.35", "marker": "x"},
     {"ls": (0, (1, 1)), "color": "#35978f", "marker": "P"},
 )
+FLOOR = -60.0  # least d / sigma shown [%]
 PANEL = 1.25  # width of a panel of poles over its height
 
 _STYLE: Any = {
@@ -156,7 +158,9 @@ def styles(labels: Sequence[str]) -> dict[str, dict[str, Any]]:
 
 
 def limits_figure(
-    panels: Mapping[str, Sequence[Mapping[str, Any]]], floor: float | None = None
+    panels: Mapping[str, Sequence[Mapping[str, Any]]],
+    floor: float = FLOOR,
+    published: Mapping[str, Sequence[Mapping[str, Any]]] = MappingProxyType({}),
 ) -> Figure:
     """Draw d / sigma over the centre for each method; one panel a sweep.
 
@@ -164,8 +168,10 @@ def limits_figure(
     ----------
     panels : mapping
         Title to rows with ``centre``, ``method``, ``radius`` (None is left out).
-    floor : float, optional
-        Least d / sigma shown, in percent; curves below it leave the picture.
+    floor : float
+        Least d / sigma shown, in percent; where curves go below it the panel says so.
+    published : mapping, optional
+        Title to rows of others, which are points.
     """
     figure, axes = new_figure(len(panels), 1.2 + 4.4 * len(panels), 3.6, sharey=True)
     known = styles([row["method"] for rows in panels.values() for row in rows])
@@ -181,13 +187,22 @@ def limits_figure(
             # markers of different curves stand apart, where the curves do not
             every = {"markevery": (k, 8)} if len(points) >= 24 else {}
             ax.plot(sigma, ratio, **few | known[method] | every)
+        hollow: Any = {"ls": "", "marker": "o", "ms": 5, "mfc": "none", "mew": 1.2}
+        for row in published.get(title, ()):
+            ratio = 100 * (1 + row["radius"] / row["centre"])
+            ax.plot(-row["centre"], ratio, color=known[row["method"]]["color"], **hollow)
+        if title in published:
+            ax.plot([], [], color="0.4", label="published", **hollow)
         ax.axhline(0, color="0.4", lw=0.8)
         ax.set_title(title)
         ax.set_xlabel("distance of the centre from the imaginary axis, σ [1/s]")
-        if floor is not None:
-            ax.set_ylim(bottom=max(ax.get_ylim()[0], floor))
     axes[0].set_ylabel("d/σ = 1 - r/σ [%]")
-    axes[-1].legend(loc="lower right", fontsize=8.5)
+    if axes[0].get_ylim()[0] < floor:  # panels share it
+        axes[0].set_ylim(bottom=floor)
+        for ax in axes:
+            words: Any = {"transform": ax.transAxes, "ha": "center", "color": "0.3", "fontsize": 8}
+            ax.text(0.37, 0.03, f"cut at {floor:g} %", **words)
+    axes[0 if published else -1].legend(loc="lower right", fontsize=8.5)
     return figure
 
 
@@ -202,7 +217,10 @@ def sampled(design: Design) -> tuple[Array, Array]:
 
 
 def poles_figure(
-    panels: Mapping[str, tuple[Array, Array]], region: Region, view: View | None = None
+    panels: Mapping[str, tuple[Array, Array]],
+    region: Region,
+    view: View | None = None,
+    others: Mapping[str, tuple[str, Array]] = MappingProxyType({}),
 ) -> Figure:
     """Draw closed-loop poles over the family with the region; one panel a family.
 
@@ -214,8 +232,13 @@ def poles_figure(
         Its outside is shaded.
     view : (low, high, height), optional
         Real parts and largest imaginary part shown [1/s]; by default all poles, the boundary and
-        the imaginary axis. Poles beyond it are counted in the panel.
+        the imaginary axis, the same in all panels. Poles beyond it are counted in the panel.
+    others : mapping, optional
+        Title to (label, poles) of another law.
     """
+    every = [np.ravel(poles) for pair in panels.values() for poles in pair]
+    every += [np.ravel(poles) for _, poles in others.values()]
+    shown = fitted(view or view_of(region, np.concatenate(every)))
     lines = _folded(short_text(region))
     figure, axes = new_figure(len(panels), 1.0 + 4.4 * len(panels), 4.5 + 0.15 * lines.count("\n"))
     for ax, (title, (cloud, vertices)) in zip(axes, panels.items(), strict=True):
@@ -239,7 +262,10 @@ def poles_figure(
             mew=1.2,
             label="poles of the vertices",
         )
-        shown = fitted(view or view_of(region, np.concatenate([cloud, vertices])))
+        if title in others:
+            label, poles = others[title]
+            style = {"ms": 5, "mew": 1.2, "color": "#2166ac", "label": label}
+            ax.plot(np.real(poles).ravel(), np.imag(poles).ravel(), "x", **style)
         _draw_region(ax, region, shown)
         _note_unseen(ax, cloud, shown)
         ax.set_title(title)
@@ -248,7 +274,7 @@ def poles_figure(
         ax.axvline(0, color="0.3", lw=0.8)
     axes[0].set_ylabel("imaginary part [rad/s]")
     handles, labels = axes[0].get_legend_handles_labels()
-    columns = 3 if len(panels) > 1 or len(labels[-1]) < 22 else 2
+    columns = 4 if len(panels) > 1 else 3 if len(labels[-1]) < 22 else 2
     figure.legend(handles, labels, loc="outside lower center", ncols=columns, fontsize=8.5)
     return figure
 

@@ -6,6 +6,7 @@ import io
 import math
 import re
 import struct
+import warnings
 import zipfile
 import zlib
 from collections.abc import Callable, Iterable, Iterator, Mapping
@@ -260,7 +261,10 @@ def _mat(path: Path, raw: bytes) -> Iterator[tuple[str, Any]]:
     _require_plain(path, raw)
     try:
         names = [name for name, *_ in whosmat(cast(Any, io.BytesIO(raw)))]
-        found = loadmat(cast(Any, io.BytesIO(raw)), variable_names=names, squeeze_me=False)
+        with warnings.catch_warnings():  # of the class of sparse matrices, which changes there
+            warnings.simplefilter("ignore", DeprecationWarning)
+            warnings.simplefilter("ignore", FutureWarning)
+            found = loadmat(cast(Any, io.BytesIO(raw)), variable_names=names, squeeze_me=False)
     except InputError:
         raise
     except Exception as problem:  # of a file that is damaged anything may be raised there

@@ -44,6 +44,7 @@ checks: $(VENV)/.installed-test
 	$(BIN)/lint-imports
 	$(MAKE) coverage sanitize
 	$(BIN)/sphinx-build -W -q -b html docs docs/_build/html
+	@! grep -rlE '<(script|link)[^>]+(src|href)="https?:' docs/_build/html --include='*.html'
 
 # How much of some rooms their own tests run. Of all tests it would double their time.
 coverage: $(VENV)/.installed-test

@@ -14,6 +14,7 @@ from scipy.io import savemat
 from scipy.sparse import csc_matrix
 
 from polefence import InputError
+from polefence.law.arrays import law_from
 from polefence.plant import arrays
 from polefence.plant.arrays import plant_from, read_arrays
 
@@ -195,11 +196,17 @@ BAD = {
     "nothing.npz": (npz(K=B.T), "no matrix 'A'; known: K"),
     "shapes.npz": (npz(A=A, B=np.ones((3, 1))), r"shapes.npz: vertex 1: B has 3 rows"),
     "counts.npz": (npz(A=A, B=np.ones((2, 2, 1))), r"counts.npz: 3 matrices A, 2 B"),
-    "nan.npz": (npz(A=A[0] * np.nan, B=B), r"nan.npz: vertex 1: A\[1\]\[1\]"),
+    "nan.npz": (npz(A=A[0] * np.nan, B=B), r"nan.npz: A\[1\]\[1\] = nan must be a finite number"),
     "outputs.json": (
         text({"A": A[0].tolist(), "B": B.tolist(), "C": [[1, 0]], "outputs": ["a", "b"]}),
         "outputs names 2 signals",
     ),
+    "none.npz": (npz(A=np.zeros((0, 2, 2)), B=B), "A is empty"),
+    "rows.json": (
+        text({"A": A[0].tolist(), "B": B.tolist(), "C": [[1, 0]], "D": [[0], [1]]}),
+        "C, D must have as many rows",
+    ),
+    "two.json": (text({"A": [[[1]], [[1, 2]]], "B": [[1]]}), "A holds matrices of different"),
     "cells.mat": (nested(3), "no matrix 'A'"),
     "abyss.mat": (nested(300_000), "cells in cells, more than 20 deep"),
 }
@@ -213,6 +220,29 @@ def test_what_is_no_plant_is_one_line(tmp_path, name):
         plant_from(read_arrays(tmp_path / name))
     assert "\n" not in str(caught.value)
     assert str(caught.value).startswith(str(tmp_path / name))
+
+
+VALUES = [None, True, 7, "x", "1/0", [], [[]], [[[]]], {}, [1, 2], [[1], [2, 3]], [["y"]], -1]
+VALUES += [[[[0.0, 1.0]]], [[[[1]]]], "", [None], [[None]], [{"A": 1}], [[True, 2], [3, 4]]]
+WHOLE = {
+    "A": A.tolist(), "B": B.tolist(), "E": B.tolist(), "C": [[1.0, 0.0]], "D": [[0.0]],
+    "F": [[1.0]], "K": [[1.0, 2.0]], "name": "n", "states": ["a", "b"], "outputs": ["y"],
+    "sample_time": 0.1,
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("key", WHOLE)
+def test_any_value_of_any_key_is_read_or_refused(tmp_path, key):
+    path, refused = tmp_path / "file.json", list[str]()
+    for value in VALUES:
+        path.write_text(json.dumps(WHOLE | {key: value}))
+        try:
+            arrays = read_arrays(path)
+            law_from(arrays, plant_from(arrays))
+        except InputError as problem:
+            refused.append(str(problem))
+    assert refused or key in ("name", "outputs")  # texts, of which there are fewer wrong ones
+    assert not any("\n" in said for said in refused)
 
 
 def test_an_empty_folder_is_said(tmp_path):

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from fractions import Fraction
 from typing import Any
 
 import numpy as np
@@ -12,6 +11,7 @@ from polefence.base.errors import InputError
 from polefence.law.laws import FixedGain, Law, PolynomialGain, ScheduledGain, given_law
 from polefence.plant.arrays import Arrays
 from polefence.plant.family import UncertainPlant
+from polefence.plant.system import Exact, as_array
 
 
 def law_from(arrays: Arrays, plant: UncertainPlant) -> Law:
@@ -47,5 +47,5 @@ def negated(law: Law) -> Law:
     return replace(law, Z=-law.Z)
 
 
-def _floats(matrices: list[Any]) -> Any:
-    return np.array([[[float(Fraction(e)) for e in row] for row in M] for M in matrices])
+def _floats(matrices: list[Exact]) -> Any:
+    return np.array([as_array(own) for own in matrices])

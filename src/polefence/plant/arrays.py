@@ -22,6 +22,7 @@ from polefence.base.errors import InputError, shown, suggest
 from polefence.base.files import read_bytes
 from polefence.plant.family import UncertainPlant
 from polefence.plant.outputs import Output, split
+from polefence.plant.system import Exact, read_matrix
 from polefence.proof import reading
 from polefence.proof.work import FormatError
 
@@ -65,20 +66,32 @@ class Arrays:
         """Whether it is there, or was said to be: then `__getitem__` says that it is not."""
         return name in self.matrices or name in self.names
 
-    def __getitem__(self, name: str) -> list[Matrix]:
-        """Return the matrices of a name.
+    def __getitem__(self, name: str) -> list[Exact]:
+        """Return the matrices of a name, in exact rationals.
 
         Raises
         ------
         InputError
-            If there are none.
+            If there are none, one is no matrix of finite numbers, or they differ in shape.
         """
         if name not in self.matrices:
             own, known = self.names.get(name, name), sorted(self.matrices)
             raise InputError(f"{self.place}: no matrix {shown(own)}; {suggest(own, known)}")
-        return self.matrices[name]
+        each = self.matrices[name]
+        try:
+            found = [
+                read_matrix(own, name if len(each) == 1 else f"{name}, matrix {k + 1}")
+                for k, own in enumerate(each)
+            ]
+        except InputError as problem:
+            raise InputError(f"{self.place}: {problem}") from problem
+        shapes = sorted({(len(own), len(own[0])) for own in found})
+        if len(shapes) != 1:
+            told = " and ".join(f"{n} x {m}" for n, m in shapes) or "none"
+            raise InputError(f"{self.place}: {name} holds matrices of different shapes: {told}")
+        return found
 
-    def one(self, name: str) -> Matrix:
+    def one(self, name: str) -> Exact:
         """Return the matrix of a name.
 
         Raises
@@ -91,7 +104,7 @@ class Arrays:
             raise InputError(f"{self.place}: {name} holds {len(found)} matrices, not one")
         return found[0]
 
-    def only(self, name: str) -> list[Matrix]:
+    def only(self, name: str) -> list[Exact]:
         """Return the matrices of a name, or those of a file that has no others.
 
         Raises
@@ -99,8 +112,8 @@ class Arrays:
         InputError
             If it has several, none of this name.
         """
-        every = list(self.matrices.values())
-        return every[0] if name not in self and len(every) == 1 else self[name]
+        every = list(self.matrices)
+        return self[every[0] if name not in self and len(every) == 1 else name]
 
 
 def read_arrays(path: str | Path, names: Mapping[str, str] = NO_NAMES) -> Arrays:
@@ -121,8 +134,9 @@ def read_arrays(path: str | Path, names: Mapping[str, str] = NO_NAMES) -> Arrays
         If it cannot be read, is too long, or is not of these kinds.
     """
     found = _read_arrays(Path(path))
-    more = {new: found[old] for new, old in names.items() if old in found}
-    rest = {name: own for name, own in found.matrices.items() if name not in names}
+    own = found.matrices
+    more = {new: own[old] for new, old in names.items() if old in own}
+    rest = {name: each for name, each in own.items() if name not in names}
     return replace(found, matrices=rest | more, names=names)
 
 
@@ -246,6 +260,8 @@ def _array(where: str, value: Any, first: bool) -> Any:
     if value.dtype.kind not in "biuf" or value.ndim > 3:
         raise InputError(f"{where} is no matrix, and no list of them")
     value = np.atleast_2d(value)
+    if not value.size:
+        raise InputError(f"{where} is empty")
     if value.ndim == 2:
         return [value.tolist()]
     return (value if first else np.moveaxis(value, 2, 0)).tolist()
@@ -402,14 +418,16 @@ def _each(matrices: list[Any], N: int) -> list[Any]:
 
 def _outputs(plant: UncertainPlant, arrays: Arrays) -> Iterator[Output]:
     """Yield the rows of C, D and F as outputs."""
-    keys = [key for key in "CDF" if key in arrays]
-    count = max((len(arrays[key][0]) for key in keys), default=0)
+    given = {key: arrays[key] for key in "CDF" if key in arrays}
+    counts = {len(matrices[0]) for matrices in given.values()}
+    if len(counts) > 1:
+        raise InputError(f"{', '.join(given)} must have as many rows each, one an output")
+    count = max(counts, default=0)
     labels = arrays.words.get("outputs", ()) or [f"y{i + 1}" for i in range(count)]
     if len(labels) != count:
         raise InputError(f"outputs names {len(labels)} signals; C has {count} rows")
     known = {signal.name for signal in plant.signals}
     for i, label in enumerate(labels):
         own, unit = split(label)
-        rows = {key: _each([matrix[i] for matrix in arrays[key]], 1) for key in keys}
         if own not in known:
-            yield Output(own, unit, **rows)
+            yield Output(own, unit, **{key: [M[i] for M in each] for key, each in given.items()})

@@ -431,7 +431,8 @@ def test_the_command_answers(car_spec, capsys):
         assert main(["analyse", "car.toml", "--gain", what, "--region", "half_plane(4)"]) == 0
     capsys.readouterr()
     assert main([*gain, "--of", "disk", "--centre", "-40", *results]) == 0
-    proved, sampled, _ = capsys.readouterr().out.splitlines()
+    proved, sampled, *saved = capsys.readouterr().out.splitlines()
+    assert saved == ["saved: car/design.json", "saved: answer.json"]
     assert proved.startswith("proved: radius 69.50")
     assert sampled.startswith("sampled: radius 69.50")
     worst = json.loads((car_spec / "answer.json").read_text())

@@ -206,8 +206,10 @@ def test_the_command_marks_what_it_takes_from_the_file(tmp_path, capsys):
     assert "*" not in first
     assert main([*words, "--resume"]) == 0
     again = capsys.readouterr().out.splitlines()
-    assert again[-1] == f"* from {rows}, not proved again; every radius is"
-    assert [line.replace("* ", "  ") for line in again[:-1]] == first.splitlines()
+    assert again[-2] == f"* from {rows}, not proved again; every radius is"
+    assert again[-1] == f"saved: {rows}"
+    plain = [line.replace("* ", "  ") for line in again]
+    assert plain[:-2] + plain[-1:] == first.splitlines()
     document = json.loads(rows.read_text())
     document["rows"][0]["radius"] *= 0.99
     document["rows"][0]["lower"] = None

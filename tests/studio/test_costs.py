@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import asyncio
 from contextlib import contextmanager, nullcontext
 from dataclasses import replace
+from types import SimpleNamespace
 
 import pytest
 
@@ -178,7 +180,7 @@ class Document:
     """Does what is asked for in the page's thread when it is told to, as a server does."""
 
     def __init__(self):
-        self.works = []
+        self.works, self.later, self.roots = [], [], []
 
     def add_next_tick_callback(self, work):
         self.works.append(work)
@@ -186,6 +188,10 @@ class Document:
     def add_callback(self, add, work):
         """As the server's loop."""
         add(work)
+
+    def call_later(self, _seconds, work):
+        """As the server's loop."""
+        self.later.append(work)
 
     def go(self):
         while self.works:
@@ -225,6 +231,68 @@ def test_all_that_the_page_changes_is_held_and_sent_together(queued, monkeypatch
     page.region.value = "half_plane(0.6)"
     assert len(held) >= 3
     assert all(held)
+
+
+def test_one_change_that_nobody_sees_follows_what_changes(queued):
+    """Panel may keep a message until the next one: see the test below."""
+    page, document = queued
+    root = SimpleNamespace(tags=["own"])
+    document.roots.append(root)
+    document.go()
+    document.later.clear()
+    page._following = False
+    for number in range(3):
+        page._soon(lambda number=number: page._going(f"proof, inequality {number}"))
+    document.go()
+    assert len(document.later) == 1
+    for times in (1, 2):
+        before = root.tags
+        document.later.pop()()
+        document.go()
+        assert root.tags != before
+        assert len(root.tags) == 2
+        assert root.tags[0] == "own"
+        page._soon(lambda: None)
+        document.go()
+        assert len(document.later) == 1, times
+    page.close()
+    document.later.pop()()
+    assert document.works == []
+
+
+def test_panel_keeps_a_message_until_the_next_one(monkeypatch):
+    """Why a change follows. Where this fails, Panel is mended, and `Page._follow` may go."""
+    from bokeh.document import Document as Real
+    from panel.io import document as own
+
+    sent, conn, real = [], Document(), Real()  # any object is a connection here
+    conn._socket = object()
+
+    def dispatched(_conn, msg):
+        sent.append(msg)
+        leaving = asyncio.get_running_loop().create_future()
+        asyncio.get_running_loop().call_soon(leaving.set_result, None)
+        return [leaving]
+
+    def schedule(msg):  # as schedule_write_events does
+        own._WRITE_BLOCK[real] = True
+        own._WRITE_MSGS.setdefault(real, {}).setdefault(conn, []).append(msg)
+        own._dispatch_write_task(real, own._dispatch_msgs, real)
+
+    async def play():
+        schedule("first")
+        await asyncio.sleep(0)
+        await asyncio.sleep(0)
+        schedule("last")
+        await asyncio.sleep(0.1)
+        kept = list(sent)
+        schedule("next")
+        await asyncio.sleep(0.1)
+        return kept
+
+    monkeypatch.setattr(own, "dispatch_django", dispatched)
+    assert asyncio.run(play()) == ["first"]
+    assert sent == ["first", "last", "next"]
 
 
 ROW = {

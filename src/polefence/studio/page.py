@@ -41,20 +41,8 @@ LARGE, SMALL = {"flex": "3 1 520px"}, {"flex": "2 1 340px"}
 ROWS = ("poles", "asked"), ("car", "traces"), ("map", "front", "sensors", "service")
 STYLES = {name: SMALL for names in ROWS for name in names} | {"poles": LARGE, "car": LARGE}
 AIMS = {"a law for the region": False, "the best ride": True}
+FOLLOWED = 0.2  # [s] after a change: Panel sends then what it has kept back
 OWN = "as the spec has it", 0.0  # the limit that is nobody's choice
-
-
-def _held(document: Any, work: Callable[[], object]) -> None:
-    """Have all changes that some work makes reach the browser in one message.
-
-    All go this way: what Panel holds and what Bokeh sends at once may overtake one another, and a
-    badge would stay behind its law.
-    """
-    if document is None:
-        work()
-    else:
-        with pn.io.hold(document):
-            work()
 
 
 def _together(change: Callable[..., None]) -> Callable[..., None]:
@@ -62,7 +50,7 @@ def _together(change: Callable[..., None]) -> Callable[..., None]:
 
     @wraps(change)
     def held(self: Page, *given: Any, **more: Any) -> None:
-        _held(self._document, lambda: change(self, *given, **more))
+        self._hold(lambda: change(self, *given, **more))
 
     return held
 
@@ -106,7 +94,8 @@ class Page:
         )
         self._jobs, self._saved = dict[str, int](), dict[str, str]()
         self._before: Question | None = None
-        self._quiet = self._fitted = self._closed = False
+        self._quiet = self._fitted = self._closed = self._following = False
+        self._changes = 0
         self._panes(DARK if dark else LIGHT)
         self._widgets()
         if document is None:
@@ -248,8 +237,37 @@ class Page:
             work()
         else:
             # In the server's loop nothing is held: a callback that is added then is not lost.
-            work = partial(_held, self._document, work)
+            work = partial(self._hold, work)
             self._loop.add_callback(self._document.add_next_tick_callback, work)
+
+    def _hold(self, work: Callable[[], object]) -> None:
+        """Have all changes that some work makes reach the browser in one message.
+
+        All go this way: what Panel holds and what Bokeh sends at once may overtake one another, and
+        a badge would stay behind its law. A change that nobody sees follows: a message that Panel
+        schedules while another one is just leaving stays with it until the next.
+        """
+        if self._document is None or self._loop is None:
+            work()
+            return
+        with pn.io.hold(self._document):
+            work()
+        if not self._following:
+            self._following = True
+            self._loop.call_later(FOLLOWED, self._follow)
+
+    def _follow(self) -> None:
+        self._following = False
+        if not self._closed:
+            self._document.add_next_tick_callback(self._change_nothing)
+
+    def _change_nothing(self) -> None:
+        """Change a tag of what is there, which nobody looks at."""
+        with pn.io.hold(self._document):
+            for root in self._document.roots[:1]:
+                self._changes += 1
+                own = [tag for tag in root.tags if not isinstance(tag, int)]
+                root.tags = [*own, self._changes]
 
     @_together
     def _go(self, history: History) -> None:

@@ -129,6 +129,19 @@ def test_other_names_are_told(tmp_path):
         found["P"]
 
 
+def test_what_is_not_asked_for_may_be_anything(tmp_path):
+    """As in a whole workspace that was saved."""
+    others = {"z": A[0] * 1j, "tmp3": A[0], "four": np.zeros((2, 2, 2, 2)), "words": "a", "s": []}
+    savemat(tmp_path / "w.mat", {"A": cells(A), "B": B} | others)
+    np.savez(tmp_path / "w.npz", A=A, B=B, z=A[0] * 1j, tmp3=A[0])
+    for name in ("w.mat", "w.npz"):
+        found = read_arrays(tmp_path / name)
+        np.testing.assert_array_equal(plant_from(found).A, A)
+        for fault, said in (("z", "z has complex entries"), ("tmp", "tmp3 is there, tmp1 is")):
+            with pytest.raises(InputError, match=said):
+                found[fault]
+
+
 def pickled(path):
     np.savez(path, A=np.array([{}], dtype=object))
 

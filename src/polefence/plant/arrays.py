@@ -55,16 +55,19 @@ class Arrays:
     words : dict of name to texts
     names : dict of name to name
         What the file calls some of them.
+    faults : dict of name to text
+        Why others of the file are no matrices; said where one is asked for.
     """
 
     place: str
     matrices: Mapping[str, list[Matrix]]
     words: Mapping[str, list[str]] = field(default_factory=dict)
     names: Mapping[str, str] = field(default_factory=dict)
+    faults: Mapping[str, str] = field(default_factory=dict)
 
     def __contains__(self, name: str) -> bool:
         """Whether it is there, or was said to be: then `__getitem__` says that it is not."""
-        return name in self.matrices or name in self.names
+        return name in self.matrices or name in self.names or name in self.faults
 
     def __getitem__(self, name: str) -> list[Exact]:
         """Return the matrices of a name, in exact rationals.
@@ -76,6 +79,8 @@ class Arrays:
         """
         if name not in self.matrices:
             own, known = self.names.get(name, name), sorted(self.matrices)
+            if own in self.faults:
+                raise InputError(self.faults[own])
             raise InputError(f"{self.place}: no matrix {shown(own)}; {suggest(own, known)}")
         each = self.matrices[name]
         try:
@@ -146,7 +151,7 @@ def _read_arrays(path: Path) -> Arrays:
         if not files or len(files) > MAX_FILES:
             raise InputError(f"{path}: a folder of {len(files)} .csv files; {WANTED}")
         each = {file.stem: [_csv(file, _read(file))] for file in files}
-        return Arrays(str(path), _numbered(str(path), each))
+        return _with_series(Arrays(str(path), each))
     kind = path.suffix.lower()
     if kind not in KINDS:
         raise InputError(f"{path}: not read here; {WANTED}")
@@ -155,8 +160,12 @@ def _read_arrays(path: Path) -> Arrays:
         return Arrays(str(path), {path.stem: [_csv(path, raw)]})
     read: Callable[[Path, bytes], Iterable[tuple[str, Any]]]
     read = {".mat": _mat, ".npz": _npz, ".json": _json}[kind]
-    matrices, words, count = dict[str, list[Matrix]](), dict[str, list[str]](), 0
+    matrices, words, faults = dict[str, list[Matrix]](), dict[str, list[str]](), dict[str, str]()
+    count = 0
     for name, value in read(path, raw):
+        if isinstance(value, InputError):
+            faults[name] = str(value)
+            continue
         if isinstance(value, str) or (value and isinstance(value[0], str)):
             words[name] = [value] if isinstance(value, str) else value
             continue
@@ -164,29 +173,31 @@ def _read_arrays(path: Path) -> Arrays:
         count += sum(len(row) for matrix in value for row in matrix)
         if count > MAX_ENTRIES:
             raise InputError(f"{path}: more than {MAX_ENTRIES} numbers; {WANTED}")
-    return Arrays(str(path), _numbered(str(path), matrices), words)
+    return _with_series(Arrays(str(path), matrices, words, faults=faults))
 
 
 def _read(path: Path) -> bytes:
     return read_bytes(path, reading.MAX_BYTES, InputError)
 
 
-def _numbered(place: str, matrices: dict[str, list[Matrix]]) -> dict[str, list[Matrix]]:
+def _with_series(found: Arrays) -> Arrays:
     """Add A for A1, A2, ..., AN, where there is no A."""
     series = dict[str, dict[int, Matrix]]()
-    for name, found in matrices.items():
+    for name, own in found.matrices.items():
         match = _NUMBERED.fullmatch(name)
-        if match and len(found) == 1:
-            series.setdefault(match[1], {})[int(match[2])] = found[0]
-    more = {}
+        if match and len(own) == 1:
+            series.setdefault(match[1], {})[int(match[2])] = own[0]
+    more, faults = dict(found.matrices), dict(found.faults)
     for name, each in series.items():
-        if name in matrices:
-            continue
         missing = next((k for k in range(1, max(each) + 1) if k not in each), None)
-        if missing is not None:
-            raise InputError(f"{place}: {name}{max(each)} is there, {name}{missing} is missing")
-        more[name] = [each[k] for k in sorted(each)]
-    return matrices | more
+        if name in found:
+            continue
+        if missing is None:
+            more[name] = [each[k] for k in sorted(each)]
+        else:
+            there = f"{name}{max(each)} is there, {name}{missing} is missing"
+            faults[name] = f"{found.place}: {there}"
+    return replace(found, matrices=more, faults=faults)
 
 
 def _csv(path: Path, raw: bytes) -> Matrix:
@@ -241,11 +252,19 @@ def _npz(path: Path, raw: bytes) -> Iterator[tuple[str, Any]]:
             raise InputError(f"{path}: more than {MAX_INFLATED} bytes once unpacked")
         with np.load(io.BytesIO(raw), allow_pickle=False) as file:
             for name in file.files:
-                yield name, _array(f"{path}: {name}", file[name], first=True)
+                yield name, _or_fault(_array, f"{path}: {name}", file[name], True)
     except (zipfile.BadZipFile, ValueError, OSError, EOFError, zlib.error) as problem:
         if isinstance(problem, InputError):
             raise
         raise InputError(f"{path}: no .npz file of plain arrays: {problem}") from problem
+
+
+def _or_fault(read: Callable[..., Any], *given: Any) -> Any:
+    """Return what is read, or why it is none: nobody may ask for it."""
+    try:
+        return read(*given)
+    except InputError as problem:
+        return problem
 
 
 def _array(where: str, value: Any, first: bool) -> Any:
@@ -281,8 +300,6 @@ def _mat(path: Path, raw: bytes) -> Iterator[tuple[str, Any]]:
             warnings.simplefilter("ignore", DeprecationWarning)
             warnings.simplefilter("ignore", FutureWarning)
             found = loadmat(cast(Any, io.BytesIO(raw)), variable_names=names, squeeze_me=False)
-    except InputError:
-        raise
     except Exception as problem:  # of a file that is damaged anything may be raised there
         text = " ".join(str(problem).split())
         raise InputError(f"{path}: no MATLAB file, or a damaged one: {shown(text)}") from problem
@@ -300,7 +317,7 @@ def _mat(path: Path, raw: bytes) -> Iterator[tuple[str, Any]]:
             own[:] = lists[0]
             given[key] = own
     for name, value in given.items():
-        own = _of_matlab(f"{path}: {name}", value)
+        own = _or_fault(_of_matlab, f"{path}: {name}", value)
         if own is not None:
             yield name, own
 

@@ -334,11 +334,12 @@ def _inconsistencies(
 def _shapes(data: Mapping[str, Any]) -> tuple[str, dict[str, Any]]:
     """Return the shapes of what the paper multiplies."""
     Z = np.array([data["theorem1_example"]["Z"]["1"]])
-    B = np.array([data["vertices_eq23_26_as_printed"]["1"]["B"]]).T
+    B = np.array([data["vertices_eq23_26_as_printed"]["2"]["B"]]).T
+    products = {"shape of Z_1": Z, "of Z_1 B_2": Z @ B, "of B_2 Z_1": B @ Z}
     return (
         "K(alpha) and Z_j are m x n = 1 x 5, printed as n x m; so Z_j B_k in (17) is a number, and "
         "B_k Z_j is meant",
-        {"shape of Z_1": list(Z.shape), "of Z_1 B_2": [1, 1], "of B_2 Z_1": list((B @ Z).shape)},
+        {name: list(M.shape) for name, M in products.items()},
     )
 
 
@@ -373,13 +374,14 @@ def _readings(
     data: Mapping[str, Any], plants: Mapping[str, UncertainPlant]
 ) -> tuple[str, dict[str, Any]]:
     """Return what (22) says of beta, and what alpha is of m1 and beta."""
+    given = data["intervals_eq22_as_printed"]
     alpha = plants["physical"].alpha(m1=data["table1"]["m1"]["value"], beta=0)
     return (
         "(22) has beta in [0, 10] and a sign +- for c and another for k: eight corners with m1; "
         "(23)-(26) are four, so one beta ties c to k. alpha is then a product of the weights of "
         "1/m1 and of beta, bilinear in them",
         {
-            "corners if c and k are free": 8,
+            "corners if c and k are free": 2 ** len({"m1", "c", "k"} & given.keys()),
             "vertices printed": len(data["vertices_eq23_26_as_printed"]),
             **{f"alpha_{j + 1} of the nominal car": float(value) for j, value in enumerate(alpha)},
         },

@@ -33,7 +33,10 @@ EXAMPLES: Mapping[str, tuple[str, ...]] = {
         "polefence design car.toml --region 'half_plane(4) & sector(0.5)' --method quadratic",
     ),
     "tightest": ("polefence tightest car.toml --of disk --centre -40",),
-    "observe": ("polefence observe car.toml --measured 'suspension deflection' --disk -60 50",),
+    "observe": (
+        "polefence example servo > servo.toml",
+        "polefence observe servo.toml --measured 'motor angle' --disk -20 14 -o observer",
+    ),
     "optimise": (
         "polefence example quarter-car-ride > ride.toml",
         "polefence optimise ride.toml -o ride",

@@ -205,7 +205,7 @@ def _given(
     blank = [placeholder(plant, law)] * len(region.parts)
     reasons = list[str]()
     for on in _domains(plant, len(P)):
-        claim = _with(certificate_of(plant, law, region, blank).claim(), on)
+        claim = replace(certificate_of(plant, law, region, blank).claim(), on=on)
         for form, own in (("primal", _transposed(claim)), ("dual", claim)):
             for evidence in _evidence(P):
                 try:
@@ -223,10 +223,6 @@ def _given(
 def _domains(plant: UncertainPlant, count: int) -> tuple[str, ...]:
     """Where matrices, one a vertex, may be weighed: P(alpha), or multi-affine in parameters."""
     return ("simplex", "box") if count > 1 and len(plant.parameters) > 1 else ("simplex",)
-
-
-def _with(claim: Poles, on: str) -> Poles:
-    return replace(claim, on=on)
 
 
 def _evidence(P: list[Rationals]) -> Iterator[laws.Evidence]:

@@ -266,7 +266,7 @@ def poles_figure(
             label, poles = others[title]
             style = {"ms": 5, "mew": 1.2, "color": "#2166ac", "label": label}
             ax.plot(np.real(poles).ravel(), np.imag(poles).ravel(), "x", **style)
-        _draw_region(ax, region, shown)
+        draw_region(ax, region, shown)
         _note_unseen(ax, cloud, shown)
         ax.set_title(title)
         ax.set_xlabel("real part [1/s]")
@@ -286,8 +286,18 @@ def fitted(view: View) -> View:
     return low - missing, high + missing, max(height, (high - low) / (2 * PANEL))
 
 
-def _draw_region(ax: Axes, region: Region, view: View) -> None:
-    """Shade the outside, draw the boundary, and what of the parts' boundaries is not of it."""
+def draw_region(ax: Axes, region: Region, view: View) -> None:
+    """Shade what is outside a region, and draw its boundary, on axes of your own.
+
+    Parameters
+    ----------
+    ax : matplotlib axes
+        Its limits become those of the view.
+    region : Region
+        Boundaries of its parts that are not boundaries of the region are dotted.
+    view : (low, high, height)
+        Real parts and largest imaginary part shown [1/s].
+    """
     low, high, height = view
     ax.set_xlim(low, high)
     ax.set_ylim(-height, height)

@@ -1,0 +1,87 @@
+"""A servo with a flexible shaft: what a move asks of shaft and motor, proved; figure.
+
+``python docs/examples/servo.py [FOLDER]`` prints the page's numbers and writes servo.png into the
+folder, by default here. It takes some seconds.
+"""
+
+import sys
+from pathlib import Path
+
+import numpy as np
+from scipy.linalg import expm
+
+import polefence as pf
+
+MOVE = np.radians(15)
+START = [[-MOVE, 0, -20 * MOVE, 0]]  # load and motor, behind the gear, at rest before the target
+PEAKS = [
+    pf.InitialPeak("shaft torque", at_most=10_000, points=START),
+    pf.InitialPeak("armature voltage", at_most=10_000, points=START),
+]
+REGIONS = [f"half_plane(1) & sector(0.5) & disk(-{r}, {r})" for r in (20, 10)]
+TORQUE, VOLTAGE = 78.5, 220  # what shaft and motor bear [N m], [V]
+
+
+def laws():
+    """A law for each region, and the peaks of a move that are proved of it."""
+    servo = pf.examples.family("servo")
+    for text in REGIONS:
+        region = pf.parse_region(text)
+        design = pf.place(servo, region, "quadratic")
+        yield design, pf.verify(servo, design.law, region, limits=PEAKS).bounds
+
+
+def moves(design, count=40, step=2e-3, seconds=3.0):
+    """Load angle [degrees], shaft torque [N m], voltage [V] of random loads in a move."""
+    plant = design.plant
+    torque, found = np.array(plant.signal("shaft torque").C[0]), []
+    for JL in np.random.default_rng(0).uniform(12.5, 50, count):
+        alpha = plant.alpha(JL=JL)
+        A, B = plant.at(alpha)
+        K = design.law.gain(alpha)
+        once, x, own = expm((A + B @ K) * step), np.array(START[0]), []
+        for _ in range(round(seconds / step)):
+            own.append([np.degrees(x[0] + MOVE), torque @ x, (K @ x)[0]])
+            x = once @ x
+        found.append(own)
+    found = np.array(found)
+    return step * np.arange(found.shape[1]), found
+
+
+def draw(time, found, peaks, folder):
+    """Draw the moves, what shaft and motor bear, and what is proved."""
+    figure, axes = pf.plots.new_figure(3, 10.5, 3.2)
+    labels = ("load angle [degrees]", "shaft torque [N m]", "voltage [V]")
+    for ax, label, values in zip(axes, labels, found.T, strict=True):
+        ax.plot(time, values, color="#2166ac", lw=0.7)
+        ax.set(xlabel="time [s]", ylabel=label)
+        ax.margins(x=0)
+    axes[0].axhline(np.degrees(MOVE), color="0.3", ls=":")
+    for ax, own, level in zip(axes[1:], peaks, (TORQUE, VOLTAGE), strict=True):
+        for sign in (1, -1):
+            ax.axhline(sign * level, color="0.3", ls=":", label="limit" if sign > 0 else None)
+            ax.axhline(
+                sign * own.bound.level, color="#b2182b", ls="--",
+                label="proved for every load" if sign > 0 else None,
+            )  # fmt: skip
+    axes[2].legend(fontsize=8.5, loc="center right")
+    Path(folder, "servo.png").write_bytes(pf.plots.render(figure, "png"))
+
+
+def main(folder="."):
+    """Design, prove, print and draw."""
+    for design, peaks in laws():
+        time, found = moves(design)
+        worst = np.abs(found).max(axis=(0, 1))[1:]
+        shown = ", ".join(
+            f"{own.bound.level:.1f} {unit} proved, {most:.1f} in 40 moves"
+            for own, unit, most in zip(peaks, ("N m", "V"), worst, strict=True)
+        )
+        print(f"{design.region}: {shown}")
+        if peaks[0].bound.level <= TORQUE and peaks[1].bound.level <= VOLTAGE:
+            break
+    draw(time, found, peaks, folder)
+
+
+if __name__ == "__main__":
+    main(*sys.argv[1:])

@@ -23,7 +23,7 @@ SWITCHES = (
     "--disable-component-update",
     "--disable-sync",
 )
-PATIENCE = 20  # [s]
+PATIENCE = 60  # [s], of a machine that does much else
 
 
 def require_browser():

@@ -55,7 +55,7 @@ def test_curves_lie_on_the_boundary_and_cross_the_view(text):
 def test_every_region_draws(text):
     region = parse_region(text)
     figure = poles_figure({"plant": (POLES, POLES[:2])}, region)
-    (ax,) = figure.axes
+    ax = figure.axes[0]
     solid = [line for line in ax.lines if line.get_linewidth() == 1.3]
     assert solid, "no part of the boundary is drawn"
     for line in solid:
@@ -64,6 +64,21 @@ def test_every_region_draws(text):
         assert np.abs(region.distance(z)).max() < 1e-5 * max(region.size, 50)
     labels = [text.get_text().replace("\n", " ") for text in figure.legends[0].get_texts()]
     assert parse_region(labels[-1]) == region
+
+
+def test_slow_poles_beside_fast_ones_have_a_panel_of_their_own():
+    fast, slow = np.array([-12 + 76j, -12 - 76j]), np.array([-1.5 + 3j, -1.5 - 3j, -0.8])
+    region = parse_region("half_plane(0.1)")
+    whole, near = poles_figure({"a": (np.append(fast, slow), slow)}, region).axes
+    for ax, poles in ((whole, np.append(fast, slow)), (near, slow)):
+        (low, high), (bottom, top) = ax.get_xlim(), ax.get_ylim()
+        assert low < 1.02 * poles.real.min() < poles.real.max() < 0 < high
+        assert 1.02 * np.abs(poles.imag).max() < top == -bottom
+    assert near.get_ylim()[1] < 10
+    assert near.get_title() == "near the origin"
+    assert whole.get_aspect() == "auto"  # narrow and high: a circle would be none
+    assert len(poles_figure({"a": (slow, slow)}, region).axes) == 1
+    assert len(poles_figure({"a": (fast, fast)}, region).axes) == 1
 
 
 def test_poles_far_out_are_counted_and_not_shown():

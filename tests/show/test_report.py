@@ -5,16 +5,32 @@ from __future__ import annotations
 import html
 import json
 import re
+from dataclasses import replace
+from datetime import UTC, datetime
 from html.parser import HTMLParser
 
 import numpy as np
 import pytest
 
-from polefence import Design, Disk, HalfPlane, NotProvedError, UncertainPlant, analyse, place
+from polefence import (
+    Design,
+    Disk,
+    Gain,
+    HalfPlane,
+    NotProvedError,
+    Rms,
+    UncertainPlant,
+    analyse,
+    optimise,
+    place,
+)
+from polefence.base import VERSION
 from polefence.cli.main import main
+from polefence.cli.report import today
+from polefence.design.design import proved_document
 from polefence.examples import family
 from polefence.law.words import definitions, formula
-from polefence.response.stationary import stationary, velocity_psd
+from polefence.response.stationary import stationary, velocity_density, velocity_psd
 from polefence.show.report import Report, _how_to_check, comfort, html_report
 from polefence.vehicle.vehicle import require_ride
 from support.memories import design as with_memory
@@ -45,7 +61,9 @@ def car(tmp_path_factory):
     folder = tmp_path_factory.mktemp("car")
     design = place(family("quarter-car-physical"), Disk(-40, 31))
     design.save(folder)
-    assert main(["report", str(folder)]) == 0
+    with pytest.MonkeyPatch.context() as own:
+        own.setenv("SOURCE_DATE_EPOCH", "1")
+        assert main(["report", str(folder)]) == 0
     return folder, design, (folder / "report.html").read_text()
 
 
@@ -98,7 +116,25 @@ def test_the_comfort_is_that_of_the_stationary_answer(car):
 
 def test_a_report_of_the_same_design_is_the_same(car):
     _, design, text = car
-    assert html_report(design) == text
+    assert html_report(design, date="1970-01-01") == text
+    assert html_report(design) != text
+
+
+def test_the_top_says_what_is_proved_of_which_cars_and_when(car):
+    top = Page(car[2]).parts[""]
+    assert f"polefence {VERSION}, 1970-01-01" in top
+    assert (
+        "Proved for every value of m1 from 231.12 to 346.68 kg and beta from -10 to 10: "
+        "all poles in disk(-40, 31)." in top
+    )
+
+
+def test_the_date_is_todays(monkeypatch):
+    monkeypatch.setenv("SOURCE_DATE_EPOCH", str(86400 * 366))
+    assert today() == "1971-01-02"
+    monkeypatch.delenv("SOURCE_DATE_EPOCH")
+    before = datetime.now(UTC).date().isoformat()
+    assert before <= today() <= datetime.now(UTC).date().isoformat()
 
 
 def test_a_notebook_shows_the_page_in_a_frame(car):
@@ -178,7 +214,11 @@ def test_bounds_and_a_front_are_put_in(tmp_path, capsys):
     picture.write_text("<svg xmlns='http://www.w3.org/2000/svg'/>")
     assert main(["report", str(folder), "--front", str(picture)]) == 0
     page = Page((folder / "report.html").read_text())
-    assert "rms of 'force' = u1 <= 3" in page.parts["Bounds on signals, proved"]
+    own = cells(page)
+    assert any("rms of 'force' = u1 <= 3" in cell for cell in own)
+    place = own.index("rms of 'force'")  # this is no car, and has no road
+    assert own[place + 1 : place + 3] == ["3 N", "no road named: density 2"]
+    assert "rms of 'force' at most 3 N." in page.parts[""]
     assert sum(tag == "img" for tag, _ in page.tags) == 3
     assert main(["report", str(folder), "--front", str(spec)]) == 2
     document = json.loads((folder / "design.json").read_text())
@@ -210,3 +250,41 @@ def test_code_that_keeps_states_is_exported_with_a_sample_time(kind, placed):
     line = "polefence export design.json --float 32 --sample-time"
     assert line in _how_to_check(with_memory(kind)).code
     assert line not in _how_to_check(placed).code
+
+
+def test_bounds_have_their_units_and_the_road_that_is_theirs(tmp_path):
+    car, gust = family("quarter-car-ride"), Rms("sprung-mass acceleration", at_most=2)
+    road = velocity_density("D", 15)
+    found = optimise(
+        car,
+        None,
+        [replace(gust, density=road), Gain("tyre deflection", at_most=1)],
+        method="quadratic",
+    )
+    found.save(tmp_path)
+    proved = proved_document(tmp_path)
+    for speed, said in ((15.0, "road of class D at 15 m/s"), (16.0, "no road named")):
+        own = Page(html_report(found.design, "D", speed, proved))
+        shown = cells(own)
+        rms, gain = (
+            shown.index("rms of 'sprung-mass acceleration'"),
+            shown.index("gain of 'tyre deflection'"),
+        )
+        assert re.fullmatch(r"[\d.]+ m/s2", shown[rms + 1])
+        assert shown[rms + 2].startswith(said)
+        assert re.fullmatch(r"[\d.]+ m per m/s", shown[gain + 1])
+
+
+def cells(page):
+    return [own for own in page.parts["Bounds on signals, proved"].split("|") if own.strip()]
+
+
+def test_a_unit_that_is_a_sentence_is_left_out(tmp_path):
+    plant = UncertainPlant.from_vertices(
+        [[[-1]], [[-2]]], [[[1]]] * 2, [[[1]]] * 2, states=("x [m; all poles in half_plane(99)]",)
+    )
+    found = optimise(plant, None, [Rms("x", at_most=3)], method="quadratic")
+    found.save(tmp_path)
+    top = Page(html_report(found.design, bounds=proved_document(tmp_path))).parts[""]
+    assert "rms of 'x' at most 3." in top
+    assert "99" not in top

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import argparse
+import os
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
 from polefence.base.errors import InputError
 from polefence.base.files import make_folder, write_text
 from polefence.cli.common import PROVED, saved
-from polefence.design.design import Design
-from polefence.design.signals.bounds import statements
+from polefence.design.design import Design, proved_document
 
 MAX_BYTES = 20_000_000  # of a figure
 
@@ -51,6 +52,13 @@ def _figure(path: Path) -> tuple[str, bytes]:
         raise InputError(f"{path}: cannot be read: {error.strerror}") from error
 
 
+def today() -> str:
+    """Return the date that a page bears, SOURCE_DATE_EPOCH's where a build sets it."""
+    epoch = os.environ.get("SOURCE_DATE_EPOCH", "")
+    now = datetime.fromtimestamp(int(epoch), UTC) if epoch.isdigit() else datetime.now(UTC)
+    return f"{now:%Y-%m-%d}"
+
+
 def report_command(options: Any) -> int:
     """Write one HTML page about a design: claim, poles, limits, responses, comfort, gain."""
     from polefence.show.report import html_report
@@ -61,8 +69,8 @@ def report_command(options: Any) -> int:
         raise InputError(f"{target}: a report ends in .html")
     front = None if options.front is None else _figure(options.front)
     design = Design.load(options.design)
-    bounds = statements(options.design)
-    text = html_report(design, options.road, options.speed, bounds, front)
+    bounds = proved_document(options.design)
+    text = html_report(design, options.road, options.speed, bounds, front, today())
     make_folder(target.parent)
     write_text(target, text)
     saved(target)

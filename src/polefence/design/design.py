@@ -267,6 +267,24 @@ def read_document(path: Path) -> Document:
         raise DesignFileError(f"{path}: {error}") from error
 
 
+def proved_document(source: str | Path) -> Document:
+    """Return a design's file, or that of a folder, all of whose claims are proved afresh.
+
+    Raises
+    ------
+    DesignFileError
+        If the file cannot be read.
+    NotProvedError
+        If a claim is not proved.
+    """
+    path = _design_path(source)
+    document = read_document(path)
+    answer = check_document(document, path)
+    if not answer.proved:
+        raise NotProvedError(f"{path}: {answer}")
+    return document
+
+
 def check_document(document: Document, path: Path) -> Check:
     """Prove every claim of a file; look for a counterexample where poles are not proved.
 

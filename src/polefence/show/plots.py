@@ -63,6 +63,8 @@ OTHERS: tuple[dict[str, Any], ...] = (
 )
 FLOOR = -60.0  # least d / sigma shown [%]
 PANEL = 1.25  # width of a panel of poles over its height
+NARROW = 4  # height over width from which a view of poles is stretched
+NEAR = "near the origin"
 
 _STYLE: Any = {
     "font.size": 10,
@@ -232,51 +234,70 @@ def poles_figure(
         Its outside is shaded.
     view : (low, high, height), optional
         Real parts and largest imaginary part shown [1/s]; by default all poles, the boundary and
-        the imaginary axis, the same in all panels. Poles beyond it are counted in the panel.
+        the imaginary axis, the same in all panels; of one panel alone also a second one of the
+        slow poles, where these would be one dot. Poles beyond a view are counted in the panel.
     others : mapping, optional
         Title to (label, poles) of another law.
     """
     every = [np.ravel(poles) for pair in panels.values() for poles in pair]
     every += [np.ravel(poles) for _, poles in others.values()]
-    shown = fitted(view or view_of(region, np.concatenate(every)))
+    whole = view or view_of(region, np.concatenate(every))
+    shown = {title: _shape(whole) for title in panels}
+    if len(panels) == 1 and view is None:
+        (title,) = panels
+        near = _near_origin(every[0], whole)
+        if near is not None:
+            shown[NEAR] = _shape(near)
+            panels = {title: panels[title], NEAR: panels[title]}
+            others = {**others, NEAR: others[title]} if title in others else others
     lines = _folded(short_text(region))
     figure, axes = new_figure(len(panels), 1.0 + 4.4 * len(panels), 4.5 + 0.15 * lines.count("\n"))
     for ax, (title, (cloud, vertices)) in zip(axes, panels.items(), strict=True):
-        cloud, vertices = np.ravel(cloud), np.ravel(vertices)
-        ax.plot(
-            cloud.real,
-            cloud.imag,
-            ".",
-            ms=1.6,
-            color="0.45",
-            rasterized=True,
-            label="poles over the family",
-        )
-        ax.plot(
-            vertices.real,
-            vertices.imag,
-            "s",
-            ms=5,
-            mfc="none",
-            mec="#b2182b",
-            mew=1.2,
-            label="poles of the vertices",
-        )
-        if title in others:
-            label, poles = others[title]
-            style = {"ms": 5, "mew": 1.2, "color": "#2166ac", "label": label}
-            ax.plot(np.real(poles).ravel(), np.imag(poles).ravel(), "x", **style)
-        draw_region(ax, region, shown)
-        _note_unseen(ax, cloud, shown)
+        _draw_poles(ax, np.ravel(cloud), np.ravel(vertices), others.get(title))
+        own, aspect = shown[title]
+        draw_region(ax, region, own)
+        if title != NEAR:
+            _note_unseen(ax, np.ravel(cloud), own)
         ax.set_title(title)
         ax.set_xlabel("real part [1/s]")
-        ax.set_aspect("equal", adjustable="box")
+        ax.set_aspect(aspect, adjustable="box")
         ax.axvline(0, color="0.3", lw=0.8)
     axes[0].set_ylabel("imaginary part [rad/s]")
     handles, labels = axes[0].get_legend_handles_labels()
     columns = 4 if len(panels) > 1 else 3 if len(labels[-1]) < 22 else 2
     figure.legend(handles, labels, loc="outside lower center", ncols=columns, fontsize=8.5)
     return figure
+
+
+def _draw_poles(ax: Axes, cloud: Array, vertices: Array, other: tuple[str, Array] | None) -> None:
+    """Draw the poles of a family, of its vertices, and of another law."""
+    style: Any = {"ms": 1.6, "color": "0.45", "rasterized": True, "label": "poles over the family"}
+    ax.plot(cloud.real, cloud.imag, ".", **style)
+    style = {"ms": 5, "mfc": "none", "mec": "#b2182b", "mew": 1.2}
+    ax.plot(vertices.real, vertices.imag, "s", label="poles of the vertices", **style)
+    if other is not None:
+        label, poles = other
+        style = {"ms": 5, "mew": 1.2, "color": "#2166ac", "label": label}
+        ax.plot(np.real(poles).ravel(), np.imag(poles).ravel(), "x", **style)
+
+
+def _shape(view: View) -> tuple[View, str]:
+    """Return the view that is drawn, and its aspect: equal, but where that hides what is narrow."""
+    low, high, height = view
+    if 2 * height > NARROW * (high - low):
+        return view, "auto"
+    return fitted(view), "equal"
+
+
+def _near_origin(poles: Array, view: View) -> View | None:
+    """Return a view of the slow poles, where there are fast ones that make them one dot."""
+    low, _, height = view
+    slow = poles[np.abs(poles) < max(-low, height) / 8]
+    if not slow.size or slow.size == poles.size:
+        return None
+    width, height = -float(slow.real.min()), float(np.abs(slow.imag).max())
+    width = max(width, height / NARROW)
+    return -1.2 * width, 0.2 * width, max(1.2 * height, 0.5 * width)
 
 
 def fitted(view: View) -> View:
@@ -444,7 +465,7 @@ def view_of(region: Region, poles: Array) -> View:
     low, high = min(low, float(x[seen].min(initial=low))), max(high, float(x[seen].max(initial=0)))
     height = max(height, float(y[seen].max(initial=0.0)), 0.35 * (high - low))
     margin = 0.06 * max(high - low, 1e-9)
-    return low - margin, high + margin, height + margin
+    return low - margin, high + margin, height + max(margin, 0.06 * height)
 
 
 def half_axes(part: Disk | Ellipse) -> tuple[float, float]:

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from polefence.base import VERSION
 from polefence.base.errors import InputError, NotProvedError
 from polefence.base.progress import stage
 from polefence.design.certificate import Check
@@ -21,8 +22,14 @@ from polefence.law.laws import FixedGain, PolynomialGain
 from polefence.law.words import definitions, formula, terms_of
 from polefence.lmi.conditions.methods import METHODS
 from polefence.plant.family import UncertainPlant
-from polefence.plant.outputs import Output, inputs, states
-from polefence.proof.text import visible
+from polefence.plant.outputs import Output, inputs, split, states
+from polefence.proof.claims.base import Claim
+from polefence.proof.claims.gain import Gain
+from polefence.proof.claims.relative_rms import RelativeRms
+from polefence.proof.claims.rms import Rms
+from polefence.proof.claims.signal import SignalClaim
+from polefence.proof.document import Document
+from polefence.proof.text import quoted, visible
 from polefence.region.regions import Disk
 from polefence.region.text import digits_down, digits_up, short_text
 from polefence.response.linear import step
@@ -59,8 +66,9 @@ def html_report(
     design: Design,
     road: str = "C",
     speed: float = 20.0,
-    bounds: Sequence[str] = (),
+    bounds: Document | None = None,
     front: tuple[str, bytes] | None = None,
+    date: str = "",
 ) -> Report:
     """Return a report about a design, one HTML page with its figures inside.
 
@@ -75,10 +83,12 @@ def html_report(
         Class of ISO 8608, "A" to "H".
     speed : float
         [m/s]
-    bounds : sequence of str
-        What else is proved of the design, a line each, see `performance_file.statements`.
+    bounds : Document, optional
+        The design's file, every claim of which has been proved: what it claims beside the region.
     front : (kind, bytes), optional
         A figure of a trade-off, "svg" or "png".
+    date : str
+        Printed at the top.
 
     Raises
     ------
@@ -92,10 +102,13 @@ def html_report(
     if not answer.proved:
         raise NotProvedError(f"no report: {answer}")
     title = f"{design.plant.name} in {short_text(design.region)}"
-    return Report(page(title, answer.answer, sections(design, answer, road, speed, bounds, front)))
+    own = sections(design, answer, road, speed, bounds, front)
+    return Report(page(title, answer.answer, own, _summary(design, _named(design, bounds)), date))
 
 
-def page(title: str, answer: str, sections: Sequence[Section]) -> str:
+def page(
+    title: str, answer: str, sections: Sequence[Section], summary: str = "", date: str = ""
+) -> str:
     """Return one HTML page with its figures inside, which asks nothing of any other address."""
     from jinja2 import Environment, PackageLoader, StrictUndefined  # deferred: slow to import
 
@@ -107,7 +120,10 @@ def page(title: str, answer: str, sections: Sequence[Section]) -> str:
     )
     environment.filters["picture"] = _picture
     template = environment.get_template("report.html")
-    return template.render(title=title, answer=answer, sections=sections)
+    made = ", ".join(part for part in (f"polefence {VERSION}", date) if part)
+    return template.render(
+        title=title, answer=answer, sections=sections, summary=summary, made=made
+    )
 
 
 def _visible(value: object) -> object:
@@ -142,6 +158,7 @@ class Section:
     caption: str = ""
     picture: str = ""
     code: str = ""
+    notes: tuple[str, ...] = ()
 
 
 def sections(
@@ -149,7 +166,7 @@ def sections(
     answer: Check,
     road: str,
     speed: float,
-    bounds: Sequence[str] = (),
+    bounds: Document | None = None,
     front: tuple[str, bytes] | None = None,
 ) -> list[Section]:
     """Return all that is to be said about a proved design.
@@ -168,7 +185,13 @@ def sections(
     """
     velocity_density(road, speed)  # refuses what cannot be used before the work
     parts = [_claim(design, answer), _plant(design.plant), _poles(design), _limits(design)]
-    parts += [_bounds(bounds), responses(design), comfort(design, road, speed), _front(front)]
+    named = _named(design, bounds)
+    parts += [
+        _bounds(named, (road, speed), design.plant),
+        responses(design),
+        comfort(design, road, speed),
+    ]
+    parts.append(_front(front))
     return [part for part in parts if part] + [
         _gain(design),
         _how_to_check(design),
@@ -263,14 +286,83 @@ def _limit(row: Limit) -> tuple[str, str, str]:
     return row.method, radius, "-" if row.lower is None else digits_down(row.lower)
 
 
-def _bounds(bounds: Sequence[str]) -> Section | None:
+@dataclass(frozen=True, eq=False)
+class Bound:
+    """A claim beside the region, as a reader wants it, and as the proof says it."""
+
+    claim: Claim
+    what: str
+    level: str
+    statement: str
+
+
+def _named(design: Design, document: Document | None) -> list[Bound]:
+    """Return what a file claims beside the region, with the units of the plant's signals."""
+    if document is None:
+        return []
+    found = []
+    for claim in document.claims[1:]:
+        said, what, level = claim.statement(document.plant), "", ""
+        if isinstance(claim, SignalClaim):
+            what = f"{claim.kind} of {', '.join(quoted(own.name) for own in claim.outputs)}"
+            level = f"{digits_up(claim.level)} {_unit(design.plant, claim)}".strip()
+        found.append(Bound(claim, what or said, level, said if what else ""))
+    return found
+
+
+def _unit(plant: UncertainPlant, claim: SignalClaim) -> str:
+    """Return the unit of a bound; none where the entries of a vector have others."""
+    known = {own.name: own.unit for own in plant.signals}
+    units = {_short(known.get(own.name, own.unit)) for own in claim.outputs}
+    if len(units) > 1 or isinstance(claim, RelativeRms):
+        return ""
+    (unit,) = units
+    if isinstance(claim, Gain):
+        per = {_short(split(own)[1]) for own in plant.disturbances}
+        return f"{unit} per {per.pop()}" if unit and len(per) == 1 and all(per) else ""
+    return unit
+
+
+def _short(unit: str) -> str:
+    """Return a unit that is no sentence: the file's text may be a stranger's."""
+    return unit if len(unit) <= 12 else ""
+
+
+def _acting(claim: Claim, plant: UncertainPlant, road: tuple[str, float]) -> str:
+    """Say which noise is meant: that of the report's road, if it is, otherwise its density."""
+    if not isinstance(claim, Rms | RelativeRms):
+        return ""
+    density = float(2 * claim.intensity)
+    if plant.vehicle is not None and np.isclose(density, velocity_density(*road), rtol=1e-9):
+        return f"road of class {road[0]} at {road[1]:g} m/s"
+    return f"no road named: density {density:.4g}"
+
+
+def _bounds(
+    bounds: Sequence[Bound], road: tuple[str, float], plant: UncertainPlant
+) -> Section | None:
     if not bounds:
         return None
+    rows = [(own.what, own.level, _acting(own.claim, plant, road)) for own in bounds]
+    exact = tuple(own.statement for own in bounds if own.statement)
     return Section(
         "Bounds on signals, proved",
         ("For the same values of the parameters, in the same arithmetic:",),
-        Table(("",), tuple((line,) for line in bounds)),
+        Table(("", "at most", "under"), tuple(rows)),
+        notes=("As the proof has them, signals written out:", *exact) if exact else (),
     )
+
+
+def _summary(design: Design, bounds: Sequence[Bound]) -> str:
+    """Say in a sentence what is proved, and for which parameters."""
+    parameters = " and ".join(
+        f"{p.name} from {digits_up(p.low)} to {digits_down(p.high)} {_short(p.unit)}".strip()
+        for p in design.plant.parameters
+    )
+    whole = parameters or f"the convex hull of {len(design.plant.vertices)} vertices"
+    claims = [f"all poles in {short_text(design.region)}"]
+    claims += [f"{own.what} at most {own.level}" for own in bounds if own.level]
+    return f"Proved for every value of {whole}: {'; '.join(claims)}."
 
 
 def _front(front: tuple[str, bytes] | None) -> Section | None:

@@ -48,7 +48,7 @@ def report(folder: Path, state: State, answer: Answer) -> list[Path]:
         raise NotProvedError("no report: the law is not proved")
     words = state.road.split()
     road = words[1] if words[0] == "class" else "C"
-    text = html_report(answer.found.design, road, state.speed, answer.check.claims[1:])
+    text = html_report(answer.found.design, road, state.speed, answer.found.document)
     path = make_folder(folder) / REPORT
     if path.is_symlink() or (path.exists() and not begins_with(path, MARK)):
         raise InputError(f"{path}: is no report; move it away")

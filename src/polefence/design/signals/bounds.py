@@ -16,11 +16,11 @@ from typing import Any
 
 import numpy as np
 
-from polefence.base.errors import InputError, NotProvedError, PlantError, SolverError
+from polefence.base.errors import InputError, PlantError, SolverError
 from polefence.base.files import write_documents
 from polefence.base.progress import stage
 from polefence.design.certificate import Certificate, exact_law
-from polefence.design.design import FILE_NAME, check
+from polefence.design.design import FILE_NAME
 from polefence.design.evidence import loop_with
 from polefence.design.requirements.gain_norm import GainNorm, levels
 from polefence.design.requirements.rms import Rms, of_one_noise
@@ -532,19 +532,3 @@ def save(certificate: Certificate, claims: Sequence[BoundClaim], directory: str 
 def bounds_file(certificate: Certificate, claims: Sequence[BoundClaim]) -> Document:
     """Return the file of a design's region, and of bounds on its signals."""
     return certificate.file([certificate.claim(), *claims])
-
-
-def statements(path: str | Path) -> tuple[str, ...]:
-    """Return what a design's file claims besides its region, a line each; proved afresh.
-
-    Raises
-    ------
-    DesignFileError
-        If the file cannot be read.
-    NotProvedError
-        If it is not proved.
-    """
-    answer = check(path)
-    if not answer.proved:
-        raise NotProvedError(f"{path}: {answer}")
-    return answer.claims[1:]

@@ -47,7 +47,8 @@ class Drive:
     states, rates : (count, time, n) arrays
         x and dx/dt; at an instant where something jumps, just after it.
     demanded, applied : (count, time, m) arrays
-        What the law asked of the inputs, and what the actuators gave.
+        What the law asked of the inputs, and what the actuators gave. With a controller that is a
+        sample late, what is asked now is the law's answer to the sample before.
     disturbance : (time, q) array
         The road's velocity, or what else was given; over a step that begins there.
     stop_forces : (count, time, k) array

@@ -266,10 +266,8 @@ def test_bounds_have_their_units_and_the_road_that_is_theirs(tmp_path):
     for speed, said in ((15.0, "road of class D at 15 m/s"), (16.0, "no road named")):
         own = Page(html_report(found.design, "D", speed, proved))
         shown = cells(own)
-        rms, gain = (
-            shown.index("rms of 'sprung-mass acceleration'"),
-            shown.index("gain of 'tyre deflection'"),
-        )
+        rms = shown.index("rms of 'sprung-mass acceleration'")
+        gain = shown.index("gain of 'tyre deflection'")
         assert re.fullmatch(r"[\d.]+ m/s2", shown[rms + 1])
         assert shown[rms + 2].startswith(said)
         assert re.fullmatch(r"[\d.]+ m per m/s", shown[gain + 1])

@@ -13,17 +13,17 @@ import pytest
 
 from polefence import Disk, load, place
 from polefence.cli.main import main
-from polefence.cli.simulate import panels_of
-from polefence.examples import spec_text
-from polefence.plant.spec import dumps
+from polefence.cli.simulate import panels_of, picked
+from polefence.examples import spec_path, spec_text
+from polefence.plant.spec import dumps, load_car
 from polefence.response.columns import Table, write_table
 from polefence.response.linear import impulse, simulate, step
 from polefence.show.plots import Panel, signals_figure
 from polefence.vehicle.comfort import comfort
 from polefence.vehicle.driving.drive import Setup, run, signals
-from polefence.vehicle.driving.parts import Estimated, Hardware, Jump
-from polefence.vehicle.excitation import on_road
-from polefence.vehicle.roads import pothole, random_road
+from polefence.vehicle.driving.parts import Estimated, Hardware, Jump, Ramp
+from polefence.vehicle.excitation import on_road, on_wheels
+from polefence.vehicle.roads import kerb, pothole, random_road
 from support.commands import refused
 
 ROAD = ["--road", "C", "--speed", "20", "--duration", "2"]
@@ -128,7 +128,9 @@ def test_a_drive_says_what_it_met_and_what_margins_cover(car, capsys, monkeypatc
     words = ["simulate", "car", "--pothole", "0.06", "0.5", "--speed", "8", "--duration", "2"]
     words += ["--set", "m1=250", "--jump", "m1=340@1", "--drift", "beta=5@0.5..1.5"]
     words += ["--force-limit", "900", "--travel-limit", "0.03", "--sampling", "0.004"]
-    out = ran(capsys, *words, "-o", "d.csv", "--plot", "d.png", "--json", "d.json")
+    out = ran(
+        capsys, *words, "-o", "d.csv", "--plot", "d.png", "--signals", "all", "--json", "d.json"
+    )
     for said in (
         "Runge-Kutta", "the margins cover ", "rate of change above what is proved: m1 jumps",
         "demanded of an actuator that gives 900", "stop hit", "the tyre leaves the road",
@@ -157,6 +159,63 @@ def test_a_drive_says_what_it_met_and_what_margins_cover(car, capsys, monkeypatc
     assert outside[:-1].mean() * 2 == pytest.approx(2 - lasting)
 
 
+def test_four_panels_are_drawn_and_those_of_parameters_that_move(physical, design):
+    road = on_road(physical, pothole(0.06, 0.4), 8.0, 1e-3, 0.1)
+    four = [
+        "road height",
+        "suspension deflection",
+        "sprung-mass acceleration",
+        "tyre force variation",
+    ]
+    still = Setup(physical, road)
+    panels = panels_of(still, {"a": run(still, design)})
+    assert len(panels) == 10
+    assert [panel.label.split(" [")[0] for panel in picked(panels, None)] == four
+    assert picked(panels, "all") == panels
+    (one,) = picked(panels, " unsprung-mass velocity ")
+    assert one.label == "unsprung-mass velocity [m/s]"
+    moving = Setup(physical, road, {"m1": Ramp(250, 300, 0, 0.1), "beta": 0.0})
+    panels = panels_of(moving, {"a": run(moving, design)})
+    names = [panel.label.split(" [")[0] for panel in picked(panels, None)]
+    assert names == [*four, "m1", "beta"]
+
+
+def test_where_the_tyre_is_off_the_road_is_shaded(physical, design):
+    """The static load is the weight of both masses, at the load of each instant."""
+    road = on_road(physical, pothole(0.06, 0.4), 8.0, 1e-3, 0.5)
+    setup = Setup(physical, road, {"m1": Ramp(250, 300, 0, 0.5), "beta": 0.0})
+    found = run(setup, design)
+    (panel,) = [own for own in panels_of(setup, {"a": found}) if own.floors]
+    assert panel.label == "tyre force variation [N]"
+    (level,) = panel.floors.values()
+    (loads,) = [values for name, _, values in found.more if name == "m1"]
+    np.testing.assert_allclose(level, -9.81 * (loads + 28.58), rtol=1e-10)
+    (event,) = [own for own in found.events if own.kind == "road"]
+    off = panel.curves["a"] < level
+    assert setup.time[off][0] == pytest.approx(event.first)
+    assert off.sum() * setup.step == pytest.approx(event.duration, abs=1.5e-3)
+    (ax,) = signals_figure(setup.time, [panel]).axes
+    (shade,) = ax.collections
+    (corners,) = [path.vertices for path in shade.get_paths()]
+    assert corners[:, 1].max() == pytest.approx(level.max())
+    assert corners[:, 1].min() == ax.get_ylim()[0]
+
+
+def test_each_wheel_has_its_own_static_load():
+    plant, car = load(spec_path("half-car")), load_car(spec_path("half-car"))
+    places = {f"{wheel.name} road velocity": (wheel.x, wheel.y) for wheel in car.wheels}
+    road = on_wheels(plant, places, kerb(0.05), 10.0, 1e-3, 0.6)
+    setup = Setup(plant, road, {"felt": 372.0, "age": 0.0}, car=car)
+    (panel,) = [own for own in panels_of(setup, {"a": run(setup, None)}) if own.floors]
+    assert list(panel.floors) == ["front tyre off the road", "rear tyre off the road"]
+    front, rear = (-level[0] for level in panel.floors.values())
+    # by moments, about the other wheel: the load is on the rear seat
+    on_seat = 372 - 1 / (1 / 482.85 + 0.9**2 / 783)
+    assert front + rear == pytest.approx(9.81 * (482.85 + on_seat + 2 * 31.9), rel=1e-6)
+    moment = 9.81 * (482.85 * 1.423 + on_seat * (1.423 - 0.9))
+    assert front - 9.81 * 31.9 == pytest.approx(moment / (1.156 + 1.423), rel=1e-6)
+
+
 def test_estimates_are_told_to_the_law_and_written(car, capsys):
     words = ["simulate", "car", "--road", "C", "--speed", "20", "--duration", "1.5"]
     out = ran(capsys, *words, "--set", "m1=330", "--estimate", "-o", "d.csv")
@@ -180,7 +239,7 @@ def test_estimates_stand_beside_the_truth_in_the_figure(physical, design):
     assert curves["actuator force [N]"] == ("a", "b")
     figure = signals_figure(setup.time, panels_of(setup, runs))
     texts = [text.get_text() for text in figure.legends[0].get_texts()]
-    assert texts == ["a", "b", "true"]
+    assert texts == ["a", "b", "true", "tyre off the road"]
 
 
 def test_a_sampling_period_beyond_the_fastest_pole_is_noted(car, capsys):
@@ -465,6 +524,10 @@ REFUSED = {
     "law": ([*ROAD, "--law", "skyhok"], "no law and no file 'skyhok'; did you mean 'skyhook'?"),
     "gain": ([*ROAD, "--law", "[[1, 2]]"], "the gain is 1 x 2; quarter car, physical needs 1 x 5"),
     "table": ([*ROAD, "-o", "out.xlsx"], "out.xlsx: signals are written as .csv or .parquet"),
+    "signals": (
+        [*ROAD, "--plot", "out.png", "--signals", "tyre force"],
+        "--signals: no signal 'tyre force'; did you mean 'tyre force variation'?",
+    ),
     "figure": ([*ROAD, "--plot", "out.csv"], "out.csv: a figure ends in .png, .svg or .pdf"),
     "one file": ([*ROAD, "-o", "x.csv", "--json", "x.csv"], "named for two results"),
 }  # fmt: skip

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from polefence.base.errors import InputError, NotProvedError, ParameterValueError, suggest
+from polefence.base.errors import InputError, NotProvedError, ParameterValueError, shown, suggest
 from polefence.base.progress import counted
 from polefence.cli.common import (
     PROVED,
@@ -47,6 +47,13 @@ LASTING = 10.0  # time constants that are followed
 STEPS, MARGIN = 1000, 4.0  # of a response at least; of the longest step, over the family
 ROADS = ("road", "bump", "pothole", "kerb", "grade", "profile")
 
+# What most drives are looked at for: the first signal whose name has one of these words in it.
+OFTEN = (
+    ("driver acceleration", "sprung-mass acceleration", "acceleration"),
+    ("suspension deflection",),
+    ("tyre force",),
+)
+OFF = "tyre off the road"
 DEMANDED, ESTIMATED = " demanded", " estimated"  # drawn into the panel of what they are of
 
 
@@ -69,8 +76,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "-o", "--output", type=Path, metavar="FILE", help="write all signals (.csv, .parquet)"
     )
     parser.add_argument(
-        "--plot", type=Path, metavar="FILE", help="draw all signals (.png, .svg, .pdf)"
+        "--plot", type=Path, metavar="FILE", help="draw four signals (.png, .svg, .pdf)"
     )
+    parser.add_argument("--signals", metavar="NAMES", help='which to draw: "NAME, NAME", or all')
     parser.add_argument("--json", type=Path, metavar="FILE", help="write the summary; -: stdout")
 
 
@@ -119,6 +127,7 @@ def _write(
     setup: Setup, runs: Mapping[str, Run], summaries: list[dict[str, Any]], options: Any
 ) -> None:
     """Write all files; first of all those: nobody need read the output to its end."""
+    panels = [] if options.plot is None else picked(panels_of(setup, runs), options.signals)
     if options.output is not None:
         from polefence.response.columns import write_table
 
@@ -130,9 +139,7 @@ def _write(
         one = next(iter(runs.values())) if len(runs) == 1 else None
         outside = None if one is None or one.covered is None else ~one.covered
         title = f"{setup.plant.name}: {setup.excitation.name}"
-        write_figure(
-            options.plot, signals_figure(setup.time, panels_of(setup, runs), title, outside)
-        )
+        write_figure(options.plot, signals_figure(setup.time, panels, title, outside))
     if options.json is not None:
         write_json(
             options.json,
@@ -560,6 +567,7 @@ def table_of(setup: Setup, runs: Mapping[str, Run]) -> Table:
 def panels_of(setup: Setup, runs: Mapping[str, Run]) -> list[Panel]:
     """Return panels for what moves the plant, signals and moving parameters; laws in one panel."""
     from polefence.show.plots import BESIDE, Panel
+    from polefence.vehicle.driving.drive import static_load
 
     moved, found = setup.excitation, dict[str, dict[str, Array]]()
     if moved.height is not None:
@@ -582,7 +590,45 @@ def panels_of(setup: Setup, runs: Mapping[str, Run]) -> list[Panel]:
                 own[curve + BESIDE] = values
             else:  # a parameter is the same for all laws, only its estimates are not
                 own["" if common else curve] = values
-    return [Panel(label, curves) for label, curves in found.items()]
+    floors = dict[str, dict[str, Array]]()
+    for name, load in static_load(setup).items():
+        wheel = _wheel_of(setup, name)
+        label = _label(name.removeprefix(f"{wheel} "), "N")
+        floors.setdefault(label, {})[f"{wheel} {OFF}".strip()] = -load
+    return [Panel(label, curves, floors.get(label, {})) for label, curves in found.items()]
+
+
+def usual(panels: Sequence[Panel]) -> list[Panel]:
+    """Return the four panels that say most of a drive, and those of parameters that move.
+
+    What moves the plant; of its signals an acceleration, a deflection and the tyre's force, or the
+    first ones there are.
+    """
+    first, *others = panels
+    found = [
+        next((p for word in words for p in others if word in p.label), None) for words in OFTEN
+    ]
+    chosen = [panel for panel in found if panel is not None]
+    chosen += [panel for panel in others if panel not in chosen][: 3 - len(chosen)]
+    return [first, *(p for p in others if p in chosen or "" in p.curves)]
+
+
+def picked(panels: Sequence[Panel], text: str | None) -> list[Panel]:
+    """Return the panels that were asked for: "all", or names of signals with commas between.
+
+    Raises
+    ------
+    InputError
+        If there is none of a name.
+    """
+    if text is None:
+        return usual(panels)
+    known = {panel.label.split(" [")[0]: panel for panel in panels}
+    names = list(known) if text == "all" else [name.strip() for name in text.split(",")]
+    for name in names:
+        if name not in known:
+            raise InputError(f"--signals: no signal {shown(name)}; {suggest(name, known)}")
+    return [known[name] for name in names]
 
 
 def _wheel_of(setup: Setup, name: str) -> str:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import io
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from math import ceil
 from textwrap import wrap
 from types import MappingProxyType
@@ -62,6 +62,8 @@ OTHERS: tuple[dict[str, Any], ...] = (
     {"ls": (0, (1, 1)), "color": "#35978f", "marker": "P"},
 )
 FLOOR = -60.0  # least d / sigma shown [%]
+BELOW = "#f6d8c4"
+FLOOR_LINE: Any = {"color": "0.3", "ls": "--", "lw": 0.9}
 PANEL = 1.25  # width of a panel of poles over its height
 NARROW = 4  # height over width from which a view of poles is stretched
 NEAR = "near the origin"
@@ -603,10 +605,13 @@ class Panel:
     curves : mapping of str to (time,) array
         By what the legend calls them, a law or one with `BESIDE`; "" for what is true of all,
         such as the road.
+    floors : mapping of str to (time,) array
+        Levels below which a curve means something else, by what the legend calls that.
     """
 
     label: str
     curves: Mapping[str, Array]
+    floors: Mapping[str, Array] = field(default_factory=dict)
 
 
 def signals_figure(
@@ -631,6 +636,8 @@ def signals_figure(
             ax.plot(*_drawn(time, values), label=name, **styles[name])
         if outside is not None and np.any(outside):
             _shade(ax, time, outside)
+        for level in panel.floors.values():
+            _floor(ax, time, level)
         ax.set_ylabel("\n".join(wrap(panel.label, 22)), fontsize=8.5)
         ax.margins(x=0)
     for ax in axes.flat[len(panels) :]:
@@ -643,7 +650,8 @@ def signals_figure(
     if title:
         figure.suptitle(title, fontsize=9.5)
     mixed = any("" in p.curves and len(p.curves) > 1 for p in panels)
-    _legend(figure, styles, mixed, outside)
+    below = dict.fromkeys(name for panel in panels for name in panel.floors)
+    _legend(figure, styles, mixed, outside, tuple(below))
     return figure
 
 
@@ -658,7 +666,18 @@ def _styles(panels: Sequence[Panel]) -> dict[str, dict[str, Any]]:
     return found | {"": COMMON}
 
 
-def _legend(figure: Figure, styles: Mapping[str, Any], mixed: bool, outside: Any) -> None:
+def _floor(ax: Axes, time: Array, level: Array) -> None:
+    """Draw a level, and shade what is below it."""
+    bottom, top = ax.get_ylim()
+    bottom = min(bottom, float(level.min()) - 0.08 * (top - bottom))
+    ax.plot(time, level, **FLOOR_LINE)
+    ax.fill_between(time, bottom, level, color=BELOW, lw=0, zorder=0.4)
+    ax.set_ylim(bottom, top)
+
+
+def _legend(
+    figure: Figure, styles: Mapping[str, Any], mixed: bool, outside: Any, below: tuple[str, ...]
+) -> None:
     from matplotlib.lines import Line2D
     from matplotlib.patches import Patch
 
@@ -666,6 +685,7 @@ def _legend(figure: Figure, styles: Mapping[str, Any], mixed: bool, outside: Any
     handles: list[Any] = [Line2D([], [], label=name, **style) for name, style in shown.items()]
     if outside is not None and np.any(outside):
         handles.append(Patch(facecolor="0.85", label="outside of what is proved"))
+    handles += [Patch(facecolor=BELOW, edgecolor="0.3", ls="--", label=name) for name in below]
     if len(handles) > 1:
         columns = min(4, len(handles))
         figure.legend(handles=handles, loc="outside lower center", ncols=columns, fontsize=8.5)

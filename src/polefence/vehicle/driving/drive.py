@@ -241,6 +241,26 @@ def _slow(setup: Setup, law: Any) -> list[str]:
     return [f"the fastest pole that the law sets asks for a period of at most {bound:.3g} s"]
 
 
+def static_load(setup: Setup) -> dict[str, Array]:
+    """Return what rests on each tyre of the standing car over time [N], by its force variation.
+
+    Where the variation falls below minus this, the tyre is off the road.
+    """
+    plant, known, alpha = setup.plant, ride(setup.plant), setup.alpha
+    if not setup.trajectories.constant:
+        alpha = setup.trajectories.space.alpha(setup.trajectories.at(setup.time)[:, 0])
+    if setup.car is not None:
+        names = [own.name for own in tyre_forces(plant, setup.car)]
+        loads = static_loads(plant, setup.car, alpha)
+    elif known is not None and known.tyre_force is not None:
+        car, names = masses(plant, known, alpha), [known.tyre_force.name]
+        loads = ((car.m1 + car.m2) * GRAVITY)[:, None]
+    else:
+        return {}
+    shape = (len(setup.time), len(names))
+    return dict(zip(names, np.broadcast_to(loads, shape).T, strict=True))
+
+
 def _contact(response: Response) -> list[Event]:
     """Return where the tyre would have to pull, which the equations do not know."""
     plant, known = response.plant, ride(response.plant)

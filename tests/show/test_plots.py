@@ -3,24 +3,33 @@
 from __future__ import annotations
 
 import itertools
+import math
 
 import numpy as np
 import pytest
 
-from polefence import Design, Disk, parse_region, tightest
+from polefence import Design, Disk, parse_region, place, tightest
+from polefence.cli.main import main
+from polefence.design.margins import Margin, Margins
+from polefence.examples import family, spec_text
 from polefence.lmi.conditions.methods import Scheduled
 from polefence.show.plots import (
+    COMPARED,
     STYLES,
     BoundsPanel,
     bounds_figure,
+    comparison_figure,
     curves,
     limits_figure,
+    margins_figure,
     poles_figure,
     render,
     sampled,
     styles,
     view_of,
 )
+from polefence.vehicle.compare import compare
+from polefence.vehicle.reference_laws import skyhook
 
 REGIONS = [
     "disk(-40, 31)",
@@ -189,3 +198,57 @@ def test_labels_of_vectors_stay_within_the_figure():
         box = ax.yaxis.label.get_window_extent()
         assert box.y0 >= 0
         assert box.y1 <= figure.bbox.y1
+
+
+def test_a_comparison_shows_worst_median_and_best():
+    car = family("quarter-car-physical")
+    found = compare(car, {"passive": None, "skyhook": skyhook(car)}, "C", 20.0)
+    figure = comparison_figure(found)
+    for ax in figure.axes:
+        name = ax.get_xlabel().split(" [")[0]
+        spans, marks, dots = ax.lines[0::3], ax.lines[1::3], ax.lines[2::3]
+        if ax.get_subplotspec().is_first_col():  # the others share it
+            assert [own.get_text() for own in ax.get_yticklabels()] == ["passive", "skyhook"]
+        for law, span, mark, dot in zip(found.laws, spans, marks, dots, strict=True):
+            row = found.row(law, name)
+            assert tuple(span.get_xdata()) == (row.best, row.worst)
+            assert mark.get_xdata() == [row.worst]
+            assert dot.get_xdata() == [row.median]
+    assert {ax.get_xlabel().split(" [")[0] for ax in figure.axes} == set(COMPARED)
+
+
+def test_margins_are_shares_of_what_breaks_them():
+    design = place(family("quarter-car-physical"), Disk(-40, 31))
+    rows = [
+        Margin("estimate", "m1", 2.0, "kg", 8.0),
+        Margin("gain", "", 0.25, "of each column"),
+        Margin("rate", "m1", 30.0, "kg/s"),
+        Margin("rate", "beta", math.inf, "1/s"),
+    ]
+    figure = margins_figure(Margins(design, design.region, 0, tuple(rows)))
+    (ax,) = figure.axes
+    assert [bar.get_width() for bar in ax.patches] == [25, 100, 100]
+    assert [bar.get_facecolor()[3] for bar in ax.patches] == [1, 0, 0]  # hollow: nothing known
+    said = [own.get_text() for own in ax.texts]
+    assert said[0].endswith("kg proved, breaks at 8")
+    assert said[1].endswith("proved, no break was found")
+    assert said[2].endswith("proved, no break is sought")
+
+
+def test_commands_draw_what_they_found(tmp_path, capsys):
+    spec = tmp_path / "car.toml"
+    spec.write_text(spec_text("quarter-car-physical"))
+    design = place(family("quarter-car-physical"), Disk(-40, 31))
+    design.save(tmp_path / "car")
+    measured = ["--measured", "suspension deflection", "--measured", "sprung-mass velocity"]
+    integral = ["--measured", "integral of suspension deflection"]
+    for name, words in (
+        ("compare", [str(spec), "--law", "passive"]),
+        ("observe", [str(spec), *measured, *integral, "--disk", "-80", "60"]),
+        ("service", [str(tmp_path / "car")]),
+    ):
+        assert main([name, *words, "--plot", str(tmp_path / f"{name}.svg")]) == 0
+        assert f"saved: {tmp_path / name}.svg" in capsys.readouterr().out
+        assert (tmp_path / f"{name}.svg").stat().st_size > 5_000
+        assert main([name, *words, "--plot", "x.csv"]) == 2
+        assert "x.csv: a figure ends in .png, .svg or .pdf" in capsys.readouterr().err

@@ -6,7 +6,13 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-from polefence.cli.common import PROVED, check_targets, write_json
+from polefence.cli.common import (
+    PROVED,
+    check_figure,
+    check_targets,
+    write_figure,
+    write_json,
+)
 from polefence.cli.laws import Named, distinct, read_law, read_subject
 from polefence.cli.terminal import say
 
@@ -37,6 +43,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--speed", type=float, default=20.0, metavar="SPEED", help="[m/s]; default: 20"
     )
+    parser.add_argument(
+        "--plot",
+        type=Path,
+        metavar="FILE",
+        help="draw comfort, grip, travel and force (.png, .svg, .pdf)",
+    )
     parser.add_argument("--json", type=Path, metavar="FILE", help="write all rows")
 
 
@@ -45,7 +57,8 @@ def compare_command(options: Any) -> int:
     from polefence.vehicle.compare import NAMES, compare, standard_laws
 
     plant, own = read_subject(options.subject)
-    check_targets(options.json)
+    check_figure(options.plot)
+    check_targets(options.json, options.plot)
     words = NAMES if options.law is None else options.law
     laws = [] if own is None else [own]
     for word in words:
@@ -57,6 +70,10 @@ def compare_command(options: Any) -> int:
     found = compare(
         plant, {law.name: law.law for law in distinct(laws)}, options.road, options.speed
     )
+    if options.plot is not None:
+        from polefence.show.plots import comparison_figure
+
+        write_figure(options.plot, comparison_figure(found))
     if options.json is not None:
         write_json(options.json, found.document())
     say(*found.lines)

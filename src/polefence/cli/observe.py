@@ -10,12 +10,14 @@ import numpy as np
 
 from polefence.cli.common import (
     PROVED,
+    check_figure,
     check_targets,
     gain_lines,
     method_arguments,
     method_of,
     saved,
     spec_argument,
+    write_figure,
     write_json,
 )
 from polefence.cli.terminal import say
@@ -46,6 +48,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     where.add_argument("--region", metavar="TEXT", help="any region: 'disk(-80, 60) & sector(0.5)'")
     method_arguments(parser)
     parser.add_argument("-o", "--output", type=Path, metavar="DIR", help="write DIR/design.json")
+    parser.add_argument(
+        "--plot", type=Path, metavar="FILE", help="draw the poles of the error (.png, .svg, .pdf)"
+    )
     parser.add_argument("--json", type=Path, metavar="FILE", help="write a summary; -: stdout")
 
 
@@ -54,7 +59,8 @@ def observe_command(options: Any) -> int:
     plant = load(options.spec)
     region = Disk(*options.disk) if options.region is None else parse_region(options.region)
     method = method_of(options.method or "scheduled", options)
-    check_targets(options.json, folder=options.output, names=(FILE_NAME,))
+    check_figure(options.plot)
+    check_targets(options.json, options.plot, folder=options.output, names=(FILE_NAME,))
     observer = observe(plant, options.measured, region, method)
     label = observer.design.label
     say(
@@ -70,6 +76,11 @@ def observe_command(options: Any) -> int:
     say(*gain_lines(gains))
     if options.output is not None:
         saved(observer.save(options.output))
+    if options.plot is not None:
+        from polefence.show.plots import poles_figure, sampled
+
+        name = f"{plant.name}: error of the observer"
+        write_figure(options.plot, poles_figure({name: sampled(observer.design)}, region))
     if options.json is not None:
         summary = {
             "plant": plant_summary(plant),

@@ -8,7 +8,15 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from polefence.cli.common import NOT_PROVED, PROVED, check_targets, saved, write_json
+from polefence.cli.common import (
+    NOT_PROVED,
+    PROVED,
+    check_figure,
+    check_targets,
+    saved,
+    write_figure,
+    write_json,
+)
 from polefence.cli.terminal import say
 from polefence.design.design import Design
 from polefence.design.given import analyse
@@ -37,13 +45,17 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="what is to be kept: 'half_plane(0)' asks for stability; default: the design's region",
     )
     parser.add_argument("-o", "--output", type=Path, metavar="DIR", help="write a file a margin")
+    parser.add_argument(
+        "--plot", type=Path, metavar="FILE", help="draw the margins (.png, .svg, .pdf)"
+    )
     parser.add_argument("--json", type=Path, metavar="FILE", help="write a summary; -: stdout")
 
 
 def service_command(options: Any) -> int:
     """Find how wrong estimates and gain may be, and how fast parameters may move; prove it."""
     region = None if options.region is None else parse_region(options.region)
-    check_targets(options.json, folder=options.output, names=("gain.json",))
+    check_figure(options.plot)
+    check_targets(options.json, options.plot, folder=options.output, names=("gain.json",))
     design = Design.load(options.design)
     service = in_service(design, options.decay, region=region)
     say(f"{design.plant.name}: all poles in {service.region}")
@@ -56,6 +68,10 @@ def service_command(options: Any) -> int:
     if options.output is not None:
         for path in service.save(options.output):
             saved(path)
+    if options.plot is not None:
+        from polefence.show.plots import margins_figure
+
+        write_figure(options.plot, margins_figure(service))
     if options.json is not None:
         rows = [_row(margin) for margin in service]
         document = {"region": service.region.document(), "decay": service.decay, "margins": rows}

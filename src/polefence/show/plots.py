@@ -41,8 +41,10 @@ if TYPE_CHECKING:  # imported where used, or for signatures only
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
+    from polefence.design.margins import Margins
     from polefence.design.signals.tradeoff import Front
     from polefence.response.linear import Frequency, Response
+    from polefence.vehicle.compare import Comparison
     from polefence.vehicle.concepts import Concepts
 
 FORMATS = ("png", "svg", "pdf")
@@ -62,6 +64,7 @@ OTHERS: tuple[dict[str, Any], ...] = (
     {"ls": (0, (1, 1)), "color": "#35978f", "marker": "P"},
 )
 FLOOR = -60.0  # least d / sigma shown [%]
+COMPARED = ("weighted acceleration", "tyre load variation", "suspension travel", "actuator force")
 BELOW = "#f6d8c4"
 FLOOR_LINE: Any = {"color": "0.3", "ls": "--", "lw": 0.9}
 PANEL = 1.25  # width of a panel of poles over its height
@@ -990,6 +993,68 @@ def front_figure(front: Front) -> Figure:
     ax.set_xlabel(f"worst {front.labels[0]}")
     ax.set_ylabel(_wrapped(f"worst {front.labels[1]}", 56))
     ax.legend(loc="best", fontsize=8.5)
+    return figure
+
+
+def comparison_figure(found: Comparison) -> Figure:
+    """Draw comfort, grip, travel and force of each law: worst, median and best of the family."""
+    from matplotlib.lines import Line2D
+
+    quantities = [
+        row for row in found.rows if row.law == found.laws[0] and row.quantity in COMPARED
+    ]
+    height = 1.2 + 0.5 * len(found.laws)
+    figure, axes = new_grid(2, 2, 9.5, 2 * height, sharey=True)
+    places = np.arange(len(found.laws))[::-1]
+    for ax, first in zip(axes.flat, quantities, strict=True):
+        for y, law in zip(places, found.laws, strict=True):
+            row = found.row(law, first.quantity)
+            ax.plot([row.best, row.worst], [y, y], color="#2166ac", lw=5, solid_capstyle="butt")
+            ax.plot(row.worst, y, "|", color="#b2182b", ms=14, mew=2.2)
+            ax.plot(row.median, y, "o", color="white", mec="#2166ac", ms=5)
+        ax.set(xlabel=f"{first.quantity} [{first.unit}]", ylim=(-0.6, len(places) - 0.4))
+        ax.set_yticks(places, found.laws)
+        ax.set_xlim(left=0)
+    handles = [
+        Line2D([], [], color="#2166ac", lw=5, label="over the family"),
+        _mark("|", "#b2182b", "worst", 2.2),
+        _mark("o", "#2166ac", "median", 1),
+    ]
+    figure.legend(handles=handles, loc="outside lower center", ncols=3, fontsize=8.5)
+    figure.suptitle(f"{found.plant.name}: class {found.road} at {found.speed:g} m/s", fontsize=9.5)
+    return figure
+
+
+def _mark(marker: str, color: str, label: str, width: float) -> Any:
+    from matplotlib.lines import Line2D
+
+    face = "white" if marker == "o" else color
+    words: Any = {"mec": color, "mfc": face, "mew": width, "ls": "", "label": label}
+    return Line2D([], [], marker=marker, ms=9 if marker == "|" else 5, **words)
+
+
+def margins_figure(margins: Margins) -> Figure:
+    """Draw each margin in service as a share of the error that breaks it.
+
+    Dashed: no error that breaks it is known.
+    """
+    rows = [own for own in margins if np.isfinite(own.value)]
+    figure, (ax,) = new_figure(1, 8.5, 1.1 + 0.42 * len(rows))
+    places = np.arange(len(rows))[::-1]
+    for y, own in zip(places, rows, strict=True):
+        said, style = f"{own.text} {own.unit}".strip() + " proved", {"color": "#2166ac"}
+        if own.upper:
+            said += f", breaks at {digits_up(own.upper, 4)}"
+        else:
+            said += ", no break is sought" if own.kind == "rate" else ", no break was found"
+            style = {"fc": "none", "ec": "#2166ac", "ls": "--"}
+        ax.barh(y, 100 * own.value / own.upper if own.upper else 100.0, height=0.6, **style)
+        ax.text(102, y, said, va="center", fontsize=8.5)
+    ax.set_yticks(places, [own.subject for own in rows], fontsize=8.5)
+    ax.set(xlim=(0, 100), xlabel="proved, as a share of the error that breaks it [%]")
+    ax.set_title(
+        f"{margins.design.plant.name}: all poles in {short_text(margins.region)}", fontsize=9.5
+    )
     return figure
 
 

@@ -82,27 +82,20 @@ def opened(window, address, region=REGION):
 @pytest.fixture
 def page(window, address):
     """The page with its first region, at which nobody has complained in the end, and which asked
-    nobody else.
+    nobody else. It stays open from test to test: what else one changes, the later ones do not use.
     """
     if window.current_url != address:
         opened(window, address)
     elif region_of(window) != REGION:
         type_into(window, "Region", REGION)
         assert until(lambda: f"proved: all poles in {REGION}" in text_of(window))
+    window.execute_script("scrollTo(0, 0)")
     yield window
     assert complaints(window) == []
     own = urlsplit(address).netloc
     for asked in requests(window):
         if urlsplit(asked).scheme not in ("data", "blob", "chrome", "about"):
             assert urlsplit(asked).netloc == own
-
-
-@pytest.fixture
-def anew(window):
-    """Have the page open afresh, and be left behind: more of it than the region is changed."""
-    window.get("about:blank")
-    yield
-    window.get("about:blank")
 
 
 def drag(page, start, *places):
@@ -173,7 +166,27 @@ def test_an_edge_is_dragged_and_the_law_follows(page):
     assert f"--region '{region}'" in text_of(page)
 
 
-@pytest.mark.usefixtures("anew")
+def test_a_car_is_chosen_in_the_map(page):
+    from selenium.webdriver import ActionChains
+
+    assert until(lambda: "None of 576 plants leaves the region" in text_of(page))
+    page.execute_script(VIEW + "view.el.scrollIntoView()", "map")
+    box = page.execute_script(VIEW + "return view.el.getBoundingClientRect().toJSON()", "map")
+    place = page.execute_script(
+        VIEW + "return [view.frame.x_scale.compute(250), view.frame.y_scale.compute(-5)]",
+        "map",
+    )
+    chain = ActionChains(page, duration=10)
+    pointer = chain.w3c_actions.pointer_action
+    pointer.move_to_location(round(box["left"] + place[0]), round(box["top"] + place[1]))
+    pointer.click()
+    chain.perform()
+    assert until(lambda: "--set m1=2" in text_of(page) and "--set m1=288.9" not in text_of(page))
+    said = re.search(r"--set m1=(\S+) --set beta=(\S+)", text_of(page))
+    assert float(said[1]) == pytest.approx(250, abs=2)
+    assert float(said[2]) == pytest.approx(-5, abs=0.5)
+
+
 def test_what_is_out_of_reach_is_refuted_and_shows_the_car_that_fails(page):
     _, right, _ = page.execute_script(HANDLES)
     drag(page, right, pixel(page, -12 + 0j), pixel(page, -18 + 0j))
@@ -232,56 +245,6 @@ def test_the_keyboard_alone_is_enough(page):
     assert until(lambda: "proved: all poles in disk(-40, 33)" in text_of(page))
 
 
-def test_two_tabs_are_two_views(page, address):
-    first = page.current_window_handle
-    page.switch_to.new_window("tab")
-    opened(page, address)
-    type_into(page, "Region", "disk(-40, 35)")
-    assert until(lambda: "proved: all poles in disk(-40, 35)" in text_of(page))
-    page.close()
-    page.switch_to.window(first)
-    assert region_of(page) == REGION
-
-
-def test_what_is_saved_is_proved_and_opens_again(page, folder):
-    type_into(page, "Region", "disk(-40, 32)")
-    assert until(lambda: "proved: all poles in disk(-40, 32)" in text_of(page))
-    named(page, "Save").click()
-    assert until(lambda: "saved: " in text_of(page))
-    assert Design.load(folder / "studio" / "design").region == Disk(-40, 32)
-    session = folder / "studio" / "session.json"
-    assert Session.read(session).state(subject(), session).region == Disk(-40, 32)
-    assert json.loads(session.read_text())["method"] == "scheduled"
-    page.refresh()
-    assert until(lambda: region_of(page) == REGION)
-    with studio(folder, str(session), "-o", "again") as (other, _):
-        opened(page, other, "disk(-40, 32)")
-        requests(page)
-
-
-def test_a_server_that_starts_again_is_looked_at_anew(folder, window):
-    with studio(folder, "car.toml", "--region", REGION) as (first, _):
-        opened(window, first)
-        port = urlsplit(first).port
-    with studio(folder, "car.toml", "--region", "disk(-40, 33)", port=port) as (second, _):
-        opened(window, second, "disk(-40, 33)")
-
-
-HOSTILE = '<img src=x onerror="window.harmed = 1"><script>window.harmed = 1</script>'
-
-
-def test_names_are_no_markup(folder, window):
-    text = spec_text("quarter-car-physical").replace('"quarter car, physical"', repr(HOSTILE))
-    text = text.replace('unit = "kg"', f"unit = {HOSTILE!r}")
-    (folder / "hostile.toml").write_text(text)
-    with studio(folder, "hostile.toml", "--region", REGION) as (address, _):
-        opened(window, address)
-        assert window.execute_script("return window.harmed") is None
-        assert element(window, "return all.filter(own => own.nodeName == 'IMG').length") == 0
-        assert HOSTILE in text_of(window)
-        assert complaints(window) == []
-
-
 def drawn(page):
     """Heights of the car's outline, and how many frames were drawn."""
     return page.execute_script(
@@ -295,7 +258,6 @@ def drawn(page):
     )
 
 
-@pytest.mark.usefixtures("anew")
 def test_the_car_rides_and_the_time_can_be_chosen(page):
     assert until(lambda: "passive: 0." in text_of(page))
     still, none = drawn(page)
@@ -309,7 +271,6 @@ def test_the_car_rides_and_the_time_can_be_chosen(page):
     assert until(lambda: named(page, "Play"))
 
 
-@pytest.mark.usefixtures("anew")
 def test_another_road_is_another_ride(page):
     from selenium.webdriver.support.select import Select
 
@@ -321,29 +282,6 @@ def test_another_road_is_another_ride(page):
     assert float(re.search(r"passive: (\S+) m/s²", text_of(page))[1]) < float(said)
 
 
-@pytest.mark.usefixtures("anew")
-def test_a_car_is_chosen_in_the_map(page):
-    from selenium.webdriver import ActionChains
-
-    assert until(lambda: "None of 576 plants leaves the region" in text_of(page))
-    page.execute_script(VIEW + "view.el.scrollIntoView()", "map")
-    box = page.execute_script(VIEW + "return view.el.getBoundingClientRect().toJSON()", "map")
-    place = page.execute_script(
-        VIEW + "return [view.frame.x_scale.compute(250), view.frame.y_scale.compute(-5)]",
-        "map",
-    )
-    chain = ActionChains(page, duration=10)
-    pointer = chain.w3c_actions.pointer_action
-    pointer.move_to_location(round(box["left"] + place[0]), round(box["top"] + place[1]))
-    pointer.click()
-    chain.perform()
-    assert until(lambda: "--set m1=2" in text_of(page) and "--set m1=288.9" not in text_of(page))
-    said = re.search(r"--set m1=(\S+) --set beta=(\S+)", text_of(page))
-    assert float(said[1]) == pytest.approx(250, abs=2)
-    assert float(said[2]) == pytest.approx(-5, abs=0.5)
-
-
-@pytest.mark.usefixtures("anew")
 def test_margins_in_service_are_proved(page):
     named(page, "Prove the margins in service").click()
     assert until(lambda: "error of the gain" in text_of(page))
@@ -373,7 +311,6 @@ def observed(page):
     )
 
 
-@pytest.mark.usefixtures("anew")
 def test_a_slow_search_ends_with_a_newer_drag_and_is_never_shown(page):
     type_into(page, "Region", "half_plane(1)")
     assert until(lambda: "proved: all poles in half_plane(1)" in text_of(page))
@@ -407,11 +344,56 @@ def test_the_command_line_is_copied(page, address):
     assert text == f"polefence design car.toml --region '{REGION}' --method scheduled -o design"
 
 
-def test_an_open_tab_sees_that_the_server_has_ended(folder, window):
-    with studio(folder, "car.toml", "--region", REGION) as (own, process):
-        opened(window, own)
+def test_two_tabs_are_two_views(page, address):
+    first = page.current_window_handle
+    page.switch_to.new_window("tab")
+    opened(page, address)
+    type_into(page, "Region", "disk(-40, 35)")
+    assert until(lambda: "proved: all poles in disk(-40, 35)" in text_of(page))
+    page.close()
+    page.switch_to.window(first)
+    assert region_of(page) == REGION
+
+
+def test_what_is_saved_is_proved_and_opens_again(page, folder):
+    type_into(page, "Region", "disk(-40, 32)")
+    assert until(lambda: "proved: all poles in disk(-40, 32)" in text_of(page))
+    named(page, "Save").click()
+    assert until(lambda: "saved: " in text_of(page))
+    assert Design.load(folder / "studio" / "design").region == Disk(-40, 32)
+    session = folder / "studio" / "session.json"
+    assert Session.read(session).state(subject(), session).region == Disk(-40, 32)
+    assert json.loads(session.read_text())["method"] == "scheduled"
+    page.refresh()
+    assert until(lambda: region_of(page) == REGION)
+    with studio(folder, str(session), "-o", "again") as (other, _):
+        opened(page, other, "disk(-40, 32)")
+        requests(page)
+
+
+def test_an_open_tab_sees_that_the_server_has_ended_and_looks_anew_at_the_next(folder, window):
+    with studio(folder, "car.toml", "--region", REGION) as (first, process):
+        opened(window, first)
         process.kill()
         assert until(lambda: "has ended; start it again" in text_of(window))
+        port = urlsplit(first).port
+    with studio(folder, "car.toml", "--region", "disk(-40, 33)", port=port) as (second, _):
+        opened(window, second, "disk(-40, 33)")
+
+
+HOSTILE = '<img src=x onerror="window.harmed = 1"><script>window.harmed = 1</script>'
+
+
+def test_names_are_no_markup(folder, window):
+    text = spec_text("quarter-car-physical").replace('"quarter car, physical"', repr(HOSTILE))
+    text = text.replace('unit = "kg"', f"unit = {HOSTILE!r}")
+    (folder / "hostile.toml").write_text(text)
+    with studio(folder, "hostile.toml", "--region", REGION) as (address, _):
+        opened(window, address)
+        assert window.execute_script("return window.harmed") is None
+        assert element(window, "return all.filter(own => own.nodeName == 'IMG').length") == 0
+        assert HOSTILE in text_of(window)
+        assert complaints(window) == []
 
 
 def test_sensors_are_ticked_and_the_dot_is_dragged(folder, window):

@@ -27,7 +27,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def paper_command(options: Any) -> int:
-    """Reproduce Leite & Peres (2005): figures 3 to 10 and a report."""
+    """Reproduce Leite & Peres (2005): its figures and a report."""
     from polefence.show import paper
 
     folder = make_folder(options.output)

@@ -65,6 +65,7 @@ if TYPE_CHECKING:
     from polefence.plant.larger import with_actuator, with_sensor
     from polefence.plant.linearise import Linearised, linearise
     from polefence.region.text import load_region
+    from polefence.response.control import closed_loops
     from polefence.show import plots
 
 # Loaded when they are first asked for, so that the rest is there at once.
@@ -108,6 +109,7 @@ _LATER = {
     "with_actuator": "polefence.plant.larger",
     "with_sensor": "polefence.plant.larger",
     "load_region": "polefence.region.text",
+    "closed_loops": "polefence.response.control",
 }
 _ROOMS = {
     "examples": "polefence.examples",
@@ -163,6 +165,7 @@ __all__ = [
     "analyse",
     "build",
     "check",
+    "closed_loops",
     "engine",
     "estimation_error",
     "examples",

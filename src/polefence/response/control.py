@@ -1,0 +1,67 @@
+"""Closed loops of a family as python-control systems, for the plots and functions that it has."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from polefence.law.control import to_control, valid_names
+from polefence.plant.family import UncertainPlant
+from polefence.response.closed import gains
+
+
+def closed_loops(plant: UncertainPlant, law: Any = None, alpha: Any = None) -> list[Any]:
+    """Return closed loops at points of a family as python-control systems.
+
+    ``control.step_response``, ``control.bode_plot`` and ``control.pole_zero_map`` take such a list.
+
+    Parameters
+    ----------
+    law : None, Law, Design, GainTable or (m, n) array
+        u = K x, without a minus; none leaves the plant to itself.
+    alpha : (count, N) or (N,) array, optional
+        Points of the polytope, weights of the vertices; by default the vertices. Of a plant with
+        parameters a scheduled law is taken at the parameters that they stand for.
+
+    Returns
+    -------
+    list of control.StateSpace
+        From [v, w], v added to what the law demands, to the states, the plant's outputs, and
+        u = K x + v, which is called as its input with ``_of_law`` behind. Other names are those of
+        `to_control`.
+
+    Raises
+    ------
+    ParameterValueError
+        If a point is none of the polytope.
+    InputError
+        If the law does not fit the plant.
+    MissingExtraError
+        If python-control is not installed.
+    """
+    points = np.eye(len(plant.vertices)) if alpha is None else np.atleast_2d(alpha)
+    plants = [to_control(plant, weights, outputs=True) for weights in points]
+    Ks = gains(plant, law, np.asarray(points, dtype=float))
+    return [_closed(own, K, k) for k, (own, K) in enumerate(zip(plants, Ks, strict=True), 1)]
+
+
+def _closed(plant: Any, K: Any, number: int) -> Any:
+    """Return one plant with its gain."""
+    import control  # there, for the plant is one of its systems
+
+    m = len(K)
+    fed, through = plant.B[:, :m] @ K, plant.D[:, :m] @ K
+    given, outputs = plant.input_labels, plant.output_labels
+    demands = valid_names((*given, *outputs, *(f"{own}_of_law" for own in given[:m])))
+    return control.ss(
+        plant.A + fed,
+        plant.B,
+        np.vstack([plant.C + through, K]),
+        np.vstack([plant.D, np.eye(m, plant.ninputs)]),
+        plant.dt,
+        states=plant.state_labels,
+        inputs=given,
+        outputs=[*outputs, *demands[len(given) + len(outputs) :]],
+        name=f"{plant.name}_{number}",
+    )

@@ -6,6 +6,7 @@ import re
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
+from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -154,16 +155,17 @@ def padded(output: Output, more: int) -> Output:
 
 def states(plant: UncertainPlant) -> tuple[Output, ...]:
     """Return an output for every state, named as the plant names it, else x1, x2, ..."""
-    return _plain(plant.states, "x", plant.shape[0], "C")
+    return _plain(tuple(plant.states), "x", plant.shape[0], "C")
 
 
 def inputs(plant: UncertainPlant) -> tuple[Output, ...]:
     """Return an output for every input, named as the plant names it, else u1, u2, ..."""
-    return _plain(plant.inputs, "u", plant.shape[1], "D")
+    return _plain(tuple(plant.inputs), "u", plant.shape[1], "D")
 
 
-def _plain(labels: Sequence[str], letter: str, count: int, key: str) -> tuple[Output, ...]:
-    labels = labels or [f"{letter}{i + 1}" for i in range(count)]
+@lru_cache(maxsize=256)  # asked again and again of one plant, and of many that have the same names
+def _plain(labels: tuple[str, ...], letter: str, count: int, key: str) -> tuple[Output, ...]:
+    labels = labels or tuple(f"{letter}{i + 1}" for i in range(count))
     rows = ([int(i == j) for j in range(count)] for i in range(count))
     return tuple(
         Output(*split(label), row) if key == "C" else Output(*split(label), D=row)

@@ -73,11 +73,9 @@ def main(folder="."):
     for design, peaks in laws():
         time, found = moves(design)
         worst = np.abs(found).max(axis=(0, 1))[1:]
-        shown = ", ".join(
-            f"{own.bound.level:.1f} {unit} proved, {most:.1f} in 40 moves"
-            for own, unit, most in zip(peaks, ("N m", "V"), worst, strict=True)
-        )
-        print(f"{design.region}: {shown}")
+        print(f"{design.region}:")
+        for own, unit, most in zip(peaks, ("N m", "V"), worst, strict=True):
+            print(f"  {own.bound.level:.1f} {unit} proved, {most:.1f} {unit} in 40 moves")
         if peaks[0].bound.level <= TORQUE and peaks[1].bound.level <= VOLTAGE:
             break
     draw(time, found, peaks, folder)

@@ -12,8 +12,9 @@ from concurrent.futures import (
     Future,
     wait,
 )
-from contextlib import AbstractContextManager, ExitStack
+from contextlib import AbstractContextManager, ExitStack, contextmanager, suppress
 from dataclasses import dataclass
+from itertools import chain, islice
 from typing import Any, Generic, TypeVar
 
 from polefence.base.errors import OutputError
@@ -26,6 +27,33 @@ BARREN = 40  # times that workers may die, one after the other, with no result
 Work = Callable[[Any], Any]
 Places = Callable[[], AbstractContextManager[Executor | None]]
 Dead = tuple[type[BaseException], ...]
+
+
+class _Died(Exception):  # noqa: N818
+    """Closes what tasks are carried out in, since a worker died."""
+
+
+@contextmanager
+def kept(places: Places) -> Iterator[Places]:
+    """Have what tasks are carried out in stay open from one use to the next, till a worker dies.
+
+    Processes take a second to start.
+    """
+    with ExitStack() as stack:
+        pools = list[Executor | None]()
+
+        @contextmanager
+        def again() -> Iterator[Executor | None]:
+            if not pools:
+                pools.append(stack.enter_context(places()))
+            try:
+                yield pools[0]
+            except _Died:
+                pools.clear()
+                stack.close()
+                raise
+
+        yield again
 
 
 @dataclass(eq=False)
@@ -80,7 +108,8 @@ def carried_out(
     work : callable
         A function that travels to other processes.
     places : callable
-        Opens what tasks are carried out in; None: here. It is called again when that is broken.
+        Opens what tasks are carried out in; None: here. It is called again when that is broken,
+        and not at all where there are no tasks.
     window : int
         Tasks under way at once.
     lost : tuple of exception classes
@@ -91,10 +120,14 @@ def carried_out(
     OutputError
         If workers die as soon as they start.
     """
-    queue, barren = _Queue(tasks), 0
+    tasks = iter(tasks)
+    first = list(islice(tasks, 1))
+    if not first:
+        return
+    queue, barren = _Queue(chain(first, tasks)), 0
     broken = _Broken(BrokenExecutor, CancelledError, *lost)
     while barren < BARREN:
-        with ExitStack() as stack:
+        with suppress(_Died), ExitStack() as stack:
             pool = broken.entered(stack, places)
             if not broken.seen and pool is None:
                 while (own := queue.next()) is not None:
@@ -104,6 +137,8 @@ def carried_out(
                 for pair in _in_pool(pool, work, queue, window, broken):
                     barren = 0
                     yield pair
+            if broken.seen:
+                raise _Died
         if not broken.seen:
             return
         for task in queue.given_up():

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from polefence.fleet.cover import covered
+from polefence.fleet.engine import kept
 from polefence.fleet.questions import DIED, LOST, Answer, Cover, Question
 from polefence.fleet.store import Row, Store
 from polefence.fleet.study import Study, Task, load_study
@@ -69,18 +70,20 @@ def worked_out(
 ) -> Iterator[tuple[int, dict[int, Answer]]]:
     """Yield numbers of questions with answers by variant, but for the rows that are done."""
     packed = (Packed.of(study, task) for task in study.tasks(done))
-    for own, answers in workers.done(answered, packed):
-        if answers is None and len(own.task.variants) > 1:
-            singles = [Task(own.task.question, (n,)) for n in own.task.variants]
-            again = (Packed.of(study, one) for one in singles)
-            for one, found in replace(workers, count=1).done(answered, again):
-                yield one.task.question, _by_variant(one, found)
-        else:
-            yield own.task.question, _by_variant(own, answers)
-    for k, question in enumerate(study.questions):
-        if isinstance(question, Cover):
-            for each in covered(study, question, done, workers):
-                yield k, each
+    with kept(workers.places) as places:
+        same = replace(workers, places=places)
+        for own, answers in same.done(answered, packed):
+            if answers is None and len(own.task.variants) > 1:
+                singles = [Task(own.task.question, (n,)) for n in own.task.variants]
+                again = (Packed.of(study, one) for one in singles)
+                for one, found in replace(workers, count=1).done(answered, again):
+                    yield one.task.question, _by_variant(one, found)
+            else:
+                yield own.task.question, _by_variant(own, answers)
+        for k, question in enumerate(study.questions):
+            if isinstance(question, Cover):
+                for each in covered(study, question, done, same):
+                    yield k, each
 
 
 @dataclass(frozen=True)

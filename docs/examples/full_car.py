@@ -10,8 +10,6 @@ from pathlib import Path
 import numpy as np
 
 import polefence as pf
-from polefence.base.processors import small_matrices
-from polefence.plant.spec import load_car
 
 SPEC = pf.examples.spec_path("full-car")
 DENSITY = pf.vehicle.velocity_density("C", 20)  # road of class C at 20 m/s
@@ -26,7 +24,7 @@ def skyhook(plant):
     """Force at each corner: minus DAMPING times the body's velocity there, as a gain."""
     K = np.zeros((4, 14))
     heave = plant.states.index("heave rate [m/s]")  # rates of pitch and roll behind it
-    for force, (x, y) in zip(K, load_car(SPEC).places.values(), strict=True):
+    for force, (x, y) in zip(K, pf.vehicle.load_car(SPEC).places.values(), strict=True):
         force[heave : heave + 3] = [-DAMPING, DAMPING * float(x), -DAMPING * float(y)]
     return K
 
@@ -65,7 +63,6 @@ def draw(plant, laws, level, folder):
     Path(folder, "full-car.png").write_bytes(pf.plots.render(figure, "png"))
 
 
-@small_matrices()
 def main(folder="."):
     """Verify, sample, print and draw."""
     plant = pf.load(SPEC)

@@ -10,8 +10,6 @@ from pathlib import Path
 import numpy as np
 
 import polefence as pf
-from polefence.base.processors import small_matrices
-from polefence.plant.spec import load_car
 
 SPEC = pf.examples.spec_path("half-car")
 REGION = pf.parse_region("half_plane(1) & sector(0.1)")
@@ -40,7 +38,7 @@ def proved(plant, law, names):
 def driven(plant, law):
     """Both loads over the bump, the rear wheel later; time [s] and the drive."""
     road = pf.vehicle.bump(HEIGHT, LENGTH, before=1.0, after=SPEED * 3)
-    places = load_car(SPEC).places
+    places = pf.vehicle.load_car(SPEC).places
     ride = pf.vehicle.on_wheels(plant, places, road, SPEED, step=1e-3, duration=2.0)
     return ride.times, pf.vehicle.drive(plant, law, ride, list(LOADS.values()))
 
@@ -62,7 +60,6 @@ def draw(drives, folder):
     Path(folder, "half-car.png").write_bytes(pf.plots.render(figure, "png"))
 
 
-@small_matrices()
 def main(folder="."):
     """Design, prove, drive, print and draw."""
     plant = pf.load(SPEC)

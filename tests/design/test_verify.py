@@ -151,13 +151,27 @@ def test_laws_of_files(family):
         ({"lyapunov": [P[:3]]}, "the Lyapunov matrix is 3 x 4"),
         ({"lyapunov": [P, P]}, "2 Lyapunov matrices; give one, or 1"),
         ({"lyapunov": [P * np.nan]}, "must be a finite number"),
-        ({"limits": [parse_specification("rms of x1 with density 1")]}, "a limit is missing"),
     ],
 )
 def test_what_does_not_fit_is_said(given, said):
     plant = UncertainPlant.from_vertices([A], [B], [B])
     with pytest.raises(InputError, match=said):
         verify(plant, K, HalfPlane(0), **given)
+
+
+def test_without_a_limit_the_least_bound_is_proved():
+    """Of x' = -x + w by hand: the H-infinity norm is 1."""
+    plant = UncertainPlant.from_vertices([[[-1]], [[-2]]], [[[1]], [[1]]], [[[1]], [[1]]])
+    asked = [parse_specification("gain of x1"), parse_specification("gain of x1 <= 0.9")]
+    found = verify(plant, [[0]], HalfPlane(0), limits=asked)
+    free, limited = found.bounds
+    assert free.answer == "proved"
+    assert 1 <= free.bound.level < 1.001
+    assert limited.answer == "exceeded"
+    assert limited.bound is None
+    assert found.answer == "refuted"
+    assert repr(free).startswith("<VerifiedBound: gain of x1, proved; 1")
+    assert repr(limited).endswith("exceeded; none proved, 1 sampled>")
 
 
 def test_lyapunov_matrices_are_for_one_gain(family):

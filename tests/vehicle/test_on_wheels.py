@@ -21,6 +21,7 @@ from polefence.vehicle import (
     BumpStops,
     Car,
     Hardware,
+    Ramp,
     Road,
     Wheel,
     both_sides,
@@ -238,6 +239,24 @@ def test_a_wheel_lifts_where_its_tyre_would_pull_and_only_there(half, hardware):
             events = driven(share * height).events
             assert all(own.kind == "road" for own in events)
             assert any(own.text.startswith(text) for own in events) == lifts
+
+
+def test_a_drive_of_several_cars_says_which_wheel_lifts(half):
+    """What each car's own drive says, at its own load; of loads that move too."""
+    plant, car = half
+    moved = on_wheels(plant, car.places, kerb(0.1), SPEED, STEP)
+    loads = ({"felt": 330.0, "age": 0.0}, {"felt": 420.0, "age": 0.0})
+    both = drive(plant, None, moved, list(loads), car=car)
+    lifted = [own for own in both.events if own.kind == "road"]
+    assert {own.car for own in lifted} == {0, 1}
+    for k, load in enumerate(loads):
+        (alone, *_), mine = run(Setup(plant, moved, load, car=car), None).events, lifted
+        first = next(own for own in mine if own.car == k)
+        assert (first.first, first.text) == (alone.first, alone.text)
+    moving = {"felt": Ramp(330, 420, 0.0, 0.1), "age": 0.0}
+    (own, *_) = drive(plant, None, moved, moving, car=car).events
+    assert "tyre leaves the road" in own.text
+    assert not drive(plant, None, moved, loads[0]).events
 
 
 def test_a_car_brakes_and_corners_on_its_road(tmp_path, capsys):

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, cast
+from typing import Any
 
 from polefence.base.errors import InputError, shown
 from polefence.cli.analyse import read_gain
@@ -62,7 +62,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         action="append",
         default=[],
         metavar="TEXT",
-        help="a bound that is promised: 'gain of y1 <= 2'; repeat for more",
+        help="a bound that is promised: 'gain of y1 <= 2', or 'gain of y1' for the least that can "
+        "be proved; repeat for more",
     )
     parser.add_argument(
         "--budget",
@@ -160,7 +161,8 @@ def _say(found: Verified) -> None:
 
 
 def _bound_text(plant: UncertainPlant, own: VerifiedBound) -> str:
-    limit = f"{own.specification.title} <= {exactly(cast(float, own.specification.at_most))}"
+    most = own.specification.at_most
+    limit = own.specification.title + ("" if most is None else f" <= {exactly(most)}")
     at = f"alpha = ({', '.join(f'{a:.4g}' for a in own.alpha)})"
     if own.values is not None:
         at = values_text(plant, own.values)

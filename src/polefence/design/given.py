@@ -11,6 +11,7 @@ from typing import Any, overload
 import numpy as np
 
 from polefence.base.errors import InputError, RegionError, SolverError, require_type
+from polefence.base.processors import small_matrices
 from polefence.design.certificate import Certificate
 from polefence.design.checks import require_region
 from polefence.design.counterexample import counterexample, first_worst, worst_points
@@ -130,6 +131,7 @@ def analyse(
 ) -> Analysis: ...
 
 
+@small_matrices()
 def analyse(
     plant: UncertainPlant, law: Any, region: Region, budget: float | None = None, depth: int = 4
 ) -> Analysis | TableAnalysis:
@@ -260,6 +262,7 @@ class WorstCase:
         return f"<WorstCase: {self.region} proved, {self.bound:.6g} sampled>"
 
 
+@small_matrices()
 def worst_case(
     plant: UncertainPlant,
     law: Any,

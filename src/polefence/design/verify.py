@@ -7,11 +7,13 @@ from contextlib import suppress
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from itertools import islice
-from typing import Any, cast
+from math import inf
+from typing import Any
 
 import numpy as np
 
 from polefence.base.errors import InputError, require_type
+from polefence.base.processors import small_matrices
 from polefence.design.certificate import Certificate
 from polefence.design.checks import require_region
 from polefence.design.evidence import certificate_of, placeholder
@@ -71,7 +73,7 @@ class VerifiedBound:
     answer : str
         "proved", "exceeded" (at a point, computed in floats) or "undecided".
     bound : Bound or None
-        The least bound that was proved, below the limit or not.
+        The least bound that was proved, below the limit or not; None where the limit is exceeded.
     worst : float
         The largest of some samples, in the signal's unit.
     alpha : tuple of float
@@ -86,6 +88,11 @@ class VerifiedBound:
     worst: float
     alpha: tuple[float, ...]
     values: dict[str, float] | None = None
+
+    def __repr__(self) -> str:
+        level = "none" if self.bound is None else f"{self.bound.level:.6g}"
+        name = self.specification.title
+        return f"<VerifiedBound: {name}, {self.answer}; {level} proved, {self.worst:.6g} sampled>"
 
 
 @dataclass(frozen=True, eq=False)
@@ -126,6 +133,7 @@ class Verified:
         return f"<Verified: {self.plant.name!r}, {self.answer}>"
 
 
+@small_matrices()
 def verify(
     plant: UncertainPlant,
     law: Any,
@@ -149,7 +157,8 @@ def verify(
     lyapunov : sequence of (n, n) matrices
         One, or one a vertex: P(alpha) is the sum of alpha_j P_j. Only for one gain K.
     limits : sequence of Specification
-        Each with its limit, ``at_most``.
+        Each with its limit, ``at_most``; without one the least bound that can be proved is asked
+        for.
     budget : float, optional
         As of `analyse` [s].
 
@@ -165,8 +174,6 @@ def verify(
     require_region(plant, region)
     for limit in limits:
         limit.require_fit(plant)
-        if limit.at_most is None:
-            raise InputError(f"{limit.title}: a limit is missing; write 'rms of NAME <= 700'")
     given, certificate = None, None
     if len(lyapunov):
         if not isinstance(own, FixedGain):
@@ -282,7 +289,7 @@ def _certificate(
 
 def _bounded(plant: UncertainPlant, law: Law, limit: Specification) -> VerifiedBound:
     """Return what is proved of a limit; sampled first, for no proof passes a sample."""
-    most = cast(float, limit.at_most)
+    most = inf if limit.at_most is None else limit.at_most
     free = replace(limit, at_most=None)
     found = sampled(plant, law, free)
     k = int(np.argmax(found.values))

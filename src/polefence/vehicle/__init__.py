@@ -6,6 +6,7 @@
 
 from polefence.plant.cars import Bar, Body, Car, Wheel, car_family
 from polefence.plant.dampers import Damper
+from polefence.plant.spec import load_car, load_dampers
 from polefence.plant.tracks import Tracks
 from polefence.response.discrete import Sampling
 from polefence.response.stationary import displacement_density, roughness, velocity_density
@@ -113,6 +114,8 @@ __all__ = [
     "grade",
     "health_reading",
     "kerb",
+    "load_car",
+    "load_dampers",
     "lqr",
     "masses",
     "measured_road",

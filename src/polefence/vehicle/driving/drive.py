@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import product as cartesian
 from typing import Any, Literal
@@ -196,7 +196,8 @@ def run(setup: Setup, law: Any, margins: Any = None) -> Run:
         hold: Literal["held", "linear"] = "held" if moved.held else "linear"
         w = moved.samples if plant.disturbance_count else None
         found = linear.simulate(plant, law, setup.alpha, w, setup.time, asked, hold, start)
-        events = (*_contact(found), *_wheels(setup, found), *_lost(found))
+        wheels = _wheels(setup.car, setup.alpha, found)
+        events = (*_contact(found), *wheels, *_lost(found))
         return Run(setup, found, events=events)
     if setup.still:
         margins = ()
@@ -220,8 +221,7 @@ def run(setup: Setup, law: Any, margins: Any = None) -> Run:
                 more.append((f"{name} estimated", unit, done.used[0, :, i]))
     covered = None if setup.still or done.covered is None else done.covered[0]
     notes, found = (*done.notes, *_slow(setup, law)), done.response(asked)
-    events = (*done.events, *_wheels(setup, found))
-    return Run(setup, found, tuple(more), events, notes, covered)
+    return Run(setup, found, tuple(more), done.events, notes, covered)
 
 
 def signals(plant: UncertainPlant) -> tuple[Output, ...]:
@@ -272,17 +272,18 @@ def _contact(response: Response) -> list[Event]:
     return spans("road", force < 0, -force, response.time, lambda *_: f"the tyre {LEAVES}")
 
 
-def _wheels(setup: Setup, response: Response) -> list[Event]:
-    """Return where a tyre of a car on several wheels would have to pull."""
-    if setup.car is None:
+def _wheels(car: Car | None, alpha: Array, response: Response) -> list[Event]:
+    """Return where a tyre of a car on several wheels would have to pull.
+
+    ``alpha`` is (count, N), or over time (count, time, N).
+    """
+    if car is None:
         return []
-    alpha = setup.alpha
-    if not setup.trajectories.constant:
-        alpha = setup.trajectories.space.alpha(setup.trajectories.at(setup.time)[:, 0])
-    loads, found = static_loads(setup.plant, setup.car, alpha), list[Event]()
-    for i, own in enumerate(tyre_forces(setup.plant, setup.car)):
+    loads, found = static_loads(response.plant, car, alpha), list[Event]()
+    loads = loads[:, None] if loads.ndim == 2 else loads
+    for i, own in enumerate(tyre_forces(response.plant, car)):
         force = loads[..., i] + response.of(own.name)
-        words = f"the {setup.car.wheels[i].name} tyre {LEAVES}"
+        words = f"the {car.wheels[i].name} tyre {LEAVES}"
         with np.errstate(invalid="ignore"):
             gone = force < 0
         found += spans("road", gone, -force, response.time, lambda *_, words=words: words)
@@ -361,11 +362,17 @@ def drive(
     events, notes, covered = assessed(model, own, claims, scheduled)
     notes = (*notes, *throughout(model, sampling, learned.learner if learned else None))
     notes = (*notes, *given(model, own))
-    return Drive(
+    found = Drive(
         plant, excitation.times, own.states, own.rates, own.demanded, own.applied, own.disturbance,
         own.stops, own.parameters, own.used, events, notes, covered,
         learned.estimate() if learned else None,
     )  # fmt: skip
+    if car is None:
+        return found
+    times = first if trajectories.constant else excitation.times
+    alpha = np.swapaxes(space.alpha(trajectories.at(times)), 0, 1)
+    lifted = _wheels(car, alpha, found.response(tyre_forces(plant, car)))
+    return replace(found, events=(*events, *lifted))
 
 
 @dataclass(frozen=True, eq=False)

@@ -25,6 +25,7 @@ PAGES = {  # with what a reader has before the first command
     "cli": [STAGE],
     "fleet": [(name, text) for text, name in STUDIES],
     "index": [],
+    "not-proved": [],
     "observers": [],
     "proof": [STAGE],
     "reproduction": [],

@@ -26,6 +26,7 @@ from polefence.show.plots import (
     render,
     sampled,
     styles,
+    typeset,
     view_of,
 )
 from polefence.vehicle.compare import compare
@@ -252,3 +253,9 @@ def test_commands_draw_what_they_found(tmp_path, capsys):
         assert (tmp_path / f"{name}.svg").stat().st_size > 5_000
         assert main([name, *words, "--plot", "x.csv"]) == 2
         assert "x.csv: a figure ends in .png, .svg or .pdf" in capsys.readouterr().err
+
+
+def test_squares_of_seconds_are_typeset():
+    panel = "acceleration [m/s2], roll [rad/s2], N s2, m/s2x, class_m/s2"
+    said = typeset(panel)
+    assert said == "acceleration [m/s²], roll [rad/s²], N s2, m/s2x, class_m/s2"

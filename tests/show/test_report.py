@@ -107,7 +107,7 @@ def test_the_comfort_is_that_of_the_stationary_answer(car):
     corners = np.eye(4)
     for law in (None, design):
         own = stationary(plant, law, corners, density, [known.acceleration]).rms[:, 0]
-        row = re.search(r"\|acceleration \[m/s2\]\|(.*?)tyre deflection", cell).group(1)
+        row = re.search(r"\|acceleration \[m/s²\]\|(.*?)tyre deflection", cell).group(1)
         pairs = [tuple(map(float, re.findall(r"[\d.]+", p))) for p in row.split("|") if "(" in p]
         worst, best = pairs[0 if law is None else -1]
         assert best * (1 - 1e-2) <= own.min()
@@ -268,7 +268,7 @@ def test_bounds_have_their_units_and_the_road_that_is_theirs(tmp_path):
         shown = cells(own)
         rms = shown.index("rms of 'sprung-mass acceleration'")
         gain = shown.index("gain of 'tyre deflection'")
-        assert re.fullmatch(r"[\d.]+ m/s2", shown[rms + 1])
+        assert re.fullmatch(r"[\d.]+ m/s²", shown[rms + 1])
         assert shown[rms + 2].startswith(said)
         assert re.fullmatch(r"[\d.]+ m per m/s", shown[gain + 1])
 

@@ -598,7 +598,7 @@ def _radii_text(rows: Sequence[Mapping[str, Any]]) -> str:
         )
         for r in rows
     ]
-    head = ("family", "method", "published", "computed, proved", "out of reach, proved", "status")
+    head = ("family", "method", "published", "computed, proved", "lower bound, proved", "status")
     return table(head, cells)
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import math
+import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from math import ceil
@@ -68,6 +69,7 @@ COMPARED = ("weighted acceleration", "tyre load variation", "suspension travel",
 BELOW = "#f6d8c4"
 FLOOR_LINE: Any = {"color": "0.3", "ls": "--", "lw": 0.9}
 PANEL = 1.25  # width of a panel of poles over its height
+SQUARED = re.compile(r"\b(m|rad)/s2\b")
 NARROW = 4  # height over width from which a view of poles is stretched
 NEAR = "near the origin"
 
@@ -396,7 +398,12 @@ def _as_written(figure: Figure) -> None:
     for text in figure.findobj(Text):
         if id(text) not in ticks:  # powers of ten are formulas
             text.set_parse_math(False)
-            text.set_text("\n".join(map(visible, text.get_text().split("\n"))))
+            text.set_text(typeset("\n".join(map(visible, text.get_text().split("\n")))))
+
+
+def typeset(text: str) -> str:
+    """Return a text with m/s² and rad/s² for the m/s2 and rad/s2 of specs and terminals."""
+    return SQUARED.sub(r"\1/s²", text)
 
 
 def curves(part: Region, view: View) -> list[Curve]:

@@ -34,7 +34,14 @@ from polefence.region.regions import Disk
 from polefence.region.text import digits_down, digits_up, short_text
 from polefence.response.linear import step
 from polefence.response.stationary import velocity_density
-from polefence.show.plots import limits_figure, poles_figure, render, responses_figure, sampled
+from polefence.show.plots import (
+    limits_figure,
+    poles_figure,
+    render,
+    responses_figure,
+    sampled,
+    typeset,
+)
 from polefence.vehicle.comfort import comfort_reading
 from polefence.vehicle.compare import Comparison, compare, points
 from polefence.vehicle.reference_laws import lqr, skyhook
@@ -128,7 +135,9 @@ def page(
 
 def _visible(value: object) -> object:
     """Return what can be seen of a text; newlines stay, which are spaces but in our own code."""
-    return "\n".join(map(visible, value.split("\n"))) if isinstance(value, str) else value
+    if not isinstance(value, str):
+        return value
+    return typeset("\n".join(map(visible, value.split("\n"))))
 
 
 def _picture(figure: Figure) -> str:
@@ -274,7 +283,7 @@ def _limits(design: Design) -> Section | None:
     return Section(
         "How far the methods go",
         ("The smallest disk about this centre that each method proves [1/s]:",),
-        Table(("method", "radius, proved", "out of reach, proved"), tuple(map(_limit, own))),
+        Table(("method", "radius, proved", "lower bound, proved"), tuple(map(_limit, own))),
         figure,
         "The larger d/sigma, the smaller the disk, over the distance of its centre; every point "
         "proved.",

@@ -120,7 +120,7 @@ TIGHTEST = {
         ["--within", "half_plane(2) & disk(-10, 9)"],
         r"damping ratio ([\d.]+), within half_plane\(2\) & disk\(-10, 9\)",
     ),
-    "disk": (["--centre", "-10"], r"radius ([\d.]+) 1/s about -10 \(out of reach: [\d.]+\)"),
+    "disk": (["--centre", "-10"], r"radius ([\d.]+) 1/s about -10 \(lower bound: [\d.]+\)"),
 }
 
 

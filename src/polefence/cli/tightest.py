@@ -125,5 +125,5 @@ def _answer(of: str, design: Design) -> tuple[float, str]:
         return value, f"damping ratio {digits_down(value)}"
     value, centre = first.numbers["radius"], first.numbers["centre"]
     unit = " 1/s" if design.plant.sample_time is None else ""
-    bound = "" if design.lower is None else f" (out of reach: {digits_down(design.lower)})"
+    bound = "" if design.lower is None else f" (lower bound: {digits_down(design.lower)})"
     return value, f"radius {digits_up(value)}{unit} about {exactly(centre)}{bound}"

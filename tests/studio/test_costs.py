@@ -16,6 +16,7 @@ from polefence.studio import Page, State, front, settled
 from polefence.studio.front import Front
 from polefence.studio.palette import LIGHT
 from support.browser import until
+from support.once import searched_once  # noqa: F401
 from support.studios import asked, subject, written
 
 pytest.importorskip("panel")

@@ -14,6 +14,7 @@ from polefence.examples import spec_text
 from polefence.studio import History, State
 from polefence.studio.rides import EVERY, ridden, wheels_of
 from polefence.studio.state import MOST_BACK
+from support.once import searched_once  # noqa: F401
 from support.studios import subject, written
 
 

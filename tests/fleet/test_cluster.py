@@ -91,7 +91,7 @@ def test_rows_are_those_of_processes(tmp_path, capsys):
 
 @pytest.mark.skipif(sys.platform == "win32", reason="kills by POSIX signals")
 def test_workers_that_are_killed_lose_no_row(tmp_path, port):
-    study, out = load_study(write(tmp_path, 100)), tmp_path / "out"
+    study, out = load_study(write(tmp_path, 64)), tmp_path / "out"
     with scheduler(port) as address:
         workers = dask(address)
         for k, _ in enumerate(run(study, Store(out), workers)):
@@ -99,22 +99,22 @@ def test_workers_that_are_killed_lose_no_row(tmp_path, port):
                 with distributed.Client(address, set_as_default=False) as client:
                     pids = list(client.run(os.getpid).values())
                 os.kill(pids[0], signal.SIGKILL)
-    assert keys(out) == every(100)
-    assert not [own for own in judged(Store(out), processes(2)) if own.fault]
+    assert keys(out) == every(64)
+    assert not [own for own in judged(Store(out), processes(1)) if own.fault]
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="kills by POSIX signals")
 def test_a_scheduler_that_is_started_again_is_found(tmp_path, port):
-    study, out = load_study(write(tmp_path, 64)), tmp_path / "out"
+    study, out = load_study(write(tmp_path, 48)), tmp_path / "out"
     with scheduler(port) as address:
         rows = run(study, Store(out), dask(address))
         next(rows)
     before = sum(keys(out).values())
     with scheduler(port):
         fresh = sum(len(own) for own in rows)
-    assert 0 < before < 128
-    assert before + fresh == 128
-    assert keys(out) == every(64)
+    assert 0 < before < 96
+    assert before + fresh == 96
+    assert keys(out) == every(48)
 
 
 def test_no_scheduler_is_one_line(tmp_path, capsys, monkeypatch, port):

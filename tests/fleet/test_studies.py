@@ -319,7 +319,7 @@ linux = pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="looks i
 
 @linux
 def test_workers_killed_at_random_lose_no_row(tmp_path):
-    count, most, killed, chance, before = 400, 20, 0, random.Random(1), -1
+    count, most, killed, chance, before = 240, 20, 0, random.Random(1), -1
     out = tmp_path / "out"
     client = started(write(tmp_path, count), "-o", out, "--jobs", "2")
     while client.poll() is None and killed < most:
@@ -344,7 +344,7 @@ def test_workers_killed_at_random_lose_no_row(tmp_path):
 
 @linux
 def test_a_client_that_is_killed_leaves_whole_rows_and_no_workers(tmp_path):
-    path, out = write(tmp_path, 120), tmp_path / "out"
+    path, out = write(tmp_path, 64), tmp_path / "out"
     client = started(path, "-o", out, "--jobs", "2")
     while not list((out / "rows").glob("*.parquet")) and client.poll() is None:
         time.sleep(0.01)
@@ -352,15 +352,15 @@ def test_a_client_that_is_killed_leaves_whole_rows_and_no_workers(tmp_path):
     client.kill()
     client.communicate()
     before = keys(out)  # every file can be read
-    assert 0 < sum(before.values()) < 240
+    assert 0 < sum(before.values()) < 128
     assert max(before.values()) == 1
     again = subprocess.run(
         command(path, "-o", out, "--resume", "--jobs", "2"), capture_output=True, text=True
     )
     assert again.returncode == 0, again.stderr
-    fresh = int(re.search(r"240 rows, (\d+) of them new", again.stdout)[1])
-    assert fresh == 240 - sum(before.values())
-    assert keys(out) == every(120)
+    fresh = int(re.search(r"128 rows, (\d+) of them new", again.stdout)[1])
+    assert fresh == 128 - sum(before.values())
+    assert keys(out) == every(64)
     assert not [pid for pid in workers if Path(f"/proc/{pid}").exists()]
 
 

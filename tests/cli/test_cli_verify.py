@@ -61,7 +61,8 @@ def test_other_names_and_the_other_sign(mine, capsys):
     assert said[1].startswith("given P: proves it, as V = x' P^-1 x")
     said = lines(capsys, "minus.npz", *words, status=1)
     assert said[0].startswith("refuted: at alpha = ")
-    assert said[1].startswith("given P: does not prove it; ")
+    assert said[1].startswith("note: -K keeps the poles of all vertices there")
+    assert said[2].startswith("given P: does not prove it; ")
 
 
 def test_parts_may_be_in_other_files(mine, capsys):

@@ -103,6 +103,12 @@ def test_readme_make_targets_exist():
         assert f"\n{target}:" in makefile
 
 
+def test_readme_spec_is_that_of_the_tutorial():
+    """Which tests follow to a proved design."""
+    (own,) = blocks("toml")
+    assert f"```toml\n{own}```" in (ROOT / "docs" / "tutorial.md").read_text()
+
+
 def test_readme_snippet_runs(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     Path("car.toml").write_text(spec_text("quarter-car-physical"))

@@ -168,7 +168,7 @@ USAGE = {
     ),
     "tightest by slack": (
         ["tightest", "SPEC", "--of", "half-plane", "--method", "slack"],
-        "goes with the methods quadratic and scheduled",
+        "the method slack finds disks only; for a",
     ),
     "paper folder": (["paper", "-o", "SPEC/x"], "cannot be"),
 }

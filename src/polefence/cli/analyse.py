@@ -10,6 +10,8 @@ from math import prod
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from polefence.base.errors import InputError, shown
 from polefence.base.files import read_text
 from polefence.base.progress import stage
@@ -34,7 +36,7 @@ from polefence.design.rows import plant_summary
 from polefence.design.table import FILE_NAME as TABLE_NAME
 from polefence.design.table import TableAnalysis, analyse_table
 from polefence.law.arrays import law_from
-from polefence.law.laws import GainTable, Law, given_law, table_from
+from polefence.law.laws import FixedGain, GainTable, Law, given_law, table_from
 from polefence.plant.arrays import NO_NAMES, read_arrays
 from polefence.plant.family import UncertainPlant
 from polefence.plant.points import values_text
@@ -199,6 +201,7 @@ def _one(analysis: Analysis, options: Any) -> int:
         )
     else:
         say(f"{analysis.answer}: {analysis.reason}", verdict=analysis.answer)
+        note_the_sign(analysis, "give -K")
     pole, alpha = analysis.pole, analysis.alpha
     _finish(
         options,
@@ -263,6 +266,16 @@ def _worst(plant: UncertainPlant, worst: WorstCase, options: Any) -> int:
 
         write_figure(options.plot, poles_figure({plant.name: sampled(design)}, design.region))
     return NOT_PROVED if value is None else PROVED
+
+
+def note_the_sign(analysis: Analysis, remedy: str) -> None:
+    """Say of a gain that is refuted where -K keeps the vertices' poles: lqr has u = -K x."""
+    law, plant = analysis.law, analysis.plant
+    if analysis.answer != "refuted" or not isinstance(law, FixedGain):
+        return
+    poles = np.linalg.eigvals(plant.A - plant.B @ law.K)
+    if analysis.region.contains(poles):
+        say(f"note: -K keeps the poles of all vertices there; if the law is u = -K x, {remedy}")
 
 
 def _value(region: Region, of: str) -> float:

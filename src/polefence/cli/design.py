@@ -25,7 +25,8 @@ from polefence.design.signals.placed import place
 from polefence.lmi.conditions.methods import Method, Scheduled
 from polefence.plant.family import UncertainPlant
 from polefence.plant.spec import load
-from polefence.region.regions import Disk, Region
+from polefence.proof.text import exactly
+from polefence.region.regions import Disk, HalfPlane, Region
 from polefence.region.text import load_region, parse_region
 
 
@@ -79,6 +80,12 @@ def design_command(options: Any) -> int:
         lines.append(
             f"note: this {shape} reaches into the right half-plane; it does not imply stability"
         )
+        for part in region.parts:
+            if isinstance(part, HalfPlane) and part.decay < 0:
+                own = exactly(-part.decay)
+                lines.append(
+                    f"note: {part} lets poles go up to +{own}; left of -{own} is half_plane({own})"
+                )
     summary = {
         "plant": plant_summary(plant),
         "region": region.document(),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import os
+import re
 import signal
 import sys
 from collections.abc import Callable, Sequence
@@ -18,6 +19,8 @@ from polefence.base.errors import (
     NotProvedError,
     PolefenceError,
     UncontrollableError,
+    shown,
+    suggest,
 )
 from polefence.cli import (
     analyse,
@@ -148,6 +151,9 @@ class _Parser(argparse.ArgumentParser):
     """Errors of usage in one line."""
 
     def error(self, message: str) -> NoReturn:
+        found = re.match(r"argument COMMAND: invalid choice: '(.*?)' \(choose", message)
+        if found is not None:
+            message = f"no command {shown(found[1])}; {suggest(found[1], [c[0] for c in COMMANDS])}"
         say(f"{self.prog}: {message}; see: {self.prog} --help", file=sys.stderr)
         self.exit(BAD_INPUT)
 

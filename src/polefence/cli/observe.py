@@ -24,6 +24,7 @@ from polefence.cli.terminal import say
 from polefence.design.checks import implies_stability
 from polefence.design.design import FILE_NAME
 from polefence.design.observer import Observer, observe
+from polefence.design.requirements.text import parse_names
 from polefence.design.rows import plant_summary
 from polefence.law.laws import FixedGain
 from polefence.plant.spec import load
@@ -39,7 +40,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         action="append",
         required=True,
         metavar="SIGNAL",
-        help="name of a measured state or output, with or without its unit; repeat for more",
+        help="name of a measured state or output, with or without its unit, or more with commas "
+        "between; repeat for more",
     )
     where = parser.add_mutually_exclusive_group(required=True)
     where.add_argument(
@@ -61,7 +63,10 @@ def observe_command(options: Any) -> int:
     method = method_of(options.method or "scheduled", options)
     check_figure(options.plot)
     check_targets(options.json, options.plot, folder=options.output, names=(FILE_NAME,))
-    observer = observe(plant, options.measured, region, method)
+    measured = [
+        name for text in options.measured for name in (parse_names(text) if "," in text else [text])
+    ]
+    observer = observe(plant, measured, region, method)
     label = observer.design.label
     say(
         f"proved: {label} keeps all poles of the observer of {plant.name!r} in {region} for every "

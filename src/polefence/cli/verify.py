@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from polefence.base.errors import InputError, shown
-from polefence.cli.analyse import read_gain
+from polefence.cli.analyse import note_the_sign, read_gain
 from polefence.cli.common import NOT_PROVED, PROVED, check_targets, every_alpha, saved, write_json
 from polefence.cli.terminal import say
 from polefence.design.design import FILE_NAME, Design, is_proof_file
@@ -149,6 +149,7 @@ def _say(found: Verified) -> None:
         say(f"proved: {where}; {analysis.reason}", verdict="proved")
     else:
         say(f"{analysis.answer}: {analysis.reason}", verdict=analysis.answer)
+        note_the_sign(analysis, "add --minus")
     given = found.lyapunov
     if given is not None:
         what = "P" if given.count == 1 else f"P of {given.count} vertices"

@@ -164,7 +164,7 @@ def _in_region(
         return Design(rounded(plant, region, method, found[-1]), proved=False)
     raise NotProvedError(
         f"not proved: {label} gives no proof for {region}; try a wider region, "
-        f"fewer parts{degree_hint(method)}"
+        f"fewer parts{degree_hint(method)}; tuned laws (--schedule, structure) may reach further"
     )
 
 
@@ -401,7 +401,9 @@ def largest(plant: UncertainPlant, of: str, method: Method, within: Region | Non
         If the method has no such question, or the region does not fit the plant's time.
     """
     if isinstance(options(method), Slack):
-        raise InputError(f"of = {of!r} goes with the methods quadratic and scheduled")
+        raise InputError(
+            f"the method slack finds disks only; for a {of} take quadratic or scheduled"
+        )
     if within is not None:
         require_type(within, Region, "within", "for example polefence.Disk(-40, 39)")
     require_region(plant, HalfPlane(0) if within is None else HalfPlane(0) & within, method)

@@ -567,6 +567,11 @@ def _tables(values: list[Any], key: str) -> list[dict[str, Any]]:
 def _known(table: Mapping[str, Any], known: set[str], where: str) -> None:
     for key in table:
         if key not in known:
+            if where and key in _TOP:
+                raise SpecError(
+                    f"{where}unknown key {shown(key)}; it belongs to the top of the file, above "
+                    "the first [table]"
+                )
             raise SpecError(f"{where}unknown key {shown(key)}; {suggest(key, known)}")
 
 

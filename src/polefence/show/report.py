@@ -245,7 +245,7 @@ def _plant(plant: UncertainPlant) -> Section:
     if not rows:
         text.append("The family is the convex hull of its vertices.")
         return Section("The plant", tuple(text))
-    head = ("parameter", "range", "unit", "scheduled on")
+    head = ("parameter", "range", "unit", "enters as")
     return Section("The plant", tuple(text), Table(head, tuple(rows)))
 
 

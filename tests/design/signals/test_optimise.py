@@ -321,7 +321,7 @@ def test_plants_that_say_too_little_are_refused(one):
         optimise(loads("sample_time = 1\n" + ONE_STATE), rms("force"), method="scheduled")
     with pytest.raises(InputError, match="give points or an impulse"):
         InitialPeak("x", 1.0)
-    with pytest.raises(InputError, match="an initial state has 1 numbers"):
+    with pytest.raises(InputError, match="state 1 of points has 2 numbers; .* has 1 states: x"):
         optimise(one, rms("force"), [InitialPeak("x", 1.0, ((1.0, 2.0),))], method="scheduled")
     with pytest.raises(InputError, match="a disturbance passes straight into 'rate'"):
         optimise(one, rms(rate_of(one, "x", "rate")), method="scheduled")

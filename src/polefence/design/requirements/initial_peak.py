@@ -20,7 +20,7 @@ from polefence.design.requirements.specification import (
 )
 from polefence.lmi.conditions import performance as conditions
 from polefence.plant.family import UncertainPlant
-from polefence.plant.outputs import stacked
+from polefence.plant.outputs import stacked, states
 from polefence.plant.polynomial import Domain
 from polefence.plant.system import Array
 from polefence.proof import claims as proof
@@ -106,19 +106,20 @@ class InitialPeak(Specification):
         return replace(self, points=points, ellipsoid=X0)
 
     def require_fit(self, plant: UncertainPlant) -> None:
-        """Refuse a plant without the signal; one without disturbance takes no impulse."""
+        """Refuse a plant without the signal; one without disturbance takes no impulse.
+
+        Initial states have as many numbers as the plant has states.
+        """
         self.outputs(plant)
+        self._require_states(plant)
         if self.impulse:
             disturbance(plant)
         self.scales(plant)
 
     def source(self, plant: UncertainPlant, domain: Domain) -> conditions.Source:  # noqa: ARG002
         """Return the initial states."""
-        N, n = len(plant.vertices), plant.shape[0]
-        if any(len(point) != n for point in self.points):
-            raise InputError(f"{self.name!r}: an initial state has {n} numbers")
-        if self.ellipsoid and len(self.ellipsoid) != n:
-            raise InputError(f"{self.name!r}: the ellipsoid must be {n} x {n}")
+        self._require_states(plant)
+        N = len(plant.vertices)
         found = [np.tile(np.array(p, dtype=float)[:, None], (N, 1, 1)) for p in self.points]
         if self.impulse:
             E, acting = self.entering(plant), self._impulses(plant)
@@ -140,6 +141,21 @@ class InitialPeak(Specification):
         impulses = tuple(Fraction(self.impulse) * scale for scale in impulses)
         X0 = tuple(tuple(Fraction(x) for x in row) for row in self.ellipsoid)
         return proof.InitialPeak(subject, self.exact_outputs(plant), level, points, impulses, X0)
+
+    def _require_states(self, plant: UncertainPlant) -> None:
+        n = plant.shape[0]
+        names = f": {', '.join(own.name for own in states(plant))}" if plant.states else ""
+        for k, point in enumerate(self.points, 1):
+            if len(point) != n:
+                raise InputError(
+                    f"{self.kind} of {self.name!r}: initial state {k} of points has {len(point)} "
+                    f"numbers; {plant.name} has {n} states{names}"
+                )
+        if self.ellipsoid and len(self.ellipsoid) != n:
+            raise InputError(
+                f"{self.kind} of {self.name!r}: the ellipsoid is {len(self.ellipsoid)} x "
+                f"{len(self.ellipsoid)}; {plant.name} has {n} states{names}"
+            )
 
     def _impulses(self, plant: UncertainPlant) -> tuple[float, ...]:
         """Return how many times the impulse each disturbance has; nothing without an impulse."""

@@ -195,6 +195,10 @@ def parse_specification(
             raise InputError(f"{text!r}: {key} is given twice; give it once")
         table[key] = _value(match["value"])
     what, less, limit = rest.partition("<=")
+    if not less and (found := re.search(r"<|=|,\d", what)):
+        raise InputError(
+            f"{text!r}: {found[0]!r} in it; a limit is written <= NUMBER, with a decimal point"
+        )
     kind, of, signal = what.partition(" of ")
     if not of or not signal.strip() or (less and not limit.strip()):
         raise InputError(f"{text!r} is not of the form KIND of SIGNAL <= LIMIT; write {EXAMPLE!r}")

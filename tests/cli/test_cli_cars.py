@@ -10,6 +10,7 @@ import pytest
 from polefence.cli.main import main
 from polefence.examples import family, spec_text
 from support.commands import refused
+from support.once import searched_once  # noqa: F401
 from support.paths import DOCS
 
 UNDER = re.compile(r"under = \[[^\]]*\]\n")

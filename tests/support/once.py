@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import inspect
+import sys
 
 import pytest
 
@@ -36,5 +37,7 @@ def searched_once():
 
     with pytest.MonkeyPatch.context() as patch:
         for name in CALLERS:
+            if name.startswith("polefence.studio") and "polefence.studio" not in sys.modules:
+                continue  # importing it takes a second
             patch.setattr(name, remembered)
         yield

@@ -144,7 +144,10 @@ def carried_out(
         for task in queue.given_up():
             yield task, None
         broken.seen, barren = False, barren + 1
-    raise OutputError("workers die as soon as they start; nothing more can be worked out")
+    raise OutputError(
+        "workers die as soon as they start; nothing more can be worked out; a script has to call "
+        "this below: if __name__ == '__main__':"
+    )
 
 
 class _Broken:

@@ -2,6 +2,7 @@
 
 SLOW = (
     "studio/test_browser.py",
+    "docs/test_gallery_pages.py",
     "fleet/test_studies.py",
     "docs/test_consoles.py",
     "fleet/test_cluster.py",
@@ -14,6 +15,10 @@ SLOW = (
     "test_build.py",
     "studio/test_state.py",
     "studio/test_page.py",
+    "docs/test_cortex_page.py",
+    "docs/test_fmu_page.py",
+    "docs/test_half_car_page.py",
+    "docs/test_fleet_page.py",
     "design/requirements/test_gain_norm.py",
     "design/requirements/test_vectors_of_outputs.py",
     "export/test_export.py",

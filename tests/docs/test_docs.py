@@ -82,7 +82,7 @@ def test_the_readmes_region_has_a_gain_that_can_be_built(physical):
     (row,) = [row for row in ROWS if "half_plane(4)" in row]
     region = polefence.parse_region(re.search(r'--region "([^"]*)"', row)[1])
     K = polefence.place(physical, region).law.gain(np.eye(4))
-    (said,) = re.findall(r"\((\d+) kN/m at most on the deflection\)", row)
+    (said,) = re.findall(r"gains are (\d+) kN/m at most on the deflection\)", row)
     assert np.abs(K[:, 0, 0]).max() == pytest.approx(1e3 * float(said), rel=0.05)
     assert np.abs(K[:, 0, 1]).max() < 155900  # the tyre's own stiffness
 

@@ -270,7 +270,7 @@ def test_tables_hold_exact_numbers(tmp_path):
 
 
 def test_what_does_not_fit_is_refused(stage):
-    with pytest.raises(InputError, match="the ellipsoid must be 2 x 2"):
+    with pytest.raises(InputError, match="the ellipsoid is 1 x 1; stage has 2 states: x, v"):
         optimise(
             stage,
             Rms("x", None, 2.0),

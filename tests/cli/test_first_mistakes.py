@@ -112,11 +112,11 @@ def test_the_sign_of_a_regulator(spec, capsys):
         ),
         (
             ["verify", "crane.toml", "--gain", "[1 2 3 4]", "--limit", "gain of rope angle < 0.1"],
-            "'<' in it; a limit is written <= NUMBER, with a decimal point",
+            "'< 0.1' at its end; a limit is written <= NUMBER, with a decimal point",
         ),
         (
             ["verify", "crane.toml", "--gain", "[1 2 3 4]", "--limit", "gain of rope angle 0,1"],
-            "',1' in it; a limit is written <= NUMBER, with a decimal point",
+            "',1' at its end; a limit is written <= NUMBER, with a decimal point",
         ),
     ],
 )

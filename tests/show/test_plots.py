@@ -85,6 +85,9 @@ def test_slow_poles_beside_fast_ones_have_a_panel_of_their_own():
         assert low < 1.02 * poles.real.min() < poles.real.max() < 0 < high
         assert 1.02 * np.abs(poles.imag).max() < top == -bottom
     assert near.get_ylim()[1] < 10
+    # a plant may be called as a panel is
+    same = poles_figure({"near the origin": (np.append(fast, slow), slow)}, region).axes
+    assert [ax.get_ylim() for ax in same] == [ax.get_ylim() for ax in (whole, near)]
     assert near.get_title() == "near the origin"
     assert whole.get_aspect() == "auto"  # narrow and high: a circle would be none
     assert len(poles_figure({"a": (slow, slow)}, region).axes) == 1
@@ -207,33 +210,37 @@ def test_a_comparison_shows_worst_median_and_best():
     figure = comparison_figure(found)
     for ax in figure.axes:
         name = ax.get_xlabel().split(" [")[0]
-        spans, marks, dots = ax.lines[0::3], ax.lines[1::3], ax.lines[2::3]
+        (spans,), (marks, dots) = ax.collections, ax.lines
         if ax.get_subplotspec().is_first_col():  # the others share it
             assert [own.get_text() for own in ax.get_yticklabels()] == ["passive", "skyhook"]
-        for law, span, mark, dot in zip(found.laws, spans, marks, dots, strict=True):
+        for k, law in enumerate(found.laws):
             row = found.row(law, name)
-            assert tuple(span.get_xdata()) == (row.best, row.worst)
-            assert mark.get_xdata() == [row.worst]
-            assert dot.get_xdata() == [row.median]
+            assert tuple(spans.get_segments()[k][:, 0]) == (row.best, row.worst)
+            assert marks.get_xdata()[k] == row.worst
+            assert dots.get_xdata()[k] == row.median
     assert {ax.get_xlabel().split(" [")[0] for ax in figure.axes} == set(COMPARED)
 
 
 def test_margins_are_shares_of_what_breaks_them():
     design = place(family("quarter-car-physical"), Disk(-40, 31))
+    proved = {"claim": object()}
     rows = [
-        Margin("estimate", "m1", 2.0, "kg", 8.0),
-        Margin("gain", "", 0.25, "of each column"),
-        Margin("rate", "m1", 30.0, "kg/s"),
-        Margin("rate", "beta", math.inf, "1/s"),
+        Margin("estimate", "m1", 2.0, "kg", 8.0, **proved),
+        Margin("gain", "", 0.25, "of each column", **proved),
+        Margin("rate", "m1", 30.0, "kg/s", **proved),
+        Margin("rate", "beta", math.inf, "1/s", **proved),
+        Margin("estimate", "beta", 0.0, "", 0.0),
     ]
     figure = margins_figure(Margins(design, design.region, 0, tuple(rows)))
     (ax,) = figure.axes
-    assert [bar.get_width() for bar in ax.patches] == [25, 100, 100]
-    assert [bar.get_facecolor()[3] for bar in ax.patches] == [1, 0, 0]  # hollow: nothing known
+    assert [bar.get_width() for bar in ax.patches] == [25, 100, 100, 100, 0]
+    assert [bar.get_facecolor()[3] for bar in ax.patches] == [1, 0, 0, 0, 1]  # hollow: no break
     said = [own.get_text() for own in ax.texts]
     assert said[0].endswith("kg proved, breaks at 8")
     assert said[1].endswith("proved, no break was found")
     assert said[2].endswith("proved, no break is sought")
+    assert said[3] == f"{rows[3].text} 1/s proved, no break is sought"
+    assert said[4] == "undecided, breaks at 0"
 
 
 def test_commands_draw_what_they_found(tmp_path, capsys):

@@ -17,6 +17,7 @@ from polefence import (
     Disk,
     Gain,
     HalfPlane,
+    InputError,
     NotProvedError,
     Rms,
     UncertainPlant,
@@ -132,6 +133,10 @@ def test_the_top_says_what_is_proved_of_which_cars_and_when(car):
 def test_the_date_is_todays(monkeypatch):
     monkeypatch.setenv("SOURCE_DATE_EPOCH", str(86400 * 366))
     assert today() == "1971-01-02"
+    for text in ("soon", "²", "9" * 30):
+        monkeypatch.setenv("SOURCE_DATE_EPOCH", text)
+        with pytest.raises(InputError, match="give seconds since 1970"):
+            today()
     monkeypatch.delenv("SOURCE_DATE_EPOCH")
     before = datetime.now(UTC).date().isoformat()
     assert before <= today() <= datetime.now(UTC).date().isoformat()
@@ -217,8 +222,8 @@ def test_bounds_and_a_front_are_put_in(tmp_path, capsys):
     own = cells(page)
     assert any("rms of 'force' = u1 <= 3" in cell for cell in own)
     place = own.index("rms of 'force'")  # this is no car, and has no road
-    assert own[place + 1 : place + 3] == ["3 N", "no road named: density 2"]
-    assert "rms of 'force' at most 3 N." in page.parts[""]
+    assert own[place + 1 : place + 3] == ["3 N", "at density 2"]
+    assert "rms of 'force' at most 3 N at density 2." in page.parts[""]
     assert sum(tag == "img" for tag, _ in page.tags) == 3
     assert main(["report", str(folder), "--front", str(spec)]) == 2
     document = json.loads((folder / "design.json").read_text())
@@ -263,13 +268,14 @@ def test_bounds_have_their_units_and_the_road_that_is_theirs(tmp_path):
     )
     found.save(tmp_path)
     proved = proved_document(tmp_path)
-    for speed, said in ((15.0, "road of class D at 15 m/s"), (16.0, "no road named")):
+    for speed, said in ((15.0, "on a road of class D at 15 m/s"), (16.0, "at density ")):
         own = Page(html_report(found.design, "D", speed, proved))
         shown = cells(own)
         rms = shown.index("rms of 'sprung-mass acceleration'")
         gain = shown.index("gain of 'tyre deflection'")
         assert re.fullmatch(r"[\d.]+ m/s²", shown[rms + 1])
         assert shown[rms + 2].startswith(said)
+        assert f"at most {shown[rms + 1]} {shown[rms + 2]}" in own.parts[""]
         assert re.fullmatch(r"[\d.]+ m per m/s", shown[gain + 1])
 
 
@@ -284,5 +290,5 @@ def test_a_unit_that_is_a_sentence_is_left_out(tmp_path):
     found = optimise(plant, None, [Rms("x", at_most=3)], method="quadratic")
     found.save(tmp_path)
     top = Page(html_report(found.design, bounds=proved_document(tmp_path))).parts[""]
-    assert "rms of 'x' at most 3." in top
+    assert "rms of 'x' at most 3 at density 1." in top
     assert "99" not in top

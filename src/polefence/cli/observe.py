@@ -63,8 +63,11 @@ def observe_command(options: Any) -> int:
     method = method_of(options.method or "scheduled", options)
     check_figure(options.plot)
     check_targets(options.json, options.plot, folder=options.output, names=(FILE_NAME,))
+    known = {name for own in plant.signals for name in (own.name, own.label)}
     measured = [
-        name for text in options.measured for name in (parse_names(text) if "," in text else [text])
+        name
+        for text in options.measured
+        for name in ([text] if text in known or "," not in text else parse_names(text))
     ]
     observer = observe(plant, measured, region, method)
     label = observer.design.label

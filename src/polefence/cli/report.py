@@ -8,7 +8,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
-from polefence.base.errors import InputError
+from polefence.base.errors import InputError, shown
 from polefence.base.files import make_folder, write_text
 from polefence.cli.common import PROVED, saved
 from polefence.design.design import Design, proved_document
@@ -53,10 +53,22 @@ def _figure(path: Path) -> tuple[str, bytes]:
 
 
 def today() -> str:
-    """Return the date that a page bears, SOURCE_DATE_EPOCH's where a build sets it."""
-    epoch = os.environ.get("SOURCE_DATE_EPOCH", "")
-    now = datetime.fromtimestamp(int(epoch), UTC) if epoch.isdigit() else datetime.now(UTC)
-    return f"{now:%Y-%m-%d}"
+    """Return the date that a page bears, SOURCE_DATE_EPOCH's where a build sets it.
+
+    Raises
+    ------
+    InputError
+        If that is no time.
+    """
+    epoch = os.environ.get("SOURCE_DATE_EPOCH")
+    if epoch is None:
+        return f"{datetime.now(UTC):%Y-%m-%d}"
+    try:
+        return f"{datetime.fromtimestamp(int(epoch), UTC):%Y-%m-%d}"
+    except (ValueError, OverflowError, OSError) as error:
+        raise InputError(
+            f"SOURCE_DATE_EPOCH = {shown(epoch)} is no time; give seconds since 1970"
+        ) from error
 
 
 def report_command(options: Any) -> int:
@@ -67,10 +79,10 @@ def report_command(options: Any) -> int:
     target = options.output or beside / "report.html"
     if target.suffix != ".html":
         raise InputError(f"{target}: a report ends in .html")
-    front = None if options.front is None else _figure(options.front)
+    front, date = None if options.front is None else _figure(options.front), today()
     design = Design.load(options.design)
     bounds = proved_document(options.design)
-    text = html_report(design, options.road, options.speed, bounds, front, today())
+    text = html_report(design, options.road, options.speed, bounds, front, date)
     make_folder(target.parent)
     write_text(target, text)
     saved(target)

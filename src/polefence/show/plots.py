@@ -71,7 +71,6 @@ FLOOR_LINE: Any = {"color": "0.3", "ls": "--", "lw": 0.9}
 PANEL = 1.25  # width of a panel of poles over its height
 SQUARED = re.compile(r"\b(m|rad)/s2\b")
 NARROW = 4  # height over width from which a view of poles is stretched
-NEAR = "near the origin"
 
 _STYLE: Any = {
     "font.size": 10,
@@ -249,29 +248,25 @@ def poles_figure(
     every = [np.ravel(poles) for pair in panels.values() for poles in pair]
     every += [np.ravel(poles) for _, poles in others.values()]
     whole = view or view_of(region, np.concatenate(every))
-    shown = {title: _shape(whole) for title in panels}
-    if len(panels) == 1 and view is None:
-        (title,) = panels
-        near = _near_origin(every[0], whole)
-        if near is not None:
-            shown[NEAR] = _shape(near)
-            panels = {title: panels[title], NEAR: panels[title]}
-            others = {**others, NEAR: others[title]} if title in others else others
+    near = _near_origin(every[0], whole) if len(panels) == 1 and view is None else None
+    drawn = [(title, title, whole) for title in panels]
+    drawn += [(title, "near the origin", near) for title in panels if near is not None]
     lines = _folded(short_text(region))
-    figure, axes = new_figure(len(panels), 1.0 + 4.4 * len(panels), 4.5 + 0.15 * lines.count("\n"))
-    for ax, (title, (cloud, vertices)) in zip(axes, panels.items(), strict=True):
-        _draw_poles(ax, np.ravel(cloud), np.ravel(vertices), others.get(title))
-        own, aspect = shown[title]
+    figure, axes = new_figure(len(drawn), 1.0 + 4.4 * len(drawn), 4.5 + 0.15 * lines.count("\n"))
+    for ax, (title, heading, seen) in zip(axes, drawn, strict=True):
+        cloud, vertices = map(np.ravel, panels[title])
+        _draw_poles(ax, cloud, vertices, others.get(title))
+        own, aspect = _shape(seen)
         draw_region(ax, region, own)
-        if title != NEAR:
-            _note_unseen(ax, np.ravel(cloud), own)
-        ax.set_title(title)
+        if seen is whole:
+            _note_unseen(ax, cloud, own)
+        ax.set_title(heading)
         ax.set_xlabel("real part [1/s]")
         ax.set_aspect(aspect, adjustable="box")
         ax.axvline(0, color="0.3", lw=0.8)
     axes[0].set_ylabel("imaginary part [rad/s]")
     handles, labels = axes[0].get_legend_handles_labels()
-    columns = 4 if len(panels) > 1 else 3 if len(labels[-1]) < 22 else 2
+    columns = 4 if len(drawn) > 1 else 3 if len(labels[-1]) < 22 else 2
     figure.legend(handles, labels, loc="outside lower center", ncols=columns, fontsize=8.5)
     return figure
 
@@ -1005,39 +1000,22 @@ def front_figure(front: Front) -> Figure:
 
 def comparison_figure(found: Comparison) -> Figure:
     """Draw comfort, grip, travel and force of each law: worst, median and best of the family."""
-    from matplotlib.lines import Line2D
-
-    quantities = [
-        row for row in found.rows if row.law == found.laws[0] and row.quantity in COMPARED
-    ]
     height = 1.2 + 0.5 * len(found.laws)
     figure, axes = new_grid(2, 2, 9.5, 2 * height, sharey=True)
     places = np.arange(len(found.laws))[::-1]
-    for ax, first in zip(axes.flat, quantities, strict=True):
-        for y, law in zip(places, found.laws, strict=True):
-            row = found.row(law, first.quantity)
-            ax.plot([row.best, row.worst], [y, y], color="#2166ac", lw=5, solid_capstyle="butt")
-            ax.plot(row.worst, y, "|", color="#b2182b", ms=14, mew=2.2)
-            ax.plot(row.median, y, "o", color="white", mec="#2166ac", ms=5)
-        ax.set(xlabel=f"{first.quantity} [{first.unit}]", ylim=(-0.6, len(places) - 0.4))
+    for ax, quantity in zip(axes.flat, COMPARED, strict=True):
+        rows = [found.row(law, quantity) for law in found.laws]
+        best, worst, middle = zip(*((r.best, r.worst, r.median) for r in rows), strict=True)
+        ax.hlines(places, best, worst, color="#2166ac", lw=5, label="over the family")
+        ax.plot(worst, places, "|", color="#b2182b", ms=14, mew=2.2, label="worst")
+        ax.plot(middle, places, "o", color="white", mec="#2166ac", ms=5, label="median")
+        ax.set(xlabel=f"{quantity} [{rows[0].unit}]", ylim=(-0.6, len(places) - 0.4))
         ax.set_yticks(places, found.laws)
         ax.set_xlim(left=0)
-    handles = [
-        Line2D([], [], color="#2166ac", lw=5, label="over the family"),
-        _mark("|", "#b2182b", "worst", 2.2),
-        _mark("o", "#2166ac", "median", 1),
-    ]
+    handles, _ = axes[0, 0].get_legend_handles_labels()
     figure.legend(handles=handles, loc="outside lower center", ncols=3, fontsize=8.5)
     figure.suptitle(f"{found.plant.name}: class {found.road} at {found.speed:g} m/s", fontsize=9.5)
     return figure
-
-
-def _mark(marker: str, color: str, label: str, width: float) -> Any:
-    from matplotlib.lines import Line2D
-
-    face = "white" if marker == "o" else color
-    words: Any = {"mec": color, "mfc": face, "mew": width, "ls": "", "label": label}
-    return Line2D([], [], marker=marker, ms=9 if marker == "|" else 5, **words)
 
 
 def margins_figure(margins: Margins) -> Figure:
@@ -1045,18 +1023,19 @@ def margins_figure(margins: Margins) -> Figure:
 
     Dashed: no error that breaks it is known.
     """
-    rows = [own for own in margins if np.isfinite(own.value)]
+    rows = list(margins)
     figure, (ax,) = new_figure(1, 8.5, 1.1 + 0.42 * len(rows))
     places = np.arange(len(rows))[::-1]
     for y, own in zip(places, rows, strict=True):
-        said, style = f"{own.text} {own.unit}".strip() + " proved", {"color": "#2166ac"}
-        if own.upper:
+        said = f"{own.text} {own.unit} proved" if own.proved else "undecided"
+        share, style = 100.0, {"fc": "none", "ec": "#2166ac", "ls": "--"}
+        if own.upper is not None:
             said += f", breaks at {digits_up(own.upper, 4)}"
+            share, style = 100 * own.value / own.upper if own.upper else 0.0, {"color": "#2166ac"}
         else:
             said += ", no break is sought" if own.kind == "rate" else ", no break was found"
-            style = {"fc": "none", "ec": "#2166ac", "ls": "--"}
-        ax.barh(y, 100 * own.value / own.upper if own.upper else 100.0, height=0.6, **style)
-        ax.text(102, y, said, va="center", fontsize=8.5)
+        ax.barh(y, share, height=0.6, **style)
+        ax.text(102, y, " ".join(said.split()), va="center", fontsize=8.5)
     ax.set_yticks(places, [own.subject for own in rows], fontsize=8.5)
     ax.set(xlim=(0, 100), xlabel="proved, as a share of the error that breaks it [%]")
     ax.set_title(

@@ -23,11 +23,10 @@ from polefence.law.words import definitions, formula, terms_of
 from polefence.lmi.conditions.methods import METHODS
 from polefence.plant.family import UncertainPlant
 from polefence.plant.outputs import Output, inputs, split, states
-from polefence.proof.claims.base import Claim
 from polefence.proof.claims.gain import Gain
 from polefence.proof.claims.relative_rms import RelativeRms
 from polefence.proof.claims.rms import Rms
-from polefence.proof.claims.signal import SignalClaim
+from polefence.proof.claims.signal import SignalClaim, acting_text
 from polefence.proof.document import Document
 from polefence.proof.text import quoted, visible
 from polefence.region.regions import Disk
@@ -109,8 +108,9 @@ def html_report(
     if not answer.proved:
         raise NotProvedError(f"no report: {answer}")
     title = f"{design.plant.name} in {short_text(design.region)}"
-    own = sections(design, answer, road, speed, bounds, front)
-    return Report(page(title, answer.answer, own, _summary(design, _named(design, bounds)), date))
+    named = _named(design, bounds, (road, speed))
+    own = sections(design, answer, road, speed, named, front)
+    return Report(page(title, answer.answer, own, _summary(design, named), date))
 
 
 def page(
@@ -175,7 +175,7 @@ def sections(
     answer: Check,
     road: str,
     speed: float,
-    bounds: Document | None = None,
+    bounds: Sequence[Bound] = (),
     front: tuple[str, bytes] | None = None,
 ) -> list[Section]:
     """Return all that is to be said about a proved design.
@@ -192,15 +192,8 @@ def sections(
     InputError
         If the road or the speed cannot be used.
     """
-    velocity_density(road, speed)  # refuses what cannot be used before the work
     parts = [_claim(design, answer), _plant(design.plant), _poles(design), _limits(design)]
-    named = _named(design, bounds)
-    parts += [
-        _bounds(named, (road, speed), design.plant),
-        responses(design),
-        comfort(design, road, speed),
-    ]
-    parts.append(_front(front))
+    parts += [_bounds(bounds), responses(design), comfort(design, road, speed), _front(front)]
     return [part for part in parts if part] + [
         _gain(design),
         _how_to_check(design),
@@ -299,24 +292,39 @@ def _limit(row: Limit) -> tuple[str, str, str]:
 class Bound:
     """A claim beside the region, as a reader wants it, and as the proof says it."""
 
-    claim: Claim
     what: str
     level: str
+    under: str
     statement: str
 
 
-def _named(design: Design, document: Document | None) -> list[Bound]:
-    """Return what a file claims beside the region, with the units of the plant's signals."""
+def _named(design: Design, document: Document | None, road: tuple[str, float]) -> tuple[Bound, ...]:
+    """Return what a file claims beside the region, with the units of the plant's signals.
+
+    Raises
+    ------
+    InputError
+        If the road or the speed cannot be used.
+    """
+    density = velocity_density(*road)
     if document is None:
-        return []
+        return ()
     found = []
     for claim in document.claims[1:]:
-        said, what, level = claim.statement(document.plant), "", ""
+        said, what, level, under = claim.statement(document.plant), "", "", ""
         if isinstance(claim, SignalClaim):
             what = f"{claim.kind} of {', '.join(quoted(own.name) for own in claim.outputs)}"
             level = f"{digits_up(claim.level)} {_unit(design.plant, claim)}".strip()
-        found.append(Bound(claim, what or said, level, said if what else ""))
-    return found
+            under = claim.under
+            if (
+                isinstance(claim, Rms)
+                and design.plant.vehicle is not None
+                and np.isclose(float(2 * claim.intensity), density, rtol=1e-9)
+            ):
+                under = f" on a road of class {road[0]} at {road[1]:g} m/s"
+            under += acting_text(claim.scales, document.plant, claim.scale_text)
+        found.append(Bound(what or said, level, under.strip(), said if what else ""))
+    return tuple(found)
 
 
 def _unit(plant: UncertainPlant, claim: SignalClaim) -> str:
@@ -337,27 +345,15 @@ def _short(unit: str) -> str:
     return unit if len(unit) <= 12 else ""
 
 
-def _acting(claim: Claim, plant: UncertainPlant, road: tuple[str, float]) -> str:
-    """Say which noise is meant: that of the report's road, if it is, otherwise its density."""
-    if not isinstance(claim, Rms | RelativeRms):
-        return ""
-    density = float(2 * claim.intensity)
-    if plant.vehicle is not None and np.isclose(density, velocity_density(*road), rtol=1e-9):
-        return f"road of class {road[0]} at {road[1]:g} m/s"
-    return f"no road named: density {density:.4g}"
-
-
-def _bounds(
-    bounds: Sequence[Bound], road: tuple[str, float], plant: UncertainPlant
-) -> Section | None:
+def _bounds(bounds: Sequence[Bound]) -> Section | None:
     if not bounds:
         return None
-    rows = [(own.what, own.level, _acting(own.claim, plant, road)) for own in bounds]
+    rows = [(own.what, own.level, own.under) for own in bounds]
     exact = tuple(own.statement for own in bounds if own.statement)
     return Section(
         "Bounds on signals, proved",
         ("For the same values of the parameters, in the same arithmetic:",),
-        Table(("", "at most", "under"), tuple(rows)),
+        Table(("", "at most", ""), tuple(rows)),
         notes=("As the proof has them, signals written out:", *exact) if exact else (),
     )
 
@@ -370,7 +366,7 @@ def _summary(design: Design, bounds: Sequence[Bound]) -> str:
     )
     whole = parameters or f"the convex hull of {len(design.plant.vertices)} vertices"
     claims = [f"all poles in {short_text(design.region)}"]
-    claims += [f"{own.what} at most {own.level}" for own in bounds if own.level]
+    claims += [f"{own.what} at most {own.level} {own.under}".strip() for own in bounds if own.level]
     return f"Proved for every value of {whole}: {'; '.join(claims)}."
 
 

@@ -45,6 +45,7 @@ _NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
 # A list, as `polefence.design.requirements.specification.listed` writes it.
 _ENTRY = r'(?:"(?:[^"\\]|\\.)*"|[^,*\[\]"]+?)'
 _ITEM = re.compile(rf"\s*(?P<name>{_ENTRY})\s*(?:\*\s*(?P<scale>{_NUMBER})\s*)?(?:,|$)")
+_LIMIT_ELSE = re.compile(r"(?:[<=]\s*-?|,)\d[\d.,]*$")  # written in another way
 _FROM = re.compile(r"(?P<rest>.*\S)\s+from\s+\[(?P<items>.*)\]\s*")
 _WITH = re.compile(r"(?P<rest>.*\S)\s+with\s+(?P<key>\w+)\s+(?P<value>\[[^\]]*\]|\S+)\s*")
 
@@ -195,9 +196,9 @@ def parse_specification(
             raise InputError(f"{text!r}: {key} is given twice; give it once")
         table[key] = _value(match["value"])
     what, less, limit = rest.partition("<=")
-    if not less and (found := re.search(r"<|=|,\d", what)):
+    if not less and (found := _LIMIT_ELSE.search(what)):
         raise InputError(
-            f"{text!r}: {found[0]!r} in it; a limit is written <= NUMBER, with a decimal point"
+            f"{text!r}: {found[0]!r} at its end; a limit is written <= NUMBER, with a decimal point"
         )
     kind, of, signal = what.partition(" of ")
     if not of or not signal.strip() or (less and not limit.strip()):

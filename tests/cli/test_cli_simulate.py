@@ -15,7 +15,7 @@ from polefence import Disk, load, place
 from polefence.cli.main import main
 from polefence.cli.simulate import panels_of, picked
 from polefence.examples import spec_path, spec_text
-from polefence.plant.spec import dumps, load_car
+from polefence.plant.spec import dumps, load_car, loads
 from polefence.response.columns import Table, write_table
 from polefence.response.linear import impulse, simulate, step
 from polefence.show.plots import Panel, signals_figure
@@ -199,6 +199,20 @@ def test_where_the_tyre_is_off_the_road_is_shaded(physical, design):
     (corners,) = [path.vertices for path in shade.get_paths()]
     assert corners[:, 1].max() == pytest.approx(level.max())
     assert corners[:, 1].min() == ax.get_ylim()[0]
+
+
+def test_a_tyre_of_uncertain_stiffness_leaves_the_road_too():
+    """No output is its force, which differs from vertex to vertex: nothing is shaded."""
+    text = spec_text("quarter-car-physical").replace("kt = 155900     # N/m, tyre\n", "")
+    text = text.replace(
+        "[definitions]", "[parameter.kt]\nrange = [150000, 160000]\n\n[definitions]"
+    )
+    plant = loads(text)
+    setup = Setup(plant, on_road(plant, pothole(0.06, 0.4), 8.0, 1e-3, 0.5))
+    found = run(setup, None)
+    assert setup.exact
+    assert [own.kind for own in found.events] == ["road"]
+    assert not [own for own in panels_of(setup, {"a": found}) if own.floors]
 
 
 def test_each_wheel_has_its_own_static_load():

@@ -8,7 +8,6 @@ import sys
 from pathlib import Path
 
 import numpy as np
-from scipy.linalg import expm
 from scipy.signal import place_poles
 
 import polefence as pf
@@ -30,17 +29,11 @@ def conditions(plant, count):
     return np.array([plant.alpha(Q=q, V=v) for q, v in zip(Q, V, strict=True)])
 
 
-def gusts(plant, law, alpha, step=2e-3, seconds=1.0):
+def gusts(plant, law, alpha):
     """Angle of attack [degrees] over time after a gust of 1 degree, at each condition."""
-    found = []
-    for own in alpha:
-        A, B = plant.at(own)
-        once, x, angles = expm((A + B @ law.gain(own)) * step), np.array([1.0, 0, 0]), []
-        for _ in range(round(seconds / step)):
-            angles.append(x[0])
-            x = once @ x
-        found.append(angles)
-    return step * np.arange(len(found[0])), np.array(found)
+    time, gust = 2e-3 * np.arange(500), [1, 0, 0]
+    signals = ["angle of attack"]  # linear: of degrees come degrees
+    return pf.response.simulate(plant, law, alpha, None, time, signals, start=gust)
 
 
 def draw(plant, laws, folder):
@@ -53,8 +46,8 @@ def draw(plant, laws, folder):
         pf.plots.draw_region(ax, REGION, (-26.0, 1.0, 14.0))
         ax.plot(poles.real, poles.imag, ".", ms=1.5, color=colour, rasterized=True)
         ax.set(title=name, xlabel="real part [1/s]", ylabel="imaginary part [1/s]")
-        time, angles = gusts(plant, law, alpha[:40])
-        axes[2].plot(time, angles.T, color=colour, lw=0.7)
+        found = gusts(plant, law, alpha[:40])
+        axes[2].plot(found.time, found.values[:, :, 0].T, color=colour, lw=0.7)
     axes[2].set(title="both", xlabel="time [s]", ylabel="angle of attack [degrees]")
     axes[2].margins(x=0)
     Path(folder, "f16.png").write_bytes(pf.plots.render(figure, "png"))

@@ -8,7 +8,6 @@ import sys
 from pathlib import Path
 
 import numpy as np
-from scipy.linalg import expm
 
 import polefence as pf
 
@@ -33,18 +32,11 @@ def designs():
     }
 
 
-def released(design, step=2e-3, seconds=2.0):
-    """Pitch rate over time at each condition, from a rate of 1 rad/s."""
-    found = []
-    for corner in np.eye(4):
-        A, B = design.plant.at(corner)
-        once = expm((A + B @ design.law.gain(corner)) * step)
-        x, rates = np.eye(len(A))[1], []
-        for _ in range(round(seconds / step)):
-            rates.append(x[1])
-            x = once @ x
-        found.append(rates)
-    return step * np.arange(len(found[0])), np.array(found)
+def released(design):
+    """Pitch rate over time at each condition, from a rate of 1 rad/s; the law begins at rest."""
+    plant, time = design.plant, 2e-3 * np.arange(1000)
+    start = np.eye(plant.shape[0])[1]
+    return pf.response.simulate(plant, design, np.eye(4), None, time, ["pitch rate"], start=start)
 
 
 def draw(design, folder):
@@ -64,9 +56,9 @@ def draw(design, folder):
     left.set(title="no control", ylim=(-9, 9))
     pf.plots.draw_region(middle, design.region, (-42.0, 4.0, 23.0))
     middle.set_title("gyro, order 1")
-    time, rates = released(design)
-    for own, colour, name in zip(rates, COLOURS, CONDITIONS, strict=True):
-        right.plot(time, own, color=colour, label=name)
+    found = released(design)
+    for own, colour, name in zip(found.values, COLOURS, CONDITIONS, strict=True):
+        right.plot(found.time, own, color=colour, label=name)
     right.set(title="gyro, order 1", xlabel="time [s]", ylabel="pitch rate [rad/s]")
     right.legend(fontsize=8.5)
     right.margins(x=0)

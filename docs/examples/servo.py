@@ -8,7 +8,6 @@ import sys
 from pathlib import Path
 
 import numpy as np
-from scipy.linalg import expm
 
 import polefence as pf
 
@@ -31,29 +30,23 @@ def laws():
         yield design, pf.verify(servo, design.law, region, limits=PEAKS).bounds
 
 
-def moves(design, count=40, step=2e-3, seconds=3.0):
-    """Load angle [degrees], shaft torque [N m], voltage [V] of random loads in a move."""
-    plant = design.plant
-    torque, found = np.array(plant.signal("shaft torque").C[0]), []
-    for JL in np.random.default_rng(0).uniform(12.5, 50, count):
-        alpha = plant.alpha(JL=JL)
-        A, B = plant.at(alpha)
-        K = design.law.gain(alpha)
-        once, x, own = expm((A + B @ K) * step), np.array(START[0]), []
-        for _ in range(round(seconds / step)):
-            own.append([np.degrees(x[0] + MOVE), torque @ x, (K @ x)[0]])
-            x = once @ x
-        found.append(own)
-    found = np.array(found)
-    return step * np.arange(found.shape[1]), found
+def moves(design):
+    """A move with forty random loads: load angle [rad], shaft torque [N m], voltage [V]."""
+    plant, time = design.plant, 2e-3 * np.arange(1500)
+    alpha = [plant.alpha(JL=JL) for JL in np.random.default_rng(0).uniform(12.5, 50, 40)]
+    signals = ["load angle", "shaft torque", "armature voltage"]
+    return pf.response.simulate(plant, design, alpha, None, time, signals, start=START[0])
 
 
-def draw(time, found, peaks, folder):
+def draw(found, peaks, folder):
     """Draw the moves, what shaft and motor bear, and what is proved."""
     figure, axes = pf.plots.new_figure(3, 10.5, 3.2)
     labels = ("load angle [degrees]", "shaft torque [N m]", "voltage [V]")
-    for ax, label, values in zip(axes, labels, found.T, strict=True):
-        ax.plot(time, values, color="#2166ac", lw=0.7)
+    angle, torque, voltage = found.values.T
+    for ax, label, values in zip(
+        axes, labels, (np.degrees(angle + MOVE), torque, voltage), strict=True
+    ):
+        ax.plot(found.time, values, color="#2166ac", lw=0.7)
         ax.set(xlabel="time [s]", ylabel=label)
         ax.margins(x=0)
     axes[0].axhline(np.degrees(MOVE), color="0.3", ls=":")
@@ -64,21 +57,21 @@ def draw(time, found, peaks, folder):
                 sign * own.bound.level, color="#b2182b", ls="--",
                 label="proved for every load" if sign > 0 else None,
             )  # fmt: skip
-    axes[2].legend(fontsize=8.5, loc="center right")
+    axes[2].legend(fontsize=8.5, loc="center right", bbox_to_anchor=(1, 0.3))
     Path(folder, "servo.png").write_bytes(pf.plots.render(figure, "png"))
 
 
 def main(folder="."):
     """Design, prove, print and draw."""
     for design, peaks in laws():
-        time, found = moves(design)
-        worst = np.abs(found).max(axis=(0, 1))[1:]
+        found = moves(design)
+        worst = np.abs(found.values).max(axis=(0, 1))[1:]
         print(f"{design.region}:")
         for own, unit, most in zip(peaks, ("N m", "V"), worst, strict=True):
             print(f"  {own.bound.level:.1f} {unit} proved, {most:.1f} {unit} in 40 moves")
         if peaks[0].bound.level <= TORQUE and peaks[1].bound.level <= VOLTAGE:
             break
-    draw(time, found, peaks, folder)
+    draw(found, peaks, folder)
 
 
 if __name__ == "__main__":

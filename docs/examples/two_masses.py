@@ -8,7 +8,6 @@ import sys
 from pathlib import Path
 
 import numpy as np
-from scipy.linalg import expm
 
 import polefence as pf
 
@@ -24,16 +23,10 @@ def loops(design, stiffness):
         yield A + B @ design.law.gain(alpha)
 
 
-def pushed(design, stiffness, step=0.01, seconds=25.0):
+def pushed(design, stiffness):
     """Position of the second mass [m] after a push of 1 N s on it."""
-    found, E = [], np.array(design.plant.vertices[0].E, dtype=float)[:, 0]
-    for A in loops(design, stiffness):
-        once, x, positions = expm(A * step), E, []
-        for _ in range(round(seconds / step)):
-            positions.append(x[1])
-            x = once @ x
-        found.append(positions)
-    return step * np.arange(len(found[0])), np.array(found)
+    alpha = [design.plant.alpha(k=k) for k in stiffness]
+    return pf.response.impulse(design.plant, design, alpha, ["position 2"], duration=25, step=0.01)
 
 
 def draw(design, folder):
@@ -47,9 +40,9 @@ def draw(design, folder):
     figure.colorbar(dots, ax=left, label="stiffness [N/m]")
     left.axvline(0, color="0.3", lw=0.8)
     left.set(xlabel="real part [1/s]", ylabel="imaginary part [1/s]")
-    time, found = pushed(design, np.linspace(0.5, 2, 16))
-    for own, k in zip(found, np.linspace(0, 1, 16), strict=True):
-        right.plot(time, own, color=dots.cmap(k), lw=0.9)
+    found = pushed(design, np.linspace(0.5, 2, 16))
+    for own, k in zip(found.values, np.linspace(0, 1, 16), strict=True):
+        right.plot(found.time, own, color=dots.cmap(k), lw=0.9)
     right.set(xlabel="time [s]", ylabel="position of mass 2 [m]")
     right.margins(x=0)
     Path(folder, "two-masses.png").write_bytes(pf.plots.render(figure, "png"))

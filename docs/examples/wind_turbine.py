@@ -8,7 +8,6 @@ import sys
 from pathlib import Path
 
 import numpy as np
-from scipy.linalg import expm
 
 import polefence as pf
 from polefence.plant.spec import loads
@@ -65,21 +64,11 @@ def plants(plant, count=40):
     return np.array([plant.alpha(K=k, g=own) for k, own in zip(K, g, strict=True)])
 
 
-def torques(plant, law, alpha, step=5e-3, seconds=12.0):
+def torques(plant, law, alpha):
     """Shaft torque [MN m] over time after a gust that adds 1 MN m for good."""
-    found = []
-    rows = np.array(plant.signal("shaft torque").C)
-    for own in alpha:
-        A, B = plant.at(own)
-        whole = np.zeros((6, 6))
-        whole[:5, :5] = A + (B @ law.gain(own) if law else 0)
-        whole[1, 5] = plant.vertices[0].E[1][0]
-        once, x, row, torque = expm(whole * step), np.eye(6)[5], own @ rows, []
-        for _ in range(round(seconds / step)):
-            torque.append(row @ x[:5])
-            x = once @ x
-        found.append(torque)
-    return step * np.arange(len(found[0])), np.array(found)
+    time = 5e-3 * np.arange(2400)
+    gust = np.ones_like(time)
+    return pf.response.simulate(plant, law, alpha, gust, time, ["shaft torque"])
 
 
 def draw(plant, law, folder):
@@ -90,8 +79,8 @@ def draw(plant, law, folder):
         (axes[0], None, "#b2182b", "no damper"),
         (axes[1], law, "#2166ac", "damper, proved"),
     ):
-        time, torque = torques(plant, own, alpha)
-        ax.plot(time, torque.T, color=colour, lw=0.8)
+        found = torques(plant, own, alpha)
+        ax.plot(found.time, found.values[:, :, 0].T, color=colour, lw=0.8)
         ax.set(xlabel="time [s]", title=title)
         ax.margins(x=0)
     axes[0].set_ylabel("shaft torque [MN m]")

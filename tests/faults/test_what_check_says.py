@@ -154,6 +154,7 @@ OTHERS = {
     "disturbance": (["disturbances", 1], "pull [m/s2]", "other names: disturbances[2] = 'pull"),
     "no names": (["states"], [], "other names: 0 names of states, spec 2"),
     "unit": (["parameters", 0, "unit"], "kN/m", "other units: k in 'kN/m', spec 'N/m'"),
+    "label": (["parameters", 0, "label"], "damper", "other names: k is 'damper', spec ''"),
     "range": (["parameters", 0, "range"], [1, 2.5], "other parameter ranges"),
 }
 

@@ -106,7 +106,8 @@ def plants(draw):
             through = f"1/p{k}"
         elif draw(st.booleans()):
             low, high = -high, -low
-        parameters.append(Parameter(f"p{k}", low, high, unit, through))
+        label = draw(st.sampled_from(["", "sprung mass", 'a "b"\\ ']))
+        parameters.append(Parameter(f"p{k}", low, high, unit, through, label))
     N = 2**count
 
     def matrix(rows, columns):

@@ -130,6 +130,11 @@ def test_the_top_says_what_is_proved_of_which_cars_and_when(car):
     )
 
 
+def test_the_table_says_what_the_parameters_are(car):
+    rows = Page(car[2]).parts["The plant"]
+    assert "|m1|sprung mass|231.12 to 346.68|kg|1/m1|" in rows.replace("\n", "").replace("||", "|")
+
+
 def test_the_date_is_todays(monkeypatch):
     monkeypatch.setenv("SOURCE_DATE_EPOCH", str(86400 * 366))
     assert today() == "1971-01-02"

@@ -293,6 +293,8 @@ def _other_name(found: UncertainPlant, plant: UncertainPlant) -> str | None:
     for p, q in zip(found.parameters, plant.parameters, strict=True):
         if p.unit != q.unit:
             return f"other units: {p.name} in {quoted(p.unit)}, spec {quoted(q.unit)}"
+        if p.label != q.label:
+            return f"other names: {p.name} is {quoted(p.label)}, spec {quoted(q.label)}"
     return None
 
 

@@ -346,7 +346,9 @@ def _bare_plant(plant: UncertainPlant) -> files.Plant:
 
 def ranges_of(plant: UncertainPlant) -> tuple[files.Range, ...]:
     """Return the parameters of a plant as files have them."""
-    return tuple(files.Range(p.low, p.high, p.inverted, p.name, p.unit) for p in plant.parameters)
+    return tuple(
+        files.Range(p.low, p.high, p.inverted, p.name, p.unit, p.label) for p in plant.parameters
+    )
 
 
 def _file_output(plant: UncertainPlant, own: Output) -> files.Output:
@@ -384,7 +386,9 @@ def plant_of(plant: files.Plant) -> UncertainPlant:
             noise=plant.noise,
         )
         parameters = tuple(
-            Parameter(p.name, p.low, p.high, p.unit, f"1/{p.name}" if p.inverted else p.name)
+            Parameter(
+                p.name, p.low, p.high, p.unit, f"1/{p.name}" if p.inverted else p.name, p.label
+            )
             for p in plant.ranges
         )
         return replace(found, parameters=parameters)

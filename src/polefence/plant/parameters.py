@@ -107,6 +107,8 @@ class Parameter:
         SI unit, for people ("kg").
     through : str
         The scheduling variable: the name itself, or ``"1/name"`` when the plant is affine in 1/p.
+    label : str
+        What it is, for people ("sprung mass").
 
     Raises
     ------
@@ -119,10 +121,11 @@ class Parameter:
     high: Fraction
     unit: str = ""
     through: str = ""
+    label: str = ""
 
     def __post_init__(self) -> None:
         check_name(self.name)
-        for key in ("unit", "through"):
+        for key in ("unit", "through", "label"):
             check_label(getattr(self, key), f"parameter {self.name}: {key}")
         what = f"parameter {self.name}: range"
         low, high = exact(self.low, what), exact(self.high, what)

@@ -501,15 +501,15 @@ def _parameter(name: str, table: Any) -> Parameter:
     where = f"parameter.{name}"
     if not isinstance(table, dict):
         raise SpecError(f"{where} must be a table; write [{where}]")
-    _known(table, {"range", "unit", "through"}, f"{where}: ")
+    _known(table, {"label", "range", "unit", "through"}, f"{where}: ")
     _need(table, ("range",), where)
     bounds = table["range"]
     if not isinstance(bounds, list) or len(bounds) != 2:
         raise SpecError(f"{where}: range must be two numbers, [low, high]")
     low, high = (_finite(b, f"{where}: range") for b in bounds)
-    texts = [table.get(key, "") for key in ("unit", "through")]
+    texts = [table.get(key, "") for key in ("unit", "through", "label")]
     if not all(isinstance(text, str) for text in texts):
-        raise SpecError(f"{where}: unit and through must be strings")
+        raise SpecError(f"{where}: unit, through and label must be strings")
     return Parameter(name, low, high, *texts)
 
 
@@ -640,6 +640,7 @@ def _expression_lines(plant: UncertainPlant) -> list[str]:
     for own in plant.parameters:
         bounds = _row_text(map(decimal_text, (own.low, own.high)))
         lines += [f"\n[parameter.{own.name}]", f"range = {bounds}"]
+        lines += [f"label = {_quoted(own.label)}"] if own.label else []
         lines += [f"unit = {_quoted(own.unit)}"] if own.unit else []
         lines += [f"through = {_quoted(own.through)}"] if own.inverted else []
     lines.append("\n[matrices]")

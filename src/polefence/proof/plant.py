@@ -23,6 +23,7 @@ class Range:
     inverted: bool = False
     name: str = ""
     unit: str = ""
+    label: str = ""
 
 
 @dataclass(frozen=True)
@@ -169,6 +170,7 @@ class Plant:
                 "unit": own.unit,
                 "through": f"1/{own.name}" if own.inverted else own.name,
             }
+            | ({"label": own.label} if own.label else {})
             for own in self.ranges
         ]
         table["vertices"] = [
@@ -198,7 +200,8 @@ def _ranges(table: Table) -> tuple[Range, ...]:
         low, high = (as_number(value, where) for value in bounds)
         if low >= high or (through != name and low <= 0 <= high):
             raise FormatError(f"{where} is empty, or touches zero where 1/{name} is used")
-        found.append(Range(low, high, through != name, name, row.text("unit", "")))
+        texts = [row.text(key, "") for key in ("unit", "label")]
+        found.append(Range(low, high, through != name, name, *texts))
     return tuple(found)
 
 

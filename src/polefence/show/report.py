@@ -227,8 +227,15 @@ def _claim(design: Design, answer: Check) -> Section:
 
 
 def _plant(plant: UncertainPlant) -> Section:
+    labelled = any(p.label for p in plant.parameters)
     rows = [
-        (p.name, f"{digits_up(p.low)} to {digits_down(p.high)}", p.unit, p.through)
+        (
+            p.name,
+            *([p.label] if labelled else []),
+            f"{digits_up(p.low)} to {digits_down(p.high)}",
+            p.unit,
+            p.through,
+        )
         for p in plant.parameters
     ]
     n, m = plant.shape
@@ -238,7 +245,7 @@ def _plant(plant: UncertainPlant) -> Section:
     if not rows:
         text.append("The family is the convex hull of its vertices.")
         return Section("The plant", tuple(text))
-    head = ("parameter", "range", "unit", "enters as")
+    head = ("parameter", *([""] if labelled else []), "range", "unit", "enters as")
     return Section("The plant", tuple(text), Table(head, tuple(rows)))
 
 

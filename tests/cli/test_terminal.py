@@ -232,6 +232,25 @@ def test_what_is_no_terminal_has_no_colours(monkeypatch):
     assert stream.getvalue() == "proved: x\n"
 
 
+# --- long sentences ------------------------------------------------------------------------------
+
+SENTENCE = "  rms of 'travel' <= 2" + ", proved: of all" * 9
+
+
+def test_a_sentence_is_folded_further_in_on_a_terminal_alone(monkeypatch):
+    rows = shown(monkeypatch, Terminal(), SENTENCE).splitlines()
+    assert len(rows) > 1
+    assert max(map(len, rows)) <= 80
+    assert all(row.startswith("      ") and row[6] != " " for row in rows[1:])
+    assert " ".join(map(str.strip, rows)) == SENTENCE.strip()
+    assert shown(monkeypatch, io.StringIO(), SENTENCE) == f"{SENTENCE}\n"
+
+
+@pytest.mark.parametrize("text", ["saved: " + "of a folder/" * 9, "x      1.5" * 9, "x" * 200])
+def test_paths_and_rows_of_tables_stay_as_they_are(monkeypatch, text):
+    assert shown(monkeypatch, Terminal(), text) == f"{text}\n"
+
+
 # --- Ctrl-C --------------------------------------------------------------------------------------
 
 BUSY = """

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import os
 import sys
+import textwrap
 import threading
 import time
 from collections.abc import Iterator
@@ -19,6 +20,7 @@ from polefence.proof.text import visible
 
 EVERY = 0.2  # [s] between two drawings
 COLUMNS = 80  # of a terminal that does not say
+MOST_COLUMNS = 100  # of text on a terminal
 COLOURS = {"proved": "1;32", "refuted": "1;31", "exceeded": "1;31", "undecided": "1;33"}
 
 
@@ -108,15 +110,35 @@ def say(*lines: object, file: TextIO | None = None, verdict: str = "") -> None:
     All that commands print goes this way: a newline or an escape in a name is shown, not obeyed,
     and what the terminal has no letter for does not stop the answer. On a terminal the verdict is
     coloured where the first line has it; the line alone does not tell, for names may be words.
+    There a sentence that is too long is folded, and what follows is indented further.
     """
     stream = sys.stdout if file is None else file
     code = getattr(stream, "encoding", None) or "utf-8"
     with aside():
         for k, own in enumerate(lines):
             shown = visible(str(own)).encode(code, "backslashreplace").decode(code)
+            shown = folded(shown, stream) if stream.isatty() else shown
             if k == 0 and verdict in COLOURS and coloured(stream):
                 shown = shown.replace(verdict, f"\x1b[{COLOURS[verdict]}m{verdict}\x1b[0m", 1)
             print(shown, file=stream, flush=True)
+
+
+def folded(text: str, stream: TextIO) -> str:
+    """Fold a sentence for a terminal; a table's row and a file that was written stay one line."""
+    start = len(text) - len(text.lstrip())
+    width = min(_columns(stream), MOST_COLUMNS)
+    if len(text) <= width or "   " in text[start:] or text.startswith("saved: "):
+        return text
+    further = " " * (start + 4)
+    return textwrap.fill(
+        text,
+        width,
+        initial_indent="",
+        subsequent_indent=further,
+        break_long_words=False,
+        break_on_hyphens=False,
+        replace_whitespace=False,
+    )
 
 
 def coloured(stream: TextIO) -> bool:

@@ -39,6 +39,7 @@ def test_poles_matrices_and_bounds_are_said_and_saved(mine, capsys):
     starts += [
         "proved: gain of x1 <= 1; ",
         "exceeded: gain of x1 <= 0.1; sampled ",
+        "read: A of 2 vertices, B, E, K, P from mine.npz",
         "saved: out/design.json",
     ]
     starts += ["saved: all.json"]
@@ -59,6 +60,9 @@ def test_other_names_and_the_other_sign(mine, capsys):
     words = ["--name", "K=gain", "--name", "P=Xopt", "--region", "half_plane(0)"]
     said = lines(capsys, "minus.npz", "--minus", *words)
     assert said[1].startswith("given P: proves it, as V = x' P^-1 x")
+    assert said[2] == (
+        "read: A of 2 vertices, B, K (called 'gain'), P (called 'Xopt') from minus.npz; u = -K x"
+    )
     said = lines(capsys, "minus.npz", *words, status=1)
     assert said[0].startswith("refuted: at alpha = ")
     assert said[1].startswith("note: -K keeps the poles of all vertices there")
@@ -75,6 +79,8 @@ def test_parts_may_be_in_other_files(mine, capsys):
     assert said[1].startswith("given P: does not prove it; ")
     (mine / "k.json").write_text(json.dumps({"K": gain.tolist()}))
     assert lines(capsys, "car.toml", "--gain", "k.json")[0] == said[0]
+    np.save("k.npy", gain)
+    assert lines(capsys, "car.toml", "--gain", "k.npy") == said[:1]
     main(["analyse", "car.toml", "--gain", "gain.csv", "--region", "half_plane(0)"])
     assert capsys.readouterr().out.startswith("proved: ")
 
@@ -102,11 +108,15 @@ def test_nothing_is_saved_where_nothing_is_proved(mine, capsys):
         (["out"], "out: a file of claims; polefence check proves it afresh"),
         (["mine.npz", "--lyapunov", "mine.npz", "--gain", "two.npz"], "for one gain K"),
         (["mine.npz", "--limit", "gain of x1 <= 1", "-o", "mine.npz"], "mine.npz"),
+        (["mine.npz", "--gain", "gain.csv"], "polefence: gain.csv: gain[1][2] = nan must be"),
+        (["mine.npz", "--gain", "column.csv"], "polefence: column.csv: the gain is 2 x 1; mine"),
     ],
 )
 def test_what_cannot_be_used_is_one_line(mine, capsys, words, said):
     (mine / "car.toml").write_text(spec_text("quarter-car-physical"))
     np.savez("two.npz", K=np.stack([K, K]))
+    np.savetxt("gain.csv", [[1, np.nan]])
+    np.savetxt("column.csv", K.T)
     main(["verify", "mine.npz", "-o", "out"])
     capsys.readouterr()
     assert said in refused(capsys, "verify", *words)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import json
 import struct
 import zipfile
@@ -185,12 +186,37 @@ def nested(depth):
     return write
 
 
+def claiming(*shape):
+    """Write an archive whose array has fewer numbers than its header says."""
+
+    def write(path):
+        own = io.BytesIO()
+        header = {"descr": "<f8", "fortran_order": False, "shape": shape}
+        np.lib.format.write_array_header_1_0(own, header)
+        with zipfile.ZipFile(path, "w") as archive:
+            archive.writestr("A.npy", own.getvalue())
+
+    return write
+
+
+def saved_alone(path):
+    np.save(path, A[0])
+
+
 def written(content):
     return lambda path: path.write_bytes(content)
 
 
 BAD = {
-    "pickled.npz": (pickled, "no .npz file of plain arrays"),
+    "pickled.npz": (pickled, "A: not a plain array of NumPy"),
+    "huge.npz": (
+        claiming(10**6, 10**6),
+        "its header says 1000000 x 1000000",
+    ),
+    "negative.npz": (claiming(-1, 4), "A: not a plain array of NumPy"),
+    "short.npz": (claiming(1, 3), "A: not a plain array of NumPy"),
+    "short.npy": (written(b"\x93NUMPY\x01\x00"), "not a plain array of NumPy"),
+    "one.npy": (saved_alone, "no matrix 'A'; known: one"),
     "cut.mat": (cut, "a damaged one"),
     "bomb.mat": (bomb, "once unpacked"),
     "bomb.npz": (zip_bomb, "once unpacked"),

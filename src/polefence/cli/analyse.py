@@ -48,7 +48,7 @@ from polefence.proof.text import exactly
 from polefence.region.regions import Region
 from polefence.region.text import digits_down, digits_up, load_region, parse_region
 
-OTHERS = (".mat", ".npz", ".csv")  # files of other tools
+OTHERS = (".mat", ".npz", ".npy", ".csv")  # files of other tools
 WANTED = 'give a matrix, a design.json, or a table {"grid": {name: knots}, "gains": nested lists}'
 MOST_TEXT = 100_000  # characters of a matrix on the command line
 SHOWN = 3  # counterexamples printed
@@ -64,7 +64,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         required=True,
         metavar="WHAT",
         help="u = K x: '[[...]]', '[1 2; 3 4]', or a file: JSON with a matrix, a design or a "
-        "table; .mat, .npz or .csv with a K",
+        "table; .mat, .npz, .npy or .csv with a K",
     )
     where = parser.add_mutually_exclusive_group()
     where.add_argument(

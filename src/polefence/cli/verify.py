@@ -39,7 +39,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--gain",
         metavar="WHAT",
-        help="u = K x: '[1 2; 3 4]', or a file (.mat, .npz, .csv, .json); default: the K of PLANT",
+        help="u = K x: '[1 2; 3 4]', or a file (.mat, .npz, .npy, .csv, .json); default: the K of "
+        "PLANT",
     )
     parser.add_argument(
         "--minus", action="store_true", help="the law is u = -K x, as lqr and place have it"
@@ -88,11 +89,23 @@ def verify_command(options: Any) -> int:
     check_targets(options.json, folder=options.output, names=(FILE_NAME,))
     found = verify(plant, law, region, P, limits, options.budget)
     _say(found)
+    if arrays is not None:
+        say(_read_text(arrays, options))
     if options.output is not None:
         _save(found, options.output)
     if options.json is not None:
         write_json(options.json, _summary(found))
     return PROVED if found.proved else NOT_PROVED
+
+
+def _read_text(arrays: Arrays, options: Any) -> str:
+    """Say which matrices of the file stand for plant, law and Lyapunov function."""
+    names = [*"ABECDF", "sample_time"]
+    if options.gain is None:
+        names += ["K"] if "K" in arrays else ["Z", "W"]
+    names += ["P"] if options.lyapunov is None else []
+    sign = "; u = -K x" if options.minus else ""
+    return f"read: {', '.join(arrays.listed(names))} from {arrays.place}{sign}"
 
 
 def _names(given: Sequence[str]) -> dict[str, str]:

@@ -22,19 +22,23 @@ def law_from(arrays: Arrays, plant: UncertainPlant) -> Law:
     InputError
         If there is none, or it does not fit.
     """
+    law = _law(arrays, plant)
     try:
-        if "K" in arrays or len(arrays.matrices) == 1:
-            K = _floats(arrays.only("K"))
-            if len(K) == 1:
-                return given_law(plant, FixedGain(K[0]))
-            return given_law(plant, PolynomialGain(tuple(map(tuple, np.eye(len(K), dtype=int))), K))
-        if "W" in arrays and "Z" in arrays:
-            W, Z = _floats(arrays["W"]), _floats(arrays["Z"])
-            return given_law(plant, ScheduledGain(W, Z))
-        if "B" not in arrays:
-            return FixedGain(np.zeros(plant.shape[::-1]))
+        return given_law(plant, law)
     except InputError as problem:
         raise type(problem)(f"{arrays.place}: {problem}") from problem
+
+
+def _law(arrays: Arrays, plant: UncertainPlant) -> Law:
+    if "K" in arrays or len(arrays.matrices) == 1:
+        K = _floats(arrays.only("K"))
+        if len(K) == 1:
+            return FixedGain(K[0])
+        return PolynomialGain(tuple(map(tuple, np.eye(len(K), dtype=int))), K)
+    if "W" in arrays and "Z" in arrays:
+        return ScheduledGain(_floats(arrays["W"]), _floats(arrays["Z"]))
+    if "B" not in arrays:
+        return FixedGain(np.zeros(plant.shape[::-1]))
     raise InputError(f"{arrays.place}: no gain K in it, nor W and Z; name the file of one")
 
 

@@ -29,8 +29,8 @@ from polefence.proof.work import FormatError
 MAX_ENTRIES = 2_000_000  # numbers in a file
 MAX_INFLATED = 64_000_000  # bytes of a file once it is unpacked
 MAX_FILES = 2_000  # in a folder
-KINDS = (".mat", ".npz", ".json", ".csv")
-WANTED = "name a .mat, .npz, .json or .csv file, or a folder of .csv files"
+KINDS = (".mat", ".npz", ".npy", ".json", ".csv")
+WANTED = "name a .mat, .npz, .npy, .json or .csv file, or a folder of .csv files"
 HDF = b"MATLAB 7.3"
 MI_MATRIX, MI_COMPRESSED = 14, 15  # types of elements of a MATLAB 5 file: nested, and packed
 MAX_DEPTH, MAX_ELEMENTS = 20, 200_000  # of these
@@ -109,6 +109,16 @@ class Arrays:
             raise InputError(f"{self.place}: {name} holds {len(found)} matrices, not one")
         return found[0]
 
+    def listed(self, names: Iterable[str]) -> list[str]:
+        """Say which of these the file has, as it calls them, and how many of each."""
+        found = []
+        for name in names:
+            if name in self.matrices:
+                own, count = self.names.get(name, name), len(self.matrices[name])
+                called = name if own == name else f"{name} (called {shown(own)})"
+                found.append(called if count == 1 else f"{called} of {count} vertices")
+        return found
+
     def only(self, name: str) -> list[Exact]:
         """Return the matrices of a name, or those of a file that has no others.
 
@@ -159,7 +169,7 @@ def _read_arrays(path: Path) -> Arrays:
     if kind == ".csv":
         return Arrays(str(path), {path.stem: [_csv(path, raw)]})
     read: Callable[[Path, bytes], Iterable[tuple[str, Any]]]
-    read = {".mat": _mat, ".npz": _npz, ".json": _json}[kind]
+    read = {".mat": _mat, ".npz": _npz, ".npy": _one_npy, ".json": _json}[kind]
     matrices, words, faults = dict[str, list[Matrix]](), dict[str, list[str]](), dict[str, str]()
     count = 0
     for name, value in read(path, raw):
@@ -248,15 +258,34 @@ def _npz(path: Path, raw: bytes) -> Iterator[tuple[str, Any]]:
     try:
         with zipfile.ZipFile(io.BytesIO(raw)) as archive:
             size = sum(entry.file_size for entry in archive.infolist())
-        if size > MAX_INFLATED:
-            raise InputError(f"{path}: more than {MAX_INFLATED} bytes once unpacked")
-        with np.load(io.BytesIO(raw), allow_pickle=False) as file:
-            for name in file.files:
-                yield name, _or_fault(_array, f"{path}: {name}", file[name], True)
-    except (zipfile.BadZipFile, ValueError, OSError, EOFError, zlib.error) as problem:
-        if isinstance(problem, InputError):
-            raise
+            if size > MAX_INFLATED:
+                raise InputError(f"{path}: more than {MAX_INFLATED} bytes once unpacked")
+            for entry in archive.namelist():
+                name = entry.removesuffix(".npy")
+                value = _npy(f"{path}: {name}", archive.read(entry))
+                yield name, _or_fault(_array, f"{path}: {name}", value, True)
+    except (zipfile.BadZipFile, OSError, EOFError, RuntimeError, zlib.error) as problem:
         raise InputError(f"{path}: no .npz file of plain arrays: {problem}") from problem
+
+
+def _one_npy(path: Path, raw: bytes) -> Iterator[tuple[str, Any]]:
+    yield path.stem, _array(str(path), _npy(str(path), raw), True)
+
+
+def _npy(where: str, raw: bytes) -> Any:
+    """Read an array of NumPy's own format, no larger than its bytes."""
+    form, stream = np.lib.format, io.BytesIO(raw)
+    try:
+        version = form.read_magic(stream)
+        header = form.read_array_header_1_0 if version == (1, 0) else form.read_array_header_2_0
+        shape, _, kind = header(stream)
+        if math.prod(shape) * kind.itemsize > len(raw):
+            raise ValueError(f"its header says {' x '.join(map(str, shape))} entries")
+        stream.seek(0)
+        return form.read_array(stream, allow_pickle=False)
+    except (ValueError, EOFError) as problem:
+        text = " ".join(str(problem).split())
+        raise InputError(f"{where}: not a plain array of NumPy: {shown(text)}") from problem
 
 
 def _or_fault(read: Callable[..., Any], *given: Any) -> Any:

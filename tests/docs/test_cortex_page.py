@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import io
-import os
 import re
 from contextlib import redirect_stdout
 from types import SimpleNamespace
@@ -13,6 +12,7 @@ import pytest
 
 from polefence.response.discrete import zero_order_hold
 from support.cortex import export, missing_tools
+from support.needed import require
 from support.paths import DOCS
 from support.scripts import docs_script
 
@@ -24,12 +24,7 @@ ROW = re.compile(r"(\d+) kg +(\S+) N +(\S+) N +(\S+) N +(\S+) N")
 
 @pytest.fixture(scope="module")
 def example():
-    missing = missing_tools()
-    if missing:
-        message = f"not installed: {', '.join(missing)}"
-        if os.environ.get("POLEFENCE_TEST_TARGET") == "1":
-            pytest.fail(message)
-        pytest.skip(message)
+    require(missing_tools())
     return docs_script("cortex")
 
 

@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import io
-import os
 import re
-import shutil
 import sys
 from contextlib import redirect_stdout
 from dataclasses import replace
@@ -16,6 +14,7 @@ import numpy as np
 import pytest
 
 from polefence.base.errors import InputError
+from support.needed import need, require
 from support.paths import DOCS
 from support.scripts import docs_script
 
@@ -27,13 +26,8 @@ ROW = re.compile(r"(\d+) kg +(\S+) N +(\S+) +(\S+) +(\S+) %")
 
 @pytest.fixture(scope="module")
 def example():
-    missing = [] if shutil.which("cc") else ["cc"]
-    missing += [] if find_spec("fmpy") else ["fmpy"]
-    if missing:
-        message = f"not installed: {', '.join(missing)}"
-        if os.environ.get("POLEFENCE_TEST_TARGET") == "1":
-            pytest.fail(message)
-        pytest.skip(message)
+    need("cc")
+    require([] if find_spec("fmpy") else ["fmpy"])
     return docs_script("fmu")
 
 

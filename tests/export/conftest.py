@@ -2,31 +2,21 @@
 
 from __future__ import annotations
 
-import os
-
 import pytest
 
 from polefence import Disk, Scheduled, place
 from support.cortex import HOST_TOOLS, export, missing_tools
-
-
-def _require(missing: list[str]) -> None:
-    if not missing:
-        return
-    reason = f"not installed: {', '.join(missing)}"
-    if "POLEFENCE_TEST_TARGET" in os.environ:
-        pytest.fail(reason)
-    pytest.skip(reason)
+from support.needed import require
 
 
 @pytest.fixture(scope="session")
 def host_compiler() -> None:
-    _require(missing_tools(HOST_TOOLS))
+    require(missing_tools(HOST_TOOLS))
 
 
 @pytest.fixture(scope="session")
 def emulator() -> None:
-    _require(missing_tools())
+    require(missing_tools())
 
 
 @pytest.fixture(scope="session")

@@ -40,7 +40,8 @@ from polefence.export.observer import (
 from polefence.export.program import number, program
 from polefence.export.sources import Texts, sources
 from polefence.law.laws import FixedGain
-from support.shapes_of_laws import FUZZ, SANITIZED, STRICT, need, run, weights
+from support.needed import need
+from support.shapes_of_laws import FUZZ, SANITIZED, STRICT, run, weights
 
 SERVO = spec_path("servo")
 SENSORS = ("suspension deflection", "sprung-mass velocity", "integral of suspension deflection")

@@ -14,6 +14,7 @@ import pytest
 from polefence.base.errors import InputError
 from polefence.export.sources import sources
 from support.memories import exported
+from support.needed import need
 from support.paths import DOCS
 from support.shapes_of_laws import (
     BETA,
@@ -25,7 +26,6 @@ from support.shapes_of_laws import (
     SHAPES,
     STRICT,
     Shape,
-    need,
     run,
     weights,
 )

@@ -15,7 +15,8 @@ from hypothesis import strategies as st
 from polefence.base.errors import InputError
 from polefence.export.sources import WIDTH, block, check_c_name, comment, sources
 from polefence.plant.parameters import Parameter
-from support.shapes_of_laws import BY_LABEL, STRICT, need, run
+from support.needed import need
+from support.shapes_of_laws import BY_LABEL, STRICT, run
 
 SHAPE = BY_LABEL["two parameters, limits"]
 LEAK = "int leaked(void);"

@@ -17,7 +17,8 @@ from polefence.export.damper import damper_sources
 from polefence.proof.document import loads
 from polefence.vehicle import Damper
 from support.commands import refused
-from support.shapes_of_laws import STRICT, need, run
+from support.needed import need
+from support.shapes_of_laws import STRICT, run
 
 HALF = ("front", "rear")
 

@@ -29,6 +29,7 @@ from polefence.export.sources import Texts
 from polefence.response.discrete import Sampling, zero_order_hold
 from support.drives import drive
 from support.memories import CORNER, TIME, exported
+from support.needed import absent, need
 
 BOTH = pytest.mark.parametrize("version", ["2.0", "3.0"])
 KINDS = ("parameters", "alpha", "fixed", "limited")
@@ -55,17 +56,9 @@ HOSTILE = (
 )
 
 
-def absent(what: str) -> None:
-    """Skip, or fail where the tests of targets are asked for."""
-    message = f"{what} is not installed"
-    if os.environ.get("POLEFENCE_TEST_TARGET") == "1":
-        pytest.fail(message)
-    pytest.skip(message)
-
-
 @pytest.fixture(scope="module")
 def compiler():
-    return shutil.which("cc") or absent("a C compiler, cc,")
+    return need("cc")
 
 
 @pytest.fixture(scope="module")

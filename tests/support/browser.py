@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import json
-import os
 import shutil
 import subprocess
 import sys
 import time
 from contextlib import contextmanager, suppress
 
-import pytest
+from support.needed import require
 
 TOOLS = ("chromium", "chromedriver")
 SWITCHES = (
@@ -28,11 +27,7 @@ PATIENCE = 60  # [s], of a machine that does much else
 
 def require_browser():
     """Skip where there is no browser; fail where one is promised."""
-    missing = [tool for tool in TOOLS if shutil.which(tool) is None]
-    if missing and os.environ.get("POLEFENCE_TEST_TARGET") == "1":
-        pytest.fail(f"{missing[0]} is not installed, and POLEFENCE_TEST_TARGET=1 promises it")
-    if missing:
-        pytest.skip(f"needs {missing[0]}")
+    require(tool for tool in TOOLS if shutil.which(tool) is None)
 
 
 @contextmanager

@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-import os
-import shutil
 import subprocess
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-import pytest
 
 from polefence.export.program import Program, number, program
 from polefence.export.sources import Texts, sources
@@ -31,16 +28,6 @@ SANITIZED = ["-std=c99", "-O0", f"-fsanitize={SANITIZERS}", "-fno-sanitize-recov
 M1 = Parameter("m1", "231.12", "346.68", "kg", "1/m1")
 BETA = Parameter("beta", -10, 10)
 LEFT = Parameter("left", -3, "-0.7", "m", "1/left")  # inverted, below zero
-
-
-def need(tool: str) -> str:
-    """The path of a tool; without it skip, or fail where the tools are promised."""
-    found = shutil.which(tool)
-    if found is None and os.environ.get("POLEFENCE_TEST_TARGET") == "1":
-        pytest.fail(f"{tool} is not installed, and POLEFENCE_TEST_TARGET=1 promises it")
-    if found is None:
-        pytest.skip(f"{tool} is not installed")
-    return found
 
 
 def run(*command: object) -> subprocess.CompletedProcess[str]:

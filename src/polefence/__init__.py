@@ -31,8 +31,10 @@ from polefence.region.regions import (
     HorizontalStrip,
     Sector,
     VerticalStrip,
+    Wedge,
 )
 from polefence.region.text import parse_region
+from polefence.region.z_plane import z_plane
 
 __version__ = VERSION
 
@@ -162,6 +164,7 @@ __all__ = [
     "UncontrollableError",
     "Verified",
     "VerticalStrip",
+    "Wedge",
     "analyse",
     "build",
     "check",
@@ -202,6 +205,7 @@ __all__ = [
     "with_actuator",
     "with_sensor",
     "worst_case",
+    "z_plane",
 ]
 
 

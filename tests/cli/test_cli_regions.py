@@ -223,7 +223,10 @@ def test_discrete_time_goes_all_the_way(cart, tmp_path, capsys):
     ("words", "message"),
     [
         (["design", "--disk", "-40", "31"], "discrete-time plant; give a disk in the unit"),
-        (["design", "--region", "sector(0.5)"], "discrete-time plant; give a disk in the unit"),
+        (
+            ["design", "--region", "ellipse(-3, 2, 1)"],
+            "has no image in the z-plane here",
+        ),
         (["tightest", "--of", "sector"], "a discrete-time plant; ask --of disk"),
         (["tightest", "--of", "disk", "--centre", "-2"], "not inside the unit circle"),
         (["limits", "--centre", "-40"], "not inside the unit circle"),
@@ -262,7 +265,7 @@ def test_a_disk_that_touches_the_unit_circle_goes_all_the_way(cart, tmp_path, ca
 def test_service_in_discrete_time_refuses_what_is_of_continuous_time(cart, tmp_path, capsys):
     assert main(["design", cart, "--disk", "0", "1", "-o", str(tmp_path / "d")]) == 0
     for words, message in (
-        (["--region", "half_plane(0)"], "disk(0, 1) for stability alone"),
+        (["--region", "disk(-40, 31)"], "disk(0, 1) for stability alone"),
         (["--decay", "0.1"], "is in discrete time, where no rates of change are proved"),
     ):
         assert main(["service", str(tmp_path / "d"), *words]) == 2

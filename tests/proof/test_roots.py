@@ -20,6 +20,7 @@ from polefence.region.regions import (
     HorizontalStrip,
     Sector,
     VerticalStrip,
+    Wedge,
     damping_of,
 )
 
@@ -31,6 +32,8 @@ GROWING = {
     "vertical_strip": lambda t: VerticalStrip(-1 - 2 * t, -1 + t),
     "horizontal_strip": lambda t: HorizontalStrip(t),
     "ellipse": lambda t: Ellipse(-1.5, t, 2 * t),
+    "wedge": lambda t: Wedge(-1.5 + t, 2 * t),
+    "wedge to the right": lambda t: Wedge(-1.5 - t, -t),
     "wide ellipse": lambda t: Ellipse(-1.5, 3 * t, t / 2),
     "intersection": lambda t: Disk(-1.5, 2 * t) & HalfPlane(5 - 3 * t) & HorizontalStrip(t),
 }
@@ -129,6 +132,7 @@ REGIONS = [
     Ellipse(-3, 2.5, 1.5),
     Disk(-3, 2.9) & Sector(0.6),
     Disk(-40, 39.5) & HalfPlane(1) & HorizontalStrip(2),
+    Wedge(-0.5, 2) & Wedge(-6, -1.5),
 ]
 
 
@@ -166,6 +170,8 @@ def narrower(region, t):
                 parts.append(VerticalStrip(middle - half, middle + half))
             case HorizontalStrip():
                 parts.append(HorizontalStrip(part.height * t))
+            case Wedge():
+                parts.append(Wedge(part.apex, part.slope * t))
             case Ellipse():
                 parts.append(Ellipse(part.centre, part.real * t, part.imaginary * t))
     result = parts[0]

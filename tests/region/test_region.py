@@ -19,6 +19,7 @@ from polefence import (
     Sector,
     UncertainPlant,
     VerticalStrip,
+    Wedge,
     analyse,
     check,
     place,
@@ -42,6 +43,7 @@ PARTS = {
         lambda low, width: VerticalStrip(low, low + width), number(-40, 10), SIZE
     ),
     "horizontal_strip": st.builds(HorizontalStrip, SIZE),
+    "wedge": st.builds(Wedge, number(-20, 20), st.one_of(SIZE, SIZE.map(lambda s: -s))),
     "ellipse": st.builds(Ellipse, SIZE.map(lambda c: -c), SIZE, SIZE),
 }
 ANY = st.one_of(*PARTS.values())
@@ -75,6 +77,7 @@ INSIDE = {
     "vertical_strip": lambda region: (region.low + region.high) / 2,
     "horizontal_strip": lambda region: -1.0,
     "ellipse": lambda region: region.centre,
+    "wedge": lambda region: region.apex - math.copysign(1, region.slope),
 }
 
 
@@ -222,7 +225,7 @@ def test_two_disks_inside_the_unit_circle():
 
 
 @pytest.mark.parametrize(
-    "region", [Disk(-40, 31), HalfPlane(0), Sector(0.5), Disk(0.5, 0.4) & HorizontalStrip(0.3)]
+    "region", [Disk(-40, 31), Disk(-3, 2.9) & Sector(0.5), Disk(0.5, 0.4) & Disk(-1, 0.5)]
 )
 def test_a_discrete_time_plant_refuses_regions_of_continuous_time(region):
     with pytest.raises(RegionError, match="discrete-time plant; give a disk in the unit"):

@@ -42,6 +42,8 @@ REGIONS = [
     "vertical_strip(-30, -2)",
     "horizontal_strip(12)",
     "ellipse(-20, 15, 4)",
+    "wedge(-2, 1.5)",
+    "wedge(-30, -0.5)",
     "half_plane(3) & sector(0.5) & disk(-20, 19)",
     "horizontal_strip(5) & ellipse(-9, 8, 7) & half_plane(2)",
 ]

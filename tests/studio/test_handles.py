@@ -7,7 +7,16 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from polefence import Disk, Ellipse, HalfPlane, HorizontalStrip, Sector, VerticalStrip, parse_region
+from polefence import (
+    Disk,
+    Ellipse,
+    HalfPlane,
+    HorizontalStrip,
+    Sector,
+    VerticalStrip,
+    Wedge,
+    parse_region,
+)
 from polefence.base.errors import RegionError
 from polefence.examples import family
 from polefence.region.regions import Region
@@ -25,6 +34,8 @@ REGIONS = (
     "ellipse(-40, 30, 15)",
     "half_plane(4) & sector(0.6) & disk(-30, 30)",
     "vertical_strip(-60, -5) & horizontal_strip(20)",
+    "wedge(-2, 1.5)",
+    "wedge(-70, -0.8) & half_plane(1)",
 )
 
 
@@ -335,4 +346,4 @@ def test_the_view_stays_during_a_drag():
 
 def test_every_kind_of_part_can_be_dragged():
     kinds = {type(part) for text in REGIONS for part in parse_region(text).parts}
-    assert kinds == {Disk, Ellipse, HalfPlane, HorizontalStrip, Sector, VerticalStrip}
+    assert kinds == {Disk, Ellipse, HalfPlane, HorizontalStrip, Sector, VerticalStrip, Wedge}

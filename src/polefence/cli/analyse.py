@@ -21,6 +21,7 @@ from polefence.cli.common import (
     check_figure,
     check_targets,
     every_alpha,
+    image_text,
     saved,
     spec_argument,
     write_figure,
@@ -121,7 +122,7 @@ def analyse_command(options: Any) -> int:
         region = _region(options)
         if isinstance(law, GainTable):
             return _table(plant, law, region, options)
-        return _one(analyse(plant, law, region, options.budget), options)
+        return _one(analyse(plant, law, region, options.budget), region, options)
     if isinstance(law, GainTable):
         raise InputError("--of is for one gain or law; analyse a table with --region")
     return _worst(
@@ -192,7 +193,7 @@ def _region(options: Any) -> Region:
     return region
 
 
-def _one(analysis: Analysis, options: Any) -> int:
+def _one(analysis: Analysis, asked: Region, options: Any) -> int:
     if analysis.proved:
         say(
             f"proved: the given law keeps all poles of {analysis.plant.name!r} in "
@@ -202,6 +203,7 @@ def _one(analysis: Analysis, options: Any) -> int:
     else:
         say(f"{analysis.answer}: {analysis.reason}", verdict=analysis.answer)
         note_the_sign(analysis, "give -K")
+    say(*image_text(analysis.plant, asked, analysis.proved))
     pole, alpha = analysis.pole, analysis.alpha
     _finish(
         options,
@@ -300,6 +302,7 @@ def _table(plant: UncertainPlant, table: GainTable, region: Region, options: Any
     with _finished_cells(table) as finished:
         found = analyse_table(plant, table, region, options.depth, options.budget, finished)
     say(f"{found.answer}: {found.summary}", verdict=found.answer)
+    say(*image_text(plant, region, found.answer == "proved"))
     if found.cut:
         say(CUT)
     for values in found.counterexamples[:SHOWN]:

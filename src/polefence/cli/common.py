@@ -21,6 +21,7 @@ from polefence.base.errors import InputError
 from polefence.base.files import check_document, check_target, make_folder, write_bytes, write_text
 from polefence.base.progress import stage
 from polefence.cli.terminal import aside, say
+from polefence.design.checks import in_time_of
 from polefence.design.design import FILE_NAME, Design
 from polefence.design.requirements.text import parse_names
 from polefence.law.laws import FixedGain, PolynomialGain
@@ -29,6 +30,9 @@ from polefence.law.words import definitions, formula, terms_of
 from polefence.lmi.conditions.methods import METHODS, Method, Scheduled, Slack
 from polefence.plant.family import UncertainPlant
 from polefence.plant.tracks import own_states
+from polefence.proof.text import exactly
+from polefence.region.regions import Region, Sector
+from polefence.region.z_plane import share_kept
 
 PROVED, NOT_PROVED = 0, 1
 
@@ -180,6 +184,22 @@ def every_alpha(design: Design, *others: str) -> str:
     """
     box = "box" in (design.certificate.claim().on, *others)
     return "every alpha of the box" if box else "every alpha"
+
+
+def image_text(plant: UncertainPlant, region: Region, proved: bool = True) -> list[str]:
+    """Say what stands in the z-plane for a region that is asked of a plant in discrete time."""
+    if plant.sample_time is None or in_time_of(plant, region) == region:
+        return []
+    shares = [
+        f"; the polygon of {part} is {math.floor(100 * share_kept(part.damping))} % of its image"
+        for part in region.parts
+        if isinstance(part, Sector)
+    ]
+    seconds = exactly(float(plant.sample_time))
+    lines = [f"  that lies within {region} at T = {seconds} s, z = exp(s T){''.join(shares)}"]
+    if shares and not proved:
+        lines.append("  note: so a pole outside the polygon may still have the damping asked")
+    return lines
 
 
 def gains_of(law: Any, N: int) -> dict[str, Any]:

@@ -11,6 +11,7 @@ from polefence.cli.common import (
     add_structure_options,
     check_results,
     every_alpha,
+    image_text,
     method_arguments,
     method_of,
     refuse_method_options,
@@ -73,9 +74,11 @@ def design_command(options: Any) -> int:
     design = place(plant, region, method, structure=structure)
     label = design.label if structure is None else structure.words(plant)
     lines = [
-        f"proved: {label} keeps all poles of {plant.name!r} in {region} for {every_alpha(design)}"
+        f"proved: {label} keeps all poles of {plant.name!r} in {design.region} for "
+        f"{every_alpha(design)}",
+        *image_text(plant, region),
     ]
-    if not implies_stability(plant, region):
+    if not implies_stability(plant, design.region):
         shape = "disk" if isinstance(region, Disk) else "region"
         lines.append(
             f"note: this {shape} reaches into the right half-plane; it does not imply stability"
@@ -88,7 +91,7 @@ def design_command(options: Any) -> int:
                 )
     summary = {
         "plant": plant_summary(plant),
-        "region": region.document(),
+        "region": design.region.document(),
         "method": label,
         "status": "proved",
     }

@@ -13,6 +13,7 @@ from polefence.cli.common import (
     check_figure,
     check_targets,
     gain_lines,
+    image_text,
     method_arguments,
     method_of,
     saved,
@@ -71,9 +72,11 @@ def observe_command(options: Any) -> int:
     ]
     observer = observe(plant, measured, region, method)
     label = observer.design.label
+    asked, region = region, observer.region
     say(
         f"proved: {label} keeps all poles of the observer of {plant.name!r} in {region} for every "
         "alpha",
+        *image_text(plant, asked),
         verdict="proved",
     )
     if not implies_stability(plant, region):

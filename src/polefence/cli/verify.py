@@ -9,7 +9,15 @@ from typing import Any
 
 from polefence.base.errors import InputError, shown
 from polefence.cli.analyse import note_the_sign, read_gain
-from polefence.cli.common import NOT_PROVED, PROVED, check_targets, every_alpha, saved, write_json
+from polefence.cli.common import (
+    NOT_PROVED,
+    PROVED,
+    check_targets,
+    every_alpha,
+    image_text,
+    saved,
+    write_json,
+)
 from polefence.cli.terminal import say
 from polefence.design.design import FILE_NAME, Design, is_proof_file
 from polefence.design.requirements.specification import Specification
@@ -89,6 +97,7 @@ def verify_command(options: Any) -> int:
     check_targets(options.json, folder=options.output, names=(FILE_NAME,))
     found = verify(plant, law, region, P, limits, options.budget)
     _say(found)
+    say(*image_text(plant, region, found.analysis.proved))
     if arrays is not None:
         say(_read_text(arrays, options))
     if options.output is not None:

@@ -19,6 +19,7 @@ from polefence.plant.family import UncertainPlant
 from polefence.proof import matrices, roots, work
 from polefence.proof.regions import parts_of
 from polefence.region.regions import Disk, HalfPlane, Region, check_centre
+from polefence.region.z_plane import z_plane
 
 # Multiplications of one step of a search for a law with specifications.
 MOST_OPTIMISED_STEP = 1.5e10
@@ -112,16 +113,49 @@ def require_region(plant: UncertainPlant, region: Region, method: Method | None 
     if plant.sample_time is None:
         for disk in disks:
             check_centre(disk.centre)
-    elif len(disks) < len(region.parts) or not all(disk.discrete for disk in disks):
+    elif not disks or not all(disk.discrete for disk in disks):
         raise RegionError(
             f"{region}: {plant.name} is a discrete-time plant; give a disk in the unit disk, for "
             "example disk(0.5, 0.4), or disk(0, 1) for stability alone"
         )
 
 
+def in_time_of(plant: UncertainPlant, region: Region) -> Region:
+    """Return a region as the poles of this plant have it: for discrete time in the z-plane.
+
+    Raises
+    ------
+    RegionError
+        If a part has no image there.
+    """
+    if plant.sample_time is None:
+        return region
+    try:
+        return z_plane(region, plant.sample_time)
+    except RegionError as problem:
+        raise RegionError(f"{plant.name} is in discrete time: {problem}") from problem
+
+
+def require_continuous(plant: UncertainPlant, of: str) -> None:
+    """Refuse questions for the largest decay rate or damping ratio in discrete time.
+
+    Raises
+    ------
+    InputError
+        With the question to ask instead.
+    """
+    if plant.sample_time is not None:
+        raise InputError(
+            f"{plant.name} is in discrete time, where {of} has no direct search; ask for the "
+            "smallest disk about 0: its radius r decays with -ln(r)/T"
+        )
+
+
 def implies_stability(plant: UncertainPlant, region: Region) -> bool:
     """Whether poles in a region that fits the plant's kind of time are stable ones."""
-    return plant.sample_time is not None or region.stable
+    if plant.sample_time is None:
+        return region.stable
+    return any(isinstance(part, Disk) and part.discrete for part in region.parts)
 
 
 def example_centre(plant: UncertainPlant) -> str:

@@ -13,7 +13,7 @@ import numpy as np
 from polefence.base.errors import InputError, RegionError, SolverError, require_type
 from polefence.base.processors import small_matrices
 from polefence.design.certificate import Certificate
-from polefence.design.checks import require_region
+from polefence.design.checks import in_time_of, require_continuous, require_region
 from polefence.design.counterexample import counterexample, first_worst, worst_points
 from polefence.design.design import Design
 from polefence.design.evidence import (
@@ -169,6 +169,7 @@ def analyse(
         return analyse_table(plant, law, region, depth, budget)
     law = given_law(plant, law)
     require_type(region, Region, "region", "for example polefence.Disk(-40, 31)")
+    region = in_time_of(plant, region)
     require_region(plant, region)
     return analysed(plant, law, region, Deadline(budget))
 
@@ -293,6 +294,8 @@ def worst_case(
     if (of == "disk") != (centre is not None):
         raise InputError("of = 'disk' needs a centre (centre=-40, say), other questions have none")
     measure = _measure(of, centre)
+    if centre is None:
+        require_continuous(plant, of)
     widest = HalfPlane(0) if centre is None else Disk(centre, 1e-6)
     require_region(plant, widest)
     ladder = forms(plant, law)

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from polefence.base.errors import InputError, NotProvedError
+from polefence.design.checks import in_time_of
 from polefence.design.design import Design, require_kind
 from polefence.design.measured import dual_plant, read_measured, require_observable, transposed
 from polefence.design.place import place, tightest
@@ -66,6 +67,7 @@ def observe(
     if (region is None) == (centre is None):
         raise InputError("give a region, or a centre for the smallest disk, and not both")
     C, names = read_measured(plant, measured)
+    region = None if region is None else in_time_of(plant, region)
     require_observable(plant, C, names, region)
     dual = dual_plant(plant, C, names)
     try:

@@ -17,8 +17,10 @@ from polefence.base.progress import stage
 from polefence.design.bound import is_there, lower_radius
 from polefence.design.certificate import Certificate
 from polefence.design.checks import (
+    in_time_of,
     is_checkable,
     require_checkable,
+    require_continuous,
     require_domain,
     require_movable,
     require_region,
@@ -103,6 +105,7 @@ def place(
     require_type(plant, UncertainPlant, "plant", "polefence.load(path) reads one")
     require_domain(plant, method)
     require_type(region, Region, "region", "for example polefence.Disk(-40, 31)")
+    region = in_time_of(plant, region)
     require_region(plant, region, method)
     require_movable(plant, region)
     if isinstance(method, Scheduled) and method.degree == "auto":
@@ -400,6 +403,7 @@ def largest(plant: UncertainPlant, of: str, method: Method, within: Region | Non
     InputError
         If the method has no such question, or the region does not fit the plant's time.
     """
+    require_continuous(plant, of)
     if isinstance(options(method), Slack):
         raise InputError(
             f"the method slack finds disks only; for a {of} take quadratic or scheduled"

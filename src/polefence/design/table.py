@@ -18,7 +18,7 @@ from polefence.base import VERSION
 from polefence.base.errors import DesignFileError, InputError, NotProvedError, require_type
 from polefence.base.files import write_documents
 from polefence.design.certificate import file_plant, plant_of
-from polefence.design.checks import require_region
+from polefence.design.checks import in_time_of, require_region
 from polefence.design.counterexample import shown
 from polefence.design.design import check_document, read_document
 from polefence.design.search import Deadline
@@ -218,6 +218,7 @@ def analyse_table(
     """
     _require_fit(plant, table)
     require_type(region, Region, "region", "for example polefence.Disk(-40, 31)")
+    region = in_time_of(plant, region)
     require_region(plant, region)
     work = _Work(TableAnalysis(plant, table, region, ()), _exact_table(plant, table))
     deadline = Deadline(budget)

@@ -15,7 +15,7 @@ import numpy as np
 from polefence.base.errors import InputError, require_type
 from polefence.base.processors import small_matrices
 from polefence.design.certificate import Certificate
-from polefence.design.checks import require_region
+from polefence.design.checks import in_time_of, require_region
 from polefence.design.evidence import certificate_of, placeholder
 from polefence.design.given import Analysis, analyse
 from polefence.design.requirements.specification import Specification
@@ -171,6 +171,7 @@ def verify(
         raise InputError("a table of gains is analysed, not verified: polefence.analyse")
     own = given_law(plant, law)
     require_type(region, Region, "region", "for example polefence.Disk(-40, 31)")
+    region = in_time_of(plant, region)
     require_region(plant, region)
     for limit in limits:
         limit.require_fit(plant)

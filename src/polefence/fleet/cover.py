@@ -9,7 +9,7 @@ import numpy as np
 
 from polefence.base.errors import PolefenceError
 from polefence.base.processors import small_matrices
-from polefence.design.checks import require_region
+from polefence.design.checks import in_time_of, require_region
 from polefence.design.requirements.specification import Specification
 from polefence.fleet.questions import DIED, ERROR, LOST, NOT_PROVED, PROVED, Answer, Cover
 from polefence.fleet.shared import Fleet
@@ -80,7 +80,7 @@ def _read(
             plant = loads(text, "variant")
             require_alike([*(own for own, _, _ in list(known.values())[:1]), plant])
             region, limits = question.kept(text)
-            require_region(plant, region)
+            require_region(plant, in_time_of(plant, region))
         except PolefenceError as error:
             bad[n] = Answer(ERROR, reason=" ".join(str(error).split()))
         else:

@@ -167,6 +167,35 @@ class Sector(Part):
 
 
 @dataclass(frozen=True)
+class Wedge(Part):
+    """|Im z| < slope (apex - Re z)."""
+
+    kind = "wedge"
+
+    apex: Fraction
+    slope: Fraction
+
+    def own_fault(self) -> str:
+        """Say that it is none."""
+        return "" if self.slope else "slope = 0 leaves no wedge"
+
+    @property
+    def pairs(self) -> list[Pair]:
+        """L and M."""
+        s, level = self.slope, -2 * self.slope * self.apex
+        return [([[level, ZERO], [ZERO, level]], [[s, ONE], [-ONE, s]])]
+
+    def in_half_plane(self, p: Fraction, q: Fraction, c: Fraction) -> bool:
+        """Whether both rays and the apex do."""
+        along = p if self.slope > 0 else -p
+        return p * self.apex <= c and along >= abs(self.slope * q)
+
+    def sides(self) -> Iterator[Side]:
+        """Yield both lines, which are one."""
+        yield self.slope, ONE, self.slope * self.apex
+
+
+@dataclass(frozen=True)
 class VerticalStrip(Part):
     """low < Re z < high."""
 
@@ -263,7 +292,10 @@ class Ellipse(Part):
 
 
 KINDS: Mapping[str, type[Part]] = MappingProxyType(
-    {each.kind: each for each in (Disk, HalfPlane, Sector, VerticalStrip, HorizontalStrip, Ellipse)}
+    {
+        each.kind: each
+        for each in (Disk, HalfPlane, Sector, Wedge, VerticalStrip, HorizontalStrip, Ellipse)
+    }
 )
 
 

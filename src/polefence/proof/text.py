@@ -104,7 +104,7 @@ def region_text(parts: Sequence[Part]) -> str:
 
 def _numbers(part: Part) -> Iterable[str]:
     for key, value in zip(part.names(), part.numbers, strict=True):
-        if key != "slope":  # that of the damping
+        if (part.kind, key) != ("sector", "slope"):  # that of the damping
             yield exactly(float(value)) if Fraction(float(value)) == value else str(value)
 
 

@@ -9,6 +9,7 @@ from polefence.region.regions import (
     Region,
     Sector,
     VerticalStrip,
+    Wedge,
 )
 
 __all__ = [
@@ -20,4 +21,5 @@ __all__ = [
     "Region",
     "Sector",
     "VerticalStrip",
+    "Wedge",
 ]

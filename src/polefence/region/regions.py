@@ -263,6 +263,44 @@ class Sector(Region):
 
 
 @dataclass(frozen=True)
+class Wedge(Region):
+    """|Im z| < slope (apex - Re z): between two rays from a point of the real axis.
+
+    Parameters
+    ----------
+    apex : float
+        Where the rays begin [1/s]; in the z-plane without a unit.
+    slope : float
+        Above zero the wedge opens to the left, below zero to the right.
+    """
+
+    apex: float
+    slope: float
+    kind: ClassVar[str] = "wedge"
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if not self.slope:
+            raise RegionError("slope = 0 leaves no wedge; above zero it opens to the left")
+
+    @property
+    def stable(self) -> bool:
+        return self.slope > 0 and self.apex <= 0
+
+    @property
+    def scale(self) -> float:
+        return abs(self.apex)
+
+    def pairs(self, rate: float = 1.0) -> tuple[Pair, ...]:
+        s = self.slope
+        return ((-2 * s * self.apex / rate * np.eye(2), np.array([[s, 1.0], [-1.0, s]])),)
+
+    def distance(self, poles: Any) -> Array:
+        z, s = np.asarray(poles), self.slope
+        return np.asarray((s * (z.real - self.apex) + np.abs(z.imag)) / math.hypot(s, 1))
+
+
+@dataclass(frozen=True)
 class VerticalStrip(Region):
     """low < Re z < high [1/s]."""
 
@@ -402,7 +440,8 @@ class Intersection(Region):
 
 
 CLASSES: dict[str, type[Region]] = {
-    each.kind: each for each in (Disk, HalfPlane, Sector, VerticalStrip, HorizontalStrip, Ellipse)
+    each.kind: each
+    for each in (Disk, HalfPlane, Sector, Wedge, VerticalStrip, HorizontalStrip, Ellipse)
 }
 
 

@@ -9,7 +9,7 @@ from pathlib import Path
 from polefence.base.errors import RegionError, suggest
 from polefence.plant.spec import region_text
 from polefence.proof.text import digits_down, digits_up, exactly
-from polefence.region.regions import CLASSES, Intersection, Region
+from polefence.region.regions import CLASSES, Intersection, Region, Wedge
 
 __all__ = ["digits_down", "digits_up", "load_region", "parse_region", "short_text"]
 
@@ -29,10 +29,10 @@ def parse_region(text: str) -> Region:
     ----------
     text : str
         Kinds are ``disk(centre, radius)``, ``half_plane(decay)``, ``sector(damping)``,
-        ``vertical_strip(low, high)``, ``horizontal_strip(height)`` and
+        ``wedge(apex, slope)``, ``vertical_strip(low, high)``, ``horizontal_strip(height)`` and
         ``ellipse(centre, real, imaginary)``, numbers in 1/s (rad/s for imaginary parts), a damping
-        ratio without a unit. Capitals do not matter, and ``-`` may stand for ``_``. At most 1000
-        characters and 16 parts.
+        ratio and a slope without a unit. Capitals do not matter, and ``-`` may stand for ``_``. At
+        most 1000 characters and 16 parts.
 
     Raises
     ------
@@ -76,8 +76,10 @@ def short_text(region: Region) -> str:
 
 def _short_part(part: Region) -> str:
     # a disk's centre stays: another one would be another disk, unless its radius grew too
-    larger = ("radius", "height", "high", "real", "imaginary")
+    larger: tuple[str, ...] = ("radius", "height", "high", "real", "imaginary")
     names = [field.name for field in fields(part)]
+    if isinstance(part, Wedge) and part.slope > 0:
+        larger = ("apex", "slope")
     texts = [
         exactly(value)
         if name == "centre"

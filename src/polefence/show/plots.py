@@ -35,6 +35,7 @@ from polefence.region.regions import (
     Region,
     Sector,
     VerticalStrip,
+    Wedge,
 )
 from polefence.region.text import digits_down, digits_up, short_text
 
@@ -443,6 +444,13 @@ def _sector(part: Any, view: View) -> list[Curve]:
     return [-np.abs(x) + 1j * part.slope * x]
 
 
+def _wedge(part: Any, view: View) -> list[Curve]:
+    end = view[0] if part.slope > 0 else view[1]
+    far = max(abs(part.apex - end), view[2] / abs(part.slope))
+    y = np.linspace(-1, 1, POINTS) * far * abs(part.slope)
+    return [part.apex - np.abs(y) / part.slope + 1j * y]
+
+
 def _vertical(x: float, view: View) -> Curve:
     return np.asarray(x + 1j * np.linspace(-view[2], view[2], POINTS))
 
@@ -454,6 +462,7 @@ _CURVES: dict[type[Region], Callable[[Any, View], list[Curve]]] = {
     VerticalStrip: _vertical_strip,
     HorizontalStrip: _horizontal_strip,
     Sector: _sector,
+    Wedge: _wedge,
 }
 
 
@@ -494,6 +503,10 @@ def _extent(region: Region) -> View:
             height = max(height, part.height)
         elif isinstance(part, HalfPlane):
             high = max(high, -part.decay)
+        elif isinstance(part, Wedge) and part.slope > 0:
+            high = max(high, part.apex)
+        elif isinstance(part, Wedge):
+            low = max(low, part.apex)
     return low, high, height
 
 

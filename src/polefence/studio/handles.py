@@ -20,6 +20,7 @@ from polefence.region.regions import (
     Region,
     Sector,
     VerticalStrip,
+    Wedge,
 )
 from polefence.show.plots import Curve, View, curves, half_axes
 
@@ -120,6 +121,8 @@ def _ends(part: Region) -> tuple[float, float]:
         return -np.inf, -part.decay
     if isinstance(part, VerticalStrip):
         return part.low, part.high
+    if isinstance(part, Wedge):
+        return (-np.inf, part.apex) if part.slope > 0 else (part.apex, np.inf)
     return -np.inf, 0.0 if isinstance(part, Sector) else np.inf
 
 
@@ -145,6 +148,8 @@ def _tops(region: Region, view: View, x: Array) -> Array:
             found.append(np.full(len(x), part.height))
         elif isinstance(part, Sector):
             found.append(part.slope * np.abs(x))
+        elif isinstance(part, Wedge):
+            found.append(np.maximum(part.slope * (part.apex - x), 0))
     return np.array(found)
 
 
@@ -218,6 +223,9 @@ def _dragged(part: Region, handle: Handle, place: complex) -> Region:
     if isinstance(part, Sector):
         damping = -x / abs(place) if place else 1.0
         return Sector(_short(min(max(damping, LEAST_DAMPING), MOST_DAMPING)))
+    if isinstance(part, Wedge):
+        away = part.apex - x
+        return part if not away else replace(part, slope=_short(y / away) or part.slope)
     if isinstance(part, VerticalStrip):
         begin = handle.place.real
         first = abs(begin - part.low) < abs(begin - part.high)

@@ -13,7 +13,7 @@ from typing import Any
 from polefence.base.errors import InputError
 from polefence.base.files import write_documents
 from polefence.base.progress import counted, stage
-from polefence.design.checks import require_region
+from polefence.design.checks import in_time_of, require_region
 from polefence.design.design import Design, require_kind
 from polefence.design.margins import kinds
 from polefence.design.margins.breaks import estimate_break, gain_break
@@ -97,6 +97,7 @@ def _task(design: Design, region: Region | None) -> _Task:
     kept = design.region if region is None else region
     if not isinstance(kept, Region):
         raise InputError(f"region = {region!r} is no region; for example polefence.Disk(-40, 31)")
+    kept = in_time_of(design.plant, kept)
     require_region(design.plant, kept)
     return _Task(design, kept, claimed_design(design, kept))
 

@@ -18,7 +18,7 @@ from polefence.region.regions import Region
 # Decay rates are looked for up to this multiple of the rate that is typical of the region.
 FASTEST = 2.5
 # Parts whose inequality does not imply X > 0.
-_OPEN = ("half_plane", "sector")
+_OPEN = ("half_plane", "sector", "wedge")
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,0 +1,232 @@
+"""Regions of continuous time, carried over to the z-plane by z = exp(s T) for discrete-time plants.
+
+A decay rate becomes a disk about zero, a bound on frequencies a wedge from zero, exactly. Poles of
+a least damping ratio lie within a logarithmic spiral and its mirror image, |z| < exp(-k |arg z|)
+with k = damping / sqrt(1 - damping^2). Where they turn back at the left that set is not convex; a
+polygon whose corners lie on the spirals, and which ends where these meet, is within it. Its edges
+are wedges.
+"""
+
+from __future__ import annotations
+
+import math
+from fractions import Fraction
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+
+from polefence.base.errors import RegionError
+from polefence.region.regions import (
+    Disk,
+    HalfPlane,
+    HorizontalStrip,
+    Intersection,
+    Region,
+    Sector,
+    Wedge,
+)
+
+EDGES = 5  # of the polygon of a damping ratio, in the upper half-plane
+MOST_EDGES = 12
+MOST_DAMPING = 0.999  # beyond it the image is too thin for corners that floats tell apart
+INSIDE = 1e-11  # corners are moved inwards by so much, relative to their modulus
+SAFE = 1e-13  # and stay inside by so much, which floats cannot mistake
+STEEPEST = 1e-2  # so far right of the tip, relative to 1 - tip, lies the last corner before it
+LEAST = 1e-2  # modulus of that corner: nearer to zero floats leave nothing of what is SAFE
+NEAR = 1e-2  # corners are no nearer to the last one than this, relative to its angle
+HALVINGS = 50
+ALONG = np.linspace(0.0, 1.0, 65)[1:-1]  # points of an edge at which its damping is looked at
+KNOWN = "half_plane, sector and horizontal_strip, or disk and wedge, which are of the z-plane"
+
+
+def z_plane(region: Region, sample_time: Any, edges: int = EDGES) -> Region:
+    """Return a region of the z-plane, within the image of a region of continuous time.
+
+    Disks and wedges are of the z-plane already and stay as they are.
+
+    Parameters
+    ----------
+    region : Region
+    sample_time : number
+        T [s].
+    edges : int, optional
+        Of the polygon that stands for a damping ratio, 2 to 12. More of them leave less of the
+        image out, and make the search larger.
+
+    Returns
+    -------
+    Region
+        Disks and wedges, one disk at least.
+
+    Raises
+    ------
+    RegionError
+        If a part has no such image, or no poles of it are stable.
+    """
+    T = float(sample_time)
+    if not 2 <= edges <= MOST_EDGES:
+        raise RegionError(f"edges = {edges} must be 2 to {MOST_EDGES}")
+    found = [own for part in region.parts for own in _image(part, T, edges)]
+    if not any(isinstance(own, Disk) for own in found):
+        found.insert(0, Disk(0, 1))
+    return found[0] if len(found) == 1 else Intersection(tuple(found))
+
+
+def _image(part: Region, T: float, edges: int) -> list[Region]:
+    if isinstance(part, Disk | Wedge):
+        return [part]
+    if isinstance(part, HalfPlane):
+        return [Disk(0, _below_exponential(part, T))]
+    if isinstance(part, HorizontalStrip):
+        angle = part.height * T
+        if angle >= math.pi / 2:
+            raise RegionError(
+                f"{part}: frequencies up to {math.pi / 2 / T:.4g} rad/s, half of what {T:g} s "
+                "tells apart, can be bounded"
+            )
+        return [Wedge(0, -math.tan(angle) * (1 - INSIDE))]
+    if isinstance(part, Sector):
+        return list(_polygon(part.damping, edges))
+    raise RegionError(f"{part} has no image in the z-plane here; use {KNOWN}")
+
+
+def _below_exponential(part: HalfPlane, T: float) -> float:
+    """Return exp(-decay T), a little less."""
+    radius = math.exp(-part.decay * T) * (1 - INSIDE)
+    if part.decay < 0:
+        raise RegionError(f"{part} holds unstable poles; use half_plane(0) or more")
+    if radius <= 1e-100:
+        raise RegionError(f"{part}: nothing decays so fast at {T:g} s; ask for a lower rate")
+    return radius if part.decay else 1.0
+
+
+# --- damping -------------------------------------------------------------------------------------
+def share_kept(damping: float, edges: int = EDGES) -> float:
+    """Return which share of the image's area `z_plane` keeps of a damping ratio, in floats."""
+    angle = np.linspace(0.0, math.pi, 2001)
+    whole = np.exp(-_pitch(damping) * angle)
+    kept = whole
+    for own in _polygon(damping, edges):  # the ray r exp(i angle) meets s x + y = s a
+        along = own.slope * np.cos(angle) + np.sin(angle)
+        with np.errstate(divide="ignore"):
+            end = own.slope * own.apex / along
+        kept = np.where(end > 0, np.minimum(kept, end), kept)
+    return float(np.sum(kept**2) / np.sum(whole**2))
+
+
+def _polygon(damping: float, edges: int) -> list[Wedge]:
+    """Return the wedges whose intersection is the polygon.
+
+    Raises
+    ------
+    RegionError
+        If a corner is not inside the spirals by more than rounding.
+    """
+    if damping > MOST_DAMPING:
+        raise RegionError(f"sector({damping:g}): a polygon is made up to {MOST_DAMPING}")
+    *corners, tip = (own * (1 - INSIDE) for own in _corners(damping, edges))
+    corners.append(complex(min(tip.real + INSIDE, 0.0), 0.0))
+    wedges = []
+    for one, other in pairwise(corners):
+        slope = (other.imag - one.imag) / (one.real - other.real)
+        wedges.append(Wedge(float(one.real + one.imag / slope), float(slope)))
+    _require_inside(damping, wedges)
+    return wedges
+
+
+def _require_inside(damping: float, wedges: list[Wedge]) -> None:
+    """Refuse a polygon of which a corner, of the numbers as they are rounded, is not inside.
+
+    The part of the spirals' set to the right of where they meet is convex, so corners suffice.
+    """
+    k, tip = _pitch(damping), -math.exp(-_pitch(damping) * math.pi)
+    lines = [(Fraction(own.slope), Fraction(own.slope) * Fraction(own.apex)) for own in wedges]
+    ends = [(Fraction(wedges[0].apex), Fraction(0)), (Fraction(wedges[-1].apex), Fraction(0))]
+    for (s, c), (t, d) in pairwise(lines):  # s x + y = c, t x + y = d
+        x = (c - d) / (s - t)
+        ends.append((x, c - s * x))
+    for x, y in ends:
+        z = complex(float(x), float(y))
+        if abs(z) > math.exp(-k * abs(math.atan2(z.imag, z.real))) * (1 - SAFE) or z.real < tip:
+            raise RegionError(f"sector({damping:g}) has no polygon in the z-plane")
+
+
+def _pitch(damping: float) -> float:
+    return damping / math.sqrt((1 - damping) * (1 + damping))
+
+
+def _spiral(damping: float, angle: float) -> complex:
+    size = math.exp(-_pitch(damping) * angle)
+    return complex(size * math.cos(angle), size * math.sin(angle))
+
+
+def _corners(damping: float, edges: int) -> list[complex]:
+    """Return corners from 1 to the tip.
+
+    On the edges between, the damping is above that asked by no more than has to be with so many.
+    """
+    low, high, best = 0.0, 1.0 - damping, None
+    for _ in range(HALVINGS):
+        middle = (low + high) / 2
+        found = _marched(damping, middle, edges)
+        if found is None:
+            low = middle
+        else:
+            best, high = found, middle
+    if best is None:
+        raise RegionError(f"sector({damping:g}) has no polygon of {edges} edges; use more")
+    return best
+
+
+def _marched(damping: float, excess: float, edges: int) -> list[complex] | None:
+    """Return corners between which the damping is above that asked by so much at most.
+
+    None if that takes more edges. The last one, where poles are fast, may be as it comes.
+    """
+    tip = complex(-math.exp(-_pitch(damping) * math.pi), 0.0)
+    last = _steepest(damping, tip.real)
+    found, angle = [1 + 0j], 0.0
+    while angle < last and _excess(damping, found[-1], tip) > excess:
+        angle = _farthest(damping, excess, found[-1], angle, last)
+        found.append(_spiral(damping, angle))
+        if len(found) > edges:
+            return None
+    return [*found, tip]
+
+
+def _farthest(damping: float, excess: float, corner: complex, angle: float, last: float) -> float:
+    """Return the angle of the next corner."""
+    low, high = angle, last
+    if _excess(damping, corner, _spiral(damping, last)) <= excess:
+        return last
+    for _ in range(HALVINGS):
+        middle = (low + high) / 2
+        if _excess(damping, corner, _spiral(damping, middle)) <= excess:
+            low = middle
+        else:
+            high = middle
+    return low if last - low > NEAR * last else last  # no edge of no length
+
+
+def _steepest(damping: float, tip: float) -> float:
+    """Return the angle up to which corners lie to the right of the tip, and off it, by enough."""
+    leftmost = math.pi - math.atan(_pitch(damping))
+    low, high = 0.0, min(leftmost, -math.log(LEAST) / _pitch(damping))
+    for _ in range(HALVINGS):
+        middle = (low + high) / 2
+        if _spiral(damping, middle).real > tip + STEEPEST * (1 - tip):
+            low = middle
+        else:
+            high = middle
+    return low
+
+
+def _excess(damping: float, one: complex, other: complex) -> float:
+    """Return by how much the largest damping ratio on an edge is above that asked."""
+    if abs(other - one) < 1e-15:
+        return 0.0
+    s = np.log(one + ALONG * (other - one))
+    ratios = -s.real / np.abs(s)
+    at_one = (one - other).real / abs(one - other) if one == 1 else 0.0
+    return float(max(ratios.max(), at_one) - damping)

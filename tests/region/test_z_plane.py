@@ -1,0 +1,195 @@
+"""Regions of continuous time in the z-plane: what was asked holds there, and little is lost."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from polefence import (
+    Disk,
+    Ellipse,
+    HalfPlane,
+    HorizontalStrip,
+    Sector,
+    UncertainPlant,
+    VerticalStrip,
+    Wedge,
+    analyse,
+    check,
+    observe,
+    parse_region,
+    place,
+    z_plane,
+)
+from polefence.base.errors import InputError, RegionError
+from polefence.cli.main import main
+from polefence.design.checks import implies_stability
+from polefence.region.regions import Region
+from polefence.region.z_plane import share_kept
+
+T = 0.05
+DAMPINGS = [1e-6, 0.02, 0.3, 0.7071, 0.9, 0.99, 0.999]
+A = [[[1, T], [0, 1]], [[1, T], [0, 0.98]]]
+B = [[[T**2 / 4], [T / 2]], [[T**2 / 6], [T / 3]]]
+CART = UncertainPlant.from_vertices(A, B, name="cart", sample_time="0.05")
+
+
+def damping(z):
+    s = np.log(np.asarray(z, dtype=complex))
+    return -s.real / np.abs(s)
+
+
+def filled(region: Region, count: int = 60_000):
+    """Points of the unit disk's square that lie in a region."""
+    z = np.random.default_rng(5).uniform(-1, 1, (count, 2)) @ [1, 1j]
+    return z[region.distance(z) < 0]
+
+
+def edge_points(region: Region):
+    """Points just inside the boundary, close together near its corners too."""
+    angle = np.concatenate([np.linspace(0, math.pi, 2000), np.geomspace(1e-7, 1, 500)])
+    low, high = np.zeros(len(angle)), np.ones(len(angle))
+    for _ in range(60):
+        middle = (low + high) / 2
+        inside = region.distance(middle * np.exp(1j * angle)) < 0
+        low, high = np.where(inside, middle, low), np.where(inside, high, middle)
+    z = low * np.exp(1j * angle)
+    return z[low > 1e-12]
+
+
+@pytest.mark.parametrize("edges", [2, 5, 12])
+@pytest.mark.parametrize("ratio", DAMPINGS)
+def test_poles_of_the_polygon_have_the_damping(ratio, edges):
+    region = z_plane(Sector(ratio), T, edges)
+    assert len(region.parts) <= edges + 1
+    for points in (filled(region), edge_points(region)):
+        assert damping(points).min() > ratio - 1e-9
+    assert region.parts[0] == Disk(0, 1)
+
+
+@pytest.mark.parametrize("ratio", DAMPINGS[1:-1])
+def test_the_share_is_that_of_the_area_and_more_edges_keep_more(ratio):
+    shares = [share_kept(ratio, edges) for edges in (2, 3, 5, 8, 12)]
+    assert shares == sorted(shares)
+    assert shares[2] > 0.85
+    assert shares[-1] < 1
+    k = ratio / math.sqrt(1 - ratio**2)
+    image = (1 - math.exp(-2 * k * math.pi)) / (2 * k)  # of both halves, by integration
+    z = edge_points(z_plane(Sector(ratio), T))
+    z = z[np.argsort(np.angle(z))]
+    polygon = np.sum(np.imag(np.conj(z[:-1]) * z[1:]))  # of both halves, by triangles
+    assert shares[2] == pytest.approx(polygon / image, rel=2e-3)
+
+
+def test_slow_poles_need_little_more_damping():
+    region = z_plane(Sector(0.5), T)
+    for size in (0.02, 0.5, 5, 20):
+        angle = math.acos(0.56)
+        s = size * np.exp(1j * (math.pi - angle))
+        assert region.contains(np.exp(s * T))
+        assert not region.contains(np.exp(size * T * np.exp(1j * (math.pi - math.acos(0.49)))))
+
+
+@pytest.mark.parametrize("share", [1 - 1e-9, 1 + 1e-9])
+def test_decay_and_frequency_are_exact(share):
+    inside = share < 1
+    decays = z_plane(HalfPlane(3), T)
+    assert decays == Disk(0, decays.radius)
+    assert decays.contains(np.exp(T * complex(-3 / share, 20))) is inside
+    assert z_plane(HalfPlane(0), T) == Disk(0, 1)
+    slow = z_plane(HorizontalStrip(9), T)
+    assert slow.contains(np.exp(T * complex(-7, 9 * share))) is inside
+    assert slow.contains(np.exp(T * complex(-700, 8))) is True
+
+
+def test_what_is_of_the_z_plane_stays():
+    both = z_plane(HalfPlane(1) & Sector(0.5), T)
+    assert z_plane(both, T) == both
+    assert parse_region(str(both)) == both
+    assert z_plane(Disk(0.5, 0.3), T) == Disk(0.5, 0.3)
+
+
+@pytest.mark.parametrize(
+    ("region", "message"),
+    [
+        (Ellipse(-3, 2, 1), "has no image in the z-plane here"),
+        (VerticalStrip(-3, -1), "use half_plane, sector and horizontal_strip, or disk and wedge"),
+        (HalfPlane(-1), "holds unstable poles"),
+        (HalfPlane(1e5), "nothing decays so fast at 0.05 s"),
+        (Sector(0.9999), "a polygon is made up to 0.999"),
+        (HorizontalStrip(32), "frequencies up to 31.42 rad/s"),
+        (Disk(-40, 31), "give a disk in the unit disk"),
+        (Disk(-3, 2.9) & Sector(0.5), "give a disk in the unit disk"),
+    ],
+)
+def test_what_has_no_image_is_refused(region, message):
+    with pytest.raises(RegionError, match=message):
+        place(CART, region, "quadratic")
+
+
+@pytest.mark.parametrize("edges", [1, 13])
+def test_edges_are_few(edges):
+    with pytest.raises(RegionError, match="must be 2 to 12"):
+        z_plane(Sector(0.5), T, edges)
+
+
+@pytest.mark.parametrize("method", ["quadratic", "scheduled"])
+def test_a_design_has_the_decay_and_damping_that_were_asked(method):
+    asked = HalfPlane(1) & Sector(0.6) & HorizontalStrip(15)
+    design = place(CART, asked, method)
+    assert check(design).proved
+    assert design.region == z_plane(asked, T)
+    weights = np.linspace(0, 1, 21)
+    poles = np.log(design.poles(np.stack([weights, 1 - weights], axis=1)).astype(complex)) / T
+    assert asked.contains(poles)
+    gain = design.law.gain(np.eye(2))
+    if method == "quadratic":
+        assert analyse(CART, gain[0], asked).answer == "proved"
+        assert analyse(CART, gain[0], HalfPlane(-np.real(poles).max() + 0.01)).answer == "refuted"
+
+
+def test_an_observer_too():
+    plant = UncertainPlant.from_vertices(A, B, states=("x", "v"), sample_time="0.05")
+    observer = observe(plant, ["x"], HalfPlane(2) & Sector(0.5), "quadratic")
+    assert observer.region == z_plane(HalfPlane(2) & Sector(0.5), T)
+
+
+def test_a_wedge_alone_is_not_said_to_be_stable():
+    assert not implies_stability(CART, Wedge(2, 1))
+    assert implies_stability(CART, z_plane(Sector(0.5), T))
+    with pytest.raises(InputError, match="give a disk"):
+        place(CART, Disk(-3, 2) & Wedge(2, 1))
+
+
+SPEC = """
+name = "cart"
+sample_time = 0.05
+[parameter.m]
+range = [2, 3]
+through = "1/m"
+[matrices]
+A = [[1, 0.05], [0, 1]]
+B = [["0.00125/m"], ["0.05/m"]]
+"""
+
+
+def test_the_command_says_what_was_proved_and_what_was_asked(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "cart.toml").write_text(SPEC)
+    words = ["cart.toml", "--region", "half_plane(1) & sector(0.5)"]
+    assert main(["design", *words, "--method", "quadratic", "-o", "law"]) == 0
+    first, second, *_ = capsys.readouterr().out.splitlines()
+    proved = str(z_plane(HalfPlane(1) & Sector(0.5), T))
+    assert first == f"proved: quadratic keeps all poles of 'cart' in {proved} for every alpha"
+    assert second == (
+        "  that lies within half_plane(1) & sector(0.5) at T = 0.05 s, z = exp(s T); the polygon "
+        "of sector(0.5) is 91 % of its image"
+    )
+    assert main(["check", "law", "--spec", "cart.toml"]) == 0
+    assert f"poles in {proved}, of A + B K" in capsys.readouterr().out
+    assert main(["analyse", *words, "--gain", "[-1 -1]"]) == 1
+    said = capsys.readouterr().out
+    assert said.startswith("refuted: ")
+    assert "note: so a pole outside the polygon may still have the damping asked" in said

@@ -63,6 +63,16 @@ def test_curves_lie_on_the_boundary_and_cross_the_view(text):
         assert drawn.imag.min() < 0 < drawn.imag.max()
 
 
+def test_poles_of_discrete_time_have_no_unit_and_the_unit_circle():
+    region = parse_region("disk(0, 0.95) & wedge(2, 0.3)")
+    poles = np.array([0.2, 0.5 + 0.2j, 0.5 - 0.2j])
+    (ax,) = poles_figure({"sampled": (poles, poles)}, region, discrete=True).axes
+    assert (ax.get_xlabel(), ax.get_ylabel()) == ("real part of z", "imaginary part of z")
+    circles = [own for own in ax.lines if np.allclose(np.hypot(*own.get_data()), 1)]
+    assert len(circles) == 1
+    assert ax.get_xlim()[1] < 1.7  # the wedge's apex lies outside the disk
+
+
 @pytest.mark.parametrize("text", REGIONS)
 def test_every_region_draws(text):
     region = parse_region(text)

@@ -266,7 +266,12 @@ def _worst(plant: UncertainPlant, worst: WorstCase, options: Any) -> int:
     elif options.plot is not None and design is not None:
         from polefence.show.plots import poles_figure, sampled
 
-        write_figure(options.plot, poles_figure({plant.name: sampled(design)}, design.region))
+        write_figure(
+            options.plot,
+            poles_figure(
+                {plant.name: sampled(design)}, design.region, discrete=plant.sample_time is not None
+            ),
+        )
     return NOT_PROVED if value is None else PROVED
 
 

@@ -226,7 +226,11 @@ def report(design: Design, lines: list[str], summary: Mapping[str, Any], options
     if options.json is not None:
         write_json(options.json, {**summary, "gains": gains, **words_of(design.law)})
     if options.plot is not None:
-        figure = poles_figure({design.plant.name: (cloud, corners)}, design.region)
+        figure = poles_figure(
+            {design.plant.name: (cloud, corners)},
+            design.region,
+            discrete=design.plant.sample_time is not None,
+        )
         write_figure(options.plot, figure)
     if design.note:
         lines = [*lines, design.note]

@@ -91,7 +91,12 @@ def observe_command(options: Any) -> int:
         from polefence.show.plots import poles_figure, sampled
 
         name = f"{plant.name}: error of the observer"
-        write_figure(options.plot, poles_figure({name: sampled(observer.design)}, region))
+        write_figure(
+            options.plot,
+            poles_figure(
+                {name: sampled(observer.design)}, region, discrete=plant.sample_time is not None
+            ),
+        )
     if options.json is not None:
         summary = {
             "plant": plant_summary(plant),

@@ -230,6 +230,8 @@ def poles_figure(
     region: Region,
     view: View | None = None,
     others: Mapping[str, tuple[str, Array]] = MappingProxyType({}),
+    *,
+    discrete: bool = False,
 ) -> Figure:
     """Draw closed-loop poles over the family with the region; one panel a family.
 
@@ -245,15 +247,19 @@ def poles_figure(
         slow poles, where these would be one dot. Poles beyond a view are counted in the panel.
     others : mapping, optional
         Title to (label, poles) of another law.
+    discrete : bool, optional
+        Poles are of the z-plane: they have no unit, and the unit circle takes the place of the
+        imaginary axis.
     """
     every = [np.ravel(poles) for pair in panels.values() for poles in pair]
     every += [np.ravel(poles) for _, poles in others.values()]
     whole = view or view_of(region, np.concatenate(every))
-    near = _near_origin(every[0], whole) if len(panels) == 1 and view is None else None
+    alone = len(panels) == 1 and view is None and not discrete
+    near = _near_origin(every[0], whole) if alone else None
     drawn = [(title, title, whole) for title in panels]
     drawn += [(title, "near the origin", near) for title in panels if near is not None]
     lines = _folded(short_text(region))
-    figure, axes = new_figure(len(drawn), 1.0 + 4.4 * len(drawn), 4.5 + 0.15 * lines.count("\n"))
+    figure, axes = new_figure(len(drawn), 1.0 + 4.4 * len(drawn), 4.5 + 0.2 * lines.count("\n"))
     for ax, (title, heading, seen) in zip(axes, drawn, strict=True):
         cloud, vertices = map(np.ravel, panels[title])
         _draw_poles(ax, cloud, vertices, others.get(title))
@@ -262,10 +268,14 @@ def poles_figure(
         if seen is whole:
             _note_unseen(ax, cloud, own)
         ax.set_title(heading)
-        ax.set_xlabel("real part [1/s]")
+        ax.set_xlabel("real part of z" if discrete else "real part [1/s]")
         ax.set_aspect(aspect, adjustable="box")
-        ax.axvline(0, color="0.3", lw=0.8)
-    axes[0].set_ylabel("imaginary part [rad/s]")
+        if discrete:
+            circle = np.exp(1j * np.linspace(0, 2 * np.pi, POINTS))
+            ax.plot(circle.real, circle.imag, color="0.3", lw=0.8)
+        else:
+            ax.axvline(0, color="0.3", lw=0.8)
+    axes[0].set_ylabel("imaginary part of z" if discrete else "imaginary part [rad/s]")
     handles, labels = axes[0].get_legend_handles_labels()
     columns = 4 if len(drawn) > 1 else 3 if len(labels[-1]) < 22 else 2
     figure.legend(handles, labels, loc="outside lower center", ncols=columns, fontsize=8.5)
@@ -492,6 +502,7 @@ def half_axes(part: Disk | Ellipse) -> tuple[float, float]:
 def _extent(region: Region) -> View:
     """Return how far the boundary reaches: low is -infinity where no part bounds it."""
     low, high, height = -np.inf, 0.0, 0.0
+    round_parts = any(isinstance(part, Disk | Ellipse) for part in region.parts)
     for part in region.parts:
         if isinstance(part, Disk | Ellipse):
             real, imaginary = half_axes(part)
@@ -503,10 +514,9 @@ def _extent(region: Region) -> View:
             height = max(height, part.height)
         elif isinstance(part, HalfPlane):
             high = max(high, -part.decay)
-        elif isinstance(part, Wedge) and part.slope > 0:
+        elif isinstance(part, Wedge) and not round_parts:
             high = max(high, part.apex)
-        elif isinstance(part, Wedge):
-            low = max(low, part.apex)
+            low = max(low, part.apex) if part.slope < 0 else low
     return low, high, height
 
 
@@ -600,13 +610,15 @@ def analysis_figure(analysis: Analysis) -> Figure:
     domain = domain_of(analysis.plant, analysis.law)
     corners = np.eye(len(analysis.plant.vertices))
     clouds = analysis.poles(domain.alpha(sample(domain))), analysis.poles(corners)
-    title = analysis.plant.name
+    title, discrete = analysis.plant.name, analysis.plant.sample_time is not None
     if analysis.alpha is None or analysis.pole is None:
-        return poles_figure({title: clouds}, analysis.region)
+        return poles_figure({title: clouds}, analysis.region, discrete=discrete)
     where = "the counterexample"
     if analysis.values is not None:
         where = values_text(analysis.plant, analysis.values)
-    figure = poles_figure({f"{title}\ncrosses: poles at {where}": clouds}, analysis.region)
+    figure = poles_figure(
+        {f"{title}\ncrosses: poles at {where}": clouds}, analysis.region, discrete=discrete
+    )
     z = analysis.poles(np.array([float(a) for a in analysis.alpha]))
     figure.axes[0].plot(z.real, z.imag, "x", ms=8, mew=1.8, color="#67000d", zorder=4)
     return figure

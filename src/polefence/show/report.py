@@ -260,7 +260,11 @@ def _poles(design: Design) -> Section:
             f"At {len(cloud)} points of the family; the pole nearest to the boundary is "
             f"{margin:.3g}{unit} inside.",
         ),
-        figure=poles_figure({design.plant.name: (cloud, corners)}, design.region),
+        figure=poles_figure(
+            {design.plant.name: (cloud, corners)},
+            design.region,
+            discrete=design.plant.sample_time is not None,
+        ),
         caption="The region is white, its outside shaded. The sample is for the eye; the guarantee "
         "is the proof.",
     )

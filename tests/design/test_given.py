@@ -211,9 +211,10 @@ def test_discrete_time():
     assert analyse(plant, K, worst.region).proved
     smaller = analyse(plant, K, Disk(0.8, 0.99 * worst.bound))
     assert smaller.answer == "refuted"
-    with pytest.raises(InputError, match="discrete-time"):
-        analyse(plant, K, HalfPlane(1))
-    with pytest.raises(InputError, match="discrete-time"):
+    decay = -np.log(np.abs(z).max()) / 0.1
+    assert analyse(plant, K, HalfPlane(0.99 * decay)).proved
+    assert analyse(plant, K, HalfPlane(1.01 * decay)).answer == "refuted"
+    with pytest.raises(InputError, match="is in discrete time, where half_plane has no direct"):
         worst_case(plant, K)
     # poles beyond the unit circle: nothing to prove, and no error
     lost = worst_case(plant, [[40, 3]], "disk", 0.8)

@@ -173,8 +173,10 @@ def test_discrete_time_tables():
     gains = GainTable(plant.parameters, {"p": [0.5, 1.5]}, [[[-0.4]], [[-1.4]]])
     assert analyse(plant, gains, Disk(0.1, 0.001)).proved  # K = 0.1 - p
     assert analyse(plant, gains, Disk(0, 0.09)).answer == "refuted"
-    with pytest.raises(InputError, match="discrete-time"):
-        analyse(plant, gains, HalfPlane(1))
+    assert analyse(plant, gains, HalfPlane(2)).proved  # exp(-2) is 0.135
+    assert analyse(plant, gains, HalfPlane(2.4)).answer == "refuted"  # exp(-2.4) is 0.09
+    with pytest.raises(InputError, match="is in discrete time: half_plane"):
+        analyse(plant, gains, HalfPlane(-1))
 
 
 @pytest.mark.parametrize(

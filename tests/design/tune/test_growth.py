@@ -16,6 +16,7 @@ from polefence.region.regions import (
     HorizontalStrip,
     Sector,
     VerticalStrip,
+    Wedge,
 )
 from polefence.response.modes import Modes
 
@@ -27,6 +28,8 @@ REGIONS = [
     VerticalStrip(-5, -1),
     HorizontalStrip(2),
     Ellipse(-3, 2, 1),
+    Wedge(-1, 0.8),
+    Wedge(-6, -0.7),
 ]
 GOALS = [Disks(-2), Decays(10), Sectors(1), Around(Disk(-2, 1) & Sector(0.4))]
 

@@ -8,7 +8,17 @@ from pathlib import Path
 import pytest
 
 import polefence.studio
-from polefence import Design, Disk, HalfPlane, Structure, load_specifications, optimise, place
+from polefence import (
+    Design,
+    Disk,
+    HalfPlane,
+    Structure,
+    load_specifications,
+    optimise,
+    parse_region,
+    place,
+    z_plane,
+)
 from polefence.cli.main import main
 from polefence.examples import spec_path, spec_text
 from polefence.studio import Newest, Page, State, first_region, question
@@ -53,6 +63,16 @@ def test_a_spec_is_opened_as_it_stands(opened):
     assert (own.name, folder) == ("my car.toml", Path("studio"))
     assert state.region == first_region(own)
     assert not Path("studio").exists()
+
+
+def test_a_region_of_continuous_time_is_shown_in_the_z_plane(opened):
+    asked = "half_plane(1) & sector(0.5)"
+    text = 'name = "cart"\nsample_time = 0.05\n[matrices]\n'
+    matrices = "A = [[1, 0.05], [0, 1]]\nB = [[0.0005], [0.02]]\n"
+    Path("cart.toml").write_text(f'region = "{asked}"\n{text}{matrices}')
+    assert opened("cart.toml")[1].region == z_plane(parse_region(asked), 0.05)
+    other = z_plane(parse_region("sector(0.7)"), 0.05)
+    assert opened("cart.toml", "--region", "sector(0.7)")[1].region == other
 
 
 def test_a_design_is_opened_with_its_law_and_its_parameters(opened, physical, monkeypatch):

@@ -13,7 +13,7 @@ from polefence.base.errors import InputError, MissingExtraError
 from polefence.base.files import check_target
 from polefence.cli.common import PROVED
 from polefence.cli.terminal import say
-from polefence.design.checks import require_region
+from polefence.design.checks import in_time_of, require_region
 from polefence.design.design import is_proof_file
 from polefence.law.laws import FixedGain
 from polefence.lmi.conditions.methods import METHODS
@@ -92,8 +92,10 @@ def _opened(options: Any) -> tuple[Subject, State]:
     else:
         subject = Subject.read(path)
         region = region or load_region(path) or first_region(subject)
-        return subject, State.first(subject, region)
-    return subject, state if region is None else state.asking(region=region)
+        return subject, State.first(subject, in_time_of(subject.plant, region))
+    if region is None:
+        return subject, state
+    return subject, state.asking(region=in_time_of(subject.plant, region))
 
 
 def _design(path: Path, folder: Path) -> tuple[Subject, State]:

@@ -14,7 +14,7 @@ from typing import Any
 import panel as pn
 
 from polefence.base.errors import InputError, OutputError, suggest
-from polefence.design.checks import require_region
+from polefence.design.checks import in_time_of, require_region
 from polefence.design.design import Design
 from polefence.proof.text import visible
 from polefence.region.regions import Region
@@ -217,6 +217,6 @@ def notebook(
     subject = Subject.read(path)
     if isinstance(region, str):
         region = parse_region(region)
-    region = region or load_region(path) or first_region(subject)
+    region = in_time_of(subject.plant, region or load_region(path) or first_region(subject))
     require_region(subject.plant, region)
     return Notebook(subject, State.first(subject, region), Path(folder), dark)

@@ -83,6 +83,17 @@ def test_the_share_is_that_of_the_area_and_more_edges_keep_more(ratio):
     assert shares[2] == pytest.approx(polygon / image, rel=2e-3)
 
 
+def test_the_docs_say_how_much_is_kept_and_what_slow_poles_need():
+    ratios = [*np.linspace(0.01, 0.99, 50)]
+    shares = [share_kept(ratio) for ratio in ratios]
+    assert 0.88 <= min(shares) < 0.89
+    assert 0.92 < max(shares) < 0.935
+    assert min(share_kept(ratio, 12) for ratio in ratios) > 0.97
+    slopes = [z_plane(Sector(ratio), T).parts[1].slope for ratio in ratios]
+    more = 1 / np.hypot(1, slopes) - ratios
+    assert 0.06 < max(more) <= 0.07
+
+
 def test_slow_poles_need_little_more_damping():
     region = z_plane(Sector(0.5), T)
     for size in (0.02, 0.5, 5, 20):
@@ -119,7 +130,7 @@ def test_what_is_of_the_z_plane_stays():
         (HalfPlane(-1), "holds unstable poles"),
         (HalfPlane(1e5), "nothing decays so fast at 0.05 s"),
         (Sector(0.9999), "a polygon is made up to 0.999"),
-        (HorizontalStrip(32), "frequencies up to 31.42 rad/s"),
+        (HorizontalStrip(32), "height must be below 31.42 rad/s"),
         (Disk(-40, 31), "give a disk in the unit disk"),
         (Disk(-3, 2.9) & Sector(0.5), "give a disk in the unit disk"),
     ],

@@ -133,7 +133,6 @@ def folded(text: str, stream: TextIO) -> str:
     return textwrap.fill(
         text,
         width,
-        initial_indent="",
         subsequent_indent=further,
         break_long_words=False,
         break_on_hyphens=False,

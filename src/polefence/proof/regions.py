@@ -153,17 +153,22 @@ class Sector(Part):
         return f"slope = {_short(self.slope)} is not that of its damping, {float(right)!r}"
 
     @property
+    def wedge(self) -> Wedge:
+        """The same, without its damping."""
+        return Wedge(ZERO, self.slope)
+
+    @property
     def pairs(self) -> list[Pair]:
         """L and M."""
-        return [([[ZERO, ZERO], [ZERO, ZERO]], [[self.slope, ONE], [-ONE, self.slope]])]
+        return self.wedge.pairs
 
     def in_half_plane(self, p: Fraction, q: Fraction, c: Fraction) -> bool:
-        """Whether both rays and the vertex do."""
-        return c >= 0 and p >= self.slope * abs(q)
+        """Whether the wedge does."""
+        return self.wedge.in_half_plane(p, q, c)
 
     def sides(self) -> Iterator[Side]:
-        """Yield both lines, which are one."""
-        yield self.slope, ONE, ZERO
+        """Yield those of the wedge."""
+        return self.wedge.sides()
 
 
 @dataclass(frozen=True)

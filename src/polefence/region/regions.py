@@ -242,6 +242,11 @@ class Sector(Region):
         return slope_of(self.damping)
 
     @property
+    def wedge(self) -> Wedge:
+        """The same, without its damping."""
+        return Wedge(0.0, self.slope)
+
+    @property
     def numbers(self) -> dict[str, float]:
         return {"damping": self.damping, "slope": self.slope}
 
@@ -254,12 +259,10 @@ class Sector(Region):
         return 0.0
 
     def pairs(self, rate: float = 1.0) -> tuple[Pair, ...]:  # noqa: ARG002
-        t = self.slope
-        return ((np.zeros((2, 2)), np.array([[t, 1.0], [-1.0, t]])),)
+        return self.wedge.pairs()
 
     def distance(self, poles: Any) -> Array:
-        z, t = np.asarray(poles), self.slope
-        return np.asarray((t * z.real + np.abs(z.imag)) / math.hypot(t, 1))
+        return self.wedge.distance(poles)
 
 
 @dataclass(frozen=True)

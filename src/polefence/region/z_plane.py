@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 
 from polefence.base.errors import RegionError
+from polefence.proof.text import digits_down, digits_up
 from polefence.region.regions import (
     Disk,
     HalfPlane,
@@ -32,6 +33,7 @@ MOST_EDGES = 12
 MOST_DAMPING = 0.999  # beyond it the image is too thin for corners that floats tell apart
 INSIDE = 1e-11  # corners are moved inwards by so much, relative to their modulus
 SAFE = 1e-13  # and stay inside by so much, which floats cannot mistake
+EXACT = 1e-15  # relative error of an exponential, times one more than its exponent
 STEEPEST = 1e-2  # so far right of the tip, relative to 1 - tip, lies the last corner before it
 LEAST = 1e-2  # modulus of that corner: nearer to zero floats leave nothing of what is SAFE
 NEAR = 1e-2  # corners are no nearer to the last one than this, relative to its angle
@@ -65,6 +67,8 @@ def z_plane(region: Region, sample_time: Any, edges: int = EDGES) -> Region:
         If a part has no such image, or no poles of it are stable.
     """
     T = float(sample_time)
+    if not 0 < T < math.inf:
+        raise RegionError(f"sample_time = {T:g} must be positive and finite")
     if not 2 <= edges <= MOST_EDGES:
         raise RegionError(f"edges = {edges} must be 2 to {MOST_EDGES}")
     found = [own for part in region.parts for own in _image(part, T, edges)]
@@ -82,8 +86,8 @@ def _image(part: Region, T: float, edges: int) -> list[Region]:
         angle = part.height * T
         if angle >= math.pi / 2:
             raise RegionError(
-                f"{part}: frequencies up to {math.pi / 2 / T:.4g} rad/s, half of what {T:g} s "
-                "tells apart, can be bounded"
+                f"{part}: height must be below {math.pi / 2 / T:.4g} rad/s, a quarter of the "
+                f"sampling frequency at {T:g} s"
             )
         return [Wedge(0, -math.tan(angle) * (1 - INSIDE))]
     if isinstance(part, Sector):
@@ -93,9 +97,10 @@ def _image(part: Region, T: float, edges: int) -> list[Region]:
 
 def _below_exponential(part: HalfPlane, T: float) -> float:
     """Return exp(-decay T), a little less."""
-    radius = math.exp(-part.decay * T) * (1 - INSIDE)
     if part.decay < 0:
         raise RegionError(f"{part} holds unstable poles; use half_plane(0) or more")
+    x = part.decay * T
+    radius = math.exp(-x) * (1 - EXACT * (1 + x))
     if radius <= 1e-100:
         raise RegionError(f"{part}: nothing decays so fast at {T:g} s; ask for a lower rate")
     return radius if part.decay else 1.0
@@ -116,7 +121,9 @@ def share_kept(damping: float, edges: int = EDGES) -> float:
 
 
 def _polygon(damping: float, edges: int) -> list[Wedge]:
-    """Return the wedges whose intersection is the polygon.
+    """Return the wedges whose intersection is the polygon, of six digits, rounded inwards.
+
+    Slow poles are near 1, so there the first one begins.
 
     Raises
     ------
@@ -130,7 +137,10 @@ def _polygon(damping: float, edges: int) -> list[Wedge]:
     wedges = []
     for one, other in pairwise(corners):
         slope = (other.imag - one.imag) / (one.real - other.real)
-        wedges.append(Wedge(float(one.real + one.imag / slope), float(slope)))
+        inwards = digits_down if slope > 0 else digits_up
+        numbers = (float(inwards(v)) for v in (one.real + one.imag / slope, slope))
+        wedges.append(Wedge(*numbers))
+    wedges[0] = Wedge(1.0, wedges[0].slope)
     _require_inside(damping, wedges)
     return wedges
 
@@ -142,7 +152,7 @@ def _require_inside(damping: float, wedges: list[Wedge]) -> None:
     """
     k, tip = _pitch(damping), -math.exp(-_pitch(damping) * math.pi)
     lines = [(Fraction(own.slope), Fraction(own.slope) * Fraction(own.apex)) for own in wedges]
-    ends = [(Fraction(wedges[0].apex), Fraction(0)), (Fraction(wedges[-1].apex), Fraction(0))]
+    ends = [(Fraction(wedges[-1].apex), Fraction(0))]  # the other is 1 itself
     for (s, c), (t, d) in pairwise(lines):  # s x + y = c, t x + y = d
         x = (c - d) / (s - t)
         ends.append((x, c - s * x))

@@ -448,17 +448,15 @@ def _horizontal_strip(part: Any, view: View) -> list[Curve]:
 
 
 def _sector(part: Any, view: View) -> list[Curve]:
-    # one curve through the corner, as far as the view's farther side
-    far = min(-view[0], view[2] / part.slope)
-    x = np.linspace(far, -far, POINTS)
-    return [-np.abs(x) + 1j * part.slope * x]
+    return _wedge(part.wedge, view)
 
 
 def _wedge(part: Any, view: View) -> list[Curve]:
+    # one curve through the apex, until it leaves the view
     end = view[0] if part.slope > 0 else view[1]
-    far = max(abs(part.apex - end), view[2] / abs(part.slope))
-    y = np.linspace(-1, 1, POINTS) * far * abs(part.slope)
-    return [part.apex - np.abs(y) / part.slope + 1j * y]
+    far = min(abs(part.apex - end), view[2] / abs(part.slope))
+    x = np.linspace(far, -far, POINTS)
+    return [part.apex - math.copysign(1, part.slope) * np.abs(x) + 1j * abs(part.slope) * x]
 
 
 def _vertical(x: float, view: View) -> Curve:

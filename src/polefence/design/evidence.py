@@ -60,19 +60,19 @@ def loop_with(plant: UncertainPlant, law: Law, C: Array, D: Array) -> Loop:
 
 
 def _loop(plant: UncertainPlant, law: Law, rows: Array) -> Loop:
-    n, domain = plant.shape[0], domain_of(plant, law)
+    n, domain, step = plant.shape[0], domain_of(plant, law), float(plant.step)
     AB = bernstein(domain, rows, 1)
     if isinstance(law, FixedGain):
         eye = {(0,) * sum(domain.sizes): np.eye(n)}
         both = {(0,) * sum(domain.sizes): np.vstack([np.eye(n), law.K])}
-        return Loop(elevated(eye, domain, 1), times(AB, both), domain)
+        return Loop(elevated(eye, domain, 1), times(AB, both), domain, step=step)
     if isinstance(law, PolynomialGain):
         both = bernstein(domain, law.form, law.degree)
         eye = elevated({(0,) * sum(domain.sizes): np.eye(n)}, domain, law.degree + 1)
-        return Loop(eye, times(AB, both), domain)
+        return Loop(eye, times(AB, both), domain, step=step)
     W = bernstein(domain, law.W, law.degree)
     both = bernstein(domain, np.concatenate([law.W, law.Z], axis=1), law.degree)
-    return Loop(elevated(W, domain, 1), times(AB, both), domain, W)
+    return Loop(elevated(W, domain, 1), times(AB, both), domain, W, step)
 
 
 def forms(plant: UncertainPlant, law: Law, parts: int = 1) -> Iterator[tuple[int, int]]:

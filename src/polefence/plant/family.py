@@ -60,6 +60,9 @@ class UncertainPlant:
     noise : tuple of str
         Disturbances, by their names without the unit, that are noise of sensors: white, of the
         one-sided density 1 whatever else acts.
+    step : Fraction, optional
+        Of a plant in delta form, (x(t + step) - x(t)) / step = A x(t) + B u(t) [s]; see
+        `polefence.plant.delta`. Zero in continuous time.
 
     Raises
     ------
@@ -77,6 +80,7 @@ class UncertainPlant:
     outputs: tuple[Output, ...] = ()
     vehicle: Vehicle | None = None
     noise: tuple[str, ...] = ()
+    step: Fraction = Fraction(0)
 
     def __post_init__(self) -> None:
         check_label(self.name, "name")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from fractions import Fraction
 from typing import Any
 
@@ -82,6 +82,27 @@ class Plant:
                 f"holds {len(self.ranges)}, for {len(self.A)} vertices"
             )
         return on
+
+    @property
+    def step(self) -> Fraction:
+        """The sample time, zero in continuous time."""
+        return self.sample_time or Fraction(0)
+
+    def in_differences(self) -> Plant:
+        """Return it in its delta form: A - I, B and E over the sample time.
+
+        (x(t + T) - x(t)) / T = A x + B u + E w (Middleton & Goodwin, 1990), which is x' where T
+        tends to zero; as it is in continuous time.
+        """
+        if self.sample_time is None:
+            return self
+        T = self.sample_time
+        A = [
+            [[(a - int(i == j)) / T for j, a in enumerate(row)] for i, row in enumerate(M)]
+            for M in self.A
+        ]
+        B, E = ([[[x / T for x in row] for row in M] for M in each] for each in (self.B, self.E))
+        return replace(self, A=A, B=B, E=E, sample_time=None)
 
     def require_continuous(self, what: str) -> None:
         """Refuse what is about plants in continuous time where this is none."""

@@ -167,7 +167,7 @@ class Disk(Region):
     @property
     def stable(self) -> bool:
         """Whether the disk lies in the open left half-plane."""
-        return self.radius < self.sigma
+        return self.radius <= self.sigma
 
     @property
     def size(self) -> float:
@@ -401,6 +401,11 @@ class Ellipse(Region):
         z = np.asarray(poles) - self.centre
         level = np.hypot(z.real / self.real, z.imag / self.imaginary)
         return np.asarray((level - 1) * min(self.real, self.imaginary))
+
+
+def stable(step: float = 0.0) -> Region:
+    """Return where the poles of stable loops lie; of a delta form (z - 1) / step, |z| < 1."""
+    return Disk(-1 / step, 1 / step) if step else HalfPlane(0)
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,9 @@ from __future__ import annotations
 
 import math
 from fractions import Fraction
+from functools import reduce
 from itertools import pairwise
+from operator import and_
 from typing import Any
 
 import numpy as np
@@ -240,3 +242,30 @@ def _excess(damping: float, one: complex, other: complex) -> float:
     ratios = -s.real / np.abs(s)
     at_one = (one - other).real / abs(one - other) if one == 1 else 0.0
     return float(max(ratios.max(), at_one) - damping)
+
+
+def delta_plane(region: Region, sample_time: Any) -> Region:
+    """Return where (z - 1) / T is for z in a region: poles of a plant in its delta form.
+
+    Parameters
+    ----------
+    region : Region
+        Disks and wedges, of which regions of the z-plane are made up.
+    sample_time : number
+        T [s].
+
+    Raises
+    ------
+    RegionError
+        If a part is neither.
+    """
+    T = float(sample_time)
+    return reduce(and_, (_in_differences(part, T) for part in region.parts))
+
+
+def _in_differences(part: Region, T: float) -> Region:
+    if isinstance(part, Disk):
+        return Disk((part.centre - 1) / T, part.radius / T)
+    if isinstance(part, Wedge):
+        return Wedge((part.apex - 1) / T, part.slope)
+    raise RegionError(f"{part}: a region of the z-plane is made up of disks and wedges")

@@ -9,6 +9,7 @@ import numpy as np
 
 from polefence.base.errors import InputError
 from polefence.law.laws import GainTable, Law, check_alpha, given_law
+from polefence.plant.delta import delta_form
 from polefence.plant.family import UncertainPlant
 from polefence.plant.points import values_at, values_text
 from polefence.plant.system import Array
@@ -16,7 +17,7 @@ from polefence.plant.system import Array
 
 @dataclass(frozen=True, eq=False)
 class Loops:
-    """x' = (A + B K) x + E w at ``count`` points of the family.
+    """x' = (A + B K) x + E w at ``count`` points of the family; in discrete time the delta form.
 
     Attributes
     ----------
@@ -33,12 +34,17 @@ class Loops:
     K: Array
 
     @property
+    def step(self) -> float:
+        """The sample time of a delta form [s]; zero in continuous time."""
+        return float(self.plant.step)
+
+    @property
     def closed(self) -> Array:
         """A + B K, (count, n, n)."""
         return np.asarray(self.A + self.B @ self.K)
 
     def poles(self) -> Array:
-        """Closed-loop poles, (count, n) complex."""
+        """Closed-loop poles, (count, n) complex; (z - 1) / T of a delta form."""
         return np.asarray(np.linalg.eigvals(self.closed))
 
 
@@ -56,11 +62,10 @@ def close(plant: UncertainPlant, law: Any, alpha: Any, disturbed: bool = True) -
     Raises
     ------
     InputError
-        If the law does not fit the plant, the plant names no disturbance (no E), or it is in
-        discrete time; if alpha lies off the simplex by more than rounding.
+        If the law does not fit the plant, or the plant names no disturbance (no E); if alpha lies
+        off the simplex by more than rounding.
     """
-    if plant.sample_time is not None:
-        raise InputError(f"{plant.name} is in discrete time; responses are of continuous time")
+    plant = delta_form(plant)
     alpha = np.atleast_2d(np.asarray(alpha, dtype=float))
     if alpha.ndim > 2 or not len(alpha):
         raise InputError(f"alpha has shape {alpha.shape}; give (count, {len(plant.vertices)})")

@@ -11,7 +11,7 @@ import numpy.typing as npt
 from polefence.base.errors import InputError
 from polefence.plant.system import Array
 from polefence.response.closed import Loops, point_text
-from polefence.response.stationary import STABLE, Numbers
+from polefence.response.stationary import STABLE, Numbers, growth
 from polefence.response.weighting import positive
 
 # A disturbance that runs straight between samples has lost (1 - (sin(x/2) / (x/2))^2), x = step
@@ -33,6 +33,8 @@ def longest_step(loops: Loops) -> float:
     It is 1 / |p|, p the fastest pole of all: straight lines between samples then pass at least
     92 % of what lies at that pole's rate. Infinite where all poles are zero.
     """
+    if loops.step:
+        return loops.step
     fastest = float(np.abs(loops.poles()).max(initial=0.0))
     return LONGEST / fastest if fastest else math.inf
 
@@ -43,9 +45,12 @@ def require_step(loops: Loops, step: float) -> float:
     Raises
     ------
     InputError
-        If it is not above zero, or longer than `longest_step`; the bound is named.
+        If it is not above zero, or longer than `longest_step`; the bound is named. In discrete
+        time if it is not the plant's own.
     """
     step = positive(step, "step [s]")
+    if loops.step:
+        return _own_step(loops, step)
     bound = longest_step(loops)
     if step > bound:
         speeds = np.abs(loops.poles()).max(axis=1)
@@ -81,10 +86,22 @@ def times(
     if duration is None:
         duration = _duration(loops, poles, fastest)
     duration = positive(duration, "duration [s]")
+    if loops.step:
+        step = _own_step(loops, loops.step if step is None else step)
     if step is None:
         step = max(CHOSEN / fastest if fastest else 0.0, duration / MOST_CHOSEN)
     step = positive(step, "step [s]")
     return every(step, samples(duration, step, len(loops.alpha), signals))
+
+
+def _own_step(loops: Loops, step: float) -> float:
+    """Return the plant's sample time, which a step in discrete time is."""
+    if not math.isclose(step, loops.step, rel_tol=EVEN):
+        raise InputError(
+            f"step = {step:g} s; {loops.plant.name} is in discrete time, its samples are "
+            f"{loops.step:g} s apart"
+        )
+    return loops.step
 
 
 def every(step: float, samples: int) -> Array:
@@ -150,18 +167,24 @@ def frequencies(loops: Loops, given: object) -> Array:
         top = sizes.max(initial=0.0)
         some = sizes[sizes > STABLE * top]
         low, high = (some.min(), top) if len(some) else (1.0, 1.0)
-        return np.geomspace(low / 10, high * 10, 400) / (2 * math.pi)
+        last = min(high * 10, math.pi / loops.step) if loops.step else high * 10
+        return np.geomspace(min(low / 10, last / 10), last, 400) / (2 * math.pi)
     try:
         found = np.atleast_1d(np.array(given, dtype=float))
     except (TypeError, ValueError):
         found = np.array([math.nan])
     if found.ndim != 1 or not len(found) or not np.all(np.isfinite(found)) or np.any(found < 0):
         raise InputError("frequency [Hz] must be a list of finite numbers, zero or more")
+    if loops.step and found.max() > (1 + EVEN) / (2 * loops.step):
+        raise InputError(
+            f"frequency [Hz]: {loops.plant.name} is in discrete time, with frequencies up to half "
+            f"of the sampling rate, {0.5 / loops.step:g} Hz"
+        )
     return found
 
 
 def _duration(loops: Loops, poles: npt.NDArray[np.complex128], fastest: float) -> float:
-    rates = -poles.real
+    rates = -growth(poles, loops.step)
     slowest = rates.min(axis=1, initial=math.inf)
     bad = np.flatnonzero(slowest <= STABLE * fastest)
     if len(bad) or not poles.size:

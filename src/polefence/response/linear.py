@@ -97,7 +97,7 @@ def step(
     path = _path(plant, law, alpha, signals, source)
     loops, (count, n, _) = path.loops, path.E.shape
     time = grid.times(loops, needed(path.C, loops.closed), duration, step, len(path.signals))
-    Phi, Gamma = zero_order_hold(loops.closed, path.E, time[1])
+    Phi, Gamma = _at_samples(loops, path.E, time[1])
     # The step is a state that stays as it is.
     longer = np.zeros((count, n + 1, n + 1))
     longer[:, :n, :n], longer[:, :n, n:], longer[:, n, n] = Phi, Gamma, 1.0
@@ -119,13 +119,19 @@ def impulse(
     """Return the responses to a unit impulse at time 0, from rest.
 
     Arguments and errors are those of `step`. The values at time 0 are those right after the
-    impulse; where it passes straight into a signal, that impulse is not in them.
+    impulse; where it passes straight into a signal, that impulse is not in them. In discrete time
+    it is a first sample of one over the sample time.
     """
     path = _path(plant, law, alpha, signals, source)
     loops = path.loops
     time = grid.times(loops, needed(path.C, loops.closed), duration, step, len(path.signals))
-    Phi, _ = zero_order_hold(loops.closed, path.E, time[1])
-    values = free_response(Phi, path.C, path.E[:, :, 0], len(time))
+    Phi, Gamma = _at_samples(loops, path.E, time[1])
+    if loops.step:
+        once = np.zeros((len(time), 1))
+        once[0] = 1 / loops.step
+        values = forced_response(Phi, Gamma, path.C, path.D, once)
+    else:
+        values = free_response(Phi, path.C, path.E[:, :, 0], len(time))
     final = np.where(np.isnan(_final(path)[0][:, :, 0]), np.nan, 0.0)
     return Response(plant, loops.alpha, time, path.signals, values, final)
 
@@ -174,8 +180,8 @@ def simulate(
     grid.require_size(len(w), len(loops.alpha), len(asked))
     C, D = output_matrices(plant, asked, loops.alpha, loops.K)
     first = started(start, *loops.closed.shape[:2])
-    if hold == "held":
-        Phi, Gamma = zero_order_hold(loops.closed, loops.E, step)
+    if hold == "held" or loops.step:
+        Phi, Gamma = _at_samples(loops, loops.E, step)
         values = forced_response(Phi, Gamma, C, D, w, first)
     else:
         Phi, Gamma, Gamma1 = first_order_hold(loops.closed, loops.E, step)
@@ -212,13 +218,14 @@ def frequency(
         `close` raises.
     """
     path = _path(plant, law, alpha, signals, source, every=True)
-    asked = grid.frequencies(path.loops, frequency)
+    asked, T = grid.frequencies(path.loops, frequency), path.loops.step
     keep = needed(path.C, path.loops.closed)
     A, E, C = path.loops.closed[:, keep][:, :, keep], path.E[:, keep], path.C[:, :, keep]
     grid.require_size(2.0 * len(asked) * len(path.sources), len(A), len(path.signals))
     gain = np.empty((len(A), len(asked), *path.D.shape[1:]), dtype=complex)
     some = max(1, BUFFER // (16 * len(asked) * max(1, len(keep)) ** 2))
-    s = 2j * np.pi * asked[:, None, None] * np.eye(len(keep))
+    s = 2j * np.pi * asked
+    s = (np.expm1(s * T) / T if T else s)[:, None, None] * np.eye(len(keep))
     for first in range(0, len(A), some):
         part = slice(first, first + some)
         try:
@@ -252,6 +259,16 @@ def final(
     """
     path = _path(plant, law, alpha, signals, None, every=True)
     return path.sources, path.signals, *_final(path)
+
+
+def _at_samples(loops: Loops, E: Array, step: float) -> tuple[Array, Array]:
+    """Return Phi, Gamma of x(t + step) = Phi x(t) + Gamma w(t); w held between in continuous time.
+
+    In discrete time the step is the plant's own.
+    """
+    if loops.step:
+        return np.eye(E.shape[-2]) + loops.step * loops.closed, loops.step * E
+    return zero_order_hold(loops.closed, E, step)
 
 
 def _path(
@@ -294,7 +311,7 @@ def _final(path: _Path) -> tuple[Array, Array]:
     for states, own in alike.items():
         keep = np.array(states, dtype=int)
         A = closed[:, keep][:, :, keep]
-        good = np.setdiff1d(np.arange(len(A)), unstable(A))
+        good = np.setdiff1d(np.arange(len(A)), unstable(A, path.loops.step))
         reached = np.linalg.solve(A[good], -path.E[good][:, keep])
         rows = path.C[good][:, own][:, :, keep]
         values[good[:, None], own] = rows @ reached + path.D[good][:, own]
@@ -308,7 +325,8 @@ def _final(path: _Path) -> tuple[Array, Array]:
 
 def _pole_text(path: _Path, A: Array, asked: Array) -> str:
     poles = np.linalg.eigvals(A)
-    away = np.abs(poles[:, None, :] - 2j * np.pi * asked[:, None]).min(axis=-1)
+    T, s = path.loops.step, 2j * np.pi * asked[:, None]
+    away = np.abs(poles[:, None, :] - (np.expm1(s * T) / T if T else s)).min(axis=-1)
     row, at = np.unravel_index(np.argmin(away), away.shape)
     where = point_text(path.loops.plant, path.loops.alpha[row])
     return f"there is a pole at the frequency {asked[at]:g} Hz at {where}; leave that out"

@@ -23,9 +23,12 @@ class Modes:
     Attributes
     ----------
     A : (count, n, n) array
+    step : float
+        Of a delta form [s]; zero in continuous time.
     """
 
     A: Array
+    step: float = 0.0
     _covariances: dict[int, tuple[Array, Array]] = field(default_factory=dict, init=False)
 
     @cached_property
@@ -52,14 +55,19 @@ class Modes:
         return self._parts[2]
 
     def lyapunov(self, W: Array) -> Array:
-        """Return X of A X + X A' + W = 0 for symmetric W, (count, n, n); A is stable."""
+        """Return X of A X + X A' + step A X A' + W = 0, W symmetric, (count, n, n); A is stable."""
         V, U = self.right, self.left
-        total = self.poles[:, :, None] + self.poles.conj()[:, None, :]
-        X = _product(V, (U @ W @ _adjoint(U)) / -total, _adjoint(V))
-        return _checked(self.A, X, W)
+        X = _product(V, (U @ W @ _adjoint(U)) / -self._total, _adjoint(V))
+        return _checked(self.A, X, W, self.step)
+
+    @property
+    def _total(self) -> Any:
+        """p_i + p_j* + step p_i p_j* of all pairs of poles."""
+        left, right = self.poles[:, :, None], self.poles.conj()[:, None, :]
+        return left + right + self.step * left * right
 
     def covariance(self, E: Array) -> Array:
-        """Return X of A X + X A' + E E' = 0; of one array E it is found once."""
+        """Return X of `lyapunov` with E E'; of one array E it is found once."""
         known = self._covariances.get(id(E))
         if known is None:
             known = E, self.lyapunov(E @ np.swapaxes(E, 1, 2))
@@ -67,11 +75,10 @@ class Modes:
         return known[1]
 
     def observed(self, W: Array) -> Array:
-        """Return Q of A' Q + Q A + W = 0 for symmetric W, (count, n, n); A is stable."""
+        """Return Q of A' Q + Q A + step A' Q A + W = 0, W symmetric, (count, n, n)."""
         V, U = self.right, self.left
-        total = self.poles.conj()[:, :, None] + self.poles[:, None, :]
-        Q = _product(_adjoint(U), (_adjoint(V) @ W @ V) / -total, U)
-        return _checked(np.swapaxes(self.A, 1, 2), Q, W)
+        Q = _product(_adjoint(U), (_adjoint(V) @ W @ V) / -self._total.conj(), U)
+        return _checked(np.swapaxes(self.A, 1, 2), Q, W, self.step)
 
 
 def _adjoint(M: Any) -> Any:
@@ -83,14 +90,17 @@ def _product(left: Any, middle: Any, right: Any) -> Array:
     return np.asarray((found + np.swapaxes(found, 1, 2)) / 2)
 
 
-def _checked(A: Array, X: Array, W: Array) -> Array:
+def _checked(A: Array, X: Array, W: Array, step: float) -> Array:
     """Return X, solved anew where eigenvectors are too near to one another."""
     half = A @ X
-    rest = np.abs(half + np.swapaxes(half, 1, 2) + W).max(axis=(1, 2))
+    left = half + np.swapaxes(half, 1, 2) + W
+    if step:
+        left = left + step * half @ np.swapaxes(A, 1, 2)
+    rest = np.abs(left).max(axis=(1, 2))
     size = np.abs(half).max(axis=(1, 2)) + np.abs(W).max(axis=(1, 2))
     bad = np.flatnonzero(~(rest <= RESIDUAL * size))
     if len(bad):
-        X[bad] = lyapunov(A[bad], W[bad])
+        X[bad] = lyapunov(A[bad], W[bad], step)
     return X
 
 

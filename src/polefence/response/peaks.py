@@ -8,6 +8,7 @@ import numpy as np
 
 from polefence.plant.system import Array
 from polefence.response.modes import Modes
+from polefence.response.stationary import bilinear
 
 GRID = 24  # frequencies between the slowest and the fastest rate, besides the poles' own
 NEAR, MOST = 0.5, 5  # peaks that count: this share of the highest, so many a loop
@@ -19,9 +20,9 @@ AGREED = 1e-9  # of responses by modes, relative
 SAME, ONE = 1e-6, 1e-2  # frequencies of a grid, and of peaks, that are one, relative
 
 
-def response(A: Array, E: Array, C: Array, F: Array, frequency: Array) -> Any:
-    """Return C (jw - A)^-1 E + F, (count, f, p, q), at w (count, f) [rad/s]."""
-    s = 1j * frequency[..., None, None] * np.eye(A.shape[-1])
+def response(A: Array, E: Array, C: Array, F: Array, s: Any) -> Any:
+    """Return C (s - A)^-1 E + F, (count, f, p, q), at s (count, f) [1/s]."""
+    s = s[..., None, None] * np.eye(A.shape[-1])
     right = np.broadcast_to(E[:, None], (*s.shape[:2], *E.shape[1:]))
     with np.errstate(all="ignore"):
         X = np.linalg.solve(s - A[:, None], right)
@@ -39,7 +40,8 @@ def peaks(modes: Modes, E: Array, C: Array, F: Array) -> tuple[Array, Array, Arr
     """Return peaks of the largest singular value: their loops, frequencies [rad/s], and heights.
 
     Of each loop the highest, and others near it in height. That no other is higher is decided by
-    the imaginary eigenvalues of a Hamiltonian matrix (Bruinsma & Steinbuch, 1990).
+    the imaginary eigenvalues of a Hamiltonian matrix (Bruinsma & Steinbuch, 1990). Of a delta form
+    w is that of its bilinear transform: the response there is at s = jw / (1 - jw step / 2).
 
     Parameters
     ----------
@@ -47,6 +49,10 @@ def peaks(modes: Modes, E: Array, C: Array, F: Array) -> tuple[Array, Array, Arr
         Of stable A (count, n, n).
     E, C, F : (count, n, q), (count, p, n), (count, p, q) arrays
     """
+    if modes.step:
+        A, inverse = bilinear(modes.A, modes.step)
+        F = F - modes.step / 2 * C @ inverse @ E
+        modes, E, C = Modes(A), inverse @ E, C @ inverse
     A, poles, height = modes.A, modes.poles, _height(modes, E, C, F)
     grid = _grid(poles)
     loops, w, top = _climbed(height, grid, height(grid), np.arange(len(A)))
@@ -91,7 +97,7 @@ def _height(modes: Modes, E: Array, C: Array, F: Array) -> Any:
     poles, left, right = modes.poles, C @ modes.right, modes.left @ E
 
     def solved(w: Array, some: Any = slice(None)) -> Array:
-        return largest(response(modes.A[some], E[some], C[some], F[some], w))
+        return largest(response(modes.A[some], E[some], C[some], F[some], 1j * w))
 
     def summed(w: Array, some: Any = slice(None)) -> Array:
         with np.errstate(all="ignore"):

@@ -2,6 +2,8 @@
 
 With w white of two-sided density S, the covariance X of the state solves the Lyapunov equation
 A X + X A' + E S E' = 0 (Kwakernaak & Sivan, Linear Optimal Control Systems, 1972, section 1.11).
+Of a plant in discrete time A and E are those of its delta form, the equation is
+A X + X A' + T A X A' + E S E' = 0, and noise of that density has a variance of S / T a sample.
 Densities here are one-sided, as roads are described: S is half of them. Roads have
 the classes of ISO 8608.
 """
@@ -100,11 +102,12 @@ def stationary(
         )
     keep = needed(C, loops.closed)
     A = loops.closed[:, keep][:, :, keep]
-    bad = unstable(A)
+    bad = unstable(A, loops.step)
     if len(bad):
         poles = np.linalg.eigvals(A[bad[0]])
-        _refuse_unstable(loops, int(bad[0]), asked, C, complex(poles[np.argmax(poles.real)]))
-    X = covariance(A, loops.E[:, keep], psd)
+        worst = complex(poles[np.argmax(growth(poles, loops.step))])
+        _refuse_unstable(loops, int(bad[0]), asked, C, worst)
+    X = covariance(A, loops.E[:, keep], psd, loops.step)
     C = C[:, :, keep]
     variance = np.einsum("apn,anm,apm->ap", C, X, C, optimize=True)
     return Stationary(plant, loops.alpha, asked, psd, np.sqrt(np.maximum(variance, 0.0)))
@@ -146,15 +149,20 @@ def needed(C: Array, closed: Array) -> Numbers:
     return np.flatnonzero(kept)
 
 
-def unstable(A: Array) -> Numbers:
+def growth(poles: Any, step: float = 0.0) -> Array:
+    """Return how fast modes grow [1/s]: the real parts, or (|1 + step p| - 1) / step of a step."""
+    return np.asarray((2 * poles.real + step * np.abs(poles) ** 2) / (1 + np.abs(1 + step * poles)))
+
+
+def unstable(A: Array, step: float = 0.0) -> Numbers:
     """Return the numbers of the matrices (count, n, n) that are not asymptotically stable."""
     if not A.shape[-1]:
         return np.zeros(0, dtype=int)
     poles = np.linalg.eigvals(A)
-    return np.flatnonzero(poles.real.max(axis=1) >= -STABLE * np.abs(poles).max(axis=1))
+    return np.flatnonzero(growth(poles, step).max(axis=1) >= -STABLE * np.abs(poles).max(axis=1))
 
 
-def covariance(A: Array, E: Array, psd: Any) -> Array:
+def covariance(A: Array, E: Array, psd: Any, step: float = 0.0) -> Array:
     """Return the stationary covariance of x' = A x + E w, (count, n, n); A must be stable.
 
     Parameters
@@ -163,12 +171,24 @@ def covariance(A: Array, E: Array, psd: Any) -> Array:
     E : (count, n, q) array
     psd : float or (q,) array
         One-sided densities of independent white w [unit squared per Hz].
+    step : float, optional
+        Of a delta form [s].
     """
-    return lyapunov(A, E * (np.asarray(psd, dtype=float) / 2) @ np.swapaxes(E, -1, -2))
+    return lyapunov(A, E * (np.asarray(psd, dtype=float) / 2) @ np.swapaxes(E, -1, -2), step)
 
 
-def lyapunov(A: Array, Q: Array) -> Array:
-    """Return the symmetric X of A X + X A' + Q = 0, (count, n, n), for symmetric Q.
+def bilinear(A: Array, step: float) -> tuple[Array, Array]:
+    """Return M^-1 A and M^-1 with M = I + step A / 2.
+
+    x' = M^-1 A x + M^-1 E w, y = C M^-1 x + (F - step C M^-1 E / 2) w has the Gramians and the gain
+    of the delta form of A, E, C, F.
+    """
+    inverse = np.linalg.inv(np.eye(A.shape[-1]) + step / 2 * A)
+    return np.asarray(inverse @ A), np.asarray(inverse)
+
+
+def lyapunov(A: Array, Q: Array, step: float = 0.0) -> Array:
+    """Return the symmetric X of A X + X A' + step A X A' + Q = 0, (count, n, n), Q symmetric.
 
     Solved as n (n + 1) / 2 linear equations for every matrix, in balanced coordinates: for the
     few states of a suspension. Takes memory as n^4.
@@ -182,6 +202,9 @@ def lyapunov(A: Array, Q: Array) -> Array:
     count, n = A.shape[:2]
     if not count or not n:
         return np.zeros((count, n, n))
+    if step:
+        A, inverse = bilinear(A, step)
+        Q = inverse @ Q @ np.swapaxes(inverse, -1, -2)
     d = balancing(A)
     A, Q = A * (d / d[:, None]), Q / (d * d[:, None])
     rows, columns = np.triu_indices(n)
@@ -219,15 +242,19 @@ def _refuse_unstable(
     bound = []
     for signal, weights in zip(signals, np.swapaxes(C, 0, 1), strict=True):
         keep = needed(weights[:, None], loops.closed)
-        if len(unstable(loops.closed[row, keep][:, keep][None])):
+        if len(unstable(loops.closed[row, keep][:, keep][None], loops.step)):
             bound.append(repr(signal.name))
+    inside, unit = "the left half-plane", " 1/s"
+    if loops.step:
+        pole, inside, unit = 1 + loops.step * pole, "the unit disk", ""
     at = f"{pole.real:.3g}" if not pole.imag else f"{pole.real:.3g} +- {abs(pole.imag):.3g}j"
-    remedy = "close it with a law that keeps its poles in the left half-plane"
+    remedy = f"close it with a law that keeps its poles in {inside}"
     if len(bound) < len(signals):
         remedy = f"leave out {', '.join(bound)}, or give a law that stabilises what they depend on"
+    where = point_text(loops.plant, loops.alpha[row])
     raise InputError(
-        f"{loops.plant.name} has a pole at {at} 1/s at {point_text(loops.plant, loops.alpha[row])}"
-        f", so nothing there is stationary; {remedy}"
+        f"{loops.plant.name} has a pole at {at}{unit} at {where}, so nothing there is "
+        f"stationary; {remedy}"
     )
 
 

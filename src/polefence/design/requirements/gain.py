@@ -14,6 +14,7 @@ from polefence.design.requirements.specification import Specification
 from polefence.law.laws import Law
 from polefence.lmi.conditions import performance as conditions
 from polefence.lmi.solve.gramians import DualProblem
+from polefence.plant.delta import delta_form
 from polefence.plant.family import UncertainPlant
 from polefence.plant.outputs import disturbances, stacked
 from polefence.plant.polynomial import Domain
@@ -87,6 +88,9 @@ class Gain(Specification):
         stationary(plant, law, alpha, 0.0, outputs)  # refuses what is not stable
         poles = np.abs(close(plant, law, alpha).poles())
         low, high = poles[poles > STABLE * poles.max()].min() / 10, 10 * poles.max()
+        if step := float(delta_form(plant).step):
+            high = np.pi / step
+            low = min(low, high / 10)
 
         def swept(points: Array, count: int) -> Array:
             asked = np.append(0.0, np.geomspace(low, high, count)) / (2 * np.pi)
@@ -101,14 +105,16 @@ class Gain(Specification):
     def slopes(self, loops: Loops) -> Slopes:
         """Return peaks of the largest singular value with their slopes."""
         A, E, C, F = loops.A, loops.E, loops.C, loops.F
+        step = loops.modes.step
         points, w, _ = peaks(loops.modes, E, C, F)
+        s = 1j * w / (1 - 0.5j * w * step)
         A, E, C, F = (M[points] for M in (A, E, C, F))
-        G = response(A, E, C, F, w[:, None])[:, 0]
+        G = response(A, E, C, F, s[:, None])[:, 0]
         u, values, vt = np.linalg.svd(G, full_matrices=False)
         some, which = np.nonzero(values >= NEAR * values[:, :1])
         u, v, values = u[some, :, which], vt[some, which].conj(), values[some, which]
-        points, w, A, E, C = (own[some] for own in (points, w, A, E, C))
-        s = 1j * w[:, None, None] * np.eye(A.shape[-1]) - A
+        points, s, A, E, C = (own[some] for own in (points, s, A, E, C))
+        s = s[:, None, None] * np.eye(A.shape[-1]) - A
         right = np.linalg.solve(s, E @ v[:, :, None])[:, None, :, 0]
         left = np.linalg.solve(np.swapaxes(s.conj(), 1, 2), np.swapaxes(C, 1, 2) @ u[:, :, None])
         dA, dC = (left.conj() * right).real, (u.conj()[:, :, None] * right).real

@@ -27,7 +27,7 @@ from polefence.proof import claims as proof
 from polefence.response.closed import close
 from polefence.response.grid import MOST_CHOSEN
 from polefence.response.linear import simulate
-from polefence.response.stationary import STABLE, stationary
+from polefence.response.stationary import STABLE, growth, stationary
 
 # Time followed, of the slowest pole's time constant; step, of the fastest's.
 FOLLOWED, STEP = 5.0, 0.25
@@ -178,10 +178,11 @@ class InitialPeak(Specification):
             starts += [own.impulse * s * loops.E[:, :, k] for k, s in enumerate(acting) if s]
         stationary(plant, law, alpha, 1.0, [signal])  # refuses what is not stable
         poles = loops.poles()
-        fastest = np.abs(poles).max()
-        slowest = np.where(-poles.real > STABLE * fastest, -poles.real, np.inf).min()
-        steps = int(min(FOLLOWED / slowest * fastest / STEP + 1, MOST_CHOSEN))
-        time, size = STEP / fastest * np.arange(steps), max(1, GROUP // steps)
+        fastest, decay = np.abs(poles).max(), -growth(poles, loops.step)
+        slowest = np.where(decay > STABLE * fastest, decay, np.inf).min()
+        each = loops.step or STEP / fastest
+        steps = max(2, int(min(FOLLOWED / slowest / each + 1, MOST_CHOSEN)))
+        time, size = each * np.arange(steps), max(1, GROUP // steps)
 
         def squares(start: Array, part: slice) -> Array:
             one = simulate(plant, law, alpha[part], None, time, [signal], "held", start[part])
@@ -218,9 +219,17 @@ class InitialPeak(Specification):
         groups = [slice(k, k + 1) for k in range(alone)] + [slice(alone, q)] * (q > alone)
         found = [row for k in range(len(loops.A)) for row in _peaks(loops, k, groups)]
         points, which, time = (np.array(column) for column in zip(*found, strict=True))
-        A, C = loops.A[points], loops.C[points]
+        A, C, step = loops.A[points], loops.C[points], loops.modes.step
         n = A.shape[1]
-        motion = expm(A * time[:, None, None])
+
+        def moved(M: Array, one: Array) -> Array:
+            """Return e^Mt, or the power of one + step M that a time is."""
+            if not step:
+                return np.asarray(expm(M * time[:, None, None]))
+            each = zip(one + step * M, np.rint(time / step).astype(int).tolist(), strict=True)
+            return np.stack([np.linalg.matrix_power(own, count) for own, count in each])
+
+        motion = moved(A, np.eye(n))
         y = C @ motion @ loops.E[points]
         own = [[groups[g].start <= k < groups[g].stop for k in range(q)] for g in which]
         y *= np.array(own)[:, None]
@@ -230,19 +239,23 @@ class InitialPeak(Specification):
         both = np.zeros((len(A), 2 * n, 2 * n))
         both[:, :n, :n] = both[:, n:, n:] = np.swapaxes(A, 1, 2)
         both[:, :n, n:] = np.swapaxes(start @ C, 1, 2)
-        dA = expm(both * time[:, None, None])[:, :n, n:]
+        dA = moved(both, np.eye(2 * n))[:, :n, n:]
         return Slopes(values, points, dA, np.swapaxes(motion @ start, 1, 2))
 
 
 def _peaks(loops: Loops, k: int, groups: list[slice]) -> list[tuple[int, int, float]]:
     """Return loop, group of columns and instant of the peaks that count, the highest first."""
-    poles = loops.modes.poles[k]
+    poles, step = loops.modes.poles[k], loops.modes.step
+    if step:  # at samples z^k = e^(log z k)
+        z = (1 + step * poles).astype(complex)
+        poles = np.log(np.where(z == 0, TINY, z)) / step
     each = [np.zeros(1)]
     for pole in poles:
         lasting = LASTING / max(-pole.real, TINY)
         steps = int(np.clip(lasting * abs(pole) * A_RADIAN, 20, MOST_STEPS))
         each.append(np.linspace(0, lasting, steps))
     time = np.unique(np.concatenate(each))
+    time = np.unique(np.rint(time / step)) * step if step else time
     left, right = loops.C[k] @ loops.modes.right[k], loops.modes.left[k] @ loops.E[k]
     found = []
     for g, group in enumerate(groups):
@@ -257,7 +270,7 @@ def _peaks(loops: Loops, k: int, groups: list[slice]) -> list[tuple[int, int, fl
         at = at[np.argsort(-y[at], kind="stable")][:MOST]
         t = time[at]
         low, high = time[np.maximum(at - 1, 0)], time[np.minimum(at + 1, len(time) - 1)]
-        for _ in range(4):  # Newton's steps to where the square is at its highest
+        for _ in range(0 if step else 4):  # Newton's steps to where the square is at its highest
             y, v, a = response(t, 3)
             slope, bend = 2 * (y * v).sum(axis=1), 2 * (v * v + y * a).sum(axis=1)
             step = np.divide(slope, bend, out=np.zeros_like(t), where=bend < -1e-12 * abs(slope))

@@ -27,6 +27,7 @@ from polefence.plant.polynomial import Domain, Polynomial, bernstein, elevated, 
 from polefence.plant.system import Array
 from polefence.proof import claims as proof
 from polefence.proof.laws import Evidence
+from polefence.response.stationary import growth, lyapunov
 
 DEGREES = (2, 3, 4, 5, 6)  # of P and X
 CLOSE = 2e-4  # of X taken off: closer is not worth a higher degree
@@ -173,35 +174,26 @@ def _at_degree(
     )
     alpha = domain.alpha(points)
     A, _ = plant.at(alpha)
-    if np.linalg.eigvals(A).real.max() >= 0:
+    step = float(plant.step)
+    if growth(np.linalg.eigvals(A), step).max() >= 0:
         raise InputError(f"{plant.name} is not stable without control: its rms there is no measure")
     Es = np.tensordot(alpha, E, 1)
-    own = _covariances(A, intensity * Es @ Es.swapaxes(1, 2))
+    own = lyapunov(A, intensity * Es @ Es.swapaxes(1, 2), step)
     sizes = np.diagonal(own, axis1=1, axis2=2).max(axis=0)
     every = np.diag(np.maximum(sizes, 1e-12 * sizes.max())) * np.abs(np.linalg.eigvals(A)).max()
     basis = domain.basis(alpha, degree)
-    fit, X = (_fitted(basis, c) for c in (own, _covariances(A, np.tile(every, (len(A), 1, 1)))))
+    fit, X = (_fitted(basis, c) for c in (own, lyapunov(A, np.tile(every, (len(A), 1, 1)), step)))
     more = bernstein(domain, E, 1)
     noise = times(more, {e: intensity * p.T for e, p in more.items()})
     plants = bernstein(domain, plant.A, 1)
-    if not _holds(plants, _negative(domain, X, degree), {}, domain, degree):
+    if not _falls(plants, bernstein(domain, X, degree), domain, step):
         return np.inf, None
     for share in SHARES:
         P = bernstein(domain, fit - share * X, degree)
-        if _holds(plants, P, noise, domain, degree):
+        if _holds(plants, P, noise, domain, degree, step):
             # as much again, for the rounding
             return share, Baseline(fit - 1.5 * share * X, X, degree)
     return np.inf, None
-
-
-def _negative(domain: Domain, X: Array, degree: int) -> Polynomial:
-    return bernstein(domain, -X, degree)
-
-
-def _covariances(A: Array, noise: Array) -> Array:
-    from scipy.linalg import solve_continuous_lyapunov
-
-    return np.stack([solve_continuous_lyapunov(a, -q) for a, q in zip(A, noise, strict=True)])
 
 
 def _fitted(basis: Array, values: Array) -> Array:
@@ -221,17 +213,36 @@ def _grid(size: int, degree: int) -> list[Array]:
     return [np.array(p) / steps for p in product(range(steps + 1), repeat=size) if sum(p) == steps]
 
 
-def _holds(A: Polynomial, P: Polynomial, noise: Polynomial, domain: Domain, degree: int) -> bool:
-    """Whether A P + P A' + noise > 0 coefficient by coefficient, with a margin."""
-    more = elevated(noise, domain, degree - 1) if noise else {}
-    for e, N in times(A, P).items():
-        block = N + N.T + more.get(e, np.zeros_like(N))
-        if np.diag(block).min() <= 0:
-            return False
-        scale = 1 / np.sqrt(np.diag(block))
-        if np.linalg.eigvalsh(block * np.outer(scale, scale))[0] <= MARGIN:
+def _holds(
+    A: Polynomial, P: Polynomial, noise: Polynomial, domain: Domain, degree: int, step: float
+) -> bool:
+    """Whether A P + P A' + step A P A' + noise > 0 coefficient by coefficient, with a margin."""
+    once = times(A, P)
+    more = elevated(noise, domain, degree + bool(step) - 1)
+    blocks = elevated({e: N + N.T for e, N in once.items()}, domain, int(bool(step)))
+    if step:
+        for e, N in times(once, {e: step * a.T for e, a in A.items()}).items():
+            blocks[e] = blocks[e] + N
+    return all(_is_positive(own + more.get(e, np.zeros_like(own))) for e, own in blocks.items())
+
+
+def _falls(A: Polynomial, X: Polynomial, domain: Domain, step: float) -> bool:
+    """Whether the blocks of -(A X + X A' + step A X A') are positive, with a margin."""
+    above = elevated(X, domain, 1)
+    for e, N in times(A, X).items():
+        block = -(N + N.T)
+        if step:
+            block = np.block([[block, N], [N.T, above[e] / step]])
+        if not _is_positive(block):
             return False
     return True
+
+
+def _is_positive(block: Array) -> bool:
+    if np.diag(block).min() <= 0:
+        return False
+    scale = 1 / np.sqrt(np.diag(block))
+    return bool(np.linalg.eigvalsh(block * np.outer(scale, scale))[0] > MARGIN)
 
 
 def _rationals(matrices: Array) -> list[list[list[Fraction]]]:

@@ -94,10 +94,15 @@ class Slopes:
 
 
 def of_noise(loops: Loops) -> Slopes:
-    """Return the root of trace C X C', A X + X A' + E E' = 0: by Q of A' Q + Q A + C' C = 0."""
+    """Return the root of trace C X C', A X + X A' + E E' = 0: by Q of A' Q + Q A + C' C = 0.
+
+    In discrete time with step A X A' and step A' Q A besides.
+    """
     X, C = loops.covariance, loops.C
     Q = loops.modes.observed(np.swapaxes(C, 1, 2) @ C)
     CX = C @ X
     values = np.sqrt(np.maximum((CX * C).sum(axis=(1, 2)), 0.0))
     size = np.where(values > 0, values, 1.0)[:, None, None]
-    return Slopes(values, np.arange(len(values)), Q @ X / size, CX / size)
+    step = loops.modes.step
+    moved = X + step * loops.A @ X if step else X
+    return Slopes(values, np.arange(len(values)), Q @ moved / size, CX / size)

@@ -17,6 +17,7 @@ from polefence.design.requirements.slopes import Channel, Loops, Slopes
 from polefence.law.laws import Law
 from polefence.lmi.conditions import performance as conditions
 from polefence.lmi.solve.gramians import DualProblem
+from polefence.plant.delta import delta_form
 from polefence.plant.family import UncertainPlant
 from polefence.plant.outputs import Output, Signal, disturbances, stacked
 from polefence.plant.polynomial import Domain
@@ -515,7 +516,11 @@ def claim_of(
     evidence: Evidence,
     level: Fraction,
 ) -> proof.BoundClaim:
-    """Return a specification of a law as a claim, in exact rationals."""
+    """Return a specification of a law as a claim, in exact rationals.
+
+    Of a plant in discrete time, or in its delta form.
+    """
+    plant = delta_form(plant)
     A, B, E = (
         [[list(row) for row in M] for M in matrices if M is not None]
         for matrices in (
@@ -524,5 +529,5 @@ def claim_of(
             [v.exact_E for v in plant.vertices],
         )
     )
-    subject = proof.Subject(A, B, E, law, evidence, on)
+    subject = proof.Subject(A, B, E, law, evidence, on, plant.step)
     return specification.claim(subject, level, plant)

@@ -17,6 +17,7 @@ from polefence.plant.family import UncertainPlant
 from polefence.plant.larger import with_dynamics
 from polefence.plant.outputs import Output, padded, states
 from polefence.plant.system import Exact
+from polefence.response.discrete import zero_order_hold
 
 
 def with_filter(
@@ -25,7 +26,7 @@ def with_filter(
     """Return the plant with a filter on a signal below it, and the filtered signal.
 
     A law designed for it feeds back the filter's states too: the filter runs in the controller, on
-    the measured signal.
+    the measured signal. In discrete time it is the filter of a signal held between samples.
 
     Parameters
     ----------
@@ -40,7 +41,10 @@ def with_filter(
     InputError
         If a disturbance passes straight into the signal.
     """
-    a, b, c, d = (_exact(M) for M in system)
+    A, B, C, D = map(np.atleast_2d, system)
+    if plant.sample_time is not None:  # of a signal that is held between samples
+        A, B = zero_order_hold(A, B, float(plant.sample_time))
+    a, b, c, d = (_exact(M) for M in (A, B, C, D))
     if d[0][0]:
         raise InputError(f"the filter {name} has a direct way through it; give one without")
     rows(plant, signal)

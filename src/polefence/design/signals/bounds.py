@@ -34,6 +34,7 @@ from polefence.lmi.solve.gramians import Dual, DualProblem, duals, in_parts
 from polefence.lmi.solve.interior_point import TOLERANCE
 from polefence.lmi.solve.lyapunov import LyapunovPolynomial, points_given, work
 from polefence.plant.card import card
+from polefence.plant.delta import delta_form
 from polefence.plant.family import UncertainPlant
 from polefence.plant.outputs import Output
 from polefence.plant.points import seeded
@@ -118,6 +119,7 @@ def best_bound(
         proved otherwise.
     """
     specification.require_fit(plant)
+    plant = delta_form(plant)
     with stage(f"bound on {specification.title}"):
         return _best_bound(plant, law, specification, known)
 
@@ -282,7 +284,7 @@ def kept_bound(
         What proves it as far as floats tell; tried first.
     """
     with stage(f"limit on {specification.title}"):
-        return _kept_bound(plant, law, specification, known)
+        return _kept_bound(delta_form(plant), law, specification, known)
 
 
 def _kept_bound(

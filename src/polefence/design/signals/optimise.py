@@ -19,13 +19,17 @@ from polefence.base.errors import InputError, NotProvedError, SolverError, requi
 from polefence.base.processors import small_matrices
 from polefence.base.progress import stage
 from polefence.design.checks import (
+    in_time_of,
     is_optimisable,
     require_domain,
     require_movable,
     require_optimisable,
     require_region,
+    require_static,
+    stable_region,
 )
 from polefence.design.design import Design
+from polefence.design.given import analysed
 from polefence.design.measured import require_detectable
 from polefence.design.requirements.specification import Specification
 from polefence.design.search import Deadline
@@ -56,11 +60,13 @@ from polefence.law.structure import Structure
 from polefence.lmi.conditions.methods import Method, Scheduled, options
 from polefence.lmi.solve.search import Reached, singular_is_failure
 from polefence.plant.card import card
+from polefence.plant.delta import delta_form, sampled_form
 from polefence.plant.family import UncertainPlant
 from polefence.plant.outputs import states
 from polefence.plant.tracks import own_states
-from polefence.region.regions import HalfPlane, Region
+from polefence.region.regions import Region
 from polefence.region.text import digits_up
+from polefence.region.z_plane import delta_plane
 
 __all__ = ["Optimised", "optimise", "relaxed"]
 
@@ -216,29 +222,54 @@ def optimise(
     _require_method(plant, method)
     if len(plant.vertices) == 1:  # one gain is every law
         method = "quadratic"
-    if plant.sample_time is not None:
-        raise InputError(f"{plant.name} is in discrete time; specifications are of continuous time")
-    asked = HalfPlane(0) if region is None else region
+    asked = stable_region(plant) if region is None else in_time_of(plant, region)
     require_region(plant, asked)
     for own in subject_to:
         require_type(own, Specification, "subject_to", "for example Rms('force', at_most=700)")
         if own.at_most is None:
             raise InputError(f"the limit of {own.name!r} is missing; give at_most")
     require_movable(plant, asked)
+    if structure is not None:
+        require_static(plant, structure)
     asked_for = subject_to if minimise is None else (*subject_to, minimise)
     deadline = Deadline(budget)
     larger, found = with_weights(plant, tuple(asked_for))
+    weighted = larger is not plant
+    # what is searched is in differences where the plant is in discrete time
+    T, inside = plant.sample_time, asked
+    larger, bare_plant = delta_form(larger), delta_form(plant)
+    if T is not None:
+        inside = delta_plane(asked, T)
     task = replace(
-        _task(larger, found, minimise is not None, asked, method), asked=(plant, tuple(subject_to))
+        _task(larger, found, minimise is not None, inside, method),
+        asked=(bare_plant, tuple(subject_to)),
     )
     if either and not is_optimisable(larger, method, len(found)):
         structure = Structure()  # a law that is tuned needs no inequalities to be found
     if structure is not None:
-        return _tuned(*structured(task, structure), _simpler(task, structure))
+        tuned = _tuned(*structured(task, structure), _simpler(task, structure))
+        return _as_sampled(tuned, asked)
     require_optimisable(larger, method, len(found))
-    bare = _task(plant, tuple(s.unweighted() for s in asked_for), bool(minimise), asked, method)
-    search = partial(_settled, task) if larger is plant else partial(_weighted, task, bare)
-    return _best_of_all(task, search, deadline) if either else search(deadline)
+    unweighted = tuple(s.unweighted() for s in asked_for)
+    bare = _task(bare_plant, unweighted, bool(minimise), inside, method)
+    search = partial(_weighted, task, bare) if weighted else partial(_settled, task)
+    done = _best_of_all(task, search, deadline) if either else search(deadline)
+    return _as_sampled(done, asked)
+
+
+def _as_sampled(done: Optimised, region: Region) -> Optimised:
+    """Return a law that was found in differences as one of the plant in discrete time, proved."""
+    if not done.plant.step:
+        return done
+    plant, own = sampled_form(done.plant), done.design.certificate
+    certificate = replace(own, plant=plant, region=region)
+    if not certificate.holds():  # a rounding of the region away
+        answer = analysed(plant, done.law, region, Deadline(None))
+        if answer.certificate is None or not answer.proved:
+            raise NotProvedError(f"not proved: {region} of the law that keeps it in differences")
+        certificate = answer.certificate
+    designed = None if done.designed is None else region
+    return replace(done, design=Design(certificate), designed=designed)
 
 
 def _best_of_all(

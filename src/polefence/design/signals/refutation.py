@@ -167,8 +167,8 @@ def refute_limits(
         If a specification does not fit the plant, or the plant is in discrete time.
     """
     require_type(plant, UncertainPlant, "plant", "polefence.load(path) reads one")
-    if plant.sample_time is not None:
-        raise InputError(f"{plant.name} is in discrete time; specifications are of continuous time")
+    if plant.sample_time is not None or plant.step:
+        raise InputError(f"{plant.name} is in discrete time; limits are refuted in continuous time")
     for own in specifications:
         require_type(own, Specification, "specifications", "for example Rms('force', 700)")
     asked = [
@@ -369,7 +369,7 @@ def refuted(task: Task, conflict: Sequence[Any] = ()) -> Refutation | None:
     What is in conflict for the search may have a part of the region in it, and some of the limits
     be in conflict without it.
     """
-    if task.asked is None:
+    if task.asked is None or task.plant.step:
         return None
     plant, limits = task.asked
     own = [a for a, s in zip(limits, task.limits, strict=True) if any(s is p for p in conflict)]

@@ -53,7 +53,7 @@ from polefence.plant.outputs import inputs
 from polefence.plant.points import seeded
 from polefence.plant.polynomial import Domain
 from polefence.plant.system import Array
-from polefence.region.regions import HalfPlane, Region, Sector, bounded, bounds_speed
+from polefence.region.regions import HalfPlane, Region, Sector, bounded, bounds_speed, stable
 from polefence.response.closed import close
 
 INSIDE = 0.95  # how far inside the region the search begins
@@ -132,7 +132,7 @@ class Task:
         degree, elevation = int(o.degree), o.elevation
         values = tuple(sources.values())
         norms = as_norms(plant, self.limits, self.minimise)
-        form = self.domain, degree, elevation, norms
+        form = self.domain, degree, elevation, norms, float(plant.step)
         return Problem(plant.A, plant.B, values, outputs, region, *form)
 
     @singular_is_failure()
@@ -206,7 +206,7 @@ class Task:
             poles = loops.poles()
         except (SolverError, InputError, np.linalg.LinAlgError):
             return False
-        kept = region or HalfPlane(0)
+        kept = region or stable(float(self.plant.step))
         return bool(np.all(kept.distance(poles) < ROUNDED * np.abs(poles).max()))
 
     def _starts(
@@ -221,7 +221,7 @@ class Task:
         else:
             for values in regulators(question, scaling):
                 yield values, {}
-        kept = region or HalfPlane(0)
+        kept = region or stable(float(self.plant.step))
         for inside in dict.fromkeys((kept, bounded(kept, SPEED * typical_rate(self.plant.A)))):
             with suppress(SolverError):
                 yield self._start(inside), {}

@@ -26,6 +26,7 @@ from polefence.plant.family import UncertainPlant
 from polefence.plant.system import Array
 from polefence.region.regions import Region
 from polefence.response.modes import Modes
+from polefence.response.stationary import growth as growth_of
 
 REGION, LIMITS, LEVEL, SMALL = "region", "limits", "level", "small"  # phases of a search
 MARGIN = 1e-4  # by which what must be kept is kept
@@ -128,7 +129,8 @@ class Points:
     def modes(self, K: Array) -> Modes | None:
         """Return the modes under gains of all states (count, m, n), None where they overflow."""
         A = self.channels[0].A + self.channels[0].B @ K
-        return Modes(A) if np.all(np.isfinite(A)) and np.abs(A).max() < 1e100 else None
+        good = np.all(np.isfinite(A)) and np.abs(A).max() < 1e100
+        return Modes(A, float(self.task.plant.step)) if good else None
 
     def evaluable(self, modes: Modes) -> Any:
         """Return at which points limits and level are, (count,): most ask for stability."""
@@ -136,7 +138,8 @@ class Points:
         turning = isinstance(own, tuple) and any(np.any(side.M1) for side in own)
         if not self.task.requirements and not turning:
             return np.full(len(poles), True)
-        return np.all(poles.real < -1e-12 * np.abs(poles).max(axis=1)[:, None], axis=1)
+        rates = growth_of(poles, modes.step)
+        return np.all(rates < -1e-12 * np.abs(poles).max(axis=1)[:, None], axis=1)
 
     def requirement(self, k: int, K: Array, modes: Modes) -> Found:
         """Return the k-th requirement."""
@@ -277,7 +280,7 @@ class Points:
             return np.full((2, len(K)), np.inf)
         good = self.evaluable(modes)
         some = self if np.all(good) else self[good]
-        own = Modes(modes.A[good])
+        own = Modes(modes.A[good], modes.step)
         bounds = [_largest(found, len(K)) for found, _ in self.bounds(inner, modes)]
         rest = [np.full(len(K), np.inf) for _ in range(1 + len(self.task.limits))]
         if np.any(good):

@@ -30,7 +30,7 @@ from polefence.plant.family import UncertainPlant
 from polefence.plant.points import edges, inside
 from polefence.plant.polynomial import Domain
 from polefence.plant.system import Array
-from polefence.region.regions import HalfPlane, Region, bounds_speed
+from polefence.region.regions import Region, bounds_speed, stable
 
 INSIDE, ON_EDGES = 160, 3  # points of the cloud: in the family, and on each edge
 MOST_CORNERS, MOST_CLOUD = 16, 600
@@ -194,9 +194,9 @@ def _task(
     sizes = typical(plant, structure.rows(plant).mean(axis=0))
     free = isinstance(minimise, tuple) and plant.sample_time is not None
     if region is None:
-        region = HalfPlane(0.0)
+        region = stable(float(plant.step))
     elif not region.stable and plant.sample_time is None:
-        region = region & HalfPlane(0.0)
+        region = region & stable(float(plant.step))
     rates = [np.abs(np.linalg.eigvals(v)).max() for v in plant.A]
     fastest = FAST * max(*rates, region.scale, sizes.rate)
     if bounds_speed(region) or np.all(np.isfinite(structure.largest(plant))) or free:

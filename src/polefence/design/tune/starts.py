@@ -8,11 +8,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from polefence.design.requirements.specification import Specification
+from polefence.lmi.solve.starts import least_cost
 from polefence.plant.family import UncertainPlant
 from polefence.plant.system import Array
 from polefence.region.regions import Disk, HalfPlane, Region
 from polefence.response.discrete import balancing
 from polefence.response.modes import Modes
+from polefence.response.stationary import growth
 
 EFFORTS = (1.0, 1e-3, 1e3)  # what inputs cost beside states
 FASTER = 1.2  # than the region asks for
@@ -67,12 +69,12 @@ def typical(plant: UncertainPlant, measured: Array) -> Sizes:
     u = rate / np.where(pushes > 0, pushes, rate)
     noise = E @ E.T
     noise = noise / (np.trace(noise) or 1.0) * n + FLOOR_NOISE * np.eye(n)
-    K = None
+    K, step = None, float(plant.step) * rate
     if plant.sample_time is None:
-        K = regulator(A / rate, B * u / rate, np.eye(n), np.eye(m))
+        K = regulator(A / rate, B * u / rate, np.eye(n), np.eye(m), step=step)
     X, sizes = np.eye(n), u
     if K is not None:
-        X = Modes((A / rate + B * u / rate @ K)[None]).lyapunov(noise[None])[0]
+        X = Modes((A / rate + B * u / rate @ K)[None], step).lyapunov(noise[None])[0]
         forces = np.sqrt(np.maximum(np.diag(K @ X @ K.T), 0.0))
         sizes = u * np.maximum(forces, FLOOR * max(float(forces.max()), FLOOR))
     own = np.sqrt(np.maximum(np.diag(X), FLOOR**2 * np.diag(X).max()))
@@ -91,18 +93,14 @@ def _even(A: Array, B: Array, C: Array) -> Array:
     return balancing(whole[None])[:n]
 
 
-def regulator(A: Array, B: Array, Q: Array, R: Array, S: Array | None = None) -> Array | None:
-    """Return the gain of least cost of x' Q x + 2 x' S u + u' R u; None where floats find none."""
-    from scipy.linalg import solve_continuous_are  # deferred: slow to import
-
-    try:
-        with np.errstate(all="ignore"):
-            P = solve_continuous_are(A, B, Q, R, s=S)
-            K = -np.linalg.solve(R, B.T @ P + (0 if S is None else S.T))
-    except (np.linalg.LinAlgError, ValueError):
+def regulator(
+    A: Array, B: Array, Q: Array, R: Array, S: Array | None = None, step: float = 0.0
+) -> Array | None:
+    """Return the gain of least cost that `least_cost` has, None where its loop is not stable."""
+    K = least_cost(A, B, Q, R, S, step)
+    if K is None or not growth(np.linalg.eigvals(A + B @ K), step).max() < 0:
         return None
-    stable = np.all(np.isfinite(K)) and np.linalg.eigvals(A + B @ K).real.max() < 0
-    return np.asarray(K) if stable else None
+    return K
 
 
 def _of_disk(A: Array, B: Array, effort: float) -> Array | None:
@@ -143,7 +141,7 @@ def regulators(
     cost = cost_of(plant, sizes, asked)
     for shift in dict.fromkeys((0.0, FASTER * decay_of(region))):
         for effort in EFFORTS:
-            K = shifted(A, B, cost, shift, effort, sizes.rate)
+            K = shifted(A, B, cost, shift, effort, sizes.rate, float(plant.step))
             if K is not None:
                 yield K * u[:, None]
 
@@ -154,7 +152,7 @@ def decay_of(region: Region) -> float:
 
 
 def shifted(
-    A: Array, B: Array, cost: Array, shift: float, effort: float, rate: float
+    A: Array, B: Array, cost: Array, shift: float, effort: float, rate: float, step: float = 0.0
 ) -> Array | None:
     """Return the gain of least cost of loops that decay faster than a shift; None where none does.
 
@@ -164,11 +162,14 @@ def shifted(
         Of states and inputs; a thousandth of one is added, for inputs as much more as effort says.
     rate : float
         Typical of A [1/s].
+    step : float
+        Of a delta form [s].
     """
     n, m = B.shape
     R = cost[n:, n:] + 1e-3 * effort * np.eye(m)
     Q = cost[:n, :n] + 1e-3 * np.eye(n)
-    return regulator((A + shift * np.eye(n)) / rate, B / rate, Q, R, cost[:n, n:])
+    A = (A + shift * np.eye(n)) / rate
+    return regulator(A, B / rate, Q, R, cost[:n, n:], step * rate)
 
 
 def cost_of(plant: UncertainPlant, sizes: Sizes, asked: Sequence[Specification]) -> Array:

@@ -40,12 +40,15 @@ class Loop:
         n x n; C may have rows of outputs below.
     R : polynomial, n x n, optional
     domain : Domain
+    step : float
+        Of a delta form [s]; zero in continuous time.
     """
 
     E: Polynomial
     C: Polynomial
     domain: Domain
     R: Polynomial | None = None
+    step: float = 0.0
 
     @property
     def degree(self) -> int:
@@ -61,7 +64,8 @@ class Loop:
     def inside(self, box: Box) -> Loop:
         """Return the loop in a part of the box of parameters, in coordinates of that."""
         E, C = (box.polynomial(P, self.domain) for P in (self.E, self.C))
-        return Loop(E, C, self.domain, self.R and box.polynomial(self.R, self.domain))
+        R = self.R and box.polynomial(self.R, self.domain)
+        return Loop(E, C, self.domain, R, self.step)
 
     def without_outputs(self) -> Loop:
         """Return the loop alone."""
@@ -81,7 +85,7 @@ class Loop:
         E = {e: inverse @ p @ right for e, p in self.E.items()}
         C = {e: np.vstack([inverse @ p[:n] / rate, p[n:]]) @ right for e, p in self.C.items()}
         R = self.R and {e: inverse @ p @ inverse.T for e, p in self.R.items()}
-        return Loop(E, C, self.domain, R)
+        return Loop(E, C, self.domain, R, self.step * rate)
 
     def restored(self, Q: Array, T: Array) -> Array:
         """Return Q in the original coordinates."""

@@ -17,6 +17,9 @@ says that sum_j Y_j X^-1 Y_j' < g^2 t, without the variables for tr Y X^-1 Y' th
 each coefficient of polynomials as much as they would. Disturbances that are chosen and scaled,
 w = diag(s) v, are E diag(s) and F diag(s).
 
+In discrete time all are of the delta form, of a step T: -(N + N') becomes
+[ -(N + N'), T^1/2 N ; *, X ], and to the last a further row T^1/2 [ N, E, 0 ], X is added below.
+
 (Scherer, Gahinet & Chilali, 1997; Boyd et al., 1994). Noise of S = e^2 also bounds the peaks under
 disturbances of energy e^2. What is minimised is r = (g / level)^2, of a gain g / level. Bounds on a
 law that is sought share X with each other and with the region; one on a law that is given has an X
@@ -178,6 +181,8 @@ class Demands:
     margin : float
         Added as -2 margin X to the first inequality of noise and points, so that rounding keeps it;
         a small rate.
+    step : float
+        Of a delta form, in the condition's own unit of time; zero in continuous time.
     """
 
     target: Target = NO_REGION
@@ -185,6 +190,7 @@ class Demands:
     outputs: tuple[Output, ...] = ()
     norms: tuple[tuple[Norm, Array], ...] = ()
     margin: float = 0.0
+    step: float = 0.0
 
     def degree(self, domain: Domain) -> int:
         """Return the highest degree of what is asked, in each simplex; at least 1."""
@@ -243,14 +249,16 @@ def assembled(
         for source in sources:
             if not isinstance(source, Through):
                 data = moved[source.name](e)
-                pencil.blocks += _moved(source, name, form.X, motion, t[source.name], data, weight)
+                at = form.X, motion, demands.step
+                pencil.blocks += _moved(source, name, at, t[source.name], data, weight)
         for output, Y in zip(outputs, form.Y, strict=True):
             source, own = by_name[output.source], t[output.source]
             label = f"{output.name}, {name}"
             if isinstance(source, Through):
                 E = moved[source.name](e)
                 F = _raised_F(output, domain, degree, E.shape[1])(e)
-                pencil.blocks.append(_passed(label, form.N, Y, own, E, F, weight, output))
+                at = form.X, form.N, demands.step
+                pencil.blocks.append(_passed(label, at, Y, own, E, F, weight, output))
             else:
                 pencil.blocks.append(_bound(label, form.X, Y, own, bounds[output.name][e], output))
         for label, side in target.named(name):
@@ -292,24 +300,29 @@ def _raised_F(output: Output, domain: Domain, degree: int, q: int) -> Callable[[
 def _moved(
     source: Source,
     name: str,
-    X: Linear,
-    N: Linear,
+    at: tuple[Linear, Linear, float],
     t: Linear,
     data: Array,
     weight: float,
 ) -> Iterator[Block]:
-    """Yield what a source asks of X, whatever is looked at."""
+    """Yield what a source asks of X, whatever is looked at; ``at`` holds X, N and the step."""
+    X, N, step = at
     n = X.terms[0].left.shape[0]
-    eye = np.eye(n)
+    size = 2 * n if step else n
+    eye, below = np.eye(size)[:, :n], np.eye(size)[:, n:]
     driven = put(N, eye, eye)
+    if step:  # the rows below in units in which X is one
+        root = np.sqrt(step)
+        driven += put(N, -root * eye, below) + put(X, -0.5 * below, below)
     if isinstance(source, Noise) and source.root is not None:
         for column in source.root.T[:, :, None]:
-            driven += put(t, weight / 2 * column, column)
+            driven += put(t, weight / 2 * eye @ column, eye @ column)
     elif isinstance(source, Noise):
         # columns of zeros ask for work and for nothing else
         own = np.any(data, axis=0)
         driven += put(multiple(t, data[:, own] / 2), eye, eye[:, own])
-    yield Block(f"{source.name}, {name}", n, (), driven)
+    yield Block(f"{source.name}, {name}", size, (), driven)
+    eye = np.eye(n)
     if isinstance(source, Points):
         first, rest = np.eye(n + 1)[:, :1], np.eye(n + 1)[:, 1:]
         for k, x0 in enumerate(data.T[:, :, None]):
@@ -347,7 +360,7 @@ def _bound(name: str, X: Linear, Y: Linear, t: Linear, weight: float, output: Ou
 
 def _passed(
     name: str,
-    N: Linear,
+    at: tuple[Linear, Linear, float],
     Y: Linear,
     t: Linear,
     E: Array,
@@ -355,12 +368,17 @@ def _passed(
     weight: float,
     output: Output,
 ) -> Block:
-    """Return the block of a gain, E and y over the root of the level."""
-    n, q = E.shape
-    size = n + q + output.rows
-    x, w, y = np.split(np.eye(size), [n, n + q], axis=1)
+    """Return the block of a gain, E and y over the root of the level; ``at`` as `_moved` has it."""
+    (X, N, step), (n, q), p = at, E.shape, output.rows
+    size = n + q + p + (n if step else 0)
+    x, w, y, z = np.split(np.eye(size), [n, n + q, n + q + p], axis=1)
     root = np.sqrt(output.level)
     M = put(N, x, x) + put(1.0 / root * Y, y, x)
+    if step:
+        late = np.sqrt(step)
+        M += put(N, -late * z, x) + put(X, -0.5 * z, z)
+        for k in range(q):
+            M += put(t, -late * z @ E[:, k : k + 1] / root, w[:, k : k + 1])
     for k in range(q):
         M += put(t, x @ E[:, k : k + 1] / root, w[:, k : k + 1])
         M += put(t, y @ F[:, k : k + 1] / output.level, w[:, k : k + 1])

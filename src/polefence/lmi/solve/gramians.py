@@ -30,6 +30,7 @@ from polefence.plant.family import UncertainPlant
 from polefence.plant.polynomial import Domain, Polynomial, degree_of, values
 from polefence.plant.system import Array
 from polefence.response.modes import Modes
+from polefence.response.stationary import bilinear
 
 ROUNDS = 8  # in which R grows
 OVER = 1.3  # times what is missed, since R moves what is missed
@@ -87,6 +88,11 @@ class DualProblem:
     def domain(self) -> Domain:
         """Where alpha lives."""
         return domain_of(self.plant, self.law)
+
+    @property
+    def step(self) -> float:
+        """Of a delta form [s]; zero in continuous time."""
+        return float(self.plant.step)
 
     @property
     def rows(self) -> int:
@@ -256,7 +262,7 @@ class _Interpolation:
     @cached_property
     def modes(self) -> Modes:
         """Their modes."""
-        return Modes(self.nodes[0])
+        return Modes(self.nodes[0], self.problem.step)
 
     @cached_property
     def raised(self) -> tuple[Array, tuple[Array, Array, Array, Array, Array]]:
@@ -351,16 +357,32 @@ class _Interpolation:
 
     def _equations(self, R: Array, levels: Array) -> tuple[Array, Array, Array]:
         """Return A, S and Q of the Riccati equations of levels at the nodes."""
-        A, Y, E, F = self.nodes
+        A, Y, E, F = self._with_outputs(R, levels)
+        R = np.zeros_like(R) if self.problem.step else R
         a, b, c = _inverse(levels[:, None, None], F)
         return A + E @ b @ Y, E @ a @ E.swapaxes(-1, -2), Y.swapaxes(-1, -2) @ c @ Y + R
+
+    def _with_outputs(self, R: Array, levels: Array) -> tuple[Array, Array, Array, Array]:
+        """Return A, C, E and F of the nodes; of a delta form with R as further outputs.
+
+        They are then those of its bilinear transform, of which the Riccati equation has the same
+        solution.
+        """
+        A, Y, E, F = self.nodes
+        step = self.problem.step
+        if not step:
+            return A, Y, E, F
+        Y = np.concatenate([Y, np.sqrt(levels)[:, None, None] * _root(R)], axis=1)
+        A, inverse = bilinear(A, step)
+        F = _above_zeros(F, len(R)) - step / 2 * Y @ inverse @ E
+        return A, Y @ inverse, inverse @ E, F
 
     def _least(self, R: Array, level: float, low: Array) -> Array | None:
         """Return the least levels at which there are solutions at the nodes, with R.
 
         None where one is above the level; ``low`` are known to be no more.
         """
-        F = self.nodes[3]
+        F = self._with_outputs(R, np.full(len(self.nodes[0]), level))[3]
         straight = np.linalg.norm(F, 2, axis=(-2, -1)) * (1 + BARELY)
         low, high = np.maximum(np.maximum(low, LOWEST * level), straight), np.full(len(F), level)
         if low.max() > level or not np.all(has_stabilising(*self._equations(R, high))):
@@ -372,15 +394,21 @@ class _Interpolation:
             middle = np.sqrt(low * high)
         return high
 
-    def _missed(self, Q: Array, level: float | None) -> tuple[Array, float]:
+    def _missed(self, coefficients: Array, level: float | None) -> tuple[Array, float]:
         """Return by how much each coefficient misses the inequality, and the bound."""
         basis, (W, N, Y, E, F) = self.raised
-        own = W @ np.tensordot(basis, Q, 1)
+        Q, step = np.tensordot(basis, coefficients, 1), self.problem.step
+        own = W @ Q
         both, Yt = own @ N, Y.swapaxes(-1, -2)
         both = both + both.swapaxes(-1, -2)
+        if step:
+            both = both + step * N.swapaxes(-1, -2) @ Q @ N
         if level is None:
-            bound = float(np.sqrt(max(self._ratios(Q).max(), 0.0)))
+            bound = float(np.sqrt(max(self._ratios(coefficients).max(), 0.0)))
             missed = self._bernstein(both + Yt @ Y)
+        elif step:
+            bound, QE = level, step * Q @ E
+            missed = self._above_step(level, both, own @ E + N.swapaxes(-1, -2) @ QE, QE)
         elif not np.any(F):
             bound, QE = level, own @ E
             missed = self._bernstein(both + (Yt @ Y + QE @ QE.swapaxes(-1, -2)) / level)
@@ -393,6 +421,20 @@ class _Interpolation:
             middle = np.linalg.inv(W.mean(axis=0))
             missed = middle.T @ missed @ middle
         return missed, bound
+
+    def _above_step(self, level: float, both: Array, U: Array, QE: Array) -> Array:
+        """Return what each coefficient of a delta form's lemma misses; see `proof.Gain`."""
+        _, (_, _, Y, E, F) = self.raised
+        q, p = E.shape[-1], Y.shape[-2]
+        corner = level * np.eye(q) - E.swapaxes(-1, -2) @ QE
+        both, U, Y, F, corner = map(self._bernstein, (both, U, Y, F, corner))
+        below = np.concatenate([-F, np.broadcast_to(level * np.eye(p), (len(F), p, p))], -1)
+        beside = np.concatenate([corner, -F.swapaxes(-1, -2)], -1)
+        middle = np.concatenate([beside, below], -2)
+        left = np.concatenate([U, Y.swapaxes(-1, -2)], -1)
+        if np.linalg.eigvalsh(middle).min() <= 0:
+            raise np.linalg.LinAlgError("the level is below the way straight through")
+        return np.asarray(both + left @ np.linalg.solve(middle, left.swapaxes(-1, -2)))
 
     def _ratios(self, Q: Array) -> Array:
         """Return the coefficients of tr E'QE over those of what the bound's square is a share of.
@@ -412,10 +454,23 @@ class _Interpolation:
         """Degree of the inequality."""
         problem = self.problem
         squares = [2 * problem.rows]
-        if problem.gain and not np.any(problem.F):
+        if problem.step:
+            squares.append(self.degree + 2 * problem.rows)
+        elif problem.gain and not np.any(problem.F):
             varies = bool(np.ptp(problem.E, axis=0).any())
             squares.append(2 * (self.degree + problem.left + varies))
         return max(self.degree + problem.degree, *squares)
+
+
+def _root(R: Array) -> Array:
+    """Return a root of R without negative eigenvalues, root' root = R."""
+    values, V = np.linalg.eigh(R)
+    return np.asarray(np.sqrt(np.maximum(values, 0.0))[:, None] * V.T)
+
+
+def _above_zeros(F: Array, rows: int) -> Array:
+    """Return F with rows of zeros below."""
+    return np.concatenate([F, np.zeros((len(F), rows, F.shape[-1]))], axis=1)
 
 
 def _inverse(level: Array | float, F: Array) -> tuple[Array, Array, Array]:

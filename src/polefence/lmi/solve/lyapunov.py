@@ -19,11 +19,11 @@ from polefence.lmi.solve.search import ROUNDS, Point, attempt, interior, rounds,
 from polefence.lmi.solve.stacked import stack
 from polefence.lmi.solve.starts import covariance, start_matrix
 from polefence.plant.system import Array
-from polefence.region.regions import HalfPlane, Region
+from polefence.region.regions import Region, stable
 
 FLOOR = 1e-4  # a radius of this share of the goal's scale is as good as zero
 SLIGHT = 1e-6  # of the identity, beside a scheduled law's own W
-STABLE = 0.98  # how wide a half-plane may be for its Lyapunov polynomial to be a start
+STABLE = 0.98  # how wide the region of stability may be for its Lyapunov polynomial to be a start
 # How far inside a region a point is looked for first; then as far as the search goes.
 INSIDE = (0.98, 0.0)
 
@@ -173,19 +173,20 @@ def points_given(
 
     def demands(T: Array) -> Demands:
         moved = source.changed(np.asarray(np.linalg.inv(T), dtype=float), rate)
-        return Demands(sources=(moved,), outputs=(output,))
+        return Demands(sources=(moved,), outputs=(output,), step=loop.step * rate)
 
     def starts() -> Iterator[Start]:
         n = len(middle)
         yield (np.zeros((1, n, n)), np.ones(1)) if loop.R else (np.eye(n)[None], np.zeros(1))
         with suppress(SolverError):
-            stable = least(loop.without_outputs(), Around(HalfPlane(0)), *form, enough=STABLE)
-            if stable.r < 1:
-                yield stable
+            within = Around(stable(loop.step))
+            found = least(loop.without_outputs(), within, *form, enough=STABLE)
+            if found.r < 1:
+                yield found
 
     search = _Search(loop, rate, form, demands, starts, tolerance)
     points = list[LyapunovPolynomial]()
-    for X in _coordinates(middle / rate, loop, source, near):
+    for X in _coordinates(middle / rate, loop, source, near, loop.step * rate):
         found = search.run(X)
         points += [] if found is None or not found.r > 0 else [found]
         if found is not None and found.converged:
@@ -196,7 +197,7 @@ def points_given(
 
 
 def _coordinates(
-    middle: Array, loop: Loop, source: Source, near: LyapunovPolynomial | None
+    middle: Array, loop: Loop, source: Source, near: LyapunovPolynomial | None, step: float
 ) -> Iterator[Array]:
     """Yield Lyapunov matrices, each to be tried as the identity where the last is not enough."""
     if loop.R is not None:
@@ -204,9 +205,10 @@ def _coordinates(
     elif near is not None:
         yield near.Q.mean(axis=0)
     else:
-        own, plain = covariance(middle, source.intensity(loop.domain)), start_matrix(middle)
+        own = covariance(middle, source.intensity(loop.domain), step)
+        plain = start_matrix(middle)
         first = (plain, own) if isinstance(source, Through) else (own, plain)
-        yield from (X for X in (*first, covariance(middle)) if X is not None)
+        yield from (X for X in (*first, covariance(middle, step=step)) if X is not None)
 
 
 # Q and multiple in the coordinates of a run, or a polynomial in the original ones.

@@ -29,7 +29,7 @@ from polefence.lmi.solve.search import (
 from polefence.lmi.solve.stacked import Stacked, stack
 from polefence.plant.polynomial import Domain
 from polefence.plant.system import Array
-from polefence.region.regions import HalfPlane, Region
+from polefence.region.regions import Region, stable
 
 TANGENTS = 3
 # Bounds on the law are tight near the last point only, and a point at the edge of all others hardly
@@ -56,6 +56,8 @@ class Problem:
     degree, elevation : int
     norms : tuple of Norm
         Bounds on the law itself.
+    step : float
+        Of a delta form [s]; zero in continuous time.
     """
 
     A: Array
@@ -67,6 +69,7 @@ class Problem:
     degree: int
     elevation: int
     norms: tuple[Norm, ...] = ()
+    step: float = 0.0
 
     def pencil(
         self,
@@ -88,15 +91,16 @@ class Problem:
         changed = tuple(o.changed(scaling.T, scaling.S) for o in outputs)
         region = self.region
         if region is None and not sources:  # nothing else asks for stability
-            region = HalfPlane(0)
+            region = stable(self.step)
         target = Target(fixed(region, scaling.rate), positive=not sources)
         W = np.stack([values[f"W{k + 1}"] for k in range(self.domain.count(self.degree))])
         near = inverse @ W @ inverse.T
         scaled = [norm.changed(scaling.T, scaling.S) for norm in norms]
         own = [(norm, tangents(norm, near)[tangent]) for norm in scaled]
-        demands = Demands(target, sources, changed, tuple(own), MARGIN)
+        step = self.step * scaling.rate
+        demands = Demands(target, sources, changed, tuple(own), MARGIN, step)
         form = self.domain, self.degree, self.elevation
-        if not norms:
+        if not norms and not step:
             return stacked_design(A, B, demands, *form)
         pencil = design(A, B, demands, *form)
         return pencil, stack(pencil)

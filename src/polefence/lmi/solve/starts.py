@@ -21,6 +21,7 @@ from polefence.lmi.solve.performance import Problem
 from polefence.lmi.solve.scaling import Scaling, each, transposed
 from polefence.plant.system import Array
 from polefence.region.regions import HalfPlane, Region
+from polefence.response.stationary import bilinear, growth
 
 # Disks to aim at, as fractions of sigma, and weights of the input, until one has a design.
 DOUBLINGS = 7
@@ -124,14 +125,14 @@ def regulators(
     A, B = (X.mean(axis=0) for X in scaling.apply(problem.A, problem.B))
     inverse = scaling.inverse
     moved = {s.name: inverse @ s.intensity(problem.domain) @ inverse.T for s in problem.sources}
-    decay = decay_of(problem.region) / scaling.rate
-    gains = [_balanced(problem.outputs, scaling, (A, B), moved, halvings)]
+    decay, step = decay_of(problem.region) / scaling.rate, problem.step * scaling.rate
+    gains = [_balanced(problem.outputs, scaling, (A, B, step), moved, halvings)]
     if decay > 0 or problem.norms:
-        gains += [_small(problem.norms, scaling, A, B, shift * decay) for shift in SHIFTS]
+        gains += [_small(problem.norms, scaling, A, B, step, shift * decay) for shift in SHIFTS]
     M = sum((own / (np.trace(own) or 1.0) for own in moved.values()), np.zeros_like(A))
     M = M if moved else np.eye(len(A))
     for K in gains:
-        W = None if K is None else _covariance(A, B, K, M, decay)
+        W = None if K is None else _covariance(A, B, K, M, decay, step)
         if K is not None and W is not None:
             Z = scaling.S @ K @ W @ scaling.T.T
             W = scaling.T @ W @ scaling.T.T
@@ -147,14 +148,17 @@ def decay_of(region: Region | None) -> float:
 def _balanced(
     outputs: Sequence[Output],
     scaling: Scaling,
-    plant: tuple[Array, Array],
+    plant: tuple[Array, Array, float],
     moved: dict[str, Array],
     halvings: int,
 ) -> Array | None:
-    """Return the gain that weighs what is minimised as much as the limits allow."""
+    """Return the gain that weighs what is minimised as much as the limits allow.
+
+    ``plant`` holds A, B and the step.
+    """
     if not outputs:
         return None
-    A, B = plant
+    A, B, step = plant
     rows = [
         np.hstack([o.C.mean(axis=0) @ scaling.T, o.D.mean(axis=0) @ scaling.S]) / o.level
         for o in outputs
@@ -162,14 +166,14 @@ def _balanced(
     fixed = np.array([o.fixed for o in outputs])
     if fixed.all() or not fixed.any():
         sizes = [np.sum(row**2) or 1.0 for row in rows]
-        return _regulator(A, B, _weighted(rows, 1 / np.array(sizes)))
+        return _regulator(A, B, _weighted(rows, 1 / np.array(sizes)), step)
     least, most = POWERS
     best: Array | None = None
     for _ in range(halvings):
         power = (least + most) / 2
         weights = np.where(fixed, 1.0, 2.0**power)
-        K = _regulator(A, B, _weighted(rows, weights))
-        if K is not None and _bounds_kept(outputs, rows, A + B @ K, K, moved):
+        K = _regulator(A, B, _weighted(rows, weights), step)
+        if K is not None and _bounds_kept(outputs, rows, A + B @ K, K, moved, step):
             least, best = power, K
         else:
             best = K if best is None else best
@@ -183,10 +187,15 @@ def _weighted(rows: list[Array], weights: Array) -> Array:
 
 
 def _bounds_kept(
-    outputs: Sequence[Output], rows: list[Array], loop: Array, K: Array, moved: dict[str, Array]
+    outputs: Sequence[Output],
+    rows: list[Array],
+    loop: Array,
+    K: Array,
+    moved: dict[str, Array],
+    step: float,
 ) -> bool:
     """Whether all fixed bounds are kept, as far as covariances tell."""
-    covariance = {name: _lyapunov(loop, M) for name, M in moved.items()}
+    covariance = {name: _lyapunov(loop, M, step) for name, M in moved.items()}
     for output, row in zip(outputs, rows, strict=True):
         y, X = row[:, : len(loop)] + row[:, len(loop) :] @ K, covariance[output.source]
         if output.fixed and (X is None or np.trace(y @ X @ y.T) > 1):
@@ -195,64 +204,90 @@ def _bounds_kept(
 
 
 def _small(
-    norms: Sequence[Norm], scaling: Scaling, A: Array, B: Array, shift: float
+    norms: Sequence[Norm], scaling: Scaling, A: Array, B: Array, step: float, shift: float
 ) -> Array | None:
     """Return a gain of little effort that mirrors what decays more slowly at that decay."""
     n, m = B.shape
     R = sum(((norm.R @ scaling.S).T @ (norm.R @ scaling.S) for norm in norms), np.zeros((m, m)))
     whole = np.zeros((n + m, n + m))
     whole[n:, n:] = R / np.trace(R) if np.trace(R) > 0 else np.eye(m)
-    return _regulator(A + shift * np.eye(n), B, whole)
+    return _regulator(A + shift * np.eye(n), B, whole, step)
 
 
-def _regulator(A: Array, B: Array, weights: Array) -> Array | None:
+def _regulator(A: Array, B: Array, weights: Array, step: float) -> Array | None:
     """Return the gain of least cost [x; u]' weights [x; u]; None if there is none in floats."""
-    from scipy.linalg import solve_continuous_are  # deferred: slow to import
-
     n, m = B.shape
     Q, R, S = weights[:n, :n], weights[n:, n:], weights[:n, n:]
     size = CHEAP * np.trace(weights) / (n + m)
     Q = Q + size * np.eye(n)
     R = R + size * np.eye(m)
+    return least_cost(A, B, Q, R, S, step)
+
+
+def least_cost(
+    A: Array, B: Array, Q: Array, R: Array, S: Array | None = None, step: float = 0.0
+) -> Array | None:
+    """Return the gain of least cost of x' Q x + 2 x' S u + u' R u; None where floats find none.
+
+    Parameters
+    ----------
+    step : float
+        Of a delta form; zero in continuous time.
+    """
+    from scipy.linalg import solve_continuous_are, solve_discrete_are  # deferred: slow to import
+
+    left = np.zeros(B.shape) if S is None else S
     try:
         with np.errstate(all="ignore"):
-            P = solve_continuous_are(A, B, Q, R, s=S)
-            K = -np.linalg.solve(R, B.T @ P + S.T)
+            if step:
+                F, H = np.eye(len(A)) + step * A, step * B
+                P = solve_discrete_are(F, H, step * Q, step * R, s=step * left)
+                K = -np.linalg.solve(step * R + H.T @ P @ H, H.T @ P @ F + step * left.T)
+            else:
+                P = solve_continuous_are(A, B, Q, R, s=S)
+                K = -np.linalg.solve(R, B.T @ P + left.T)
     except (np.linalg.LinAlgError, ValueError):
         return None
     return np.asarray(K) if np.all(np.isfinite(K)) else None
 
 
-def _covariance(A: Array, B: Array, K: Array, M: Array, decay: float) -> Array | None:
+def _covariance(A: Array, B: Array, K: Array, M: Array, decay: float, step: float) -> Array | None:
     """Return the covariance of the loop with less decay, what of it the region leaves over."""
     loop = A + B @ K
-    own = -float(np.linalg.eigvals(loop).real.max())
-    plain = _lyapunov(loop, M)
+    own = -float(growth(np.linalg.eigvals(loop), step).max())
+    plain = _lyapunov(loop, M, step)
     if not own > decay or plain is None:
         return None
     inputs = np.diag(K @ plain @ K.T)
     inputs = np.maximum(inputs, inputs.max() * CHEAP) + np.finfo(float).tiny
     more = SHAKEN * float(np.abs(np.linalg.eigvals(loop)).mean())
-    shifted = loop + (own + decay) / 2 * np.eye(len(A))
-    return _lyapunov(shifted, M + more * (B * inputs) @ B.T)
+    if step:  # |z| to its root
+        each = 1 / np.sqrt(1 - step * own)
+        shifted = each * loop + (each - 1) / step * np.eye(len(A))
+    else:
+        shifted = loop + (own + decay) / 2 * np.eye(len(A))
+    return _lyapunov(shifted, M + more * (B * inputs) @ B.T, step)
 
 
-def _lyapunov(loop: Array, M: Array) -> Array | None:
-    """Return X of loop X + X loop' + M = 0; None where the loop is not stable."""
+def _lyapunov(loop: Array, M: Array, step: float) -> Array | None:
+    """Return X of loop X + X loop' + step loop X loop' + M = 0; None if the loop is not stable."""
     from scipy.linalg import solve_continuous_lyapunov  # deferred: slow to import
 
-    if not np.linalg.eigvals(loop).real.max() < 0:
+    if not growth(np.linalg.eigvals(loop), step).max() < 0:
         return None
     try:
         with np.errstate(all="ignore"), warnings.catch_warnings():
             warnings.simplefilter("ignore")  # of what is nearly singular; it is judged by use
+            if step:
+                loop, inverse = bilinear(loop, step)
+                M = inverse @ M @ inverse.T
             X = solve_continuous_lyapunov(loop, -M)
     except (np.linalg.LinAlgError, ValueError):
         return None
     return np.asarray((X + X.T) / 2) if np.all(np.isfinite(X)) else None
 
 
-def covariance(F: Array, Q: Array | None = None) -> Array | None:
+def covariance(F: Array, Q: Array | None = None, step: float = 0.0) -> Array | None:
     """Return the covariance that noise leaves x' = F x in; None if there is none in floats.
 
     Parameters
@@ -260,6 +295,8 @@ def covariance(F: Array, Q: Array | None = None) -> Array | None:
     F : (n, n) array
     Q : (n, n) array, optional
         Intensity of the noise; by default the identity in balanced states.
+    step : float
+        Of a delta form.
     """
     from scipy.linalg import matrix_balance  # deferred: slow to import
 
@@ -267,7 +304,7 @@ def covariance(F: Array, Q: Array | None = None) -> Array | None:
     balanced, (scale, _) = matrix_balance(F, permute=False, separate=True)
     own = np.asarray(np.eye(n) if Q is None else Q / np.outer(scale, scale), dtype=float)
     own = own + EVEN * np.trace(own) / n * np.eye(n)
-    X = _lyapunov(np.asarray(balanced, dtype=float), own)
+    X = _lyapunov(np.asarray(balanced, dtype=float), own, step)
     return None if X is None else X * np.outer(scale, scale)
 
 

@@ -40,13 +40,13 @@ class EnergyPeak(SignalClaim):
         """Return the norm."""
         return {"norm": plain(self.norm)}
 
-    def rows(self, X: Polynomial, minus: Polynomial, Y: Polynomial) -> Rows:
+    def rows(self, X: Polynomial, N: Polynomial, Y: Polynomial) -> Rows:
         """Return what bounds the state, and the output in it."""
-        driven = minus - noise(self.subject.E, Fraction(1), X.sizes, self.scales)
+        moving = noise(self.subject.E, Fraction(1), X.sizes, self.scales)
         # the norm times Y: level / norm would not be there for a norm of zero
         corner = number(self.level**2, X.sizes)
         return {
-            "of the noise": [[driven]],
+            "of the noise": self.subject.falling(X, N, moving),
             "of the output": [[corner, Y.times(self.norm)], [X]],
         }
 

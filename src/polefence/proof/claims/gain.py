@@ -3,7 +3,9 @@
 X > 0 and, with z = C x + D u + F w of p rows and q disturbances,
 [ -(N + N'), -E, -Y' ; *, g I_q, -F' ; *, *, g I_p ] > 0; in the dual form with N = Q (A + B K),
 Y = C + D K and Q E in place of E, or -(N + N' + (Q E E'Q + Y'Y) / g) > 0 where F is zero: a
-polynomial whose coefficients prove more than those of the blocks.
+polynomial whose coefficients prove more than those of the blocks. In discrete time what a step T
+adds, T |N x + E w|^2 in the metric of X, is a further row [ N, E, 0, X / T ]; in the dual form it
+is T [N, E]'Q [N, E], taken from the first two blocks.
 """
 
 from __future__ import annotations
@@ -13,7 +15,7 @@ from fractions import Fraction
 from typing import ClassVar
 
 from polefence.proof.claims.signal import MAX_ENTRIES, Rows, SignalClaim, scaled, stacked
-from polefence.proof.polynomials import Polynomial, diagonal
+from polefence.proof.polynomials import Polynomial, constant, diagonal
 
 
 @dataclass(frozen=True)
@@ -33,21 +35,33 @@ class Gain(SignalClaim):
     @property
     def largest(self) -> int:
         """Rows of the lemma."""
-        return self.subject.n + self.subject.q + len(self.outputs)
+        n = self.subject.n
+        return (2 * n if self.subject.step else n) + self.subject.q + len(self.outputs)
 
-    def rows(self, X: Polynomial, minus: Polynomial, Y: Polynomial) -> Rows:
+    def rows(self, X: Polynomial, N: Polynomial, Y: Polynomial) -> Rows:
         """Return X, and the bounded real lemma."""
-        E = scaled(self.subject.E, self.scales, X.sizes)
-        return {"of X": [[X]], "of the gain": self._lemma(minus, E, Y)}
+        E, step = scaled(self.subject.E, self.scales, X.sizes), self.subject.step
+        lemma = self._lemma((N + N.T).times(-1), E, Y)
+        if step:
+            none = constant([[Fraction(0)] * self.subject.n for _ in self.outputs], X.sizes)
+            ends = (N.T, E.T, none, X.times(1 / step))
+            lemma = [[*row, end] for row, end in zip([*lemma, []], ends, strict=True)]
+        return {"of X": [[X]], "of the gain": lemma}
 
     def dual_rows(self) -> Rows:
         """Return the lemma of the dual form."""
-        Q, WQ, N, Y = self.subject.dual_loop(self.outputs)
-        E, both = WQ * scaled(self.subject.E, self.scales, Q.sizes), N + N.T
-        if self.level and not any(own.F for own in self.outputs):
+        Q, WQ, M, Y = self.subject.dual_loop(self.outputs)
+        entering, step = scaled(self.subject.E, self.scales, Q.sizes), self.subject.step
+        E, both = WQ * entering, self.subject.dual_falling(Q, WQ, M)
+        if self.level and not step and not any(own.F for own in self.outputs):
             moved = (E * E.T + Y.T * Y).times(1 / self.level)
             return {"of the gain": [[-(both + moved)]]}
-        return {"of the gain": self._lemma(-both, E, Y)}
+        if not step:
+            return {"of the gain": self._lemma(-both, E, Y)}
+        QE = (Q * entering).times(step)
+        lemma = self._lemma(-both, E + M.T * QE, Y)
+        lemma[1][0] = lemma[1][0] - entering.T * QE
+        return {"of the gain": lemma}
 
     def _lemma(self, minus: Polynomial, E: Polynomial, Y: Polynomial) -> list[list[Polynomial]]:
         sizes, q = minus.sizes, self.subject.q

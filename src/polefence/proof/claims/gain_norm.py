@@ -48,7 +48,6 @@ class GainNorm(Claim):
     def read(cls, table: Table, plant: Plant, law: Any, on: str) -> Self:
         """Read level, units and elevation; of a gain the domain too."""
         law, below = require_law(law, cls.kind), table.table("evidence")
-        plant.require_continuous(table.where)
         on = plant.domain(below.word("on", DOMAINS, "simplex") if law.fixed else on)
         evidence = Evidence([], elevation=below.whole("elevation", 0))
         table.text("name", "")

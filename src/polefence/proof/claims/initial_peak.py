@@ -103,10 +103,10 @@ class InitialPeak(SignalClaim):
         """None."""
         return 0
 
-    def rows(self, X: Polynomial, minus: Polynomial, Y: Polynomial) -> Rows:
+    def rows(self, X: Polynomial, N: Polynomial, Y: Polynomial) -> Rows:
         """Return the decrease, the initial states, and the output."""
         one = number(1, X.sizes)
-        found = {"of the decrease": [[minus]]}
+        found = {"of the decrease": self.subject.falling(X, N)}
         found |= {name: [[one, x.T], [X]] for name, x in self._starts(X.sizes)}
         if self.ellipsoid:
             X0 = constant(list(map(list, self.ellipsoid)), X.sizes)

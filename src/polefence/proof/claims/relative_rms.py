@@ -1,8 +1,8 @@
 """Rms of a signal as a share of that of another loop under the same noise.
 
 As for the rms, with g^2 C0 P C0' in place of g^2, where A0 P + P A0' + S E0 E0' > 0 for a baseline
-that X0 > 0, -(A0 X0 + X0 A0') > 0 show to be stable, so that P is less than its covariance. The
-dual form likewise.
+that X0 > 0, -(A0 X0 + X0 A0') > 0 show to be stable, so that P is less than its covariance; in
+discrete time with T A0 P A0' besides. The dual form likewise.
 """
 
 from __future__ import annotations
@@ -118,7 +118,8 @@ class RelativeRms(SignalClaim):
         """Work on the baseline's inequalities."""
         stability, covariance = self.baseline.stability, self.baseline.covariance
         degrees = [stability.degree + 1 + stability.elevation] * 2
-        degrees.append(max(covariance.degree + 1, 2) + covariance.elevation)
+        once = 2 if self.subject.step else 1
+        degrees.append(max(covariance.degree + once, 2) + covariance.elevation)
         count = sum(count_of(self.subject.sizes, degree) for degree in degrees)
         return least_work(count, len(self.baseline.A[0]) + self.subject.q)
 
@@ -129,10 +130,11 @@ class RelativeRms(SignalClaim):
             for k, matrix in enumerate(each.X):
                 yield f"the baseline's {name} {k + 1}", matrix
 
-    def rows(self, X: Polynomial, minus: Polynomial, Y: Polynomial) -> Rows:
+    def rows(self, X: Polynomial, N: Polynomial, Y: Polynomial) -> Rows:
         """Return what bounds the covariance, and the output's variance."""
-        driven = minus - noise(self.subject.E, self.intensity, X.sizes, self.scales)
-        return {"of the noise": [[driven]], "of the output": [[self._square, Y], [X]]}
+        moving = noise(self.subject.E, self.intensity, X.sizes, self.scales)
+        driven = self.subject.falling(X, N, moving)
+        return {"of the noise": driven, "of the output": [[self._square, Y], [X]]}
 
     def dual_rows(self) -> Rows:
         """Return what bounds the observability Gramian, and the noise in it."""
@@ -152,14 +154,15 @@ class RelativeRms(SignalClaim):
         stability, covariance = baseline.stability, baseline.covariance
         A = affine(baseline.A, sizes)
         X, P = (bernstein(each.X, sizes, each.degree) for each in (stability, covariance))
-        N, M = A * X, A * P
+        M, step = A * P, self.subject.step
         driven = M + M.T + noise(baseline.E, self.intensity, sizes, self.scales)
-        for name, F, by in (
-            ("X", X, stability.elevation),
-            ("decrease", (N + N.T).times(-1), stability.elevation),
-            ("noise", driven, covariance.elevation),
+        driven = driven + (M * A.T).times(step) if step else driven
+        for name, blocks, by in (
+            ("X", [[X]], stability.elevation),
+            ("decrease", self.subject.falling(X, A * X), stability.elevation),
+            ("noise", [[driven]], covariance.elevation),
         ):
-            yield Inequality.raised(f"of the baseline's {name}", [[F]], by)
+            yield Inequality.raised(f"of the baseline's {name}", blocks, by)
 
     def scale_text(self, scale: Fraction) -> str:
         """Return it as it is, or with a ~: a ratio may grow as one disturbance becomes less."""

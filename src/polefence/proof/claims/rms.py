@@ -63,11 +63,11 @@ class Rms(SignalClaim):
         """Rows of the output's inequality, where that is the largest."""
         return max(super().largest, 1 + len(self.outputs) * self.subject.n)
 
-    def rows(self, X: Polynomial, minus: Polynomial, Y: Polynomial) -> Rows:
+    def rows(self, X: Polynomial, N: Polynomial, Y: Polynomial) -> Rows:
         """Return what bounds the covariance, and the sum of the outputs' variances."""
-        driven = minus - noise(self.subject.E, self.intensity, X.sizes, self.scales)
-        corner = number(self.level**2, X.sizes)
-        return {"of the noise": [[driven]], "of the output": bounded(corner, X, Y)}
+        moving = noise(self.subject.E, self.intensity, X.sizes, self.scales)
+        driven, corner = self.subject.falling(X, N, moving), number(self.level**2, X.sizes)
+        return {"of the noise": driven, "of the output": bounded(corner, X, Y)}
 
     def dual_rows(self) -> Rows:
         """Return what bounds the observability Gramian, and the noise in it."""

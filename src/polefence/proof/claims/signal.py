@@ -8,6 +8,11 @@ about as large as the observability Gramian. Every inequality is a polynomial,
 homogeneous in each simplex; it holds if all of its coefficients, times (sum of alpha)^elevation,
 are positive definite. All that is about one loop is raised to one degree, the least that they need.
 
+In discrete time all this is of the loop's delta form, (x(t + T) - x(t)) / T = (A + B K) x + E w,
+in which -(N + N') loses T N X^-1 N' (in the dual form T N'Q N, both zero as T is), and sums over
+samples, times T, are what integrals are: noise of intensity S has a variance of S / T a sample, and
+the L2 norm of w is the root of T times the sum of |w|^2.
+
 Disturbances w = diag(s) v have ``scales`` s, zero of one that does not act: E and F are then
 E diag(s) and F diag(s), and what is claimed is of v.
 """
@@ -53,7 +58,13 @@ from polefence.proof.polynomials import (
 )
 from polefence.proof.reading import Table, plain, plain_rows
 from polefence.proof.regions import HalfPlane
-from polefence.proof.text import digits_down, digits_up, output_text, quoted
+from polefence.proof.text import (
+    digits_down,
+    digits_up,
+    milliseconds_text,
+    output_text,
+    quoted,
+)
 from polefence.proof.work import FormatError
 
 MAX_ENTRIES = 16  # of a vector of outputs
@@ -68,7 +79,8 @@ class Subject:
     ``E`` (n x q at every vertex) may be empty where no disturbance acts. ``law`` is one K, one K
     at every vertex, or scheduled. ``evidence.X`` holds the coefficients of X, and for a scheduled
     law those of Q in X = W (multiple + Q W), as for the method "lyapunov" of designs; empty: X is
-    the law's own W, times ``evidence.multiple`` if that holds one number.
+    the law's own W, times ``evidence.multiple`` if that holds one number. Where ``step`` is not
+    zero it is the sample time, and A, B and E are those of the delta form.
     """
 
     A: list[Rationals]
@@ -77,6 +89,7 @@ class Subject:
     law: Law
     evidence: Evidence
     on: str = "simplex"
+    step: Fraction = Fraction(0)
 
     @property
     def sizes(self) -> Sizes:
@@ -123,15 +136,30 @@ class Subject:
         region = (HalfPlane(Fraction(0)),)
         return Poles(method, self.A, self.B, region, self.law, (evidence,), self.on)
 
+    def falling(
+        self, X: Polynomial, N: Polynomial, noise: Polynomial | None = None
+    ) -> list[list[Polynomial]]:
+        """Return the blocks of -(N + N' + noise + step N X^-1 N')."""
+        minus = (N + N.T).times(-1)
+        if noise is not None:
+            minus = minus - noise
+        return [[minus, N], [X.times(1 / self.step)]] if self.step else [[minus]]
+
     def dual_loop(
         self, outputs: Sequence[Output]
     ) -> tuple[Polynomial, Polynomial, Polynomial, Polynomial]:
-        """Return Q, and with K = Z W^-1 (W = I of other laws) W Q, W Q (A W + B Z), C W + D Z."""
+        """Return Q, and with K = Z W^-1 (W = I of other laws) W Q, M = A W + B Z and C W + D Z."""
         n, evidence, form = self.n, self.evidence, self.law.form(self.sizes)
         both = self._plant(outputs) * form
         Q = bernstein(evidence.X, self.sizes, evidence.degree)
         WQ = Q if self.law.K is not None else form.part(slice(n)) * Q
-        return Q, WQ, WQ * both.part(slice(n)), both.part(slice(n, None))
+        return Q, WQ, both.part(slice(n)), both.part(slice(n, None))
+
+    def dual_falling(self, Q: Polynomial, WQ: Polynomial, M: Polynomial) -> Polynomial:
+        """Return W Q M + M'Q W + step M'Q M."""
+        N = WQ * M
+        both = N + N.T
+        return both + (M.T * Q * M).times(self.step) if self.step else both
 
     def require(self, evidence: Evidence | None = None) -> None:
         """Refuse a plant, a law and evidence that do not fit."""
@@ -207,15 +235,16 @@ class SignalClaim(Claim):
     def require_own(self) -> None:
         """Refuse fields of this kind that do not fit."""
 
-    def rows(self, X: Polynomial, minus: Polynomial, Y: Polynomial) -> Rows:
-        """Return the blocks of X, -(N + N') and Y that are to be positive."""
+    def rows(self, X: Polynomial, N: Polynomial, Y: Polynomial) -> Rows:
+        """Return the blocks of X, N and Y that are to be positive."""
         raise NotImplementedError
 
     def dual_rows(self) -> Rows:
         """Return the blocks of the dual form, Q > 0 aside.
 
-        They imply Q A + A'Q < 0 on all of a connected domain, so that Q is singular nowhere: it is
-        positive definite everywhere if it is at one vertex, that of its first coefficient.
+        They imply Q A + A'Q + step A'Q A < 0 on all of a connected domain. Q is positive definite
+        everywhere if it is at one vertex, that of its first coefficient: where it first had a null
+        vector v, v'Q A v would be zero, and v'A'Q A v not negative.
         """
         raise NotImplementedError
 
@@ -238,7 +267,8 @@ class SignalClaim(Claim):
     @property
     def largest(self) -> int:
         """Rows of the largest inequality about the loop, or somewhat more."""
-        return self.subject.n + self.subject.q + 1
+        n = self.subject.n
+        return (2 * n if self.subject.step else n) + self.subject.q + 1
 
     @property
     def least_degree(self) -> int:
@@ -256,7 +286,6 @@ class SignalClaim(Claim):
     def read(cls, table: Table, plant: Plant, law: Any, on: str) -> Self:
         """Read output, level and evidence, and what the kind has of its own."""
         law = require_law(law, cls.kind)
-        plant.require_continuous(table.where)
         if cls.driven and not plant.E:
             raise FormatError(f"{table.where}: the plant has no E: no disturbance acts on it")
         subject = read_subject(table.table("evidence"), plant, law, on)
@@ -296,7 +325,10 @@ class SignalClaim(Claim):
         """
         what, acting = outputs_text(self.outputs, plant), self._acting(plant)
         level = digits_up(self.level)
-        return f"{self.kind} of {what} <= {level}{self.under}{acting}, on the {self.subject.on}"
+        on = f", on the {self.subject.on}"
+        if self.subject.step:
+            on = f", at samples every {milliseconds_text(self.subject.step)} ms{on}"
+        return f"{self.kind} of {what} <= {level}{self.under}{acting}{on}"
 
     def _acting(self, plant: Plant) -> str:
         """Say which disturbances act, and how much of each."""
@@ -416,7 +448,7 @@ class SignalClaim(Claim):
                 yield Inequality.raised(name, blocks, evidence.elevation)
             return
         X, N, Y = self.subject.loop(self.outputs)
-        rows = self.rows(X, (N + N.T).times(-1), Y)
+        rows = self.rows(X, N, Y)
         least = joint([form for blocks in rows.values() for row in blocks for form in row])
         degrees = tuple(degree + evidence.elevation for degree in least)
         for name, blocks in rows.items():
@@ -427,7 +459,7 @@ def read_subject(table: Table, plant: Plant, law: Law, on: str) -> Subject:
     """Read the evidence of a claim; of a gain the domain too."""
     if law.fixed:
         on = table.word("on", DOMAINS, "simplex")
-    on = plant.domain(on)
+    on, step, plant = plant.domain(on), plant.step, plant.in_differences()
     if "own" in table:
         if not law.scheduled or not table.flag("own"):
             raise FormatError(f"{table.path('own')} must be true, and the law scheduled")
@@ -439,11 +471,11 @@ def read_subject(table: Table, plant: Plant, law: Law, on: str) -> Subject:
         dual = "Q" in (cells[0] if cells else table)
         if cells:
             evidence = read_cells(table, plant.n, sizes, dual)
-            return Subject(plant.A, plant.B, plant.E, law, evidence, on)
+            return Subject(plant.A, plant.B, plant.E, law, evidence, on, step)
         letter = "Q" if dual else "X"
         evidence = read_evidence(table, plant.n, sizes, letter, multiple=law.scheduled and not dual)
         evidence = replace(evidence, dual=dual)
-    return Subject(plant.A, plant.B, plant.E, law, evidence, on)
+    return Subject(plant.A, plant.B, plant.E, law, evidence, on, step)
 
 
 def write_evidence(subject: Subject) -> dict[str, Any]:
@@ -542,12 +574,13 @@ def noise(
 
 def dual_of_noise(claim: SignalClaim, square: Polynomial, intensity: Fraction) -> Rows:
     """Return that Q is more than the observability Gramian, and intensity tr E'QE < the square."""
-    Q, _, N, Y = claim.subject.dual_loop(claim.outputs)
+    Q, WQ, M, Y = claim.subject.dual_loop(claim.outputs)
+    both = claim.subject.dual_falling(Q, WQ, M)
     E, left = scaled(claim.subject.E, claim.scales, Q.sizes), square
     for k in range(claim.subject.q):
         column = E.part(slice(None), slice(k, k + 1))
         left = left - (column.T * Q * column).times(intensity)
-    return {"of the output": [[-(N + N.T + Y.T * Y)]], "of the noise": [[left]]}
+    return {"of the output": [[-(both + Y.T * Y)]], "of the noise": [[left]]}
 
 
 def varies(matrices: list[Rationals]) -> bool:

@@ -427,17 +427,20 @@ def _time(plant: UncertainPlant, options: Any, law: Any) -> tuple[float, float]:
     """Return duration and step [s], as the loop at the middle of the family asks for them."""
     from polefence.response.closed import close
     from polefence.response.grid import longest_step
+    from polefence.response.stationary import growth
     from polefence.response.weighting import positive
     from polefence.vehicle.reference_laws import nominal
 
     loops = close(plant, law, nominal(plant), disturbed=False)
     duration, step = options.duration, options.step
     if duration is None:
-        slowest = -float(loops.poles().real.max())
+        slowest = -float(growth(loops.poles(), loops.step).max())
         if slowest <= 0:
             raise InputError("--duration is missing: the loop does not come to rest by itself")
         duration = LASTING / slowest
     duration = positive(duration, "--duration [s]")
+    if step is None and loops.step:
+        step = loops.step
     if step is None:
         if options.sampling is not None:
             return duration, _step(options)

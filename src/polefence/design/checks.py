@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from polefence.base.errors import InputError, RegionError, UncontrollableError
-from polefence.law.structure import Structure
 from polefence.lmi.conditions.methods import (
     MOST_BLOCKS,
     Method,
@@ -149,21 +148,6 @@ def require_continuous(plant: UncertainPlant, of: str) -> None:
         raise InputError(
             f"{plant.name} is in discrete time, where {of} has no direct search; ask for the "
             "smallest disk about 0: its radius r decays with -ln(r)/T"
-        )
-
-
-def require_static(plant: UncertainPlant, structure: Structure) -> None:
-    """Refuse laws with states of their own in discrete time.
-
-    Raises
-    ------
-    InputError
-        If the structure has some.
-    """
-    if structure.order and plant.sample_time is not None:
-        raise InputError(
-            f"{plant.name} is in discrete time, where a law has no states of its own here; leave "
-            "its order out, and measure more signals"
         )
 
 

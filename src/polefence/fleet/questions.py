@@ -23,6 +23,7 @@ from polefence.base.errors import (
 )
 from polefence.base.processors import small_matrices
 from polefence.design import many
+from polefence.design.checks import in_time_of, stable_region
 from polefence.design.design import Design
 from polefence.design.given import analyse
 from polefence.design.margins import Margin, estimation_error, gain_error, parameter_rate
@@ -49,7 +50,7 @@ from polefence.proof.claims.rate import Rate
 from polefence.proof.claims.signal import SignalClaim
 from polefence.proof.document import Document
 from polefence.proof.regions import Disk, Part, write_region
-from polefence.region.regions import HalfPlane, Region
+from polefence.region.regions import Region
 from polefence.region.text import load_region, parse_region
 from polefence.response.stationary import velocity_density
 from polefence.vehicle.compare import NAMES, QUANTITIES, NoLaw, compare, standard_laws
@@ -372,8 +373,10 @@ class Optimise(Question):
     def fault(self, document: Document, spec: str) -> str:
         """Say which limit it does not have, or that it is about another region."""
         with _as_file(spec) as path:
-            _, limits = self._wanted(loads(spec), path)
-            region = self._region(path) or HalfPlane(0)
+            plant = loads(spec)
+            _, limits = self._wanted(plant, path)
+            region = self._region(path)
+        region = stable_region(plant) if region is None else in_time_of(plant, region)
         return _fault(document, region, limits)
 
     def proves(self, document: Document, bound: float) -> bool:
@@ -435,9 +438,10 @@ class Cover(Question):
         with _as_file(spec) as path:
             region = parse_region(self.region) if self.region else load_region(path)
             least, limits = load_specifications(path)
+            plant = loads(spec)
             if self.limits or least or limits:
-                _, limits = wanted(loads(spec), path, None, self.limits, options=("", "limits"))
-        return region or HalfPlane(0), limits
+                _, limits = wanted(plant, path, None, self.limits, options=("", "limits"))
+        return stable_region(plant) if region is None else in_time_of(plant, region), limits
 
     def fault(self, document: Document, spec: str) -> str:
         """Say which limit it does not have, or that it is about another region."""

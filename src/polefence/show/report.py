@@ -32,7 +32,7 @@ from polefence.proof.text import quoted, visible
 from polefence.region.regions import Disk
 from polefence.region.text import digits_down, digits_up, short_text
 from polefence.response.linear import step
-from polefence.response.stationary import velocity_density
+from polefence.response.stationary import growth, velocity_density
 from polefence.show.plots import (
     limits_figure,
     poles_figure,
@@ -450,11 +450,9 @@ def _how_to_check(design: Design) -> Section:
 
 
 @stage("responses")
-def responses(design: Design) -> Section | None:
-    """Return step responses; None for a plant in discrete time."""
+def responses(design: Design) -> Section:
+    """Return step responses."""
     plant = design.plant
-    if plant.sample_time is not None:
-        return None
     signals = [*states(plant), *inputs(plant), *plant.every_output]
     source = None if all(v.E is not None for v in plant.vertices) else inputs(plant)[0].name
     alpha = points(plant)
@@ -497,8 +495,9 @@ def _size(plant: UncertainPlant) -> str:
 
 def _drawn(design: Design, alpha: Any) -> float:
     """Return how long a step response is worth drawing: ten of its slowest time constants [s]."""
-    slowest = float(-design.poles(alpha).real.max())
-    return 10 / slowest if slowest > 0 else 10 / design.region.size
+    poles, T = design.poles(alpha), float(design.plant.sample_time or 0)
+    slowest = float(-growth((poles - 1) / T if T else poles, T).max())
+    return 10 / slowest if slowest > 0 else 10 / design.region.size * (T or 1.0)
 
 
 def _seconds(value: float) -> str:

@@ -25,16 +25,15 @@ from polefence.design.checks import (
     require_movable,
     require_optimisable,
     require_region,
-    require_static,
     stable_region,
 )
 from polefence.design.design import Design
-from polefence.design.given import analysed
 from polefence.design.measured import require_detectable
 from polefence.design.requirements.specification import Specification
 from polefence.design.search import Deadline
 from polefence.design.signals.augmented import with_weights, without_feedback
 from polefence.design.signals.bounds import Bound, agreed_bound, best_bound, save
+from polefence.design.signals.placed import as_sampled
 from polefence.design.signals.refutation import refusal, refuted
 from polefence.design.signals.search import (
     CLOSE,
@@ -60,7 +59,7 @@ from polefence.law.structure import Structure
 from polefence.lmi.conditions.methods import Method, Scheduled, options
 from polefence.lmi.solve.search import Reached, singular_is_failure
 from polefence.plant.card import card
-from polefence.plant.delta import delta_form, sampled_form
+from polefence.plant.delta import delta_form
 from polefence.plant.family import UncertainPlant
 from polefence.plant.outputs import states
 from polefence.plant.tracks import own_states
@@ -230,7 +229,7 @@ def optimise(
             raise InputError(f"the limit of {own.name!r} is missing; give at_most")
     require_movable(plant, asked)
     if structure is not None:
-        require_static(plant, structure)
+        structure.require_fit(plant)
     asked_for = subject_to if minimise is None else (*subject_to, minimise)
     deadline = Deadline(budget)
     larger, found = with_weights(plant, tuple(asked_for))
@@ -261,15 +260,8 @@ def _as_sampled(done: Optimised, region: Region) -> Optimised:
     """Return a law that was found in differences as one of the plant in discrete time, proved."""
     if not done.plant.step:
         return done
-    plant, own = sampled_form(done.plant), done.design.certificate
-    certificate = replace(own, plant=plant, region=region)
-    if not certificate.holds():  # a rounding of the region away
-        answer = analysed(plant, done.law, region, Deadline(None))
-        if answer.certificate is None or not answer.proved:
-            raise NotProvedError(f"not proved: {region} of the law that keeps it in differences")
-        certificate = answer.certificate
     designed = None if done.designed is None else region
-    return replace(done, design=Design(certificate), designed=designed)
+    return replace(done, design=as_sampled(done.design, region), designed=designed)
 
 
 def _best_of_all(

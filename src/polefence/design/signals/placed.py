@@ -2,11 +2,21 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
+from dataclasses import replace
+
 import numpy as np
 
-from polefence.base.errors import InputError, NotProvedError, require_type
+from polefence.base.errors import InputError, NotProvedError, RegionError, require_type
 from polefence.design import place as lmi
-from polefence.design.checks import require_movable, require_region
+from polefence.design.checks import (
+    in_time_of,
+    require_continuous,
+    require_movable,
+    require_region,
+    stable_region,
+    usable_centre,
+)
 from polefence.design.design import Design
 from polefence.design.given import analyse
 from polefence.design.measured import require_detectable
@@ -18,9 +28,11 @@ from polefence.law.structure import Structure
 from polefence.lmi.conditions.methods import Method
 from polefence.lmi.conditions.target import Decays, Disks, Goal, Sectors
 from polefence.lmi.solve.smallest import typical_rate
+from polefence.plant.delta import delta_form, sampled_form
 from polefence.plant.family import UncertainPlant
 from polefence.plant.points import seeded
 from polefence.region.regions import Disk, HalfPlane, Region, Sector, bounded
+from polefence.region.z_plane import delta_plane
 from polefence.response.closed import close
 
 TIGHTER = (1e-3, 1e-2, 5e-2)  # shares by which a region is asked for smaller than it is to be
@@ -68,17 +80,21 @@ def place(
         return lmi.place(plant, region, method or "scheduled", allow_unproved)
     require_structure_alone(method, allow_unproved)
     require_type(region, Region, "region", "for example polefence.Disk(-40, 31)")
-    bare, (plant, gain) = plant, _extended(plant, structure, region)
+    require_type(plant, UncertainPlant, "plant", "polefence.load(path) reads one")
+    region = in_time_of(plant, region)
+    bare, (plant, gain) = delta_form(plant), _extended(plant, structure, region)
+    asked, region = region, _in_differences(plant, region)
+    plant = delta_form(plant)
     starts = list[Law](observers(bare, structure, (), region))
     for share in TIGHTER:
         found = tune(plant, gain, None, (), tighter(region, share), starts)
         for own in (own for own in found if own.kept):
             answer = analyse(plant, own.law, region)
             if answer.certificate is not None and answer.proved:
-                return Design(answer.certificate)
+                return as_sampled(Design(answer.certificate), asked)
         starts += [own.law for own in found[:1]]
     raise NotProvedError(
-        f"no {gain.words(plant)} was found that is proved to keep all poles in {region}"
+        f"no {gain.words(plant)} was found that is proved to keep all poles in {asked}"
     )
 
 
@@ -131,11 +147,16 @@ def tightest(
         return lmi.tightest(plant, centre, own, allow_unproved, of=of, within=within)
     require_structure_alone(method, allow_unproved)
     lmi.require_kind(of)
+    if of != "disk":
+        require_continuous(plant, of)
     if (of == "disk") != (centre is not None) or (of == "disk" and within is not None):
         raise InputError("a disk needs a centre and takes no region within, others have no centre")
-    bare, (plant, gain) = plant, _extended(plant, structure, within)
+    bare, (plant, gain) = delta_form(plant), _extended(plant, structure, within)
     if of != "disk":
         within = bounded(within, lmi.SPEED * typical_rate(plant.A))
+    T, plant = plant.sample_time, delta_form(plant)
+    if centre is not None and T is not None:
+        centre = (usable_centre(sampled_form(plant), centre) - 1) / float(T)
     starts = list[Law](observers(bare, structure, (), within))
     for share in (0.0, *TIGHTER) if within is not None else (0.0,):
         asked = None if within is None else tighter(within, share)
@@ -144,7 +165,7 @@ def tightest(
         for law in kept:
             design = _proved(plant, law, of, centre, within)
             if design is not None:
-                return design
+                return design if T is None else _of_samples(design, float(T))
         if not kept:
             break
         starts += kept[:1]
@@ -172,12 +193,51 @@ def _extended(
     """Return the plant of which the law is a gain, and that gain's structure; refuse misfits."""
     require_type(plant, UncertainPlant, "plant", "polefence.load(path) reads one")
     structure.require_fit(plant)
-    if plant.sample_time is not None:
-        raise InputError(f"{plant.name} is in discrete time; laws of a structure are of continuous")
-    require_region(plant, HalfPlane(0) if region is None else region)
+    require_region(plant, stable_region(plant) if region is None else region)
     require_movable(plant, region)
     require_detectable(plant, structure.outputs(plant), region)
     return structure.extended(plant)
+
+
+def _in_differences(plant: UncertainPlant, region: Region) -> Region:
+    """Return a region of this plant's poles as that of its delta form's."""
+    return region if plant.sample_time is None else delta_plane(region, plant.sample_time)
+
+
+def as_sampled(design: Design, region: Region) -> Design:
+    """Return a design that was found in the delta form as one of the plant in discrete time.
+
+    Parameters
+    ----------
+    region : Region
+        What was asked for, in the z-plane.
+
+    Raises
+    ------
+    NotProvedError
+        If a rounding of the region leaves no proof.
+    """
+    if not design.plant.step:
+        return design
+    plant = sampled_form(design.plant)
+    certificate = replace(design.certificate, plant=plant, region=region)
+    if certificate.holds():
+        return Design(certificate)
+    answer = analyse(plant, design.law, region)
+    if answer.certificate is None or not answer.proved:
+        raise NotProvedError(f"not proved: {region} of the law that keeps it in the delta form")
+    return Design(answer.certificate)
+
+
+def _of_samples(design: Design, T: float) -> Design:
+    """Return the design for the smallest disk as one of the plant in discrete time."""
+    own = design.region
+    if not isinstance(own, Disk):
+        raise InputError(f"{own} is no disk")
+    for step in (0.0, *STEPS):
+        with suppress(NotProvedError, RegionError):
+            return as_sampled(design, Disk(1 + T * own.centre, T * own.radius * (1 + step)))
+    raise NotProvedError(f"not proved: {own} of the delta form in the z-plane")
 
 
 def _goal(of: str, centre: float | None, within: Region | None) -> Goal:

@@ -19,10 +19,12 @@ from polefence.base.files import make_folder, read_text, write_documents, write_
 from polefence.base.progress import stage
 from polefence.design.certificate import Certificate, exact_law
 from polefence.design.checks import (
+    in_time_of,
     require_domain,
     require_movable,
     require_optimisable,
     require_region,
+    stable_region,
 )
 from polefence.design.design import FILE_NAME, Design
 from polefence.design.limits import LABEL
@@ -43,7 +45,7 @@ from polefence.proof import reading, work
 from polefence.proof.claims.base import prove
 from polefence.proof.claims.gain_norm import BoundClaim
 from polefence.proof.document import Document, from_plain
-from polefence.region.regions import HalfPlane, Region
+from polefence.region.regions import Region
 
 MAX_VALUES = 1000
 TUNED = "tuned"  # the label of rows whose laws are
@@ -110,7 +112,8 @@ def tradeoff(
     )
     others = tuple(_checked(own, "subject_to") for own in subject_to)
     asked_for = (swept, *others, least)
-    asked = _asked(plant, asked_for, HalfPlane(0) if region is None else region, structure)
+    region = stable_region(plant) if region is None else in_time_of(plant, region)
+    asked = _asked(plant, asked_for, region, structure)
     named = _named(plant, methods, structure)
     limits = list(dict.fromkeys(float(value) for value in values))
     _require(asked, limits, list(named.values()))
@@ -168,8 +171,6 @@ def _checked(own: Any, name: str) -> Specification:
 def _require(asked: Asked, values: list[float], methods: list[Method | None]) -> None:
     """Refuse, before any work, what no row could be computed for."""
     plant = asked.plant
-    if plant.sample_time is not None:
-        raise InputError(f"{plant.name} is in discrete time; specifications are of continuous time")
     if not values or len(values) > MAX_VALUES or not methods:
         raise InputError(f"give 1 to {MAX_VALUES} values, and at least one method")
     for value in values:

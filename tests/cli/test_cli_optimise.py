@@ -339,7 +339,7 @@ TABLES = {
     "no E": ("E = [[0], [1]]", "", "says nowhere how a disturbance enters; give E"),
     "filter": ("density = 2\nat_most", "weight = 2\ndensity = 2\nat_most", "weight = 2 must be"),
     "points": ("at_most = 1.5", "points = [1]\nat_most = 1", "unknown key points = a list"),
-    "discrete": ("name =", "sample_time = 1\nname =", "stage is in discrete time"),
+    "discrete": ("name =", "sample_time = 0\nname =", "sample_time = 0 must be positive"),
     "same twice": ('"rms"\nsignal = "force"\ndensity = 2', '"gain"\nsignal = "v"', "two limits on"),
 }  # fmt: skip
 

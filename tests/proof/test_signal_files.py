@@ -244,7 +244,7 @@ FAULTS = {
     "note": ("rms", ("note",), 1, "unknown key note"),
     "plant": ("rms", ("plant",), None, "plant must be a table"),
     "law": ("rms", ("law", "W"), [], "law.W must be a list"),
-    "discrete": ("rms", ("plant", "sample_time"), 1, "continuous time"),
+    "discrete": ("rms", ("plant", "sample_time"), 0, "plant.sample_time must be positive"),
     "E of one": ("rms", ("plant", "vertices", 1, "E"), [[1]], "vertex 2: E is 1 x 1"),
     "E": ("rms", ("plant", "vertices", 1, "E"), [["x"]] * 3, "not a finite number"),
     "none": ("rms", ("claims",), [], "1 to 100"),

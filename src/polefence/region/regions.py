@@ -167,7 +167,7 @@ class Disk(Region):
     @property
     def stable(self) -> bool:
         """Whether the disk lies in the open left half-plane."""
-        return self.radius <= self.sigma
+        return self.radius < self.sigma
 
     @property
     def size(self) -> float:

@@ -273,8 +273,8 @@ def _peaks(loops: Loops, k: int, groups: list[slice]) -> list[tuple[int, int, fl
         for _ in range(0 if step else 4):  # Newton's steps to where the square is at its highest
             y, v, a = response(t, 3)
             slope, bend = 2 * (y * v).sum(axis=1), 2 * (v * v + y * a).sum(axis=1)
-            step = np.divide(slope, bend, out=np.zeros_like(t), where=bend < -1e-12 * abs(slope))
-            t = np.clip(t - step, low, high)
+            by = np.divide(slope, bend, out=np.zeros_like(t), where=bend < -1e-12 * abs(slope))
+            t = np.clip(t - by, low, high)
         peaks = np.sum(response(t, 1)[0] ** 2, axis=1)
         found += [(float(v), k, g, float(s)) for v, s in zip(peaks, t, strict=True)]
     found.sort(key=lambda row: -row[0])

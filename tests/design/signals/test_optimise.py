@@ -29,6 +29,7 @@ from polefence.design.signals import search as signals_search
 from polefence.design.signals.bounds import bounds_file, known_bound, sampled
 from polefence.design.signals.optimise import optimise, relaxed
 from polefence.design.signals.search import Origin, Search, Task, is_too_fast, level_of
+from polefence.law.structure import Structure
 from polefence.plant.outputs import Output, rate_of
 from polefence.plant.points import seeded
 from polefence.plant.spec import loads

@@ -16,7 +16,7 @@ from polefence.design.counterexample import counterexample
 from polefence.design.exact import holds
 from polefence.design.measured import dual_plant
 from polefence.law.laws import FixedGain, Law, PolynomialGain, ScheduledGain
-from polefence.plant.family import UncertainPlant
+from polefence.plant.family import Sampling, UncertainPlant
 from polefence.plant.outputs import Output
 from polefence.plant.parameters import Parameter
 from polefence.plant.system import Array
@@ -26,6 +26,7 @@ from polefence.proof import plant as files
 from polefence.proof.claims.base import Claim, Verdict, prove
 from polefence.proof.claims.observer import Observer
 from polefence.proof.claims.poles import Poles
+from polefence.proof.claims.samples import Samples
 from polefence.proof.document import Document, loads
 from polefence.proof.laws import read_law
 from polefence.proof.matrices import Rationals
@@ -33,6 +34,7 @@ from polefence.proof.reading import Table
 from polefence.proof.text import number_text, region_text
 from polefence.proof.work import FormatError, counted
 from polefence.region.regions import Region, region_of
+from polefence.response.samples import claim_of_samples
 
 
 @dataclass(frozen=True)
@@ -179,6 +181,8 @@ class Certificate:
             plant, observer = file_plant(self.observed), Observer(own, self.plant.inputs)
             return Document(plant, None, (observer,), polefence=VERSION)
         found = (own,) if claims is None else tuple(claims)
+        if self.plant.sampling is not None:
+            found = (*found, claim_of_samples(self.plant))
         return Document(file_plant(self.plant), own.law, found, own.on, polefence=VERSION)
 
     def document(self) -> dict[str, Any]:
@@ -215,6 +219,9 @@ class Certificate:
         observer: Observer | None = document.first(Observer)
         claim: Poles | None = document.first(Poles)
         plant, observed = plant_of(document.plant), None
+        samples: Samples | None = document.first(Samples)
+        if samples is not None:
+            plant = replace(plant, sampling=_sampling(samples, plant))
         if claim is None and observer is not None:
             claim, observed = observer.dual, plant
             C = tuple(tuple(map(tuple, matrix)) for matrix in observer.C)
@@ -283,8 +290,12 @@ def part_of(own: laws.Evidence) -> dict[str, Any]:
         pairs = zip(ends, own.cells, strict=True)
         return {"cells": tuple(each | part_of(piece.evidence) for each, piece in pairs)}
     part = {"X": _floats(own.X), "degree": own.degree, "elevation": own.elevation}
-    multiple = {"multiple": np.array([float(v) for v in own.multiple])}
-    return part | multiple if own.multiple else part
+    if own.multiple:
+        part["multiple"] = np.array([float(v) for v in own.multiple])
+    if own.spread is not None:
+        omega, mu = _floats([own.spread.omega])[0], np.array(float(own.spread.mu))
+        part["remainder"] = {"omega": omega, "mu": mu}
+    return part
 
 
 def _plain_data(value: Any) -> Any:
@@ -341,7 +352,9 @@ def _bare_plant(plant: UncertainPlant) -> files.Plant:
         [list(map(list, M)) for v in plant.vertices if (M := getattr(v, key)) is not None]
         for key in ("exact_A", "exact_B", "exact_E")
     )
-    return files.Plant(A, B, E, ranges_of(plant), sample_time=plant.sample_time)
+    return files.Plant(
+        A, B, E, ranges_of(plant), sample_time=plant.sample_time, remainder=plant.remainder
+    )
 
 
 def ranges_of(plant: UncertainPlant) -> tuple[files.Range, ...]:
@@ -355,6 +368,22 @@ def _file_output(plant: UncertainPlant, own: Output) -> files.Output:
     C, D, F = ([[list(row)] for row in rows] for rows in own.exact(plant))
     driven = tuple(F) if any(any(f[0]) for f in F) else ()
     return files.Output(C, D, own.name, driven, own.unit)
+
+
+def _sampling(claim: Samples, plant: UncertainPlant) -> Sampling:
+    """Return what a plant of a file is the samples of; outputs are not kept."""
+    n = claim.n
+    bare = UncertainPlant.from_vertices(
+        claim.A,
+        claim.B,
+        claim.E or None,
+        name=plant.name,
+        states=plant.states[:n],
+        inputs=plant.inputs,
+        disturbances=plant.disturbances,
+    )
+    bare = replace(bare, parameters=plant.parameters)
+    return Sampling(bare, claim.delay, claim.terms, claim.units)
 
 
 def plant_of(plant: files.Plant) -> UncertainPlant:
@@ -384,6 +413,7 @@ def plant_of(plant: files.Plant) -> UncertainPlant:
             outputs=outputs,
             vehicle=None if plant.vehicle is None else Vehicle(**plant.vehicle),
             noise=plant.noise,
+            remainder=plant.remainder,
         )
         parameters = tuple(
             Parameter(

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from polefence.base.errors import InputError
-from polefence.design.certificate import Certificate, part_of
+from polefence.design.certificate import Certificate, exact_law, part_of
 from polefence.design.counterexample import counterexample
 from polefence.design.search import Deadline, first
 from polefence.law.laws import (
@@ -28,6 +28,7 @@ from polefence.law.laws import (
     domain_of,
 )
 from polefence.lmi.conditions.lyapunov import Loop
+from polefence.lmi.solve.gramians import majorant
 from polefence.lmi.solve.lyapunov import LyapunovPolynomial, points_inside
 from polefence.plant.boxes import MOST_PARTS, Box, divided, widest
 from polefence.plant.family import UncertainPlant
@@ -35,8 +36,9 @@ from polefence.plant.polynomial import bernstein, elevated, times
 from polefence.plant.system import Array
 from polefence.proof import matrices, work
 from polefence.proof.claims.base import prove
-from polefence.proof.laws import Evidence, Piece
-from polefence.proof.polynomials import coordinates
+from polefence.proof.laws import Evidence, Piece, lifted
+from polefence.proof.polynomials import Polynomial, coordinates, multinomial
+from polefence.proof.remainder import Spread
 from polefence.region.regions import Region
 
 # Degree and elevation of the Lyapunov polynomial, one after the other.
@@ -45,6 +47,8 @@ LADDER = ((0, 0), (1, 0), (1, 1), (2, 0), (2, 1), (3, 0), (3, 1))
 MOST_WORK = 1e10
 # Degree and elevation in parts of the box, and what a step may cost there beyond the first form.
 IN_PARTS, MOST_IN_PART = ((0, 0), (1, 0)), 1e9
+# Omega over what it has to exceed, and besides, as a share of that.
+OVER, SLIGHT = 1.001, 1e-9
 SHARE = 0.8  # of what is checked in a file, after which no more parts are proved
 
 
@@ -116,12 +120,56 @@ def evidence_at(
 
     def proved(found: LyapunovPolynomial) -> dict[str, Any] | None:
         evidence = evidence_of(found, form)
+        if plant.remainder is not None:
+            evidence["remainder"] = _spread(plant, law, evidence)
         holds = certificate_of(plant, law, part, [evidence]).holds()
         return evidence if holds else None
 
     with suppress(np.linalg.LinAlgError):  # a law without a value somewhere
         return first(map(proved, points_inside(loop_of(plant, law), part, form)))
     return None
+
+
+def _spread(plant: UncertainPlant, law: Law, evidence: dict[str, Any]) -> dict[str, Any]:
+    """Return what a remainder asks for besides, as a certificate has it."""
+    multiple = tuple(map(Fraction, evidence["multiple"].tolist())) if "multiple" in evidence else ()
+    X = [[[Fraction(e) for e in row] for row in Q] for Q in evidence["X"].tolist()]
+    own = spread_of(plant, law, Evidence(X, evidence["degree"], evidence["elevation"], multiple))
+    return {"omega": np.array(own.omega, dtype=float), "mu": np.array(float(own.mu))}
+
+
+def spread_of(plant: UncertainPlant, law: Law, evidence: Evidence) -> Spread:
+    """Return what a plant's remainder asks for beside a Lyapunov polynomial.
+
+    Omega is little more than all coefficients of V'V, and mu such that H H' and Omega cost as much,
+    as the Lyapunov matrix tells sizes.
+    """
+    remainder = plant.remainder
+    if remainder is None:
+        raise InputError(f"{plant.name} has no remainder")
+    XKX = lifted(exact_law(law), evidence, domain_of(plant, law).sizes)
+    V = remainder.moving(XKX)
+    each = _coefficients(V)
+    X = _coefficients(XKX)[:, : plant.shape[0]].mean(axis=0)
+    T = np.linalg.cholesky((X + X.T) / 2)
+    inverse = np.linalg.inv(T)
+    squares = inverse @ each.swapaxes(1, 2) @ each @ inverse.T
+    size = float(np.linalg.eigvalsh(squares).max())
+    omega = T @ (majorant(squares) * OVER + SLIGHT * size * np.eye(len(T))) @ T.T
+    omega = (omega + omega.T) / 2
+    pushed = float(np.linalg.norm(inverse @ np.diag(np.array(remainder.rows, dtype=float)), 2))
+    mu = np.sqrt(size) / pushed
+    rows = [[Fraction(x) for x in row] for row in omega.tolist()]
+    return Spread(rows, Fraction(float(mu)))
+
+
+def _coefficients(P: Polynomial) -> Array:
+    """Return the Bernstein coefficients of an exact polynomial, (count, ., .)."""
+    each = [
+        np.array(M, dtype=object) / Fraction(P.whole * multinomial(e, P.sizes))
+        for e, M in P.terms.items()
+    ]
+    return np.array(each).astype(float)
 
 
 class Search:
@@ -249,7 +297,7 @@ class _Inside:
 
 def _most_parts(plant: UncertainPlant, law: Law, parts: int) -> int:
     """Return in how many parts of the box, at most, a claim is searched for and checked."""
-    if not divisible(plant, law):
+    if not divisible(plant, law) or plant.remainder is not None:
         return 1
     blocks = _blocks(plant, law, IN_PARTS[-1]) * parts**2
     checked = matrices.least_work(blocks, 2 * plant.shape[0])

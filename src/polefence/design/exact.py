@@ -48,7 +48,7 @@ Pair = tuple[Array, Array]
 def holds(certificate: Certificate) -> bool | None:
     """Return whether the evidence proves the claim, exactly; None where it is not known."""
     own, ask = kernel(), _METHODS.get(certificate.method)
-    if own is None or ask is None or not hasattr(own, "poles"):
+    if own is None or ask is None or not hasattr(own, "poles") or certificate.plant.remainder:
         return None
     if len(certificate.region.parts) > MAX_PARTS:  # which the checker refuses
         return None

@@ -24,7 +24,8 @@ def delta_form(plant: UncertainPlant) -> UncertainPlant:
         System(_less_identity(v.exact_A, T), _over(v.exact_B, T), _over(v.exact_E, T), v.name)
         for v in plant.vertices
     )
-    return replace(plant, vertices=vertices, sample_time=None, step=T)
+    remainder = plant.remainder and plant.remainder.over(T)
+    return replace(plant, vertices=vertices, sample_time=None, step=T, remainder=remainder)
 
 
 def sampled_form(plant: UncertainPlant) -> UncertainPlant:
@@ -36,7 +37,9 @@ def sampled_form(plant: UncertainPlant) -> UncertainPlant:
         System(_more_identity(v.exact_A, T), _over(v.exact_B, T), _over(v.exact_E, T), v.name)
         for v in plant.vertices
     )
-    return replace(plant, vertices=vertices, sample_time=plant.step, step=Fraction(0))
+    remainder, own = plant.remainder and plant.remainder.over(T), plant.step
+    found = replace(plant, vertices=vertices, remainder=remainder)
+    return replace(found, sample_time=own, step=Fraction(0))
 
 
 def _over(matrix: Exact | None, T: Fraction) -> Any:

@@ -30,10 +30,33 @@ from polefence.plant.parameters import Parameter, check_label, check_name, exact
 from polefence.plant.system import Array, Exact, System, read_matrix
 from polefence.plant.vehicle import OF_A_CAR, Vehicle
 from polefence.proof.matrices import common_denominator
+from polefence.proof.remainder import Remainder
 
 MAX_VERTICES = 256
 MAX_BITS = 20_000  # of the common denominator: the exact checker's bound
 _OUTPUTS = "outputs."
+
+
+@dataclass(frozen=True)
+class Sampling:
+    """What a plant is the samples of.
+
+    Attributes
+    ----------
+    plant : UncertainPlant
+        In continuous time.
+    delay : int
+        How many samples late an input acts.
+    terms : int
+        Of the exponential's series, with which the remainder is proved.
+    units : tuple of Fraction
+        Of states, inputs and disturbances, in which it is evaluated.
+    """
+
+    plant: UncertainPlant
+    delay: int
+    terms: int
+    units: tuple[Fraction, ...]
 
 
 @dataclass(frozen=True, repr=False)
@@ -63,6 +86,10 @@ class UncertainPlant:
     step : Fraction, optional
         Of a plant in delta form, (x(t + step) - x(t)) / step = A x(t) + B u(t) [s]; see
         `polefence.plant.delta`. Zero in continuous time.
+    remainder : Remainder, optional
+        Where the plant is only near combinations of its vertices: by how much.
+    sampling : Sampling, optional
+        What it is the samples of.
 
     Raises
     ------
@@ -81,6 +108,8 @@ class UncertainPlant:
     vehicle: Vehicle | None = None
     noise: tuple[str, ...] = ()
     step: Fraction = Fraction(0)
+    remainder: Remainder | None = None
+    sampling: Sampling | None = None
 
     def __post_init__(self) -> None:
         check_label(self.name, "name")

@@ -29,6 +29,7 @@ from polefence.proof.claims.relative_rms import RelativeRms
 from polefence.proof.claims.rms import Rms
 from polefence.proof.claims.rounding import Rounded
 from polefence.proof.claims.sampled import Sampled
+from polefence.proof.claims.samples import Samples
 from polefence.proof.laws import Law, read_law
 from polefence.proof.plant import Plant
 from polefence.proof.reading import Table, parse, require_shallow, shown
@@ -57,6 +58,7 @@ KINDS: Mapping[str, type[Claim]] = MappingProxyType(
             GainError,
             Rate,
             Sampled,
+            Samples,
             Rounded,
             Cells,
             RmsRefutation,

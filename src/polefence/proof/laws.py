@@ -31,6 +31,7 @@ from polefence.proof.polynomials import (
     count_of,
 )
 from polefence.proof.reading import Table, plain, shown
+from polefence.proof.remainder import Spread
 from polefence.proof.work import RATIONAL, FormatError, spend
 
 DOMAINS = ("simplex", "box")
@@ -243,7 +244,8 @@ class Evidence:
     own W, times ``multiple`` if that holds one number), ``degree`` its degree, ``elevation`` the d
     of (sum of alpha)^d; ``multiple`` (as many as X) for scheduled laws given; ``G`` and ``epsilon``
     for slack; ``tau`` for right-hand sides. ``dual``: X holds the coefficients of the Q of the dual
-    form. ``cells``: parts of the box, each with evidence of its own; there is then no other.
+    form. ``spread`` is what a plant with a remainder asks for besides. ``cells``: parts of the box,
+    each with evidence of its own; there is then no other.
     """
 
     X: list[Rationals]
@@ -255,6 +257,7 @@ class Evidence:
     tau: Fraction = Fraction(0)
     dual: bool = False
     cells: tuple[Piece, ...] = ()
+    spread: Spread | None = None
 
     @property
     def each(self) -> tuple[Evidence, ...]:
@@ -287,6 +290,9 @@ class Evidence:
         letter = "Q" if self.dual else letter
         table: dict[str, Any] = {letter: plain(self.X), "degree": self.degree}
         table |= {"multiple": plain(self.multiple)} if self.multiple else {}
+        if self.spread is not None:
+            own = self.spread
+            table["remainder"] = {"omega": plain(own.omega), "mu": plain(own.mu)}
         return table | {"elevation": self.elevation}
 
 
@@ -359,7 +365,12 @@ def read_evidence(
         values = table.numbers("multiple", most=len(X))
         if len(values) != len(X):
             raise FormatError(f"{table.path('multiple')} must hold one number a matrix")
-    return Evidence(X, degree, table.whole("elevation", 0), values)
+    spread = None
+    if "remainder" in table:
+        below = table.table("remainder")
+        spread = Spread(below.matrix("omega", n, n), below.number("mu"))
+        spread.require(n)
+    return Evidence(X, degree, table.whole("elevation", 0), values, spread=spread)
 
 
 def lifted(law: Law, evidence: Evidence, sizes: Sizes) -> Polynomial:

@@ -9,6 +9,7 @@ from typing import Any
 from polefence.proof.matrices import Rationals, common_denominator
 from polefence.proof.polynomials import Sizes
 from polefence.proof.reading import MAX_VERTICES, Table, as_number, plain, plain_rows, require_shape
+from polefence.proof.remainder import Remainder
 from polefence.proof.work import FormatError
 
 MAX_PARAMETERS, MAX_OUTPUTS = 8, 1000
@@ -43,7 +44,7 @@ class Plant:
 
     ``E`` is empty where no disturbance acts. ``ranges`` has one entry a parameter, none for a plant
     given by its vertices. ``vehicle`` is plain data that no proof reads, and ``noise`` names
-    disturbances.
+    disturbances. With a ``remainder`` it is only near the combinations of the vertices.
     """
 
     A: list[Rationals]
@@ -58,6 +59,7 @@ class Plant:
     sample_time: Fraction | None = None
     vehicle: Any = None
     noise: tuple[str, ...] = ()
+    remainder: Remainder | None = None
 
     @property
     def n(self) -> int:
@@ -102,12 +104,20 @@ class Plant:
             for M in self.A
         ]
         B, E = ([[[x / T for x in row] for row in M] for M in each] for each in (self.B, self.E))
-        return replace(self, A=A, B=B, E=E, sample_time=None)
+        remainder = self.remainder.over(T) if self.remainder else None
+        common_denominator([*A, *B, *E])
+        return replace(self, A=A, B=B, E=E, sample_time=None, remainder=remainder)
 
     def require_continuous(self, what: str) -> None:
         """Refuse what is about plants in continuous time where this is none."""
+        self.require_exact(what)
         if self.sample_time is not None:
             raise FormatError(f"{what}: is for plants in continuous time")
+
+    def require_exact(self, kind: str) -> None:
+        """Refuse claims that are about the combinations of the vertices alone."""
+        if self.remainder is not None:
+            raise FormatError(f"{kind}: is for plants without a remainder")
 
     def require_noise(self, what: str) -> None:
         """Refuse a plant in discrete time, or on which no disturbance acts."""
@@ -161,6 +171,7 @@ class Plant:
             table.number("sample_time") if "sample_time" in table else None,
             table.at("vehicle") if "vehicle" in table else None,
             table.texts("noise") if "noise" in table else (),
+            _remainder(table.table("remainder"), (n, m, q)) if "remainder" in table else None,
         )
         if plant.sample_time is not None and plant.sample_time <= 0:
             raise FormatError(f"{table.path('sample_time')} must be positive")
@@ -184,6 +195,9 @@ class Plant:
             table["vehicle"] = self.vehicle
         if self.noise:
             table["noise"] = list(self.noise)
+        if self.remainder is not None:
+            own = self.remainder
+            table["remainder"] = {"rows": plain(own.rows), "columns": plain(own.columns)}
         table["parameters"] = [
             {
                 "name": own.name,
@@ -237,6 +251,13 @@ def _outputs(table: Table, shape: tuple[int, int, int], count: int) -> tuple[Out
         own = tuple(F) if any(any(f[0]) for f in F) else ()
         found.append(Output(C, D, row.text("name"), own, row.text("unit", "")))
     return tuple(found)
+
+
+def _remainder(table: Table, shape: tuple[int, int, int]) -> Remainder:
+    n, m, q = shape
+    found = Remainder(table.numbers("rows", n), table.numbers("columns", n + m + q))
+    found.require(*shape)
+    return found
 
 
 def sizes_of(count: int, on: str) -> Sizes:

@@ -409,3 +409,20 @@ def _block(L: Integers, M: Integers, X: Integers, N: Integers) -> Integers:
                 row += [-(p * x + q * y + r * z) for x, y, z in zip(X[i], N[i], T[i], strict=True)]
             rows.append(row)
     return rows
+
+
+def factors(M: Rationals) -> tuple[Rationals, Rationals]:
+    """Return M1, M2 of full rank with M = M1 M2: M's pivot columns, its reduced rows."""
+    rows, pivots = [list(row) for row in M], list[int]()
+    for column in range(len(M[0])):
+        r = len(pivots)
+        pivot = next((i for i in range(r, len(rows)) if rows[i][column]), None)
+        if pivot is None:
+            continue
+        rows[r], rows[pivot] = rows[pivot], rows[r]
+        rows[r] = [value / rows[r][column] for value in rows[r]]
+        for i, row in enumerate(rows):
+            if i != r and row[column]:
+                rows[i] = [x - row[column] * y for x, y in zip(row, rows[r], strict=True)]
+        pivots.append(column)
+    return [[row[p] for p in pivots] for row in M], rows[: len(pivots)]

@@ -529,5 +529,5 @@ def claim_of(
             [v.exact_E for v in plant.vertices],
         )
     )
-    subject = proof.Subject(A, B, E, law, evidence, on, plant.step)
+    subject = proof.Subject(A, B, E, law, evidence, on, plant.step, plant.remainder)
     return specification.claim(subject, level, plant)

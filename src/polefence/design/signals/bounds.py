@@ -21,7 +21,7 @@ from polefence.base.files import write_documents
 from polefence.base.progress import stage
 from polefence.design.certificate import Certificate, exact_law
 from polefence.design.design import FILE_NAME
-from polefence.design.evidence import loop_with
+from polefence.design.evidence import loop_with, spread_of
 from polefence.design.requirements.gain_norm import GainNorm, levels
 from polefence.design.requirements.rms import Rms, of_one_noise
 from polefence.design.requirements.specification import Specification, claim_of
@@ -168,7 +168,8 @@ class _Question:
         alpha = seeded(plant, len(plant.vertices) + FEW)
         with suppress(InputError, np.linalg.LinAlgError):
             worst = sampled(plant, law, specification, alpha).worst
-            return cls(plant, law, specification, specification.dual(plant, law), worst)
+            dual = None if plant.remainder else specification.dual(plant, law)
+            return cls(plant, law, specification, dual, worst)
         return cls(plant, law, specification)
 
     @property
@@ -375,6 +376,13 @@ def _proved(
     level: float,
 ) -> Bound | None:
     on = "box" if len(domain_of(plant, law).sizes) > 1 else "simplex"
+    if plant.remainder is not None and specification.of_signal:
+        if evidence.dual:
+            return None
+        try:
+            evidence = replace(evidence, spread=spread_of(plant, law, evidence))
+        except np.linalg.LinAlgError:  # no Lyapunov matrix
+            return None
     claim = claim_of(plant, exact_law(law), on, specification, evidence, Fraction(level))
     try:
         verdict = prove(claim)

@@ -204,6 +204,7 @@ class Cells(Claim):
     @classmethod
     def read(cls, table: Table, plant: Plant, law: Any, on: str) -> Self:  # noqa: ARG003
         """Read region and cells."""
+        plant.require_exact(table.where)
         if not isinstance(law, Interpolated):
             raise FormatError("law: cells are of a law of kind table")
         region, count, n = read_region(table.table("region")), len(law.axes), plant.n

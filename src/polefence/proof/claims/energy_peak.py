@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from fractions import Fraction
 from typing import Any, ClassVar
 
-from polefence.proof.claims.signal import Rows, SignalClaim, Subject, dual_of_noise, noise
+from polefence.proof.claims.signal import Rows, SignalClaim, Subject, dual_of_noise, moving
 from polefence.proof.plant import Output
 from polefence.proof.polynomials import Polynomial, number
 from polefence.proof.reading import Table, plain
@@ -42,11 +42,11 @@ class EnergyPeak(SignalClaim):
 
     def rows(self, X: Polynomial, N: Polynomial, Y: Polynomial) -> Rows:
         """Return what bounds the state, and the output in it."""
-        moving = noise(self.subject.E, Fraction(1), X.sizes, self.scales)
+        driven = moving(self, Fraction(1), X.sizes)
         # the norm times Y: level / norm would not be there for a norm of zero
         corner = number(self.level**2, X.sizes)
         return {
-            "of the noise": self.subject.falling(X, N, moving),
+            "of the noise": self.subject.falling(X, N, driven),
             "of the output": [[corner, Y.times(self.norm)], [X]],
         }
 

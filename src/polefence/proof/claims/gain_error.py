@@ -27,11 +27,10 @@ from polefence.proof.claims.margins import (
 )
 from polefence.proof.claims.poles import Poles, plant_form
 from polefence.proof.laws import Evidence, lifted
-from polefence.proof.matrices import Rationals
 from polefence.proof.plant import Plant
 from polefence.proof.polynomials import Polynomial, constant, count_of, diagonal
 from polefence.proof.reading import MAX_SIZE, Table, plain
-from polefence.proof.regions import Disk, Part, lyapunov
+from polefence.proof.regions import Disk, Part, factors, lyapunov
 from polefence.proof.text import errors_text, region_text
 from polefence.proof.work import FormatError
 
@@ -168,7 +167,7 @@ class GainError(MarginClaim):
         sizes = X.sizes
         BS, XT = B * diagonal(self.rows, sizes), X * constant(self.right, sizes).T
         for L, M in part.pairs:
-            mu, (M1, M2) = next(numbers), _factors(M)
+            mu, (M1, M2) = next(numbers), factors(M)
             left = BS.beside(M1).times(mu)
             right = XT.beside([list(column) for column in zip(*M2, strict=True)]).times(self.error)
             one, other = (diagonal([mu] * each.shape[1], sizes) for each in (left, right))
@@ -179,20 +178,3 @@ class GainError(MarginClaim):
         """Say which errors leave the poles where."""
         region = region_text(self.subject.design.region)
         return f"{errors_text(self.error, self.rows, self.columns)}, poles in {region}"
-
-
-def _factors(M: Rationals) -> tuple[Rationals, Rationals]:
-    """Return M1, M2 of full rank with M = M1 M2: M's pivot columns, its reduced rows."""
-    rows, pivots = [list(row) for row in M], list[int]()
-    for column in range(len(M[0])):
-        r = len(pivots)
-        pivot = next((i for i in range(r, len(rows)) if rows[i][column]), None)
-        if pivot is None:
-            continue
-        rows[r], rows[pivot] = rows[pivot], rows[r]
-        rows[r] = [value / rows[r][column] for value in rows[r]]
-        for i, row in enumerate(rows):
-            if i != r and row[column]:
-                rows[i] = [x - row[column] * y for x, y in zip(row, rows[r], strict=True)]
-        pivots.append(column)
-    return [[row[p] for p in pivots] for row in M], rows[: len(pivots)]

@@ -79,6 +79,8 @@ class InitialPeak(SignalClaim):
             require_shapes([X0], 1, n, n, "ellipsoid")
             if not is_symmetric(X0) or not is_semidefinite(X0):
                 raise FormatError("ellipsoid must be symmetric, without negative eigenvalues")
+        if self.subject.remainder is not None and self.impulses:
+            raise FormatError("impulses: after one the state is only near what the vertices say")
         if not self.points and not any(self.impulses) and not any(map(any, ellipsoid)):
             raise FormatError("points and impulses are missing: there is no initial state")
         if any(len(point) != n for point in self.points):

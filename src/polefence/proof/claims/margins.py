@@ -88,6 +88,7 @@ class MarginClaim(Claim):
     @classmethod
     def read(cls, table: Table, plant: Plant, law: Any, on: str) -> Self:
         """Read the design's claim, how finely it is proved, and what the kind has of its own."""
+        plant.require_exact(table.where)
         design = Poles.read(table, plant, law, on)
         count = len(plant.ranges)
         pieces = table.items("pieces", count, count) if "pieces" in table else [1] * count

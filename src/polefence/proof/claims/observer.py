@@ -42,6 +42,7 @@ class Observer(Claim):
     @classmethod
     def read(cls, table: Table, plant: Plant, law: Any, on: str) -> Self:  # noqa: ARG003
         """Read what is measured, the law of the dual plant, and the claim about it."""
+        plant.require_exact(table.where)
         C = table.matrices("C", None, plant.n, MAX_VERTICES)
         C = C * len(plant.A) if len(C) == 1 else C
         if len(C) != len(plant.A):

@@ -80,11 +80,13 @@ from polefence.proof.regions import (
     MAX_PARTS,
     Disk,
     Part,
+    factors,
     lyapunov,
     read_region,
     require_region,
     write_region,
 )
+from polefence.proof.remainder import Remainder
 from polefence.proof.roots import all_inside
 from polefence.proof.text import output_text, quoted, region_text
 from polefence.proof.work import MAX_WORK, FormatError
@@ -99,7 +101,8 @@ class Poles(Claim):
 
     ``evidence`` has one entry, for "lyapunov" one a part of the region. ``on`` is "simplex" or
     "box". With ``weights`` the plant is A(alpha) / q(alpha), B(alpha) / q(alpha), q > 0
-    multi-affine with these values at the corners.
+    multi-affine with these values at the corners. With a ``remainder`` the plant is only near
+    that, and the evidence, of "lyapunov", has a spread.
     """
 
     kind: ClassVar[str] = "region"
@@ -112,6 +115,7 @@ class Poles(Claim):
     evidence: tuple[Evidence, ...]
     on: str = "simplex"
     weights: tuple[Fraction, ...] = ()
+    remainder: Remainder | None = None
 
     @property
     def sizes(self) -> Sizes:
@@ -130,6 +134,7 @@ class Poles(Claim):
             free = method in ("lyapunov", "slack")
             on = below.word("on", DOMAINS, "simplex") if free else "simplex"
         blank = cls(method, plant.A, plant.B, region, law, (), plant.domain(on))
+        blank = replace(blank, remainder=plant.remainder)
         if law.W is not None and len(law.W) != count_of(blank.sizes, law.degree):
             count = count_of(blank.sizes, law.degree)
             raise FormatError(f"law.W holds {len(law.W)} matrices; the plant needs {count}")
@@ -201,11 +206,26 @@ class Poles(Claim):
             own.require_cells(self.sizes)
             if own.cells and (self.method != "lyapunov" or self.weights or law.scheduled):
                 raise FormatError("cells belong to one gain, or to a law polynomial in parameters")
+        self._require_remainder()
         self._require_counts()
         if self.least > MAX_WORK:
             raise FormatError(
                 f"{self.count} inequalities of this size are more than is checked here"
             )
+
+    def _require_remainder(self) -> None:
+        """Refuse a remainder without its evidence, and evidence without a remainder."""
+        for own in self._each:
+            if (own.spread is None) != (self.remainder is None):
+                raise FormatError("a remainder has evidence of its own, in every part")
+            if own.spread is not None:
+                own.spread.require(len(self.A[0]))
+        if self.remainder is None:
+            return
+        if self.method != "lyapunov" or self.weights or any(own.cells for own in self.evidence):
+            raise FormatError("a plant with a remainder is proved by the method lyapunov, whole")
+        n, m = len(self.A[0]), len(self.B[0][0])
+        self.remainder.require(n, m, len(self.remainder.columns) - n - m)
 
     def _require_counts(self) -> None:
         """Refuse degrees and numbers of matrices that do not fit."""
@@ -310,9 +330,16 @@ class Poles(Claim):
         degrees = tuple(degree + evidence.elevation for degree in N.degrees)
         if any(not isinstance(part, Disk) for part in parts):
             yield Inequality("of X", [[X]], degrees)
+        spread, remainder = evidence.spread, self.remainder
+        if spread is not None and remainder is not None:
+            V = remainder.moving(XKX)
+            blocks = spread.bounding(V)
+            yield Inequality.raised("of the remainder", blocks, evidence.elevation)
         for part in parts:
             for L, M in part.pairs:
                 F = lyapunov(L, M, X, N)
+                if spread is not None and remainder is not None:
+                    F = F - constant(spread.of_region(remainder, factors(M)), sizes)
                 if evidence.tau:
                     F = F - _floor(evidence.tau, n, sizes)
                 name = part.kind if len(self.region) > 1 else ""

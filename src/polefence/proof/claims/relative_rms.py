@@ -18,6 +18,7 @@ from polefence.proof.claims.signal import (
     SignalClaim,
     Subject,
     dual_of_noise,
+    moving,
     noise,
     require_shapes,
     varies,
@@ -53,6 +54,7 @@ class RelativeRms(SignalClaim):
     kind: ClassVar[str] = "relative rms"
     has_dual: ClassVar[bool] = True
     has_cells: ClassVar[bool] = False  # the baseline is of the whole box
+    has_remainder: ClassVar[bool] = False  # nor may it be less than said
 
     baseline: Baseline
     intensity: Fraction = Fraction(1)
@@ -132,9 +134,9 @@ class RelativeRms(SignalClaim):
 
     def rows(self, X: Polynomial, N: Polynomial, Y: Polynomial) -> Rows:
         """Return what bounds the covariance, and the output's variance."""
-        moving = noise(self.subject.E, self.intensity, X.sizes, self.scales)
-        driven = self.subject.falling(X, N, moving)
-        return {"of the noise": driven, "of the output": [[self._square, Y], [X]]}
+        driven = moving(self, self.intensity, X.sizes)
+        falling = self.subject.falling(X, N, driven)
+        return {"of the noise": falling, "of the output": [[self._square, Y], [X]]}
 
     def dual_rows(self) -> Rows:
         """Return what bounds the observability Gramian, and the noise in it."""

@@ -23,7 +23,7 @@ from polefence.proof.claims.signal import (
     Subject,
     bounded,
     dual_of_noise,
-    noise,
+    moving,
 )
 from polefence.proof.plant import Output
 from polefence.proof.polynomials import Polynomial, number
@@ -65,9 +65,9 @@ class Rms(SignalClaim):
 
     def rows(self, X: Polynomial, N: Polynomial, Y: Polynomial) -> Rows:
         """Return what bounds the covariance, and the sum of the outputs' variances."""
-        moving = noise(self.subject.E, self.intensity, X.sizes, self.scales)
-        driven, corner = self.subject.falling(X, N, moving), number(self.level**2, X.sizes)
-        return {"of the noise": driven, "of the output": bounded(corner, X, Y)}
+        driven = moving(self, self.intensity, X.sizes)
+        falling, corner = self.subject.falling(X, N, driven), number(self.level**2, X.sizes)
+        return {"of the noise": falling, "of the output": bounded(corner, X, Y)}
 
     def dual_rows(self) -> Rows:
         """Return what bounds the observability Gramian, and the noise in it."""

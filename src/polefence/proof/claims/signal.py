@@ -58,6 +58,7 @@ from polefence.proof.polynomials import (
 )
 from polefence.proof.reading import Table, plain, plain_rows
 from polefence.proof.regions import HalfPlane
+from polefence.proof.remainder import SHARE, Remainder
 from polefence.proof.text import (
     digits_down,
     digits_up,
@@ -80,7 +81,7 @@ class Subject:
     at every vertex, or scheduled. ``evidence.X`` holds the coefficients of X, and for a scheduled
     law those of Q in X = W (multiple + Q W), as for the method "lyapunov" of designs; empty: X is
     the law's own W, times ``evidence.multiple`` if that holds one number. Where ``step`` is not
-    zero it is the sample time, and A, B and E are those of the delta form.
+    zero it is the sample time, and A, B, E and the ``remainder`` are those of the delta form.
     """
 
     A: list[Rationals]
@@ -90,6 +91,7 @@ class Subject:
     evidence: Evidence
     on: str = "simplex"
     step: Fraction = Fraction(0)
+    remainder: Remainder | None = None
 
     @property
     def sizes(self) -> Sizes:
@@ -113,10 +115,15 @@ class Subject:
 
     def loop(self, outputs: Sequence[Output]) -> tuple[Polynomial, Polynomial, Polynomial]:
         """Return X, N = (A + B K) X and Y = (C + D K) X, all of one degree."""
-        n, XKX = self.n, lifted(self.law, self.evidence, self.sizes)
+        n, XKX = self.n, self.lifted
         NY = self._plant(outputs) * XKX
         X = XKX.part(slice(n)).raised(NY.degrees)
         return X, NY.part(slice(n)), NY.part(slice(n, None))
+
+    @property
+    def lifted(self) -> Polynomial:
+        """[X; K X]."""
+        return lifted(self.law, self.evidence, self.sizes)
 
     def _plant(self, outputs: Sequence[Output]) -> Polynomial:
         """Return [A, B; C, D]."""
@@ -130,7 +137,7 @@ class Subject:
     @property
     def as_poles(self) -> Poles:
         """A claim of the same loop and evidence about the half-plane Re z < 0."""
-        evidence, method = replace(self.evidence, dual=False), "lyapunov"
+        evidence, method = replace(self.evidence, dual=False, spread=None), "lyapunov"
         if not evidence.X and self.law.W is not None:
             evidence, method = replace(evidence, multiple=()), "scheduled"
         region = (HalfPlane(Fraction(0)),)
@@ -139,11 +146,19 @@ class Subject:
     def falling(
         self, X: Polynomial, N: Polynomial, noise: Polynomial | None = None
     ) -> list[list[Polynomial]]:
-        """Return the blocks of -(N + N' + noise + step N X^-1 N')."""
-        minus = (N + N.T).times(-1)
+        """Return the blocks of -(N + N' + noise + step N X^-1 N'), less what a remainder costs.
+
+        [ -H; 0 ] Delta [ V, -V ] and its transpose, with both V twice as dear in a square each.
+        """
+        minus, below = (N + N.T).times(-1), X.times(1 / self.step) if self.step else None
         if noise is not None:
             minus = minus - noise
-        return [[minus, N], [X.times(1 / self.step)]] if self.step else [[minus]]
+        spread, remainder = self.evidence.spread, self.remainder
+        if spread is not None and remainder is not None:
+            left = constant(spread.leaving(2 if self.step else 1), X.sizes)
+            minus = minus - constant(spread.entering(remainder), X.sizes) - left
+            below = None if below is None else below - left
+        return [[minus]] if below is None else [[minus, N], [below]]
 
     def dual_loop(
         self, outputs: Sequence[Output]
@@ -209,6 +224,7 @@ class SignalClaim(Claim):
     direct: ClassVar[bool] = False  # whether one may pass straight into the output
     has_dual: ClassVar[bool] = False  # whether there is a dual form of its inequalities
     has_cells: ClassVar[bool] = True  # whether it can be proved in parts of the box
+    has_remainder: ClassVar[bool] = True  # whether the plant may have one
     most: ClassVar[int] = 1  # entries of a vector
 
     subject: Subject
@@ -371,6 +387,7 @@ class SignalClaim(Claim):
                 require_shapes(list(own.F), N, 1, subject.q, "F")
         subject.require()
         evidence = subject.evidence
+        self._require_remainder()
         if evidence.dual and (not self.has_dual or evidence.multiple or not evidence.X):
             raise FormatError(f"a bound on {self.kind} has no dual form of this kind")
         for key in ("level", "intensity", "norm"):
@@ -380,6 +397,17 @@ class SignalClaim(Claim):
             raise FormatError("E is missing: no disturbance acts on the loop")
         self.require_own()
         self._require_disturbances()
+
+    def _require_remainder(self) -> None:
+        own, spread = self.subject, self.subject.evidence.spread
+        if (spread is None) != (own.remainder is None):
+            raise FormatError("a remainder has evidence of its own")
+        if own.remainder is None or spread is None:
+            return
+        own.remainder.require(own.n, own.m, own.q)
+        spread.require(own.n)
+        if own.evidence.dual or not self.has_remainder:
+            raise FormatError(f"a bound on {self.kind} with a remainder is not proved like this")
 
     @property
     def least(self) -> int:
@@ -448,7 +476,9 @@ class SignalClaim(Claim):
                 yield Inequality.raised(name, blocks, evidence.elevation)
             return
         X, N, Y = self.subject.loop(self.outputs)
-        rows = self.rows(X, N, Y)
+        rows, own = self.rows(X, N, Y), self.subject
+        if own.remainder is not None and evidence.spread is not None:
+            rows["of the remainder"] = evidence.spread.bounding(own.remainder.moving(own.lifted))
         least = joint([form for blocks in rows.values() for row in blocks for form in row])
         degrees = tuple(degree + evidence.elevation for degree in least)
         for name, blocks in rows.items():
@@ -471,11 +501,11 @@ def read_subject(table: Table, plant: Plant, law: Law, on: str) -> Subject:
         dual = "Q" in (cells[0] if cells else table)
         if cells:
             evidence = read_cells(table, plant.n, sizes, dual)
-            return Subject(plant.A, plant.B, plant.E, law, evidence, on, step)
+            return Subject(plant.A, plant.B, plant.E, law, evidence, on, step, plant.remainder)
         letter = "Q" if dual else "X"
         evidence = read_evidence(table, plant.n, sizes, letter, multiple=law.scheduled and not dual)
         evidence = replace(evidence, dual=dual)
-    return Subject(plant.A, plant.B, plant.E, law, evidence, on, step)
+    return Subject(plant.A, plant.B, plant.E, law, evidence, on, step, plant.remainder)
 
 
 def write_evidence(subject: Subject) -> dict[str, Any]:
@@ -570,6 +600,18 @@ def noise(
     """Return the intensity times E E', each column of E times its scale."""
     form = scaled(E, scales, sizes)
     return (form * form.T).times(intensity)
+
+
+def moving(claim: SignalClaim, intensity: Fraction, sizes: Sizes) -> Polynomial:
+    """Return the intensity times E E', or more where E is only near that of the vertices."""
+    own = claim.subject
+    found = noise(own.E, intensity, sizes, claim.scales)
+    most = max(own.remainder.driving(claim.scales, own.q), default=0) if own.remainder else 0
+    if own.remainder is None or not most:
+        return found
+    size = (1 + 1 / SHARE) * intensity * most**2
+    more = [[size * x for x in row] for row in own.remainder.squares]
+    return found.times(1 + SHARE) + constant(more, sizes)
 
 
 def dual_of_noise(claim: SignalClaim, square: Polynomial, intensity: Fraction) -> Rows:

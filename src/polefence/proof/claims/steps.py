@@ -61,18 +61,39 @@ def step_error(claim: Sampled, sizes: Sizes) -> Fraction:
     FormatError
         If the series has too few terms for this sample time, or would take too long.
     """
-    _require_moderate(claim, sizes)
     exact = [[[x * claim.sample_time for x in row] for row in M] for M in vertices(claim)]
-    short = [[[Fraction(round(x * 2**BITS), 2**BITS) for x in row] for row in M] for M in exact]
-    n, width = len(short[0]), len(short[0][0])
+    series, rounded, tail = series_error(exact, claim.terms, sizes)
+    n, width = len(exact[0]), len(exact[0][0])
+    eye = [row + [Fraction(0)] * (width - n) for row in identity(n)]
+    steps = bernstein(claim.steps, sizes, 1) - constant(eye, sizes)
+    return root(_largest_square(steps - series)) + tail + rounded
+
+
+def series_error(
+    M: list[Rationals], terms: int, sizes: Sizes
+) -> tuple[Polynomial, Fraction, Fraction]:
+    """Return the sum of so many A^(k - 1) M / k!, and what rounding and the others make at most.
+
+    Parameters
+    ----------
+    M : list of (n, n + m) rationals
+        At every vertex, times the step.
+
+    Raises
+    ------
+    FormatError
+        If the series has too few terms for this sample time, or would take too long.
+    """
+    n, width = len(M[0]), len(M[0][0])
+    _require_moderate(len(M), n, width, terms, sizes)
+    short = [[[Fraction(round(x * 2**BITS), 2**BITS) for x in row] for row in own] for own in M]
     size = max(map(norm, short))
     off = root(Fraction(n * width)) / (1 << (BITS + 1))
-    p = claim.terms
-    if 2 * size >= p + 2:
+    if 2 * size >= terms + 2:
         raise FormatError("terms are too few for this sample time")
-    power: Fraction = size ** (p + 1)
-    tail = power / math.factorial(p + 1) / (1 - size / (p + 2))
-    return _largest(claim, sizes, short) + tail + off * exponential(size + off)
+    power: Fraction = size ** (terms + 1)
+    tail = power / math.factorial(terms + 1) / (1 - size / (terms + 2))
+    return _series(bernstein(short, sizes, 1), terms), off * exponential(size + off), tail
 
 
 def exponential(x: Fraction) -> Fraction:
@@ -90,14 +111,6 @@ def _short(value: Fraction) -> Fraction:
     """Round up to a number of few digits."""
     whole = 2**SHORT
     return Fraction(-(-value.numerator * whole // value.denominator), whole)
-
-
-def _largest(claim: Sampled, sizes: Sizes, M: list[Rationals]) -> Fraction:
-    """Return a bound on the combination of steps less the terms of the series."""
-    n, width = len(M[0]), len(M[0][0])
-    eye = [row + [Fraction(0)] * (width - n) for row in identity(n)]
-    steps = bernstein(claim.steps, sizes, 1) - constant(eye, sizes)
-    return root(_largest_square(steps - _series(bernstein(M, sizes, 1), claim.terms)))
 
 
 def _largest_square(P: Polynomial) -> Fraction:
@@ -120,9 +133,8 @@ def _series(M: Polynomial, p: int) -> Polynomial:
     return R
 
 
-def _require_moderate(claim: Sampled, sizes: Sizes) -> None:
-    p, n = claim.terms, len(claim.T)
-    each = len(claim.steps) * n * n * (n + len(claim.scale))
+def _require_moderate(vertices: int, n: int, width: int, p: int, sizes: Sizes) -> None:
+    each = vertices * n * n * width
     work = sum(count_of(sizes, k) for k in range(1, p)) * each
     if count_of(sizes, p) > MAX_COEFFICIENTS or work > MAX_PRODUCTS:
         raise FormatError("these are more terms than are computed here")

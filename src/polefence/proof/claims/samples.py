@@ -1,0 +1,237 @@
+"""The plant in the file is what a computer sees of another one: its samples, the input held.
+
+Between samples T apart the inputs and disturbances of x' = A x + B u + E w are held, and u acts
+``delay`` samples late; the states are then x and the inputs on their way. At every alpha of the box
+of the parameters, or of the simplex where there are none, the exact [F, G, H] of
+x(t + T) = F x + G u + H w is within the plant's remainder of the combination of its vertices.
+
+With M(alpha) = [A, B, E] T it is [I, 0] + sum of A^(k - 1) M / k!, whose first terms are compared
+coefficient by coefficient, see `polefence.proof.claims.steps`.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from fractions import Fraction
+from typing import Any, ClassVar, Self
+
+from polefence.proof.claims import steps
+from polefence.proof.claims.base import Claim, Inequality, Verdict, undecided
+from polefence.proof.matrices import Rationals, common_denominator, identity, root
+from polefence.proof.plant import Plant, sizes_of
+from polefence.proof.polynomials import Polynomial, Sizes, bernstein, constant, multinomial
+from polefence.proof.reading import MAX_VERTICES, Table, plain, require_shape
+from polefence.proof.text import milliseconds_text
+from polefence.proof.work import FormatError
+
+MAX_TERMS, MAX_DELAY = 40, 64
+NONE = Fraction(0)
+
+
+@dataclass(frozen=True)
+class Samples(Claim):
+    """The plant's vertices and remainder hold the samples of x' = A x + B u + E w.
+
+    ``units`` are of its states, inputs and disturbances, one each, in which the series is
+    evaluated; ``terms`` is how many of it are.
+    """
+
+    kind: ClassVar[str] = "samples"
+    letters: ClassVar[str] = ""
+
+    plant: Plant
+    A: list[Rationals]
+    B: list[Rationals]
+    E: list[Rationals]
+    delay: int
+    terms: int
+    units: tuple[Fraction, ...]
+
+    @classmethod
+    def read(cls, table: Table, plant: Plant, law: Any, on: str) -> Self:  # noqa: ARG003
+        """Read the plant that is sampled."""
+        rows = table.tables("vertices", MAX_VERTICES)
+        A, B = ([row.matrix(key) for row in rows] for key in "AB")
+        E = [row.matrix("E") for row in rows if "E" in row]
+        delay, terms = table.whole("delay", 0), table.whole("terms", 1, MAX_TERMS)
+        width = len(A[0]) + len(B[0][0]) + (len(E[0][0]) if E else 0)
+        return cls(plant, A, B, E, delay, terms, table.numbers("units", width))
+
+    def write(self) -> dict[str, Any]:
+        """Return what `read` reads."""
+        vertices = [
+            {key: plain(M[j]) for key, M in (("A", self.A), ("B", self.B), ("E", self.E)) if M}
+            for j in range(len(self.A))
+        ]
+        own = {"delay": self.delay, "terms": self.terms, "units": plain(self.units)}
+        return {"kind": self.kind} | own | {"vertices": vertices}
+
+    def statement(self, plant: Plant) -> str:
+        """Say what the plant is of."""
+        late = f", u {self.delay} sample{'s' * (self.delay > 1)} late" if self.delay else ""
+        held = "u and w held" if self.E else "u held"
+        time = milliseconds_text(plant.step)
+        return f"plant: samples every {time} ms of x' = A x + B u + E w, {held}{late}"
+
+    @property
+    def n(self) -> int:
+        """Number of states that are sampled."""
+        return len(self.A[0])
+
+    @property
+    def m(self) -> int:
+        """Number of inputs."""
+        return len(self.B[0][0])
+
+    @property
+    def q(self) -> int:
+        """Number of disturbances."""
+        return len(self.E[0][0]) if self.E else 0
+
+    @property
+    def sizes(self) -> Sizes:
+        """Of the box of the parameters, or of the simplex."""
+        return sizes_of(len(self.A), "box" if self.plant.ranges else "simplex")
+
+    def require(self) -> None:
+        """Refuse what does not fit."""
+        plant, n, m, q, N = self.plant, self.n, self.m, self.q, len(self.A)
+        if plant.sample_time is None or plant.remainder is None:
+            raise FormatError("samples: the plant has no sample_time, or no remainder")
+        plant.remainder.require(plant.n, plant.m, plant.q)
+        if not 0 <= self.delay <= MAX_DELAY or not 1 <= self.terms <= MAX_TERMS:
+            raise FormatError(f"samples: delay is 0 to {MAX_DELAY}, terms 1 to {MAX_TERMS}")
+        if (len(plant.A), plant.n, plant.m, plant.q) != (N, n + self.delay * m, m, q):
+            raise FormatError("samples: the sampled plant is of another shape")
+        for key, matrices, columns in (("A", self.A, n), ("B", self.B, m), ("E", self.E, q)):
+            if matrices and len(matrices) != N:
+                raise FormatError(f"samples: {key} is missing at a vertex")
+            for M in matrices:
+                require_shape(M, n, columns, f"samples: {key}")
+        common_denominator([*self.A, *self.B, *self.E])
+        if len(self.units) != n + m + q or min(self.units) <= 0:
+            raise FormatError(f"samples: units must hold {n + m + q} positive numbers")
+        if len(self.sizes) > 1 and 2 ** len(plant.ranges) != N:
+            raise FormatError("samples: the vertices are not those of the parameters")
+
+    def inequalities(self) -> Iterator[Inequality]:
+        """Yield nothing: what is compared are numbers."""
+        yield from ()
+
+    def decided(self) -> Verdict:
+        """Compare what goes on between samples, and how late inputs move on."""
+        if not self._moves_on():
+            return undecided("the inputs on their way do not move on by one sample")
+        scale = self._scale()
+        if scale is None:
+            return undecided("the remainder is zero where the series goes on")
+        try:
+            off, rest = self._compared()
+        except FormatError as problem:
+            return undecided(str(problem))
+        largest = _largest(off, scale) + max(map(max, scale)) * rest
+        if largest > 1:
+            return undecided("the samples are farther from the vertices' than the remainder says")
+        share = math.ceil(1000 * largest) / 10
+        return Verdict("proved", f"samples within {share:g} % of the remainder")
+
+    def off(self) -> tuple[Rationals, Fraction]:
+        """Return the largest magnitude of each entry's coefficients in the units, and the rest.
+
+        Raises
+        ------
+        FormatError
+            If the series has too few terms for this sample time, or would take too long.
+        """
+        found, rest = self._compared()
+        rows, columns = found.shape
+        each = [
+            (matrix, found.whole * multinomial(e, found.sizes)) for e, matrix in found.terms.items()
+        ]
+
+        def largest(i: int, j: int) -> Fraction:
+            return max((Fraction(abs(M[i][j]), whole) for M, whole in each), default=NONE)
+
+        return [[largest(i, j) for j in range(columns)] for i in range(rows)], rest
+
+    def _compared(self) -> tuple[Polynomial, Fraction]:
+        """Return the vertices' samples less the series, and a bound on what that leaves out."""
+        n, width = self.n, len(self.units)
+        M = self._in_units(_beside(self.A, self.B, self.E), self.plant.step)
+        series, rounded, tail = steps.series_error(M, self.terms, self.sizes)
+        eye = [row + [NONE] * (width - n) for row in identity(n)]
+        found = bernstein(self._in_units(self._steps()), self.sizes, 1)
+        return found - constant(eye, self.sizes) - series, rounded + tail
+
+    def _in_units(self, matrices: list[Rationals], time: Fraction | int = 1) -> list[Rationals]:
+        """Return matrices (n, n + m + q) in the units, times a time."""
+        return [
+            [
+                [value * time * u / unit for value, u in zip(row, self.units, strict=True)]
+                for row, unit in zip(own, self.units[: self.n], strict=True)
+            ]
+            for own in matrices
+        ]
+
+    def _scale(self) -> Rationals | None:
+        """Return one over what each entry may be off by, in the units; None if one may not be."""
+        plant, n, remainder = self.plant, self.n, self.plant.remainder
+        if remainder is None:
+            return None
+        rows, own, m = remainder.rows[:n], remainder.columns, self.m
+        acting = own[plant.n - m : plant.n] if self.delay else own[plant.n : plant.n + m]
+        columns = (*own[:n], *acting, *own[plant.n + m :])
+        if min((*rows, *columns)) <= 0:
+            return None
+        return [
+            [unit / (row * u * c) for u, c in zip(self.units, columns, strict=True)]
+            for row, unit in zip(rows, self.units[:n], strict=True)
+        ]
+
+    def _steps(self) -> list[Rationals]:
+        """Return F, G, H side by side at every vertex, as the plant has them."""
+        n, m, found = self.n, self.m, list[Rationals]()
+        for j, A in enumerate(self.plant.A):
+            B, E = self.plant.B[j], self.plant.E[j] if self.plant.E else [[] for _ in A]
+            G = [row[-m:] for row in A] if self.delay else B
+            found.append([A[i][:n] + G[i] + E[i] for i in range(n)])
+        return found
+
+    def _moves_on(self) -> bool:
+        """Whether what is not between samples is exact: inputs move on, and no sooner."""
+        n, m, width = self.n, self.m, self.plant.n
+        if not self.delay:
+            return True
+        zero_row = [NONE] * width
+        for j, A in enumerate(self.plant.A):
+            B = self.plant.B[j]
+            if any(any(row[n : width - m]) for row in A[:n]) or any(map(any, B[:n])):
+                return False
+            for i in range(width - n):
+                moved = list(zero_row)
+                if i >= m:
+                    moved[n + i - m] = Fraction(1)
+                into = [Fraction(int(i == k)) for k in range(m)]
+                if A[n + i] != moved or B[n + i] != into:
+                    return False
+            if self.plant.E and any(map(any, self.plant.E[j][n:])):
+                return False
+        return True
+
+
+def _beside(A: list[Rationals], B: list[Rationals], E: list[Rationals]) -> list[Rationals]:
+    empty: list[Rationals] = [[[] for _ in M] for M in A]
+    each = zip(A, B, E or empty, strict=True)
+    return [[a + b + e for a, b, e in zip(*rows, strict=True)] for rows in each]
+
+
+def _largest(P: Polynomial, scale: Rationals) -> Fraction:
+    """Return a bound on the largest Frobenius norm of a coefficient, entries times the scale."""
+    largest = NONE
+    for e, matrix in P.terms.items():
+        pairs = zip(matrix, scale, strict=True)
+        square = sum((x * s) ** 2 for rows in pairs for x, s in zip(*rows, strict=True))
+        largest = max(largest, Fraction(square) / (P.whole * multinomial(e, P.sizes)) ** 2)
+    return root(largest)

@@ -19,6 +19,7 @@ from polefence.law.laws import FixedGain, Law, PolynomialGain, ScheduledGain
 from polefence.plant.family import Sampling, UncertainPlant
 from polefence.plant.outputs import Output
 from polefence.plant.parameters import Parameter
+from polefence.plant.samples import claim_of_samples
 from polefence.plant.system import Array
 from polefence.plant.vehicle import Vehicle
 from polefence.proof import laws
@@ -34,7 +35,6 @@ from polefence.proof.reading import Table
 from polefence.proof.text import number_text, region_text
 from polefence.proof.work import FormatError, counted
 from polefence.region.regions import Region, region_of
-from polefence.response.samples import claim_of_samples
 
 
 @dataclass(frozen=True)
@@ -293,8 +293,8 @@ def part_of(own: laws.Evidence) -> dict[str, Any]:
     if own.multiple:
         part["multiple"] = np.array([float(v) for v in own.multiple])
     if own.spread is not None:
-        omega, mu = _floats([own.spread.omega])[0], np.array(float(own.spread.mu))
-        part["remainder"] = {"omega": omega, "mu": mu}
+        keys = ("omega", "rows", "columns")
+        part["remainder"] = {key: np.array(getattr(own.spread, key), dtype=float) for key in keys}
     return part
 
 

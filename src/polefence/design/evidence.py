@@ -48,7 +48,8 @@ MOST_WORK = 1e10
 # Degree and elevation in parts of the box, and what a step may cost there beyond the first form.
 IN_PARTS, MOST_IN_PART = ((0, 0), (1, 0)), 1e9
 # Omega over what it has to exceed, and besides, as a share of that.
-OVER, SLIGHT = 1.001, 1e-9
+OVER, SLIGHT, TINY = 1.001, 1e-9, 1e-300
+ROUNDS = 40  # of rows and columns
 SHARE = 0.8  # of what is checked in a file, after which no more parts are proved
 
 
@@ -135,32 +136,69 @@ def _spread(plant: UncertainPlant, law: Law, evidence: dict[str, Any]) -> dict[s
     multiple = tuple(map(Fraction, evidence["multiple"].tolist())) if "multiple" in evidence else ()
     X = [[[Fraction(e) for e in row] for row in Q] for Q in evidence["X"].tolist()]
     own = spread_of(plant, law, Evidence(X, evidence["degree"], evidence["elevation"], multiple))
-    return {"omega": np.array(own.omega, dtype=float), "mu": np.array(float(own.mu))}
+    each = {key: getattr(own, key) for key in ("omega", "rows", "columns")}
+    return {key: np.array(value, dtype=float) for key, value in each.items()}
 
 
 def spread_of(plant: UncertainPlant, law: Law, evidence: Evidence) -> Spread:
     """Return what a plant's remainder asks for beside a Lyapunov polynomial.
 
-    Omega is little more than all coefficients of V'V, and mu such that H H' and Omega cost as much,
-    as the Lyapunov matrix tells sizes.
+    Rows and columns follow the sizes that the Lyapunov matrix gives to states and inputs; Omega is
+    little more than all coefficients of V'V.
     """
     remainder = plant.remainder
     if remainder is None:
         raise InputError(f"{plant.name} has no remainder")
+    n = plant.shape[0]
     XKX = lifted(exact_law(law), evidence, domain_of(plant, law).sizes)
-    V = remainder.moving(XKX)
-    each = _coefficients(V)
-    X = _coefficients(XKX)[:, : plant.shape[0]].mean(axis=0)
+    each = _coefficients(XKX)
+    X = each[:, :n].mean(axis=0)
     T = np.linalg.cholesky((X + X.T) / 2)
     inverse = np.linalg.inv(T)
-    squares = inverse @ each.swapaxes(1, 2) @ each @ inverse.T
+    rows, columns = _cheapest(np.array(remainder.entries, dtype=float), each @ inverse.T, inverse)
+    V = columns[: each.shape[1], None] * each @ inverse.T
+    squares = V.swapaxes(1, 2) @ V
     size = float(np.linalg.eigvalsh(squares).max())
-    omega = T @ (majorant(squares) * OVER + SLIGHT * size * np.eye(len(T))) @ T.T
-    omega = (omega + omega.T) / 2
-    pushed = float(np.linalg.norm(inverse @ np.diag(np.array(remainder.rows, dtype=float)), 2))
-    mu = np.sqrt(size) / pushed
-    rows = [[Fraction(x) for x in row] for row in omega.tolist()]
-    return Spread(rows, Fraction(float(mu)))
+    omega = T @ (majorant(squares) * OVER + SLIGHT * size * np.eye(n)) @ T.T
+    exact = ([Fraction(x) for x in row] for row in ((omega + omega.T) / 2).tolist())
+    return Spread(list(exact), *(tuple(map(Fraction, own.tolist())) for own in (rows, columns)))
+
+
+def _cheapest(entries: Array, moved: Array, inverse: Array) -> tuple[Array, Array]:
+    """Return rows and columns that cover a remainder, of about the least cost.
+
+    Of u and v, the squares of rows and columns, with sum R_ij^2 / (u_i v_j) <= 1 those are looked
+    for that make (a'u) (b'v) least, one after the other: a and b are what H H' and V'V cost, as the
+    Lyapunov matrix tells sizes.
+
+    Parameters
+    ----------
+    entries : (n, n + m + q) array
+    moved : (count, n + m, n) array
+        Coefficients of [X; K X] in coordinates in which X is about one.
+    inverse : (n, n) array
+        To these coordinates.
+    """
+    squares, known = entries**2, moved.shape[1]
+    a, b = (inverse**2).sum(axis=0), (moved**2).sum(axis=2).max(axis=0)
+    # disturbances cost in proportion to what they move
+    own = squares[:, known:].T @ a
+    least = float(((squares[:, :known].T @ a) * b).max()) or TINY
+    b = np.concatenate([b, np.where(own > 0, least / np.where(own > 0, own, 1.0), 1.0)])
+    v = 1 / np.maximum(b, TINY)
+    for _ in range(ROUNDS):
+        u = _least(squares @ (1 / v), a)
+        v = _least(squares.T @ (1 / np.where(u > 0, u, np.inf)), b)
+        v = np.where(v > 0, v, np.inf)
+    v = np.where(np.isfinite(v), v, 0.0)
+    even = np.sqrt(float(b @ v) / max(float(a @ u), TINY))
+    return OVER * np.sqrt(u * even), OVER * np.sqrt(v / even)
+
+
+def _least(s: Array, a: Array) -> Array:
+    """Return the u with sum s_i / u_i = 1 that makes a'u least."""
+    root = np.sqrt(s * a)
+    return np.asarray(np.sqrt(s / np.maximum(a, TINY)) * root.sum())
 
 
 def _coefficients(P: Polynomial) -> Array:
@@ -308,7 +346,13 @@ def _most_parts(plant: UncertainPlant, law: Law, parts: int) -> int:
 def placeholder(plant: UncertainPlant, law: Law) -> dict[str, Any]:
     """Return evidence that has the shape of some, for a claim whose poles are to be looked at."""
     n, count = plant.shape[0], domain_of(plant, law).count(0)
-    return {"X": np.tile(np.eye(n), (count, 1, 1)), "degree": 0, "elevation": 0}
+    found = {"X": np.tile(np.eye(n), (count, 1, 1)), "degree": 0, "elevation": 0}
+    if plant.remainder is not None:
+        size = float(sum(x * x for row in plant.remainder.entries for x in row)) ** 0.5 or 1.0
+        width = len(plant.remainder.entries[0])
+        own = {"omega": np.eye(n), "rows": np.full(n, 2 * size), "columns": np.ones(width)}
+        found["remainder"] = own
+    return found
 
 
 def evidence_of(found: LyapunovPolynomial, form: tuple[int, int]) -> dict[str, Any]:

@@ -51,6 +51,7 @@ def with_dynamics(
         vertices=tuple(vertices),
         states=(*_labels(states(plant)), *labels),
         outputs=tuple(padded(output, k) for output in plant.outputs),
+        remainder=plant.remainder and plant.remainder.padded(plant.shape[0], k),
     )
 
 

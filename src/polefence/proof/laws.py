@@ -30,7 +30,7 @@ from polefence.proof.polynomials import (
     corners_of,
     count_of,
 )
-from polefence.proof.reading import Table, plain, shown
+from polefence.proof.reading import MAX_SIZE, Table, plain, shown
 from polefence.proof.remainder import Spread
 from polefence.proof.work import RATIONAL, FormatError, spend
 
@@ -292,7 +292,8 @@ class Evidence:
         table |= {"multiple": plain(self.multiple)} if self.multiple else {}
         if self.spread is not None:
             own = self.spread
-            table["remainder"] = {"omega": plain(own.omega), "mu": plain(own.mu)}
+            keys = ("omega", "rows", "columns")
+            table["remainder"] = {key: plain(getattr(own, key)) for key in keys}
         return table | {"elevation": self.elevation}
 
 
@@ -368,8 +369,8 @@ def read_evidence(
     spread = None
     if "remainder" in table:
         below = table.table("remainder")
-        spread = Spread(below.matrix("omega", n, n), below.number("mu"))
-        spread.require(n)
+        omega, rows = below.matrix("omega", n, n), below.numbers("rows", n)
+        spread = Spread(omega, rows, below.numbers("columns", most=3 * MAX_SIZE))
     return Evidence(X, degree, table.whole("elevation", 0), values, spread=spread)
 
 

@@ -171,7 +171,7 @@ class Plant:
             table.number("sample_time") if "sample_time" in table else None,
             table.at("vehicle") if "vehicle" in table else None,
             table.texts("noise") if "noise" in table else (),
-            _remainder(table.table("remainder"), (n, m, q)) if "remainder" in table else None,
+            _remainder(table, (n, m, q)) if "remainder" in table else None,
         )
         if plant.sample_time is not None and plant.sample_time <= 0:
             raise FormatError(f"{table.path('sample_time')} must be positive")
@@ -196,8 +196,7 @@ class Plant:
         if self.noise:
             table["noise"] = list(self.noise)
         if self.remainder is not None:
-            own = self.remainder
-            table["remainder"] = {"rows": plain(own.rows), "columns": plain(own.columns)}
+            table["remainder"] = plain(self.remainder.entries)
         table["parameters"] = [
             {
                 "name": own.name,
@@ -255,7 +254,7 @@ def _outputs(table: Table, shape: tuple[int, int, int], count: int) -> tuple[Out
 
 def _remainder(table: Table, shape: tuple[int, int, int]) -> Remainder:
     n, m, q = shape
-    found = Remainder(table.numbers("rows", n), table.numbers("columns", n + m + q))
+    found = Remainder(tuple(map(tuple, table.matrix("remainder", n, n + m + q))))
     found.require(*shape)
     return found
 

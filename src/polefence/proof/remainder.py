@@ -1,10 +1,11 @@
 """Plants that are only near the combination of their vertices: by how much, and what that costs.
 
-Where [A, B, E] may be off by diag(rows) Delta diag(columns), |Delta| <= 1, the products
-N = A X + B K X are off by H Delta V with H = diag(rows) and V = diag(columns) [X; K X]. With a
-number mu > 0 and a matrix Omega that is more than V'V at every alpha,
+Where no entry of [A, B, E] is off by more than that of R, the products N = A X + B K X are off by
+H Delta V, |Delta| <= 1, with H = diag(rows) and V = diag(columns) [X; K X] of any positive numbers
+for which the Frobenius norm of diag(rows)^-1 R diag(columns)^-1 is at most one. With a matrix Omega
+that is more than V'V at every alpha,
 
-    a H Delta V b' + b V'Delta'H a'  <=  mu a H H' a' + b Omega b' / mu
+    a H Delta V b' + b V'Delta'H a'  <=  a H H' a' + b Omega b'
 
 (Petersen, 1987), for any columns a and b of blocks: what an inequality may lose is a constant.
 """
@@ -26,32 +27,62 @@ SHARE = Fraction(1, 4096)
 
 @dataclass(frozen=True)
 class Remainder:
-    """Bounds on what [A, B, E] is off by: zeros where it is not.
+    """What each entry of [A, B, E] may be off by, (n, n + m + q)."""
+
+    entries: tuple[tuple[Fraction, ...], ...]
+
+    def over(self, step: Fraction) -> Remainder:
+        """Return that of the plant in its delta form."""
+        return Remainder(tuple(tuple(x / step for x in row) for row in self.entries))
+
+    def padded(self, n: int, more: int) -> Remainder:
+        """Return that of the plant with more states, behind its n, that are exact."""
+        zeros = (NONE,) * more
+        rows = [(*row[:n], *zeros, *row[n:]) for row in self.entries]
+        width = len(self.entries[0]) + more
+        return Remainder((*rows, *((NONE,) * width for _ in range(more))))
+
+    def require(self, n: int, m: int, q: int) -> None:
+        """Refuse numbers that do not fit."""
+        if len(self.entries) != n or any(len(row) != n + m + q for row in self.entries):
+            raise FormatError(f"plant.remainder must hold {n} rows of {n + m + q} numbers")
+        if min(map(min, self.entries)) < 0:
+            raise FormatError("plant.remainder must hold numbers of zero or more")
+
+
+@dataclass(frozen=True)
+class Spread:
+    """Omega, more than V'V at every alpha, and the rows and columns of H and V.
 
     ``rows`` holds one number a state, ``columns`` one a state, input and disturbance.
     """
 
-    rows: tuple[Fraction, ...]
-    columns: tuple[Fraction, ...]
+    omega: Rationals = field(default_factory=list)
+    rows: tuple[Fraction, ...] = ()
+    columns: tuple[Fraction, ...] = ()
 
-    def over(self, step: Fraction) -> Remainder:
-        """Return that of the plant in its delta form."""
-        return Remainder(tuple(x / step for x in self.rows), self.columns)
-
-    def require(self, n: int, m: int, q: int) -> None:
-        """Refuse numbers that do not fit."""
-        if len(self.rows) != n or len(self.columns) != n + m + q:
-            raise FormatError(f"remainder: rows must hold {n} numbers, columns {n + m + q}")
+    def require(self, remainder: Remainder) -> None:
+        """Refuse one that does not fit, or does not cover the remainder."""
+        n, width = len(remainder.entries), len(remainder.entries[0])
+        if len(self.omega) != n or any(len(row) != n for row in self.omega):
+            raise FormatError(f"remainder.omega must hold {n} rows of {n} numbers")
+        if any(self.omega[i][j] != self.omega[j][i] for i in range(n) for j in range(i)):
+            raise FormatError("remainder.omega must be symmetric")
+        if len(self.rows) != n or len(self.columns) != width:
+            raise FormatError(f"remainder: rows must hold {n} numbers, columns {width}")
         if min((*self.rows, *self.columns)) < 0:
             raise FormatError("remainder: rows and columns must be zero or more")
+        if not self._covers(remainder):
+            raise FormatError("remainder: rows and columns do not cover the plant's")
 
-    @property
-    def squares(self) -> Rationals:
-        """H H'."""
-        return [
-            [row * row if i == j else NONE for j in range(len(self.rows))]
-            for i, row in enumerate(self.rows)
-        ]
+    def _covers(self, remainder: Remainder) -> bool:
+        total = NONE
+        for row, entries in zip(self.rows, remainder.entries, strict=True):
+            for column, entry in zip(self.columns, entries, strict=True):
+                if entry and not row * column:
+                    return False
+                total += (entry / (row * column)) ** 2 if entry else 0
+        return total <= 1
 
     def moving(self, XKX: Polynomial) -> Polynomial:
         """Return V."""
@@ -62,42 +93,28 @@ class Remainder:
         own = self.columns[len(self.columns) - q :] if q else ()
         return tuple(x * s for x, s in zip(own, scales, strict=True)) if scales else own
 
-
-@dataclass(frozen=True)
-class Spread:
-    """Omega, more than V'V at every alpha, and mu."""
-
-    omega: Rationals = field(default_factory=list)
-    mu: Fraction = NONE
-
-    def require(self, n: int) -> None:
-        """Refuse one that does not fit."""
-        if len(self.omega) != n or any(len(row) != n for row in self.omega):
-            raise FormatError(f"remainder.omega must hold {n} rows of {n} numbers")
-        if any(self.omega[i][j] != self.omega[j][i] for i in range(n) for j in range(i)):
-            raise FormatError("remainder.omega must be symmetric")
-        if self.mu <= 0:
-            raise FormatError("remainder.mu must be positive")
-
     def bounding(self, V: Polynomial) -> list[list[Polynomial]]:
-        """Return the blocks that say that it is more: [ Omega, V'; V, I ]."""
+        """Return the blocks that say that Omega is more: [ Omega, V'; V, I ]."""
         sizes = V.sizes
         return [[constant(self.omega, sizes), V.T], [constant(identity(V.shape[0]), sizes)]]
 
-    def entering(self, remainder: Remainder, times: int = 1) -> Rationals:
-        """Return so many times mu H H'."""
-        return [[times * self.mu * x for x in row] for row in remainder.squares]
+    def entering(self, times: Fraction | int = 1) -> Rationals:
+        """Return so many times H H'."""
+        return [
+            [times * row * row if i == j else NONE for j in range(len(self.rows))]
+            for i, row in enumerate(self.rows)
+        ]
 
     def leaving(self, times: int = 1) -> Rationals:
-        """Return so many times Omega / mu."""
-        return [[times * x / self.mu for x in row] for row in self.omega]
+        """Return so many times Omega."""
+        return [[times * x for x in row] for row in self.omega]
 
-    def of_region(self, remainder: Remainder, factors: tuple[Rationals, Rationals]) -> Rationals:
-        """Return mu M1 M1' (x) H H' + M2'M2 (x) Omega / mu, of M = M1 M2."""
+    def of_region(self, factors: tuple[Rationals, Rationals]) -> Rationals:
+        """Return M1 M1' (x) H H' + M2'M2 (x) Omega, of M = M1 M2."""
         M1, M2 = factors
         left = product(M1, [list(column) for column in zip(*M1, strict=True)])
         right = product([list(column) for column in zip(*M2, strict=True)], M2)
-        one, other = self.entering(remainder), self.leaving()
+        one, other = self.entering(), self.leaving()
         n = len(one)
         return [
             [

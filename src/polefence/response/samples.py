@@ -19,17 +19,16 @@ from polefence.base.errors import InputError, require_type
 from polefence.plant.family import Sampling, UncertainPlant
 from polefence.plant.outputs import Output, inputs, states
 from polefence.plant.parameters import exact
-from polefence.plant.system import Array, Exact, System
+from polefence.plant.samples import claim_of_samples
+from polefence.plant.system import Array, System
 from polefence.proof.claims.base import prove
-from polefence.proof.claims.samples import MAX_DELAY, MAX_TERMS, Samples
-from polefence.proof.plant import Plant, Range
+from polefence.proof.claims.samples import MAX_DELAY, MAX_TERMS
 from polefence.proof.remainder import Remainder
 from polefence.proof.work import FormatError
 from polefence.response.discrete import balancing, zero_order_hold
 
 ROOM = 1.01  # of the remainder over what it has to hold
-FLOOR = 1e-3  # of an entry of it, beside the largest
-SMALL, TINY = 1e-3, 1e-12  # terms left out, over the entries; an entry as good as none
+SMALL, TINY = 1e-7, 1e-12  # terms left out, over the entries; an entry as good as none
 BITS = 24  # of its numbers
 
 
@@ -68,30 +67,20 @@ def sampled(plant: UncertainPlant, sample_time: Any, delay: int = 0) -> Uncertai
     found = _on_the_way(plant, _held(plant, T), T, delay)
     units = _units(plant)
     entries, rest, terms = _entries(plant, found, units, delay)
-    rows, columns = _bounds(entries, rest)
     n, m = plant.shape
-    rows, columns = rows * units[:n], columns / units
-    none, here = np.zeros(delay * m), columns[n : n + m]
-    between = np.concatenate([none[m:], here, np.zeros(m)]) if delay else here
-    remainder = Remainder(
-        _up(np.concatenate([rows, none])),
-        _up(np.concatenate([columns[:n], between, columns[n + m :]])),
-    )
+    each = (entries + rest) * ROOM
+    each *= units[:n, None] / units
+    whole = np.zeros((n + delay * m, sum(found.shape) + plant.disturbance_count))
+    acting = slice(n + delay * m - m, n + delay * m) if delay else slice(n, n + m)
+    whole[:n, :n], whole[:n, acting] = each[:, :n], each[:, n : n + m]
+    whole[:n, sum(found.shape) :] = each[:, n + m :]
+    remainder = Remainder(tuple(map(_up, whole)))
     own = Sampling(plant, delay, terms, tuple(map(Fraction, units.tolist())))
     found = replace(found, remainder=remainder, sampling=own)
     verdict = prove(claim_of_samples(found))
     if not verdict.proved:
         raise InputError(f"{plant.name} sampled every {float(T):g} s: {verdict.reason}")
     return found
-
-
-def claim_of_samples(plant: UncertainPlant) -> Samples:
-    """Return the claim that a plant is the samples of another."""
-    own = plant.sampling
-    if own is None:
-        raise InputError(f"{plant.name} is no plant's samples")
-    A, B, E = _matrices(own.plant)
-    return Samples(_file(plant), A, B, E, own.delay, own.terms, own.units)
 
 
 def _time(plant: UncertainPlant, sample_time: Any) -> Fraction:
@@ -192,7 +181,7 @@ def _entries(
     """Return bounds on what entries are off by, in the units, on the rest, and the terms taken."""
     n, m = found.shape
     # any remainder will do, to see what is off
-    wide = Remainder((Fraction(1),) * n, (Fraction(1),) * (n + m + plant.disturbance_count))
+    wide = Remainder(((Fraction(1),) * (n + m + plant.disturbance_count),) * n)
     where = f"{plant.name} sampled every {float(found.sample_time or 0):g} s"
     for terms in range(_terms(plant, units, float(found.sample_time or 0)), MAX_TERMS + 1):
         own = Sampling(plant, delay, terms, tuple(map(Fraction, units.tolist())))
@@ -227,34 +216,10 @@ def _terms(plant: UncertainPlant, units: Array, T: float) -> int:
     return terms
 
 
-def _bounds(entries: Array, rest: float) -> tuple[Array, Array]:
-    """Return rows and columns with |R| <= 1 for all R within the entries, divided by both."""
-    sizes = entries + max(FLOOR * float(entries.max()), 10 * rest)
-    rows, columns = np.sqrt(sizes.sum(axis=1)), np.sqrt(sizes.sum(axis=0))
-    norm = float(np.linalg.norm(sizes / np.outer(rows, columns)))
-    return rows * math.sqrt(norm * ROOM), columns * math.sqrt(norm * ROOM)
-
-
 def _up(values: Array) -> tuple[Fraction, ...]:
     """Round up to numbers of few digits."""
     found = []
     for value in values.tolist():
         unit = Fraction(2) ** (math.frexp(value)[1] - BITS)
-        found.append(math.ceil(Fraction(value) / unit) * unit)
+        found.append(math.ceil(Fraction(value) / unit) * unit if value else Fraction(0))
     return tuple(found)
-
-
-def _matrices(plant: UncertainPlant) -> tuple[list[Any], list[Any], list[Any]]:
-    each = ([getattr(v, key) for v in plant.vertices] for key in ("exact_A", "exact_B", "exact_E"))
-    A, B, E = ([_rows(M) for M in own if M is not None] for own in each)
-    return A, B, E
-
-
-def _rows(matrix: Exact) -> list[list[Fraction]]:
-    return [list(row) for row in matrix]
-
-
-def _file(plant: UncertainPlant) -> Plant:
-    ranges = tuple(Range(p.low, p.high, p.inverted, p.name) for p in plant.parameters)
-    A, B, E = _matrices(plant)
-    return Plant(A, B, E, ranges, sample_time=plant.sample_time, remainder=plant.remainder)

@@ -31,6 +31,7 @@ from polefence.design.design import Design
 from polefence.design.measured import require_detectable
 from polefence.design.requirements.specification import Specification
 from polefence.design.search import Deadline
+from polefence.design.signals import nearby
 from polefence.design.signals.augmented import with_weights, without_feedback
 from polefence.design.signals.bounds import Bound, agreed_bound, best_bound, save
 from polefence.design.signals.placed import as_sampled
@@ -53,7 +54,7 @@ from polefence.design.signals.search import (
     together,
     unbounded,
 )
-from polefence.design.signals.tuned import tuned_candidates, with_states
+from polefence.design.signals.tuned import tighter, tuned_candidates, with_states
 from polefence.law.laws import Law
 from polefence.law.structure import Structure
 from polefence.lmi.conditions.methods import Method, Scheduled, options
@@ -230,6 +231,10 @@ def optimise(
     require_movable(plant, asked)
     if structure is not None:
         structure.require_fit(plant)
+    if plant.remainder is not None:
+        asked_method = None if either or structure is not None else method
+        question = minimise, subject_to, asked, asked_method, budget, structure
+        return _nearby(plant, *question)
     asked_for = subject_to if minimise is None else (*subject_to, minimise)
     deadline = Deadline(budget)
     larger, found = with_weights(plant, tuple(asked_for))
@@ -254,6 +259,40 @@ def optimise(
     search = partial(_weighted, task, bare) if weighted else partial(_settled, task)
     done = _best_of_all(task, search, deadline) if either else search(deadline)
     return _as_sampled(done, asked)
+
+
+def _nearby(
+    plant: UncertainPlant,
+    minimise: Specification | None,
+    subject_to: Sequence[Specification],
+    region: Region,
+    method: Method | None,
+    budget: float | None,
+    structure: Structure | None,
+) -> Optimised:
+    """Return a law of a plant with a remainder, found without that and proved with it."""
+    asked_for = subject_to if minimise is None else (*subject_to, minimise)
+    larger, found = with_weights(plant, tuple(asked_for))
+    least = None if minimise is None else found[-1]
+    limits = found if minimise is None else found[:-1]
+    for share in nearby.TIGHTER:
+        done = optimise(
+            nearby.without_remainder(plant),
+            minimise,
+            [replace(own, at_most=(own.at_most or 0) * (1 - share)) for own in subject_to],
+            tighter(region, share),
+            method,
+            budget,
+            structure,
+        )
+        proofs = nearby.bounded(larger, done.law, region, least, limits)
+        if proofs is not None:
+            design, bounds = proofs
+            return replace(done, design=design, bounds=bounds, shared=np.inf, designed=None)
+    raise NotProvedError(
+        f"not proved: with what {plant.name} is off between its vertices no law found keeps region "
+        "and limits; take a shorter sample time, or a narrower range of parameters"
+    )
 
 
 def _as_sampled(done: Optimised, region: Region) -> Optimised:

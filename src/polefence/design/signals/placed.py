@@ -20,6 +20,8 @@ from polefence.design.checks import (
 from polefence.design.design import Design
 from polefence.design.given import analyse
 from polefence.design.measured import require_detectable
+from polefence.design.signals import nearby
+from polefence.design.signals.nearby import without_remainder
 from polefence.design.signals.tuned import tighter
 from polefence.design.tune.dynamic import observers
 from polefence.design.tune.search import tune, tune_region
@@ -76,16 +78,24 @@ def place(
     UncontrollableError
         If a vertex has a pole that no gain moves and that is not in the region.
     """
+    if getattr(plant, "remainder", None) is not None:
+        bare = without_remainder(plant)
+        return nearby.placed(
+            plant,
+            in_time_of(plant, region),
+            lambda own: place(bare, own, method, structure=structure),
+            lambda centre: tightest(bare, centre, method, structure=structure),
+        )
     if structure is None:
         return lmi.place(plant, region, method or "scheduled", allow_unproved)
     require_structure_alone(method, allow_unproved)
     require_type(region, Region, "region", "for example polefence.Disk(-40, 31)")
     require_type(plant, UncertainPlant, "plant", "polefence.load(path) reads one")
     region = in_time_of(plant, region)
-    bare, (plant, gain) = delta_form(plant), _extended(plant, structure, region)
+    original, (plant, gain) = delta_form(plant), _extended(plant, structure, region)
     asked, region = region, _in_differences(plant, region)
     plant = delta_form(plant)
-    starts = list[Law](observers(bare, structure, (), region))
+    starts = list[Law](observers(original, structure, (), region))
     for share in TIGHTER:
         found = tune(plant, gain, None, (), tighter(region, share), starts)
         for own in (own for own in found if own.kept):
@@ -142,6 +152,12 @@ def tightest(
     UncontrollableError
         If a vertex has a pole that no gain moves and that is not stable, or not in ``within``.
     """
+    if getattr(plant, "remainder", None) is not None:
+        bare = without_remainder(plant)
+        found = tightest(bare, centre, method, of=of, within=within, structure=structure)
+        return nearby.tightened(
+            plant, found, lambda own: place(bare, own, method, structure=structure)
+        )
     if structure is None:
         own = method or "scheduled"
         return lmi.tightest(plant, centre, own, allow_unproved, of=of, within=within)
@@ -151,17 +167,17 @@ def tightest(
         require_continuous(plant, of)
     if (of == "disk") != (centre is not None) or (of == "disk" and within is not None):
         raise InputError("a disk needs a centre and takes no region within, others have no centre")
-    bare, (plant, gain) = delta_form(plant), _extended(plant, structure, within)
+    original, (plant, gain) = delta_form(plant), _extended(plant, structure, within)
     if of != "disk":
         within = bounded(within, lmi.SPEED * typical_rate(plant.A))
     T, plant = plant.sample_time, delta_form(plant)
     if centre is not None and T is not None:
         centre = (usable_centre(sampled_form(plant), centre) - 1) / float(T)
-    starts = list[Law](observers(bare, structure, (), within))
+    starts = list[Law](observers(original, structure, (), within))
     for share in (0.0, *TIGHTER) if within is not None else (0.0,):
         asked = None if within is None else tighter(within, share)
-        found = tune_region(plant, gain, _goal(of, centre, asked), (), starts)
-        kept = [own.law for own in found if own.kept]
+        tuned = tune_region(plant, gain, _goal(of, centre, asked), (), starts)
+        kept = [own.law for own in tuned if own.kept]
         for law in kept:
             design = _proved(plant, law, of, centre, within)
             if design is not None:

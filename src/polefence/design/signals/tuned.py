@@ -17,7 +17,7 @@ from polefence.design.tune.search import Tuned, rough, tune
 from polefence.law.laws import Law
 from polefence.law.structure import Structure
 from polefence.plant.family import UncertainPlant
-from polefence.region.regions import Disk, Ellipse, HalfPlane, Region, Sector
+from polefence.region.regions import Disk, Ellipse, HalfPlane, Region, Sector, Wedge
 
 # How much tighter limits and region are asked for than they are to be proved, one after the other.
 TIGHTER = (5e-4, 3e-3, 2e-2)
@@ -97,6 +97,8 @@ def tighter(region: Region, share: float) -> Region:
                 own = HalfPlane(part.decay + share * abs(part.decay))
             elif isinstance(part, Sector):
                 own = Sector(part.damping + share * (1 - part.damping))
+            elif isinstance(part, Wedge):
+                own = Wedge(part.apex, part.slope * (1 - share))
             elif isinstance(part, Ellipse):
                 radii = (part.real * (1 - share), part.imaginary * (1 - share))
                 own = Ellipse(part.centre, *radii)

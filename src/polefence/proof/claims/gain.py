@@ -43,13 +43,12 @@ class Gain(SignalClaim):
         E, step = scaled(self.subject.E, self.scales, X.sizes), self.subject.step
         lemma = self._lemma((N + N.T).times(-1), E, Y)
         below = X.times(1 / step) if step else None
-        spread, remainder = self.subject.evidence.spread, self.subject.remainder
-        if spread is not None and remainder is not None:
+        spread = self.subject.evidence.spread
+        if spread is not None:
             # [ -H; 0; 0; H ] Delta [ V, G, 0, 0 ] and its transpose: each square twice as dear
-            entering = constant(spread.entering(remainder, 2), X.sizes)
+            entering = constant(spread.entering(2), X.sizes)
             lemma[0][0] = lemma[0][0] - entering - constant(spread.leaving(2), X.sizes)
-            driving = remainder.driving(self.scales, self.subject.q)
-            lost = [2 * x * x / spread.mu for x in driving]
+            lost = [2 * x * x for x in spread.driving(self.scales, self.subject.q)]
             lemma[1][0] = lemma[1][0] - diagonal(lost, X.sizes)
             below = None if below is None else below - entering
         if below is not None:

@@ -218,14 +218,16 @@ class Poles(Claim):
         for own in self._each:
             if (own.spread is None) != (self.remainder is None):
                 raise FormatError("a remainder has evidence of its own, in every part")
-            if own.spread is not None:
-                own.spread.require(len(self.A[0]))
         if self.remainder is None:
             return
         if self.method != "lyapunov" or self.weights or any(own.cells for own in self.evidence):
             raise FormatError("a plant with a remainder is proved by the method lyapunov, whole")
         n, m = len(self.A[0]), len(self.B[0][0])
-        self.remainder.require(n, m, len(self.remainder.columns) - n - m)
+        entries = self.remainder.entries
+        self.remainder.require(n, m, len(entries[0]) - n - m if entries else 0)
+        for own in self._each:
+            if own.spread is not None:
+                own.spread.require(self.remainder)
 
     def _require_counts(self) -> None:
         """Refuse degrees and numbers of matrices that do not fit."""
@@ -330,16 +332,15 @@ class Poles(Claim):
         degrees = tuple(degree + evidence.elevation for degree in N.degrees)
         if any(not isinstance(part, Disk) for part in parts):
             yield Inequality("of X", [[X]], degrees)
-        spread, remainder = evidence.spread, self.remainder
-        if spread is not None and remainder is not None:
-            V = remainder.moving(XKX)
-            blocks = spread.bounding(V)
+        spread = evidence.spread
+        if spread is not None:
+            blocks = spread.bounding(spread.moving(XKX))
             yield Inequality.raised("of the remainder", blocks, evidence.elevation)
         for part in parts:
             for L, M in part.pairs:
                 F = lyapunov(L, M, X, N)
-                if spread is not None and remainder is not None:
-                    F = F - constant(spread.of_region(remainder, factors(M)), sizes)
+                if spread is not None:
+                    F = F - constant(spread.of_region(factors(M)), sizes)
                 if evidence.tau:
                     F = F - _floor(evidence.tau, n, sizes)
                 name = part.kind if len(self.region) > 1 else ""

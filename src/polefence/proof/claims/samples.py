@@ -19,7 +19,7 @@ from typing import Any, ClassVar, Self
 
 from polefence.proof.claims import steps
 from polefence.proof.claims.base import Claim, Inequality, Verdict, undecided
-from polefence.proof.matrices import Rationals, common_denominator, identity, root
+from polefence.proof.matrices import Rationals, common_denominator, identity
 from polefence.proof.plant import Plant, sizes_of
 from polefence.proof.polynomials import Polynomial, Sizes, bernstein, constant, multinomial
 from polefence.proof.reading import MAX_VERTICES, Table, plain, require_shape
@@ -73,7 +73,8 @@ class Samples(Claim):
         late = f", u {self.delay} sample{'s' * (self.delay > 1)} late" if self.delay else ""
         held = "u and w held" if self.E else "u held"
         time = milliseconds_text(plant.step)
-        return f"plant: samples every {time} ms of x' = A x + B u + E w, {held}{late}"
+        first = f" (states 1 to {self.width})" if plant.n > self.width else ""
+        return f"plant{first}: samples every {time} ms of x' = A x + B u + E w, {held}{late}"
 
     @property
     def n(self) -> int:
@@ -91,6 +92,11 @@ class Samples(Claim):
         return len(self.E[0][0]) if self.E else 0
 
     @property
+    def width(self) -> int:
+        """Number of states with the inputs on their way; others of the plant are its own."""
+        return self.n + self.delay * self.m
+
+    @property
     def sizes(self) -> Sizes:
         """Of the box of the parameters, or of the simplex."""
         return sizes_of(len(self.A), "box" if self.plant.ranges else "simplex")
@@ -103,7 +109,7 @@ class Samples(Claim):
         plant.remainder.require(plant.n, plant.m, plant.q)
         if not 0 <= self.delay <= MAX_DELAY or not 1 <= self.terms <= MAX_TERMS:
             raise FormatError(f"samples: delay is 0 to {MAX_DELAY}, terms 1 to {MAX_TERMS}")
-        if (len(plant.A), plant.n, plant.m, plant.q) != (N, n + self.delay * m, m, q):
+        if (len(plant.A), plant.m, plant.q) != (N, m, q) or plant.n < self.width:
             raise FormatError("samples: the sampled plant is of another shape")
         for key, matrices, columns in (("A", self.A, n), ("B", self.B, m), ("E", self.E, q)):
             if matrices and len(matrices) != N:
@@ -124,18 +130,30 @@ class Samples(Claim):
         """Compare what goes on between samples, and how late inputs move on."""
         if not self._moves_on():
             return undecided("the inputs on their way do not move on by one sample")
-        scale = self._scale()
-        if scale is None:
-            return undecided("the remainder is zero where the series goes on")
         try:
-            off, rest = self._compared()
+            entries, rest = self.off()
         except FormatError as problem:
             return undecided(str(problem))
-        largest = _largest(off, scale) + max(map(max, scale)) * rest
+        largest = NONE
+        for found, allowed in zip(entries, self._allowed(), strict=True):
+            for x, most in zip(found, allowed, strict=True):
+                if not most:
+                    return undecided("the remainder is zero where the series goes on")
+                largest = max(largest, (x + rest) / most)
         if largest > 1:
             return undecided("the samples are farther from the vertices' than the remainder says")
         share = math.ceil(1000 * largest) / 10
         return Verdict("proved", f"samples within {share:g} % of the remainder")
+
+    def _allowed(self) -> Rationals:
+        """Return what [F, G, H] may be off by, in the units."""
+        remainder = self.plant.remainder
+        entries = () if remainder is None else remainder.entries[: self.n]
+        late = slice(self.width - self.m, self.width)
+        acting = late if self.delay else slice(self.plant.n, self.plant.n + self.m)
+        rest = slice(self.plant.n + self.m, None)
+        rows = [[*row[: self.n], *row[acting], *row[rest]] for row in entries]
+        return self._in_units([rows])[0]
 
     def off(self) -> tuple[Rationals, Fraction]:
         """Return the largest magnitude of each entry's coefficients in the units, and the rest.
@@ -175,38 +193,25 @@ class Samples(Claim):
             for own in matrices
         ]
 
-    def _scale(self) -> Rationals | None:
-        """Return one over what each entry may be off by, in the units; None if one may not be."""
-        plant, n, remainder = self.plant, self.n, self.plant.remainder
-        if remainder is None:
-            return None
-        rows, own, m = remainder.rows[:n], remainder.columns, self.m
-        acting = own[plant.n - m : plant.n] if self.delay else own[plant.n : plant.n + m]
-        columns = (*own[:n], *acting, *own[plant.n + m :])
-        if min((*rows, *columns)) <= 0:
-            return None
-        return [
-            [unit / (row * u * c) for u, c in zip(self.units, columns, strict=True)]
-            for row, unit in zip(rows, self.units[:n], strict=True)
-        ]
-
     def _steps(self) -> list[Rationals]:
         """Return F, G, H side by side at every vertex, as the plant has them."""
         n, m, found = self.n, self.m, list[Rationals]()
         for j, A in enumerate(self.plant.A):
             B, E = self.plant.B[j], self.plant.E[j] if self.plant.E else [[] for _ in A]
-            G = [row[-m:] for row in A] if self.delay else B
+            G = [row[self.width - m : self.width] for row in A] if self.delay else B
             found.append([A[i][:n] + G[i] + E[i] for i in range(n)])
         return found
 
     def _moves_on(self) -> bool:
         """Whether what is not between samples is exact: inputs move on, and no sooner."""
-        n, m, width = self.n, self.m, self.plant.n
-        if not self.delay:
-            return True
-        zero_row = [NONE] * width
+        n, m, width = self.n, self.m, self.width
+        zero_row = [NONE] * self.plant.n
         for j, A in enumerate(self.plant.A):
             B = self.plant.B[j]
+            if any(any(row[width:]) for row in A[:width]):
+                return False
+            if not self.delay:
+                continue
             if any(any(row[n : width - m]) for row in A[:n]) or any(map(any, B[:n])):
                 return False
             for i in range(width - n):
@@ -216,7 +221,7 @@ class Samples(Claim):
                 into = [Fraction(int(i == k)) for k in range(m)]
                 if A[n + i] != moved or B[n + i] != into:
                     return False
-            if self.plant.E and any(map(any, self.plant.E[j][n:])):
+            if self.plant.E and any(map(any, self.plant.E[j][n:width])):
                 return False
         return True
 
@@ -225,13 +230,3 @@ def _beside(A: list[Rationals], B: list[Rationals], E: list[Rationals]) -> list[
     empty: list[Rationals] = [[[] for _ in M] for M in A]
     each = zip(A, B, E or empty, strict=True)
     return [[a + b + e for a, b, e in zip(*rows, strict=True)] for rows in each]
-
-
-def _largest(P: Polynomial, scale: Rationals) -> Fraction:
-    """Return a bound on the largest Frobenius norm of a coefficient, entries times the scale."""
-    largest = NONE
-    for e, matrix in P.terms.items():
-        pairs = zip(matrix, scale, strict=True)
-        square = sum((x * s) ** 2 for rows in pairs for x, s in zip(*rows, strict=True))
-        largest = max(largest, Fraction(square) / (P.whole * multinomial(e, P.sizes)) ** 2)
-    return root(largest)

@@ -153,10 +153,10 @@ class Subject:
         minus, below = (N + N.T).times(-1), X.times(1 / self.step) if self.step else None
         if noise is not None:
             minus = minus - noise
-        spread, remainder = self.evidence.spread, self.remainder
-        if spread is not None and remainder is not None:
+        spread = self.evidence.spread
+        if spread is not None:
             left = constant(spread.leaving(2 if self.step else 1), X.sizes)
-            minus = minus - constant(spread.entering(remainder), X.sizes) - left
+            minus = minus - constant(spread.entering(), X.sizes) - left
             below = None if below is None else below - left
         return [[minus]] if below is None else [[minus, N], [below]]
 
@@ -405,7 +405,7 @@ class SignalClaim(Claim):
         if own.remainder is None or spread is None:
             return
         own.remainder.require(own.n, own.m, own.q)
-        spread.require(own.n)
+        spread.require(own.remainder)
         if own.evidence.dual or not self.has_remainder:
             raise FormatError(f"a bound on {self.kind} with a remainder is not proved like this")
 
@@ -476,9 +476,9 @@ class SignalClaim(Claim):
                 yield Inequality.raised(name, blocks, evidence.elevation)
             return
         X, N, Y = self.subject.loop(self.outputs)
-        rows, own = self.rows(X, N, Y), self.subject
-        if own.remainder is not None and evidence.spread is not None:
-            rows["of the remainder"] = evidence.spread.bounding(own.remainder.moving(own.lifted))
+        rows, spread = self.rows(X, N, Y), evidence.spread
+        if spread is not None:
+            rows["of the remainder"] = spread.bounding(spread.moving(self.subject.lifted))
         least = joint([form for blocks in rows.values() for row in blocks for form in row])
         degrees = tuple(degree + evidence.elevation for degree in least)
         for name, blocks in rows.items():
@@ -605,12 +605,11 @@ def noise(
 def moving(claim: SignalClaim, intensity: Fraction, sizes: Sizes) -> Polynomial:
     """Return the intensity times E E', or more where E is only near that of the vertices."""
     own = claim.subject
-    found = noise(own.E, intensity, sizes, claim.scales)
-    most = max(own.remainder.driving(claim.scales, own.q), default=0) if own.remainder else 0
-    if own.remainder is None or not most:
+    found, spread = noise(own.E, intensity, sizes, claim.scales), own.evidence.spread
+    most = max(spread.driving(claim.scales, own.q), default=0) if spread else 0
+    if spread is None or not most:
         return found
-    size = (1 + 1 / SHARE) * intensity * most**2
-    more = [[size * x for x in row] for row in own.remainder.squares]
+    more = spread.entering((1 + 1 / SHARE) * intensity * most**2)
     return found.times(1 + SHARE) + constant(more, sizes)
 
 

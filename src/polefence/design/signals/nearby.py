@@ -1,0 +1,167 @@
+"""Laws of plants with a remainder: found for the combinations of the vertices, proved for all.
+
+What a remainder costs is little beside what else limits a law. So the law is looked for without it,
+of somewhat tighter requirements where those as they are leave no room for the proof.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from polefence.base.errors import NotProvedError
+from polefence.design.design import Design
+from polefence.design.evidence import certificate_of, evidence_at
+from polefence.design.given import analysed
+from polefence.design.requirements.specification import Specification
+from polefence.design.search import Deadline
+from polefence.design.signals.bounds import Bound, best_bound, kept_bound
+from polefence.design.signals.tuned import tighter
+from polefence.law.laws import Law
+from polefence.plant.family import UncertainPlant
+from polefence.region.regions import Disk, Region
+
+# Shares by which requirements are asked for tighter than they are to be proved.
+TIGHTER = (0.0, 1e-3, 1e-2, 5e-2)
+SHARES = (0.9, 0.5, 0.1)  # of a disk, from the smallest up
+# Of the way from a smallest radius to the unit circle: where laws are found, and proved besides.
+FARTHER, WIDER = (0.0, 0.01, 0.03, 0.1, 0.3), (1e-4, 1e-3, 1e-2, 0.03, 0.1, 0.3)
+FORMS = ((0, 0), (1, 0))  # degree and elevation of Lyapunov polynomials of smallest disks
+
+
+def without_remainder(plant: UncertainPlant) -> UncertainPlant:
+    """Return the combinations of a plant's vertices alone."""
+    return replace(plant, remainder=None, sampling=None)
+
+
+def kept_region(plant: UncertainPlant, law: Law, region: Region) -> Design | None:
+    """Return the proof that a law keeps a region, None where there is none."""
+    answer = analysed(plant, law, region, Deadline(None))
+    return Design(answer.certificate) if answer.certificate is not None and answer.proved else None
+
+
+def placed(
+    plant: UncertainPlant,
+    region: Region,
+    design: Callable[[Region], Design],
+    smallest: Callable[[float], Design],
+) -> Design:
+    """Return a law that keeps a region.
+
+    Parameters
+    ----------
+    region : Region
+        In the plant's kind of time.
+    design : callable
+        What finds a law for a region without the remainder.
+    smallest : callable
+        What finds one for the smallest disk about a centre.
+
+    Raises
+    ------
+    NotProvedError
+        If none is proved with it.
+    """
+    for own in _inside(region, smallest):
+        try:
+            law = design(own).law
+        except NotProvedError:
+            if own == region:
+                raise
+            break
+        found = kept_region(plant, law, region)
+        if found is not None:
+            return found
+    raise NotProvedError(
+        f"not proved: with what {plant.name} is off between its vertices, {region} is not kept by "
+        "a law that keeps it otherwise; take a shorter sample time, or narrower ranges"
+    )
+
+
+def _inside(region: Region, smallest: Callable[[float], Design]) -> Iterator[Region]:
+    """Yield a region, and smaller ones; of a disk down to the smallest that there is a law for."""
+    yield region
+    if not isinstance(region, Disk):
+        yield from (tighter(region, share) for share in TIGHTER[1:])
+        return
+    least = smallest(region.centre).region
+    if isinstance(least, Disk):
+        for share in SHARES:
+            radius = least.radius + share * (region.radius - least.radius)
+            yield Disk(region.centre, radius)
+
+
+def tightened(
+    plant: UncertainPlant, smallest: Design, design: Callable[[Region], Design]
+) -> Design:
+    """Return a law with the proof of the smallest disk that is found.
+
+    Parameters
+    ----------
+    smallest : Design
+        Of the smallest disk without the remainder.
+    design : callable
+        What finds a law for a disk without the remainder.
+
+    Raises
+    ------
+    NotProvedError
+        If none is proved.
+    """
+    least, best = smallest.region, None
+    if not isinstance(least, Disk):
+        raise NotProvedError(f"not proved: {least} is no disk")
+    centre, radius = least.centre, least.radius
+    room = 1 - abs(centre) - radius  # up to the unit circle
+    reached = np.inf
+    for share in FARTHER:
+        if share >= reached:
+            break
+        law = smallest.law if not share else design(Disk(centre, radius + share * room)).law
+        for more in WIDER:
+            if share + more >= min(reached, 1.0):
+                break
+            disk = Disk(centre, radius + (share + more) * room)
+            found = _on_disk(plant, law, disk)
+            if found is not None:
+                best, reached = found, share + more
+                break
+    if best is None:
+        raise NotProvedError(
+            f"not proved: with what {plant.name} is off between its vertices no disk about "
+            f"{centre:g} is; take a shorter sample time, or narrower ranges"
+        )
+    return best
+
+
+def _on_disk(plant: UncertainPlant, law: Law, disk: Disk) -> Design | None:
+    """Return the proof of a disk with a Lyapunov polynomial of low degree, if there is one."""
+    for form in FORMS:
+        evidence = evidence_at(plant, law, disk, form)
+        if evidence is not None:
+            return Design(certificate_of(plant, law, disk, [evidence]))
+    return None
+
+
+def bounded(
+    plant: UncertainPlant,
+    law: Law,
+    region: Region,
+    minimise: Specification | None,
+    limits: Sequence[Specification],
+) -> tuple[Design, tuple[Bound, ...]] | None:
+    """Return proofs of a region, of what is minimised, and of limits; None where one is missing."""
+    design = kept_region(plant, law, region)
+    if design is None:
+        return None
+    law = design.law
+    first = None if minimise is None else best_bound(plant, law, minimise)
+    if minimise is not None and first is None:
+        return None
+    kept = [kept_bound(plant, law, own) for own in limits]
+    found = tuple(own for own in kept if own is not None)
+    if len(found) < len(kept):
+        return None
+    return design, found if first is None else (first, *found)

@@ -171,7 +171,7 @@ def test_names_are_text_not_markup():
 
 
 def test_other_plants_have_what_there_is_of_them():
-    """No disturbance: a step at the input. No disk: no limits. Discrete time: no responses."""
+    """No disturbance: a step at the input. No disk, or discrete time: no limits."""
     As, Bs = [[[0, 1], [-2, -1]], [[0, 1], [-3, -1]]], [[[0], [1]]] * 2
     found = Page(html_report(place(UncertainPlant.from_vertices(As, Bs), HalfPlane(1))))
     assert "unit step of u1" in found.parts["Responses"]
@@ -180,7 +180,8 @@ def test_other_plants_have_what_there_is_of_them():
         [[[1, 0.1], [0, 1]], [[1, 0.1], [0, 0.9]]], [[[0], [1]]] * 2, sample_time="1/10"
     )
     found = Page(html_report(place(sampled, Disk(0.5, 0.4), "quadratic")))
-    assert "Responses" not in found.parts
+    assert "unit step of u1" in found.parts["Responses"]
+    assert "How far the methods go" not in found.parts
     assert "Comfort, grip and force on a road" not in found.parts
 
 

@@ -28,7 +28,7 @@ from polefence.law.laws import (
     domain_of,
 )
 from polefence.lmi.conditions.lyapunov import Loop
-from polefence.lmi.solve.gramians import majorant
+from polefence.lmi.solve.gramians import cheapest, majorant
 from polefence.lmi.solve.lyapunov import LyapunovPolynomial, points_inside
 from polefence.plant.boxes import MOST_PARTS, Box, divided, widest
 from polefence.plant.family import UncertainPlant
@@ -48,8 +48,7 @@ MOST_WORK = 1e10
 # Degree and elevation in parts of the box, and what a step may cost there beyond the first form.
 IN_PARTS, MOST_IN_PART = ((0, 0), (1, 0)), 1e9
 # Omega over what it has to exceed, and besides, as a share of that.
-OVER, SLIGHT, TINY = 1.001, 1e-9, 1e-300
-ROUNDS = 40  # of rows and columns
+OVER, SLIGHT = 1.001, 1e-9
 SHARE = 0.8  # of what is checked in a file, after which no more parts are proved
 
 
@@ -155,50 +154,16 @@ def spread_of(plant: UncertainPlant, law: Law, evidence: Evidence) -> Spread:
     X = each[:, :n].mean(axis=0)
     T = np.linalg.cholesky((X + X.T) / 2)
     inverse = np.linalg.inv(T)
-    rows, columns = _cheapest(np.array(remainder.entries, dtype=float), each @ inverse.T, inverse)
-    V = columns[: each.shape[1], None] * each @ inverse.T
+    moved = each @ inverse.T  # in coordinates in which X is about one
+    a, b = (inverse**2).sum(axis=0), (moved**2).sum(axis=2).max(axis=0)
+    rows, columns = cheapest(np.array(remainder.entries, dtype=float), a, b)
+    V = columns[: each.shape[1], None] * moved
     squares = V.swapaxes(1, 2) @ V
     size = float(np.linalg.eigvalsh(squares).max())
     omega = T @ (majorant(squares) * OVER + SLIGHT * size * np.eye(n)) @ T.T
     exact = ([Fraction(x) for x in row] for row in ((omega + omega.T) / 2).tolist())
-    return Spread(list(exact), *(tuple(map(Fraction, own.tolist())) for own in (rows, columns)))
-
-
-def _cheapest(entries: Array, moved: Array, inverse: Array) -> tuple[Array, Array]:
-    """Return rows and columns that cover a remainder, of about the least cost.
-
-    Of u and v, the squares of rows and columns, with sum R_ij^2 / (u_i v_j) <= 1 those are looked
-    for that make (a'u) (b'v) least, one after the other: a and b are what H H' and V'V cost, as the
-    Lyapunov matrix tells sizes.
-
-    Parameters
-    ----------
-    entries : (n, n + m + q) array
-    moved : (count, n + m, n) array
-        Coefficients of [X; K X] in coordinates in which X is about one.
-    inverse : (n, n) array
-        To these coordinates.
-    """
-    squares, known = entries**2, moved.shape[1]
-    a, b = (inverse**2).sum(axis=0), (moved**2).sum(axis=2).max(axis=0)
-    # disturbances cost in proportion to what they move
-    own = squares[:, known:].T @ a
-    least = float(((squares[:, :known].T @ a) * b).max()) or TINY
-    b = np.concatenate([b, np.where(own > 0, least / np.where(own > 0, own, 1.0), 1.0)])
-    v = 1 / np.maximum(b, TINY)
-    for _ in range(ROUNDS):
-        u = _least(squares @ (1 / v), a)
-        v = _least(squares.T @ (1 / np.where(u > 0, u, np.inf)), b)
-        v = np.where(v > 0, v, np.inf)
-    v = np.where(np.isfinite(v), v, 0.0)
-    even = np.sqrt(float(b @ v) / max(float(a @ u), TINY))
-    return OVER * np.sqrt(u * even), OVER * np.sqrt(v / even)
-
-
-def _least(s: Array, a: Array) -> Array:
-    """Return the u with sum s_i / u_i = 1 that makes a'u least."""
-    root = np.sqrt(s * a)
-    return np.asarray(np.sqrt(s / np.maximum(a, TINY)) * root.sum())
+    sides = [tuple(map(Fraction, own.tolist())) for own in (rows, columns)]
+    return Spread(list(exact), sides[0], sides[1])
 
 
 def _coefficients(P: Polynomial) -> Array:

@@ -292,7 +292,7 @@ class Evidence:
         table |= {"multiple": plain(self.multiple)} if self.multiple else {}
         if self.spread is not None:
             own = self.spread
-            keys = ("omega", "rows", "columns")
+            keys = ("kappa" if own.kappa else "omega", "rows", "columns")
             table["remainder"] = {key: plain(getattr(own, key)) for key in keys}
         return table | {"elevation": self.elevation}
 
@@ -369,8 +369,10 @@ def read_evidence(
     spread = None
     if "remainder" in table:
         below = table.table("remainder")
-        omega, rows = below.matrix("omega", n, n), below.numbers("rows", n)
-        spread = Spread(omega, rows, below.numbers("columns", most=3 * MAX_SIZE))
+        omega = below.matrix("omega", n, n) if "omega" in below else []
+        kappa = below.number("kappa", 0)
+        rows, columns = below.numbers("rows", n), below.numbers("columns", most=3 * MAX_SIZE)
+        spread = Spread(omega, rows, columns, kappa)
     return Evidence(X, degree, table.whole("elevation", 0), values, spread=spread)
 
 

@@ -7,7 +7,8 @@ that is more than V'V at every alpha,
 
     a H Delta V b' + b V'Delta'H a'  <=  a H H' a' + b Omega b'
 
-(Petersen, 1987), for any columns a and b of blocks: what an inequality may lose is a constant.
+(Petersen, 1987), for any columns a and b of blocks: what an inequality may lose is a constant. In
+the dual form V = diag(columns) [W; Z] is known, and a number kappa is more than H'Q H.
 """
 
 from __future__ import annotations
@@ -52,7 +53,7 @@ class Remainder:
 
 @dataclass(frozen=True)
 class Spread:
-    """Omega, more than V'V at every alpha, and the rows and columns of H and V.
+    """Omega, more than V'V at every alpha, or kappa, and the rows and columns of H and V.
 
     ``rows`` holds one number a state, ``columns`` one a state, input and disturbance.
     """
@@ -60,13 +61,17 @@ class Spread:
     omega: Rationals = field(default_factory=list)
     rows: tuple[Fraction, ...] = ()
     columns: tuple[Fraction, ...] = ()
+    kappa: Fraction = NONE
 
-    def require(self, remainder: Remainder) -> None:
+    def require(self, remainder: Remainder, dual: bool = False) -> None:
         """Refuse one that does not fit, or does not cover the remainder."""
         n, width = len(remainder.entries), len(remainder.entries[0])
-        if len(self.omega) != n or any(len(row) != n for row in self.omega):
+        if dual != bool(self.kappa) or self.kappa < 0:
+            raise FormatError("remainder.kappa is a positive number of the dual form")
+        size = 0 if dual else n
+        if len(self.omega) != size or any(len(row) != n for row in self.omega):
             raise FormatError(f"remainder.omega must hold {n} rows of {n} numbers")
-        if any(self.omega[i][j] != self.omega[j][i] for i in range(n) for j in range(i)):
+        if any(self.omega[i][j] != self.omega[j][i] for i in range(size) for j in range(i)):
             raise FormatError("remainder.omega must be symmetric")
         if len(self.rows) != n or len(self.columns) != width:
             raise FormatError(f"remainder: rows must hold {n} numbers, columns {width}")

@@ -32,7 +32,7 @@ from polefence.lmi.conditions.lyapunov import Loop
 from polefence.lmi.conditions.performance import Source
 from polefence.lmi.solve.gramians import Dual, DualProblem, duals, in_parts
 from polefence.lmi.solve.interior_point import TOLERANCE
-from polefence.lmi.solve.lyapunov import LyapunovPolynomial, points_given, work
+from polefence.lmi.solve.lyapunov import LyapunovPolynomial, least_given, points_given, work
 from polefence.plant.card import card
 from polefence.plant.delta import delta_form
 from polefence.plant.family import UncertainPlant
@@ -44,10 +44,12 @@ from polefence.proof.claims.base import prove
 from polefence.proof.claims.gain_norm import BoundClaim
 from polefence.proof.document import Document
 from polefence.proof.laws import Evidence, Piece
+from polefence.proof.remainder import Spread
 from polefence.proof.work import FormatError
 from polefence.region.text import digits_up
 
 # Degree and elevation of the Lyapunov polynomial, one after the other.
+ROOM, TURNS = (1.05, 1.5, 4.0), 2  # times what a remainder costs; how often that is found anew
 LADDER = ((0, 0), (1, 0), (2, 0))
 # How far above what was found in floats the exact proof is attempted.
 STEPS = (1e-7, 1e-6, 1e-5, 1e-4, 1e-3)
@@ -168,8 +170,7 @@ class _Question:
         alpha = seeded(plant, len(plant.vertices) + FEW)
         with suppress(InputError, np.linalg.LinAlgError):
             worst = sampled(plant, law, specification, alpha).worst
-            dual = None if plant.remainder else specification.dual(plant, law)
-            return cls(plant, law, specification, dual, worst)
+            return cls(plant, law, specification, specification.dual(plant, law), worst)
         return cls(plant, law, specification)
 
     @property
@@ -193,7 +194,9 @@ class _Question:
 
     def in_parts(self, level: float) -> Bound | None:
         """Return the bound of that level if dual polynomials on parts of the box prove it."""
-        parts = None if self.problem is None else in_parts(self.problem, level)
+        parts = None
+        if self.problem is not None and self.plant.remainder is None:
+            parts = in_parts(self.problem, level)
         if parts is None:
             return None
         pieces = (
@@ -240,7 +243,12 @@ def _in_parts(question: _Question) -> Iterator[Bound]:
 
 
 def _dual_evidence(own: Dual) -> Evidence:
-    return Evidence([_rationals(Q) for Q in own.Q], own.degree, dual=True)
+    spread = None
+    if own.cover is not None:
+        sides = (tuple(map(Fraction, x.tolist())) for x in (own.cover.rows, own.cover.columns))
+        rows, columns = sides
+        spread = Spread([], rows, columns, Fraction(own.cover.kappa))
+    return Evidence([_rationals(Q) for Q in own.Q], own.degree, dual=True, spread=spread)
 
 
 def known_bound(
@@ -334,10 +342,34 @@ def _climb(
         return
     source, output = specification.condition(plant, domain_of(plant, law), unit)
     loop = loop_with(plant, law, output.C, output.D)
+    if plant.remainder is not None and isinstance(source, performance.Noise):
+        yield _with_room(plant, law, loop, source, output)
+        return
     for form in LADDER:
         first = form == LADDER[0]
         if first or (len(plant.vertices) > 1 and work(loop, source, *form) <= MOST_WORK):
             yield _points(loop, source, output, form)
+
+
+def _with_room(
+    plant: UncertainPlant,
+    law: Law,
+    loop: Loop,
+    source: performance.Noise,
+    output: performance.Output,
+) -> Points:
+    """Yield points that leave room for what a remainder costs: as if it were more noise."""
+    for form, times in product(LADDER[:2] if len(plant.vertices) > 1 else LADDER[:1], ROOM):
+        with suppress(SolverError, np.linalg.LinAlgError):
+            found = least_given(loop, source, output, *form)
+            for _ in range(TURNS):
+                evidence = next(iter(_evidences(found, form)))
+                own = spread_of(plant, law, evidence)
+                cost = np.diag(np.square(np.array(own.rows, dtype=float)))
+                cost += 2 * np.array(own.omega, dtype=float)
+                noisy = source.more(loop.domain, times * cost)
+                found = least_given(loop, noisy, output, *form)
+            yield _evidences(found, form), found.r
 
 
 def _norms(plant: UncertainPlant, law: Law, specification: GainNorm, unit: float) -> Points:
@@ -377,10 +409,9 @@ def _proved(
 ) -> Bound | None:
     on = "box" if len(domain_of(plant, law).sizes) > 1 else "simplex"
     if plant.remainder is not None and specification.of_signal:
-        if evidence.dual:
-            return None
         try:
-            evidence = replace(evidence, spread=spread_of(plant, law, evidence))
+            if not evidence.dual:
+                evidence = replace(evidence, spread=spread_of(plant, law, evidence))
         except np.linalg.LinAlgError:  # no Lyapunov matrix
             return None
     claim = claim_of(plant, exact_law(law), on, specification, evidence, Fraction(level))

@@ -24,16 +24,32 @@ from polefence.plant.family import UncertainPlant
 from polefence.region.regions import Disk, Region
 
 # Shares by which requirements are asked for tighter than they are to be proved.
-TIGHTER = (0.0, 1e-3, 1e-2, 5e-2)
+TIGHTER = (0.0, 1e-3, 1e-2, 5e-2, 0.15)
+CALM = 0.1  # of the plant's slowest rate, at which laws decay that are only to be stable
+SLOW = 1e-6  # of the fastest rate, what counts as none
 SHARES = (0.9, 0.5, 0.1)  # of a disk, from the smallest up
 # Of the way from a smallest radius to the unit circle: where laws are found, and proved besides.
-FARTHER, WIDER = (0.0, 0.01, 0.03, 0.1, 0.3), (1e-4, 1e-3, 1e-2, 0.03, 0.1, 0.3)
+FARTHER, WIDER = (0.0, 0.01, 0.03, 0.1, 0.3, 0.6), (1e-4, 1e-3, 1e-2, 0.03, 0.1, 0.3)
 FORMS = ((0, 0), (1, 0))  # degree and elevation of Lyapunov polynomials of smallest disks
 
 
 def without_remainder(plant: UncertainPlant) -> UncertainPlant:
     """Return the combinations of a plant's vertices alone."""
     return replace(plant, remainder=None, sampling=None)
+
+
+def decaying(plant: UncertainPlant, region: Region) -> Region:
+    """Return a region in which poles decay, as what a remainder moves is to be kept in it.
+
+    One that asks for stability alone is made a little smaller: a law on its edge has no proof.
+    """
+    if region != Disk(0, 1) or plant.sample_time is None:
+        return region
+    T = float(plant.sample_time)
+    poles = np.abs(np.linalg.eigvals(plant.A))
+    rates = -np.log(np.maximum(poles, np.finfo(float).tiny)) / T
+    slowest = rates[rates > SLOW * rates.max()].min(initial=1 / T)
+    return Disk(0, float(np.exp(-CALM * slowest * T)))
 
 
 def kept_region(plant: UncertainPlant, law: Law, region: Region) -> Design | None:

@@ -54,7 +54,7 @@ from polefence.design.signals.search import (
     together,
     unbounded,
 )
-from polefence.design.signals.tuned import tighter, tuned_candidates, with_states
+from polefence.design.signals.tuned import tuned_candidates, with_states
 from polefence.law.laws import Law
 from polefence.law.structure import Structure
 from polefence.lmi.conditions.methods import Method, Scheduled, options
@@ -275,20 +275,22 @@ def _nearby(
     larger, found = with_weights(plant, tuple(asked_for))
     least = None if minimise is None else found[-1]
     limits = found if minimise is None else found[:-1]
-    for share in nearby.TIGHTER:
-        done = optimise(
-            nearby.without_remainder(plant),
-            minimise,
-            [replace(own, at_most=(own.at_most or 0) * (1 - share)) for own in subject_to],
-            tighter(region, share),
-            method,
-            budget,
-            structure,
-        )
+    bare, calm = nearby.without_remainder(plant), nearby.decaying(plant, region)
+    failure: NotProvedError | None = None
+    for share in nearby.TIGHTER[1:]:
+        closer = [replace(own, at_most=(own.at_most or 0) * (1 - share)) for own in subject_to]
+        try:
+            done = optimise(bare, minimise, closer, calm, method, budget, structure)
+        except NotProvedError as error:
+            failure = failure or error
+            break
         proofs = nearby.bounded(larger, done.law, region, least, limits)
         if proofs is not None:
             design, bounds = proofs
-            return replace(done, design=design, bounds=bounds, shared=np.inf, designed=None)
+            designed = None if done.designed is None else calm
+            return replace(done, design=design, bounds=bounds, shared=np.inf, designed=designed)
+    if failure is not None and (failure.refutation is not None or share == nearby.TIGHTER[1]):
+        raise failure
     raise NotProvedError(
         f"not proved: with what {plant.name} is off between its vertices no law found keeps region "
         "and limits; take a shorter sample time, or a narrower range of parameters"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from contextlib import suppress
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
@@ -153,11 +154,7 @@ def tightest(
         If a vertex has a pole that no gain moves and that is not stable, or not in ``within``.
     """
     if getattr(plant, "remainder", None) is not None:
-        bare = without_remainder(plant)
-        found = tightest(bare, centre, method, of=of, within=within, structure=structure)
-        return nearby.tightened(
-            plant, found, lambda own: place(bare, own, method, structure=structure)
-        )
+        return _tightest_nearby(plant, centre, method, of, within, structure)
     if structure is None:
         own = method or "scheduled"
         return lmi.tightest(plant, centre, own, allow_unproved, of=of, within=within)
@@ -201,6 +198,34 @@ def require_structure_alone(method: Method | None, allow_unproved: bool = False)
             "a method and allow_unproved belong to laws that an LMI gives; leave them out, or the "
             "structure"
         )
+
+
+def _tightest_nearby(
+    plant: UncertainPlant,
+    centre: float | None,
+    method: Method | None,
+    of: str,
+    within: Region | None,
+    structure: Structure | None,
+) -> Design:
+    """Return the smallest disk that is proved of a plant with a remainder; one gain will do."""
+    bare, best = without_remainder(plant), None
+    failure: NotProvedError | None = None
+    plain = "quadratic" if structure is None else None
+    for each in dict.fromkeys((method, plain)):
+        try:
+            found = tightest(bare, centre, each, of=of, within=within, structure=structure)
+            own = nearby.tightened(
+                plant, found, partial(place, bare, method=each, structure=structure)
+            )
+        except NotProvedError as error:
+            failure = failure or error
+            continue
+        if best is None or own.region.size < best.region.size:
+            best = own
+    if best is None:
+        raise failure or NotProvedError("not proved")
+    return best
 
 
 def _extended(

@@ -75,6 +75,16 @@ class Noise:
         root = None if self.root is None else inverse @ self.root / np.sqrt(rate)
         return Noise(self.name, EE, root)
 
+    def more(self, domain: Domain, S: Array) -> Noise:
+        """Return it with further noise, independent, of intensity S (n, n) at every alpha."""
+        degree = degree_of(self.EE, domain)
+        zero = np.zeros_like(S)
+        EE = {
+            e: self.EE.get(e, zero) + binomial(domain.sizes, e) * S
+            for e in domain.monomials(degree)
+        }
+        return Noise(self.name, EE)
+
     def intensity(self, domain: Domain) -> Array:
         """Return what it moves the states with, in the middle of the family, (n, n)."""
         each = [P / binomial(domain.sizes, e) for e, P in self.EE.items()]

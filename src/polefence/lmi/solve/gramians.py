@@ -29,6 +29,7 @@ from polefence.plant.boxes import MOST_PARTS, Box, Point, divided, widest
 from polefence.plant.family import UncertainPlant
 from polefence.plant.polynomial import Domain, Polynomial, degree_of, values
 from polefence.plant.system import Array
+from polefence.proof.remainder import SHARE
 from polefence.response.modes import Modes
 from polefence.response.stationary import bilinear
 
@@ -44,16 +45,30 @@ NEXT = 1e-3  # above the last least level the search for the next begins
 SHARES = (1.0, 0.75, 0.5, 0.25, 0.0)  # of the way from what is least to what is claimed
 BARELY = 1e-5  # by which a point's own level exceeds the least there
 ON_AXIS = 1e-7  # of the largest root, what is taken for the imaginary axis
+TURNS, COVERED, TINY = 40, 1.0001, 1e-300  # of rows and columns that cover a remainder
 SMALL = 1e-7  # of the largest, what a direction is taken to be moved at least
 
 
 @dataclass(frozen=True, eq=False)
 class Dual:
-    """Bernstein coefficients of Q (count, n, n), of a degree, and the level that it proves."""
+    """Bernstein coefficients of Q (count, n, n), of a degree, and the level that it proves.
+
+    ``cover`` is what a plant with a remainder asks for besides.
+    """
 
     Q: Array
     degree: int
     level: float
+    cover: Cover | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Cover:
+    """Rows (n,) and columns (n + m + q,) that cover a remainder, and kappa: see the proof."""
+
+    rows: Array
+    columns: Array
+    kappa: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,6 +110,13 @@ class DualProblem:
         return float(self.plant.step)
 
     @property
+    def scales(self) -> Array:
+        """How many times each disturbance acts, (q,)."""
+        E = np.stack([v.E for v in self.plant.vertices if v.E is not None])
+        sizes, own = (np.abs(M).max(axis=(0, 1)) for M in (self.E, E))
+        return np.asarray(sizes / np.where(own > 0, own, 1.0))
+
+    @property
     def rows(self) -> int:
         """Degree of C W + D Z."""
         return 1 if isinstance(self.law, FixedGain) else self.law.degree + 1
@@ -129,6 +151,16 @@ class DualProblem:
     def widest(self) -> int:
         """Number of the parameter along which the closed loop changes most, in its part."""
         return widest(self.domain, lambda alpha: self.closed(alpha)[0])
+
+    def form(self, alpha: Array) -> Array:
+        """Return [W; Z], or [I; K], at points."""
+        if self.box is not None:
+            alpha = self.box.alpha(self.domain, alpha)
+        if isinstance(self.law, ScheduledGain):
+            basis = self.law.domain.basis(alpha, self.law.degree)
+            return np.concatenate([np.tensordot(basis, M, 1) for M in (self.law.W, self.law.Z)], 1)
+        K = np.asarray(self.law.gain(alpha))
+        return np.concatenate([np.tile(np.eye(K.shape[2]), (len(K), 1, 1)), K], 1)
 
     def at(self, alpha: Array) -> tuple[Array, Array, Array, Array, Array]:
         """Return W (I but of scheduled laws), A W + B Z, C W + D Z, E and F at points.
@@ -305,7 +337,7 @@ class _Interpolation:
 
     def _grown(self, level: float | None) -> Dual | None:
         """Let R grow until every coefficient is positive; None if it does not end."""
-        T, n = self.units, len(self.units)
+        T, n, cover = self.units, len(self.units), None
         inverse, R, over = np.linalg.inv(T), np.zeros((n, n)), OVER
         share, unit = SHARES[0], float(self.problem.shares(self.problem.domain.nodes(0))[0])
         least: Array = np.zeros(len(self.nodes[0]))
@@ -319,10 +351,12 @@ class _Interpolation:
             Q = self._solutions(R, level, least, share)
             if Q is None:
                 return None
-            missed, bound = self._missed(Q, level)
+            if self.problem.plant.remainder is not None:
+                cover = self._cover(Q, cover)
+            missed, bound = self._missed(Q, level, cover)
             missed = T.T @ missed @ T
             if np.linalg.eigvalsh(missed).max() < 0 < np.linalg.eigvalsh(T.T @ Q[0] @ T).min():
-                return Dual(Q, self.degree, bound)
+                return Dual(Q, self.degree, bound, cover)
             room = ROOM * bound**2 * unit
             more, over = over * majorant(missed) + room * np.eye(n), over * OVER
             R = R + inverse.T @ more @ inverse
@@ -394,7 +428,42 @@ class _Interpolation:
             middle = np.sqrt(low * high)
         return high
 
-    def _missed(self, coefficients: Array, level: float | None) -> tuple[Array, float]:
+    def _cover(self, Q: Array, known: Cover | None) -> Cover:
+        """Return what covers the remainder at about the least cost, with a kappa that holds."""
+        rows, columns = (known.rows, known.columns) if known else self._cheapest(Q)
+        H = np.diag(rows)
+        kappa = float(np.linalg.eigvalsh(H @ Q @ H).max()) * OVER
+        return Cover(rows, columns, max(kappa, TINY))
+
+    def _cheapest(self, Q: Array) -> tuple[Array, Array]:
+        """Return rows and columns that cover the remainder, in the units in which states move."""
+        remainder = self.problem.plant.remainder
+        entries = () if remainder is None else remainder.entries
+        basis, (W, N, *_) = self.raised
+        P = (W + self.problem.step * N).swapaxes(-1, -2) @ np.tensordot(basis, Q, 1)
+        V = self.problem.form(self.problem.domain.nodes(self.total))
+        a = np.square(self.units.T @ P).sum(axis=-2).max(axis=0)
+        b = np.square(V @ self.units).sum(axis=-1).max(axis=0)
+        return cheapest(np.array(entries, dtype=float), a, b)
+
+    def _driving(self, cover: Cover) -> Array:
+        """Return the columns of the disturbances as they are scaled."""
+        known = sum(self.problem.plant.shape)
+        return np.asarray(cover.columns[known:] * self.problem.scales)
+
+    def _cost(self, Q: Array, both: Array, cover: Cover) -> tuple[Array, Array]:
+        """Return what a remainder adds to the inequality at points, and the border's P H."""
+        _, (W, N, *_) = self.raised
+        step, n = self.problem.step, Q.shape[-1]
+        V = self.problem.form(self.problem.domain.nodes(self.total))
+        V = cover.columns[: V.shape[1], None] * V
+        P = (W + step * N).swapaxes(-1, -2) @ Q
+        loss = (1 + step * cover.kappa) * V.swapaxes(-1, -2) @ V
+        return both + loss, P * cover.rows[:n]
+
+    def _missed(
+        self, coefficients: Array, level: float | None, cover: Cover | None = None
+    ) -> tuple[Array, float]:
         """Return by how much each coefficient misses the inequality, and the bound."""
         basis, (W, N, Y, E, F) = self.raised
         Q, step = np.tensordot(basis, coefficients, 1), self.problem.step
@@ -403,12 +472,21 @@ class _Interpolation:
         both = both + both.swapaxes(-1, -2)
         if step:
             both = both + step * N.swapaxes(-1, -2) @ Q @ N
+        border: Array | None = None
+        if cover is not None:
+            both, border = self._cost(Q, both, cover)
         if level is None:
             bound = float(np.sqrt(max(self._ratios(coefficients).max(), 0.0)))
+            if cover is not None:
+                bound = self._more(bound, cover)
             missed = self._bernstein(both + Yt @ Y)
+            if border is not None:
+                PH = self._bernstein(border)
+                missed = missed + PH @ PH.swapaxes(-1, -2)
         elif step:
             bound, QE = level, step * Q @ E
-            missed = self._above_step(level, both, own @ E + N.swapaxes(-1, -2) @ QE, QE)
+            U = own @ E + N.swapaxes(-1, -2) @ QE
+            missed = self._above_step(level, both, U, QE, border, cover)
         elif not np.any(F):
             bound, QE = level, own @ E
             missed = self._bernstein(both + (Yt @ Y + QE @ QE.swapaxes(-1, -2)) / level)
@@ -422,12 +500,48 @@ class _Interpolation:
             missed = middle.T @ missed @ middle
         return missed, bound
 
-    def _above_step(self, level: float, both: Array, U: Array, QE: Array) -> Array:
+    def _more(self, bound: float, cover: Cover) -> float:
+        """Return the bound with what the disturbances may be off by."""
+        share, driving = float(SHARE), self._driving(cover)
+        if not np.any(driving):
+            return bound
+        more = (1 + 1 / share) * cover.kappa * float(np.sum(driving**2))
+        return float(np.sqrt((1 + share) * bound**2 + more))
+
+    def _above_step(
+        self,
+        level: float,
+        both: Array,
+        U: Array,
+        QE: Array,
+        border: Array | None,
+        cover: Cover | None,
+    ) -> Array:
         """Return what each coefficient of a delta form's lemma misses; see `proof.Gain`."""
         _, (_, _, Y, E, F) = self.raised
-        q, p = E.shape[-1], Y.shape[-2]
+        q = E.shape[-1]
         corner = level * np.eye(q) - E.swapaxes(-1, -2) @ QE
+        if cover is not None and border is not None:
+            share = 1 + self.problem.step * cover.kappa
+            corner = corner - share * np.diag(self._driving(cover) ** 2)
+            below = QE.swapaxes(-1, -2) * cover.rows
+            whole = np.concatenate([border, below], -2)
+            whole = self._bernstein(whole)
+            own = whole @ whole.swapaxes(-1, -2)
+            n = both.shape[-1]
+            both, U, corner = map(self._bernstein, (both, U, corner))
+            both, U, corner = both + own[:, :n, :n], U + own[:, :n, n:], corner - own[:, n:, n:]
+            Y, F = map(self._bernstein, (Y, F))
+            return self._complement(level, both, U, corner, Y, F)
         both, U, Y, F, corner = map(self._bernstein, (both, U, Y, F, corner))
+        return self._complement(level, both, U, corner, Y, F)
+
+    @staticmethod
+    def _complement(
+        level: float, both: Array, U: Array, corner: Array, Y: Array, F: Array
+    ) -> Array:
+        """Return both + [U, Y'] [ corner, -F'; -F, level I ]^-1 [U, Y']'."""
+        p = Y.shape[-2]
         below = np.concatenate([-F, np.broadcast_to(level * np.eye(p), (len(F), p, p))], -1)
         beside = np.concatenate([corner, -F.swapaxes(-1, -2)], -1)
         middle = np.concatenate([beside, below], -2)
@@ -479,6 +593,39 @@ def _inverse(level: Array | float, F: Array) -> tuple[Array, Array, Array]:
     a = np.linalg.inv(level * np.eye(F.shape[-1]) - Ft @ F / level)
     c = np.linalg.inv(level * np.eye(F.shape[-2]) - F @ Ft / level)
     return np.asarray(a), np.asarray(a @ Ft / level), np.asarray(c)
+
+
+def cheapest(entries: Array, a: Array, b: Array) -> tuple[Array, Array]:
+    """Return rows and columns that cover a remainder, of about the least cost.
+
+    Of u and v, their squares, with sum R_ij^2 / (u_i v_j) <= 1 those are looked for that make
+    (a'u) (b'v) least, one after the other.
+
+    Parameters
+    ----------
+    entries : (n, n + m + q) array
+        R.
+    a, b : (n,), (n + m,) arrays
+        What H H' and V'V cost; disturbances are taken to cost what they move.
+    """
+    squares, known = entries**2, len(b)
+    own = squares[:, known:].T @ a
+    least = float(((squares[:, :known].T @ a) * b).max()) or TINY
+    b = np.concatenate([b, np.where(own > 0, least / np.where(own > 0, own, 1.0), 1.0)])
+    v = 1 / np.maximum(b, TINY)
+    for _ in range(TURNS):
+        u = _least(squares @ (1 / v), a)
+        v = _least(squares.T @ (1 / np.where(u > 0, u, np.inf)), b)
+        v = np.where(v > 0, v, np.inf)
+    v = np.where(np.isfinite(v), v, 0.0)
+    even = np.sqrt(float(b @ v) / max(float(a @ u), TINY))
+    return COVERED * np.sqrt(u * even), COVERED * np.sqrt(v / even)
+
+
+def _least(s: Array, a: Array) -> Array:
+    """Return the u with sum s_i / u_i = 1 that makes a'u least."""
+    root = np.sqrt(s * a)
+    return np.asarray(np.sqrt(s / np.maximum(a, TINY)) * root.sum())
 
 
 def majorant(matrices: Array) -> Array:

@@ -14,7 +14,15 @@ from dataclasses import dataclass
 from fractions import Fraction
 from typing import ClassVar
 
-from polefence.proof.claims.signal import MAX_ENTRIES, Rows, SignalClaim, scaled, stacked
+from polefence.proof.claims.signal import (
+    MAX_ENTRIES,
+    Rows,
+    SignalClaim,
+    below_kappa,
+    scaled,
+    stacked,
+)
+from polefence.proof.matrices import identity
 from polefence.proof.polynomials import Polynomial, constant, diagonal
 
 
@@ -45,10 +53,10 @@ class Gain(SignalClaim):
         below = X.times(1 / step) if step else None
         spread = self.subject.evidence.spread
         if spread is not None:
-            # [ -H; 0; 0; H ] Delta [ V, G, 0, 0 ] and its transpose: each square twice as dear
+            # [ -H; 0; 0; H ] Delta [ V, 0, 0, 0; 0, G, 0, 0 ] and its transpose
             entering = constant(spread.entering(2), X.sizes)
-            lemma[0][0] = lemma[0][0] - entering - constant(spread.leaving(2), X.sizes)
-            lost = [2 * x * x for x in spread.driving(self.scales, self.subject.q)]
+            lemma[0][0] = lemma[0][0] - entering - constant(spread.leaving(), X.sizes)
+            lost = [x * x for x in spread.driving(self.scales, self.subject.q)]
             lemma[1][0] = lemma[1][0] - diagonal(lost, X.sizes)
             below = None if below is None else below - entering
         if below is not None:
@@ -70,7 +78,19 @@ class Gain(SignalClaim):
         QE = (Q * entering).times(step)
         lemma = self._lemma(-both, E + M.T * QE, Y)
         lemma[1][0] = lemma[1][0] - entering.T * QE
-        return {"of the gain": lemma}
+        spread = self.subject.evidence.spread
+        if spread is None:
+            return {"of the gain": lemma}
+        loss, PH = self.subject.dual_loss(Q, WQ, M, spread)
+        share = 1 + step * spread.kappa
+        driven = [share * x * x for x in spread.driving(self.scales, self.subject.q)]
+        lemma[0][0] = lemma[0][0] - loss
+        lemma[1][0] = lemma[1][0] - diagonal(driven, Q.sizes)
+        H = diagonal(spread.rows, Q.sizes)
+        none = constant([[Fraction(0)] * self.subject.n for _ in self.outputs], Q.sizes)
+        ends = (PH, QE.T * H, none, constant(identity(self.subject.n), Q.sizes))
+        lemma = [[*row, end] for row, end in zip([*lemma, []], ends, strict=True)]
+        return {"of the gain": lemma} | below_kappa(Q, spread)
 
     def _lemma(self, minus: Polynomial, E: Polynomial, Y: Polynomial) -> list[list[Polynomial]]:
         sizes, q = minus.sizes, self.subject.q

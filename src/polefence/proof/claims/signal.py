@@ -44,7 +44,7 @@ from polefence.proof.laws import (
     read_cells,
     read_evidence,
 )
-from polefence.proof.matrices import MAX_BITS, Rationals, least_work
+from polefence.proof.matrices import MAX_BITS, Rationals, identity, least_work
 from polefence.proof.plant import Output, Plant, sizes_of, split
 from polefence.proof.polynomials import (
     Polynomial,
@@ -55,10 +55,11 @@ from polefence.proof.polynomials import (
     count_of,
     diagonal,
     joint,
+    number,
 )
 from polefence.proof.reading import Table, plain, plain_rows
 from polefence.proof.regions import HalfPlane
-from polefence.proof.remainder import SHARE, Remainder
+from polefence.proof.remainder import SHARE, Remainder, Spread
 from polefence.proof.text import (
     digits_down,
     digits_up,
@@ -175,6 +176,19 @@ class Subject:
         N = WQ * M
         both = N + N.T
         return both + (M.T * Q * M).times(self.step) if self.step else both
+
+    def dual_loss(
+        self, Q: Polynomial, WQ: Polynomial, M: Polynomial, spread: Spread
+    ) -> tuple[Polynomial, Polynomial]:
+        """Return what a remainder costs in the dual form: (1 + step kappa) V'V, and P H.
+
+        With M off by H Delta V, P H Delta V and its transpose are at most P H H'P' + V'V, with
+        P = W Q + step M'Q, and step V'Delta'H'Q H Delta V at most step kappa V'V.
+        """
+        V = spread.moving(self.law.form(self.sizes))
+        P = WQ + (M.T * Q).times(self.step)
+        loss = (V.T * V).times(1 + self.step * spread.kappa)
+        return loss, P * diagonal(spread.rows, self.sizes)
 
     def require(self, evidence: Evidence | None = None) -> None:
         """Refuse a plant, a law and evidence that do not fit."""
@@ -405,8 +419,8 @@ class SignalClaim(Claim):
         if own.remainder is None or spread is None:
             return
         own.remainder.require(own.n, own.m, own.q)
-        spread.require(own.remainder)
-        if own.evidence.dual or not self.has_remainder:
+        spread.require(own.remainder, own.evidence.dual)
+        if not self.has_remainder:
             raise FormatError(f"a bound on {self.kind} with a remainder is not proved like this")
 
     @property
@@ -618,10 +632,27 @@ def dual_of_noise(claim: SignalClaim, square: Polynomial, intensity: Fraction) -
     Q, WQ, M, Y = claim.subject.dual_loop(claim.outputs)
     both = claim.subject.dual_falling(Q, WQ, M)
     E, left = scaled(claim.subject.E, claim.scales, Q.sizes), square
+    inner, spread = -(both + Y.T * Y), claim.subject.evidence.spread
+    driving = spread.driving(claim.scales, claim.subject.q) if spread else ()
     for k in range(claim.subject.q):
         column = E.part(slice(None), slice(k, k + 1))
-        left = left - (column.T * Q * column).times(intensity)
-    return {"of the output": [[-(both + Y.T * Y)]], "of the noise": [[left]]}
+        moved = (column.T * Q * column).times(intensity)
+        if spread is not None and driving[k]:
+            more = (1 + 1 / SHARE) * intensity * spread.kappa * driving[k] ** 2
+            moved = moved.times(1 + SHARE) + number(more, Q.sizes)
+        left = left - moved
+    if spread is None:
+        return {"of the output": [[inner]], "of the noise": [[left]]}
+    loss, PH = claim.subject.dual_loss(Q, WQ, M, spread)
+    eye = constant(identity(claim.subject.n), Q.sizes)
+    bordered = [[inner - loss, PH], [eye]]
+    return {"of the output": bordered, "of the noise": [[left]]} | below_kappa(Q, spread)
+
+
+def below_kappa(Q: Polynomial, spread: Spread) -> Rows:
+    """Return that kappa is more than H'Q H."""
+    H = diagonal(spread.rows, Q.sizes)
+    return {"of kappa": [[diagonal([spread.kappa] * Q.shape[0], Q.sizes) - H * Q * H]]}
 
 
 def varies(matrices: list[Rationals]) -> bool:

@@ -68,10 +68,12 @@ if TYPE_CHECKING:
     from polefence.plant.linearise import Linearised, linearise
     from polefence.region.text import load_region
     from polefence.response.control import closed_loops
+    from polefence.response.samples import at_sample_time
     from polefence.show import plots
 
 # Loaded when they are first asked for, so that the rest is there at once.
 _LATER = {
+    "at_sample_time": "polefence.response.samples",
     "analyse": "polefence.design.given",
     "worst_case": "polefence.design.given",
     "place": "polefence.design.signals.placed",
@@ -166,6 +168,7 @@ __all__ = [
     "VerticalStrip",
     "Wedge",
     "analyse",
+    "at_sample_time",
     "build",
     "check",
     "closed_loops",

@@ -7,6 +7,7 @@ import hashlib
 import io
 import zipfile
 from collections.abc import Iterable, Sequence
+from dataclasses import replace
 from fractions import Fraction
 from pathlib import Path
 from typing import Any
@@ -16,7 +17,7 @@ from polefence.base.errors import DesignFileError, InputError
 from polefence.base.files import read_bytes, write_bytes
 from polefence.cli.common import NOT_PROVED, PROVED, write_json
 from polefence.cli.terminal import say
-from polefence.design.certificate import file_plant, plant_of
+from polefence.design.certificate import file_plant, plant_of, sampling_of
 from polefence.design.design import check_document, is_proof_file, read_document
 from polefence.design.measured import read_measured
 from polefence.design.requirements.text import RoadSpectrum, load_specifications
@@ -38,6 +39,7 @@ from polefence.proof.claims.clipped import Clipped
 from polefence.proof.claims.observer import Observer
 from polefence.proof.claims.refutation import RmsRefutation
 from polefence.proof.claims.rounding import Rounded
+from polefence.proof.claims.samples import Samples
 from polefence.proof.claims.signal import SignalClaim
 from polefence.proof.dampers import SemiActive
 from polefence.proof.document import Document
@@ -45,6 +47,7 @@ from polefence.proof.laws import Law
 from polefence.proof.plant import Output, Plant
 from polefence.proof.reading import MAX_BYTES
 from polefence.proof.text import output_text, quoted
+from polefence.response.samples import at_sample_time
 
 NAMES_ARE_ITS_OWN = (
     "note: about the plant in the file. Its vertices, names, units and ranges are compared with",
@@ -161,9 +164,18 @@ def _say(row: dict[str, Any], spec: str | None) -> None:
 def _against(document: Document, plant: UncertainPlant, spec: str) -> str | None:
     """Say how the plant of a file differs from a spec's in what the file's claims are about."""
     letters = "".join(sorted({letter for claim in document.claims for letter in claim.letters}))
+    found, samples = plant_of(document.plant), document.first(Samples)
+    sampled = samples is not None and plant.sample_time is None
+    if samples is not None and sampled:
+        difference = _other_samples(samples, found, plant)
+        if difference is not None:
+            return difference
+        plant = at_sample_time(plant, document.plant.step, samples.delay)
     if "E" in letters:
         plant = _weighted(plant, spec)
-    found = plant_of(document.plant)
+    if sampled and plant.shape == found.shape:
+        # of the same plant, as the claim proves: equal but for rounding
+        plant = replace(plant, vertices=found.vertices)
     plant = _with_law(plant, found, spec)
     difference = _difference(found, plant, letters)
     for claim in document.claims:
@@ -221,6 +233,13 @@ def _with_law(plant: UncertainPlant, found: UncertainPlant, spec: str) -> Uncert
         return plant
     larger = structure.extended(plant)[0]
     return with_rates_as_inputs(larger, own) if own else larger
+
+
+def _other_samples(samples: Samples, found: UncertainPlant, plant: UncertainPlant) -> str | None:
+    """Say how the plant that a file's is the samples of differs from a spec's."""
+    own = sampling_of(samples, found).plant
+    bare = replace(plant, outputs=(), vehicle=None, noise=())
+    return _difference(own, bare, "ABE" if samples.E else "AB")
 
 
 def _difference(found: UncertainPlant, plant: UncertainPlant, letters: str = "AB") -> str | None:

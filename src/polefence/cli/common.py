@@ -30,7 +30,7 @@ from polefence.law.words import definitions, formula, terms_of
 from polefence.lmi.conditions.methods import METHODS, Method, Scheduled, Slack
 from polefence.plant.family import UncertainPlant
 from polefence.plant.tracks import own_states
-from polefence.proof.text import exactly
+from polefence.proof.text import exactly, milliseconds_text
 from polefence.region.regions import Region, Sector
 from polefence.region.z_plane import share_kept
 
@@ -109,6 +109,49 @@ def spaced(option: str, values: Sequence[float], most: int) -> list[float]:
 def spec_argument(parser: argparse.ArgumentParser) -> None:
     """Declare SPEC."""
     parser.add_argument("spec", metavar="SPEC", help="a TOML spec (see: polefence example)")
+
+
+def sampling_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare --sample-time and --delay."""
+    parser.add_argument(
+        "--sample-time",
+        type=float,
+        metavar="T",
+        help="design for a computer that runs the law every T seconds, inputs held between",
+    )
+    parser.add_argument(
+        "--delay",
+        type=int,
+        metavar="K",
+        help="an input acts K samples late: 1 where the law is computed meanwhile; default: 0",
+    )
+
+
+def at_samples(plant: UncertainPlant, options: Any) -> UncertainPlant:
+    """Return the plant as the law sees it: its samples, where the options ask for these."""
+    from polefence.response.samples import at_sample_time
+
+    if options.sample_time is None:
+        if options.delay is not None:
+            raise InputError("--delay: is of a sample time; give --sample-time")
+        return plant
+    try:
+        return at_sample_time(plant, options.sample_time, options.delay or 0)
+    except InputError as error:
+        raise InputError(
+            f"{options.spec}: --sample-time {options.sample_time:g}: {error}"
+        ) from error
+
+
+def samples_text(plant: UncertainPlant) -> list[str]:
+    """Say what the samples of a plant are, that a law was designed for; nothing of any other."""
+    own = plant.sampling
+    if own is None or plant.sample_time is None:
+        return []
+    time, late = milliseconds_text(plant.sample_time), ""
+    if own.delay:
+        late = f", inputs act {own.delay} sample{'s' * (own.delay > 1)} late"
+    return [f"  at samples every {time} ms, not between them; inputs and disturbances held{late}"]
 
 
 def sweep_arguments(parser: argparse.ArgumentParser) -> None:

@@ -9,6 +9,7 @@ from polefence.base.errors import InputError
 from polefence.cli.common import (
     PROVED,
     add_structure_options,
+    at_samples,
     check_results,
     every_alpha,
     image_text,
@@ -17,6 +18,8 @@ from polefence.cli.common import (
     refuse_method_options,
     report,
     result_arguments,
+    samples_text,
+    sampling_arguments,
     spec_argument,
     structure_of_options,
 )
@@ -55,13 +58,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         action="store_true",
         help="scheduled: keep the right-hand sides of the paper's (15)-(17), for a disk",
     )
+    sampling_arguments(parser)
     add_structure_options(parser, degree=False)
     result_arguments(parser)
 
 
 def design_command(options: Any) -> int:
     """Design a law for a region, prove it, and save it."""
-    plant = load(options.spec)
+    plant = at_samples(load(options.spec), options)
     region, structure = _region(plant, options), structure_of_options(plant, options)
     method = None
     if structure is None:
@@ -77,6 +81,7 @@ def design_command(options: Any) -> int:
         f"proved: {label} keeps all poles of {plant.name!r} in {design.region} for "
         f"{every_alpha(design)}",
         *image_text(plant, region),
+        *samples_text(plant),
     ]
     if not implies_stability(plant, design.region):
         shape = "disk" if isinstance(region, Disk) else "region"

@@ -18,6 +18,7 @@ from polefence.cli.common import (
     ROUNDING,
     TOO_LARGE,
     add_structure_options,
+    at_samples,
     check_results,
     check_targets,
     every_alpha,
@@ -25,6 +26,8 @@ from polefence.cli.common import (
     law_lines,
     method_of,
     refuse_method_options,
+    samples_text,
+    sampling_arguments,
     saved,
     spec_argument,
     structure_of_options,
@@ -119,12 +122,13 @@ def specification_arguments(parser: argparse.ArgumentParser) -> None:
         choices=("simplex", "box"),
         help="scheduled; default: box, simplex for a plant without parameters",
     )
+    sampling_arguments(parser)
     add_structure_options(parser, degree=False)
 
 
 def optimise_command(options: Any) -> int:
     """Minimise the worst case of one signal within limits on others, and prove all of it."""
-    plant = load(options.spec)
+    plant = at_samples(load(options.spec), options)
     road = road_of(options)
     least, limits = wanted(plant, options.spec, options.minimise, options.limit, road)
     region, structure = region_of_options(options), structure_of_options(plant, options)
@@ -318,7 +322,7 @@ def lines_of(done: Optimised, rows: Sequence[Row], label: str) -> list[str]:
         note = "minimised" if row.minimised else "limit"
         text = " ".join([f"  {row.label:<{width}}", *(f"{cell:>13}" for cell in cells), f" {note}"])
         lines.append(text)
-    lines += _design_lines(done)
+    lines += samples_text(done.plant) + _design_lines(done)
     if done.cut:
         lines.append(f"  the search was cut: {done.cut}")
     if done.bounded_by:

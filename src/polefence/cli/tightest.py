@@ -10,6 +10,7 @@ from polefence.base.errors import InputError
 from polefence.cli.common import (
     PROVED,
     add_structure_options,
+    at_samples,
     check_results,
     every_alpha,
     method_arguments,
@@ -17,6 +18,8 @@ from polefence.cli.common import (
     refuse_method_options,
     report,
     result_arguments,
+    samples_text,
+    sampling_arguments,
     spec_argument,
     structure_of_options,
 )
@@ -56,6 +59,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="half_plane, sector: a region to hold besides, 'disk(-40, 39)'",
     )
     method_arguments(parser)
+    sampling_arguments(parser)
     add_structure_options(parser, degree=False)
     result_arguments(parser)
 
@@ -66,7 +70,7 @@ def tightest_command(options: Any) -> int:
         raise InputError(f"--centre belongs to --of disk; a {options.of} has none")
     if options.of == "disk" and options.within is not None:
         raise InputError("--within belongs to --of half_plane and --of sector")
-    plant = load(options.spec)
+    plant = at_samples(load(options.spec), options)
     centre = f"--centre CENTRE, for example --centre {example_centre(plant)}"
     if options.of != "disk" and plant.sample_time is not None:
         raise InputError(f"{options.spec}: a discrete-time plant; ask --of disk {centre}")
@@ -87,6 +91,7 @@ def tightest_command(options: Any) -> int:
     rest = " & ".join(short_text(part) for part in design.region.parts[1:])
     beside = f", within {rest}" if rest else ""
     lines = [f"proved: {text}{beside}, for {every_alpha(design)} of {plant.name!r} by {label}"]
+    lines += samples_text(plant)
     if options.of != "disk" and (within is None or within.parts != design.region.parts[1:]):
         lines.append(
             "note: a disk bounds the poles' speed, or gains would be without bound; choose"

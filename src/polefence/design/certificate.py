@@ -221,7 +221,7 @@ class Certificate:
         plant, observed = plant_of(document.plant), None
         samples: Samples | None = document.first(Samples)
         if samples is not None:
-            plant = replace(plant, sampling=_sampling(samples, plant))
+            plant = replace(plant, sampling=sampling_of(samples, plant))
         if claim is None and observer is not None:
             claim, observed = observer.dual, plant
             C = tuple(tuple(map(tuple, matrix)) for matrix in observer.C)
@@ -370,7 +370,7 @@ def _file_output(plant: UncertainPlant, own: Output) -> files.Output:
     return files.Output(C, D, own.name, driven, own.unit)
 
 
-def _sampling(claim: Samples, plant: UncertainPlant) -> Sampling:
+def sampling_of(claim: Samples, plant: UncertainPlant) -> Sampling:
     """Return what a plant of a file is the samples of; outputs are not kept."""
     n = claim.n
     bare = UncertainPlant.from_vertices(

@@ -130,6 +130,11 @@ def dual_plant(
 
     Its states keep the plant's names: the dual's state i belongs to the correction of state i.
     """
+    if plant.remainder is not None:
+        raise InputError(
+            f"{plant.name}: observers are of plants that are combinations of their vertices; it is "
+            "only near them"
+        )
     vertices = tuple(
         System(transposed(v.exact_A), transposed(c), None, v.name)
         for v, c in zip(plant.vertices, C, strict=True)

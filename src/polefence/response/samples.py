@@ -32,7 +32,7 @@ SMALL, TINY = 1e-7, 1e-12  # terms left out, over the entries; an entry as good 
 BITS = 24  # of its numbers
 
 
-def sampled(plant: UncertainPlant, sample_time: Any, delay: int = 0) -> UncertainPlant:
+def at_sample_time(plant: UncertainPlant, sample_time: Any, delay: int = 0) -> UncertainPlant:
     """Return a plant's samples as a plant in discrete time, for designs at the sample time.
 
     Inputs and disturbances are held between samples.

@@ -24,8 +24,11 @@ from polefence.plant.family import UncertainPlant
 from polefence.region.regions import Disk, Region
 
 # Shares by which requirements are asked for tighter than they are to be proved.
-TIGHTER = (0.0, 1e-3, 1e-2, 5e-2, 0.15)
-CALM = 0.1  # of the plant's slowest rate, at which laws decay that are only to be stable
+TIGHTER = (0.0, 1e-3, 1e-2, 5e-2)
+# The same of limits, and the share of the plant's slowest rate at which laws decay that are only to
+# be stable: another region leads to another law, of which there may be a proof.
+ATTEMPTS = ((1e-3, 0.1), (1e-2, 0.4), (5e-2, 0.2), (5e-2, 0.5), (0.15, 0.4))
+ENOUGH = 0.02  # a bound so close to that without the remainder needs no other law
 SLOW = 1e-6  # of the fastest rate, what counts as none
 SHARES = (0.9, 0.5, 0.1)  # of a disk, from the smallest up
 # Of the way from a smallest radius to the unit circle: where laws are found, and proved besides.
@@ -38,10 +41,11 @@ def without_remainder(plant: UncertainPlant) -> UncertainPlant:
     return replace(plant, remainder=None, sampling=None)
 
 
-def decaying(plant: UncertainPlant, region: Region) -> Region:
+def decaying(plant: UncertainPlant, region: Region, share: float) -> Region:
     """Return a region in which poles decay, as what a remainder moves is to be kept in it.
 
-    One that asks for stability alone is made a little smaller: a law on its edge has no proof.
+    One that asks for stability alone is made smaller by a share of the plant's slowest rate: a law
+    on its edge has no proof.
     """
     if region != Disk(0, 1) or plant.sample_time is None:
         return region
@@ -49,7 +53,7 @@ def decaying(plant: UncertainPlant, region: Region) -> Region:
     poles = np.abs(np.linalg.eigvals(plant.A))
     rates = -np.log(np.maximum(poles, np.finfo(float).tiny)) / T
     slowest = rates[rates > SLOW * rates.max()].min(initial=1 / T)
-    return Disk(0, float(np.exp(-CALM * slowest * T)))
+    return Disk(0, float(np.exp(-share * slowest * T)))
 
 
 def kept_region(plant: UncertainPlant, law: Law, region: Region) -> Design | None:

@@ -275,26 +275,33 @@ def _nearby(
     larger, found = with_weights(plant, tuple(asked_for))
     least = None if minimise is None else found[-1]
     limits = found if minimise is None else found[:-1]
-    bare, calm = nearby.without_remainder(plant), nearby.decaying(plant, region)
-    failure: NotProvedError | None = None
-    for share in nearby.TIGHTER[1:]:
+    bare, best, failure = nearby.without_remainder(plant), None, None
+    for share, calm in nearby.ATTEMPTS:
         closer = [replace(own, at_most=(own.at_most or 0) * (1 - share)) for own in subject_to]
+        inner = nearby.decaying(plant, region, calm)
         try:
-            done = optimise(bare, minimise, closer, calm, method, budget, structure)
+            done = optimise(bare, minimise, closer, inner, method, budget, structure)
         except NotProvedError as error:
             failure = failure or error
             break
         proofs = nearby.bounded(larger, done.law, region, least, limits)
-        if proofs is not None:
-            design, bounds = proofs
-            designed = None if done.designed is None else calm
-            return replace(done, design=design, bounds=bounds, shared=np.inf, designed=designed)
-    if failure is not None and (failure.refutation is not None or share == nearby.TIGHTER[1]):
+        if proofs is None:
+            continue
+        design, bounds = proofs
+        designed = None if done.designed is None else inner
+        nearer = replace(done, design=design, bounds=bounds, shared=np.inf, designed=designed)
+        if best is None or _level(nearer) < _level(best):
+            best = nearer
+        if minimise is None or _level(best) <= _level(done) * (1 + nearby.ENOUGH):
+            break
+    if best is None and failure is not None:
         raise failure
-    raise NotProvedError(
-        f"not proved: with what {plant.name} is off between its vertices no law found keeps region "
-        "and limits; take a shorter sample time, or a narrower range of parameters"
-    )
+    if best is None:
+        raise NotProvedError(
+            f"not proved: with what {plant.name} is off between its vertices no law found keeps "
+            "region and limits; take a shorter sample time, or narrower ranges of parameters"
+        )
+    return best
 
 
 def _as_sampled(done: Optimised, region: Region) -> Optimised:

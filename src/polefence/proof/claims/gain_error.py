@@ -31,6 +31,7 @@ from polefence.proof.plant import Plant
 from polefence.proof.polynomials import Polynomial, constant, count_of, diagonal
 from polefence.proof.reading import MAX_SIZE, Table, plain
 from polefence.proof.regions import Disk, Part, factors, lyapunov
+from polefence.proof.remainder import SHARE, Spread
 from polefence.proof.text import errors_text, region_text
 from polefence.proof.work import FormatError
 
@@ -45,6 +46,7 @@ class GainError(MarginClaim):
     """
 
     kind: ClassVar[str] = "gain error"
+    has_remainder: ClassVar[bool] = True
     has_cells: ClassVar[bool] = True
 
     error: Fraction
@@ -152,8 +154,28 @@ class GainError(MarginClaim):
         degrees = tuple(degree + by for degree in N.degrees)
         if not isinstance(part, Disk):
             yield Inequality("of X", [[X]], degrees)
-        for rows in self._bordered(part, X, N, B, numbers):
+        if evidence.spread is not None:
+            blocks = self._bounding(evidence.spread, XKX, X)
+            yield Inequality.raised("of the remainder", blocks, by)
+        for rows in self._bordered(part, X, N, B, numbers, evidence.spread):
             yield Inequality(part.kind if len(design.region) > 1 else "", rows, degrees)
+
+    def _bounding(self, spread: Spread, XKX: Polynomial, X: Polynomial) -> list[list[Polynomial]]:
+        """Return the blocks that say that Omega is more than V'V with the error in V too.
+
+        Of u it adds D Delta R X, D = diag(columns of u times rows); D D' is a small share of one.
+        """
+        sizes, n, m = X.sizes, X.shape[0], len(self.rows)
+        own = [c * r for c, r in zip(spread.columns[n : n + m], self.rows, strict=True)]
+        most = max((*own, Fraction(0))) ** 2
+        (first, side), (corner,) = spread.bounding(spread.moving(XKX))
+        if not most:
+            return [[first, side], [corner]]
+        nu = SHARE / most
+        corner = corner - diagonal([Fraction(0)] * n + [nu * x * x for x in own], sizes)
+        end = (X * constant(self.right, sizes).T).times(self.error)
+        none = constant([[Fraction(0)] * end.shape[1]] * corner.shape[0], sizes)
+        return [[first, side, end], [corner, none], [diagonal([nu] * end.shape[1], sizes)]]
 
     def _bordered(
         self,
@@ -162,6 +184,7 @@ class GainError(MarginClaim):
         N: Polynomial,
         B: Polynomial,
         numbers: Iterator[Fraction],
+        spread: Spread | None = None,
     ) -> Iterator[list[list[Polynomial]]]:
         """Yield the blocks of each L, M: F, and what the error puts beside and below it."""
         sizes = X.sizes
@@ -172,7 +195,10 @@ class GainError(MarginClaim):
             right = XT.beside([list(column) for column in zip(*M2, strict=True)]).times(self.error)
             one, other = (diagonal([mu] * each.shape[1], sizes) for each in (left, right))
             between = constant([[Fraction(0)] * right.shape[1]] * left.shape[1], sizes)
-            yield [[lyapunov(L, M, X, N), left, right], [one, between], [other]]
+            F = lyapunov(L, M, X, N)
+            if spread is not None:
+                F = F - constant(spread.of_region((M1, M2)), sizes)
+            yield [[F, left, right], [one, between], [other]]
 
     def statement(self, plant: Plant) -> str:  # noqa: ARG002
         """Say which errors leave the poles where."""

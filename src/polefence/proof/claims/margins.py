@@ -66,6 +66,7 @@ class MarginClaim(Claim):
     """A claim about a design's loop when something is not as it is meant to be."""
 
     has_cells: ClassVar[bool] = False  # whether the design may be proved in parts of the box
+    has_remainder: ClassVar[bool] = False  # whether its plant may have one
 
     subject: Subject
 
@@ -88,7 +89,6 @@ class MarginClaim(Claim):
     @classmethod
     def read(cls, table: Table, plant: Plant, law: Any, on: str) -> Self:
         """Read the design's claim, how finely it is proved, and what the kind has of its own."""
-        plant.require_exact(table.where)
         design = Poles.read(table, plant, law, on)
         count = len(plant.ranges)
         pieces = table.items("pieces", count, count) if "pieces" in table else [1] * count
@@ -111,6 +111,8 @@ class MarginClaim(Claim):
         if design.method == "slack":
             raise FormatError("the method slack has no proofs of margins")
         require_design(design)
+        if design.remainder is not None and not self.has_remainder:
+            raise FormatError(f"{self.kind}: is for plants without a remainder")
         if any(own.cells for own in design.evidence) and not self.has_cells:
             raise FormatError(f"cells: a claim of kind {self.kind} needs one X for all of the box")
         if subject.ranges and len(design.A) != 2 ** len(subject.ranges):

@@ -138,7 +138,6 @@ class Rounded(Claim):
     @classmethod
     def read(cls, table: Table, plant: Plant, law: Any, on: str) -> Self:
         """Read what the gain tolerates, and the constants of the code."""
-        plant.require_exact(table.where)
         below, own = table.table("gain"), table.table("code")
         below.word("kind", [GainError.kind])
         gain = GainError.read(below, plant, law, on)

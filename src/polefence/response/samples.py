@@ -29,6 +29,7 @@ from polefence.response.discrete import balancing, zero_order_hold
 
 ROOM = 1.01  # of the remainder over what it has to hold
 SMALL, TINY = 1e-7, 1e-12  # terms left out, over the entries; an entry as good as none
+STAYS = 0.9  # of what was left out, with one term less
 BITS = 24  # of its numbers
 
 
@@ -183,6 +184,7 @@ def _entries(
     # any remainder will do, to see what is off
     wide = Remainder(((Fraction(1),) * (n + m + plant.disturbance_count),) * n)
     where = f"{plant.name} sampled every {float(found.sample_time or 0):g} s"
+    last = math.inf
     for terms in range(_terms(plant, units, float(found.sample_time or 0)), MAX_TERMS + 1):
         own = Sampling(plant, delay, terms, tuple(map(Fraction, units.tolist())))
         claim = claim_of_samples(replace(found, remainder=wide, sampling=own))
@@ -191,8 +193,10 @@ def _entries(
         except FormatError as problem:
             raise InputError(f"{where}: {problem}; take a shorter sample time") from problem
         sizes = np.array([[float(x) for x in row] for row in entries])
-        if rest <= SMALL * max(float(sizes.max()), TINY):
+        # or what is left is rounding
+        if rest <= SMALL * float(sizes.max()) or rest > STAYS * last:
             return sizes, float(rest), terms
+        last = float(rest)
     raise InputError(f"{where}: the exponential's series is too long; take a shorter sample time")
 
 

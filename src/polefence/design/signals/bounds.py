@@ -342,7 +342,7 @@ def _climb(
         return
     source, output = specification.condition(plant, domain_of(plant, law), unit)
     loop = loop_with(plant, law, output.C, output.D)
-    if plant.remainder is not None and isinstance(source, performance.Noise):
+    if plant.remainder is not None and not isinstance(source, performance.Through):
         yield _with_room(plant, law, loop, source, output)
         return
     for form in LADDER:
@@ -355,10 +355,10 @@ def _with_room(
     plant: UncertainPlant,
     law: Law,
     loop: Loop,
-    source: performance.Noise,
+    source: performance.Noise | performance.Points,
     output: performance.Output,
 ) -> Points:
-    """Yield points that leave room for what a remainder costs: as if it were more noise."""
+    """Yield points that leave room for what a remainder costs: as more noise, or less decay."""
     for form, times in product(LADDER[:2] if len(plant.vertices) > 1 else LADDER[:1], ROOM):
         with suppress(SolverError, np.linalg.LinAlgError):
             found = least_given(loop, source, output, *form)
@@ -367,8 +367,13 @@ def _with_room(
                 own = spread_of(plant, law, evidence)
                 cost = np.diag(np.square(np.array(own.rows, dtype=float)))
                 cost += 2 * np.array(own.omega, dtype=float)
-                noisy = source.more(loop.domain, times * cost)
-                found = least_given(loop, noisy, output, *form)
+                if isinstance(source, performance.Noise):
+                    noisy = source.more(loop.domain, times * cost)
+                    found = least_given(loop, noisy, output, *form)
+                    continue
+                T = np.linalg.inv(np.linalg.cholesky(found.Q.mean(axis=0)))
+                slower = times * float(np.linalg.norm(T @ cost @ T.T, 2)) / 2
+                found = least_given(loop, source, output, form[0], form[1], margin=slower)
             yield _evidences(found, form), found.r
 
 

@@ -121,6 +121,7 @@ def least_given(
     degree: int,
     elevation: int,
     tolerance: float = TOLERANCE,
+    margin: float = 0.0,
 ) -> LyapunovPolynomial:
     """Minimise the bound that a Lyapunov polynomial of a given loop proves for one output.
 
@@ -128,6 +129,8 @@ def least_given(
     ----------
     loop : Loop
         Its C has the output's rows below those of the dynamics.
+    margin : float
+        By how much faster the state is to decay than it does [1/s], of `Noise` and `Points`.
 
     Returns
     -------
@@ -140,7 +143,7 @@ def least_given(
         If there is no point to start from: the loop is not stable, or has no Lyapunov polynomial of
         this degree; or if floats cannot carry it.
     """
-    return points_given(loop, source, output, degree, elevation, tolerance)[0]
+    return points_given(loop, source, output, degree, elevation, tolerance, margin=margin)[0]
 
 
 @singular_is_failure()
@@ -152,6 +155,7 @@ def points_given(
     elevation: int,
     tolerance: float = TOLERANCE,
     near: LyapunovPolynomial | None = None,
+    margin: float = 0.0,
 ) -> list[LyapunovPolynomial]:
     """Return where searches in several coordinates ended, the least r first.
 
@@ -162,6 +166,8 @@ def points_given(
     ----------
     near : LyapunovPolynomial, optional
         A point of this degree, to take the coordinates from.
+    margin : float
+        As `least_given` has it.
 
     Raises
     ------
@@ -173,7 +179,8 @@ def points_given(
 
     def demands(T: Array) -> Demands:
         moved = source.changed(np.asarray(np.linalg.inv(T), dtype=float), rate)
-        return Demands(sources=(moved,), outputs=(output,), step=loop.step * rate)
+        shift, step = margin / rate, loop.step * rate
+        return Demands(sources=(moved,), outputs=(output,), margin=shift, step=step)
 
     def starts() -> Iterator[Start]:
         n = len(middle)

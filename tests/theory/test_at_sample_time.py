@@ -1,0 +1,371 @@
+"""Designs at a sample time: proved of all samples of a plant, by another way than the project's.
+
+A mass on a spring, both uncertain, pushed by the input and the disturbance; its samples are scipy's
+matrix exponential at points between the vertices.
+"""
+
+import json
+from dataclasses import replace
+from fractions import Fraction
+
+import numpy as np
+import pytest
+from scipy.linalg import expm, solve_discrete_lyapunov
+
+from polefence import (
+    Disk,
+    EnergyPeak,
+    FixedGain,
+    Gain,
+    HalfPlane,
+    InitialPeak,
+    RelativeRms,
+    Rms,
+    analyse,
+    at_sample_time,
+    observe,
+    optimise,
+    place,
+    tightest,
+)
+from polefence.base.errors import InputError, NotProvedError
+from polefence.design.evidence import certificate_of, evidence_at
+from polefence.design.signals.bounds import best_bound
+from polefence.plant.samples import claim_of_samples
+from polefence.plant.spec import loads
+from polefence.proof.claims.base import prove
+from polefence.proof.document import loads as read
+from polefence.proof.remainder import Remainder
+from polefence.proof.work import FormatError
+
+SPEC = """
+name = "spring"
+states = ["x [m]", "v [m/s]"]
+inputs = ["f [N]"]
+disturbances = ["w [N]"]
+[parameter.m]
+range = [0.8, 1.2]
+unit = "kg"
+through = "1/m"
+[parameter.k]
+range = [80, 120]
+unit = "N/m"
+[matrices]
+A = [[0, 1], ["-k/m", "-2/m"]]
+B = [[0], ["1/m"]]
+E = [[0], ["1/m"]]
+"""
+T = 0.02
+LAW = {0: np.array([[-30.0, -12.0]]), 1: np.array([[-30.0, -12.0, -0.2]])}
+
+
+@pytest.fixture(scope="module")
+def spring():
+    return loads(SPEC)
+
+
+@pytest.fixture(scope="module", params=[0, 1], ids=["prompt", "late"])
+def plant(spring, request):
+    return at_sample_time(spring, T, request.param)
+
+
+def inside(count, seed=1):
+    """Points of the box of two parameters."""
+    pairs = np.random.default_rng(seed).random((count, 2))
+    return np.array([np.kron([1 - a, a], [1 - b, b]) for a, b in pairs])
+
+
+def samples(spring, alpha, T, delay):
+    """[F, G, H] of the plant there, with an input on its way: scipy's exponential."""
+    A, B = spring.at(alpha)
+    E = np.tensordot(alpha, np.stack([v.E for v in spring.vertices]), 1)
+    whole = expm(np.block([[A, B, E], [np.zeros((2, 4))]]) * T)
+    F, G, H = whole[:2, :2], whole[:2, 2:3], whole[:2, 3:]
+    if not delay:
+        return F, G, H
+    A = np.block([[F, G], [np.zeros((1, 3))]])
+    return A, np.array([[0.0], [0], [1]]), np.vstack([H, [[0.0]]])
+
+
+def near(plant, alpha):
+    """The combination of the vertices there."""
+    A, B = plant.at(alpha)
+    return A, B, np.tensordot(alpha, np.stack([v.E for v in plant.vertices]), 1)
+
+
+@pytest.mark.parametrize("T", [0.002, 0.02, 0.1])
+def test_all_samples_are_within_the_remainder_and_some_nearly_reach_it(spring, T):
+    for delay in (0, 1, 2):
+        plant = at_sample_time(spring, T, delay)
+        assert prove(claim_of_samples(plant)).proved
+        if delay == 2:
+            continue
+        entries, worst = np.array(plant.remainder.entries, dtype=float), 0.0
+        for alpha in inside(300):
+            pairs = zip(samples(spring, alpha, T, delay), near(plant, alpha), strict=True)
+            off = np.abs(np.hstack([mine - other for mine, other in pairs]))
+            assert np.all(off <= entries + 1e-15)
+            worst = max(worst, float((off[entries > 0] / entries[entries > 0]).max()))
+        assert worst > 0.5
+
+
+def test_the_remainder_falls_with_the_square_of_the_sample_time(spring):
+    sizes = [
+        np.array(at_sample_time(spring, T).remainder.entries, dtype=float).max()
+        for T in (0.02, 0.01, 0.005)
+    ]
+    assert sizes[0] / sizes[1] == pytest.approx(4, rel=0.2)
+    assert sizes[1] / sizes[2] == pytest.approx(4, rel=0.2)
+
+
+def test_a_plant_that_is_combinations_of_its_samples_has_next_to_no_remainder():
+    # A does not depend on m, so that exp(A T) B is multi-affine
+    free = loads(SPEC.replace('"-k/m", "-2/m"', "0, 0").replace(K, ""))
+    entries = np.array(at_sample_time(free, T).remainder.entries, dtype=float)
+    assert entries.max() < 1e-8
+
+
+K = '[parameter.k]\nrange = [80, 120]\nunit = "N/m"\n'
+
+
+def changed(claim, what):
+    """Return a claim of samples with one fault."""
+    plant, share = claim.plant, Fraction(1, 2)
+    entries = plant.remainder.entries
+    if what == "remainder":
+        less = tuple(tuple(x * share for x in row) for row in entries)
+        return replace(claim, plant=replace(plant, remainder=Remainder(less)))
+    if what == "vertex":
+        A = [[list(row) for row in M] for M in plant.A]
+        A[2][1][0] += 3 * entries[1][0]
+        return replace(claim, plant=replace(plant, A=A))
+    if what == "sample time":
+        return replace(claim, plant=replace(plant, sample_time=plant.sample_time * 2))
+    if what == "terms":
+        return replace(claim, terms=2)
+    if what == "E":
+        E = [[[x * 2 for x in row] for row in M] for M in claim.E]
+        return replace(claim, E=E)
+    if what == "late":
+        A = [[list(row) for row in M] for M in plant.A]
+        A[0][2][1] = Fraction(1, 10**9)  # what the input on its way is not
+        return replace(claim, plant=replace(plant, A=A))
+    B = [[list(row) for row in M] for M in plant.B]
+    B[1][0][0] += Fraction(1, 10**9)  # an input that acts at once
+    return replace(claim, plant=replace(plant, B=B))
+
+
+@pytest.mark.parametrize(
+    "what", ["remainder", "vertex", "sample time", "terms", "E", "late", "at once"]
+)
+def test_a_fault_in_the_samples_is_found(spring, what):
+    claim = claim_of_samples(at_sample_time(spring, T, 1))
+    assert prove(claim).proved
+    assert not prove(changed(claim, what)).proved
+
+
+def corners(plant, count, seed=3):
+    """Plants of the family with all that they may be off by, at random signs."""
+    rng = np.random.default_rng(seed)
+    entries = np.array(plant.remainder.entries, dtype=float)
+    n, m = plant.shape
+    for alpha in np.vstack([np.eye(4), inside(count)]):
+        R = entries * rng.choice([-1.0, 1.0], size=entries.shape)
+        A, B, E = near(plant, alpha)
+        yield A + R[:, :n], B + R[:, n : n + m], E + R[:, n + m :]
+
+
+def wider(plant, times):
+    """Return the plant with a remainder so many times as large."""
+    entries = plant.remainder.entries
+    more = tuple(tuple(times * x for x in row) for row in entries)
+    return replace(plant, remainder=Remainder(more), sampling=None)
+
+
+@pytest.mark.parametrize("times", [1, 10])
+def test_regions_hold_for_all_that_is_near(plant, times):
+    plant, K = wider(plant, times), LAW[plant.shape[0] - 2]
+    poles = [np.abs(np.linalg.eigvals(A + B @ K)).max() for A, B, _ in corners(plant, 100)]
+    worst, radius = max(poles), 0.0
+    for radius in np.linspace(worst, 1, 60):
+        evidence = evidence_at(plant, FixedGain(K), Disk(0, radius), (1, 0))
+        if evidence is not None:
+            break
+    assert worst < radius < 1
+    claim = certificate_of(plant, FixedGain(K), Disk(0, radius), [evidence]).claim()
+    assert prove(claim).proved
+    # every part of the evidence counts
+    (own,) = claim.evidence
+    less = [[x * Fraction(1, 2) for x in row] for row in own.spread.omega]
+    for spread in (
+        replace(own.spread, omega=less),
+        replace(own.spread, rows=tuple(100 * x for x in own.spread.rows)),
+    ):
+        assert not prove(replace(claim, evidence=(replace(own, spread=spread),))).proved
+    for spread, message in (
+        (None, "a remainder has evidence of its own"),
+        (replace(own.spread, rows=tuple(x / 2 for x in own.spread.rows)), "do not cover"),
+        (replace(own.spread, kappa=Fraction(1)), "kappa"),
+    ):
+        with pytest.raises(FormatError, match=message):
+            prove(replace(claim, evidence=(replace(own, spread=spread),)))
+
+
+ASKED = [
+    Rms("x", density=2.0),
+    Rms(["x", "f"], density=2.0),
+    Gain("x"),
+    Gain("f"),
+    EnergyPeak("x", norm=2.0),
+    InitialPeak("x", points=[[1, 0]]),
+]
+
+
+def value(own, A, E, C):
+    """What is bounded, of one loop."""
+    if own.kind in ("rms", "energy peak"):
+        size = own.density / (2 * T) if own.kind == "rms" else own.norm**2 / T
+        return np.sqrt(np.trace(C @ solve_discrete_lyapunov(A, size * E @ E.T) @ C.T))
+    if own.kind == "gain":
+        z = np.exp(1j * np.linspace(0, np.pi, 400))[:, None, None]
+        return np.linalg.norm(C @ np.linalg.solve(z * np.eye(len(A)) - A, E + 0j), 2, (1, 2)).max()
+    start, found = np.eye(len(A))[0], 0.0
+    for _ in range(400):
+        found, start = max(found, abs((C @ start)[0])), A @ start
+    return found
+
+
+def rows_of(own, plant, K):
+    """The signal's rows."""
+    n = plant.shape[0]
+    rows = {"x": np.eye(n)[:1], "f": K}
+    return np.vstack([rows[y.name] for y in own.outputs(plant)])
+
+
+@pytest.mark.parametrize("own", ASKED, ids=lambda own: own.title)
+def test_bounds_hold_for_all_samples_and_for_all_that_is_near(spring, plant, own):
+    delay = plant.shape[0] - 2
+    K = LAW[delay]
+    if own.kind == "initial peak":
+        own = replace(own, points=[[1, 0] + [0] * delay])
+    C = rows_of(own, plant, K)
+    true = max(
+        value(own, A + B @ K, E, C)
+        for A, B, E in (samples(spring, alpha, T, delay) for alpha in inside(1000))
+    )
+    off = max(value(own, A + B @ K, E, C) for A, B, E in corners(plant, 200))
+    found = best_bound(plant, FixedGain(K), own)
+    assert max(true, off) <= found.level
+    assert found.level <= true * (1.7 if own.kind == "initial peak" else 1.05)
+    assert prove(found.claim).proved
+    evidence = found.claim.subject.evidence
+    spread = evidence.spread
+    rows = replace(spread, rows=tuple(300 * x for x in spread.rows))
+    if spread.kappa:
+        faults = [rows, replace(spread, kappa=spread.kappa / 2)]
+    else:
+        less = [[x / 2 for x in row] for row in spread.omega]
+        faults = [rows, replace(spread, omega=less)]
+    for fault in faults:
+        subject = replace(found.claim.subject, evidence=replace(evidence, spread=fault))
+        assert not prove(replace(found.claim, subject=subject)).proved
+    with pytest.raises(FormatError, match="a remainder has evidence of its own"):
+        subject = replace(found.claim.subject, evidence=replace(evidence, spread=None))
+        prove(replace(found.claim, subject=subject))
+
+
+def test_a_larger_remainder_costs_more_until_nothing_is_proved(plant):
+    law, own = FixedGain(LAW[plant.shape[0] - 2]), Rms("x")
+    exact = replace(plant, remainder=None, sampling=None)
+    levels = [best_bound(each, law, own).level for each in (exact, plant, wider(plant, 10))]
+    assert levels == sorted(levels)
+    assert levels[2] > 1.01 * levels[0]
+    assert best_bound(wider(plant, 2000), law, own) is None
+    assert not analyse(wider(plant, 2000), law, Disk(0, 1)).proved
+
+
+def test_as_the_sample_time_falls_bounds_are_those_of_continuous_time(spring):
+    law, own = FixedGain(LAW[0]), Rms("x")
+    known = best_bound(spring, law, own).level
+    far, close = (best_bound(at_sample_time(spring, T), law, own).level for T in (0.004, 0.0005))
+    assert close == pytest.approx(known, rel=3e-3)
+    assert abs(close - known) < abs(far - known)
+
+
+@pytest.mark.parametrize("method", ["quadratic", "scheduled"])
+def test_laws_are_designed_and_their_files_proved(tmp_path, spring, plant, method):
+    region = HalfPlane(1.0)
+    design = place(plant, region, method)
+    path = design.save(tmp_path)
+    document = read(path.read_text())
+    assert all(prove(claim).proved for claim in document.claims)
+    assert "samples every 20 ms" in document.claims[-1].statement(document.plant)
+    delay = plant.shape[0] - 2
+    for alpha in inside(200):
+        A, B, _ = samples(spring, alpha, T, delay)
+        z = np.linalg.eigvals(A + B @ design.law.gain(alpha))
+        assert np.abs(z).max() < np.exp(-T)
+    # without its remainder the file's plant is another claim's
+    data = json.loads(path.read_text())
+    del data["plant"]["remainder"]
+    with pytest.raises(FormatError, match="remainder"):
+        read(json.dumps(data))
+
+
+def test_the_smallest_disk_is_a_little_wider_than_without_a_remainder(spring, plant):
+    exact = replace(plant, remainder=None, sampling=None)
+    least, found = (tightest(each, 0.3, "quadratic") for each in (exact, plant))
+    assert least.region.radius < found.region.radius < 1.05 * least.region.radius
+    for alpha in inside(200):
+        A, B, _ = samples(spring, alpha, T, plant.shape[0] - 2)
+        z = np.linalg.eigvals(A + B @ found.law.gain(alpha))
+        assert np.abs(z - 0.3).max() < found.region.radius
+
+
+def test_laws_are_optimised_at_a_sample_time(tmp_path, spring, plant):
+    done = optimise(plant, Rms("x"), [Rms("f", 3.0)])
+    document = read(done.save(tmp_path).read_text())
+    assert all(prove(claim).proved for claim in document.claims)
+    exact = replace(plant, remainder=None, sampling=None)
+    least = optimise(exact, Rms("x"), [Rms("f", 3.0)]).bounds[0].level
+    assert least <= done.bounds[0].level <= 1.1 * least
+    worst = 0.0
+    for alpha in inside(300):
+        A, B, E = samples(spring, alpha, T, plant.shape[0] - 2)
+        K = done.law.gain(alpha)
+        X = solve_discrete_lyapunov(A + B @ K, E @ E.T / (2 * T))
+        worst = max(worst, X[0, 0] ** 0.5)
+        assert (K @ X @ K.T).item() <= 9.0
+    assert worst <= done.bounds[0].level <= 1.1 * worst
+
+
+def test_a_late_input_is_a_state_and_outputs_follow_what_acts(spring):
+    plant = at_sample_time(spring, T, 2)
+    assert plant.states == ("x [m]", "v [m/s]", "f, 1 sample late [N]", "f, 2 samples late [N]")
+    assert plant.shape == (4, 1)
+    assert at_sample_time(spring, 0.02).sample_time == Fraction(1, 50)
+    assert at_sample_time(spring, "1/3").sample_time == Fraction(1, 3)
+    accelerated = loads(SPEC + '[outputs."a [m/s2]"]\nC = ["-k/m", "-2/m"]\nD = ["1/m"]\n')
+    late = at_sample_time(accelerated, T, 1).signal("a").exact(at_sample_time(spring, T, 1))
+    assert late[0][0][2] == accelerated.signal("a").exact(accelerated)[1][0][0]
+    assert not any(map(any, late[1]))
+
+
+def test_what_is_not_proved_with_a_remainder_is_refused(spring, plant):
+    with pytest.raises(InputError, match="it is only near them"):
+        observe(plant, ["x"], HalfPlane(1))
+    with pytest.raises((InputError, NotProvedError)):
+        optimise(plant, RelativeRms("x"))
+    with pytest.raises(InputError, match="in discrete time already, every 0.02 s"):
+        at_sample_time(plant, T)
+    for wrong, message in (
+        (-1, "must be positive"),
+        (0, "must be positive"),
+        ("soon", "sample_time"),
+        (3.0, "take a shorter sample time"),
+    ):
+        with pytest.raises(InputError, match=message):
+            at_sample_time(spring, wrong)
+    for wrong in (-1, 65, 0.5, True):
+        with pytest.raises(InputError, match="must be 0 to 64, in samples"):
+            at_sample_time(spring, T, wrong)

@@ -29,6 +29,7 @@ PAGES = {  # with what a reader has before the first command
     "observers": [],
     "proof": [STAGE],
     "reproduction": [],
+    "sample-time": [CAR],
     "semi-active": [],
     "service": [CAR],
     "tutorial": [STAGE],

@@ -1,0 +1,143 @@
+"""Designs at a sample time from the command line: files, comparisons with specs, code, refusals."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from fractions import Fraction
+
+import pytest
+
+from polefence.cli.main import main
+from polefence.proof.claims.base import prove
+from polefence.proof.claims.rounding import Rounded
+from polefence.proof.claims.samples import Samples
+from polefence.proof.document import loads
+
+SPEC = """
+name = "spring"
+states = ["x [m]", "v [m/s]"]
+inputs = ["f [N]"]
+disturbances = ["w [N]"]
+[parameter.m]
+range = [0.8, 1.2]
+unit = "kg"
+through = "1/m"
+[matrices]
+A = [[0, 1], ["-100/m", "-2/m"]]
+B = [[0], ["1/m"]]
+E = [[0], ["1/m"]]
+[[specification]]
+kind = "rms"
+signal = "x"
+density = 1
+minimise = true
+[[specification]]
+kind = "rms"
+signal = "f"
+density = 1
+at_most = 3
+"""
+AT = ["--sample-time", "0.02", "--delay", "1"]
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "spring.toml").write_text(SPEC)
+    (tmp_path / "heavy.toml").write_text(SPEC.replace("1.2", "1.3"))
+    (tmp_path / "stiff.toml").write_text(SPEC.replace("-100", "-101"))
+    (tmp_path / "named.toml").write_text(SPEC.replace("f [N]", "f [kN]"))
+    return tmp_path
+
+
+def design(folder, *more):
+    words = ["design", "spring.toml", "--region", "half_plane(1)", "--method", "quadratic"]
+    return main([*words, *AT, "-o", "out", *more])
+
+
+def test_a_design_is_about_its_spec_and_no_other(folder, capsys):
+    assert design(folder) == 0
+    said = capsys.readouterr().out
+    assert (
+        "  at samples every 20 ms, not between them; inputs and disturbances held, inputs" in said
+    )
+    assert main(["check", "out", "--spec", "spring.toml"]) == 0
+    assert "plant: samples every 20 ms of x' = A x + B u + E w" in capsys.readouterr().out
+    for other, words in (
+        ("heavy.toml", "but NOT about heavy.toml"),
+        ("stiff.toml", "but NOT about stiff.toml: other vertices"),
+        ("named.toml", "but NOT about named.toml: other names: inputs[1]"),
+    ):
+        assert main(["check", "out", "--spec", other]) == 1
+        assert words in capsys.readouterr().out
+
+
+def test_a_file_whose_plant_is_changed_is_not_proved(folder, capsys):
+    assert design(folder) == 0
+    path = folder / "out" / "design.json"
+    data = json.loads(path.read_text())
+    data["claims"][-1]["vertices"][0]["A"][1][0] = -130
+    path.write_text(json.dumps(data))
+    assert main(["check", "out"]) == 1
+    assert "farther from the vertices' than the remainder says" in capsys.readouterr().out
+
+
+def test_specifications_are_kept_at_a_sample_time(folder, capsys):
+    assert main(["optimise", "spring.toml", *AT, "-o", "out"]) == 0
+    said = capsys.readouterr().out
+    assert "  at samples every 20 ms, not between them" in said
+    assert main(["check", "out", "--spec", "spring.toml"]) == 0
+    found = capsys.readouterr().out
+    assert "rms of 'f' = u1 <= 3 at density 1, at samples every 20 ms" in found
+    assert main(["tightest", "spring.toml", "--of", "disk", "--centre", "0.3", *AT]) == 0
+
+
+def test_code_is_proved_with_the_samples_as_they_are(folder, capsys):
+    assert design(folder) == 0
+    assert main(["export", "out", "--float", "32", "-o", "code"]) == 0
+    said = capsys.readouterr().out
+    assert "Run every 20 ms, the plant's own" in said
+    document = loads((folder / "code" / "guarantee.json").read_text())
+    assert isinstance(document.claims[-1], Samples)
+    (claim,) = (own for own in document.claims if isinstance(own, Rounded))
+    assert prove(claim).proved
+    gain = claim.gain
+    (own,) = gain.subject.design.evidence
+    for spread in (
+        replace(own.spread, omega=[[x / 2 for x in row] for row in own.spread.omega]),
+        replace(own.spread, rows=tuple(100 * x for x in own.spread.rows)),
+    ):
+        poles = replace(gain.subject.design, evidence=(replace(own, spread=spread),))
+        fault = replace(gain, subject=replace(gain.subject, design=poles))
+        assert not prove(fault).proved
+    # an error so large that it moves what the remainder is multiplied with
+    assert not prove(replace(gain, error=gain.error * Fraction(10**9))).proved
+    assert main(["check", "code", "--spec", "spring.toml"]) == 0
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["--delay", "1"], "--delay: is of a sample time; give --sample-time"),
+        (["--sample-time", "0"], "spring.toml: --sample-time 0: sample_time = 0 must be positive"),
+        (["--sample-time", "nan"], "spring.toml: --sample-time nan: "),
+        (["--sample-time", "9"], "--sample-time 9: .*take a shorter sample time"),
+        (["--sample-time", "0.1", "--delay", "-1"], "delay = -1 must be 0 to 64, in samples"),
+    ],
+)
+def test_bad_sample_times_are_one_line(folder, capsys, words, message):
+    import re
+
+    assert main(["design", "spring.toml", "--region", "half_plane(1)", *words, "-o", "out"]) == 2
+    said = capsys.readouterr().err
+    assert said.count("\n") == 1
+    assert re.search(message, said), said
+    assert not (folder / "out").exists()
+
+
+def test_a_spec_in_discrete_time_has_its_own_sample_time(folder, capsys):
+    (folder / "own.toml").write_text(SPEC.replace('name = "', 'sample_time = 0.1\nname = "'))
+    words = ["design", "own.toml", "--region", "half_plane(1)", "--sample-time", "0.1"]
+    assert main(words) == 2
+    assert "is in discrete time already, every 0.1 s" in capsys.readouterr().err

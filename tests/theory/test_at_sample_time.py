@@ -369,3 +369,79 @@ def test_what_is_not_proved_with_a_remainder_is_refused(spring, plant):
     for wrong in (-1, 65, 0.5, True):
         with pytest.raises(InputError, match="must be 0 to 64, in samples"):
             at_sample_time(spring, T, wrong)
+
+
+def of_one(**more):
+    """The file of a plant x' = -x + u + w, u = 0, with a bound on the gain in its dual form."""
+    evidence = {"Q": [[[1]]], "degree": 0, "elevation": 0, "on": "simplex"}
+    return {
+        "format": "polefence-proof",
+        "version": 2,
+        "plant": {
+            "name": "lag",
+            "states": ["x"],
+            "inputs": ["u"],
+            "disturbances": ["w"],
+            "parameters": [],
+            "vertices": [{"A": [[-1]], "B": [[1]], "E": [[1]]}],
+        },
+        "law": {"kind": "fixed", "K": [[0]]},
+        "claims": [
+            {
+                "kind": "gain",
+                "name": "x",
+                "output": {"C": [[1]]},
+                "level": "11/10",
+                "evidence": evidence | more,
+            }
+        ],
+    }
+
+
+def test_a_gain_in_continuous_time_counts_its_remainder():
+    plain = of_one()
+    assert prove(read(json.dumps(plain)).claims[0]).proved
+    for entry, level in ((0.25, 1.1), (0.5, 1.9), (5, 1.1)):
+        # the gain is 1 / (1 - entry), infinite where that is not positive
+        own = {"kappa": 0.5, "rows": [0.7], "columns": [entry / 0.69, 0, 0]}
+        data = of_one(remainder=own)
+        data["plant"]["remainder"] = [[entry, 0, 0]]
+        data["claims"][0]["level"] = level
+        assert not prove(read(json.dumps(data)).claims[0]).proved
+
+
+def test_samples_of_other_numbers_of_vertices_are_refused(spring):
+    claim = claim_of_samples(at_sample_time(spring, T))
+    fewer = replace(
+        claim,
+        plant=replace(claim.plant, A=claim.plant.A[:3], B=claim.plant.B[:3], E=claim.plant.E[:3]),
+        A=claim.A[:3],
+        B=claim.B[:3],
+        E=claim.E[:3],
+    )
+    with pytest.raises(FormatError, match="not those of the parameters"):
+        prove(fewer)
+    assert claim.statement(claim.plant).endswith("on the box of 2 parameters")
+
+
+def test_states_of_code_are_of_continuous_time(tmp_path):
+    memory = {"states": 1, "step": "1/128", "sample_time": "1/128"}
+    data = of_one()
+    data["plant"]["sample_time"] = "1/128"
+    data["claims"] = [{"kind": "rounding", "gain": {"kind": "gain error"}, "code": {}}]
+    data["claims"][0]["code"]["memory"] = memory
+    with pytest.raises(FormatError, match="memory: is for plants in continuous time"):
+        read(json.dumps(data))
+
+
+def test_numbers_of_a_remainder_out_of_proportion_are_refused():
+    data = of_one(remainder={"kappa": 1, "rows": [1], "columns": [1, 1, 1]})
+    data["plant"]["vertices"][0] = {
+        "A": np.eye(24).tolist(),
+        "B": np.ones((24, 1)).tolist(),
+        "E": np.ones((24, 1)).tolist(),
+    }
+    rows = [[f"1/{10**290 + 26 * i + j}" for j in range(26)] for i in range(24)]
+    data["plant"]["states"], data["plant"]["remainder"] = [], rows
+    with pytest.raises(FormatError, match="common denominator is out of all proportion"):
+        read(json.dumps(data))

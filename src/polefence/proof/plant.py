@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from fractions import Fraction
+from functools import cached_property
 from typing import Any
 
 from polefence.proof.matrices import Rationals, common_denominator
 from polefence.proof.polynomials import Sizes
 from polefence.proof.reading import MAX_VERTICES, Table, as_number, plain, plain_rows, require_shape
 from polefence.proof.remainder import Remainder
-from polefence.proof.work import FormatError
+from polefence.proof.work import RATIONAL, FormatError, spend
 
 MAX_PARAMETERS, MAX_OUTPUTS = 8, 1000
 
@@ -90,8 +91,9 @@ class Plant:
         """The sample time, zero in continuous time."""
         return self.sample_time or Fraction(0)
 
+    @cached_property
     def in_differences(self) -> Plant:
-        """Return it in its delta form: A - I, B and E over the sample time.
+        """It in its delta form: A - I, B and E over the sample time; once for all claims.
 
         (x(t + T) - x(t)) / T = A x + B u + E w (Middleton & Goodwin, 1990), which is x' where T
         tends to zero; as it is in continuous time.
@@ -99,6 +101,9 @@ class Plant:
         if self.sample_time is None:
             return self
         T = self.sample_time
+        length = common_denominator([*self.A, *self.B, *self.E, [[T]]]).bit_length()
+        entries = len(self.A) * self.n * (self.n + self.m + self.q)
+        spend(RATIONAL * entries, length, length)
         A = [
             [[(a - int(i == j)) / T for j, a in enumerate(row)] for i, row in enumerate(M)]
             for M in self.A
@@ -254,7 +259,9 @@ def _outputs(table: Table, shape: tuple[int, int, int], count: int) -> tuple[Out
 
 def _remainder(table: Table, shape: tuple[int, int, int]) -> Remainder:
     n, m, q = shape
-    found = Remainder(tuple(map(tuple, table.matrix("remainder", n, n + m + q))))
+    rows = table.matrix("remainder", n, n + m + q)
+    common_denominator([rows])
+    found = Remainder(tuple(map(tuple, rows)))
     found.require(*shape)
     return found
 

@@ -13,15 +13,16 @@ the dual form V = diag(columns) [W; Z] is known, and a number kappa is more than
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from fractions import Fraction
 
-from polefence.proof.matrices import Rationals, identity, product
+from polefence.proof.matrices import Rationals, common_denominator, identity, product
 from polefence.proof.polynomials import Polynomial, constant, diagonal
-from polefence.proof.work import FormatError
+from polefence.proof.work import RATIONAL, FormatError, spend
 
-NONE = Fraction(0)
+NONE, UNIT = Fraction(0), 2**64
 # What E is off by, beside E: (E + F) (E + F)' <= (1 + SHARE) E E' + (1 + 1 / SHARE) F F'.
 SHARE = Fraction(1, 4096)
 
@@ -77,17 +78,22 @@ class Spread:
             raise FormatError(f"remainder: rows must hold {n} numbers, columns {width}")
         if min((*self.rows, *self.columns)) < 0:
             raise FormatError("remainder: rows and columns must be zero or more")
+        common_denominator([[[*self.rows]], [[*self.columns]], [[self.kappa]], self.omega])
         if not self._covers(remainder):
             raise FormatError("remainder: rows and columns do not cover the plant's")
 
     def _covers(self, remainder: Remainder) -> bool:
-        total = NONE
+        each = [self.rows, self.columns, *remainder.entries]
+        length = max(max(map(int.bit_length, x.as_integer_ratio())) for own in each for x in own)
+        spend(RATIONAL * len(self.rows) * len(self.columns), 4 * length, 2 * length)
+        total = 0
         for row, entries in zip(self.rows, remainder.entries, strict=True):
             for column, entry in zip(self.columns, entries, strict=True):
                 if entry and not row * column:
                     return False
-                total += (entry / (row * column)) ** 2 if entry else 0
-        return total <= 1
+                if entry:  # rounded up, so that the sum stays short
+                    total += math.ceil((entry / (row * column)) ** 2 * UNIT)
+        return total <= UNIT
 
     def moving(self, XKX: Polynomial) -> Polynomial:
         """Return V."""

@@ -70,15 +70,16 @@ class Gain(SignalClaim):
         Q, WQ, M, Y = self.subject.dual_loop(self.outputs)
         entering, step = scaled(self.subject.E, self.scales, Q.sizes), self.subject.step
         E, both = WQ * entering, self.subject.dual_falling(Q, WQ, M)
-        if self.level and not step and not any(own.F for own in self.outputs):
+        spread = self.subject.evidence.spread
+        plain = not step and spread is None
+        if self.level and plain and not any(own.F for own in self.outputs):
             moved = (E * E.T + Y.T * Y).times(1 / self.level)
             return {"of the gain": [[-(both + moved)]]}
-        if not step:
+        if plain:
             return {"of the gain": self._lemma(-both, E, Y)}
         QE = (Q * entering).times(step)
         lemma = self._lemma(-both, E + M.T * QE, Y)
         lemma[1][0] = lemma[1][0] - entering.T * QE
-        spread = self.subject.evidence.spread
         if spread is None:
             return {"of the gain": lemma}
         loss, PH = self.subject.dual_loss(Q, WQ, M, spread)

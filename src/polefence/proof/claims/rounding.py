@@ -140,6 +140,8 @@ class Rounded(Claim):
         """Read what the gain tolerates, and the constants of the code."""
         below, own = table.table("gain"), table.table("code")
         below.word("kind", [GainError.kind])
+        if "memory" in own:
+            plant.require_continuous(own.path("memory"))
         gain = GainError.read(below, plant, law, on)
         K, T = (own.matrix(key) if key in own else None for key in ("K", "T"))
         keys = ("W", "Z", "terms")

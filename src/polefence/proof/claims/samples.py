@@ -19,14 +19,16 @@ from typing import Any, ClassVar, Self
 
 from polefence.proof.claims import steps
 from polefence.proof.claims.base import Claim, Inequality, Verdict, undecided
+from polefence.proof.laws import longest
 from polefence.proof.matrices import Rationals, common_denominator, identity
 from polefence.proof.plant import Plant, sizes_of
 from polefence.proof.polynomials import Polynomial, Sizes, bernstein, constant, multinomial
 from polefence.proof.reading import MAX_VERTICES, Table, plain, require_shape
 from polefence.proof.text import milliseconds_text
-from polefence.proof.work import FormatError
+from polefence.proof.work import RATIONAL, FormatError, spend
 
 MAX_TERMS, MAX_DELAY = 40, 64
+SHORT = 1000  # bits that an entry may have, about
 NONE = Fraction(0)
 
 
@@ -74,7 +76,8 @@ class Samples(Claim):
         held = "u and w held" if self.E else "u held"
         time = milliseconds_text(plant.step)
         first = f" (states 1 to {self.width})" if plant.n > self.width else ""
-        return f"plant{first}: samples every {time} ms of x' = A x + B u + E w, {held}{late}"
+        on = f", on the box of {len(self.sizes)} parameters" if len(self.sizes) > 1 else ""
+        return f"plant{first}: samples every {time} ms of x' = A x + B u + E w, {held}{late}{on}"
 
     @property
     def n(self) -> int:
@@ -119,7 +122,7 @@ class Samples(Claim):
         common_denominator([*self.A, *self.B, *self.E])
         if len(self.units) != n + m + q or min(self.units) <= 0:
             raise FormatError(f"samples: units must hold {n + m + q} positive numbers")
-        if len(self.sizes) > 1 and 2 ** len(plant.ranges) != N:
+        if plant.ranges and 2 ** len(plant.ranges) != N:
             raise FormatError("samples: the vertices are not those of the parameters")
 
     def inequalities(self) -> Iterator[Inequality]:
@@ -177,6 +180,9 @@ class Samples(Claim):
     def _compared(self) -> tuple[Polynomial, Fraction]:
         """Return the vertices' samples less the series, and a bound on what that leaves out."""
         n, width = self.n, len(self.units)
+        steps.require_moderate(len(self.A), n, width, self.terms, self.sizes)
+        length = longest((self.units, (self.plant.step,)))
+        spend(RATIONAL * 2 * len(self.A) * n * width, length + SHORT, 3 * length)
         M = self._in_units(_beside(self.A, self.B, self.E), self.plant.step)
         series, rounded, tail = steps.series_error(M, self.terms, self.sizes)
         eye = [row + [NONE] * (width - n) for row in identity(n)]

@@ -503,7 +503,7 @@ def read_subject(table: Table, plant: Plant, law: Law, on: str) -> Subject:
     """Read the evidence of a claim; of a gain the domain too."""
     if law.fixed:
         on = table.word("on", DOMAINS, "simplex")
-    on, step, plant = plant.domain(on), plant.step, plant.in_differences()
+    on, step, plant = plant.domain(on), plant.step, plant.in_differences
     if "own" in table:
         if not law.scheduled or not table.flag("own"):
             raise FormatError(f"{table.path('own')} must be true, and the law scheduled")

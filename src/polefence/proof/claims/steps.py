@@ -85,7 +85,7 @@ def series_error(
         If the series has too few terms for this sample time, or would take too long.
     """
     n, width = len(M[0]), len(M[0][0])
-    _require_moderate(len(M), n, width, terms, sizes)
+    require_moderate(len(M), n, width, terms, sizes)
     short = [[[Fraction(round(x * 2**BITS), 2**BITS) for x in row] for row in own] for own in M]
     size = max(map(norm, short))
     off = root(Fraction(n * width)) / (1 << (BITS + 1))
@@ -133,7 +133,8 @@ def _series(M: Polynomial, p: int) -> Polynomial:
     return R
 
 
-def _require_moderate(vertices: int, n: int, width: int, p: int, sizes: Sizes) -> None:
+def require_moderate(vertices: int, n: int, width: int, p: int, sizes: Sizes) -> None:
+    """Refuse a series of more terms, or larger ones, than are computed here."""
     each = vertices * n * n * width
     work = sum(count_of(sizes, k) for k in range(1, p)) * each
     if count_of(sizes, p) > MAX_COEFFICIENTS or work > MAX_PRODUCTS:

@@ -103,6 +103,9 @@ def test_no_change_makes_a_false_claim_proved(documents, name):
         ("table/table.json", ("region", "decay"), 1e3),
         ("damper/law.json", ("limit", "level"), 0.1),
         ("damper/limit.json", ("factor",), 1e5),
+        ("late/design.json", ("level",), 1e-2),
+        ("late/design.json", ("region", "radius"), 0.3),
+        ("discrete/design.json", ("level",), 1e-3),
     ],
 )
 def test_the_samples_see_what_is_false(documents, name, path, value):
@@ -124,3 +127,10 @@ def test_a_sampled_loop_that_is_too_slow_is_seen(documents):
     assert false(document)
     assert not proved(document)
     assert np.isfinite(document["claims"][1]["sample_time"])
+
+
+def test_samples_of_another_plant_are_seen(documents):
+    document = copy.deepcopy(documents["late/design.json"])
+    document["claims"][-1]["vertices"][0]["A"][1][0] = -2.5
+    assert false(document)
+    assert not proved(document)

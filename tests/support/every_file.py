@@ -105,7 +105,8 @@ FILES = (
     "table/table.json", "service/estimate-k.json", "service/gain.json", "service/rate-k.json",
     "performance/design.json", "signals/design.json", "vectors/design.json", "code/guarantee.json",
     "observer/design.json", "observed/guarantee.json", "tuned/design.json", "parts/design.json",
-    "cells/design.json", "damper/law.json", "damper/limit.json",
+    "cells/design.json", "damper/law.json", "damper/limit.json", "late/design.json",
+    "discrete/design.json",
 )  # fmt: skip
 DAMPER = """name = "damped"
 states = ["d [m]", "v [m/s]"]
@@ -124,6 +125,24 @@ signal = ["d", "u"]
 density = 1
 minimise = true
 """
+DISCRETE = """name = "cart"
+sample_time = 0.1
+states = ["x [m]", "v [m/s]"]
+inputs = ["u [N]"]
+disturbances = ["w [N]"]
+[parameter.k]
+range = [1, 2]
+unit = "N/m"
+[matrices]
+A = [[1, 0.1], ["-0.1*k", 0.8]]
+B = [[0], [0.1]]
+E = [[0], [0.1]]
+"""
+LATE = [
+    "optimise", "plain.toml", "--sample-time", "0.05", "--delay", "1", "--method", "quadratic",
+    "--limit", "rms of u <= 50 with density 1", "--limit", "energy peak of v <= 20 with norm 1",
+    "--limit", "gain of v <= 10", "--region", "half_plane(0.3)",
+]  # fmt: skip
 RUN = ["--sample-time", "0.001", "--float", "32"]
 LIMITS = [
     "limits", "plain.toml", "--centre", "-3", "--method", "quadratic", "--json", "limits.json",
@@ -152,6 +171,7 @@ def write_every_file(made: Path) -> None:
     (made / "spec.toml").write_text(SPEC + ASKED)
     (made / "two.toml").write_text(TWO)
     (made / "damper.toml").write_text(DAMPER)
+    (made / "discrete.toml").write_text(DISCRETE)
     knots = {"grid": {"k": [1, 2]}, "gains": [[[-3, -3]], [[-3, -3]]]}
     (made / "gains.json").write_text(json.dumps(knots))
     half = ["--region", "half_plane(0.3)"]
@@ -166,6 +186,8 @@ def write_every_file(made: Path) -> None:
         ["optimise", "spec.toml", "--method", "quadratic", "-o", "performance"],
         ["optimise", "plain.toml", "--method", "quadratic", *EVERY_KIND, "-o", "signals"],
         ["optimise", "two.toml", "--method", "quadratic", "-o", "vectors"],
+        [*LATE, "-o", "late"],
+        ["optimise", "discrete.toml", "--method", "quadratic", *EVERY_KIND, "-o", "discrete"],
         ["export", "quadratic", "-o", "code", "--sample-time", "0.001"],
         [*OBSERVE, "-o", "observer"],
         ["export", "scheduled", "-o", "observed", "--observer", "observer", *RUN],

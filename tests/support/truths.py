@@ -10,7 +10,7 @@ from itertools import product
 from math import comb, factorial, prod
 
 import numpy as np
-from scipy.linalg import expm, solve_continuous_lyapunov
+from scipy.linalg import expm, solve_continuous_lyapunov, solve_discrete_lyapunov
 
 SLACK = 1e-6  # relative, of what counts as more than rounding
 
@@ -40,6 +40,19 @@ class Plant:
             for p in table.get("parameters", [])
         ]
         self.random = np.random.default_rng(seed)
+        self.T = number(table.get("sample_time", 0))
+        self.R = array(table["remainder"]) if "remainder" in table else None
+
+    def near(self, alpha):
+        """A, B and E there, and at random signs of all that they may be off by."""
+        n, m = self.A.shape[1], self.B.shape[2]
+        E = np.zeros((n, 0)) if self.E is None else mix(alpha, self.E)
+        own = mix(alpha, self.A), mix(alpha, self.B), E
+        yield own
+        for _ in range(4 if self.R is not None else 0):
+            R = self.R * self.random.choice([-1.0, 1.0], size=self.R.shape)
+            parts = R[:, :n], R[:, n : n + m], R[:, n + m :]
+            yield tuple(M + off for M, off in zip(own, parts, strict=True))
 
     def alpha(self, values):
         pairs = []
@@ -183,9 +196,9 @@ def domain_of(claim, law):
 
 def false_poles(plant, law, claim):
     for alpha in plant.alphas(domain_of(claim, law)):
-        loop = mix(alpha, plant.A) + mix(alpha, plant.B) @ law.gain(alpha)
-        if outside(claim["region"], np.linalg.eigvals(loop)) > SLACK:
-            return True
+        for A, B, _ in plant.near(alpha):
+            if outside(claim["region"], np.linalg.eigvals(A + B @ law.gain(alpha))) > SLACK:
+                return True
     return False
 
 
@@ -210,16 +223,17 @@ def false_signal(plant, law, claim):
     scales = array(claim["disturbances"]) if "disturbances" in claim else 1.0
     level = number(claim["level"]) * (1 + SLACK) + 1e-12
     for alpha in plant.alphas(domain_of(claim, law)):
-        A, B, E = mix(alpha, plant.A), mix(alpha, plant.B), mix(alpha, plant.E) * scales
         K = law.gain(alpha)
-        loop, y = A + B @ K, mix(alpha, C) + mix(alpha, D) @ K
-        if np.linalg.eigvals(loop).real.max() > SLACK:
-            return True
-        kind, through = claim["kind"], mix(alpha, F) * scales
+        y, kind, through = mix(alpha, C) + mix(alpha, D) @ K, claim["kind"], mix(alpha, F) * scales
         if kind != "gain" and np.any(through):
             return True
-        if _reached(kind, claim, (loop, E, y, through), (A, mix(alpha, C))) > level:
-            return True
+        for A, B, E in plant.near(alpha):
+            poles = np.linalg.eigvals(A + B @ K)
+            if (np.abs(poles).max() - 1 if plant.T else poles.real.max()) > SLACK:
+                return True
+            loop = A + B @ K, E * scales, y, through
+            if _reached(kind, claim, loop, (A, mix(alpha, C)), plant.T) > level:
+                return True
     return False
 
 
@@ -229,8 +243,10 @@ def stacked(plant, output, key):
     return rows(output[key] if key in output else [[0] * width], len(plant.A), width)
 
 
-def _reached(kind, claim, loop, passive):
+def _reached(kind, claim, loop, passive, T):
     A, E, C, F = loop
+    if T:
+        return _reached_at_samples(kind, claim, loop, passive, T)
     if kind in ("rms", "relative rms"):
         own = _rms(A, E, C, number(claim.get("intensity", 1)))
         if kind == "rms":
@@ -254,6 +270,52 @@ def _reached(kind, claim, loop, passive):
         worst = max(worst, float(np.abs(C @ peak).max()))
         peak = step @ peak
     return worst
+
+
+def _reached_at_samples(kind, claim, loop, passive, T):
+    A, E, C, F = loop
+    if kind in ("rms", "relative rms", "energy peak"):
+        size = number(claim.get("intensity", 1)) if "rms" in kind else number(claim["norm"]) ** 2
+
+        def own(A, C):
+            P = solve_discrete_lyapunov(A, size / T * E @ E.T)
+            return float(np.sqrt(max(np.trace(C @ P @ C.T), 0.0)))
+
+        return own(A, C) / (own(*passive) if kind == "relative rms" else 1.0)
+    if kind == "gain":
+        z, eye = np.exp(1j * np.linspace(0, np.pi, 60)), np.eye(len(A))
+        return max(np.linalg.norm(C @ np.linalg.solve(t * eye - A, E + 0j) + F, 2) for t in z)
+    starts = [np.array(list(map(number, p))) for p in claim.get("points", [])]
+    sizes = map(number, claim.get("impulses", []))
+    starts += [s * E[:, k] / T for k, s in enumerate(sizes)]
+    worst, peak = 0.0, np.array(starts).T
+    for _ in range(200):
+        worst, peak = max(worst, float(np.abs(C @ peak).max())), A @ peak
+    return worst
+
+
+def false_samples(plant, _, claim):
+    """Whether the matrix exponential is farther off than the remainder somewhere."""
+    own = Plant({"vertices": claim["vertices"], "parameters": []})
+    n, m, delay = own.A.shape[1], own.B.shape[2], claim["delay"]
+    q = 0 if own.E is None else own.E.shape[2]
+    for alpha in plant.alphas("box" if plant.ranges else "simplex"):
+        A, B, E = next(own.near(alpha))
+        width = n + m + q
+        whole = expm(np.block([[A, B, E], [np.zeros((m + q, width))]]) * plant.T)[:n]
+        F, G, H = whole[:, :n], whole[:, n : n + m], whole[:, n + m :]
+        for _ in range(delay):  # the states that are on their way, the last of them in G
+            more = len(F)
+            F = np.block([[F, G], [np.zeros((m, more + m))]])
+            G = np.vstack([np.zeros((more, m)), np.eye(m)])
+            H = np.vstack([H, np.zeros((m, q))])
+        expected = np.hstack([F, G, H])
+        if delay > 1 or expected.shape != plant.R.shape:
+            return False  # another order of states than here
+        found = np.hstack(next(plant.near(alpha)))
+        if np.any(np.abs(found - expected) > plant.R * (1 + SLACK) + 1e-12):
+            return True
+    return False
 
 
 def _rms(A, E, C, intensity):
@@ -487,6 +549,7 @@ FALSE = {
     "gain error": false_gain,
     "rate": false_rate,
     "sampled": false_sampled,
+    "samples": false_samples,
     "rounding": false_rounding,
     "cells": false_cells,
 }

@@ -1,0 +1,47 @@
+"""The page on designs at a sample time: its numbers are those of its script."""
+
+from __future__ import annotations
+
+import re
+
+import numpy as np
+import pytest
+
+import polefence as pf
+from polefence.law.laws import FixedGain
+from support.paths import DOCS
+from support.scripts import docs_script
+
+PAGE = (DOCS / "sample-time.md").read_text()
+TABLE = re.findall(
+    r"^\| (\d+) ms \| ([\d.]+) 1/s \| (.*?) \| ([\d.]+) m/s² \| ([\d.]+) ", PAGE, re.M
+)
+
+
+@pytest.fixture(scope="module")
+def script():
+    return vars(docs_script("sample_time"))
+
+
+def test_decay_rates_are_those_of_the_table(script):
+    found = list(script["decays"]())
+    assert len(TABLE) == len(found) == 3
+    for (T, own, after), (ms, decay, sampled, *_) in zip(found, TABLE, strict=True):
+        assert pytest.approx(float(ms)) == 1000 * T
+        assert own == pytest.approx(float(decay), rel=1e-2)
+        if sampled == "nothing proved":
+            assert after == 0
+        else:
+            assert after == pytest.approx(float(sampled.split()[0]), rel=2e-2)
+
+
+def test_what_is_between_samples_tends_to_what_continuous_time_has(script):
+    plant = pf.load(script["SPEC"])
+    (least, _) = pf.load_specifications(script["SPEC"])
+    K = np.array([[2000.0, 500.0, -800.0, 100.0, 0.0]])
+    vertices = np.eye(len(plant.vertices))
+    known = least.values(plant, FixedGain(K[:, :4]), vertices).max()
+    far, near = (script["between"](plant, FixedGain(K), least, T) for T in (2e-3, 1e-4))
+    assert near == pytest.approx(known, rel=2e-3)
+    assert abs(near - known) < abs(far - known)
+    assert [float(own) < float(whole) for *_, own, whole in TABLE] == [False, True, True]

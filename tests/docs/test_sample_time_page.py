@@ -13,7 +13,8 @@ from support.paths import DOCS
 from support.scripts import docs_script
 
 PAGE = (DOCS / "sample-time.md").read_text()
-TABLE = re.findall(
+ROW = r"^\| (\d+) ms \| ([\d.]+) 1/s \| (.*?) \| ([\d.]+) m/s² \| ([\d.]+) "
+TABLE = re.findall(ROW, PAGE, re.MULTILINE)
     r"^\| (\d+) ms \| ([\d.]+) 1/s \| (.*?) \| ([\d.]+) m/s² \| ([\d.]+) ", PAGE, re.M
 )
 

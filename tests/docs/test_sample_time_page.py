@@ -15,8 +15,6 @@ from support.scripts import docs_script
 PAGE = (DOCS / "sample-time.md").read_text()
 ROW = r"^\| (\d+) ms \| ([\d.]+) 1/s \| (.*?) \| ([\d.]+) m/s² \| ([\d.]+) "
 TABLE = re.findall(ROW, PAGE, re.MULTILINE)
-    r"^\| (\d+) ms \| ([\d.]+) 1/s \| (.*?) \| ([\d.]+) m/s² \| ([\d.]+) ", PAGE, re.M
-)
 
 
 @pytest.fixture(scope="module")

@@ -445,3 +445,13 @@ def test_numbers_of_a_remainder_out_of_proportion_are_refused():
     data["plant"]["states"], data["plant"]["remainder"] = [], rows
     with pytest.raises(FormatError, match="common denominator is out of all proportion"):
         read(json.dumps(data))
+
+
+def test_a_decay_rate_is_kept_beside_limits(spring):
+    plant = at_sample_time(spring, T, 1)
+    done = optimise(plant, Rms("x"), [Rms("f", 3.0)], HalfPlane(2.0), "quadratic")
+    for alpha in inside(100):
+        A, B, _ = samples(spring, alpha, T, 1)
+        z = np.linalg.eigvals(A + B @ done.law.gain(alpha))
+        assert np.abs(z).max() < np.exp(-2 * T)
+    assert str(done.design.region).startswith("disk(0, 0.96")

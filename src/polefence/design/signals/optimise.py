@@ -276,7 +276,11 @@ def _nearby(
     least = None if minimise is None else found[-1]
     limits = found if minimise is None else found[:-1]
     bare, best, failure = nearby.without_remainder(plant), None, None
+    deadline = Deadline(budget)
     for share, calm in nearby.ATTEMPTS:
+        if deadline.passed and best is not None:
+            best = replace(best, cut=_cut(deadline))
+            break
         closer = [replace(own, at_most=(own.at_most or 0) * (1 - share)) for own in subject_to]
         inner = nearby.decaying(plant, region, calm)
         try:

@@ -276,8 +276,8 @@ def _nearby(
     for own in asked_for:
         if isinstance(own, RelativeRms):
             raise InputError(
-                f"{own.title} is of plants that are combinations of their vertices; {plant.name} is "
-                "only near them: bound the rms itself"
+                f"{own.title} is of plants that are combinations of their vertices; "
+                f"{plant.name} is only near them: bound the rms itself"
             )
     larger, found = with_weights(plant, tuple(asked_for))
     least = None if minimise is None else found[-1]

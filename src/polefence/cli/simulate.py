@@ -439,9 +439,9 @@ def _time(plant: UncertainPlant, options: Any, law: Any) -> tuple[float, float]:
             raise InputError("--duration is missing: the loop does not come to rest by itself")
         duration = LASTING / slowest
     duration = positive(duration, "--duration [s]")
-    if step is None and loops.step:
-        step = loops.step
     if step is None:
+        if loops.step:
+            return duration, loops.step
         if options.sampling is not None:
             return duration, _step(options)
         step = duration / max(STEPS, math.ceil(duration / longest_step(loops) * MARGIN))

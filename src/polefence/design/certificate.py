@@ -16,6 +16,7 @@ from polefence.design.counterexample import counterexample
 from polefence.design.exact import holds
 from polefence.design.measured import dual_plant
 from polefence.law.laws import FixedGain, Law, PolynomialGain, ScheduledGain
+from polefence.plant.exact import bare_plant
 from polefence.plant.family import Sampling, UncertainPlant
 from polefence.plant.outputs import Output
 from polefence.plant.parameters import Parameter
@@ -126,7 +127,7 @@ class Certificate:
             If the checker does not take such a claim.
         """
         polynomial = isinstance(self.law, PolynomialGain)  # which names what it measures
-        plant = file_plant(self.plant) if polynomial else _bare_plant(self.plant)
+        plant = file_plant(self.plant) if polynomial else bare_plant(self.plant)
         try:
             law, on = read_law(Table.of(self._law(), "law"), plant)
             own = {"region": self.region.document(), "method": self.method}
@@ -336,7 +337,7 @@ def _floats(matrices: list[Rationals]) -> Array:
 def file_plant(plant: UncertainPlant) -> files.Plant:
     """Return a plant as files have it, with its names."""
     return replace(
-        _bare_plant(plant),
+        bare_plant(plant),
         name=plant.name,
         states=plant.states,
         inputs=plant.inputs,
@@ -344,23 +345,6 @@ def file_plant(plant: UncertainPlant) -> files.Plant:
         outputs=tuple(_file_output(plant, own) for own in plant.every_output),
         vehicle=None if plant.vehicle is None else asdict(plant.vehicle),
         noise=plant.noise,
-    )
-
-
-def _bare_plant(plant: UncertainPlant) -> files.Plant:
-    A, B, E = (
-        [list(map(list, M)) for v in plant.vertices if (M := getattr(v, key)) is not None]
-        for key in ("exact_A", "exact_B", "exact_E")
-    )
-    return files.Plant(
-        A, B, E, ranges_of(plant), sample_time=plant.sample_time, remainder=plant.remainder
-    )
-
-
-def ranges_of(plant: UncertainPlant) -> tuple[files.Range, ...]:
-    """Return the parameters of a plant as files have them."""
-    return tuple(
-        files.Range(p.low, p.high, p.inverted, p.name, p.unit, p.label) for p in plant.parameters
     )
 
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from polefence.base.errors import InputError
 from polefence.base.progress import stage
-from polefence.design.certificate import Check, ranges_of
+from polefence.design.certificate import Check
 from polefence.design.design import Design
 from polefence.design.margins.claims import claimed_design
 from polefence.design.margins.kinds import gain_claim
@@ -29,6 +29,7 @@ from polefence.export.sampled import (
 )
 from polefence.law.coordinates import Coordinates
 from polefence.law.laws import Law, PolynomialGain, ScheduledGain
+from polefence.plant.exact import ranges_of
 from polefence.plant.polynomial import Domain, Polynomial, bernstein, binomial, elevated, times
 from polefence.plant.system import Array
 from polefence.proof.claims.base import prove

@@ -19,7 +19,7 @@ import numpy as np
 
 from polefence.base.errors import InputError, SolverError
 from polefence.base.progress import stage
-from polefence.design.certificate import Check, ranges_of
+from polefence.design.certificate import Check
 from polefence.design.design import Design
 from polefence.design.evidence import certificate_of, evidence_of, forms, loop_of
 from polefence.design.margins.claims import above, balanced
@@ -39,6 +39,7 @@ from polefence.law.laws import (
 from polefence.lmi.conditions.target import Disks
 from polefence.lmi.solve.lyapunov import least
 from polefence.lmi.solve.starts import start_matrix
+from polefence.plant.exact import ranges_of
 from polefence.plant.family import UncertainPlant
 from polefence.plant.outputs import Output
 from polefence.plant.points import edges, inside, values_at

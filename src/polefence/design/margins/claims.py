@@ -18,13 +18,13 @@ from typing import Protocol
 import numpy as np
 
 from polefence.base.errors import InputError
-from polefence.design.certificate import ranges_of
 from polefence.design.design import Design
 from polefence.design.evaluation import Lyapunov, domain_of, lyapunovs
 from polefence.design.given import analyse
 from polefence.design.search import first, rising
 from polefence.law.coordinates import Coordinates
 from polefence.law.laws import FixedGain, PolynomialGain
+from polefence.plant.exact import ranges_of
 from polefence.plant.polynomial import Domain, Polynomial, bernstein, binomial, elevated, times
 from polefence.plant.system import Array
 from polefence.proof import work

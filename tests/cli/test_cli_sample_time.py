@@ -119,7 +119,7 @@ def test_code_is_proved_with_the_samples_as_they_are(folder, capsys):
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        (["--delay", "1"], "--delay: is of a sample time; give --sample-time"),
+        (["--delay", "1"], "--delay counts samples: give --sample-time too"),
         (["--sample-time", "0"], "spring.toml: --sample-time 0: sample_time = 0 must be positive"),
         (["--sample-time", "nan"], "spring.toml: --sample-time nan: "),
         (["--sample-time", "9"], "--sample-time 9: .*take a shorter sample time"),

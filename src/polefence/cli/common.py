@@ -133,7 +133,7 @@ def at_samples(plant: UncertainPlant, options: Any) -> UncertainPlant:
 
     if options.sample_time is None:
         if options.delay is not None:
-            raise InputError("--delay: is of a sample time; give --sample-time")
+            raise InputError("--delay counts samples: give --sample-time too")
         return plant
     try:
         return at_sample_time(plant, options.sample_time, options.delay or 0)

@@ -972,7 +972,7 @@ def _cloud_handles(panels: Sequence[BoundsPanel]) -> list[Any]:
     large = {"ms": 8}
     found = [
         Line2D([], [], label="proved for all parameters", **BOUND),
-        Line2D([], [], label="with the law, sampled", **{**OWN, **large}),
+        Line2D([], [], label="with the law, at points of the family", **{**OWN, **large}),
     ]
     if any(panel.passive is not None and panel.passive.any() for panel in panels):
         found.append(Line2D([], [], label="without control, sampled", **{**PASSIVE, **large}))

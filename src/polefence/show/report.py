@@ -211,6 +211,7 @@ def _claim(design: Design, answer: Check) -> Section:
         ("claim", "; ".join(answer.claims)),
         ("answer", f"{answer.answer}: {answer.reason}"),
     ]
+    held = "sampling" if design.plant.sample_time is None else "the time between samples"
     stable = implies_stability(design.plant, design.region)
     note = "" if stable else " The region does not imply stability."
     return Section(
@@ -219,7 +220,7 @@ def _claim(design: Design, answer: Check) -> Section:
             "For every value of the parameters below, each taken as constant, all closed-loop "
             "poles lie in the region. The proof was done afresh for this report, in integers."
             f"{note}",
-            "Not in the claim: actuator limits, sampling, and changes and errors of the "
+            f"Not in the claim: actuator limits, {held}, and changes and errors of the "
             "parameters; polefence service proves how large the last two may be.",
         ),
         Table(("", ""), tuple(rows)),

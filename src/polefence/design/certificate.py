@@ -401,7 +401,13 @@ def plant_of(plant: files.Plant) -> UncertainPlant:
         )
         parameters = tuple(
             Parameter(
-                p.name, p.low, p.high, p.unit, f"1/{p.name}" if p.inverted else p.name, p.label
+                p.name,
+                p.low,
+                p.high,
+                p.unit,
+                f"1/{p.name}" if p.inverted else p.name,
+                p.label,
+                p.rate,
             )
             for p in plant.ranges
         )

@@ -32,6 +32,7 @@ from polefence.lmi.solve.gramians import cheapest, majorant
 from polefence.lmi.solve.lyapunov import LyapunovPolynomial, points_inside
 from polefence.plant.boxes import MOST_PARTS, Box, divided, widest
 from polefence.plant.family import UncertainPlant
+from polefence.plant.motion import Motion
 from polefence.plant.polynomial import bernstein, elevated, times
 from polefence.plant.system import Array
 from polefence.proof import matrices, work
@@ -65,18 +66,18 @@ def loop_with(plant: UncertainPlant, law: Law, C: Array, D: Array) -> Loop:
 
 def _loop(plant: UncertainPlant, law: Law, rows: Array) -> Loop:
     n, domain, step = plant.shape[0], domain_of(plant, law), float(plant.step)
-    AB = bernstein(domain, rows, 1)
+    AB, motion = bernstein(domain, rows, 1), Motion.of(plant)
     if isinstance(law, FixedGain):
         eye = {(0,) * sum(domain.sizes): np.eye(n)}
         both = {(0,) * sum(domain.sizes): np.vstack([np.eye(n), law.K])}
-        return Loop(elevated(eye, domain, 1), times(AB, both), domain, step=step)
+        return Loop(elevated(eye, domain, 1), times(AB, both), domain, step=step, motion=motion)
     if isinstance(law, PolynomialGain):
         both = bernstein(domain, law.form, law.degree)
         eye = elevated({(0,) * sum(domain.sizes): np.eye(n)}, domain, law.degree + 1)
-        return Loop(eye, times(AB, both), domain, step=step)
+        return Loop(eye, times(AB, both), domain, step=step, motion=motion)
     W = bernstein(domain, law.W, law.degree)
     both = bernstein(domain, np.concatenate([law.W, law.Z], axis=1), law.degree)
-    return Loop(elevated(W, domain, 1), times(AB, both), domain, W, step)
+    return Loop(elevated(W, domain, 1), times(AB, both), domain, W, step, motion)
 
 
 def forms(plant: UncertainPlant, law: Law, parts: int = 1) -> Iterator[tuple[int, int]]:

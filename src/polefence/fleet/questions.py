@@ -613,7 +613,7 @@ def _proved(
     worst: float | None = None,
     unit: str = "",
 ) -> Answer:
-    claim = "; ".join(own.statement(document.plant) for own in document.claims)
+    claim = "; ".join(own.said(document.plant) for own in document.claims)
     return Answer(PROVED, bound, least, worst, unit, claim, document=document.dumps(None))
 
 

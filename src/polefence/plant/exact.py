@@ -30,5 +30,5 @@ def matrices_of(plant: UncertainPlant) -> tuple[Matrices, Matrices, Matrices]:
 def ranges_of(plant: UncertainPlant) -> tuple[Range, ...]:
     """Return the parameters of a plant."""
     return tuple(
-        Range(p.low, p.high, p.inverted, p.name, p.unit, p.label) for p in plant.parameters
+        Range(p.low, p.high, p.inverted, p.name, p.unit, p.label, p.rate) for p in plant.parameters
     )

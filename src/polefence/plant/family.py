@@ -152,7 +152,17 @@ class UncertainPlant:
         for name in self.noise:
             if name not in known:
                 raise PlantError(f"noise: no disturbance {name!r}; {suggest(str(name), known)}")
+        if self.moving and (self.sample_time is not None or self.step):
+            raise PlantError(
+                f"parameter {self.moving[0].name}: rate: parameters that move are for plants in "
+                "continuous time; leave out rate, or sample_time"
+            )
         self._read_outputs()
+
+    @property
+    def moving(self) -> tuple[Parameter, ...]:
+        """The parameters that move."""
+        return tuple(own for own in self.parameters if own.rate is not None)
 
     def _read_outputs(self) -> None:
         """Leave out those of the vehicle; refuse those that do not fit, and names that repeat."""

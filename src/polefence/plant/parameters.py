@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import keyword
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import cached_property
 from numbers import Rational, Real
-from typing import Any
+from typing import Any, Literal
 
 from polefence.base.errors import ParameterValueError, PlantError, SpecError, shown, suggest
 from polefence.plant.expression import decimal
@@ -18,6 +19,7 @@ from polefence.plant.expression import decimal
 LARGEST = 10**100
 MAX_DIGITS = 300
 MAX_NAME = 200  # characters of a name or a unit
+ANY: Literal["any"] = "any"  # of a rate: nothing bounds it
 
 
 PLAIN_BITS = 300  # of numerator and denominator: within both bounds, seen without arithmetic
@@ -93,6 +95,32 @@ def check_name(name: Any) -> None:
         )
 
 
+# Least and largest dp/dt, "any", or None of a parameter that does not move.
+Rate = tuple[Fraction, Fraction] | Literal["any"] | None
+
+
+def _read_rate(name: str, rate: Any) -> Rate:
+    """Return a rate in exact numbers; None where both ends are zero.
+
+    Raises
+    ------
+    PlantError
+    """
+    if rate is None or rate == ANY:
+        return rate  # type: ignore[no-any-return]
+    what = f"parameter {name}: rate"
+    if isinstance(rate, str) or not isinstance(rate, Sequence) or len(rate) != 2:
+        raise PlantError(f'{what} = {shown(rate)} must be two numbers, [lowest, highest], or "any"')
+    low, high = (exact(end, what) for end in rate)
+    if not low <= 0 <= high:
+        raise PlantError(
+            f"{what} = [{float(low):g}, {float(high):g}] has no zero in it: within bounds a "
+            f"parameter cannot move on for ever; write [{min(float(low), 0):g}, "
+            f"{max(float(high), 0):g}]"
+        )
+    return (low, high) if low or high else None
+
+
 @dataclass(frozen=True)
 class Parameter:
     """One uncertain parameter p in [low, high].
@@ -109,11 +137,15 @@ class Parameter:
         The scheduling variable: the name itself, or ``"1/name"`` when the plant is affine in 1/p.
     label : str
         What it is, for people ("sprung mass").
+    rate : pair of numbers, "any" or None
+        Least and largest dp/dt, in ``unit`` per second; "any" where nothing bounds it; None of a
+        parameter that does not move.
 
     Raises
     ------
     PlantError
-        If the interval is empty, reversed or not finite, or touches zero with ``"1/name"``.
+        If the interval is empty, reversed or not finite, or touches zero with ``"1/name"``; or the
+        interval of its rate has no zero in it.
     """
 
     name: str
@@ -122,6 +154,7 @@ class Parameter:
     unit: str = ""
     through: str = ""
     label: str = ""
+    rate: Rate = None
 
     def __post_init__(self) -> None:
         check_name(self.name)
@@ -149,6 +182,7 @@ class Parameter:
         object.__setattr__(self, "low", low)
         object.__setattr__(self, "high", high)
         object.__setattr__(self, "through", through)
+        object.__setattr__(self, "rate", _read_rate(self.name, self.rate))
 
     @property
     def inverted(self) -> bool:

@@ -21,7 +21,7 @@ from polefence.plant.expression import MAX_LENGTH, decimal, decimal_text, evalua
 from polefence.plant.family import Scope, UncertainPlant
 from polefence.plant.larger import with_actuator, with_sensor
 from polefence.plant.outputs import Output, split, weighted_sum
-from polefence.plant.parameters import Parameter, exact
+from polefence.plant.parameters import ANY, Parameter, exact
 from polefence.plant.system import Exact, System
 from polefence.plant.tracks import Tracks
 from polefence.plant.vehicle import Vehicle
@@ -501,16 +501,19 @@ def _parameter(name: str, table: Any) -> Parameter:
     where = f"parameter.{name}"
     if not isinstance(table, dict):
         raise SpecError(f"{where} must be a table; write [{where}]")
-    _known(table, {"label", "range", "unit", "through"}, f"{where}: ")
+    _known(table, {"label", "range", "unit", "through", "rate"}, f"{where}: ")
     _need(table, ("range",), where)
     bounds = table["range"]
     if not isinstance(bounds, list) or len(bounds) != 2:
         raise SpecError(f"{where}: range must be two numbers, [low, high]")
     low, high = (_finite(b, f"{where}: range") for b in bounds)
-    texts = [table.get(key, "") for key in ("unit", "through", "label")]
+    unit, through, label = texts = [table.get(key, "") for key in ("unit", "through", "label")]
     if not all(isinstance(text, str) for text in texts):
         raise SpecError(f"{where}: unit, through and label must be strings")
-    return Parameter(name, low, high, *texts)
+    rate = table.get("rate")
+    if isinstance(rate, list) and len(rate) == 2:
+        rate = tuple(_finite(end, f"{where}: rate") for end in rate)
+    return Parameter(name, low, high, unit, through, label, rate)
 
 
 def _rows(value: Any, where: str) -> list[list[Any]]:
@@ -643,6 +646,9 @@ def _expression_lines(plant: UncertainPlant) -> list[str]:
         lines += [f"label = {_quoted(own.label)}"] if own.label else []
         lines += [f"unit = {_quoted(own.unit)}"] if own.unit else []
         lines += [f"through = {_quoted(own.through)}"] if own.inverted else []
+        if own.rate is not None:
+            ends = own.rate if own.rate == ANY else _row_text(map(decimal_text, own.rate))
+            lines.append(f"rate = {_quoted(ends) if ends == ANY else ends}")
     lines.append("\n[matrices]")
     tables = [_letters(vertex) for vertex in plant.vertices]
     for letter in tables[0]:

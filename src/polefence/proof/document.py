@@ -228,7 +228,7 @@ def check(document: Document, prover: Callable[[Claim], Verdict] = prove) -> Che
             verdict = prover(claim)
             if verdict.proved:
                 verdict = verdict.unless(claim.fault_in(document.plant, document.claims))
-            text = claim.statement(document.plant)
+            text = claim.said(document.plant)
             verdicts.append(replace(verdict, claim=number))
             if not verdict.proved:
                 return Checked(verdict.answer, _where(document, verdicts), (text,), tuple(verdicts))

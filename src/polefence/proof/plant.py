@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from functools import cached_property
-from typing import Any
+from typing import Any, Literal
 
 from polefence.proof.matrices import Rationals, common_denominator
 from polefence.proof.polynomials import Sizes
@@ -14,11 +14,15 @@ from polefence.proof.remainder import Remainder
 from polefence.proof.work import RATIONAL, FormatError, spend
 
 MAX_PARAMETERS, MAX_OUTPUTS = 8, 1000
+ANY: Literal["any"] = "any"  # of a rate: nothing bounds it
 
 
 @dataclass(frozen=True)
 class Range:
-    """A parameter's interval; ``inverted`` where the plant is affine in 1/p."""
+    """A parameter's interval; ``inverted`` where the plant is affine in 1/p.
+
+    ``rate`` holds the least and the largest dp/dt, or "any"; None of one that does not move.
+    """
 
     low: Fraction
     high: Fraction
@@ -26,6 +30,7 @@ class Range:
     name: str = ""
     unit: str = ""
     label: str = ""
+    rate: tuple[Fraction, Fraction] | Literal["any"] | None = None
 
 
 @dataclass(frozen=True)
@@ -180,6 +185,8 @@ class Plant:
         )
         if plant.sample_time is not None and plant.sample_time <= 0:
             raise FormatError(f"{table.path('sample_time')} must be positive")
+        if plant.sample_time is not None and any(own.rate is not None for own in plant.ranges):
+            raise FormatError(f"{table.path('sample_time')}: rates are for continuous time")
         return plant
 
     def write(self) -> dict[str, Any]:
@@ -210,6 +217,7 @@ class Plant:
                 "through": f"1/{own.name}" if own.inverted else own.name,
             }
             | ({"label": own.label} if own.label else {})
+            | ({} if own.rate is None else {"rate": _rate_text(own)})
             for own in self.ranges
         ]
         table["vertices"] = [
@@ -239,9 +247,22 @@ def _ranges(table: Table) -> tuple[Range, ...]:
         low, high = (as_number(value, where) for value in bounds)
         if low >= high or (through != name and low <= 0 <= high):
             raise FormatError(f"{where} is empty, or touches zero where 1/{name} is used")
-        texts = [row.text(key, "") for key in ("unit", "label")]
-        found.append(Range(low, high, through != name, name, *texts))
+        unit, label = (row.text(key, "") for key in ("unit", "label"))
+        found.append(Range(low, high, through != name, name, unit, label, _rate(row)))
     return tuple(found)
+
+
+def _rate(row: Table) -> tuple[Fraction, Fraction] | Literal["any"] | None:
+    if "rate" not in row or row.at("rate") == ANY:
+        return ANY if "rate" in row else None
+    low, high = row.numbers("rate", 2)
+    if not low <= 0 <= high or low == high:
+        raise FormatError(f"{row.path('rate')} must be two numbers about zero, not both zero")
+    return low, high
+
+
+def _rate_text(own: Range) -> Any:
+    return own.rate if own.rate == ANY else plain(list(own.rate or ()))
 
 
 def _outputs(table: Table, shape: tuple[int, int, int], count: int) -> tuple[Output, ...]:

@@ -323,7 +323,7 @@ def _named(design: Design, document: Document | None, road: tuple[str, float]) -
         return ()
     found = []
     for claim in document.claims[1:]:
-        said, what, level, under = claim.statement(document.plant), "", "", ""
+        said, what, level, under = claim.said(document.plant), "", "", ""
         if isinstance(claim, SignalClaim):
             what = f"{claim.kind} of {', '.join(quoted(own.name) for own in claim.outputs)}"
             level = f"{digits_up(claim.level)} {_unit(design.plant, claim)}".strip()

@@ -54,7 +54,7 @@ class Found:
             require_kind(certificate)
         except InputError as error:
             raise DesignFileError(f"{path}: {error}") from error
-        others = (own.statement(document.plant) for own in document.claims[1:])
+        others = (own.said(document.plant) for own in document.claims[1:])
         return cls(Design(certificate), document, tuple(" ".join(own.split()) for own in others))
 
     @classmethod

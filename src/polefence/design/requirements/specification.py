@@ -18,6 +18,7 @@ from polefence.law.laws import Law
 from polefence.lmi.conditions import performance as conditions
 from polefence.lmi.solve.gramians import DualProblem
 from polefence.plant.delta import delta_form
+from polefence.plant.exact import matrices_of, ranges_of
 from polefence.plant.family import UncertainPlant
 from polefence.plant.outputs import Output, Signal, disturbances, stacked
 from polefence.plant.polynomial import Domain
@@ -521,13 +522,7 @@ def claim_of(
     Of a plant in discrete time, or in its delta form.
     """
     plant = delta_form(plant)
-    A, B, E = (
-        [[list(row) for row in M] for M in matrices if M is not None]
-        for matrices in (
-            [v.exact_A for v in plant.vertices],
-            [v.exact_B for v in plant.vertices],
-            [v.exact_E for v in plant.vertices],
-        )
-    )
-    subject = proof.Subject(A, B, E, law, evidence, on, plant.step, plant.remainder)
+    motion = ranges_of(plant) if plant.moving else ()
+    matrices, own = matrices_of(plant), (plant.step, plant.remainder, motion)
+    subject = proof.Subject(*matrices, law, evidence, on, *own)
     return specification.claim(subject, level, plant)

@@ -49,6 +49,7 @@ from polefence.lmi.solve.search import Reached, coefficients, singular_is_failur
 from polefence.lmi.solve.smallest import smallest, typical_rate
 from polefence.lmi.solve.starts import regulators
 from polefence.plant.family import UncertainPlant
+from polefence.plant.motion import Motion
 from polefence.plant.outputs import inputs
 from polefence.plant.points import seeded
 from polefence.plant.polynomial import Domain
@@ -132,7 +133,7 @@ class Task:
         degree, elevation = int(o.degree), o.elevation
         values = tuple(sources.values())
         norms = as_norms(plant, self.limits, self.minimise)
-        form = self.domain, degree, elevation, norms, float(plant.step)
+        form = self.domain, degree, elevation, norms, float(plant.step), Motion.of(plant)
         return Problem(plant.A, plant.B, values, outputs, region, *form)
 
     @singular_is_failure()

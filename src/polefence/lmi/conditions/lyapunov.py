@@ -16,9 +16,11 @@ from operator import add
 
 import numpy as np
 
+from polefence.lmi.conditions.motion import moved
 from polefence.lmi.conditions.pencil import Builder, Linear, Pencil, Term
 from polefence.lmi.conditions.performance import Demands, Form, assembled, split_rows
 from polefence.plant.boxes import Box
+from polefence.plant.motion import STILL, Motion
 from polefence.plant.polynomial import (
     Domain,
     Exponent,
@@ -42,6 +44,8 @@ class Loop:
     domain : Domain
     step : float
         Of a delta form [s]; zero in continuous time.
+    motion : Motion
+        Of the parameters.
     """
 
     E: Polynomial
@@ -49,6 +53,7 @@ class Loop:
     domain: Domain
     R: Polynomial | None = None
     step: float = 0.0
+    motion: Motion = STILL
 
     @property
     def degree(self) -> int:
@@ -65,7 +70,7 @@ class Loop:
         """Return the loop in a part of the box of parameters, in coordinates of that."""
         E, C = (box.polynomial(P, self.domain) for P in (self.E, self.C))
         R = self.R and box.polynomial(self.R, self.domain)
-        return Loop(E, C, self.domain, R, self.step)
+        return replace(self, E=E, C=C, R=R)
 
     def without_outputs(self) -> Loop:
         """Return the loop alone."""
@@ -85,7 +90,7 @@ class Loop:
         E = {e: inverse @ p @ right for e, p in self.E.items()}
         C = {e: np.vstack([inverse @ p[:n] / rate, p[n:]]) @ right for e, p in self.C.items()}
         R = self.R and {e: inverse @ p @ inverse.T for e, p in self.R.items()}
-        return Loop(E, C, self.domain, R, self.step * rate)
+        return Loop(E, C, self.domain, R, self.step * rate, self.motion.changed(rate))
 
     def restored(self, Q: Array, T: Array) -> Array:
         """Return Q in the original coordinates."""
@@ -109,25 +114,41 @@ def given(loop: Loop, demands: Demands, degree: int = 0, elevation: int = 0) -> 
     """
     domain, n = loop.domain, len(next(iter(loop.E.values())))
     pencil = Builder("lyapunov")
-    Q = [pencil.symmetric(f"Q{k + 1}", n) for k in range(domain.count(degree))]
+    like = demands.target.motion.like(domain, degree)
+    Q = [pencil.symmetric(f"Q{k + 1}", n, f"Q{own + 1}") for k, own in enumerate(like)]
     natural = loop.degree + degree
     elevation += max(0, demands.degree(domain) - natural)
     E, C = (elevated(P, domain, elevation) for P in (loop.E, loop.C))
     X, NY = _products(E, Q, loop, degree), _products(C, Q, loop, degree)
     if loop.R is not None:
-        scalars = [pencil.full(f"s{k + 1}", (1, 1), "") for k in range(len(Q))]
+        scalars = [
+            pencil.full(f"s{k + 1}", (1, 1), "", f"s{own + 1}") for k, own in enumerate(like)
+        ]
         extra = degree_of(loop.R, domain)
         for total, P in ((X, E), (NY, C)):
             for e, more in _multiples(elevated(P, domain, extra), scalars, domain, degree).items():
                 total[e] = total.get(e, Linear()) + more
     parts = split_rows(n, demands.outputs)
+    motions = dict[Exponent, tuple[Linear, ...]]()
+    if demands.target.motion.moves:
+        bare = _products(loop.R or _one(loop), Q, loop, degree)
+        if loop.R is not None:
+            own = _multiples(elevated(loop.R, domain, extra), scalars, domain, degree)
+            bare = {e: bare.get(e, Linear()) + own.get(e, Linear()) for e in {**bare, **own}}
+        N = {e: parts[0] @ P if demands.outputs else P for e, P in NY.items()}
+        motions = moved(demands.target.motion, N, bare, domain)
 
     def forms() -> Iterator[Form]:
         for e in domain.monomials(natural + elevation):
             N, *Y = (part @ NY[e] for part in parts) if demands.outputs else (NY[e],)
-            yield Form(e, X[e], N, tuple(Y))
+            yield Form(e, X[e], N, tuple(Y), moved=motions.get(e, ()))
 
     return assembled(pencil, forms(), demands, domain, natural + elevation)
+
+
+def _one(loop: Loop) -> Polynomial:
+    """Return I, of degree zero."""
+    return {(0,) * sum(loop.domain.sizes): np.eye(len(next(iter(loop.E.values()))))}
 
 
 def _products(P: Polynomial, Q: list[Linear], loop: Loop, degree: int) -> dict[Exponent, Linear]:

@@ -27,11 +27,12 @@ import numpy as np
 
 from polefence.base.errors import InputError, suggest
 from polefence.lmi.conditions.gain_norm import add_norm
+from polefence.lmi.conditions.motion import moved
 from polefence.lmi.conditions.pencil import Builder, Linear, Pencil, Piece, block_name, multiple
 from polefence.lmi.conditions.performance import Demands, Form, Output, assembled, split_rows
 from polefence.lmi.conditions.target import Side, Target, disks
 from polefence.plant.family import UncertainPlant
-from polefence.plant.polynomial import DOMAINS, Domain, Exponent
+from polefence.plant.polynomial import DOMAINS, Domain, Exponent, binomial
 from polefence.plant.system import Array
 
 METHODS = ("quadratic", "slack", "scheduled")
@@ -262,12 +263,12 @@ def is_searchable(plant: UncertainPlant, method: Method, most: float = MOST_STEP
 def fitting(plant: UncertainPlant, method: Method) -> Method:
     """Return the method; for a plain "scheduled" one on the box where that is by far the smaller.
 
-    With elevation 1 the box is never worse: each of its inequalities is a sum of Theorem 1's.
+    So it is where parameters move: their rates are those of the box. With elevation 1 the box is never worse: each of its inequalities is a sum of Theorem 1's.
     """
     if method != "scheduled" or not plant.parameters:
         return method
     wide = Scheduled(1, 1, "box")
-    many = blocks(plant, method) > FEWER * blocks(plant, wide)
+    many = bool(plant.moving) or blocks(plant, method) > FEWER * blocks(plant, wide)
     if many or not is_searchable(plant, method, LONG_STEP):
         for box in (wide, Scheduled(1, 0, "box")):
             if is_searchable(plant, box, LONG_STEP):
@@ -304,8 +305,8 @@ def parameter_dependent(
     pencil = Builder("quadratic" if degree == 0 else "scheduled")
     names = [str(k + 1) for k in range(domain.count(degree))] if degree else [""]
     W, Z = list[Linear](), list[Linear]()
-    for name in names:
-        W.append(pencil.symmetric(f"W{name}", n))
+    for name, first in zip(names, target.motion.like(domain, degree), strict=True):
+        W.append(pencil.symmetric(f"W{name}", n, f"W{names[first]}"))
         if m:
             Z.append(pencil.full(f"Z{name}", (m, n), "u"))
     tau = None if right_hand_side is None else multiple(pencil.positive("tau"), right_hand_side)
@@ -315,7 +316,7 @@ def parameter_dependent(
             name=block_name(form.exponent, domain, degree, elevation),
             floor=None if tau is None else right_hand_share(form.exponent) * tau,
         )
-        for form in _forms((A, B), (W, Z), (), domain, degree, elevation)
+        for form in _forms((A, B), (W, Z), Demands(target), domain, degree, elevation)
     )
     return assembled(pencil, forms, Demands(target), domain, degree + 1 + elevation)
 
@@ -332,16 +333,38 @@ def design(
     n, m = A.shape[1], B.shape[2]
     pencil = Builder("performance")
     names = [str(k + 1) for k in range(domain.count(degree))]
-    W = [pencil.symmetric(f"W{name}", n) for name in names]
+    first = demands.target.motion.like(domain, degree)
+    W = [
+        pencil.symmetric(f"W{name}", n, f"W{names[k]}")
+        for name, k in zip(names, first, strict=True)
+    ]
     Z = [pencil.full(f"Z{name}", (m, n), "u") for name in names]
     for norm, near in demands.norms:
         add_norm(pencil, W, Z, norm, near, domain, degree, elevation)
     extra = max(degree + 1, demands.degree(domain)) - degree - 1 + elevation
-    forms = _forms((A, B), (W, Z), demands.outputs, domain, degree, extra)
+    forms = _forms((A, B), (W, Z), demands, domain, degree, extra)
     return assembled(pencil, forms, demands, domain, degree + 1 + extra)
 
 
 def _forms(
+    plant: tuple[Array, Array],
+    law: tuple[list[Linear], list[Linear]],
+    demands: Demands,
+    domain: Domain,
+    degree: int,
+    extra: int,
+) -> Iterator[Form]:
+    """Yield the coefficients of X = W, N = A W + B Z and Y = C W + D Z, of motions too."""
+    own = list(_still(plant, law, demands.outputs, domain, degree, extra))
+    if demands.target.motion.moves:
+        pairs = zip(domain.monomials(degree), law[0], strict=True)
+        X = {e: float(binomial(domain.sizes, e)) * W for e, W in pairs}
+        found = moved(demands.target.motion, {f.exponent: f.N for f in own}, X, domain)
+        own = [replace(form, moved=found[form.exponent]) for form in own]
+    yield from own
+
+
+def _still(
     plant: tuple[Array, Array],
     law: tuple[list[Linear], list[Linear]],
     outputs: tuple[Output, ...],
@@ -349,7 +372,7 @@ def _forms(
     degree: int,
     extra: int,
 ) -> Iterator[Form]:
-    """Yield the coefficients of X = W, N = A W + B Z and Y = C W + D Z."""
+    """Yield the coefficients of X, N and Y."""
     (A, B), (W, Z) = plant, law
     n = A.shape[1]
     AC = np.concatenate([A, *(o.C for o in outputs)], axis=1)

@@ -37,17 +37,22 @@ class Variable:
         Symmetric unknowns count their upper triangle only.
     rows : str
         Where the rows live: "x" (states), "u" (inputs), or "" (a scalar). Scaling needs to know.
+    like : str
+        Name of the variable, declared before, that it is to equal; "" of one that is free.
     """
 
     name: str
     shape: tuple[int, int]
     symmetric: bool = False
     rows: str = "x"
+    like: str = ""
 
     @property
     def size(self) -> int:
-        """Number of scalar unknowns."""
+        """Number of scalar unknowns of its own."""
         rows, columns = self.shape
+        if self.like:
+            return 0
         return rows * (rows + 1) // 2 if self.symmetric else rows * columns
 
     @property
@@ -57,6 +62,8 @@ class Variable:
 
     def pack(self, matrix: Array) -> Array:
         """Return the unknowns of a matrix, batched over leading axes."""
+        if self.like:
+            return matrix[..., 0, :0]
         if self.symmetric:
             return matrix[..., *_upper(self.shape[0])]
         return matrix.reshape(*matrix.shape[:-2], self.size)
@@ -190,8 +197,10 @@ class Pencil:
     @cached_property
     def places(self) -> dict[str, Index]:
         """For each variable its matrix of positions in x."""
-        start = np.cumsum([0] + [v.size for v in self.variables])
-        return {v.name: v.places + k for v, k in zip(self.variables, start, strict=False)}
+        start, found = np.cumsum([0] + [v.size for v in self.variables]), dict[str, Index]()
+        for v, k in zip(self.variables, start, strict=False):
+            found[v.name] = found[v.like] if v.like else v.places + k
+        return found
 
     def _operator(self, halves: list[tuple[Term, ...]]) -> sp.csr_array:
         import scipy.sparse as sp
@@ -236,14 +245,16 @@ class Builder:
         # a right factor placed twice must be one array: terms are collected by it
         self._rights: dict[tuple[int, int, int], tuple[Array, Array]] = {}
 
-    def symmetric(self, name: str, n: int) -> Linear:
-        """Declare a symmetric n x n unknown."""
-        self.variables.append(Variable(name, (n, n), symmetric=True))
+    def symmetric(self, name: str, n: int, like: str = "") -> Linear:
+        """Declare a symmetric n x n unknown; see `Variable` for ``like``."""
+        like = "" if like == name else like
+        self.variables.append(Variable(name, (n, n), symmetric=True, like=like))
         return self.variables[-1].as_linear()
 
-    def full(self, name: str, shape: tuple[int, int], rows: str) -> Linear:
-        """Declare an unknown without structure; see `Variable` for ``rows``."""
-        self.variables.append(Variable(name, shape, rows=rows))
+    def full(self, name: str, shape: tuple[int, int], rows: str, like: str = "") -> Linear:
+        """Declare an unknown without structure; see `Variable` for ``rows`` and ``like``."""
+        like = "" if like == name else like
+        self.variables.append(Variable(name, shape, rows=rows, like=like))
         return self.variables[-1].as_linear()
 
     def positive(self, name: str) -> Linear:

@@ -30,6 +30,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
+from itertools import product
 
 import numpy as np
 
@@ -214,6 +215,7 @@ class Form:
     """Coefficients at one exponent: X, N and one Y an output.
 
     ``floor`` is what a region's first block has to exceed, ``name`` that of the exponent's blocks.
+    ``moved`` holds N - (dX/dt) / 2 at every extreme of the rates, where parameters move.
     """
 
     exponent: Exponent
@@ -222,6 +224,12 @@ class Form:
     Y: tuple[Linear, ...] = ()
     floor: Linear | None = None
     name: str = ""
+    moved: tuple[Linear, ...] = ()
+
+    @property
+    def motions(self) -> Iterator[tuple[str, Linear]]:
+        """Yield N, or each of those of motions, and what its block's name ends in."""
+        yield from ((f", rates {k}" * (k > 0), N) for k, N in enumerate(self.moved or (self.N,)))
 
 
 def split_rows(n: int, outputs: Iterable[Output]) -> list[Array]:
@@ -255,24 +263,34 @@ def assembled(
     for form in forms:
         e, name = form.exponent, form.name or block_name(form.exponent, domain)
         weight = binomial(domain.sizes, e)
-        motion = form.N + demands.margin * form.X if demands.margin else form.N
-        for source in sources:
+        for source, (more, N) in product(sources, form.motions):
             if not isinstance(source, Through):
                 data = moved[source.name](e)
+                motion = N + demands.margin * form.X if demands.margin else N
                 at = form.X, motion, demands.step
-                pencil.blocks += _moved(source, name, at, t[source.name], data, weight)
+                pencil.blocks.append(_moved(source, name + more, at, t[source.name], data, weight))
+        for source in sources:
+            if isinstance(source, Points):
+                pencil.blocks += _started(
+                    source, name, form.X, t[source.name], moved[source.name](e), weight
+                )
         for output, Y in zip(outputs, form.Y, strict=True):
             source, own = by_name[output.source], t[output.source]
             label = f"{output.name}, {name}"
             if isinstance(source, Through):
                 E = moved[source.name](e)
                 F = _raised_F(output, domain, degree, E.shape[1])(e)
-                at = form.X, form.N, demands.step
-                pencil.blocks.append(_passed(label, at, Y, own, E, F, weight, output))
+                for more, N in form.motions:
+                    at = form.X, N, demands.step
+                    pencil.blocks.append(_passed(label + more, at, Y, own, E, F, weight, output))
             else:
                 pencil.blocks.append(_bound(label, form.X, Y, own, bounds[output.name][e], output))
         for label, side in target.named(name):
-            pencil.region(label, form.X, form.N, side, form.floor)
+            for more, N in form.motions if side.is_half_plane else (("", form.N),):
+                pencil.region(label + more, form.X, N, side, form.floor)
+        if form.moved and not sources and not any(side.is_half_plane for side in target.sides):
+            for more, N in form.motions:
+                pencil.block(f"stability, {name}{more}", 1, [], [(0, 0, N)])
         if target.positive or gains:
             pencil.positive_definite(f"X at {name}", form.X)
     return pencil.build()
@@ -314,8 +332,8 @@ def _moved(
     t: Linear,
     data: Array,
     weight: float,
-) -> Iterator[Block]:
-    """Yield what a source asks of X, whatever is looked at; ``at`` holds X, N and the step."""
+) -> Block:
+    """Return what a source asks of the motion; ``at`` holds X, N and the step."""
     X, N, step = at
     n = X.terms[0].left.shape[0]
     size = 2 * n if step else n
@@ -331,25 +349,26 @@ def _moved(
         # columns of zeros ask for work and for nothing else
         own = np.any(data, axis=0)
         driven += put(multiple(t, data[:, own] / 2), eye, eye[:, own])
-    yield Block(f"{source.name}, {name}", size, (), driven)
-    eye = np.eye(n)
-    if isinstance(source, Points):
-        first, rest = np.eye(n + 1)[:, :1], np.eye(n + 1)[:, 1:]
-        for k, x0 in enumerate(data.T[:, :, None]):
-            corner = put((-weight / 2) * t, first, first)
-            side = put(-1.0 * t, rest @ x0, first)
-            yield Block(
-                f"{source.name} {k + 1}, {name}",
-                n + 1,
-                (),
-                corner + side + put(-0.5 * X, rest, rest),
-            )
-        if source.ellipsoid is not None:
-            X0 = source.ellipsoid
-            own = np.any(X0, axis=0)
-            above = put(multiple(t, weight / 2 * X0[:, own]), eye, eye[:, own])
-            name = f"{source.name} of the ellipsoid, {name}"
-            yield Block(name, n, (), above + put(-0.5 * X, eye, eye))
+    return Block(f"{source.name}, {name}", size, (), driven)
+
+
+def _started(
+    source: Points, name: str, X: Linear, t: Linear, data: Array, weight: float
+) -> Iterator[Block]:
+    """Yield that X holds the initial states."""
+    n = X.terms[0].left.shape[0]
+    first, rest = np.eye(n + 1)[:, :1], np.eye(n + 1)[:, 1:]
+    for k, x0 in enumerate(data.T[:, :, None]):
+        corner = put((-weight / 2) * t, first, first)
+        side = put(-1.0 * t, rest @ x0, first)
+        below = put(-0.5 * X, rest, rest)
+        yield Block(f"{source.name} {k + 1}, {name}", n + 1, (), corner + side + below)
+    if source.ellipsoid is not None:
+        X0, eye = source.ellipsoid, np.eye(n)
+        own = np.any(X0, axis=0)
+        above = put(multiple(t, weight / 2 * X0[:, own]), eye, eye[:, own])
+        name = f"{source.name} of the ellipsoid, {name}"
+        yield Block(name, n, (), above + put(-0.5 * X, eye, eye))
 
 
 def _bound(name: str, X: Linear, Y: Linear, t: Linear, weight: float, output: Output) -> Block:

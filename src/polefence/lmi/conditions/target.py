@@ -12,6 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from polefence.plant.motion import STILL, Motion
 from polefence.plant.system import Array
 from polefence.region.regions import Region
 
@@ -30,6 +31,11 @@ class Side:
     M0: Array
     M1: Array
 
+    @property
+    def is_half_plane(self) -> bool:
+        """Whether it is Re z < -(decay), which is about motions too."""
+        return len(self.L0) == 1 and bool(self.M0.any())
+
 
 @dataclass(frozen=True, eq=False)
 class Target:
@@ -42,11 +48,15 @@ class Target:
         Whether X > 0 has to be asked for besides.
     sigma : float, optional
         Of disks, minus their centre: they have layouts worked out once.
+    motion : Motion
+        Of the parameters, which half-planes are to hold under; other parts are of each value of
+        theirs.
     """
 
     sides: tuple[Side, ...]
     positive: bool = False
     sigma: float | None = None
+    motion: Motion = STILL
 
     def named(self, name: str) -> Iterator[tuple[str, Side]]:
         """Yield the inequalities with the names of their blocks."""
@@ -79,6 +89,7 @@ class Around:
     """A region made wider: r = 1 is the region itself, less is inside."""
 
     region: Region
+    motion: Motion = STILL
     rated = False
 
     @property
@@ -93,7 +104,8 @@ class Around:
 
     def target(self, rate: float) -> Target:
         """Return the inequalities, rates measured in ``rate``."""
-        return Target(tuple(_wider(L, M) for L, M in self.region.pairs(rate)), self.is_open)
+        sides = tuple(_wider(L, M) for L, M in self.region.pairs(rate))
+        return Target(sides, self.is_open, motion=self.motion.changed(rate))
 
 
 @dataclass(frozen=True)
@@ -102,6 +114,7 @@ class Decays:
 
     fastest: float
     within: Region | None = None
+    motion: Motion = STILL
     rated = True
 
     @property
@@ -113,7 +126,8 @@ class Decays:
         """Return the inequalities, rates measured in ``rate``."""
         one, none = np.eye(1), np.zeros((1, 1))
         side = Side(2 * self.fastest / rate * one, -2 * one, one, none)
-        return Target((side, *fixed(self.within, rate)), positive=True)
+        sides = (side, *fixed(self.within, rate))
+        return Target(sides, positive=True, motion=self.motion.changed(rate))
 
 
 @dataclass(frozen=True)
@@ -122,6 +136,7 @@ class Sectors:
 
     size: float
     within: Region | None = None
+    motion: Motion = STILL
     rated = False
 
     @property
@@ -133,7 +148,8 @@ class Sectors:
         """Return the inequalities, rates measured in ``rate``."""
         none, turn = np.zeros((2, 2)), np.array([[0.0, 1.0], [-1.0, 0.0]])
         side = Side(none, none, turn, np.eye(2))
-        return Target((side, *fixed(self.within, rate)), positive=True)
+        sides = (side, *fixed(self.within, rate))
+        return Target(sides, positive=True, motion=self.motion.changed(rate))
 
 
 Goal = Disks | Around | Decays | Sectors

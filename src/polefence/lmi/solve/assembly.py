@@ -18,7 +18,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from polefence.lmi.conditions.methods import Method, Slack, options
+from polefence.lmi.conditions.methods import Method, Slack, options, parameter_dependent
 from polefence.lmi.conditions.pencil import Index, Pencil, Variable
 from polefence.lmi.conditions.performance import (
     Demands,
@@ -31,7 +31,7 @@ from polefence.lmi.conditions.performance import (
     squares,
 )
 from polefence.lmi.conditions.target import Side, Target
-from polefence.lmi.solve.stacked import Batch, Family, Stacked, stacked_pencil
+from polefence.lmi.solve.stacked import Batch, Family, Stacked, stack, stacked_pencil
 from polefence.plant.polynomial import Domain, binomial
 from polefence.plant.system import Array
 
@@ -44,6 +44,9 @@ def condition(
     if target.sigma is not None or isinstance(o, Slack) or o.right_hand_sides:
         return stacked_pencil(method, A, B, target, unit)
     domain, degree = Domain.of(o.on, len(A)), int(o.degree)
+    if target.motion:
+        pencil = parameter_dependent(A, B, target, domain, degree, o.elevation)
+        return pencil, stack(pencil)
     return stacked_design(A, B, Demands(target), domain, degree, o.elevation, degree > 0)
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import chain
 
 import numpy as np
@@ -12,7 +12,7 @@ import numpy as np
 from polefence.base.errors import SolverError
 from polefence.lmi.conditions.lyapunov import Loop, given, sum_of
 from polefence.lmi.conditions.performance import Demands, Output, Source, Through, unit_of
-from polefence.lmi.conditions.target import Around, Goal
+from polefence.lmi.conditions.target import Around, Goal, Target
 from polefence.lmi.solve.interior_point import TOLERANCE, WIDE, Outcome
 from polefence.lmi.solve.scaling import factor, power_of_two
 from polefence.lmi.solve.search import ROUNDS, Point, attempt, interior, rounds, singular_is_failure
@@ -73,7 +73,8 @@ def least(
     middle = loop.middle
     size = max(float(np.abs(np.linalg.eigvals(middle)).max()), goal.scale, 1e-100)
     rate = float(power_of_two(np.array(size)))
-    target, zero, one, eye = goal.target(rate), np.zeros(1), np.ones(1), np.eye(len(middle))[None]
+    target = replace(goal.target(rate), motion=loop.motion.changed(rate))
+    zero, one, eye = np.zeros(1), np.ones(1), np.eye(len(middle))[None]
     plain = [(eye, zero)] if loop.R is None else [(SLIGHT * eye, one), (eye, zero)]
     search = _Search(
         loop,
@@ -180,7 +181,8 @@ def points_given(
     def demands(T: Array) -> Demands:
         moved = source.changed(np.asarray(np.linalg.inv(T), dtype=float), rate)
         shift, step = margin / rate, loop.step * rate
-        return Demands(sources=(moved,), outputs=(output,), margin=shift, step=step)
+        target = Target((), motion=loop.motion.changed(rate))
+        return Demands(target, (moved,), (output,), margin=shift, step=step)
 
     def starts() -> Iterator[Start]:
         n = len(middle)

@@ -27,6 +27,7 @@ from polefence.lmi.solve.search import (
     rounds,
 )
 from polefence.lmi.solve.stacked import Stacked, stack
+from polefence.plant.motion import STILL, Motion
 from polefence.plant.polynomial import Domain
 from polefence.plant.system import Array
 from polefence.region.regions import Region, stable
@@ -58,6 +59,8 @@ class Problem:
         Bounds on the law itself.
     step : float
         Of a delta form [s]; zero in continuous time.
+    motion : Motion
+        Of the parameters.
     """
 
     A: Array
@@ -70,6 +73,7 @@ class Problem:
     elevation: int
     norms: tuple[Norm, ...] = ()
     step: float = 0.0
+    motion: Motion = STILL
 
     def pencil(
         self,
@@ -92,7 +96,8 @@ class Problem:
         region = self.region
         if region is None and not sources:  # nothing else asks for stability
             region = stable(self.step)
-        target = Target(fixed(region, scaling.rate), positive=not sources)
+        motion = self.motion.changed(scaling.rate)
+        target = Target(fixed(region, scaling.rate), positive=not sources, motion=motion)
         W = np.stack([values[f"W{k + 1}"] for k in range(self.domain.count(self.degree))])
         near = inverse @ W @ inverse.T
         scaled = [norm.changed(scaling.T, scaling.S) for norm in norms]
@@ -100,7 +105,7 @@ class Problem:
         step = self.step * scaling.rate
         demands = Demands(target, sources, changed, tuple(own), MARGIN, step)
         form = self.domain, self.degree, self.elevation
-        if not norms and not step:
+        if not norms and not step and not motion:
             return stacked_design(A, B, demands, *form)
         pencil = design(A, B, demands, *form)
         return pencil, stack(pencil)

@@ -9,6 +9,7 @@ from typing import Any, ClassVar, Protocol, Self
 
 from polefence.proof.laws import Evidence, Law
 from polefence.proof.matrices import Integers, Rationals, is_positive_definite, is_symmetric
+from polefence.proof.motion import is_moving, motion_text
 from polefence.proof.plant import Plant
 from polefence.proof.polynomials import Exponent, Polynomial, Sizes, count_of, joint, symmetric
 from polefence.proof.reading import Table
@@ -182,6 +183,7 @@ class Claim:
 
     kind: ClassVar[str]  # in a file
     letters: ClassVar[str] = "AB"  # the matrices of the plant that it is about
+    moves: ClassVar[bool] = False  # whether it holds while parameters move
 
     @classmethod
     def read(cls, table: Table, plant: Plant, law: Any, on: str) -> Self:
@@ -206,6 +208,13 @@ class Claim:
     def statement(self, plant: Plant) -> str:
         """Say in a line what is claimed, rounded so that it says no more than is proved."""
         raise NotImplementedError
+
+    def said(self, plant: Plant) -> str:
+        """Say in a line what is claimed, and of which parameters where some of them move."""
+        text = self.statement(plant)
+        if not is_moving(plant.ranges):
+            return text
+        return f"{text}, {motion_text(plant.ranges) if self.moves else 'parameters at rest'}"
 
     def fault_in(self, plant: Plant, claims: Sequence[Claim]) -> str:  # noqa: ARG002
         """Say what the rest of the file has that contradicts the claim; "" where nothing does."""

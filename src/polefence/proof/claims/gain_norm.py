@@ -33,6 +33,7 @@ class GainNorm(Claim):
     """
 
     kind: ClassVar[str] = "gain norm"
+    moves: ClassVar[bool] = True  # at every moment it is of one alpha
 
     subject: Subject
     level: Fraction

@@ -23,6 +23,7 @@ from polefence.proof.claims.margins import (
     listed,
     require_numbers,
 )
+from polefence.proof.motion import change
 from polefence.proof.plant import Plant
 from polefence.proof.polynomials import Polynomial
 from polefence.proof.reading import Table, plain
@@ -117,13 +118,8 @@ class Rate(MarginClaim):
             for k in range(W.sizes[0]):
                 yield W.derivative(k).times(self.rates[0])
             return
-        for f, (r, rate) in enumerate(zip(self.subject.ranges, self.rates, strict=True)):
-            P = W.derivative(2 * f + 1) - W.derivative(2 * f)
-            low, high = (1 / r.low, 1 / r.high) if r.inverted else (r.low, r.high)
-            if r.inverted:  # the scheduling variable s = 1/p changes with s^2 dp/dt
-                s = _variable(f, (low, high), W.sizes)
-                P = s * s * P
-            yield P.times(rate / abs(high - low))
+        for f, (own, rate) in enumerate(zip(self.subject.ranges, self.rates, strict=True)):
+            yield change(W, f, own).times(rate)
 
     def _extremes(self, count: int) -> Iterator[tuple[int, ...]]:
         """Yield the signs of all rates; without parameters weight goes from vertex to vertex."""
@@ -138,6 +134,10 @@ class Rate(MarginClaim):
             for to, off in permutations(range(count), 2):
                 yield tuple(int(k == to) - int(k == off) for k in range(count))
 
+    def said(self, plant: Plant) -> str:
+        """Say at which rates of its own, whatever those of the plant."""
+        return self.statement(plant)
+
     def statement(self, plant: Plant) -> str:
         """Say how fast the loop decays, at which rates."""
         decay = digits_down(self.decay, 4)
@@ -148,15 +148,3 @@ class Rate(MarginClaim):
         weight = f"alpha moving by up to {digits_down(self.rates[0], 4)} 1/s"
         rates = listed("{} moving by up to {} {}", speeds, self.rates) if speeds else weight
         return f"{rates}, {stable}"
-
-
-def _variable(f: int, ends: tuple[Fraction, Fraction], sizes: tuple[int, ...]) -> Polynomial:
-    """Return a scheduling variable as the form of its values at its two ends."""
-    start, length = sum(sizes[:f]), sum(sizes)
-    degrees = tuple(int(g == f) for g in range(len(sizes)))
-    units = [tuple(int(j == start + c) for j in range(length)) for c in range(2)]
-    one, other = (
-        Polynomial({unit: [[end.numerator]]}, sizes, degrees, end.denominator)
-        for unit, end in zip(units, ends, strict=True)
-    )
-    return one + other

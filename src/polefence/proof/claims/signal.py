@@ -45,7 +45,8 @@ from polefence.proof.laws import (
     read_evidence,
 )
 from polefence.proof.matrices import MAX_BITS, Rationals, identity, least_work
-from polefence.proof.plant import Output, Plant, sizes_of, split
+from polefence.proof.motion import changes, extremes, free_of, is_moving
+from polefence.proof.plant import ANY, Output, Plant, Range, sizes_of, split
 from polefence.proof.polynomials import (
     Polynomial,
     Sizes,
@@ -64,6 +65,7 @@ from polefence.proof.text import (
     digits_down,
     digits_up,
     milliseconds_text,
+    name_text,
     output_text,
     quoted,
 )
@@ -83,6 +85,7 @@ class Subject:
     law those of Q in X = W (multiple + Q W), as for the method "lyapunov" of designs; empty: X is
     the law's own W, times ``evidence.multiple`` if that holds one number. Where ``step`` is not
     zero it is the sample time, and A, B, E and the ``remainder`` are those of the delta form.
+    ``motion`` holds the parameters where some of them move, on whose box X then is.
     """
 
     A: list[Rationals]
@@ -93,6 +96,7 @@ class Subject:
     on: str = "simplex"
     step: Fraction = Fraction(0)
     remainder: Remainder | None = None
+    motion: tuple[Range, ...] = ()
 
     @property
     def sizes(self) -> Sizes:
@@ -120,6 +124,11 @@ class Subject:
         NY = self._plant(outputs) * XKX
         X = XKX.part(slice(n)).raised(NY.degrees)
         return X, NY.part(slice(n)), NY.part(slice(n, None))
+
+    def motions(self, N: Polynomial) -> Iterator[tuple[str, Polynomial]]:
+        """Yield N - (dX/dt) / 2 at every extreme of the rates, N where nothing moves."""
+        for name, changed in changes(self.lifted.part(slice(self.n)), self.motion):
+            yield name, N if changed is None else N - changed.times(Fraction(1, 2))
 
     @property
     def lifted(self) -> Polynomial:
@@ -206,11 +215,28 @@ class Subject:
             require_shapes(matrices or [], len(matrices or []), rows, columns, where)
         if law.C:
             require_shapes(list(law.C), N, r, n, "the measured rows")
+        self._require_motion(own)
         if own.epsilon:
             raise FormatError("epsilon belongs to designs of the method slack")
         if not own.X and (own.degree or len(own.multiple) > 1):
             raise FormatError("the law's own W has its own degree, and at most one multiple")
         replace(self, evidence=own).as_poles.require()
+
+    def _require_motion(self, own: Evidence) -> None:
+        """Refuse evidence that does not hold while parameters move."""
+        if not self.motion:
+            return
+        if self.sizes != (2,) * len(self.motion):
+            raise FormatError("parameters that move need evidence on their box")
+        if own.dual or own.cells or self.step:
+            raise FormatError(
+                "parameters that move need one X of the whole box, not a dual form, in continuous "
+                "time"
+            )
+        X = lifted(self.law, own, self.sizes).part(slice(self.n))
+        for f, moved in enumerate(self.motion):
+            if moved.rate == ANY and not free_of(X, f):
+                raise FormatError(f"X depends on {name_text(moved.name)}, which moves at any rate")
 
 
 def stacked(outputs: Sequence[Sequence[Rationals]]) -> list[Rationals]:
@@ -239,6 +265,7 @@ class SignalClaim(Claim):
     has_dual: ClassVar[bool] = False  # whether there is a dual form of its inequalities
     has_cells: ClassVar[bool] = True  # whether it can be proved in parts of the box
     has_remainder: ClassVar[bool] = True  # whether the plant may have one
+    moves: ClassVar[bool] = True
     most: ClassVar[int] = 1  # entries of a vector
 
     subject: Subject
@@ -431,7 +458,7 @@ class SignalClaim(Claim):
         degrees = [poles.degree(replace(poles.evidence[0], elevation=0)), self.least_degree]
         if own.dual:  # of Y'Y, and Q E E'Q
             degrees = [degrees[0], 2 * (law.form_degree + 1)]
-        count = count_of(subject.sizes, max(degrees) + own.elevation)
+        count = count_of(subject.sizes, max(degrees) + own.elevation) * extremes(subject.motion)
         return least_work(count * self.blocks_at_most, self.largest) + self.more_work
 
     def _require_disturbances(self) -> None:
@@ -490,7 +517,7 @@ class SignalClaim(Claim):
                 yield Inequality.raised(name, blocks, evidence.elevation)
             return
         X, N, Y = self.subject.loop(self.outputs)
-        rows, spread = self.rows(X, N, Y), evidence.spread
+        rows, spread = self._moving_rows(X, N, Y), evidence.spread
         if spread is not None:
             rows["of the remainder"] = spread.bounding(spread.moving(self.subject.lifted))
         least = joint([form for blocks in rows.values() for row in blocks for form in row])
@@ -498,12 +525,22 @@ class SignalClaim(Claim):
         for name, blocks in rows.items():
             yield Inequality(name, blocks, degrees)
 
+    def _moving_rows(self, X: Polynomial, N: Polynomial, Y: Polynomial) -> Rows:
+        """Return the rows at every extreme of the rates, those that are the same once."""
+        found: Rows = {}
+        for name, moved in self.subject.motions(N):
+            for key, blocks in self.rows(X, moved, Y).items():
+                if blocks not in found.values():
+                    found[f"{key}{name}"] = blocks
+        return found
+
 
 def read_subject(table: Table, plant: Plant, law: Law, on: str) -> Subject:
     """Read the evidence of a claim; of a gain the domain too."""
     if law.fixed:
         on = table.word("on", DOMAINS, "simplex")
     on, step, plant = plant.domain(on), plant.step, plant.in_differences
+    motion = plant.ranges if is_moving(plant.ranges) else ()
     if "own" in table:
         if not law.scheduled or not table.flag("own"):
             raise FormatError(f"{table.path('own')} must be true, and the law scheduled")
@@ -515,11 +552,12 @@ def read_subject(table: Table, plant: Plant, law: Law, on: str) -> Subject:
         dual = "Q" in (cells[0] if cells else table)
         if cells:
             evidence = read_cells(table, plant.n, sizes, dual)
-            return Subject(plant.A, plant.B, plant.E, law, evidence, on, step, plant.remainder)
+            own = Subject(plant.A, plant.B, plant.E, law, evidence, on, step, plant.remainder)
+            return replace(own, motion=motion)
         letter = "Q" if dual else "X"
         evidence = read_evidence(table, plant.n, sizes, letter, multiple=law.scheduled and not dual)
         evidence = replace(evidence, dual=dual)
-    return Subject(plant.A, plant.B, plant.E, law, evidence, on, step, plant.remainder)
+    return Subject(plant.A, plant.B, plant.E, law, evidence, on, step, plant.remainder, motion)
 
 
 def write_evidence(subject: Subject) -> dict[str, Any]:

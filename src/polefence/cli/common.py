@@ -28,10 +28,12 @@ from polefence.law.laws import FixedGain, PolynomialGain
 from polefence.law.structure import Structure, load_structure
 from polefence.law.words import definitions, formula, terms_of
 from polefence.lmi.conditions.methods import METHODS, Method, Scheduled, Slack
+from polefence.plant.exact import ranges_of
 from polefence.plant.family import UncertainPlant
 from polefence.plant.tracks import own_states
-from polefence.proof.text import exactly, milliseconds_text
-from polefence.region.regions import Region, Sector
+from polefence.proof.motion import motion_text
+from polefence.proof.text import digits_down, exactly, milliseconds_text
+from polefence.region.regions import HalfPlane, Region, Sector
 from polefence.region.z_plane import share_kept
 
 PROVED, NOT_PROVED = 0, 1
@@ -152,6 +154,24 @@ def samples_text(plant: UncertainPlant) -> list[str]:
     if own.delay:
         late = f", inputs act {own.delay} sample{'s' * (own.delay > 1)} late"
     return [f"  at samples every {time} ms, not between them; inputs and disturbances held{late}"]
+
+
+def motion_lines(plant: UncertainPlant, region: Region, bounds: bool = False) -> list[str]:
+    """Say what holds while parameters move; nothing of a plant whose parameters do not."""
+    how = motion_text(ranges_of(plant))
+    if not how:
+        return []
+    lines = ["  poles are those of parameters at rest"]
+    decays = [part.decay for part in region.parts if isinstance(part, HalfPlane)]
+    kept = ["the bounds hold"] * bounds
+    if decays:
+        kept.append(f"the state decays by exp(-{digits_down(max(decays))} t)")
+    if kept:
+        return [f"{lines[0]}; with {how} {' and '.join(kept)}"]
+    return [
+        *lines,
+        f"note: nothing is said of {how}; add & half_plane(0) to the region, or ask for bounds",
+    ]
 
 
 def sweep_arguments(parser: argparse.ArgumentParser) -> None:

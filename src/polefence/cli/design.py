@@ -15,6 +15,7 @@ from polefence.cli.common import (
     image_text,
     method_arguments,
     method_of,
+    motion_lines,
     refuse_method_options,
     report,
     result_arguments,
@@ -94,6 +95,7 @@ def design_command(options: Any) -> int:
                 lines.append(
                     f"note: {part} lets poles go up to +{own}; left of -{own} is half_plane({own})"
                 )
+    lines += motion_lines(plant, design.region)
     summary = {
         "plant": plant_summary(plant),
         "region": design.region.document(),

@@ -25,6 +25,7 @@ from polefence.cli.common import (
     gains_of,
     law_lines,
     method_of,
+    motion_lines,
     refuse_method_options,
     samples_text,
     sampling_arguments,
@@ -322,7 +323,8 @@ def lines_of(done: Optimised, rows: Sequence[Row], label: str) -> list[str]:
         note = "minimised" if row.minimised else "limit"
         text = " ".join([f"  {row.label:<{width}}", *(f"{cell:>13}" for cell in cells), f" {note}"])
         lines.append(text)
-    lines += samples_text(done.plant) + _design_lines(done)
+    lines += samples_text(done.plant)
+    lines += motion_lines(done.plant, done.design.region, bounds=True) + _design_lines(done)
     if done.cut:
         lines.append(f"  the search was cut: {done.cut}")
     if done.bounded_by:

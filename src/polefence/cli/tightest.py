@@ -15,6 +15,7 @@ from polefence.cli.common import (
     every_alpha,
     method_arguments,
     method_of,
+    motion_lines,
     refuse_method_options,
     report,
     result_arguments,
@@ -91,7 +92,7 @@ def tightest_command(options: Any) -> int:
     rest = " & ".join(short_text(part) for part in design.region.parts[1:])
     beside = f", within {rest}" if rest else ""
     lines = [f"proved: {text}{beside}, for {every_alpha(design)} of {plant.name!r} by {label}"]
-    lines += samples_text(plant)
+    lines += samples_text(plant) + motion_lines(plant, design.region)
     if options.of != "disk" and (within is None or within.parts != design.region.parts[1:]):
         lines.append(
             "note: a disk bounds the poles' speed, or gains would be without bound; choose"

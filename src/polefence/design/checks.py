@@ -6,6 +6,7 @@ from polefence.base.errors import InputError, RegionError, UncontrollableError
 from polefence.lmi.conditions.methods import (
     MOST_BLOCKS,
     Method,
+    Slack,
     blocks,
     is_searchable,
     method_label,
@@ -16,6 +17,8 @@ from polefence.lmi.conditions.methods import (
 )
 from polefence.plant.controllability import FixedModes, modes_text
 from polefence.plant.family import UncertainPlant
+from polefence.plant.motion import Motion
+from polefence.plant.polynomial import Domain
 from polefence.proof import matrices, roots, work
 from polefence.proof.regions import parts_of
 from polefence.region.regions import Disk, HalfPlane, Region, check_centre
@@ -109,6 +112,15 @@ def require_region(plant: UncertainPlant, region: Region, method: Method | None 
     """Refuse regions of the other kind of time, or that the method does not take."""
     if getattr(method, "right_hand_sides", False) and not isinstance(region, Disk):
         raise InputError(f"right_hand_sides belong to one disk, not to {region}; leave them out")
+    if plant.moving and moves(region) and method is not None:
+        own = options(method)
+        if isinstance(own, Slack):
+            raise InputError(
+                f"the method slack keeps no {region} while {plant.moving[0].name} moves; take "
+                "quadratic or scheduled"
+            )
+        if int(own.degree if own.degree != "auto" else 1) and own.on != "box":
+            Motion.of(plant).require(Domain.of(own.on, len(plant.vertices)))
     disks = [part for part in region.parts if isinstance(part, Disk)]
     if plant.sample_time is None:
         for disk in disks:
@@ -118,6 +130,11 @@ def require_region(plant: UncertainPlant, region: Region, method: Method | None 
             f"{region}: {plant.name} is a discrete-time plant; give a disk in the unit disk, for "
             "example disk(0.5, 0.4), or disk(0, 1) for stability alone"
         )
+
+
+def moves(region: Region) -> bool:
+    """Whether a region says how fast motions decay: whether a half-plane is among its parts."""
+    return any(isinstance(part, HalfPlane) for part in region.parts)
 
 
 def in_time_of(plant: UncertainPlant, region: Region) -> Region:

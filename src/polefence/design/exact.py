@@ -50,6 +50,8 @@ def holds(certificate: Certificate) -> bool | None:
     own, ask = kernel(), _METHODS.get(certificate.method)
     if own is None or ask is None or not hasattr(own, "poles") or certificate.plant.remainder:
         return None
+    if certificate.plant.moving:  # along motions there is more to prove
+        return None
     if len(certificate.region.parts) > MAX_PARTS:  # which the checker refuses
         return None
     on = certificate.evidence.get("on", "simplex")

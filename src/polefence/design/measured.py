@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from dataclasses import replace
 from fractions import Fraction
 from typing import Any
 
@@ -126,7 +127,7 @@ def transposed(matrix: Exact) -> Exact:
 def dual_plant(
     plant: UncertainPlant, C: tuple[Exact, ...], names: tuple[str, ...]
 ) -> UncertainPlant:
-    """Return the plant (A', C'), of the same parameters and time.
+    """Return the plant (A', C'), of the same parameters, at rest, and time.
 
     Its states keep the plant's names: the dual's state i belongs to the correction of state i.
     """
@@ -141,7 +142,7 @@ def dual_plant(
     )
     return UncertainPlant(
         vertices,
-        plant.parameters,
+        tuple(replace(own, rate=None) for own in plant.parameters),
         f"{plant.name} {DUAL}",
         plant.states,
         names,

@@ -43,9 +43,11 @@ from polefence.lmi.conditions.methods import (
     options,
 )
 from polefence.lmi.conditions.target import FASTEST, Around, Decays, Disks, Goal, Sectors
+from polefence.lmi.solve.interior_point import TOLERANCE
 from polefence.lmi.solve.search import Reached, coefficients
 from polefence.lmi.solve.smallest import smallest, typical_rate
 from polefence.plant.family import UncertainPlant
+from polefence.plant.motion import Motion
 from polefence.plant.polynomial import Domain
 from polefence.region.regions import (
     Disk,
@@ -105,12 +107,11 @@ def place(
     require_type(plant, UncertainPlant, "plant", "polefence.load(path) reads one")
     require_domain(plant, method)
     require_type(region, Region, "region", "for example polefence.Disk(-40, 31)")
-    region = in_time_of(plant, region)
+    region, method = in_time_of(plant, region), fitting(plant, method)
     require_region(plant, region, method)
     require_movable(plant, region)
     if isinstance(method, Scheduled) and method.degree == "auto":
         return _climb(plant, region, method)
-    method = fitting(plant, method)
     require_checkable(plant, method, len(region.parts))
     if isinstance(region, Disk):
         return _in_disk(plant, region, method, allow_unproved)
@@ -187,7 +188,7 @@ def _points(
     for searched in (*(bounded(region, speed) for speed in speeds), region):
         for enough in WELL_INSIDE:
             try:
-                point = smallest(plant.A, plant.B, Around(searched), method, enough=enough)
+                point = _smallest(plant, Around(searched), method, enough=enough)
             except SolverError as error:
                 failure = error
                 break
@@ -198,6 +199,19 @@ def _points(
                 break
     if failure is not None and not found:
         raise failure
+
+
+def _smallest(
+    plant: UncertainPlant,
+    goal: Goal,
+    method: Method,
+    near: Reached | None = None,
+    enough: float = 0.0,
+    tolerance: float = TOLERANCE,
+) -> Reached:
+    """Return the least r of a goal, while the parameters move as the plant says."""
+    own, motion = (plant.A, plant.B, goal, method, near, enough), Motion.of(plant)
+    return smallest(*own, tolerance=tolerance, motion=motion)
 
 
 def _climb(plant: UncertainPlant, region: Region, method: Scheduled) -> Design:
@@ -496,12 +510,12 @@ def _value(design: Design) -> float:
 def _direct(plant: UncertainPlant, method: Method, question: _Question) -> Iterator[Design | None]:
     """Yield what is proved about the least r, while the search comes to its end."""
     with suppress(SolverError):
-        start = smallest(plant.A, plant.B, Around(question.base), method, enough=INSIDE)
+        start = _smallest(plant, Around(question.base), method, enough=INSIDE)
         if start.r >= 1:
             return
         near = replace(start, r=0.0)
         for tolerance in TOLERANCES:
-            found = smallest(plant.A, plant.B, question.goal, method, near, tolerance=tolerance)
+            found = _smallest(plant, question.goal, method, near, tolerance=tolerance)
             if not found.converged:
                 return
             for step in (*STEPS, 1e-3):
@@ -534,7 +548,7 @@ def _grown(
 
 def _attempt(plant: UncertainPlant, method: Method, region: Region) -> Design | None:
     with suppress(SolverError):
-        found = smallest(plant.A, plant.B, Around(region), method, enough=INSIDE)
+        found = _smallest(plant, Around(region), method, enough=INSIDE)
         return proved_at(plant, region, method, found) if found.r < 1 else None
     return None
 

@@ -452,6 +452,8 @@ def domain_of(plant: UncertainPlant, law: Law) -> Domain:
 
 def divisible(plant: UncertainPlant, law: Law) -> bool:
     """Whether claims about its loop may be proved in parts of a box, each with its own evidence."""
+    if plant.moving:  # along motions X is one
+        return False
     own = isinstance(law, FixedGain) or (isinstance(law, PolynomialGain) and law.parameters)
     return bool(own) and set(domain_of(plant, law).sizes) == {2}
 

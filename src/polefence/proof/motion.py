@@ -14,6 +14,7 @@ from itertools import product
 from polefence.proof.plant import ANY, Range
 from polefence.proof.polynomials import Polynomial, Sizes
 from polefence.proof.text import digits_down, name_text, rate_text, unit_text
+from polefence.proof.work import FormatError
 
 
 def change(X: Polynomial, f: int, own: Range) -> Polynomial:
@@ -56,25 +57,43 @@ def free_of(X: Polynomial, f: int) -> bool:
     return not any(any(map(any, matrix)) for matrix in slope.terms.values())
 
 
-def changes(X: Polynomial, ranges: Sequence[Range]) -> Iterator[tuple[str, Polynomial | None]]:
-    """Yield dX/dt at every extreme of the rates, and which it is; None where X does not change.
+def require_motion(X: Polynomial, ranges: Sequence[Range]) -> None:
+    """Refuse a Lyapunov polynomial that is none along motions.
 
-    X is taken to be free of parameters that move at any rate.
+    Raises
+    ------
+    FormatError
+        If it is not of the parameters' box, or depends on one that moves at any rate.
     """
+    if not any(X.degrees):
+        return
+    if X.sizes != (2,) * len(ranges):
+        raise FormatError("parameters that move need evidence on their box")
+    for f, own in enumerate(ranges):
+        if own.rate == ANY and not free_of(X, f):
+            raise FormatError(f"X depends on {name_text(own.name)}, which moves at any rate")
+
+
+def along(
+    X: Polynomial, N: Polynomial, ranges: Sequence[Range]
+) -> Iterator[tuple[str, Polynomial]]:
+    """Yield N - (dX/dt) / 2 at every extreme of the rates, and which it is; N where X is constant.
+
+    X is one that `require_motion` does not refuse.
+    """
+    if not any(X.degrees):
+        yield "", N
+        return
     moving = [
         (own.rate, change(X, f, own))
         for f, own in enumerate(ranges)
         if own.rate is not None and own.rate != ANY and not free_of(X, f)
     ]
-    if not moving:
-        yield "", None
-        return
     for ends in product(range(2), repeat=len(moving)):
-        total: Polynomial | None = None
+        moved = N
         for end, (rate, P) in zip(ends, moving, strict=True):
-            part = P.times(rate[end])
-            total = part if total is None else total + part
-        yield f", rates {''.join('-+'[end] for end in ends)}", total
+            moved = moved - P.times(rate[end] / 2)
+        yield f", rates {''.join('-+'[end] for end in ends)}" if moving else "", moved
 
 
 def motion_text(ranges: Sequence[Range]) -> str:

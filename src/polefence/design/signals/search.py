@@ -234,7 +234,8 @@ class Task:
 
     def _start(self, inside: Region) -> dict[str, Array]:
         """Return W and Z of a law that keeps a region."""
-        start = smallest(self.plant.A, self.plant.B, Around(inside), self.method, enough=INSIDE)
+        plant, goal, motion = self.plant, Around(inside), Motion.of(self.plant)
+        start = smallest(plant.A, plant.B, goal, self.method, enough=INSIDE, motion=motion)
         if start.r >= 1:
             raise SolverError(f"no law of this method keeps {inside}")
         W, Z = coefficients(start.values, "W"), coefficients(start.values, "Z")

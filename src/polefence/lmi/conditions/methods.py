@@ -263,7 +263,8 @@ def is_searchable(plant: UncertainPlant, method: Method, most: float = MOST_STEP
 def fitting(plant: UncertainPlant, method: Method) -> Method:
     """Return the method; for a plain "scheduled" one on the box where that is by far the smaller.
 
-    So it is where parameters move: their rates are those of the box. With elevation 1 the box is never worse: each of its inequalities is a sum of Theorem 1's.
+    So it is where parameters move: their rates are those of the box. With elevation 1 the box is
+    never worse: each of its inequalities is a sum of Theorem 1's.
     """
     if method != "scheduled" or not plant.parameters:
         return method

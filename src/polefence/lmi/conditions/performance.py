@@ -288,9 +288,6 @@ def assembled(
         for label, side in target.named(name):
             for more, N in form.motions if side.is_half_plane else (("", form.N),):
                 pencil.region(label + more, form.X, N, side, form.floor)
-        if form.moved and not sources and not any(side.is_half_plane for side in target.sides):
-            for more, N in form.motions:
-                pencil.block(f"stability, {name}{more}", 1, [], [(0, 0, N)])
         if target.positive or gains:
             pencil.positive_definite(f"X at {name}", form.X)
     return pencil.build()

@@ -8,7 +8,7 @@ the least r is a generalised eigenvalue problem, whatever the region.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -58,6 +58,11 @@ class Target:
     sigma: float | None = None
     motion: Motion = STILL
 
+    def under(self, motion: Motion) -> Target:
+        """Return it for parameters that move, if it is about motions."""
+        moves = any(side.is_half_plane for side in self.sides)
+        return replace(self, motion=motion) if moves else self
+
     def named(self, name: str) -> Iterator[tuple[str, Side]]:
         """Yield the inequalities with the names of their blocks."""
         for number, side in enumerate(self.sides, 1):
@@ -89,7 +94,6 @@ class Around:
     """A region made wider: r = 1 is the region itself, less is inside."""
 
     region: Region
-    motion: Motion = STILL
     rated = False
 
     @property
@@ -104,8 +108,7 @@ class Around:
 
     def target(self, rate: float) -> Target:
         """Return the inequalities, rates measured in ``rate``."""
-        sides = tuple(_wider(L, M) for L, M in self.region.pairs(rate))
-        return Target(sides, self.is_open, motion=self.motion.changed(rate))
+        return Target(tuple(_wider(L, M) for L, M in self.region.pairs(rate)), self.is_open)
 
 
 @dataclass(frozen=True)
@@ -114,7 +117,6 @@ class Decays:
 
     fastest: float
     within: Region | None = None
-    motion: Motion = STILL
     rated = True
 
     @property
@@ -126,8 +128,7 @@ class Decays:
         """Return the inequalities, rates measured in ``rate``."""
         one, none = np.eye(1), np.zeros((1, 1))
         side = Side(2 * self.fastest / rate * one, -2 * one, one, none)
-        sides = (side, *fixed(self.within, rate))
-        return Target(sides, positive=True, motion=self.motion.changed(rate))
+        return Target((side, *fixed(self.within, rate)), positive=True)
 
 
 @dataclass(frozen=True)
@@ -136,7 +137,6 @@ class Sectors:
 
     size: float
     within: Region | None = None
-    motion: Motion = STILL
     rated = False
 
     @property
@@ -148,8 +148,7 @@ class Sectors:
         """Return the inequalities, rates measured in ``rate``."""
         none, turn = np.zeros((2, 2)), np.array([[0.0, 1.0], [-1.0, 0.0]])
         side = Side(none, none, turn, np.eye(2))
-        sides = (side, *fixed(self.within, rate))
-        return Target(sides, positive=True, motion=self.motion.changed(rate))
+        return Target((side, *fixed(self.within, rate)), positive=True)
 
 
 Goal = Disks | Around | Decays | Sectors

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import chain
 
 import numpy as np
@@ -73,7 +73,7 @@ def least(
     middle = loop.middle
     size = max(float(np.abs(np.linalg.eigvals(middle)).max()), goal.scale, 1e-100)
     rate = float(power_of_two(np.array(size)))
-    target = replace(goal.target(rate), motion=loop.motion.changed(rate))
+    target = goal.target(rate).under(loop.motion.changed(rate))
     zero, one, eye = np.zeros(1), np.ones(1), np.eye(len(middle))[None]
     plain = [(eye, zero)] if loop.R is None else [(SLIGHT * eye, one), (eye, zero)]
     search = _Search(

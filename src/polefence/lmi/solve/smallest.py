@@ -30,6 +30,7 @@ from polefence.lmi.solve.search import (
 )
 from polefence.lmi.solve.stacked import Stacked
 from polefence.lmi.solve.starts import nominal_start
+from polefence.plant.motion import STILL, Motion
 from polefence.plant.system import Array
 
 ROUGH = 1e-2  # Lemma 1 as a start is run until its gap is this share of its radius
@@ -52,6 +53,7 @@ def smallest(
     engine: str | None = None,
     tolerance: float = TOLERANCE,
     begun: Reached | None = None,
+    motion: Motion = STILL,
 ) -> Reached:
     """Find the least r at which the condition is feasible: a disk's radius, or what grows with r.
 
@@ -72,6 +74,8 @@ def smallest(
         Of the gap, relative to r.
     begun : Reached, optional
         What the first run of this very search reached, to go on from.
+    motion : Motion
+        Of the parameters, under which half-planes are kept.
 
     Raises
     ------
@@ -81,7 +85,7 @@ def smallest(
     scale = goal.scale
     if not scale or (isinstance(goal, Around) and goal.is_open):
         scale = max(scale, typical_rate(A))  # an open region may be far slower than the plant
-    search = _Search(A, B, goal, scale, method, balanced(A, B, scale), enough, engine)
+    search = _Search(A, B, goal, scale, method, balanced(A, B, scale), enough, engine, motion)
     first, wide = near or begun, CLOSE
     if first is None:
         first, wide = search.first(), WIDE
@@ -117,6 +121,7 @@ class _Search:
     plain: Scaling
     enough: float
     engine: str | None
+    motion: Motion
 
     @property
     def floor(self) -> float:
@@ -141,7 +146,7 @@ class _Search:
         scaling = self._coordinates(start)
         unit = scaling.rate if self.goal.rated else 1.0
         A, B = scaling.apply(self.A, self.B)
-        target = self.goal.target(scaling.rate)
+        target = self.goal.target(scaling.rate).under(self.motion.changed(scaling.rate))
         pencil, stacked = condition(self.method, A, B, target, scaling.unit)
         radius = max(start.r, FLOOR * unit * self.scale / scaling.rate)
         values = self._scaled(start.values, radius, scaling, pencil.variables, wide)

@@ -62,7 +62,8 @@ from polefence.proof.matrices import (
     right_divide,
     whole_numbers,
 )
-from polefence.proof.plant import Plant, sizes_of
+from polefence.proof.motion import along, is_moving, motion_text, require_motion
+from polefence.proof.plant import Plant, Range, sizes_of
 from polefence.proof.polynomials import (
     MAX_DEGREE,
     Exponent,
@@ -79,6 +80,7 @@ from polefence.proof.reading import Table, plain
 from polefence.proof.regions import (
     MAX_PARTS,
     Disk,
+    HalfPlane,
     Part,
     factors,
     lyapunov,
@@ -88,7 +90,7 @@ from polefence.proof.regions import (
 )
 from polefence.proof.remainder import Remainder
 from polefence.proof.roots import all_inside
-from polefence.proof.text import output_text, quoted, region_text
+from polefence.proof.text import digits_down, output_text, quoted, region_text
 from polefence.proof.work import MAX_WORK, FormatError
 
 METHODS = ("quadratic", "slack", "scheduled", "lyapunov")
@@ -102,7 +104,8 @@ class Poles(Claim):
     ``evidence`` has one entry, for "lyapunov" one a part of the region. ``on`` is "simplex" or
     "box". With ``weights`` the plant is A(alpha) / q(alpha), B(alpha) / q(alpha), q > 0
     multi-affine with these values at the corners. With a ``remainder`` the plant is only near
-    that, and the evidence, of "lyapunov", has a spread.
+    that, and the evidence, of "lyapunov", has a spread. ``motion`` holds the parameters where some
+    of them move: along all motions the loop then decays as a half-plane among the parts says.
     """
 
     kind: ClassVar[str] = "region"
@@ -116,6 +119,7 @@ class Poles(Claim):
     on: str = "simplex"
     weights: tuple[Fraction, ...] = ()
     remainder: Remainder | None = None
+    motion: tuple[Range, ...] = ()
 
     @property
     def sizes(self) -> Sizes:
@@ -134,7 +138,8 @@ class Poles(Claim):
             free = method in ("lyapunov", "slack")
             on = below.word("on", DOMAINS, "simplex") if free else "simplex"
         blank = cls(method, plant.A, plant.B, region, law, (), plant.domain(on))
-        blank = replace(blank, remainder=plant.remainder)
+        motion = plant.ranges if is_moving(plant.ranges) else ()
+        blank = replace(blank, remainder=plant.remainder, motion=motion)
         if law.W is not None and len(law.W) != count_of(blank.sizes, law.degree):
             count = count_of(blank.sizes, law.degree)
             raise FormatError(f"law.W holds {len(law.W)} matrices; the plant needs {count}")
@@ -164,6 +169,14 @@ class Poles(Claim):
     def statement(self, plant: Plant) -> str:  # noqa: ARG002
         """Say where all poles are, under which law, for which alpha."""
         return f"poles in {region_text(self.region)}, of A + B K with {self.under}"
+
+    def said(self, plant: Plant) -> str:
+        """Say too what holds of motions where parameters move."""
+        text, decays = super().said(plant), [p for p in self.region if isinstance(p, HalfPlane)]
+        if not is_moving(plant.ranges) or not decays:
+            return text
+        decay = digits_down(max(part.numbers[0] for part in decays), 4)
+        return f"{text}; decay rate {decay} 1/s with {motion_text(plant.ranges)}"
 
     @property
     def under(self) -> str:
@@ -207,6 +220,7 @@ class Poles(Claim):
             if own.cells and (self.method != "lyapunov" or self.weights or law.scheduled):
                 raise FormatError("cells belong to one gain, or to a law polynomial in parameters")
         self._require_remainder()
+        self._require_motion()
         self._require_counts()
         if self.least > MAX_WORK:
             raise FormatError(
@@ -228,6 +242,28 @@ class Poles(Claim):
         for own in self._each:
             if own.spread is not None:
                 own.spread.require(self.remainder)
+
+    def _require_motion(self) -> None:
+        """Refuse evidence that is none along motions where the region has a half-plane."""
+        if not self.motion or not any(isinstance(part, HalfPlane) for part in self.region):
+            return
+        if self.method == "slack" or self.weights or any(own.cells for own in self.evidence):
+            raise FormatError(
+                "a half-plane is kept while parameters move by one X of the whole box, not by slack"
+            )
+        for own, parts in self._each_with_parts:
+            if any(isinstance(part, HalfPlane) for part in parts):
+                X = lifted(self.law, own, self.sizes).part(slice(len(self.A[0])))
+                require_motion(X, self.motion)
+
+    @property
+    def _each_with_parts(self) -> Iterator[tuple[Evidence, tuple[Part, ...]]]:
+        """Each evidence, with the parts of the region that it is for."""
+        for number, own in enumerate(self.evidence):
+            yield (
+                own,
+                self.region[number : number + 1] if self.method == "lyapunov" else self.region,
+            )
 
     def _require_counts(self) -> None:
         """Refuse degrees and numbers of matrices that do not fit."""
@@ -298,8 +334,7 @@ class Poles(Claim):
     def inequalities(self) -> Iterator[Inequality]:
         """Yield X > 0 and F > 0 of every part of the region, and of the box."""
         AB = plant_form(self.A, self.B, self.sizes)
-        for number, evidence in enumerate(self.evidence):
-            mine = self.region if self.method != "lyapunov" else self.region[number : number + 1]
+        for evidence, mine in self._each_with_parts:
             for k, piece in enumerate(evidence.cells):
                 own = self.inside(piece)
                 inner = plant_form(own.A, own.B, own.sizes)
@@ -337,15 +372,22 @@ class Poles(Claim):
             blocks = spread.bounding(spread.moving(XKX))
             yield Inequality.raised("of the remainder", blocks, evidence.elevation)
         for part in parts:
-            for L, M in part.pairs:
-                F = lyapunov(L, M, X, N)
-                if spread is not None:
-                    F = F - constant(spread.of_region(factors(M)), sizes)
-                if evidence.tau:
-                    F = F - _floor(evidence.tau, n, sizes)
-                name = part.kind if len(self.region) > 1 else ""
-                kind = _Theorem1 if self._is_theorem_1 else Inequality
-                yield kind(name, [[F]], degrees)
+            name = part.kind if len(self.region) > 1 else ""
+            for more, moved in self._motions(part, XKX.part(slice(n)), N):
+                for L, M in part.pairs:
+                    F = lyapunov(L, M, X, moved)
+                    if spread is not None:
+                        F = F - constant(spread.of_region(factors(M)), sizes)
+                    if evidence.tau:
+                        F = F - _floor(evidence.tau, n, sizes)
+                    kind = _Theorem1 if self._is_theorem_1 else Inequality
+                    yield kind(name + more, [[F]], degrees)
+
+    def _motions(
+        self, part: Part, X: Polynomial, N: Polynomial
+    ) -> Iterator[tuple[str, Polynomial]]:
+        """Yield N, of a half-plane N - (dX/dt) / 2 at every extreme of the rates."""
+        yield from along(X, N, self.motion if isinstance(part, HalfPlane) else ())
 
     def _slack(
         self, AB: Polynomial, evidence: Evidence, parts: tuple[Part, ...]

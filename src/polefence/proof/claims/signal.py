@@ -45,8 +45,8 @@ from polefence.proof.laws import (
     read_evidence,
 )
 from polefence.proof.matrices import MAX_BITS, Rationals, identity, least_work
-from polefence.proof.motion import changes, extremes, free_of, is_moving
-from polefence.proof.plant import ANY, Output, Plant, Range, sizes_of, split
+from polefence.proof.motion import along, extremes, is_moving, require_motion
+from polefence.proof.plant import Output, Plant, Range, sizes_of, split
 from polefence.proof.polynomials import (
     Polynomial,
     Sizes,
@@ -65,7 +65,6 @@ from polefence.proof.text import (
     digits_down,
     digits_up,
     milliseconds_text,
-    name_text,
     output_text,
     quoted,
 )
@@ -127,8 +126,7 @@ class Subject:
 
     def motions(self, N: Polynomial) -> Iterator[tuple[str, Polynomial]]:
         """Yield N - (dX/dt) / 2 at every extreme of the rates, N where nothing moves."""
-        for name, changed in changes(self.lifted.part(slice(self.n)), self.motion):
-            yield name, N if changed is None else N - changed.times(Fraction(1, 2))
+        yield from along(self.lifted.part(slice(self.n)), N, self.motion)
 
     @property
     def lifted(self) -> Polynomial:
@@ -226,17 +224,12 @@ class Subject:
         """Refuse evidence that does not hold while parameters move."""
         if not self.motion:
             return
-        if self.sizes != (2,) * len(self.motion):
-            raise FormatError("parameters that move need evidence on their box")
         if own.dual or own.cells or self.step:
             raise FormatError(
                 "parameters that move need one X of the whole box, not a dual form, in continuous "
                 "time"
             )
-        X = lifted(self.law, own, self.sizes).part(slice(self.n))
-        for f, moved in enumerate(self.motion):
-            if moved.rate == ANY and not free_of(X, f):
-                raise FormatError(f"X depends on {name_text(moved.name)}, which moves at any rate")
+        require_motion(lifted(self.law, own, self.sizes).part(slice(self.n)), self.motion)
 
 
 def stacked(outputs: Sequence[Sequence[Rationals]]) -> list[Rationals]:

@@ -261,6 +261,8 @@ def _difference(found: UncertainPlant, plant: UncertainPlant, letters: str = "AB
     )
     if ours != theirs:
         return "other parameter ranges"
+    if [p.rate for p in found.parameters] != [p.rate for p in plant.parameters]:
+        return "other rates of parameters"
     return _other_name(found, plant)
 
 

@@ -165,7 +165,9 @@ def motion_lines(plant: UncertainPlant, region: Region, bounds: bool = False) ->
     decays = [part.decay for part in region.parts if isinstance(part, HalfPlane)]
     kept = ["the bounds hold"] * bounds
     if decays:
-        kept.append(f"the state decays by exp(-{digits_down(max(decays))} t)")
+        decay = max(decays)
+        how = f"decays by exp(-{digits_down(decay)} t)" if decay else "is exponentially stable"
+        kept.append(f"the loop {how}")
     if kept:
         return [f"{lines[0]}; with {how} {' and '.join(kept)}"]
     return [

@@ -23,12 +23,13 @@ from polefence.law.words import definitions, formula, terms_of
 from polefence.lmi.conditions.methods import METHODS
 from polefence.plant.family import UncertainPlant
 from polefence.plant.outputs import Output, inputs, split, states
+from polefence.plant.parameters import ANY, Parameter
 from polefence.proof.claims.gain import Gain
 from polefence.proof.claims.relative_rms import RelativeRms
 from polefence.proof.claims.rms import Rms
 from polefence.proof.claims.signal import SignalClaim, acting_text
 from polefence.proof.document import Document
-from polefence.proof.text import quoted, visible
+from polefence.proof.text import quoted, rate_text, visible
 from polefence.region.regions import Disk
 from polefence.region.text import digits_down, digits_up, short_text
 from polefence.response.linear import step
@@ -236,6 +237,7 @@ def _plant(plant: UncertainPlant) -> Section:
             f"{digits_up(p.low)} to {digits_down(p.high)}",
             p.unit,
             p.through,
+            *([_rate(p)] if plant.moving else []),
         )
         for p in plant.parameters
     ]
@@ -247,7 +249,17 @@ def _plant(plant: UncertainPlant) -> Section:
         text.append("The family is the convex hull of its vertices.")
         return Section("The plant", tuple(text))
     head = ("parameter", *([""] if labelled else []), "range", "unit", "enters as")
+    head = (*head, *(["moves"] if plant.moving else []))
     return Section("The plant", tuple(text), Table(head, tuple(rows)))
+
+
+def _rate(own: Parameter) -> str:
+    if own.rate is None:
+        return "not"
+    if own.rate == ANY:
+        return "at any rate"
+    low, high = own.rate
+    return f"by {digits_up(low)} to {digits_down(high)} {rate_text(own.unit)}"
 
 
 @stage("poles")

@@ -47,6 +47,15 @@ class RelativeRms(Rms):
     vector = False
     limits_rms = False
 
+    def require_fit(self, plant: UncertainPlant) -> None:
+        """Refuse a plant whose parameters move, too."""
+        super().require_fit(plant)
+        if plant.moving:
+            raise InputError(
+                f"{self.title}: {plant.moving[0].name} moves, and along a motion two loops have no "
+                "ratio; ask for the rms"
+            )
+
     @classmethod
     def without_density(cls, where: str) -> float:  # noqa: ARG003
         """Return one: the ratio is the same with any."""

@@ -175,8 +175,9 @@ class Poles(Claim):
         text, decays = super().said(plant), [p for p in self.region if isinstance(p, HalfPlane)]
         if not is_moving(plant.ranges) or not decays:
             return text
-        decay = digits_down(max(part.numbers[0] for part in decays), 4)
-        return f"{text}; decay rate {decay} 1/s with {motion_text(plant.ranges)}"
+        decay = max(part.numbers[0] for part in decays)
+        how = f"decay rate {digits_down(decay, 4)} 1/s" if decay else "exponentially stable"
+        return f"{text}; {how} with {motion_text(plant.ranges)}"
 
     @property
     def under(self) -> str:

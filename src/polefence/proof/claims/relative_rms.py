@@ -55,6 +55,7 @@ class RelativeRms(SignalClaim):
     has_dual: ClassVar[bool] = True
     has_cells: ClassVar[bool] = False  # the baseline is of the whole box
     has_remainder: ClassVar[bool] = False  # nor may it be less than said
+    has_motion: ClassVar[bool] = False  # along a motion there is no one covariance to compare with
 
     baseline: Baseline
     intensity: Fraction = Fraction(1)

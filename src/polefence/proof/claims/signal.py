@@ -259,6 +259,7 @@ class SignalClaim(Claim):
     has_cells: ClassVar[bool] = True  # whether it can be proved in parts of the box
     has_remainder: ClassVar[bool] = True  # whether the plant may have one
     moves: ClassVar[bool] = True
+    has_motion: ClassVar[bool] = True  # whether parameters of the plant may move
     most: ClassVar[int] = 1  # entries of a vector
 
     subject: Subject
@@ -422,6 +423,8 @@ class SignalClaim(Claim):
         subject.require()
         evidence = subject.evidence
         self._require_remainder()
+        if subject.motion and not self.has_motion:
+            raise FormatError(f"a bound on {self.kind} is of parameters that do not move")
         if evidence.dual and (not self.has_dual or evidence.multiple or not evidence.X):
             raise FormatError(f"a bound on {self.kind} has no dual form of this kind")
         for key in ("level", "intensity", "norm"):

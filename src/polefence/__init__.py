@@ -53,6 +53,7 @@ if TYPE_CHECKING:
     from polefence.design.requirements.initial_peak import InitialPeak
     from polefence.design.requirements.relative_rms import RelativeRms
     from polefence.design.requirements.rms import Rms
+    from polefence.design.requirements.saturation import Saturation
     from polefence.design.requirements.specification import Specification
     from polefence.design.requirements.text import load_specifications, parse_specification
     from polefence.design.signals.optimise import Optimised, optimise
@@ -97,6 +98,7 @@ _LATER = {
     "InitialPeak": "polefence.design.requirements.initial_peak",
     "RelativeRms": "polefence.design.requirements.relative_rms",
     "Rms": "polefence.design.requirements.rms",
+    "Saturation": "polefence.design.requirements.saturation",
     "Specification": "polefence.design.requirements.specification",
     "load_specifications": "polefence.design.requirements.text",
     "parse_specification": "polefence.design.requirements.text",
@@ -154,6 +156,7 @@ __all__ = [
     "PolynomialGain",
     "RelativeRms",
     "Rms",
+    "Saturation",
     "Scheduled",
     "ScheduledGain",
     "Sector",

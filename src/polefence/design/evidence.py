@@ -64,6 +64,18 @@ def loop_with(plant: UncertainPlant, law: Law, C: Array, D: Array) -> Loop:
     return _loop(plant, law, np.concatenate(rows, axis=2))
 
 
+def with_inputs(plant: UncertainPlant, law: Law, loop: Loop) -> Loop:
+    """Return a loop with how its inputs enter, and what they are: they are cut off."""
+    n, domain = plant.shape[0], loop.domain
+    if isinstance(law, FixedGain):
+        K = {(0,) * sum(domain.sizes): law.K}
+    elif isinstance(law, PolynomialGain):
+        K = {e: p[n:] for e, p in bernstein(domain, law.form, law.degree).items()}
+    else:
+        K = bernstein(domain, law.Z, law.degree)
+    return replace(loop, B=bernstein(domain, plant.B, 1), K=K)
+
+
 def _loop(plant: UncertainPlant, law: Law, rows: Array) -> Loop:
     n, domain, step = plant.shape[0], domain_of(plant, law), float(plant.step)
     AB, motion = bernstein(domain, rows, 1), Motion.of(plant)

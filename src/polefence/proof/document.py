@@ -30,6 +30,7 @@ from polefence.proof.claims.rms import Rms
 from polefence.proof.claims.rounding import Rounded
 from polefence.proof.claims.sampled import Sampled
 from polefence.proof.claims.samples import Samples
+from polefence.proof.claims.saturation import Saturation
 from polefence.proof.laws import Law, read_law
 from polefence.proof.plant import Plant
 from polefence.proof.reading import Table, parse, require_shallow, shown
@@ -52,6 +53,7 @@ KINDS: Mapping[str, type[Claim]] = MappingProxyType(
             RelativeRms,
             EnergyPeak,
             InitialPeak,
+            Saturation,
             Gain,
             GainNorm,
             Estimate,

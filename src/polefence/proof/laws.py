@@ -245,7 +245,8 @@ class Evidence:
     of (sum of alpha)^d; ``multiple`` (as many as X) for scheduled laws given; ``G`` and ``epsilon``
     for slack; ``tau`` for right-hand sides. ``dual``: X holds the coefficients of the Q of the dual
     form. ``spread`` is what a plant with a remainder asks for besides. ``cells``: parts of the box,
-    each with evidence of its own; there is then no other.
+    each with evidence of its own; there is then no other. ``held``: coefficients of H X where
+    inputs are cut off, which claims of that kind take over.
     """
 
     X: list[Rationals]
@@ -258,6 +259,8 @@ class Evidence:
     dual: bool = False
     cells: tuple[Piece, ...] = ()
     spread: Spread | None = None
+    held: tuple[Rationals, ...] = ()
+    held_degree: int = 0
 
     @property
     def each(self) -> tuple[Evidence, ...]:

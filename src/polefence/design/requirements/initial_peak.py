@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from fractions import Fraction
-from typing import Any, Self
+from typing import Any, ClassVar, Self
 
 import numpy as np
 
@@ -58,7 +58,7 @@ class InitialPeak(Specification):
     impulse: float = 0.0
     ellipsoid: tuple[tuple[float | Fraction, ...], ...] = ()
     kind = "initial peak"
-    keys = ("points", "impulse", "ellipsoid", "disturbances")
+    keys: ClassVar[tuple[str, ...]] = ("points", "impulse", "ellipsoid", "disturbances")
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -70,12 +70,12 @@ class InitialPeak(Specification):
             raise InputError(
                 f"{self.name!r}: points must be a list of initial states, [[...], [...]]"
             ) from error
-        if self.disturbances is not None and not self.impulse:
+        if self.disturbances is not None and not any(self._sizes):
             raise InputError(
                 f"{self.name!r}: disturbances are for an impulse; give one, or leave them out"
             )
         numbers = [
-            self.impulse,
+            *self._sizes,
             *(x for own in (self.points, self.ellipsoid) for p in own for x in p),
         ]
         if not all(isinstance(x, Fraction) or is_number(x) for x in numbers) or not any(numbers):
@@ -88,12 +88,17 @@ class InitialPeak(Specification):
                 f"{self.name!r}: the ellipsoid must be symmetric, without negative eigenvalues"
             )
 
+    @property
+    def _sizes(self) -> tuple[float, ...]:
+        """How large what the disturbances do is."""
+        return (self.impulse,)
+
     @classmethod
     def read(cls, row: Row) -> Self:
         """Return what a row says."""
         points = matrix(row, "points", "initial states", number)
         ellipsoid = matrix(row, "ellipsoid", "rows of a matrix", _exact)
-        numbers = row.given("impulse")
+        numbers = row.given(*(key for key in cls.keys if key in ("impulse", "norm")))
         return cls(row.table["signal"], points=points, ellipsoid=ellipsoid, **numbers)
 
     def extended(self, n: int, more: int) -> InitialPeak:
@@ -119,6 +124,10 @@ class InitialPeak(Specification):
     def source(self, plant: UncertainPlant, domain: Domain) -> conditions.Source:  # noqa: ARG002
         """Return the initial states."""
         self._require_states(plant)
+        return self._starts(plant, "points")
+
+    def _starts(self, plant: UncertainPlant, kind: str) -> conditions.Points:
+        """Return the initial states under a name that begins with a word."""
         N = len(plant.vertices)
         found = [np.tile(np.array(p, dtype=float)[:, None], (N, 1, 1)) for p in self.points]
         if self.impulse:
@@ -126,7 +135,7 @@ class InitialPeak(Specification):
             found += [self.impulse * E[:, :, k : k + 1] for k in np.flatnonzero(acting)]
         X0 = np.array(self.ellipsoid, dtype=float) if self.ellipsoid else None
         own = self.points, self.impulse, self.ellipsoid, self.scales(plant)
-        name = f"points {own!r}"  # a hash would take -1 for -2
+        name = f"{kind} {own!r}"  # a hash would take -1 for -2
         return conditions.Points(name, tuple(found), X0)
 
     def claim(
@@ -136,11 +145,15 @@ class InitialPeak(Specification):
         plant: UncertainPlant,
     ) -> proof.BoundClaim:
         """Return the claim about the peak."""
+        return proof.InitialPeak(subject, self.exact_outputs(plant), level, *self._exact(plant))
+
+    def _exact(self, plant: UncertainPlant) -> tuple[Any, Any, Any]:
+        """Return points, impulses and ellipsoid in exact numbers."""
         points = tuple(tuple(Fraction(x) for x in point) for point in self.points)
         impulses = tuple(map(Fraction, self._impulses(plant)))
         impulses = tuple(Fraction(self.impulse) * scale for scale in impulses)
         X0 = tuple(tuple(Fraction(x) for x in row) for row in self.ellipsoid)
-        return proof.InitialPeak(subject, self.exact_outputs(plant), level, points, impulses, X0)
+        return points, impulses, X0
 
     def _require_states(self, plant: UncertainPlant) -> None:
         n = plant.shape[0]
@@ -189,7 +202,7 @@ class InitialPeak(Specification):
             return np.asarray(one.values[:, :, 0] ** 2)
 
         found = np.zeros(count)
-        axes = [np.tile(axis, (count, 1)) for axis in _axes(own)]
+        axes = [np.tile(axis, (count, 1)) for axis in axes_of(own)]
         for first in range(0, count, size):
             part = slice(first, first + size)
             each = [squares(start, part) for start in starts]
@@ -201,7 +214,7 @@ class InitialPeak(Specification):
     def channel(self, plant: UncertainPlant, alpha: Array) -> Channel:
         """Return it with the initial states as columns of E, the ellipsoid's axes behind them."""
         C, D, _ = stacked(plant, self.outputs(plant))
-        starts = [np.array(p, dtype=float)[:, None] for p in (*self.points, *_axes(self))]
+        starts = [np.array(p, dtype=float)[:, None] for p in (*self.points, *axes_of(self))]
         each = [np.broadcast_to(M, (len(alpha), *M.shape)) for M in starts]
         if self.impulse:
             E = self.impulse * np.array(self._impulses(plant)) * disturbance(plant)
@@ -318,7 +331,7 @@ def _moved_by_nothing(plant: UncertainPlant) -> UncertainPlant:
     return replace(plant, vertices=vertices, disturbances=(), outputs=(), vehicle=None)
 
 
-def _axes(own: InitialPeak) -> Array:
+def axes_of(own: InitialPeak) -> Array:
     """Return the columns of L, X0 = L L', as rows."""
     if not own.ellipsoid:
         return np.zeros((0, 0))

@@ -18,6 +18,7 @@ from polefence.design.requirements.gain_norm import GainNorm
 from polefence.design.requirements.initial_peak import InitialPeak
 from polefence.design.requirements.relative_rms import RelativeRms
 from polefence.design.requirements.rms import Rms
+from polefence.design.requirements.saturation import Saturation
 from polefence.design.requirements.specification import (
     SIGNAL_REMEDY,
     Row,
@@ -34,7 +35,8 @@ from polefence.proof.text import exactly
 from polefence.response.stationary import velocity_density
 
 KINDS: dict[str, type[Specification]] = {
-    str(own.kind): own for own in (Rms, RelativeRms, EnergyPeak, InitialPeak, Gain, GainNorm)
+    str(own.kind): own
+    for own in (Rms, RelativeRms, EnergyPeak, InitialPeak, Saturation, Gain, GainNorm)
 }
 COMMON = ("kind", "signal", "at_most", "minimise")
 ONLY_TABLES = ("points", "ellipsoid", "rows", "columns", "disturbances")

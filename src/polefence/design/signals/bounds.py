@@ -21,7 +21,7 @@ from polefence.base.files import write_documents
 from polefence.base.progress import stage
 from polefence.design.certificate import Certificate, exact_law
 from polefence.design.design import FILE_NAME
-from polefence.design.evidence import loop_with, spread_of
+from polefence.design.evidence import loop_with, spread_of, with_inputs
 from polefence.design.requirements.gain_norm import GainNorm, levels
 from polefence.design.requirements.rms import Rms, of_one_noise
 from polefence.design.requirements.specification import Specification, claim_of
@@ -335,6 +335,11 @@ def own_evidence(law: Law, W: Array, t: float) -> Evidence:
     return Evidence([none], multiple=(Fraction(1 / t),))
 
 
+def with_held(evidence: Evidence, held: Array, degree: int) -> Evidence:
+    """Return evidence with H X, (count, m, n), where inputs are cut off."""
+    return replace(evidence, held=tuple(map(_rationals, held)), held_degree=degree)
+
+
 def _climb(
     plant: UncertainPlant, law: Law, specification: Specification, unit: float
 ) -> Iterator[Points]:
@@ -344,6 +349,8 @@ def _climb(
         return
     source, output = specification.condition(plant, domain_of(plant, law), unit)
     loop = loop_with(plant, law, output.C, output.D)
+    if output.held:
+        loop = with_inputs(plant, law, loop)
     if plant.remainder is not None and not isinstance(source, performance.Through):
         yield _with_room(plant, law, loop, source, output)
         return
@@ -437,10 +444,13 @@ def _proved(
 def _evidences(found: LyapunovPolynomial, form: tuple[int, int]) -> Iterator[Evidence]:
     """Yield Q as floats have it, and as the exact product that it is of what was found."""
     multiple = () if found.multiple is None else tuple(map(Fraction, found.multiple.tolist()))
-    yield Evidence([_rationals(Q) for Q in found.Q], form[0], form[1], multiple)
+    first = Evidence([_rationals(Q) for Q in found.Q], form[0], form[1], multiple)
+    if found.held is not None:
+        first = with_held(first, found.held, found.held_degree)
+    yield first
     left = _rationals(found.left)
     products = [_congruent(left, _rationals((S + S.T) / 2)) for S in found.scaled]
-    yield Evidence(products, form[0], form[1], multiple)
+    yield replace(first, X=products)
 
 
 def _congruent(left: matrices.Rationals, middle: matrices.Rationals) -> matrices.Rationals:

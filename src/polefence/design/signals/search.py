@@ -38,9 +38,11 @@ from polefence.design.signals.bounds import (
     known_bound,
     own_evidence,
     sampled,
+    with_held,
 )
 from polefence.law.laws import FixedGain, Law, ScheduledGain, right_divide
 from polefence.lmi.conditions.methods import Method, options
+from polefence.lmi.conditions.saturation import held_name
 from polefence.lmi.conditions.target import Around
 from polefence.lmi.solve.interior_point import TOLERANCE
 from polefence.lmi.solve.performance import Problem, least
@@ -281,7 +283,11 @@ class Origin:
         if not t > 0 or (own.at_most is None and self.task.minimise is not own):
             return None
         W = coefficients(self.found.values, "W")
-        return own_evidence(law, W, t), own.at_most or level_of(self.task, self.found)
+        evidence, prefix = own_evidence(law, W, t), held_name(own.title)
+        if any(name.startswith(prefix) for name in self.found.values):
+            held = coefficients(self.found.values, prefix)
+            evidence = with_held(evidence, held / t, int(options(self.task.method).degree))
+        return evidence, own.at_most or level_of(self.task, self.found)
 
 
 @dataclass(frozen=True, eq=False)
@@ -839,7 +845,8 @@ def mixed(task: Task, one: Reached, other: Reached, share: float) -> Reached | N
     if not names or not (one.t.get(names[-1], 0.0) > 0 and other.t.get(names[-1], 0.0) > 0):
         return None
     a, b = (1 - share) / one.t[names[-1]], share / other.t[names[-1]]
-    values = {key: a * X + b * other.values[key] for key, X in one.values.items()}
+    pairs = ((key, X, other.values.get(key)) for key, X in one.values.items())
+    values = {key: a * X + b * Y for key, X, Y in pairs if Y is not None}
     t = {key: a * one.t[key] + b * other.t[key] for key in names if key in one.t and key in other.t}
     r = (1 - share) * one.r + share * other.r
     return Reached(r=r, values=values, t=t, converged=True)

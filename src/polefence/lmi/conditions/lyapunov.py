@@ -19,15 +19,18 @@ import numpy as np
 from polefence.lmi.conditions.motion import moved
 from polefence.lmi.conditions.pencil import Builder, Linear, Pencil, Term
 from polefence.lmi.conditions.performance import Demands, Form, assembled, split_rows
+from polefence.lmi.conditions.saturation import HELD, Cut, cuts, weighted
 from polefence.plant.boxes import Box
 from polefence.plant.motion import STILL, Motion
 from polefence.plant.polynomial import (
     Domain,
     Exponent,
     Polynomial,
+    bernstein,
     binomial,
     degree_of,
     elevated,
+    times,
 )
 from polefence.plant.system import Array
 
@@ -46,6 +49,8 @@ class Loop:
         Of a delta form [s]; zero in continuous time.
     motion : Motion
         Of the parameters.
+    B, K : polynomials, optional
+        Where inputs are cut off: how they enter, of degree one, and K E without its sum of alpha.
     """
 
     E: Polynomial
@@ -54,11 +59,19 @@ class Loop:
     R: Polynomial | None = None
     step: float = 0.0
     motion: Motion = STILL
+    B: Polynomial | None = None
+    K: Polynomial | None = None
 
     @property
     def degree(self) -> int:
         """Degree of X in each simplex where Q is constant."""
         return degree_of(self.E, self.domain) + (degree_of(self.R, self.domain) if self.R else 0)
+
+    @property
+    def input_degree(self) -> int:
+        """Degree of K X in each simplex where Q is constant; zero where K is not there."""
+        own = [degree_of(P, self.domain) for P in (self.K, self.R) if P is not None]
+        return sum(own) if self.K is not None else 0
 
     @property
     def middle(self) -> Array:
@@ -74,7 +87,8 @@ class Loop:
 
     def without_outputs(self) -> Loop:
         """Return the loop alone."""
-        return replace(self, C={e: p[: p.shape[1]] for e, p in self.C.items()})
+        C = {e: p[: p.shape[1]] for e, p in self.C.items()}
+        return replace(self, C=C, B=None, K=None)
 
     @cached_property
     def rights(self) -> list[tuple[Exponent, Array | None]]:
@@ -90,7 +104,10 @@ class Loop:
         E = {e: inverse @ p @ right for e, p in self.E.items()}
         C = {e: np.vstack([inverse @ p[:n] / rate, p[n:]]) @ right for e, p in self.C.items()}
         R = self.R and {e: inverse @ p @ inverse.T for e, p in self.R.items()}
-        return Loop(E, C, self.domain, R, self.step * rate, self.motion.changed(rate))
+        B = self.B and {e: inverse @ p / rate for e, p in self.B.items()}
+        K = self.K and {e: p @ right for e, p in self.K.items()}
+        own = self.step * rate, self.motion.changed(rate), B, K
+        return Loop(E, C, self.domain, R, *own)
 
     def restored(self, Q: Array, T: Array) -> Array:
         """Return Q in the original coordinates."""
@@ -129,6 +146,17 @@ def given(loop: Loop, demands: Demands, degree: int = 0, elevation: int = 0) -> 
             for e, more in _multiples(elevated(P, domain, extra), scalars, domain, degree).items():
                 total[e] = total.get(e, Linear()) + more
     parts = split_rows(n, demands.outputs)
+    held = dict[str, dict[Exponent, Cut]]()
+    for output in demands.outputs:
+        if output.held and loop.K is not None and loop.B is not None:
+            KX = _products(loop.K, Q, loop, degree)
+            if loop.R is not None:
+                more_KX = _multiples(elevated(loop.K, domain, extra), scalars, domain, degree)
+                KX = {e: KX.get(e, Linear()) + more_KX.get(e, Linear()) for e in {**KX, **more_KX}}
+            m, top = output.D.shape[2], loop.input_degree + degree
+            names = (f"{HELD}{k + 1}" for k in range(domain.count(top)))
+            Y = weighted([pencil.full(name, (m, n), "") for name in names], domain, top)
+            held[output.name] = cuts(loop.B, KX, Y, output.held, domain, natural + elevation)
     motions = dict[Exponent, tuple[Linear, ...]]()
     if demands.target.motion.moves:
         bare = _products(loop.R or _one(loop), Q, loop, degree)
@@ -141,9 +169,25 @@ def given(loop: Loop, demands: Demands, degree: int = 0, elevation: int = 0) -> 
     def forms() -> Iterator[Form]:
         for e in domain.monomials(natural + elevation):
             N, *Y = (part @ NY[e] for part in parts) if demands.outputs else (NY[e],)
-            yield Form(e, X[e], N, tuple(Y), moved=motions.get(e, ()))
+            cut = {name: own[e] for name, own in held.items()}
+            yield Form(e, X[e], N, tuple(Y), moved=motions.get(e, ()), cut=cut)
 
     return assembled(pencil, forms(), demands, domain, natural + elevation)
+
+
+def fed(loop: Loop, Q: Array, s: Array, degree: int) -> Array:
+    """Return the Bernstein coefficients of K X for those of Q (count, n, n) and the multiples."""
+    domain = loop.domain
+    P = times(loop.K or {}, bernstein(domain, Q, degree))
+    if loop.R is not None:
+        P = times(P, loop.R)
+        eye = np.eye(Q.shape[1])
+        scalars = bernstein(domain, s[:, None, None] * eye, degree)
+        more = times(elevated(loop.K or {}, domain, degree_of(loop.R, domain)), scalars)
+        none = np.zeros_like(next(iter(P.values())))
+        P = {e: P.get(e, none) + more.get(e, none) for e in {**P, **more}}
+    exponents = domain.monomials(loop.input_degree + degree)
+    return np.stack([P[e] / binomial(domain.sizes, e) for e in exponents])
 
 
 def _one(loop: Loop) -> Polynomial:

@@ -19,7 +19,7 @@ it contains Lemma 1 (Peaucelle, Arzelier, Bachelier & Bernussou, 2000).
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from math import comb
 
@@ -30,9 +30,10 @@ from polefence.lmi.conditions.gain_norm import add_norm
 from polefence.lmi.conditions.motion import moved
 from polefence.lmi.conditions.pencil import Builder, Linear, Pencil, Piece, block_name, multiple
 from polefence.lmi.conditions.performance import Demands, Form, Output, assembled, split_rows
+from polefence.lmi.conditions.saturation import Cut, cuts, held_name, weighted
 from polefence.lmi.conditions.target import Side, Target, disks
 from polefence.plant.family import UncertainPlant
-from polefence.plant.polynomial import DOMAINS, Domain, Exponent, binomial
+from polefence.plant.polynomial import DOMAINS, Domain, Exponent, bernstein
 from polefence.plant.system import Array
 
 METHODS = ("quadratic", "slack", "scheduled")
@@ -340,11 +341,38 @@ def design(
         for name, k in zip(names, first, strict=True)
     ]
     Z = [pencil.full(f"Z{name}", (m, n), "u") for name in names]
+    held = {
+        o.name: [pencil.full(f"{held_name(o.name)}{name}", (m, n), "u") for name in names]
+        for o in demands.outputs
+        if o.held
+    }
     for norm, near in demands.norms:
         add_norm(pencil, W, Z, norm, near, domain, degree, elevation)
     extra = max(degree + 1, demands.degree(domain)) - degree - 1 + elevation
-    forms = _forms((A, B), (W, Z), demands, domain, degree, extra)
+    forms: Iterable[Form] = _forms((A, B), (W, Z), demands, domain, degree, extra)
+    if held:
+        forms = _cut_off(forms, (B, Z, held), demands, domain, degree)
     return assembled(pencil, forms, demands, domain, degree + 1 + extra)
+
+
+def _cut_off(
+    forms: Iterable[Form],
+    law: tuple[Array, list[Linear], dict[str, list[Linear]]],
+    demands: Demands,
+    domain: Domain,
+    degree: int,
+) -> Iterator[Form]:
+    """Yield forms with what the inputs that are cut off ask for."""
+    (B, Z, held), own = law, list(forms)
+    total = sum(own[0].exponent[: domain.sizes[0]])
+    KX, found = weighted(Z, domain, degree), dict[str, dict[Exponent, Cut]]()
+    for output in demands.outputs:
+        if output.held:
+            Y = weighted(held[output.name], domain, degree)
+            P = bernstein(domain, B, 1)
+            found[output.name] = cuts(P, KX, Y, output.held, domain, total)
+    for form in own:
+        yield replace(form, cut={name: own[form.exponent] for name, own in found.items()})
 
 
 def _forms(
@@ -358,8 +386,7 @@ def _forms(
     """Yield the coefficients of X = W, N = A W + B Z and Y = C W + D Z, of motions too."""
     own = list(_still(plant, law, demands.outputs, domain, degree, extra))
     if demands.target.motion.moves:
-        pairs = zip(domain.monomials(degree), law[0], strict=True)
-        X = {e: float(binomial(domain.sizes, e)) * W for e, W in pairs}
+        X = weighted(law[0], domain, degree)
         found = moved(demands.target.motion, {f.exponent: f.N for f in own}, X, domain)
         own = [replace(form, moved=found[form.exponent]) for form in own]
     yield from own

@@ -28,8 +28,8 @@ for itself.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import dataclass, field, replace
 from itertools import product
 
 import numpy as np
@@ -45,6 +45,7 @@ from polefence.lmi.conditions.pencil import (
     multiple,
     put,
 )
+from polefence.lmi.conditions.saturation import Cut
 from polefence.lmi.conditions.target import NO_REGION, Target
 from polefence.plant.polynomial import (
     Domain,
@@ -157,6 +158,8 @@ class Output:
         For `Through` only.
     square : polynomial, optional
         A positive scalar: the bound's square is level^2 times this, not level^2.
+    held : tuple of int
+        Numbers of inputs that are cut off at the bound, y being these.
     """
 
     name: str
@@ -167,6 +170,7 @@ class Output:
     fixed: bool = True
     F: Array | None = None
     square: Polynomial | None = None
+    held: tuple[int, ...] = ()
 
     @property
     def rows(self) -> int:
@@ -215,7 +219,8 @@ class Form:
     """Coefficients at one exponent: X, N and one Y an output.
 
     ``floor`` is what a region's first block has to exceed, ``name`` that of the exponent's blocks.
-    ``moved`` holds N - (dX/dt) / 2 at every extreme of the rates, where parameters move.
+    ``moved`` holds N - (dX/dt) / 2 at every extreme of the rates, where parameters move; ``cut``
+    what outputs that are inputs cut off ask for, by their names.
     """
 
     exponent: Exponent
@@ -225,6 +230,7 @@ class Form:
     floor: Linear | None = None
     name: str = ""
     moved: tuple[Linear, ...] = ()
+    cut: Mapping[str, Cut] = field(default_factory=dict)
 
     @property
     def motions(self) -> Iterator[tuple[str, Linear]]:
@@ -266,9 +272,11 @@ def assembled(
         for source, (more, N) in product(sources, form.motions):
             if not isinstance(source, Through):
                 data = moved[source.name](e)
-                motion = N + demands.margin * form.X if demands.margin else N
-                at = form.X, motion, demands.step
-                pencil.blocks.append(_moved(source, name + more, at, t[source.name], data, weight))
+                for k, added in enumerate(_added(source, outputs, form)):
+                    motion = N + added + demands.margin * form.X if demands.margin else N + added
+                    label = f"{name}{more}" + f", cut off {k}" * (k > 0)
+                    at = form.X, motion, demands.step
+                    pencil.blocks.append(_moved(source, label, at, t[source.name], data, weight))
         for source in sources:
             if isinstance(source, Points):
                 pencil.blocks += _started(
@@ -283,6 +291,8 @@ def assembled(
                 for more, N in form.motions:
                     at = form.X, N, demands.step
                     pencil.blocks.append(_passed(label + more, at, Y, own, E, F, weight, output))
+            elif output.held:
+                pencil.blocks += _held(label, form, own, bounds[output.name][e], output)
             else:
                 pencil.blocks.append(_bound(label, form.X, Y, own, bounds[output.name][e], output))
         for label, side in target.named(name):
@@ -382,6 +392,25 @@ def _bound(name: str, X: Linear, Y: Linear, t: Linear, weight: float, output: Ou
     if output.fixed:
         return Block(name, 1 + p * n, (), put(-size * t, first, first) + others)
     return Block(name, 1 + p * n, put(size * t, first, first), others)
+
+
+def _added(source: Source, outputs: tuple[Output, ...], form: Form) -> tuple[Linear, ...]:
+    """Return what is added to N, for a source under which inputs are cut off for each of them."""
+    found = [form.cut[o.name].added for o in outputs if o.held and o.source == source.name]
+    return found[0] if found else (Linear(),)
+
+
+def _held(name: str, form: Form, t: Linear, weight: float, output: Output) -> Iterator[Block]:
+    """Yield that each row of H x stays within the bound; inputs that nothing cuts off count too.
+
+    Of those Y is free, and a block of it keeps it finite.
+    """
+    Y, m = form.cut[output.name].Y, output.D.shape[2]
+    rows = np.concatenate([output.D[0], np.delete(np.eye(m), output.held, axis=0)])
+    for k, row in enumerate(rows[:, None]):
+        fixed = output.fixed or k >= output.rows
+        own = replace(output, C=output.C[:, :1], D=output.D[:, :1], fixed=fixed)
+        yield _bound(f"{name}, row {k + 1}", form.X, row @ Y, t, weight, own)
 
 
 def _passed(

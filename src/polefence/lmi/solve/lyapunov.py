@@ -10,8 +10,9 @@ from itertools import chain
 import numpy as np
 
 from polefence.base.errors import SolverError
-from polefence.lmi.conditions.lyapunov import Loop, given, sum_of
+from polefence.lmi.conditions.lyapunov import Loop, fed, given, sum_of
 from polefence.lmi.conditions.performance import Demands, Output, Source, Through, unit_of
+from polefence.lmi.conditions.saturation import HELD
 from polefence.lmi.conditions.target import Around, Goal, Target
 from polefence.lmi.solve.interior_point import TOLERANCE, WIDE, Outcome
 from polefence.lmi.solve.scaling import factor, power_of_two
@@ -41,12 +42,16 @@ class LyapunovPolynomial(Point):
     left : (n, n) array
     scaled : (count, n, n) array
         In the search's own coordinates, in which they are well conditioned.
+    held : (count, m, n) array, optional
+        Coefficients of H X, of ``held_degree``, where inputs are cut off.
     """
 
     Q: Array
     multiple: Array | None
     left: Array
     scaled: Array
+    held: Array | None = None
+    held_degree: int = 0
 
 
 def least(
@@ -251,12 +256,17 @@ class _Search:
     def _in(self, T: Array, last: LyapunovPolynomial | None) -> LyapunovPolynomial | None:
         """Run from the first start that is one, in coordinates x = T x_s."""
         demands, count = self.demands(T), self.loop.domain.count(self.form[0])
-        pencil = given(self.loop.changed(T, self.rate), demands, *self.form)
+        moved = self.loop.changed(T, self.rate)
+        pencil = given(moved, demands, *self.form)
         stacked = stack(pencil)
         for start in chain([] if last is None else [last], self.starts()):
             Q, s = self._moved(start, T) if isinstance(start, LyapunovPolynomial) else start
             values = {f"Q{k + 1}": Q[k % len(Q)] for k in range(count)}
             values |= {f"s{k + 1}": s[k % len(s)].reshape(1, 1) for k in range(count)}
+            names = [v.name for v in pencil.variables if v.name[0] == HELD]
+            if names:  # at first what is cut off acts as it is
+                own, more = (np.stack([M[k % len(M)] for k in range(count)]) for M in (Q, s))
+                values |= dict(zip(names, fed(moved, own, more, self.form[0]), strict=True))
             x, r = interior(pencil, stacked, values, {})
             if x is None:
                 continue
@@ -281,6 +291,8 @@ class _Search:
         multiple = None
         if self.loop.R is not None:
             multiple = np.array([values[f"s{k + 1}"].item() / t for k in range(count)])
+        names = sorted((name for name in values if name[0] == HELD), key=lambda own: int(own[1:]))
+        held = np.stack([values[name] @ T.T / t for name in names]) if names else None
         return LyapunovPolynomial(
             r=self.unit * outcome.r,
             converged=outcome.converged,
@@ -289,4 +301,6 @@ class _Search:
             multiple=multiple,
             left=T if self.loop.R is None else np.asarray(np.linalg.inv(T), dtype=float).T,
             scaled=scaled,
+            held=held,
+            held_degree=self.loop.input_degree + self.form[0],
         )

@@ -12,8 +12,9 @@ import numpy as np
 from polefence.base.errors import SolverError
 from polefence.lmi.conditions.gain_norm import Norm, tangents
 from polefence.lmi.conditions.methods import design
-from polefence.lmi.conditions.pencil import Pencil
+from polefence.lmi.conditions.pencil import Pencil, Variable
 from polefence.lmi.conditions.performance import Demands, Output, Source, Through, unit_of
+from polefence.lmi.conditions.saturation import HELD
 from polefence.lmi.conditions.target import Target, fixed
 from polefence.lmi.solve.assembly import stacked_design
 from polefence.lmi.solve.interior_point import TOLERANCE, WIDE
@@ -105,7 +106,8 @@ class Problem:
         step = self.step * scaling.rate
         demands = Demands(target, sources, changed, tuple(own), MARGIN, step)
         form = self.domain, self.degree, self.elevation
-        if not norms and not step and not motion:
+        held = any(output.held for output in outputs)
+        if not norms and not step and not motion and not held:
             return stacked_design(A, B, demands, *form)
         pencil = design(A, B, demands, *form)
         return pencil, stack(pencil)
@@ -219,9 +221,15 @@ def _share_of(
     for each in (bounds, (more, ())):
         pencil, stacked = problem.pencil(own, *each, begin.values)
         matrices = tuple(v for v in pencil.variables if v.rows)
-        values = own.scaled(begin.values, matrices)
+        values = own.scaled(_with_held(begin.values, matrices), matrices)
         first.append(interior(pencil, stacked, values, begin.t)[1])
     return first[1] / first[0] if all(first) else 0.0
+
+
+def _with_held(values: dict[str, Array], variables: tuple[Variable, ...]) -> dict[str, Array]:
+    """Return values with what inputs that are cut off begin with: they act as they are."""
+    held = (v.name for v in variables if v.name[0] == HELD and v.name not in values)
+    return values | {name: values[f"Z{name.rpartition('.')[2]}"] for name in held}
 
 
 def _source(problem: Problem, output: Output) -> Source:
@@ -296,7 +304,8 @@ def _run(
     pencil, stacked = condition
     matrices = tuple(v for v in pencil.variables if v.rows)
     scalars = [v.name for v in pencil.variables if not v.rows]
-    x, r = interior(pencil, stacked, scaling.scaled(begin.values, matrices), begin.t)
+    values = _with_held(begin.values, matrices)
+    x, r = interior(pencil, stacked, scaling.scaled(values, matrices), begin.t)
     if x is None:
         return None
     outcome = attempt(stacked, x, WIDE * r, enough, tolerance)

@@ -11,6 +11,7 @@ from polefence.proof.claims.poles import Poles
 from polefence.proof.claims.rate import Rate
 from polefence.proof.claims.relative_rms import Baseline, RelativeRms, baseline_loop
 from polefence.proof.claims.rms import Rms
+from polefence.proof.claims.saturation import Saturation
 from polefence.proof.claims.signal import SignalClaim, Subject
 from polefence.proof.plant import Output
 
@@ -30,6 +31,7 @@ __all__ = [
     "Rate",
     "RelativeRms",
     "Rms",
+    "Saturation",
     "SignalClaim",
     "Subject",
     "Verdict",

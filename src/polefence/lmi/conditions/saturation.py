@@ -1,0 +1,91 @@
+"""Inputs that are cut off: what acts lies between K x and H x, and Y = H X is unknown beside X.
+
+For every part S of the inputs that are cut off N becomes N + B_S (Y - K X)_S. See
+`polefence.proof.claims.saturation`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from itertools import combinations
+
+import numpy as np
+
+from polefence.lmi.conditions.pencil import Linear
+from polefence.plant.polynomial import Domain, Exponent, Polynomial, binomial, degree_of, elevated
+from polefence.plant.system import Array
+
+HELD = "Y"  # how the names of what is unknown beside X begin
+
+
+def held_name(output: str) -> str:
+    """Return how those of an output begin, of a law that is sought."""
+    return f"{HELD} {output}."
+
+
+Forms = Mapping[Exponent, Linear]
+
+
+@dataclass(frozen=True, eq=False)
+class Cut:
+    """Coefficients of one exponent: Y, and what is added to N for every part of the inputs.
+
+    Nothing is added for the first, of none.
+    """
+
+    Y: Linear
+    added: tuple[Linear, ...]
+
+
+def cuts(
+    B: Polynomial, KX: Forms, Y: Forms, chosen: Sequence[int], domain: Domain, degree: int
+) -> dict[Exponent, Cut]:
+    """Return what is cut off by the exponents of a condition of a degree.
+
+    Parameters
+    ----------
+    B : polynomial
+        Of degree one.
+    KX, Y : mapping
+        Coefficients by exponents, of one degree.
+    """
+    difference = {e: own - KX.get(e, Linear()) for e, own in Y.items()}
+    own = sum(next(iter(Y))[: domain.sizes[0]])
+    raised = elevated(B, domain, degree - own - degree_of(B, domain))
+    each = [_times(_column(raised, i), difference) for i in chosen]
+    one = {(0,) * sum(domain.sizes): np.eye(next(iter(B.values())).shape[1])}
+    held = _times(elevated(one, domain, degree - own), Y)
+    parts = [p for size in range(len(chosen) + 1) for p in combinations(range(len(chosen)), size)]
+    found: dict[Exponent, Cut] = {}
+    for e in domain.monomials(degree):
+        added = []
+        for part in parts:
+            total = Linear()
+            for k in part:
+                total = total + each[k].get(e, Linear())
+            added.append(total)
+        found[e] = Cut(held[e], tuple(added))
+    return found
+
+
+def weighted(coefficients: Sequence[Linear], domain: Domain, degree: int) -> dict[Exponent, Linear]:
+    """Return Bernstein coefficients as those of monomials."""
+    pairs = zip(domain.monomials(degree), coefficients, strict=True)
+    return {e: float(binomial(domain.sizes, e)) * own for e, own in pairs}
+
+
+def _column(B: Polynomial, i: int) -> Polynomial:
+    """Return B with all columns but one zero."""
+    keep: Array = np.zeros(next(iter(B.values())).shape[1])
+    keep[i] = 1.0
+    return {e: M * keep for e, M in B.items()}
+
+
+def _times(P: Polynomial, Q: Forms) -> dict[Exponent, Linear]:
+    found: dict[Exponent, Linear] = {}
+    for c, M in P.items():
+        for d, own in Q.items():
+            e = tuple(a + b for a, b in zip(c, d, strict=True))
+            found[e] = found.get(e, Linear()) + M @ own
+    return found

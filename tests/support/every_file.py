@@ -106,7 +106,7 @@ FILES = (
     "performance/design.json", "signals/design.json", "vectors/design.json", "code/guarantee.json",
     "observer/design.json", "observed/guarantee.json", "tuned/design.json", "parts/design.json",
     "cells/design.json", "damper/law.json", "damper/limit.json", "late/design.json",
-    "discrete/design.json",
+    "discrete/design.json", "moving/design.json",
 )  # fmt: skip
 DAMPER = """name = "damped"
 states = ["d [m]", "v [m/s]"]
@@ -143,6 +143,12 @@ LATE = [
     "--limit", "rms of u <= 50 with density 1", "--limit", "energy peak of v <= 20 with norm 1",
     "--limit", "gain of v <= 10", "--region", "half_plane(0.3)",
 ]  # fmt: skip
+MOVING = [
+    "optimise", "moving.toml", "--limit", "rms of u <= 50 with density 1",
+    "--limit", "energy peak of v <= 20 with norm 1", "--limit", "gain of v <= 10",
+    "--limit", "initial peak of x <= 5 with impulse 1",
+    "--limit", "saturation of u <= 3 with norm 1", "--region", "disk(-3, 2.9) & half_plane(0.3)",
+]  # fmt: skip
 RUN = ["--sample-time", "0.001", "--float", "32"]
 LIMITS = [
     "limits", "plain.toml", "--centre", "-3", "--method", "quadratic", "--json", "limits.json",
@@ -172,6 +178,7 @@ def write_every_file(made: Path) -> None:
     (made / "two.toml").write_text(TWO)
     (made / "damper.toml").write_text(DAMPER)
     (made / "discrete.toml").write_text(DISCRETE)
+    (made / "moving.toml").write_text(SPEC.replace('through = "k"', "rate = [-1, 2]"))
     knots = {"grid": {"k": [1, 2]}, "gains": [[[-3, -3]], [[-3, -3]]]}
     (made / "gains.json").write_text(json.dumps(knots))
     half = ["--region", "half_plane(0.3)"]
@@ -187,6 +194,7 @@ def write_every_file(made: Path) -> None:
         ["optimise", "plain.toml", "--method", "quadratic", *EVERY_KIND, "-o", "signals"],
         ["optimise", "two.toml", "--method", "quadratic", "-o", "vectors"],
         [*LATE, "-o", "late"],
+        [*MOVING, "-o", "moving"],
         ["optimise", "discrete.toml", "--method", "quadratic", *EVERY_KIND, "-o", "discrete"],
         ["export", "quadratic", "-o", "code", "--sample-time", "0.001"],
         [*OBSERVE, "-o", "observer"],

@@ -39,6 +39,10 @@ class Plant:
             (*map(number, p["range"]), p.get("through", p["name"]) != p["name"])
             for p in table.get("parameters", [])
         ]
+        self.rates = [
+            rate if isinstance(rate := p.get("rate"), str | None) else tuple(map(number, rate))
+            for p in table.get("parameters", [])
+        ]
         self.random = np.random.default_rng(seed)
         self.T = number(table.get("sample_time", 0))
         self.R = array(table["remainder"]) if "remainder" in table else None
@@ -222,6 +226,9 @@ def false_signal(plant, law, claim):
     )
     scales = array(claim["disturbances"]) if "disturbances" in claim else 1.0
     level = number(claim["level"]) * (1 + SLACK) + 1e-12
+    if any(plant.rates) and claim["kind"] == "rms" and "disturbances" not in claim:
+        if moving_rms(plant, law, claim, C, D) > level * 1.02:  # by Euler's steps
+            return True
     for alpha in plant.alphas(domain_of(claim, law)):
         K = law.gain(alpha)
         y, kind, through = mix(alpha, C) + mix(alpha, D) @ K, claim["kind"], mix(alpha, F) * scales
@@ -316,6 +323,56 @@ def false_samples(plant, _, claim):
         if np.any(np.abs(found - expected) > plant.R * (1 + SLACK) + 1e-12):
             return True
     return False
+
+
+def false_saturation(plant, law, claim):
+    """Whether a loop that is cut off runs away, at rest or from pushes."""
+    level = number(claim["level"])
+    outputs = claim["outputs"] if "outputs" in claim else [claim["output"]]
+    D = np.concatenate([stacked(plant, output, "D") for output in outputs], axis=1)[0]
+    chosen = np.flatnonzero(np.any(D, axis=0))
+    for alpha in plant.alphas(domain_of(claim, law), 2):
+        A, B, E = next(plant.near(alpha))
+        K = law.gain(alpha)
+        if np.linalg.eigvals(A + B @ K).real.max() > SLACK:
+            return True
+        norms = array(claim["norms"]) if "norms" in claim else np.zeros(E.shape[1])
+        starts = [np.array(list(map(number, p))) for p in claim.get("points", [])]
+        x = np.array(starts) if starts else np.zeros((4, len(A)))
+        dt = 0.02 / max(1.0, np.abs(np.linalg.eigvals(A + B @ K)).max())
+        lengths = np.array([0.1, 0.5, 1.0, 3.0])
+        for k in range(int(30 / dt)):
+            push = np.where(k * dt < lengths, lengths**-0.5, 0.0)[:, None] * (E @ norms)
+            u = x @ K.T
+            u[:, chosen] = np.clip(u[:, chosen], -level, level)
+            x = x + dt * (x @ A.T + u @ B.T + (0 if starts else push))
+        if not np.abs(x).max() < 1e3:
+            return True
+    return False
+
+
+def moving_rms(plant, law, claim, C, D):
+    """The largest rms along motions that go to and fro at full speed, or jump."""
+    size, worst = number(claim.get("intensity", 1)), 0.0
+    rates = plant.random.uniform(0.2, 6.0, 6)
+    for beat in rates:
+        ends = np.array([[low, high] for low, high, _ in plant.ranges])
+        p, P, dt = ends.mean(axis=1), np.zeros(plant.A.shape[1:]), 0.02
+        for k in range(600):
+            up = np.sin(beat * k * dt) > 0
+            for f, rate in enumerate(plant.rates):
+                if rate == "any":
+                    p[f] = ends[f, int(up)]
+                elif rate is not None:
+                    p[f] = np.clip(p[f] + dt * rate[int(up)], *ends[f])
+            alpha = plant.alpha(p)
+            A, B, E = next(plant.near(alpha))
+            K = law.gain(alpha)
+            own, S = A + B @ K, size * E @ E.T
+            P = P + dt * (own @ P + P @ own.T + S)
+            y = mix(alpha, C) + mix(alpha, D) @ K
+            worst = max(worst, float(np.trace(y @ P @ y.T)))
+    return np.sqrt(worst)
 
 
 def _rms(A, E, C, intensity):
@@ -544,6 +601,7 @@ FALSE = {
     "region": false_poles,
     "observer": false_observer,
     **dict.fromkeys(("rms", "relative rms", "energy peak", "initial peak", "gain"), false_signal),
+    "saturation": false_saturation,
     "gain norm": false_norm,
     "estimate": false_estimate,
     "gain error": false_gain,

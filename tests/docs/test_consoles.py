@@ -21,10 +21,20 @@ STUDIES = re.findall(
 INTEGRATORS = re.search(
     r"```python\n# (\S+\.py)\n(.*?)```", (DOCS / "verify.md").read_text(), re.DOTALL
 )
+BALANCE = (
+    "balance.toml",
+    re.search(r"```toml\n(.*?)```", (DOCS / "input-limits.md").read_text(), re.DOTALL)[1],
+)
+MOVING = (
+    "moving.toml",
+    spec_text("quarter-car-ride").replace('"1/m1"\n', '"1/m1"\nrate = [-50, 50]\n'),
+)
 PAGES = {  # with what a reader has before the first command
     "cli": [STAGE],
     "fleet": [(name, text) for text, name in STUDIES],
     "index": [],
+    "input-limits": [BALANCE],
+    "moving": [MOVING],
     "not-proved": [],
     "observers": [],
     "proof": [STAGE],

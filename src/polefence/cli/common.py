@@ -166,8 +166,8 @@ def motion_lines(plant: UncertainPlant, region: Region, bounds: bool = False) ->
     kept = ["the bounds hold"] * bounds
     if decays:
         decay = max(decays)
-        how = f"decays by exp(-{digits_down(decay)} t)" if decay else "is exponentially stable"
-        kept.append(f"the loop {how}")
+        slowed = f"decays by exp(-{digits_down(decay)} t)" if decay else "is exponentially stable"
+        kept.append(f"the loop {slowed}")
     if kept:
         return [f"{lines[0]}; with {how} {' and '.join(kept)}"]
     return [

@@ -291,6 +291,8 @@ def part_of(own: laws.Evidence) -> dict[str, Any]:
         pairs = zip(ends, own.cells, strict=True)
         return {"cells": tuple(each | part_of(piece.evidence) for each, piece in pairs)}
     part = {"X": _floats(own.X), "degree": own.degree, "elevation": own.elevation}
+    if own.pieces:
+        part["pieces"] = own.pieces
     if own.multiple:
         part["multiple"] = np.array([float(v) for v in own.multiple])
     if own.spread is not None:

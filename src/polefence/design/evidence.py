@@ -44,6 +44,8 @@ from polefence.region.regions import Region
 
 # Degree and elevation of the Lyapunov polynomial, one after the other.
 LADDER = ((0, 0), (1, 0), (1, 1), (2, 0), (2, 1), (3, 0), (3, 1))
+# The same, and pieces of each interval, beyond: where parameters move.
+FINER, MOST_PIECES = (((2, 0), 2), ((3, 0), 4), ((4, 0), 8), ((5, 0), 16)), 16
 # What a step of the search may cost, beyond the first form [multiplications].
 MOST_WORK = 1e10
 # Degree and elevation in parts of the box, and what a step may cost there beyond the first form.
@@ -127,9 +129,9 @@ def _work(plant: UncertainPlant, law: Law, form: tuple[int, int]) -> float:
 
 
 def evidence_at(
-    plant: UncertainPlant, law: Law, part: Region, form: tuple[int, int]
+    plant: UncertainPlant, law: Law, part: Region, form: tuple[int, int], pieces: int = 1
 ) -> dict[str, Any] | None:
-    """Return evidence of a form that is proved for one part of a region."""
+    """Return evidence of a form, proved for one part of a region in pieces of the intervals."""
 
     def proved(found: LyapunovPolynomial) -> dict[str, Any] | None:
         evidence = evidence_of(found, form)
@@ -139,8 +141,21 @@ def evidence_at(
         return evidence if holds else None
 
     with suppress(np.linalg.LinAlgError):  # a law without a value somewhere
-        return first(map(proved, points_inside(loop_of(plant, law), part, form)))
+        loop = replace(loop_of(plant, law), pieces=pieces_of(plant, pieces))
+        return first(map(proved, points_inside(loop, part, form)))
     return None
+
+
+def pieces_of(plant: UncertainPlant, pieces: int) -> tuple[int, ...]:
+    """Return so many pieces of each parameter's interval; nothing of one."""
+    return (pieces,) * len(plant.parameters) if pieces > 1 else ()
+
+
+def finer(plant: UncertainPlant) -> Iterator[tuple[tuple[int, int], int]]:
+    """Yield forms and pieces beyond the ladder, where parameters move: there are no cells then."""
+    for form, pieces in FINER if plant.moving else ():
+        if pieces ** len(plant.parameters) <= MOST_PIECES:
+            yield form, pieces
 
 
 def _spread(plant: UncertainPlant, law: Law, evidence: dict[str, Any]) -> dict[str, Any]:
@@ -220,6 +235,13 @@ class Search:
                 return None
             self.last = form
             evidence = evidence_at(self.plant, self.law, self.part, form)
+            if evidence is not None:
+                return evidence
+        for form, pieces in finer(self.plant):
+            if self._late():
+                return None
+            self.last = form
+            evidence = evidence_at(self.plant, self.law, self.part, form, pieces)
             if evidence is not None:
                 return evidence
         return self.in_parts() if halved else None
@@ -335,7 +357,8 @@ def placeholder(plant: UncertainPlant, law: Law) -> dict[str, Any]:
 
 def evidence_of(found: LyapunovPolynomial, form: tuple[int, int]) -> dict[str, Any]:
     """Return what was found as a certificate has it."""
-    evidence = {"X": found.Q, "degree": form[0], "elevation": form[1]}
+    evidence: dict[str, Any] = {"X": found.Q, "degree": form[0], "elevation": form[1]}
+    evidence |= {"pieces": found.pieces} if found.pieces else {}
     return evidence if found.multiple is None else evidence | {"multiple": found.multiple}
 
 

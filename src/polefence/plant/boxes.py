@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import lru_cache
+from itertools import product
 from typing import TypeVar
 
 import numpy as np
 
-from polefence.plant.polynomial import Domain, Polynomial, bernstein, degree_of, values
+from polefence.plant.polynomial import Domain, Exponent, Polynomial, bernstein, degree_of, values
 from polefence.plant.system import Array
 
 T = TypeVar("T")
@@ -16,6 +18,7 @@ T = TypeVar("T")
 Point = tuple[float, ...]
 
 MOST_PARTS = 64
+NIL = 1e-14  # of a weight that rounding left
 
 
 @dataclass(frozen=True)
@@ -50,6 +53,31 @@ class Box:
         degree = degree_of(P, domain)
         at = self.alpha(domain, domain.nodes(degree))
         return bernstein(domain, domain.interpolated(values(P, domain, at), degree), degree)
+
+
+@lru_cache(maxsize=256)
+def weights(box: Box, domain: Domain, degree: int) -> dict[Exponent, dict[Exponent, float]]:
+    """Return the coefficients on a part as weights of those on the whole, of one degree."""
+    exponents = domain.monomials(degree)
+    units = {e: unit[:, None] for e, unit in zip(exponents, np.eye(len(exponents)), strict=True)}
+    return {
+        own: {e: float(w) for e, w in zip(exponents, column[:, 0], strict=True) if abs(w) > NIL}
+        for own, column in box.polynomial(units, domain).items()
+    }
+
+
+def equal(pieces: tuple[int, ...]) -> tuple[Box, ...]:
+    """Return the parts of which each parameter's interval has so many; nothing of none."""
+    if not pieces:
+        return ()
+    numbers = product(*(range(n) for n in pieces))
+    return tuple(
+        Box(
+            tuple(k / n for k, n in zip(own, pieces, strict=True)),
+            tuple((k + 1) / n for k, n in zip(own, pieces, strict=True)),
+        )
+        for own in numbers
+    )
 
 
 def _alpha(domain: Domain, t: Array) -> Array:

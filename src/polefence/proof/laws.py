@@ -246,7 +246,8 @@ class Evidence:
     for slack; ``tau`` for right-hand sides. ``dual``: X holds the coefficients of the Q of the dual
     form. ``spread`` is what a plant with a remainder asks for besides. ``cells``: parts of the box,
     each with evidence of its own; there is then no other. ``held``: coefficients of H X where
-    inputs are cut off, which claims of that kind take over.
+    inputs are cut off, which claims of that kind take over. ``pieces``: of each parameter's
+    interval, in each of which the inequalities are proved.
     """
 
     X: list[Rationals]
@@ -261,6 +262,7 @@ class Evidence:
     spread: Spread | None = None
     held: tuple[Rationals, ...] = ()
     held_degree: int = 0
+    pieces: tuple[int, ...] = ()
 
     @property
     def each(self) -> tuple[Evidence, ...]:
@@ -293,6 +295,7 @@ class Evidence:
         letter = "Q" if self.dual else letter
         table: dict[str, Any] = {letter: plain(self.X), "degree": self.degree}
         table |= {"multiple": plain(self.multiple)} if self.multiple else {}
+        table |= {"pieces": list(self.pieces)} if self.pieces else {}
         if self.spread is not None:
             own = self.spread
             keys = ("kappa" if own.kappa else "omega", "rows", "columns")
@@ -376,7 +379,8 @@ def read_evidence(
         kappa = below.number("kappa", 0)
         rows, columns = below.numbers("rows", n), below.numbers("columns", most=3 * MAX_SIZE)
         spread = Spread(omega, rows, columns, kappa)
-    return Evidence(X, degree, table.whole("elevation", 0), values, spread=spread)
+    pieces = table.wholes("pieces", MAX_CELLS) if "pieces" in table else ()
+    return Evidence(X, degree, table.whole("elevation", 0), values, spread=spread, pieces=pieces)
 
 
 def lifted(law: Law, evidence: Evidence, sizes: Sizes) -> Polynomial:

@@ -171,11 +171,11 @@ class Table:
             raise FormatError(f"{self.path(key)} must be a whole number, {least} to {most}")
         return value
 
-    def wholes(self, key: str) -> tuple[int, ...]:
-        """Return a list of exponents."""
+    def wholes(self, key: str, most: int = MAX_DEGREE) -> tuple[int, ...]:
+        """Return a list of whole numbers: of exponents, unless more is allowed."""
         values = self.items(key, MAX_VERTICES)
-        if any(type(value) is not int or not 0 <= value <= MAX_DEGREE for value in values):
-            raise FormatError(f"{self.path(key)} must hold whole numbers, 0 to {MAX_DEGREE}")
+        if any(type(value) is not int or not 0 <= value <= most for value in values):
+            raise FormatError(f"{self.path(key)} must hold whole numbers, 0 to {most}")
         return tuple(values)
 
     def number(self, key: str, default: int | None = None) -> Fraction:

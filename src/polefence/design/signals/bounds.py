@@ -21,7 +21,7 @@ from polefence.base.files import write_documents
 from polefence.base.progress import stage
 from polefence.design.certificate import Certificate, exact_law
 from polefence.design.design import FILE_NAME
-from polefence.design.evidence import loop_with, spread_of, with_inputs
+from polefence.design.evidence import finer, loop_with, pieces_of, spread_of, with_inputs
 from polefence.design.requirements.gain_norm import GainNorm, levels
 from polefence.design.requirements.rms import Rms, of_one_noise
 from polefence.design.requirements.specification import Specification, claim_of
@@ -358,6 +358,10 @@ def _climb(
         first = form == LADDER[0]
         if first or (len(plant.vertices) > 1 and work(loop, source, *form) <= MOST_WORK):
             yield _points(loop, source, output, form)
+    for form, pieces in finer(plant):
+        if work(loop, source, *form) * pieces ** len(plant.parameters) <= MOST_WORK:
+            own = replace(loop, pieces=pieces_of(plant, pieces))
+            yield _points(own, source, output, form)
 
 
 def _with_room(
@@ -445,6 +449,7 @@ def _evidences(found: LyapunovPolynomial, form: tuple[int, int]) -> Iterator[Evi
     """Yield Q as floats have it, and as the exact product that it is of what was found."""
     multiple = () if found.multiple is None else tuple(map(Fraction, found.multiple.tolist()))
     first = Evidence([_rationals(Q) for Q in found.Q], form[0], form[1], multiple)
+    first = replace(first, pieces=found.pieces)
     if found.held is not None:
         first = with_held(first, found.held, found.held_degree)
     yield first

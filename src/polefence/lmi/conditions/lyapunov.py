@@ -51,6 +51,8 @@ class Loop:
         Of the parameters.
     B, K : polynomials, optional
         Where inputs are cut off: how they enter, of degree one, and K E without its sum of alpha.
+    pieces : tuple of int
+        Of each parameter's interval, in each of which conditions are asked for.
     """
 
     E: Polynomial
@@ -61,6 +63,7 @@ class Loop:
     motion: Motion = STILL
     B: Polynomial | None = None
     K: Polynomial | None = None
+    pieces: tuple[int, ...] = ()
 
     @property
     def degree(self) -> int:
@@ -107,7 +110,7 @@ class Loop:
         B = self.B and {e: inverse @ p / rate for e, p in self.B.items()}
         K = self.K and {e: p @ right for e, p in self.K.items()}
         own = self.step * rate, self.motion.changed(rate), B, K
-        return Loop(E, C, self.domain, R, *own)
+        return Loop(E, C, self.domain, R, *own, self.pieces)
 
     def restored(self, Q: Array, T: Array) -> Array:
         """Return Q in the original coordinates."""

@@ -28,9 +28,11 @@ for itself.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 from itertools import product
+from typing import Any
 
 import numpy as np
 
@@ -47,6 +49,7 @@ from polefence.lmi.conditions.pencil import (
 )
 from polefence.lmi.conditions.saturation import Cut
 from polefence.lmi.conditions.target import NO_REGION, Target
+from polefence.plant.boxes import Box, weights
 from polefence.plant.polynomial import (
     Domain,
     Exponent,
@@ -198,6 +201,8 @@ class Demands:
         a small rate.
     step : float
         Of a delta form, in the condition's own unit of time; zero in continuous time.
+    pieces : tuple of Box
+        Parts of the box in each of which the inequalities are asked for by themselves.
     """
 
     target: Target = NO_REGION
@@ -206,6 +211,7 @@ class Demands:
     norms: tuple[tuple[Norm, Array], ...] = ()
     margin: float = 0.0
     step: float = 0.0
+    pieces: tuple[Box, ...] = ()
 
     def degree(self, domain: Domain) -> int:
         """Return the highest degree of what is asked, in each simplex; at least 1."""
@@ -264,14 +270,15 @@ def assembled(
     q = max([1, *(o.F.shape[2] for o in outputs if o.F is not None)])
     moved = {s.name: raised(s, domain, degree, q) for s in sources}
     bounds = {o.name: squares(o, domain, degree) for o in outputs}
+    through = {o.name: _raised_F(o, domain, degree, q) for o in outputs}
     # of a gain alone nothing else makes X positive
     gains = bool(sources) and all(isinstance(source, Through) for source in sources)
-    for form in forms:
+    for form, data_at in _in_pieces(forms, demands, domain, degree):
         e, name = form.exponent, form.name or block_name(form.exponent, domain)
         weight = binomial(domain.sizes, e)
         for source, (more, N) in product(sources, form.motions):
             if not isinstance(source, Through):
-                data = moved[source.name](e)
+                data = data_at(moved[source.name])
                 for k, added in enumerate(_added(source, outputs, form)):
                     motion = N + added + demands.margin * form.X if demands.margin else N + added
                     label = f"{name}{more}" + f", cut off {k}" * (k > 0)
@@ -280,27 +287,89 @@ def assembled(
         for source in sources:
             if isinstance(source, Points):
                 pencil.blocks += _started(
-                    source, name, form.X, t[source.name], moved[source.name](e), weight
+                    source, name, form.X, t[source.name], data_at(moved[source.name]), weight
                 )
         for output, Y in zip(outputs, form.Y, strict=True):
             source, own = by_name[output.source], t[output.source]
             label = f"{output.name}, {name}"
             if isinstance(source, Through):
-                E = moved[source.name](e)
-                F = _raised_F(output, domain, degree, E.shape[1])(e)
+                E, F = data_at(moved[source.name]), data_at(through[output.name])
                 for more, N in form.motions:
                     at = form.X, N, demands.step
                     pencil.blocks.append(_passed(label + more, at, Y, own, E, F, weight, output))
             elif output.held:
-                pencil.blocks += _held(label, form, own, bounds[output.name][e], output)
+                square = data_at(bounds[output.name].__getitem__)
+                pencil.blocks += _held(label, form, own, square, output)
             else:
-                pencil.blocks.append(_bound(label, form.X, Y, own, bounds[output.name][e], output))
+                square = data_at(bounds[output.name].__getitem__)
+                pencil.blocks.append(_bound(label, form.X, Y, own, square, output))
         for label, side in target.named(name):
             for more, N in form.motions if side.is_half_plane else (("", form.N),):
                 pencil.region(label + more, form.X, N, side, form.floor)
         if target.positive or gains:
             pencil.positive_definite(f"X at {name}", form.X)
     return pencil.build()
+
+
+# What takes a polynomial, as its coefficients by exponents, to one coefficient on a part.
+At = Callable[[Callable[[Exponent], Any]], Any]
+
+
+def _in_pieces(
+    forms: Iterable[Form], demands: Demands, domain: Domain, degree: int
+) -> Iterator[tuple[Form, At]]:
+    """Yield forms on each part of the box, each with what takes other polynomials there."""
+    if not demands.pieces:
+        for form in forms:
+            yield form, partial(_weighted, {form.exponent: 1.0})
+        return
+    whole = {form.exponent: form for form in forms}
+    for number, box in enumerate(demands.pieces, 1):
+        for e, shares in weights(box, domain, degree).items():
+            name = f"{block_name(e, domain)} in piece {number}"
+            yield _mixed(whole, shares, name, e), partial(_weighted, shares)
+
+
+def _weighted(shares: Mapping[Exponent, float], table: Callable[[Exponent], Any]) -> Any:
+    """Return the sum of coefficients, each so many times."""
+    (first, weight), *others = shares.items()
+    if not others and weight == 1:
+        return table(first)
+    total = weight * table(first)
+    for e, weight in others:
+        total = total + weight * table(e)
+    return total
+
+
+def _mixed(
+    whole: Mapping[Exponent, Form], shares: Mapping[Exponent, float], name: str, e: Exponent
+) -> Form:
+    """Return the form whose parts are sums of those of others."""
+
+    def total(part: Callable[[Form], Linear]) -> Linear:
+        found: Linear = _weighted(shares, lambda d: part(whole[d]))
+        return found
+
+    def each(parts: Callable[[Form], Sequence[Linear]], count: int) -> tuple[Linear, ...]:
+        return tuple(total(lambda own, k=k: parts(own)[k]) for k in range(count))  # type: ignore[misc]
+
+    first = whole[next(iter(shares))]
+    cut = {
+        key: Cut(
+            total(lambda own, key=key: own.cut[key].Y),  # type: ignore[misc]
+            each(lambda own, key=key: own.cut[key].added, len(first.cut[key].added)),  # type: ignore[misc]
+        )
+        for key in first.cut
+    }
+    return Form(
+        e,
+        total(lambda own: own.X),
+        total(lambda own: own.N),
+        each(lambda own: own.Y, len(first.Y)),
+        name=name,
+        moved=each(lambda own: own.moved, len(first.moved)),
+        cut=cut,
+    )
 
 
 def raised(source: Source, domain: Domain, degree: int, q: int) -> Callable[[Exponent], Array]:

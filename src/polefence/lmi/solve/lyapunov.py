@@ -19,6 +19,7 @@ from polefence.lmi.solve.scaling import factor, power_of_two
 from polefence.lmi.solve.search import ROUNDS, Point, attempt, interior, rounds, singular_is_failure
 from polefence.lmi.solve.stacked import stack
 from polefence.lmi.solve.starts import covariance, start_matrix
+from polefence.plant.boxes import equal
 from polefence.plant.system import Array
 from polefence.region.regions import Region, stable
 
@@ -44,6 +45,8 @@ class LyapunovPolynomial(Point):
         In the search's own coordinates, in which they are well conditioned.
     held : (count, m, n) array, optional
         Coefficients of H X, of ``held_degree``, where inputs are cut off.
+    pieces : tuple of int
+        Of each parameter's interval, in each of which it is one.
     """
 
     Q: Array
@@ -52,6 +55,7 @@ class LyapunovPolynomial(Point):
     scaled: Array
     held: Array | None = None
     held_degree: int = 0
+    pieces: tuple[int, ...] = ()
 
 
 def least(
@@ -85,7 +89,7 @@ def least(
         loop,
         rate,
         (degree, elevation),
-        lambda _: Demands(target),
+        lambda _: Demands(target, pieces=equal(loop.pieces)),
         lambda: iter(plain),
         tolerance,
         max(enough, FLOOR * (goal.scale if goal.rated else 1)),
@@ -187,7 +191,8 @@ def points_given(
         moved = source.changed(np.asarray(np.linalg.inv(T), dtype=float), rate)
         shift, step = margin / rate, loop.step * rate
         target = Target((), motion=loop.motion.changed(rate))
-        return Demands(target, (moved,), (output,), margin=shift, step=step)
+        pieces = equal(loop.pieces)
+        return Demands(target, (moved,), (output,), margin=shift, step=step, pieces=pieces)
 
     def starts() -> Iterator[Start]:
         n = len(middle)
@@ -303,4 +308,5 @@ class _Search:
             scaled=scaled,
             held=held,
             held_degree=self.loop.input_degree + self.form[0],
+            pieces=self.loop.pieces,
         )

@@ -21,13 +21,12 @@ from polefence.proof.claims.margins import (
     MarginClaim,
     Subject,
     family_of,
-    form,
     listed,
-    numbered,
     require_numbers,
     unit_rows,
 )
 from polefence.proof.matrices import common_denominator, whole_numbers
+from polefence.proof.pieces import form, numbered
 from polefence.proof.plant import Plant, Range
 from polefence.proof.polynomials import COORDINATES, Polynomial, Sizes, count_of
 from polefence.proof.reading import Table, plain

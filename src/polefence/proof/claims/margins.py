@@ -13,21 +13,19 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 from fractions import Fraction
-from itertools import product
 from typing import Any, ClassVar, Self
 
 from polefence.proof.claims.base import MAX_BLOCKS, Claim, Inequality, require_work
 from polefence.proof.claims.poles import Poles, plant_form
 from polefence.proof.laws import degree_of, lifted
 from polefence.proof.matrices import Rationals, least_work
+from polefence.proof.pieces import MAX_PIECES, coordinates_in, form, numbered
 from polefence.proof.plant import Plant, Range
 from polefence.proof.polynomials import MAX_DEGREE, Polynomial, Sizes, count_of, monomials, number
 from polefence.proof.reading import Table
 from polefence.proof.regions import Disk, Part
 from polefence.proof.text import digits_down, name_text, range_text, unit_text
 from polefence.proof.work import FormatError
-
-MAX_PIECES = 64  # of one parameter's interval
 
 
 @dataclass(frozen=True)
@@ -265,34 +263,10 @@ def cells(subject: Subject) -> Iterator[Cell]:
         forms = [form(0, row, sizes) for row in unit_rows(sizes[0])]
         yield Cell("", sizes, forms, forms, 1)
         return
-    pieces = [
-        [((count - k, count - k - 1), (k, k + 1)) for k in range(count)] for count in subject.pieces
-    ]
-    for numbers in product(*(range(len(each)) for each in pieces)):
-        forms = [
-            form(f, values, sizes, subject.pieces[f])
-            for f, k in enumerate(numbers)
-            for values in pieces[f][k]
-        ]
+    for numbers, forms in coordinates_in(subject.pieces):
         yield Cell(f" in piece {numbered(numbers)}", sizes, forms, forms, len(sizes))
-
-
-def numbered(numbers: tuple[int, ...]) -> str:
-    """Return the numbers of a piece, from one."""
-    return ", ".join(str(k + 1) for k in numbers)
 
 
 def unit_rows(count: int) -> list[tuple[int, ...]]:
     """Return the rows of I."""
     return [tuple(int(j == k) for j in range(count)) for k in range(count)]
-
-
-def form(f: int, values: tuple[int, ...], sizes: Sizes, whole: int = 1) -> Polynomial:
-    """Return the form of these values at the corners of simplex f, over ``whole``."""
-    start, length = sum(sizes[:f]), sum(sizes)
-    terms = {
-        tuple(int(j == start + c) for j in range(length)): [[value]]
-        for c, value in enumerate(values)
-        if value
-    }
-    return Polynomial(terms, sizes, tuple(int(g == f) for g in range(len(sizes))), whole)

@@ -23,6 +23,7 @@ and for that, that every coefficient of F(alpha) (sum of alpha)^d is > 0 (Polya)
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from fractions import Fraction
@@ -63,6 +64,7 @@ from polefence.proof.matrices import (
     whole_numbers,
 )
 from polefence.proof.motion import along, is_moving, motion_text, require_motion
+from polefence.proof.pieces import in_pieces, require_pieces
 from polefence.proof.plant import Plant, Range, sizes_of
 from polefence.proof.polynomials import (
     MAX_DEGREE,
@@ -216,6 +218,10 @@ class Poles(Claim):
             raise FormatError("a fixed law has one K")
         if any(each.dual for each in (*self.evidence, *self._each)):
             raise FormatError("a region has no dual form of its inequalities")
+        for own in self._each:
+            require_pieces(own.pieces, self.sizes)
+            if own.pieces and (self.method != "lyapunov" or own.spread is not None):
+                raise FormatError("pieces belong to the method lyapunov")
         for own in self.evidence:
             own.require_cells(self.sizes)
             if own.cells and (self.method != "lyapunov" or self.weights or law.scheduled):
@@ -297,7 +303,9 @@ class Poles(Claim):
     @property
     def count(self) -> int:
         """Number of coefficients of the inequalities of a part of the region."""
-        return sum(count_of(self.sizes, self.degree(each)) for each in self._each)
+        return sum(
+            count_of(self.sizes, self.degree(own)) * math.prod(own.pieces) for own in self._each
+        )
 
     @property
     def _each(self) -> list[Evidence]:
@@ -343,7 +351,8 @@ class Poles(Claim):
                     yield replace(found, piece=f", cell {k + 1}")
             if not evidence.cells:
                 each = self._slack if self.method == "slack" else self._lyapunov
-                yield from each(AB, evidence, mine)
+                for found in each(AB, evidence, mine):
+                    yield from in_pieces(found, evidence.pieces)
 
     def inside(self, piece: Piece) -> Self:
         """Return the claim about a part of the box, with its evidence for the first of the region.

@@ -19,6 +19,7 @@ E diag(s) and F diag(s), and what is claimed is of v.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from fractions import Fraction
@@ -46,6 +47,7 @@ from polefence.proof.laws import (
 )
 from polefence.proof.matrices import MAX_BITS, Rationals, identity, least_work
 from polefence.proof.motion import along, extremes, is_moving, require_motion
+from polefence.proof.pieces import in_pieces, require_pieces
 from polefence.proof.plant import Output, Plant, Range, sizes_of, split
 from polefence.proof.polynomials import (
     Polynomial,
@@ -214,6 +216,9 @@ class Subject:
         if law.C:
             require_shapes(list(law.C), N, r, n, "the measured rows")
         self._require_motion(own)
+        require_pieces(own.pieces, self.sizes)
+        if own.pieces and (own.dual or own.cells or own.spread is not None):
+            raise FormatError("pieces belong to one X of the whole box")
         if own.epsilon:
             raise FormatError("epsilon belongs to designs of the method slack")
         if not own.X and (own.degree or len(own.multiple) > 1):
@@ -455,6 +460,7 @@ class SignalClaim(Claim):
         if own.dual:  # of Y'Y, and Q E E'Q
             degrees = [degrees[0], 2 * (law.form_degree + 1)]
         count = count_of(subject.sizes, max(degrees) + own.elevation) * extremes(subject.motion)
+        count *= math.prod(own.pieces)
         return least_work(count * self.blocks_at_most, self.largest) + self.more_work
 
     def _require_disturbances(self) -> None:
@@ -519,7 +525,7 @@ class SignalClaim(Claim):
         least = joint([form for blocks in rows.values() for row in blocks for form in row])
         degrees = tuple(degree + evidence.elevation for degree in least)
         for name, blocks in rows.items():
-            yield Inequality(name, blocks, degrees)
+            yield from in_pieces(Inequality(name, blocks, degrees), evidence.pieces)
 
     def _moving_rows(self, X: Polynomial, N: Polynomial, Y: Polynomial) -> Rows:
         """Return the rows at every extreme of the rates, those that are the same once."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import math
 from typing import Any
 
 from polefence.base.errors import InputError
@@ -59,6 +60,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         action="store_true",
         help="scheduled: keep the right-hand sides of the paper's (15)-(17), for a disk",
     )
+    parser.add_argument(
+        "--error",
+        action="append",
+        default=[],
+        metavar="NAME=SIZE",
+        help="the law's estimate of this parameter may be off by so much, in its unit; repeat",
+    )
     sampling_arguments(parser)
     add_structure_options(parser, degree=False)
     result_arguments(parser)
@@ -76,7 +84,8 @@ def design_command(options: Any) -> int:
     if options.right_hand_sides and not isinstance(region, Disk):
         raise InputError(f"--right-hand-sides is for a single disk, not {region}")
     check_results(options)
-    design = place(plant, region, method, structure=structure)
+    errors = errors_of(options.error)
+    design = place(plant, region, method, structure=structure, errors=errors)
     label = design.label if structure is None else structure.words(plant)
     lines = [
         f"proved: {label} keeps all poles of {plant.name!r} in {design.region} for "
@@ -96,6 +105,9 @@ def design_command(options: Any) -> int:
                     f"note: {part} lets poles go up to +{own}; left of -{own} is half_plane({own})"
                 )
     lines += motion_lines(plant, design.region)
+    if errors:
+        off = ", ".join(f"{name} by up to {size:g}" for name, size in errors.items())
+        lines.append(f"  for estimates that the law is given and that are off: {off}")
     summary = {
         "plant": plant_summary(plant),
         "region": design.region.document(),
@@ -104,6 +116,29 @@ def design_command(options: Any) -> int:
     }
     report(design, lines, summary, options)
     return PROVED
+
+
+def errors_of(texts: list[str]) -> dict[str, float]:
+    """Return errors of estimates by the parameters' names.
+
+    Raises
+    ------
+    InputError
+        If one is not NAME=SIZE, or is there twice.
+    """
+    found = dict[str, float]()
+    for text in texts:
+        name, equals, size = text.partition("=")
+        try:
+            value = float(size) if equals else math.nan
+        except ValueError:
+            value = math.nan
+        if not math.isfinite(value):
+            raise InputError(f"--error {text!r} is no NAME=SIZE; write for example --error m1=20")
+        if name.strip() in found:
+            raise InputError(f"--error {name.strip()} is given twice; give it once")
+        found[name.strip()] = value
+    return found
 
 
 def _region(plant: UncertainPlant, options: Any) -> Region:

@@ -47,12 +47,15 @@ class Design:
     unrunnable : float, optional
         What `tightest` proved too, but only of a law that doubles cannot evaluate, see ``runs``: a
         smaller radius or larger decay rate [1/s], or a larger damping ratio.
+    more : tuple of Claim
+        What is proved besides, of estimates that are off; saved with it.
     """
 
     certificate: Certificate
     proved: bool = True
     lower: float | None = None
     unrunnable: float | None = None
+    more: tuple[Claim, ...] = ()
 
     def __repr__(self) -> str:
         status = "proved" if self.proved else "not proved"
@@ -197,7 +200,8 @@ class Design:
                 f"not written: the checker does not prove this design: {verdict.reason}; "
                 "please report it"
             )
-        documents = {FILE_NAME: self.certificate.dumps()}
+        claims = (self.certificate.claim(), *self.more) if self.more else None
+        documents = {FILE_NAME: self.certificate.file(claims).dumps()}
         return write_documents(Path(directory), documents)[0]
 
     @classmethod

@@ -42,7 +42,7 @@ from polefence.lmi.conditions.methods import (
     normal,
     options,
 )
-from polefence.lmi.conditions.target import FASTEST, Around, Decays, Disks, Goal, Sectors
+from polefence.lmi.conditions.target import FASTEST, Around, Decays, Disks, Goal, Patch, Sectors
 from polefence.lmi.solve.interior_point import TOLERANCE
 from polefence.lmi.solve.search import Reached, coefficients
 from polefence.lmi.solve.smallest import smallest, typical_rate
@@ -157,7 +157,7 @@ def _in_region(
 ) -> Design:
     """Place the poles in a region that is no single disk."""
     label, found = method_label(method), list[Reached]()
-    points = _points(plant, region, method, found)
+    points = points_in(plant, region, method, found)
     try:
         design = runnable((proved_at(plant, region, method, point) for point in points), radius_of)
     except SolverError as error:
@@ -172,10 +172,19 @@ def _in_region(
     )
 
 
-def _points(
-    plant: UncertainPlant, region: Region, method: Method, found: list[Reached]
+def points_in(
+    plant: UncertainPlant,
+    region: Region,
+    method: Method,
+    found: list[Reached],
+    patches: tuple[Patch, ...] = (),
 ) -> Iterator[Reached]:
     """Yield points of a region, of slow poles and well inside it first; ``found`` has all of them.
+
+    Parameters
+    ----------
+    patches : tuple of Patch
+        Where the law is given estimates of the parameters.
 
     Raises
     ------
@@ -188,7 +197,8 @@ def _points(
     for searched in (*(bounded(region, speed) for speed in speeds), region):
         for enough in WELL_INSIDE:
             try:
-                point = _smallest(plant, Around(searched), method, enough=enough)
+                goal = Around(searched)
+                point = _smallest(plant, goal, method, enough=enough, patches=patches)
             except SolverError as error:
                 failure = error
                 break
@@ -208,10 +218,11 @@ def _smallest(
     near: Reached | None = None,
     enough: float = 0.0,
     tolerance: float = TOLERANCE,
+    patches: tuple[Patch, ...] = (),
 ) -> Reached:
     """Return the least r of a goal, while the parameters move as the plant says."""
     own, motion = (plant.A, plant.B, goal, method, near, enough), Motion.of(plant)
-    return smallest(*own, tolerance=tolerance, motion=motion)
+    return smallest(*own, tolerance=tolerance, motion=motion, patches=patches)
 
 
 def _climb(plant: UncertainPlant, region: Region, method: Scheduled) -> Design:

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import replace
 from functools import partial
+from typing import Any
 
 import numpy as np
 
@@ -20,6 +22,7 @@ from polefence.design.checks import (
 )
 from polefence.design.design import Design
 from polefence.design.given import analyse
+from polefence.design.margins import estimated
 from polefence.design.measured import require_detectable
 from polefence.design.signals import nearby
 from polefence.design.signals.nearby import without_remainder
@@ -50,6 +53,7 @@ def place(
     allow_unproved: bool = False,
     *,
     structure: Structure | None = None,
+    errors: Mapping[str, Any] | None = None,
 ) -> Design:
     """Design a law that keeps all poles of the whole family in a region, and prove it.
 
@@ -66,6 +70,9 @@ def place(
     structure : Structure, optional
         What the law may be, in place of a method: the smallest gain is searched, in typical units
         of signals and inputs. Where it has states of its own the answer's plant has them too.
+    errors : mapping, optional
+        Of a parameter's name to how far the estimate that the law is given of it may be off, in
+        its unit: the region is kept for all such estimates.
 
     Raises
     ------
@@ -79,6 +86,13 @@ def place(
     UncontrollableError
         If a vertex has a pole that no gain moves and that is not in the region.
     """
+    if errors:
+        if structure is not None or getattr(plant, "remainder", None) is not None:
+            raise InputError(
+                "errors of estimates are for laws that a method gives, in continuous time or of a "
+                "plant in discrete time; leave them out, or structure and sample time"
+            )
+        return estimated.placed(plant, region, method, errors)
     if getattr(plant, "remainder", None) is not None:
         bare = without_remainder(plant)
         return nearby.placed(

@@ -30,7 +30,7 @@ from polefence.lmi.conditions.gain_norm import add_norm
 from polefence.lmi.conditions.motion import moved
 from polefence.lmi.conditions.pencil import Builder, Linear, Pencil, Piece, block_name, multiple
 from polefence.lmi.conditions.performance import Demands, Form, Output, assembled, split_rows
-from polefence.lmi.conditions.saturation import Cut, cuts, held_name, weighted
+from polefence.lmi.conditions.saturation import Cut, cuts, held_name, inside, weighted
 from polefence.lmi.conditions.target import Side, Target, disks
 from polefence.plant.family import UncertainPlant
 from polefence.plant.polynomial import DOMAINS, Domain, Exponent, bernstein
@@ -312,6 +312,9 @@ def parameter_dependent(
         if m:
             Z.append(pencil.full(f"Z{name}", (m, n), "u"))
     tau = None if right_hand_side is None else multiple(pencil.positive("tau"), right_hand_side)
+    if target.patches:
+        forms = _estimated((A, B), (W, Z), target, domain, degree, elevation)
+        return assembled(pencil, forms, Demands(target), domain, degree + 1 + elevation)
     forms = (
         replace(
             form,
@@ -321,6 +324,25 @@ def parameter_dependent(
         for form in _forms((A, B), (W, Z), Demands(target), domain, degree, elevation)
     )
     return assembled(pencil, forms, Demands(target), domain, degree + 1 + elevation)
+
+
+def _estimated(
+    plant: tuple[Array, Array],
+    law: tuple[list[Linear], list[Linear]],
+    target: Target,
+    domain: Domain,
+    degree: int,
+    elevation: int,
+) -> Iterator[Form]:
+    """Yield the coefficients on each patch of parameters p beside their estimates q.
+
+    X = W(q), N = A(p) W(q) + B(p) Z(q).
+    """
+    for number, patch in enumerate(target.patches, 1):
+        A, B = (np.tensordot(patch.plant, M, 1) for M in plant)
+        W, Z = (inside(each, patch.box, domain, degree) for each in law)
+        for form in _forms((A, B), (W, Z), Demands(target), domain, degree, elevation):
+            yield replace(form, name=f"{block_name(form.exponent, domain)} in patch {number}")
 
 
 def design(

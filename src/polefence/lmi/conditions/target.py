@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from polefence.plant.boxes import Box
 from polefence.plant.motion import STILL, Motion
 from polefence.plant.system import Array
 from polefence.region.regions import Region
@@ -38,6 +39,22 @@ class Side:
 
 
 @dataclass(frozen=True, eq=False)
+class Patch:
+    """Values of the parameters beside estimates of them, the vertices of both in the same order.
+
+    Attributes
+    ----------
+    plant : (N, N) array
+        alpha of the plant at the patch's corners.
+    box : Box
+        Of the estimates, as a part of the box of the parameters.
+    """
+
+    plant: Array
+    box: Box
+
+
+@dataclass(frozen=True, eq=False)
 class Target:
     """Inequalities that grow with r, in units of some rate.
 
@@ -51,12 +68,15 @@ class Target:
     motion : Motion
         Of the parameters, which half-planes are to hold under; other parts are of each value of
         theirs.
+    patches : tuple of Patch
+        Where the law is given estimates of the parameters: pairs of these and of estimates.
     """
 
     sides: tuple[Side, ...]
     positive: bool = False
     sigma: float | None = None
     motion: Motion = STILL
+    patches: tuple[Patch, ...] = ()
 
     def under(self, motion: Motion) -> Target:
         """Return it for parameters that move, if it is about motions."""

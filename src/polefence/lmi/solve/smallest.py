@@ -14,7 +14,7 @@ import numpy.typing as npt
 from polefence.base.errors import SolverError
 from polefence.lmi.conditions.methods import Method, normal
 from polefence.lmi.conditions.pencil import Variable
-from polefence.lmi.conditions.target import Around, Disks, Goal
+from polefence.lmi.conditions.target import Around, Disks, Goal, Patch
 from polefence.lmi.solve.assembly import condition
 from polefence.lmi.solve.engine import inside
 from polefence.lmi.solve.interior_point import TOLERANCE, WIDE, Outcome
@@ -54,6 +54,7 @@ def smallest(
     tolerance: float = TOLERANCE,
     begun: Reached | None = None,
     motion: Motion = STILL,
+    patches: tuple[Patch, ...] = (),
 ) -> Reached:
     """Find the least r at which the condition is feasible: a disk's radius, or what grows with r.
 
@@ -76,6 +77,8 @@ def smallest(
         What the first run of this very search reached, to go on from.
     motion : Motion
         Of the parameters, under which half-planes are kept.
+    patches : tuple of Patch
+        Where the law is given estimates of the parameters; no disks' duals are those of it.
 
     Raises
     ------
@@ -85,7 +88,8 @@ def smallest(
     scale = goal.scale
     if not scale or (isinstance(goal, Around) and goal.is_open):
         scale = max(scale, typical_rate(A))  # an open region may be far slower than the plant
-    search = _Search(A, B, goal, scale, method, balanced(A, B, scale), enough, engine, motion)
+    of_law = enough, engine, motion, patches
+    search = _Search(A, B, goal, scale, method, balanced(A, B, scale), *of_law)
     first, wide = near or begun, CLOSE
     if first is None:
         first, wide = search.first(), WIDE
@@ -122,6 +126,7 @@ class _Search:
     enough: float
     engine: str | None
     motion: Motion
+    patches: tuple[Patch, ...]
 
     @property
     def floor(self) -> float:
@@ -133,7 +138,7 @@ class _Search:
         if not isinstance(self.goal, Disks):
             # of disks about a centre typical of the region; r is found out when it is run
             own = Disks(-self.scale)
-            return replace(replace(self, goal=own).first(), r=0.0)
+            return replace(replace(self, goal=own, patches=()).first(), r=0.0)
         if normal(self.method) == "quadratic":
             start = nominal_start(self.A, self.B, -self.goal.centre, self.plain, self.scale)
             return Reached(r=start.radius, values={"W": start.W, "Z": start.K @ start.W})
@@ -147,6 +152,7 @@ class _Search:
         unit = scaling.rate if self.goal.rated else 1.0
         A, B = scaling.apply(self.A, self.B)
         target = self.goal.target(scaling.rate).under(self.motion.changed(scaling.rate))
+        target = replace(target, patches=self.patches)
         pencil, stacked = condition(self.method, A, B, target, scaling.unit)
         radius = max(start.r, FLOOR * unit * self.scale / scaling.rate)
         values = self._scaled(start.values, radius, scaling, pencil.variables, wide)

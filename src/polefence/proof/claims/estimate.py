@@ -99,7 +99,7 @@ class Estimate(MarginClaim):
             yield from _mislaid(len(subject.design.A), self.errors[0], varies)
             return
         pieces = [
-            [_forms(f, r, *ends, sizes) for ends in _segments(r, error, count)]
+            [_forms(f, r, *ends, sizes) for ends in segments(r, error, count)]
             for f, (r, error, count) in enumerate(
                 zip(subject.ranges, self.errors, subject.pieces, strict=True)
             )
@@ -127,7 +127,7 @@ def _forms(
     return plant, law
 
 
-def _segments(r: Range, error: Fraction, pieces: int) -> list[tuple[_Ends, _Ends]]:
+def segments(r: Range, error: Fraction, pieces: int) -> list[tuple[_Ends, _Ends]]:
     """Return the ends of p and of its estimate, for every piece and both signs of the error."""
     found = []
     for sign in (-1, 1) if error else (0,):

@@ -52,6 +52,7 @@ class Saturation(InitialPeak):
     kind = "saturation"
     keys = ("points", "impulse", "ellipsoid", "norm", "disturbances")
     vector = True
+    tuned = False
 
     def __post_init__(self) -> None:
         if not (is_number(self.norm) and self.norm >= 0):

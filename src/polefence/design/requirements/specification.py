@@ -98,6 +98,7 @@ class Specification:
     limits_rms: ClassVar[bool] = False  # whether its limit is one on an rms, not on a ratio of two
     direct: ClassVar[bool] = False  # whether a disturbance may pass straight into the signal
     power: ClassVar[int] = 2  # of the bound, that grows with the r of a condition
+    tuned: ClassVar[bool] = True  # whether a law of a structure can be tuned for it
 
     def __post_init__(self) -> None:
         self._settle("signal", _signals(self.signal, self.kind, self.vector))

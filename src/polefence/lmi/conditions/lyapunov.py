@@ -16,10 +16,11 @@ from operator import add
 
 import numpy as np
 
+from polefence.lmi.conditions.coefficients import weighted
 from polefence.lmi.conditions.motion import moved
 from polefence.lmi.conditions.pencil import Builder, Linear, Pencil, Term
 from polefence.lmi.conditions.performance import Demands, Form, assembled, split_rows
-from polefence.lmi.conditions.saturation import HELD, Cut, cuts, weighted
+from polefence.lmi.conditions.saturation import HELD, Cut, cuts
 from polefence.plant.boxes import Box
 from polefence.plant.motion import STILL, Motion
 from polefence.plant.polynomial import (

@@ -26,11 +26,12 @@ from math import comb
 import numpy as np
 
 from polefence.base.errors import InputError, suggest
+from polefence.lmi.conditions.coefficients import inside, weighted
 from polefence.lmi.conditions.gain_norm import add_norm
 from polefence.lmi.conditions.motion import moved
 from polefence.lmi.conditions.pencil import Builder, Linear, Pencil, Piece, block_name, multiple
 from polefence.lmi.conditions.performance import Demands, Form, Output, assembled, split_rows
-from polefence.lmi.conditions.saturation import Cut, cuts, held_name, inside, weighted
+from polefence.lmi.conditions.saturation import Cut, cuts, held_name
 from polefence.lmi.conditions.target import Side, Target, disks
 from polefence.plant.family import UncertainPlant
 from polefence.plant.polynomial import DOMAINS, Domain, Exponent, bernstein

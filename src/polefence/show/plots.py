@@ -272,7 +272,7 @@ def poles_figure(
         ax.set_aspect(aspect, adjustable="box")
         if discrete:
             circle = np.exp(1j * np.linspace(0, 2 * np.pi, POINTS))
-            ax.plot(circle.real, circle.imag, color="0.3", lw=0.8)
+            ax.plot(circle.real, circle.imag, color="0.3", lw=0.8, label="unit circle")
         else:
             ax.axvline(0, color="0.3", lw=0.8)
     axes[0].set_ylabel("imaginary part of z" if discrete else "imaginary part [rad/s]")
@@ -766,7 +766,11 @@ def responses_figure(
         every = max(1, int(shown.sum()) // CURVE_POINTS)
         time = response.time[shown][::every]
         for i, (ax, signal) in enumerate(zip(column, response.signals, strict=True)):
-            _curves(ax, time, response.values[:, shown, i][:, ::every], response.alpha)
+            rows = response.values[:, shown, i][:, ::every]
+            x = time
+            if response.plant.sample_time is not None:  # nothing is known in between
+                x, rows = np.repeat(time, 2)[1:], np.repeat(rows, 2, axis=1)[:, :-1]
+            _curves(ax, x, rows, response.alpha)
             if mark is not None:
                 ax.axvline(mark, color="0.2", lw=0.8, ls="--")
             if ax is axes[i, 0]:

@@ -212,7 +212,6 @@ def _claim(design: Design, answer: Check) -> Section:
         ("claim", "; ".join(answer.claims)),
         ("answer", f"{answer.answer}: {answer.reason}"),
     ]
-    held = "sampling" if design.plant.sample_time is None else "the time between samples"
     stable = implies_stability(design.plant, design.region)
     note = "" if stable else " The region does not imply stability."
     return Section(
@@ -221,10 +220,29 @@ def _claim(design: Design, answer: Check) -> Section:
             "For every value of the parameters below, each taken as constant, all closed-loop "
             "poles lie in the region. The proof was done afresh for this report, in integers."
             f"{note}",
-            f"Not in the claim: actuator limits, {held}, and changes and errors of the "
-            "parameters; polefence service proves how large the last two may be.",
+            _left_out(design.plant),
         ),
         Table(("", ""), tuple(rows)),
+    )
+
+
+def _left_out(plant: UncertainPlant) -> str:
+    """Say what a claim about poles leaves out, and where more is said of it."""
+    if plant.sample_time is not None:
+        return (
+            "Not in the claim: actuator limits, the time between samples, changes of the "
+            "parameters and errors of their estimates; polefence service proves how large the "
+            "errors may be."
+        )
+    if plant.moving:
+        return (
+            "Not in the claim about poles: actuator limits, sampling, and errors of the parameters' "
+            "estimates; polefence service proves how large these may be. What holds while parameters "
+            "move the claims say."
+        )
+    return (
+        "Not in the claim: actuator limits, sampling, and changes and errors of the parameters; "
+        "polefence service proves how large the last two may be."
     )
 
 

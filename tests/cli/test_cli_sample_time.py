@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from dataclasses import replace
 from fractions import Fraction
 
@@ -116,6 +117,26 @@ def test_code_is_proved_with_the_samples_as_they_are(folder, capsys):
     assert main(["check", "code", "--spec", "spring.toml"]) == 0
 
 
+def test_a_gain_that_is_given_is_judged_as_a_computer_runs_it(folder, capsys):
+    given = ["analyse", "spring.toml", "--gain", "[[-30, -12]]"]
+    half = ["--region", "half_plane(1)"]
+    seen = ["--sample-time", "0.02", "--delay", "1"]
+    assert main([*given, *half, *seen, "-o", "judged"]) == 0
+    assert "inputs act 1 sample late" in capsys.readouterr().out
+    assert main(["check", "judged", "--spec", "spring.toml"]) == 0
+    assert main([*given, *half, "--sample-time", "0.12", "--delay", "1"]) == 1
+    assert "refuted" in capsys.readouterr().out
+    assert main([*given, "--of", "disk", "--centre", "0", *seen, "-o", "least"]) == 0
+    said = capsys.readouterr().out
+    found = (re.search(rf"{word} radius ([0-9.]+)", said)[1] for word in ("proved:", "sampled:"))
+    radius, worst = map(float, found)
+    assert worst < radius < 1.02 * worst
+    assert main(["check", "least", "--spec", "spring.toml"]) == 0
+    table = {"grid": {"m": [1, 2]}, "gains": [[[-30, -12]]] * 2}
+    (folder / "table.json").write_text(json.dumps(table))
+    assert main(["analyse", "spring.toml", "--gain", "table.json", *half, *seen]) == 2
+
+
 @pytest.mark.parametrize(
     ("words", "message"),
     [
@@ -127,8 +148,6 @@ def test_code_is_proved_with_the_samples_as_they_are(folder, capsys):
     ],
 )
 def test_bad_sample_times_are_one_line(folder, capsys, words, message):
-    import re
-
     assert main(["design", "spring.toml", "--region", "half_plane(1)", *words, "-o", "out"]) == 2
     said = capsys.readouterr().err
     assert said.count("\n") == 1

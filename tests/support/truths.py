@@ -226,9 +226,9 @@ def false_signal(plant, law, claim):
     )
     scales = array(claim["disturbances"]) if "disturbances" in claim else 1.0
     level = number(claim["level"]) * (1 + SLACK) + 1e-12
-    if any(plant.rates) and claim["kind"] == "rms" and "disturbances" not in claim:
-        if moving_rms(plant, law, claim, C, D) > level * 1.02:  # by Euler's steps
-            return True
+    moves = any(plant.rates) and claim["kind"] == "rms" and "disturbances" not in claim
+    if moves and moving_rms(plant, law, claim, C, D) > level * 1.02:  # by Euler's steps
+        return True
     for alpha in plant.alphas(domain_of(claim, law)):
         K = law.gain(alpha)
         y, kind, through = mix(alpha, C) + mix(alpha, D) @ K, claim["kind"], mix(alpha, F) * scales

@@ -18,10 +18,13 @@ from polefence.base.progress import stage
 from polefence.cli.common import (
     NOT_PROVED,
     PROVED,
+    at_samples,
     check_figure,
     check_targets,
     every_alpha,
     image_text,
+    samples_text,
+    sampling_arguments,
     saved,
     spec_argument,
     write_figure,
@@ -95,6 +98,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="N",
         help="halve a table's cells so often; default: 4",
     )
+    sampling_arguments(parser, "judge the loop of a")
     parser.add_argument(
         "-o", "--output", type=Path, metavar="DIR", help="write DIR/design.json, or DIR/table.json"
     )
@@ -114,7 +118,7 @@ def analyse_command(options: Any) -> int:
         raise InputError(
             f"--of disk needs --centre CENTRE (--centre {centre}, say); no other has one"
         )
-    law = read_gain(plant, options.gain)
+    plant, law = _at_samples(plant, read_gain(plant, options.gain), options)
     check_figure(options.plot)
     name = TABLE_NAME if isinstance(law, GainTable) else FILE_NAME
     check_targets(options.json, options.plot, folder=options.output, names=(name,))
@@ -128,6 +132,25 @@ def analyse_command(options: Any) -> int:
     return _worst(
         plant, worst_case(plant, law, options.of, options.centre, options.budget), options
     )
+
+
+def _at_samples(
+    plant: UncertainPlant, law: Law | GainTable, options: Any
+) -> tuple[UncertainPlant, Law | GainTable]:
+    """Return plant and law as a computer has them, where the options ask for it.
+
+    A gain is zero of inputs that are on their way.
+    """
+    seen = at_samples(plant, options)
+    if seen is plant:
+        return plant, law
+    if not isinstance(law, FixedGain):
+        raise InputError(
+            "--sample-time judges one gain; of any law that is designed `polefence export "
+            "--sample-time` says how fast the loop decays"
+        )
+    late = np.zeros((plant.shape[1], seen.shape[0] - plant.shape[0]))
+    return seen, FixedGain(np.hstack([law.K, late]))
 
 
 def read_gain(
@@ -203,7 +226,7 @@ def _one(analysis: Analysis, asked: Region, options: Any) -> int:
     else:
         say(f"{analysis.answer}: {analysis.reason}", verdict=analysis.answer)
         note_the_sign(analysis, "give -K")
-    say(*image_text(analysis.plant, asked, analysis.proved))
+    say(*image_text(analysis.plant, asked, analysis.proved), *samples_text(analysis.plant))
     pole, alpha = analysis.pole, analysis.alpha
     _finish(
         options,
@@ -247,6 +270,7 @@ def _worst(plant: UncertainPlant, worst: WorstCase, options: Any) -> int:
     if worst.cut:
         say(CUT)
     say(f"sampled: {name} {beyond(worst.bound)}{unit} at {where}; no proof can pass it")
+    say(*samples_text(plant))
     design = None if worst.certificate is None else Design(worst.certificate)
     _finish(
         options,

@@ -113,13 +113,13 @@ def spec_argument(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("spec", metavar="SPEC", help="a TOML spec (see: polefence example)")
 
 
-def sampling_arguments(parser: argparse.ArgumentParser) -> None:
+def sampling_arguments(parser: argparse.ArgumentParser, what: str = "design for a") -> None:
     """Declare --sample-time and --delay."""
     parser.add_argument(
         "--sample-time",
         type=float,
         metavar="T",
-        help="design for a computer that runs the law every T seconds, inputs held between",
+        help=f"{what} computer that runs the law every T seconds, inputs held between",
     )
     parser.add_argument(
         "--delay",

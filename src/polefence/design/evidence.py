@@ -134,9 +134,7 @@ def evidence_at(
     """Return evidence of a form, proved for one part of a region in pieces of the intervals."""
 
     def proved(found: LyapunovPolynomial) -> dict[str, Any] | None:
-        evidence = evidence_of(found, form)
-        if plant.remainder is not None:
-            evidence["remainder"] = _spread(plant, law, evidence)
+        evidence = whole_evidence(plant, law, found, form)
         holds = certificate_of(plant, law, part, [evidence]).holds()
         return evidence if holds else None
 
@@ -360,6 +358,22 @@ def evidence_of(found: LyapunovPolynomial, form: tuple[int, int]) -> dict[str, A
     evidence: dict[str, Any] = {"X": found.Q, "degree": form[0], "elevation": form[1]}
     evidence |= {"pieces": found.pieces} if found.pieces else {}
     return evidence if found.multiple is None else evidence | {"multiple": found.multiple}
+
+
+def whole_evidence(
+    plant: UncertainPlant, law: Law, found: LyapunovPolynomial, form: tuple[int, int]
+) -> dict[str, Any]:
+    """Return it with what a remainder of the plant asks for besides.
+
+    Raises
+    ------
+    numpy.linalg.LinAlgError
+        If what was found is no Lyapunov matrix, where there is a remainder.
+    """
+    evidence = evidence_of(found, form)
+    if plant.remainder is not None:
+        evidence["remainder"] = _spread(plant, law, evidence)
+    return evidence
 
 
 def certificate_of(

@@ -20,10 +20,10 @@ from polefence.design.evidence import (
     Search,
     certificate_of,
     evidence_at,
-    evidence_of,
     forms,
     loop_of,
     placeholder,
+    whole_evidence,
 )
 from polefence.design.search import Deadline, first
 from polefence.design.table import TableAnalysis, analyse_table
@@ -45,6 +45,7 @@ from polefence.region.regions import Disk, HalfPlane, Region, Sector, damping_of
 TOLERANCES = (1e-8, 1e-6, 1e-4, 1e-2)
 # How far beyond the r that a point reaches in floats the exact proof is attempted.
 STEPS = (1e-6, 1e-5, 1e-4, 1e-3, 1e-2)
+WITH_REMAINDER = (3e-2, 1e-1)  # further, of a plant that is only near its vertices
 # How far inside the half-plane a first point for damping ratios is looked for.
 INSIDE = 0.98
 # A proof within this share of the worst point is near enough.
@@ -378,11 +379,15 @@ def _tried(
         region = question.region(r)
         if region is None:
             return None
-        certificate = certificate_of(plant, law, region, [evidence_of(found, form)])
-        return (r, region, certificate) if certificate.holds() else None
+        with suppress(np.linalg.LinAlgError):
+            evidence = whole_evidence(plant, law, found, form)
+            certificate = certificate_of(plant, law, region, [evidence])
+            return (r, region, certificate) if certificate.holds() else None
+        return None
 
     points = _points(loop_of(plant, law), question, form)
-    return first(proved(found, found.r * (1 + step)) for found in points for step in STEPS)
+    steps = STEPS if plant.remainder is None else (*STEPS, *WITH_REMAINDER)
+    return first(proved(found, found.r * (1 + step)) for found in points for step in steps)
 
 
 def _beyond(

@@ -236,9 +236,9 @@ def _left_out(plant: UncertainPlant) -> str:
         )
     if plant.moving:
         return (
-            "Not in the claim about poles: actuator limits, sampling, and errors of estimates of the "
-            "parameters; polefence service proves how large the errors may be. What holds while "
-            "parameters move the claims say."
+            "Not in the claim about poles: actuator limits, sampling, and errors of estimates of "
+            "the parameters; polefence service proves how large the errors may be. What holds "
+            "while parameters move the claims say."
         )
     return (
         "Not in the claim: actuator limits, sampling, and changes and errors of the parameters; "

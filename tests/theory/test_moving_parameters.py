@@ -24,12 +24,14 @@ from polefence import (
     tightest,
 )
 from polefence.base.errors import InputError
+from polefence.design.certificate import file_plant
 from polefence.design.given import analyse
 from polefence.design.signals.bounds import best_bound
 from polefence.law.laws import domain_of
 from polefence.plant.parameters import Parameter
 from polefence.proof.claims.base import prove
 from polefence.proof.document import loads
+from polefence.proof.laws import Evidence, Piece
 from polefence.proof.work import FormatError
 
 DAMPING = 1.0
@@ -419,6 +421,48 @@ def test_dual_forms_and_cells_are_none_along_motions(bound):
     own = bound.claim.subject
     with pytest.raises(FormatError, match="one X of the whole box"):
         prove(replace(bound.claim, subject=replace(own, evidence=replace(own.evidence, dual=True))))
+
+
+def test_parts_of_the_box_with_matrices_of_their_own_prove_nothing_along_motions(bound):
+    """X would jump between them, and a loop that fast motions drive without bound be proved."""
+    own = bound.claim.subject
+    whole = replace(own.evidence, X=own.evidence.X[:1], degree=0)
+    ends = (Fraction(0), Fraction(1, 2), Fraction(1))
+    cells = tuple(Piece((a,), (b,), whole) for a, b in pairwise(ends))
+    parts = replace(own, evidence=Evidence([], cells=cells))
+    with pytest.raises(FormatError, match="X is one of the whole box"):
+        prove(replace(bound.claim, subject=parts))
+    at_rest = replace(parts, motion=())
+    prove(replace(bound.claim, subject=at_rest))  # a question that can be asked
+
+
+def test_laws_without_all_of_their_matrices_are_one_line(bound):
+    own = bound.claim.subject
+    eye, none = [[Fraction(1), Fraction(0)], [Fraction(0), Fraction(1)]], [[Fraction(0)] * 2]
+    law = replace(own.law, K=None, W=[eye], Z=[none], degree=1)
+    plain = replace(own.evidence, pieces=())
+    for evidence in (plain, replace(plain, X=[], degree=0, multiple=(Fraction(2),))):
+        with pytest.raises(FormatError, match="matrices are missing"):
+            prove(replace(bound.claim, subject=replace(own, law=law, evidence=evidence)))
+
+
+def test_one_matrix_may_be_written_as_a_polynomial():
+    plant = mass("any", "any")
+    law = FixedGain(np.array([[-1.0, -2.0]]))
+    bound = best_bound(plant, law, Rms("x", density=2.0))
+    own = bound.claim.subject
+    assert own.evidence.degree == 0
+    many = replace(
+        own, on="simplex", evidence=replace(own.evidence, X=own.evidence.X * 4, degree=1)
+    )
+    assert prove(replace(bound.claim, subject=many)).proved
+
+
+def test_what_is_said_of_motions(bound):
+    plant = file_plant(spring(both(2), 3, 4))
+    assert bound.claim.said(plant).endswith("k moving by up to 2 (N/m)/s, independently of w")
+    gain = best_bound(spring((-1, 0), 3, 4), NO_LAW, Gain("x")).claim
+    assert gain.said(file_plant(spring((-1, 0), 3, 4))).endswith("k moving by -1 to 0 (N/m)/s")
 
 
 @pytest.mark.parametrize(

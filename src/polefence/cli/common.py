@@ -32,7 +32,7 @@ from polefence.plant.exact import ranges_of
 from polefence.plant.family import UncertainPlant
 from polefence.plant.tracks import own_states
 from polefence.proof.motion import motion_text
-from polefence.proof.text import digits_down, exactly, milliseconds_text
+from polefence.proof.text import digits_down, digits_up, exactly, milliseconds_text
 from polefence.region.regions import HalfPlane, Region, Sector
 from polefence.region.z_plane import share_kept
 
@@ -166,8 +166,12 @@ def motion_lines(plant: UncertainPlant, region: Region, bounds: bool = False) ->
     kept = ["the bounds hold"] * bounds
     if decays:
         decay = max(decays)
-        slowed = f"decays by exp(-{digits_down(decay)} t)" if decay else "is exponentially stable"
-        kept.append(f"the loop {slowed}")
+        how_fast = "is exponentially stable"
+        if decay > 0:
+            how_fast = f"decays by exp(-{digits_down(decay)} t)"
+        elif decay < 0:
+            how_fast = f"grows by no more than exp({digits_up(-decay)} t)"
+        kept.append(f"the loop {how_fast}")
     if kept:
         return [f"{lines[0]}; with {how} {' and '.join(kept)}"]
     return [

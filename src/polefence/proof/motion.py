@@ -49,12 +49,26 @@ def extremes(ranges: Sequence[Range]) -> int:
     return 1 << sum(own.rate not in (None, ANY) for own in ranges)
 
 
+def is_constant(X: Polynomial) -> bool:
+    """Whether a polynomial is the same everywhere, whatever its degree."""
+    start = 0
+    for size, degree in zip(X.sizes, X.degrees, strict=True):
+        slopes = [X.derivative(start + k) for k in range(size)] if degree else []
+        if any(not _is_zero(slope - slopes[0]) for slope in slopes[1:]):
+            return False
+        start += size
+    return True
+
+
+def _is_zero(X: Polynomial) -> bool:
+    return not any(any(map(any, matrix)) for matrix in X.terms.values())
+
+
 def free_of(X: Polynomial, f: int) -> bool:
     """Whether a polynomial does not depend on parameter f."""
     if not X.degrees[f]:
         return True
-    slope = X.derivative(2 * f + 1) - X.derivative(2 * f)
-    return not any(any(map(any, matrix)) for matrix in slope.terms.values())
+    return _is_zero(X.derivative(2 * f + 1) - X.derivative(2 * f))
 
 
 def require_motion(X: Polynomial, ranges: Sequence[Range]) -> None:
@@ -65,7 +79,7 @@ def require_motion(X: Polynomial, ranges: Sequence[Range]) -> None:
     FormatError
         If it is not of the parameters' box, or depends on one that moves at any rate.
     """
-    if not any(X.degrees):
+    if is_constant(X):
         return
     if X.sizes != (2,) * len(ranges):
         raise FormatError("parameters that move need evidence on their box")
@@ -81,7 +95,7 @@ def along(
 
     X is one that `require_motion` does not refuse.
     """
-    if not any(X.degrees):
+    if is_constant(X):
         yield "", N
         return
     moving = [

@@ -118,6 +118,11 @@ class Plant:
         common_denominator([*A, *B, *E])
         return replace(self, A=A, B=B, E=E, sample_time=None, remainder=remainder)
 
+    @property
+    def at_rest(self) -> Plant:
+        """It with parameters that do not move."""
+        return replace(self, ranges=tuple(replace(own, rate=None) for own in self.ranges))
+
     def require_continuous(self, what: str) -> None:
         """Refuse what is about plants in continuous time where this is none."""
         self.require_exact(what)

@@ -121,7 +121,7 @@ def subject_of(design: Design, region: Region, reached: Reached) -> Subject:
     """Return what a claim is about: a design and a region, and how finely it is proved."""
     own = design.certificate.claim()
     ranges = ranges_of(design.plant)
-    claim = replace(own, region=parts_of(region.document()))
+    claim = replace(own, region=parts_of(region.document()), motion=())
     return Subject(claim, ranges, (reached.pieces,) * len(ranges), reached.elevation)
 
 

@@ -184,6 +184,7 @@ class Claim:
     kind: ClassVar[str]  # in a file
     letters: ClassVar[str] = "AB"  # the matrices of the plant that it is about
     moves: ClassVar[bool] = False  # whether it holds while parameters move
+    motion_note: ClassVar[str] = ""  # what it asks of these motions
 
     @classmethod
     def read(cls, table: Table, plant: Plant, law: Any, on: str) -> Self:
@@ -214,7 +215,9 @@ class Claim:
         text = self.statement(plant)
         if not is_moving(plant.ranges):
             return text
-        return f"{text}, {motion_text(plant.ranges) if self.moves else 'parameters at rest'}"
+        if not self.moves:
+            return f"{text}, parameters at rest"
+        return f"{text}, {motion_text(plant.ranges)}{self.motion_note}"
 
     def fault_in(self, plant: Plant, claims: Sequence[Claim]) -> str:  # noqa: ARG002
         """Say what the rest of the file has that contradicts the claim; "" where nothing does."""

@@ -87,7 +87,7 @@ class MarginClaim(Claim):
     @classmethod
     def read(cls, table: Table, plant: Plant, law: Any, on: str) -> Self:
         """Read the design's claim, how finely it is proved, and what the kind has of its own."""
-        design = Poles.read(table, plant, law, on)
+        design = Poles.read(table, plant.at_rest, law, on)
         count = len(plant.ranges)
         pieces = table.items("pieces", count, count) if "pieces" in table else [1] * count
         if any(type(k) is not int for k in pieces):

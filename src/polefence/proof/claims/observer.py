@@ -53,7 +53,7 @@ class Observer(Claim):
         if measured and len(measured) != len(C[0]):
             raise FormatError(f"{table.path('measured')} must name each row of C")
         A, B = (list(map(_transposed, matrices)) for matrices in (plant.A, C))
-        dual = replace(plant, A=A, B=B, E=[])
+        dual = replace(plant.at_rest, A=A, B=B, E=[])
         own, on = read_law(table.table("law"), dual)
         if own.polynomial:
             raise FormatError(f"{table.path('law')} must be fixed or scheduled, of an observer")

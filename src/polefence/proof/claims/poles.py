@@ -227,12 +227,12 @@ class Poles(Claim):
             if own.cells and (self.method != "lyapunov" or self.weights or law.scheduled):
                 raise FormatError("cells belong to one gain, or to a law polynomial in parameters")
         self._require_remainder()
-        self._require_motion()
         self._require_counts()
         if self.least > MAX_WORK:
             raise FormatError(
                 f"{self.count} inequalities of this size are more than is checked here"
             )
+        self._require_motion()
 
     def _require_remainder(self) -> None:
         """Refuse a remainder without its evidence, and evidence without a remainder."""

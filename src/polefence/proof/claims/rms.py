@@ -41,6 +41,7 @@ class Rms(SignalClaim):
     kind: ClassVar[str] = "rms"
     most: ClassVar[int] = MAX_ENTRIES
     has_dual: ClassVar[bool] = True
+    motion_note: ClassVar[str] = ", independently of w"
 
     intensity: Fraction = Fraction(1)
 

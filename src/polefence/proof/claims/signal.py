@@ -215,7 +215,6 @@ class Subject:
             require_shapes(matrices or [], len(matrices or []), rows, columns, where)
         if law.C:
             require_shapes(list(law.C), N, r, n, "the measured rows")
-        self._require_motion(own)
         require_pieces(own.pieces, self.sizes)
         if own.pieces and (own.dual or own.cells or own.spread is not None):
             raise FormatError("pieces belong to one X of the whole box")
@@ -224,6 +223,7 @@ class Subject:
         if not own.X and (own.degree or len(own.multiple) > 1):
             raise FormatError("the law's own W has its own degree, and at most one multiple")
         replace(self, evidence=own).as_poles.require()
+        self._require_motion(own)
 
     def _require_motion(self, own: Evidence) -> None:
         """Refuse evidence that does not hold while parameters move."""
@@ -401,6 +401,8 @@ class SignalClaim(Claim):
     def require(self) -> None:
         """Refuse what is incomplete, of shapes that do not fit, or out of all proportion."""
         evidence = self.subject.evidence
+        if self.subject.motion and evidence.cells:
+            raise FormatError("cells: along motions X is one of the whole box")
         pieces = [self._with(evidence.cells[0].evidence)] if evidence.cells else [self]
         pieces[0]._require_parts()
         evidence.require_cells(self.subject.sizes)
@@ -459,9 +461,9 @@ class SignalClaim(Claim):
         degrees = [poles.degree(replace(poles.evidence[0], elevation=0)), self.least_degree]
         if own.dual:  # of Y'Y, and Q E E'Q
             degrees = [degrees[0], 2 * (law.form_degree + 1)]
-        count = count_of(subject.sizes, max(degrees) + own.elevation) * extremes(subject.motion)
-        count *= math.prod(own.pieces)
-        return least_work(count * self.blocks_at_most, self.largest) + self.more_work
+        count = count_of(subject.sizes, max(degrees) + own.elevation) * math.prod(own.pieces)
+        moving = extremes(subject.motion) - 1 if own.degree else 0
+        return least_work(count * (self.blocks_at_most + moving), self.largest) + self.more_work
 
     def _require_disturbances(self) -> None:
         """Refuse scales that do not fit, and noise that is in the output itself."""
@@ -498,7 +500,7 @@ class SignalClaim(Claim):
     def inside(self, piece: Piece) -> Self:
         """Return the claim about a part of the box."""
         own, low, high = self.subject, piece.low, piece.high
-        if not self.has_cells:
+        if not self.has_cells or own.motion:
             raise FormatError(f"cells: a bound on {self.kind} has none here")
         A, B = (on_corners(matrices, low, high) for matrices in (own.A, own.B))
         E = on_corners(own.E, low, high) if own.E else []

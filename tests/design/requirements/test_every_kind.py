@@ -19,6 +19,7 @@ LINES = {
     "relative rms": "relative rms of x <= 0.8",
     "energy peak": "energy peak of x <= 0.8",
     "initial peak": "initial peak of x <= 5 with impulse 1",
+    "saturation": "saturation of force <= 5 with impulse 1",
     "gain": "gain of x <= 1.5",
     "gain norm": "gain norm of the law <= 50",
 }

@@ -6,12 +6,14 @@ import numpy as np
 import pytest
 
 import polefence as pf
+from polefence.base.errors import InputError
 from polefence.design.requirements.energy_peak import EnergyPeak
 from polefence.design.requirements.gain import Gain
 from polefence.design.requirements.gain_norm import GainNorm
 from polefence.design.requirements.initial_peak import InitialPeak
 from polefence.design.requirements.relative_rms import RelativeRms
 from polefence.design.requirements.rms import Rms
+from polefence.design.requirements.saturation import Saturation
 from polefence.design.requirements.text import KINDS
 from polefence.plant.outputs import Output
 from polefence.response.modes import Modes
@@ -58,9 +60,13 @@ def evaluated(own, channel, K):
     return found, channel.slopes(found)
 
 
-def test_every_kind_has_slopes():
-    _, _, _, each = requirements(0)
-    assert {own.kind for own in each} == KINDS.keys()
+def test_every_kind_that_laws_are_tuned_for_has_slopes():
+    plant, K, _, each = requirements(0)
+    assert {own.kind for own in each} == {kind for kind, own in KINDS.items() if own.tuned}
+    own = Saturation("u1", points=((1.0, 0.0, 0.0, 0.0),))
+    channel = own.channel(plant, ALPHA)
+    with pytest.raises(InputError, match="saturation is not tuned for"):
+        evaluated(own, channel, K)
 
 
 @pytest.mark.parametrize("seed", range(3))

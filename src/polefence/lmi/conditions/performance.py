@@ -270,7 +270,11 @@ def assembled(
     q = max([1, *(o.F.shape[2] for o in outputs if o.F is not None)])
     moved = {s.name: raised(s, domain, degree, q) for s in sources}
     bounds = {o.name: squares(o, domain, degree) for o in outputs}
-    through = {o.name: _raised_F(o, domain, degree, q) for o in outputs}
+    through = {
+        o.name: _raised_F(o, domain, degree, way.E.shape[2])
+        for o in outputs
+        if isinstance(way := by_name[o.source], Through)
+    }
     # of a gain alone nothing else makes X positive
     gains = bool(sources) and all(isinstance(source, Through) for source in sources)
     for form, data_at in _in_pieces(forms, demands, domain, degree):

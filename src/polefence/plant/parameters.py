@@ -137,7 +137,7 @@ class Parameter:
         The scheduling variable: the name itself, or ``"1/name"`` when the plant is affine in 1/p.
     label : str
         What it is, for people ("sprung mass").
-    rate : pair of numbers, "any" or None
+    rate : tuple, "any" or None
         Least and largest dp/dt, in ``unit`` per second; "any" where nothing bounds it; None of a
         parameter that does not move.
 

@@ -33,6 +33,7 @@ from polefence.lmi.solve.lyapunov import LyapunovPolynomial, points_inside
 from polefence.plant.boxes import MOST_PARTS, Box, divided, widest
 from polefence.plant.family import UncertainPlant
 from polefence.plant.motion import Motion
+from polefence.plant.parameters import ANY
 from polefence.plant.polynomial import bernstein, elevated, times
 from polefence.plant.system import Array
 from polefence.proof import matrices, work
@@ -44,8 +45,8 @@ from polefence.region.regions import Region
 
 # Degree and elevation of the Lyapunov polynomial, one after the other.
 LADDER = ((0, 0), (1, 0), (1, 1), (2, 0), (2, 1), (3, 0), (3, 1))
-# The same, and pieces of each interval, beyond: where parameters move.
-FINER, MOST_PIECES = (((2, 0), 2), ((3, 0), 4), ((4, 0), 8), ((5, 0), 16)), 16
+# The same, and pieces of each interval, beyond: where parameters move; inequalities at most.
+FINER, MOST_FINER = (((2, 0), 2), ((3, 0), 4), ((4, 0), 8), ((5, 0), 16)), 300
 # What a step of the search may cost, beyond the first form [multiplications].
 MOST_WORK = 1e10
 # Degree and elevation in parts of the box, and what a step may cost there beyond the first form.
@@ -145,14 +146,18 @@ def evidence_at(
 
 
 def pieces_of(plant: UncertainPlant, pieces: int) -> tuple[int, ...]:
-    """Return so many pieces of each parameter's interval; nothing of one."""
-    return (pieces,) * len(plant.parameters) if pieces > 1 else ()
+    """Return so many pieces of the interval of each parameter that moves, one of others."""
+    if pieces < 2:
+        return ()
+    return tuple(1 if own.rate in (None, ANY) else pieces for own in plant.parameters)
 
 
-def finer(plant: UncertainPlant) -> Iterator[tuple[tuple[int, int], int]]:
+def finer(plant: UncertainPlant, law: Law) -> Iterator[tuple[tuple[int, int], int]]:
     """Yield forms and pieces beyond the ladder, where parameters move: there are no cells then."""
-    for form, pieces in FINER if plant.moving else ():
-        if pieces ** len(plant.parameters) <= MOST_PIECES:
+    moves = Motion.of(plant).moves
+    for form, pieces in FINER if moves else ():
+        each = _blocks(plant, law, form) * 2 ** len(moves)
+        if each * pieces ** len(moves) <= MOST_FINER:
             yield form, pieces
 
 
@@ -235,7 +240,7 @@ class Search:
             evidence = evidence_at(self.plant, self.law, self.part, form)
             if evidence is not None:
                 return evidence
-        for form, pieces in finer(self.plant):
+        for form, pieces in finer(self.plant, self.law):
             if self._late():
                 return None
             self.last = form

@@ -6,6 +6,7 @@ that is proved; the ratio of the two says how far apart they can be.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
@@ -220,7 +221,8 @@ def _climbed(question: _Question) -> Iterator[Bound]:
         )
         if found is not None:
             yield found
-            if found.level >= last * (1 - WORTH):
+            enough = question.worst * (1 + CLOSE)
+            if found.level >= last * (1 - WORTH) or found.level <= enough:
                 return
             last = found.level
 
@@ -358,9 +360,9 @@ def _climb(
         first = form == LADDER[0]
         if first or (len(plant.vertices) > 1 and work(loop, source, *form) <= MOST_WORK):
             yield _points(loop, source, output, form)
-    for form, pieces in finer(plant):
-        if work(loop, source, *form) * pieces ** len(plant.parameters) <= MOST_WORK:
-            own = replace(loop, pieces=pieces_of(plant, pieces))
+    for form, pieces in finer(plant, law):
+        own = replace(loop, pieces=pieces_of(plant, pieces))
+        if work(loop, source, *form) * math.prod(own.pieces) <= MOST_WORK:
             yield _points(own, source, output, form)
 
 

@@ -84,7 +84,7 @@ def test_the_share_is_that_of_the_area_and_more_edges_keep_more(ratio):
 
 
 def test_the_docs_say_how_much_is_kept_and_what_slow_poles_need():
-    ratios = [*np.linspace(0.01, 0.99, 50)]
+    ratios = [*np.linspace(0.01, 0.99, 8)]  # the ends, and 0.85, are the extremes
     shares = [share_kept(ratio) for ratio in ratios]
     assert 0.88 <= min(shares) < 0.89
     assert 0.92 < max(shares) < 0.935

@@ -105,22 +105,3 @@ def test_two_matrices_of_rolmips_manual():
     plant = UncertainPlant.from_vertices(As, [NOTHING, NOTHING], sample_time=1)
     assert evidence_at(plant, NO_LAW, Disk(0, 1), (1, 0)) is not None
     assert analyse(plant, NO_LAW, Disk(0, 1)).proved
-
-
-def test_two_masses_of_rolmips_manual():
-    """A guaranteed gain of 1.0540 at degree 1, 1.0108 from degree 2 on (section 7.2)."""
-
-    def matrices(a, b, c):
-        A = [[0, 0, 1, 0], [0, 0, 0, 1], [-2 * a, a, -a * c, 0], [b, -b, 0, -b * c]]
-        return A, [[0], [0], [0], [Fraction(1, 1000)]], [[0], [0], [a], [0]]
-
-    parameters = [
-        Parameter("a", Fraction(2, 3), 2),
-        Parameter("b", Fraction(4, 5), Fraction(4, 3)),
-        Parameter("c", 1, 3),
-    ]
-    plant = UncertainPlant.from_function(
-        matrices, parameters, states=("x", "y", "v", "w"), disturbances=("f",)
-    )
-    bound = best_bound(plant, FixedGain(np.zeros((1, 4))), Gain("y"))
-    assert 1.0107 < bound.level < 1.0120

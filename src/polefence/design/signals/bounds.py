@@ -221,7 +221,8 @@ def _climbed(question: _Question) -> Iterator[Bound]:
         )
         if found is not None:
             yield found
-            enough = question.worst * (1 + CLOSE)
+            # along motions the next forms take long
+            enough = question.worst * (1 + CLOSE) if question.plant.moving else 0.0
             if found.level >= last * (1 - WORTH) or found.level <= enough:
                 return
             last = found.level

@@ -33,12 +33,12 @@ from polefence.lmi.solve.lyapunov import LyapunovPolynomial, points_inside
 from polefence.plant.boxes import MOST_PARTS, Box, divided, widest
 from polefence.plant.family import UncertainPlant
 from polefence.plant.motion import Motion
-from polefence.plant.parameters import ANY
 from polefence.plant.polynomial import bernstein, elevated, times
 from polefence.plant.system import Array
 from polefence.proof import matrices, work
 from polefence.proof.claims.base import prove
 from polefence.proof.laws import Evidence, Piece, lifted
+from polefence.proof.plant import ANY
 from polefence.proof.polynomials import Polynomial, coordinates, multinomial
 from polefence.proof.remainder import Spread
 from polefence.region.regions import Region

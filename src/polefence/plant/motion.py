@@ -6,8 +6,8 @@ from dataclasses import dataclass, replace
 
 from polefence.base.errors import InputError
 from polefence.plant.family import UncertainPlant
-from polefence.plant.parameters import ANY
 from polefence.plant.polynomial import Domain, Exponent
+from polefence.proof.plant import ANY
 
 
 @dataclass(frozen=True)

@@ -13,13 +13,13 @@ from typing import Any, Literal
 
 from polefence.base.errors import ParameterValueError, PlantError, SpecError, shown, suggest
 from polefence.plant.expression import decimal
+from polefence.proof.plant import ANY
 
 # Larger or smaller magnitudes, or longer fractions, are no physical data: doubles must hold them,
 # and a certificate must be able to say them.
 LARGEST = 10**100
 MAX_DIGITS = 300
 MAX_NAME = 200  # characters of a name or a unit
-ANY: Literal["any"] = "any"  # of a rate: nothing bounds it
 
 
 PLAIN_BITS = 300  # of numerator and denominator: within both bounds, seen without arithmetic

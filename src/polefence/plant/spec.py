@@ -21,10 +21,11 @@ from polefence.plant.expression import MAX_LENGTH, decimal, decimal_text, evalua
 from polefence.plant.family import Scope, UncertainPlant
 from polefence.plant.larger import with_actuator, with_sensor
 from polefence.plant.outputs import Output, split, weighted_sum
-from polefence.plant.parameters import ANY, Parameter, exact
+from polefence.plant.parameters import Parameter, exact
 from polefence.plant.system import Exact, System
 from polefence.plant.tracks import Tracks
 from polefence.plant.vehicle import Vehicle
+from polefence.proof.plant import ANY
 
 MAX_BYTES = 1_000_000
 LINE = 80  # characters of a matrix that is written on one

@@ -23,12 +23,13 @@ from polefence.law.words import definitions, formula, terms_of
 from polefence.lmi.conditions.methods import METHODS
 from polefence.plant.family import UncertainPlant
 from polefence.plant.outputs import Output, inputs, split, states
-from polefence.plant.parameters import ANY, Parameter
+from polefence.plant.parameters import Parameter
 from polefence.proof.claims.gain import Gain
 from polefence.proof.claims.relative_rms import RelativeRms
 from polefence.proof.claims.rms import Rms
 from polefence.proof.claims.signal import SignalClaim, acting_text
 from polefence.proof.document import Document
+from polefence.proof.plant import ANY
 from polefence.proof.text import quoted, rate_text, visible
 from polefence.region.regions import Disk
 from polefence.region.text import digits_down, digits_up, short_text

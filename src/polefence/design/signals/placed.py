@@ -89,8 +89,8 @@ def place(
     if errors:
         if structure is not None or getattr(plant, "remainder", None) is not None:
             raise InputError(
-                "errors of estimates are for laws that a method gives, in continuous time or of a "
-                "plant in discrete time; leave them out, or structure and sample time"
+                "errors of estimates belong to laws that a method gives, without --sample-time; "
+                "leave them out, or structure and sample time"
             )
         return estimated.placed(plant, region, method, errors)
     if getattr(plant, "remainder", None) is not None:

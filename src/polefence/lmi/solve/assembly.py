@@ -41,14 +41,10 @@ def condition(
 ) -> tuple[Pencil, Stacked]:
     """Return the condition of a method for a region, stacked, and a pencil of its variables."""
     o = options(method)
-    if target.patches:
-        box = Domain.of(o.on, len(A))
-        pencil = parameter_dependent(A, B, target, box, int(o.degree), o.elevation)
-        return pencil, stack(pencil)
     if target.sigma is not None or isinstance(o, Slack) or o.right_hand_sides:
         return stacked_pencil(method, A, B, target, unit)
     domain, degree = Domain.of(o.on, len(A)), int(o.degree)
-    if target.motion:
+    if target.motion or target.patches:
         pencil = parameter_dependent(A, B, target, domain, degree, o.elevation)
         return pencil, stack(pencil)
     return stacked_design(A, B, Demands(target), domain, degree, o.elevation, degree > 0)

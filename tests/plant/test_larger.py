@@ -228,7 +228,10 @@ WRONG = {
     "order -1": (lambda p: with_states(p, -1), "order = -1 must be 0 to 20"),
     "order 2.0": (lambda p: with_states(p, 2.0), "order = 2.0 must be a whole number"),
     "order twice": (lambda p: with_states(with_states(p, 1), 1), "a signal 'law state 1' already"),
-    "discrete": (lambda p: with_states(replace(p, sample_time=1), 1), "is in discrete time"),
+    "discrete": (
+        lambda p: with_actuator(replace(p, sample_time=1), "force", 3),
+        "in discrete time",
+    ),
     "no noise of it": (lambda p: replace(p, noise=("v",)), "noise: no disturbance 'v'"),
 }
 

@@ -296,4 +296,4 @@ def test_scales_are_those_of_the_claim():
     assert found.claim.gain.columns == columns
     assert [list(map(float, row)) for row in columns] == code.T.tolist()
     assert list(map(float, found.claim.gain.rows)) == rows.tolist()
-    assert code_of(code) == found.claim.code
+    assert code_of(code, design.plant) == found.claim.code

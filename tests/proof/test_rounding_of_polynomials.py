@@ -32,7 +32,7 @@ def test_it_is_proved_with_room(kind, bits, given):
     assert found.proved
     assert found.check().proved
     assert found.rounding < (1e-3 if bits == 32 else 1e-11) * found.tolerated
-    assert code_of(code) == found.claim.code
+    assert code_of(code, own.plant) == found.claim.code
 
 
 def single(code, given, y):

@@ -424,16 +424,6 @@ def test_samples_of_other_numbers_of_vertices_are_refused(spring):
     assert claim.statement(claim.plant).endswith("on the box of 2 parameters")
 
 
-def test_states_of_code_are_of_continuous_time(tmp_path):
-    memory = {"states": 1, "step": "1/128", "sample_time": "1/128"}
-    data = of_one()
-    data["plant"]["sample_time"] = "1/128"
-    data["claims"] = [{"kind": "rounding", "gain": {"kind": "gain error"}, "code": {}}]
-    data["claims"][0]["code"]["memory"] = memory
-    with pytest.raises(FormatError, match="memory: is for plants in continuous time"):
-        read(json.dumps(data))
-
-
 def test_numbers_of_a_remainder_out_of_proportion_are_refused():
     data = of_one(remainder={"kappa": 1, "rows": [1], "columns": [1, 1, 1]})
     data["plant"]["vertices"][0] = {

@@ -304,10 +304,6 @@ def test_a_tradeoff_has_rows_that_are_proved(plant):
 
 
 def test_what_discrete_time_has_not_is_refused(plant):
-    with pytest.raises(InputError, match="states of a law are of continuous time"):
-        place(plant, HalfPlane(1), structure=Structure(measured=("x",), order=1))
-    with pytest.raises(InputError, match="states of a law are of continuous time"):
-        optimise(plant, Rms("x"), structure=Structure(measured=("x",), order=1))
     with pytest.raises(InputError, match="where half_plane has no direct search"):
         tightest(plant, of="half_plane", structure=Structure())
     with pytest.raises(InputError, match=r"step = 0.03 s; spring is in discrete time, .* 0.02 s"):

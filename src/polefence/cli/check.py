@@ -34,6 +34,7 @@ from polefence.plant.larger import (
 )
 from polefence.plant.outputs import states
 from polefence.plant.spec import load, load_dampers
+from polefence.plant.system import System
 from polefence.proof.claims.base import Claim
 from polefence.proof.claims.clipped import Clipped
 from polefence.proof.claims.observer import Observer
@@ -173,10 +174,11 @@ def _against(document: Document, plant: UncertainPlant, spec: str) -> str | None
         plant = at_sample_time(plant, document.plant.step, samples.delay)
     if "E" in letters:
         plant = _weighted(plant, spec)
-    if sampled and plant.shape == found.shape:
-        # of the same plant, as the claim proves: equal but for rounding
-        plant = replace(plant, vertices=found.vertices)
     plant = _with_law(plant, found, spec)
+    if samples is not None and sampled and plant.shape == found.shape:
+        # of the same plant, as the claim proves: equal but for rounding
+        pairs = zip(found.vertices, plant.vertices, strict=True)
+        plant = replace(plant, vertices=tuple(_beside(*own, samples.width) for own in pairs))
     difference = _difference(found, plant, letters)
     for claim in document.claims:
         if difference is None and isinstance(claim, Observer):
@@ -221,6 +223,15 @@ def _weighted(plant: UncertainPlant, spec: str) -> UncertainPlant:
         spec, RoadSpectrum("C", 20.0)
     )  # any road: filters are what counts
     return with_weights(plant, ([least] if least else []) + list(limits))[0]
+
+
+def _beside(found: System, own: System, n: int) -> System:
+    """Return a vertex whose first n states move as those of another do."""
+    A = (*found.exact_A[:n], *own.exact_A[n:])
+    B, E = (*found.exact_B[:n], *own.exact_B[n:]), None
+    if found.exact_E is not None and own.exact_E is not None:
+        E = (*found.exact_E[:n], *own.exact_E[n:])
+    return System(A, B, E, own.name)
 
 
 def _with_law(plant: UncertainPlant, found: UncertainPlant, spec: str) -> UncertainPlant:

@@ -365,7 +365,7 @@ def sampling_of(claim: Samples, plant: UncertainPlant) -> Sampling:
         claim.E or None,
         name=plant.name,
         states=plant.states[:n],
-        inputs=plant.inputs,
+        inputs=plant.inputs[: claim.m],
         disturbances=plant.disturbances,
     )
     bare = replace(bare, parameters=plant.parameters)

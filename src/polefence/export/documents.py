@@ -146,7 +146,7 @@ def _other(path: Path, document: Document) -> str:
         facts = replace(facts, loop=held)
     program = rebuilt_program(claim.code, certificate)
     memory = memory_of(program)
-    if memory and loop is None:
+    if memory and loop is None and own_time is None:
         raise InputError("claims: code with a memory needs a claim about its sampled loop")
     texts = rebuilt_texts(table, certificate, facts, memory.states if memory else 0)
     written = sources(program, texts)

@@ -148,7 +148,7 @@ def export_c99(
     design = of_signals(with_rates(design)) if observer is None else design
     made = program(code_law(design.law), _scheduled_on(design, given), number(bits))
     order = kept(design)
-    made = with_memory(made, order, _period(order, sampling))
+    made = with_memory(made, order, _period(design, order, sampling))
     cuts = _limits(limits, design.plant.shape[1] - order)
     _require_observer(design, observer, sampling, allow_unproved)
     answer = check(design)
@@ -182,8 +182,10 @@ def export_c99(
     return replace(whole, files=_sealed(whole, files))
 
 
-def _period(order: int, sampling: Sampling | None) -> float:
+def _period(design: Design, order: int, sampling: Sampling | None) -> float:
     """Return the sample time [s]; a law with states of its own is stepped by it."""
+    if design.plant.sample_time is not None:
+        return float(design.plant.sample_time)
     if order and sampling is None:
         raise InputError(
             f"the law has {order} {'state' if order == 1 else 'states'} of its own, which its code "

@@ -30,6 +30,7 @@ from polefence.export.sampled import (
 from polefence.law.coordinates import Coordinates
 from polefence.law.laws import Law, PolynomialGain, ScheduledGain
 from polefence.plant.exact import ranges_of
+from polefence.plant.family import UncertainPlant
 from polefence.plant.polynomial import Domain, Polynomial, bernstein, binomial, elevated, times
 from polefence.plant.system import Array
 from polefence.proof.claims.base import prove
@@ -134,7 +135,7 @@ def _guarantee(design: Design, program: Program, measures: tuple[Array, Columns]
     if own is None:
         reason = "nothing is proved of errors of this gain; design with 'scheduled' or 'quadratic'"
         return Guarantee(design, inf, -1.0, None, reason)
-    claim = Rounded(_blank(own, rows, columns), code_of(program))
+    claim = Rounded(_blank(own, rows, columns), code_of(program, design.plant))
     try:
         claim = _with_bounds(own, program, claim)
         needed = float(rounding_error(claim))
@@ -166,13 +167,15 @@ def _refusal(claim: Rounded, needed: float, tolerated: float, given: bool) -> st
     )
 
 
-def code_of(program: Program) -> Code:
+def code_of(program: Program, plant: UncertainPlant) -> Code:
     """Return the code's constants as rationals."""
     bits = program.number.bits
     own = memory_of(program)
     memory = None
     if own is not None:
-        memory = Memory(own.states, Fraction(own.step), Fraction(own.sample_time))
+        T = plant.sample_time
+        time = Fraction(own.sample_time) if T is None else T
+        memory = Memory(own.states, Fraction(own.step), time, T is not None)
     if isinstance(program, Fixed):
         return Code(bits, K=exactly(program.K), memory=memory)
     shares = tuple(

@@ -1,7 +1,8 @@
 """States that the code of a law keeps itself: a dynamic law's, integrals and filters of a PID.
 
 In the larger plant of `polefence.law.structure` a law's own states x_c are states with x_c' = v,
-and their rates v are inputs. A PID's have dynamics in A; `with_rates` moves these into the law.
+or x_c(t + T) = x_c + T v, and their rates v are inputs. A PID's have dynamics in A; `with_rates`
+moves these into the law.
 """
 
 from __future__ import annotations
@@ -12,6 +13,7 @@ import numpy as np
 
 from polefence.design.design import Design
 from polefence.law.laws import PolynomialGain, ScheduledGain
+from polefence.plant.delta import delta_form
 from polefence.plant.larger import (
     DERIVATIVE,
     FILTER,
@@ -52,7 +54,7 @@ def with_rates(design: Design) -> Design:
         return design
     larger = with_rates_as_inputs(plant, 2 * r)
     measured = (*law.measured[:r], *states(larger)[-2 * r :])
-    w = float(-plant.vertices[0].exact_A[-1][-1])
+    w = float(-delta_form(plant).vertices[0].exact_A[-1][-1])
     powers, gains = _terms(law, _of_states(law.gains, r, w), _rates(r, w))
     own = PolynomialGain(powers, gains, measured, law.parameters)
     certificate = replace(design.certificate, plant=larger, law=own)

@@ -27,7 +27,7 @@ ZERO, ONE = Fraction(0), Fraction(1)
 def with_dynamics(
     plant: UncertainPlant, signals: Sequence[Output], a: Exact, b: Exact, labels: Sequence[str]
 ) -> UncertainPlant:
-    """Return the plant with states z behind its own, z' = a z + b y.
+    """Return the plant with states z behind its own, z' = a z + b y, or z(t + T) in discrete time.
 
     Parameters
     ----------
@@ -51,7 +51,7 @@ def with_dynamics(
         vertices=tuple(vertices),
         states=(*_labels(states(plant)), *labels),
         outputs=tuple(padded(output, k) for output in plant.outputs),
-        remainder=plant.remainder and plant.remainder.padded(plant.shape[0], k),
+        remainder=plant.remainder and plant.remainder.padded(*plant.shape, k),
     )
 
 
@@ -94,6 +94,7 @@ def with_actuator(
         a = ((ZERO, ONE), (-square, -_rounded(2 * float(ratio * w))))
         labels.append(f"rate of {own.name} [{own.unit or 1}/s]")
     n, m = plant.shape
+    _require_continuous(plant, where)
     _require_new(plant, labels[1:])
     vertices = []
     for vertex in plant.vertices:
@@ -163,6 +164,7 @@ def with_sensor(
     label = _labelled(f"measured {own.name}", own.unit)
     if label in plant.states:
         raise InputError(f"{where}: {own.name} has a sensor already; keep one")
+    _require_continuous(plant, where)
     _require_new(plant, (label,))
     larger = with_dynamics(plant, (own,), ((-w,),), ((w,),), (label,))
     if noise is None:
@@ -194,7 +196,8 @@ def _with_noise(plant: UncertainPlant, label: str, size: Fraction) -> UncertainP
 def with_states(plant: UncertainPlant, count: int) -> UncertainPlant:
     """Return the plant with states of its law behind its own, x_c' = u_c with inputs u_c.
 
-    A gain of the larger plant is a law of that order: its entries are A_c, B_c, C_c and D_c.
+    A gain of the larger plant is a law of that order: its entries are A_c, B_c, C_c and D_c. In
+    discrete time u_c = (x_c(t + T) - x_c(t)) / T, so that they are those of its delta form.
 
     Parameters
     ----------
@@ -204,22 +207,22 @@ def with_states(plant: UncertainPlant, count: int) -> UncertainPlant:
     Raises
     ------
     InputError
-        If it is out of range, or the plant is in discrete time.
+        If it is out of range, or a signal has the name of one of the states.
     """
     require_order(count)
     if not count:
         return plant
     labels = law_states(count)
     _require_new(plant, (*labels, *law_rates(count)))
-    vertices = []
+    vertices, (n, m), (stays, step) = [], plant.shape, _alone(plant)
     for own in plant.vertices:
-        n, m = own.shape
-        A = (*((*row, *(ZERO,) * count) for row in own.exact_A), *((ZERO,) * (n + count),) * count)
+        A = [(*row, *(ZERO,) * count) for row in own.exact_A]
+        A += [_unit(n + count, n + i, stays) for i in range(count)]
         B = [(*row, *(ZERO,) * count) for row in own.exact_B]
-        B += [_unit(m + count, m + i, ONE) for i in range(count)]
+        B += [_unit(m + count, m + i, step) for i in range(count)]
         E = own.exact_E
         E = None if E is None else (*E, *((ZERO,) * len(E[0]),) * count)
-        vertices.append(System(A, tuple(B), E, own.name))
+        vertices.append(System(tuple(A), tuple(B), E, own.name))
     more = (ZERO,) * count
     outputs = (padded(y, count) for y in plant.outputs)
     return replace(
@@ -228,25 +231,32 @@ def with_states(plant: UncertainPlant, count: int) -> UncertainPlant:
         states=(*_labels(states(plant)), *labels),
         inputs=(*_labels(inputs(plant)), *law_rates(count)),
         outputs=tuple(replace(y, D=tuple((*row, *more) for row in y.D)) for y in outputs),
+        remainder=plant.remainder and plant.remainder.padded(n, m, count, count),
     )
 
 
 def with_rates_as_inputs(plant: UncertainPlant, count: int) -> UncertainPlant:
     """Return the plant with the rates of its last states as inputs, in place of their dynamics."""
-    n, m = plant.shape
+    (n, m), (stays, step) = plant.shape, _alone(plant)
     more, vertices = (ZERO,) * count, []
     rates = (f"rate of {own.name}" for own in states(plant)[n - count :])
     for own in plant.vertices:
-        A = (*own.exact_A[: n - count], *((ZERO,) * n for _ in range(count)))
+        A = (*own.exact_A[: n - count], *(_unit(n, n - count + i, stays) for i in range(count)))
         B = [(*row, *more) for row in own.exact_B[: n - count]]
-        B += [_unit(m + count, m + i, ONE) for i in range(count)]
+        B += [_unit(m + count, m + i, step) for i in range(count)]
         vertices.append(System(A, tuple(B), own.exact_E, own.name))
     return replace(
         plant,
         vertices=tuple(vertices),
         inputs=(*_labels(inputs(plant)), *rates),
         outputs=tuple(replace(y, D=tuple((*d, *more) for d in y.D)) for y in plant.outputs),
+        remainder=plant.remainder and plant.remainder.padded(n, m, 0, count),
     )
+
+
+def _alone(plant: UncertainPlant) -> tuple[Fraction, Fraction]:
+    """Return A and B of one state x_c' = u_c, or x_c(t + T) = x_c + T u_c in discrete time."""
+    return (ZERO, ONE) if plant.sample_time is None else (ONE, plant.sample_time)
 
 
 def law_states(count: int) -> tuple[str, ...]:
@@ -262,7 +272,8 @@ def law_rates(count: int) -> tuple[str, ...]:
 def own_states(plant: UncertainPlant) -> int:
     """Return how many of the last states are those of a law, their rates the last inputs.
 
-    By their names, and by the matrices of `with_states`: x_c' = u_c, and no part in anything else.
+    By their names, and by the matrices of `with_states`: u_c alone moves x_c, and neither has a
+    part in anything else.
     """
     names = [own.name for own in states(plant)], [own.name for own in inputs(plant)]
     count = 0
@@ -271,17 +282,19 @@ def own_states(plant: UncertainPlant) -> int:
             break
         count += 1
     n, m = plant.shape
-    if plant.sample_time is not None or not 0 < count < min(n, m):
+    if not 0 < count < min(n, m):
         return 0
-    return count if all(_apart(own, count) for own in plant.vertices) else 0
+    own = _alone(plant)
+    return count if all(_apart(each, count, *own) for each in plant.vertices) else 0
 
 
-def _apart(vertex: System, count: int) -> bool:
+def _apart(vertex: System, count: int, stays: Fraction, step: Fraction) -> bool:
     """Whether the last states have the last inputs as their rates, and no part in anything else."""
     (n, m), A, B = vertex.shape, vertex.exact_A, vertex.exact_B
     rows = [(A[i], B[i]) for i in range(n - count, n)]
     alone = all(
-        not any(a) and tuple(b) == _unit(m, m - count + i, ONE) for i, (a, b) in enumerate(rows)
+        tuple(a) == _unit(n, n - count + i, stays) and tuple(b) == _unit(m, m - count + i, step)
+        for i, (a, b) in enumerate(rows)
     )
     others = zip(A[: n - count], B[: n - count], strict=True)
     driven = any(any(row) for row in (vertex.exact_E or ())[n - count :])
@@ -301,7 +314,9 @@ def with_pid(
 ) -> tuple[UncertainPlant, tuple[str, ...]]:
     """Return the plant with integrals and filtered derivatives of signals, and what a PID measures.
 
-    The derivative is w (y - z) with z' = w (y - z), w = 2 pi bandwidth.
+    The derivative is w (y - z) with z' = w (y - z), w = 2 pi bandwidth. In discrete time the
+    integral grows by T y in a sample, and z by (1 - exp(-w T)) (y - z), as it does where y is held;
+    the derivative is the rate at which it does.
 
     Parameters
     ----------
@@ -319,14 +334,17 @@ def with_pid(
     Raises
     ------
     InputError
-        If the bandwidth is not positive, or a state has one of the names.
+        If the bandwidth is not positive, in discrete time above half the samples' frequency, or a
+        state has one of the names.
     """
-    w, r, n = _rate(bandwidth, "pid: derivative"), len(signals), plant.shape[0]
-    eye = tuple(_unit(r, i, ONE) for i in range(r))
+    w, r, n = _filter_rate(plant, bandwidth), len(signals), plant.shape[0]
+    stays, step = _alone(plant)
+    integrating = tuple(_unit(r, i, step) for i in range(r))
     integrals = [_labelled(f"{INTEGRAL}{y.name}", f"{y.unit} s".strip()) for y in signals]
     filtered = [_labelled(f"{FILTER}{y.name}", y.unit) for y in signals]
-    a = (*((ZERO,) * 2 * r for _ in range(r)), *(_unit(2 * r, r + i, -w) for i in range(r)))
-    b = (*eye, *(_unit(r, i, w) for i in range(r)))
+    kept = [*(stays,) * r, *(stays - step * w,) * r]
+    a = tuple(_unit(2 * r, i, value) for i, value in enumerate(kept))
+    b = (*integrating, *(_unit(r, i, step * w) for i in range(r)))
     _require_new(plant, (*integrals, *filtered))
     larger = with_dynamics(plant, signals, a, b, (*integrals, *filtered))
     derivatives = []
@@ -349,12 +367,29 @@ def _input(plant: UncertainPlant, name: str, where: str) -> tuple[int, Output]:
     return names.index(word), known[names.index(word)]
 
 
-def _require_new(plant: UncertainPlant, labels: Sequence[str]) -> None:
-    if plant.sample_time is not None:
+def _filter_rate(plant: UncertainPlant, bandwidth: Any) -> Fraction:
+    """Return the rate of a filter of a bandwidth [1/s]: in discrete time (1 - exp(-w T)) / T."""
+    where, T = "pid: derivative", plant.sample_time or plant.step
+    w = _rate(bandwidth, where)
+    if not T:
+        return w
+    if _positive(bandwidth, where) > 1 / (2 * T):
         raise InputError(
-            f"{plant.name} is in discrete time; actuators, sensors and states of a law are of "
-            "continuous time: write them into its matrices"
+            f"{where}: bandwidth = {shown(bandwidth)} is above half the samples' frequency, "
+            f"{float(1 / (2 * T)):g} Hz; give a lower one"
         )
+    return _rounded(-math.expm1(-float(w * T)) / float(T))
+
+
+def _require_continuous(plant: UncertainPlant, where: str) -> None:
+    if plant.sample_time is not None or plant.step:
+        raise InputError(
+            f"{where}: {plant.name} is in discrete time, actuators and sensors are of continuous "
+            "time: write them into its matrices"
+        )
+
+
+def _require_new(plant: UncertainPlant, labels: Sequence[str]) -> None:
     known = [own.name for own in (*states(plant), *inputs(plant), *plant.outputs)]
     for label in labels:
         if split(label)[0] in known:

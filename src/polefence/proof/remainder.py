@@ -37,12 +37,14 @@ class Remainder:
         """Return that of the plant in its delta form."""
         return Remainder(tuple(tuple(x / step for x in row) for row in self.entries))
 
-    def padded(self, n: int, more: int) -> Remainder:
-        """Return that of the plant with more states, behind its n, that are exact."""
-        zeros = (NONE,) * more
-        rows = [(*row[:n], *zeros, *row[n:]) for row in self.entries]
-        width = len(self.entries[0]) + more
-        return Remainder((*rows, *((NONE,) * width for _ in range(more))))
+    def padded(self, n: int, m: int, states: int, inputs: int = 0) -> Remainder:
+        """Return that of the plant with more states and inputs, behind its own, that are exact."""
+        rows = [
+            (*row[:n], *(NONE,) * states, *row[n : n + m], *(NONE,) * inputs, *row[n + m :])
+            for row in self.entries
+        ]
+        width = len(self.entries[0]) + states + inputs
+        return Remainder((*rows, *((NONE,) * width for _ in range(states))))
 
     def require(self, n: int, m: int, q: int) -> None:
         """Refuse numbers that do not fit."""

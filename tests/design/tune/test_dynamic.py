@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from fractions import Fraction
+
 import numpy as np
 import pytest
 
-from polefence import HalfPlane, Structure, UncertainPlant
+from polefence import Disk, HalfPlane, Structure, UncertainPlant
 from polefence.design.tune.dynamic import filtered, observers
 from polefence.design.tune.search import tune
 from polefence.plant.spec import loads
@@ -48,10 +51,27 @@ def test_it_is_where_a_search_begins_that_is_no_worse(plant):
     assert found.level <= rms("x").values(larger, laws[0], np.eye(4)).max() * (1 + 1e-6)
 
 
-def test_there_are_none_without_states_or_in_discrete_time(plant):
+def test_there_are_none_without_states(plant):
     assert filtered(plant, Structure(("x",)), rms("x")) == ()
-    discrete = UncertainPlant.from_vertices([[[0.5]]], [[[1.0]]], sample_time=1)
-    assert filtered(discrete, Structure(order=1), None) == ()
+    assert observers(plant, Structure(("x",))) == ()
+
+
+@pytest.mark.parametrize("order", [1, 2])
+def test_in_the_delta_form_they_are_near_those_of_continuous_time(plant, order):
+    """The same starts, of a step that is short beside all rates."""
+    own, step = Structure(("x",), (), order=order, largest_gain=2.0), Fraction(1, 10**5)
+    delta = replace(plant, step=step)
+    each = ((filtered, (own, rms("x"), (), REGION)), (observers, (own, (), REGION)))
+    for make, asked in each:
+        laws, near = make(plant, *asked), make(delta, *asked)
+        assert len(laws) == len(near) > 0
+        if make is observers:
+            each_loop = (np.poly(loops(plant, own, [law])[0][0]) for law in (near[0], laws[0]))
+            assert np.allclose(*each_loop, rtol=0.01)
+    larger, gain = own.extended(delta)
+    best = filtered(delta, own, rms("x"), (), Disk(-1 / float(step), 1 / float(step) - 0.1))[0]
+    found = tune(larger, gain, rms("x"), (), REGION, [best])[0]
+    assert found.kept
 
 
 def masses(k=None):

@@ -112,7 +112,7 @@ def _inside(region: Region, smallest: Callable[[float], Design]) -> Iterator[Reg
     """Yield a region, and smaller ones; of a disk down to the smallest that there is a law for."""
     yield region
     if not isinstance(region, Disk):
-        yield from (tighter(region, share) for share in TIGHTER[1:])
+        yield from (tighter(region, share, Disk(0, 1)) for share in TIGHTER[1:])
         return
     least = smallest(region.centre).region
     if isinstance(least, Disk):
@@ -147,7 +147,10 @@ def tightened(
     for share in FARTHER:
         if share >= reached:
             break
-        law = smallest.law if not share else design(Disk(centre, radius + share * room)).law
+        try:
+            law = smallest.law if not share else design(Disk(centre, radius + share * room)).law
+        except NotProvedError:  # a tuned one may be found of a wider disk
+            continue
         for more in WIDER:
             if share + more >= min(reached, 1.0):
                 break

@@ -286,6 +286,8 @@ def _nearby(
                 f"{plant.name} is only near them: bound the rms itself"
             )
     larger, found = with_weights(plant, tuple(asked_for))
+    if structure is not None:
+        larger, _, found = _with_own_states(structure, plant, larger, found)
     least = None if minimise is None else found[-1]
     limits = found if minimise is None else found[:-1]
     bare, best, failure = nearby.without_remainder(plant), None, None
@@ -456,15 +458,30 @@ def structured(task: Task, structure: Structure) -> tuple[Task, Structure]:
     bare, plant = (task.asked[0] if task.asked else task.plant), task.plant
     structure.require_fit(bare)
     require_detectable(bare, structure.outputs(bare), task.region)
+    asked = (task.minimise, *task.limits) if task.minimise else task.limits
+    larger, gain, found = _with_own_states(structure, bare, plant, asked)
+    limits = found[1:] if task.minimise else found
+    return replace(task, plant=larger, limits=limits, minimise=task.minimise and found[0]), gain
+
+
+def _with_own_states(
+    structure: Structure,
+    bare: UncertainPlant,
+    plant: UncertainPlant,
+    asked: Sequence[Specification],
+) -> tuple[UncertainPlant, Structure, tuple[Specification, ...]]:
+    """Return the plant with the states of a law, its gain's structure, and what is asked of it.
+
+    Parameters
+    ----------
+    bare, plant : UncertainPlant
+        Without and with the filters of what is asked.
+    """
     if structure.measured is None and plant is not bare:  # filters are no sensors
         structure = replace(structure, measured=tuple(own.name for own in states(bare)))
     larger, gain = structure.extended(plant)
     n, more = plant.shape[0], larger.shape[0] - plant.shape[0]
-    if more:
-        limits = tuple(own.extended(n, more) for own in task.limits)
-        minimise = task.minimise and task.minimise.extended(n, more)
-        task = replace(task, plant=larger, limits=limits, minimise=minimise)
-    return task, gain
+    return larger, gain, tuple(own.extended(n, more) if more else own for own in asked)
 
 
 def method_for(plant: UncertainPlant, method: Method | None) -> Method:

@@ -37,7 +37,7 @@ from polefence.lmi.solve.smallest import typical_rate
 from polefence.plant.delta import delta_form, sampled_form
 from polefence.plant.family import UncertainPlant
 from polefence.plant.points import seeded
-from polefence.region.regions import Disk, HalfPlane, Region, Sector, bounded
+from polefence.region.regions import Disk, HalfPlane, Region, Sector, bounded, stable
 from polefence.region.z_plane import delta_plane
 from polefence.response.closed import close
 
@@ -96,7 +96,7 @@ def place(
     if getattr(plant, "remainder", None) is not None:
         bare = without_remainder(plant)
         return nearby.placed(
-            plant,
+            plant if structure is None else structure.extended(plant)[0],
             in_time_of(plant, region),
             lambda own: place(bare, own, method, structure=structure),
             lambda centre: tightest(bare, centre, method, structure=structure),
@@ -112,7 +112,8 @@ def place(
     plant = delta_form(plant)
     starts = list[Law](observers(original, structure, (), region))
     for share in TIGHTER:
-        found = tune(plant, gain, None, (), tighter(region, share), starts)
+        inside = tighter(region, share, stable(float(plant.step)))
+        found = tune(plant, gain, None, (), inside, starts)
         for own in (own for own in found if own.kept):
             answer = analyse(plant, own.law, region)
             if answer.certificate is not None and answer.proved:
@@ -187,7 +188,8 @@ def tightest(
     starts = list[Law](observers(original, structure, (), within))
     for share in (0.0, *TIGHTER) if within is not None else (0.0,):
         asked = None if within is None else tighter(within, share)
-        tuned = tune_region(plant, gain, _goal(of, centre, asked), (), starts)
+        goal = _goal(of, centre, asked, float(plant.step))
+        tuned = tune_region(plant, gain, goal, (), starts)
         kept = [own.law for own in tuned if own.kept]
         for law in kept:
             design = _proved(plant, law, of, centre, within)
@@ -224,13 +226,14 @@ def _tightest_nearby(
 ) -> Design:
     """Return the smallest disk that is proved of a plant with a remainder; one gain will do."""
     bare, best = without_remainder(plant), None
+    larger = plant if structure is None else structure.extended(plant)[0]
     failure: NotProvedError | None = None
     plain = "quadratic" if structure is None else None
     for each in dict.fromkeys((method, plain)):
         try:
             found = tightest(bare, centre, each, of=of, within=within, structure=structure)
             own = nearby.tightened(
-                plant, found, partial(place, bare, method=each, structure=structure)
+                larger, found, partial(place, bare, method=each, structure=structure)
             )
         except NotProvedError as error:
             failure = failure or error
@@ -295,9 +298,9 @@ def _of_samples(design: Design, T: float) -> Design:
     raise NotProvedError(f"not proved: {own} of the delta form in the z-plane")
 
 
-def _goal(of: str, centre: float | None, within: Region | None) -> Goal:
-    if centre is not None:
-        return Disks(centre)
+def _goal(of: str, centre: float | None, within: Region | None, step: float) -> Goal:
+    if centre is not None:  # in discrete time, beyond that of the disk that touches the circle
+        return Disks(centre, 1 / step - abs(centre + 1 / step) if step else 0.0)
     return Decays(0.0, within) if of == "half_plane" else Sectors(1.0, within)
 
 

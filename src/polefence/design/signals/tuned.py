@@ -17,7 +17,7 @@ from polefence.design.tune.search import Tuned, rough, tune
 from polefence.law.laws import Law
 from polefence.law.structure import Structure
 from polefence.plant.family import UncertainPlant
-from polefence.region.regions import Disk, Ellipse, HalfPlane, Region, Sector, Wedge
+from polefence.region.regions import Disk, Ellipse, HalfPlane, Region, Sector, Wedge, stable
 
 # How much tighter limits and region are asked for than they are to be proved, one after the other.
 TIGHTER = (5e-4, 3e-3, 2e-2)
@@ -33,7 +33,7 @@ def tuned_candidates(
     With each comes what bounded its gain; empty where the requirements themselves did.
     """
     for share in TIGHTER:
-        asked = task.minimise, _tighter(task, share), tighter(task.region, share)
+        asked = task.minimise, _tighter(task, share), _inside(task, share)
         found = tune(task.plant, structure, *asked, starts)
         for own in _promising(found):
             proved = candidate(task, own.law, task.region, estimate=own.level)
@@ -62,7 +62,7 @@ def with_states(task: Task, structure: Structure, larger: UncertainPlant) -> Ite
         The plant with the law's states.
     """
     plant, order = task.plant, larger.shape[0] - task.plant.shape[0]
-    region, limits = tighter(task.region, TIGHTER[0]), _tighter(task, TIGHTER[0])
+    region, limits = _inside(task, TIGHTER[0]), _tighter(task, TIGHTER[0])
     asked = task.minimise, limits, region
     for found in tune(plant, structure, *asked)[:1]:
         law = beside_filters(found.law, plant, larger, structure, task.region)
@@ -78,6 +78,10 @@ def with_states(task: Task, structure: Structure, larger: UncertainPlant) -> Ite
     yield from observers(plant, own, wanted, region, known)
 
 
+def _inside(task: Task, share: float) -> Region:
+    return tighter(task.region, share, stable(float(task.plant.step)))
+
+
 def _tighter(task: Task, share: float) -> tuple[Specification, ...]:
     return tuple(
         own if own.at_most is None else replace(own, at_most=own.at_most * (1 - share))
@@ -85,14 +89,25 @@ def _tighter(task: Task, share: float) -> tuple[Specification, ...]:
     )
 
 
-def tighter(region: Region, share: float) -> Region:
-    """Return a region within another, as much smaller as a share of its size says."""
+def tighter(region: Region, share: float, within: Region | None = None) -> Region:
+    """Return a region within another, as much smaller as a share of its size says.
+
+    Parameters
+    ----------
+    within : Region, optional
+        Where loops are stable. Where that is a disk, a disk has the size of its distance from the
+        edge, if that is less: of one with the same centre that is a decay rate.
+    """
     kept: Region | None = None
     for part in region.parts:
         own = part
         try:
             if isinstance(part, Disk):
-                own = Disk(part.centre, part.radius * (1 - share))
+                size = part.radius
+                if isinstance(within, Disk):
+                    apart = abs(part.centre - within.centre)
+                    size = max(min(size, within.radius - apart - size), 0.0)
+                own = Disk(part.centre, part.radius - share * size)
             elif isinstance(part, HalfPlane):
                 own = HalfPlane(part.decay + share * abs(part.decay))
             elif isinstance(part, Sector):

@@ -34,8 +34,9 @@ from polefence.plant.family import UncertainPlant
 from polefence.plant.larger import with_dynamics
 from polefence.plant.outputs import padded, states
 from polefence.plant.system import Array
-from polefence.region.regions import Disk, HalfPlane, Region
+from polefence.region.regions import Disk, Region, stable
 from polefence.response.modes import Modes
+from polefence.response.stationary import growth
 
 NEAREST = 6  # observers to the region, at the vertices
 SHIFTS = 0.0, 0.06, 0.2  # decay rates of observers, beside the slowest of the plant
@@ -62,7 +63,7 @@ def observers(
     Parameters
     ----------
     plant : UncertainPlant
-        Without the law's states.
+        Without the law's states; in discrete time its delta form.
     structure : Structure
         With its order; there are none for order zero.
     asked : sequence of Specification
@@ -75,16 +76,16 @@ def observers(
     tuple of FixedGain
         Of the larger plant that `Structure.extended` returns.
     """
-    if not structure.order or plant.sample_time is not None:
+    if not structure.order:
         return ()
-    region = region or HalfPlane(0.0)
+    region = region or stable(float(plant.step))
     larger, gain = structure.extended(plant)
     own = typical(larger, gain.rows(larger).mean(axis=0)).states[plant.shape[0] :]
     even = np.full((1, len(plant.vertices)), 1 / len(plant.vertices))
     sizes = typical(plant, structure.rows(plant).mean(axis=0))
     parts = _scaled(plant, structure, sizes, asked, even)
     K = [law.gain(even)[0] * sizes.states / sizes.inputs[:, None] for law in known]
-    shifts = (*(s * _slowest(plant) for s in SHIFTS), FASTER * decay_of(region))
+    shifts = (*(s * _slowest(plant) for s in SHIFTS), FASTER * decay_of(region, plant))
     pairs = [(each, 0.0, effort) for each, effort in product(K, EFFORTS)]
     pairs += [(None, *each) for each in product(dict.fromkeys(shifts), EFFORTS)]
     laws = (_observer(plant, own, structure.order, sizes, parts, pair) for pair in pairs)
@@ -152,16 +153,16 @@ def _observer(
     pair : tuple
         The regulator's gain, None for that of least cost; shift and effort.
     """
-    A, B, C, rate = at.A, at.B, at.C, sizes.rate
+    A, B, C, rate, step = at.A, at.B, at.C, sizes.rate, float(plant.step)
     K, shift, effort = pair
     if K is None:
-        K = shifted(A, B, at.cost, shift, effort, rate)
-    L = shifted(A.T, C.T * rate, at.noise, shift, effort, rate)
+        K = shifted(A, B, at.cost, shift, effort, rate, step)
+    L = shifted(A.T, C.T * rate, at.noise, shift, effort, rate, step)
     if K is None or L is None:
         return None
     L = L.T * rate
     loop = np.block([[A, B @ K], [-L @ C, A + B @ K + L @ C]])
-    found = _reduced(loop, len(A), order)
+    found = _reduced(loop, len(A), order, step)
     if found is None:
         return None
     T, U = found
@@ -169,10 +170,10 @@ def _observer(
     return _compensator(plant, own, parts, C, (sizes.states, sizes.inputs))
 
 
-def _reduced(loop: Array, n: int, order: int) -> tuple[Array, Array] | None:
+def _reduced(loop: Array, n: int, order: int, step: float) -> tuple[Array, Array] | None:
     """Return T and U of x_c = T z, z = U x_c, of the states behind the first n that matter most."""
-    modes = Modes(loop[None])
-    if not np.all(modes.poles.real < 0):
+    modes = Modes(loop[None], step)
+    if not np.all(growth(modes.poles, step) < 0):
         return None
     eye = np.eye(len(loop))[None]
     X, Q = modes.lyapunov(eye)[0], modes.observed(eye)[0]
@@ -237,7 +238,7 @@ def filtered(
     Parameters
     ----------
     plant : UncertainPlant
-        Without the law's states.
+        Without the law's states; in discrete time its delta form.
     structure : Structure
         With its order; there are none for order zero.
     minimise, limits, region
@@ -249,9 +250,10 @@ def filtered(
         Of the larger plant and the gain that `Structure.extended` returns; that keep everything at
         the corners of the family.
     """
-    if not structure.order or plant.sample_time is not None:
+    if not structure.order:
         return ()
-    poles = dict.fromkeys(_pole(plant, region or HalfPlane(0.0), speed) for speed in SPEEDS)
+    region = region or stable(float(plant.step))
+    poles = dict.fromkeys(_pole(plant, region, speed) for speed in SPEEDS)
     found = list[tuple[float, PolynomialGain]]()
     for (i, own), pole in product(enumerate(structure.outputs(plant)[:MOST]), poles):
         if pole is None:

@@ -81,7 +81,7 @@ class Task:
     @cached_property
     def sides(self) -> list[Side]:
         """The region's inequalities."""
-        return sides_of(self.region, self.sizes.rate)
+        return sides_of(self.region, self.sizes.rate, float(self.plant.step))
 
     @property
     def requirements(self) -> tuple[Specification, ...]:

@@ -13,25 +13,32 @@ import numpy as np
 
 from polefence.lmi.conditions.target import Side
 from polefence.plant.system import Array
-from polefence.region.regions import Region
+from polefence.region.regions import Disk, Region
 from polefence.response.modes import Modes
 
 ANGLES = 64
 
 
-def sides_of(region: Region, rate: float) -> list[Side]:
+def sides_of(region: Region, rate: float, step: float = 0.0) -> list[Side]:
     """Return a region's inequalities, each growing by a length of its own.
 
     Parameters
     ----------
     rate : float
-        The length where an inequality has none, as a half-plane of all that is stable [1/s].
+        The length where an inequality has none, as a half-plane of all that is stable [1/s]; and
+        where that of a delta form is longer, as 1 / step is.
+    step : float
+        Of a delta form [s].
     """
     found = []
-    for L, M in region.pairs():
-        slope = _steepest(M)
-        length = float(np.linalg.norm(L, 2)) / slope or rate
-        found.append(Side(L, -slope * length * np.eye(len(L)), M, np.zeros_like(M)))
+    for part in region.parts:
+        for L, M in part.pairs():
+            slope = _steepest(M)
+            length = float(np.linalg.norm(L, 2)) / slope or rate
+            if step:
+                decay = -part.centre - part.radius if isinstance(part, Disk) else 0.0
+                length = min(length, decay if decay > 0 else rate)
+            found.append(Side(L, -slope * length * np.eye(len(L)), M, np.zeros_like(M)))
     return found
 
 

@@ -139,16 +139,22 @@ def regulators(
     if plant.sample_time is not None:
         return
     cost = cost_of(plant, sizes, asked)
-    for shift in dict.fromkeys((0.0, FASTER * decay_of(region))):
+    for shift in dict.fromkeys((0.0, FASTER * decay_of(region, plant))):
         for effort in EFFORTS:
             K = shifted(A, B, cost, shift, effort, sizes.rate, float(plant.step))
             if K is not None:
                 yield K * u[:, None]
 
 
-def decay_of(region: Region) -> float:
-    """Return the decay rate that a region asks for."""
-    return max((part.scale for part in region.parts if isinstance(part, HalfPlane)), default=0.0)
+def decay_of(region: Region, plant: UncertainPlant) -> float:
+    """Return the decay rate that a region asks for; in a delta form those have disks."""
+    rates = [0.0]
+    for part in region.parts:
+        if isinstance(part, HalfPlane):
+            rates.append(part.decay)
+        elif isinstance(part, Disk) and plant.step:
+            rates.append(-part.centre - part.radius)
+    return max(rates)
 
 
 def shifted(

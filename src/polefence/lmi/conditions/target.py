@@ -94,9 +94,10 @@ NO_REGION = Target(())
 
 @dataclass(frozen=True)
 class Disks:
-    """Disks with one centre; r is the radius [1/s]."""
+    """Disks with one centre; r is the radius less ``beyond`` [1/s]: a search resolves the rest."""
 
     centre: float
+    beyond: float = 0.0
     rated = True
 
     @property
@@ -106,7 +107,7 @@ class Disks:
 
     def target(self, rate: float) -> Target:
         """Return the inequalities, rates measured in ``rate``."""
-        return disks(-self.centre / rate)
+        return disks(-self.centre / rate, self.beyond / rate)
 
 
 @dataclass(frozen=True)
@@ -174,11 +175,11 @@ class Sectors:
 Goal = Disks | Around | Decays | Sectors
 
 
-def disks(sigma: float) -> Target:
-    """Return the disks about -sigma, r their radius."""
+def disks(sigma: float, beyond: float = 0.0) -> Target:
+    """Return the disks about -sigma, r their radius less ``beyond``."""
     none = np.zeros((2, 2))
-    turn = np.array([[0.0, 1.0], [1.0, 0.0]])
-    side = Side(sigma * turn, -np.eye(2), np.array([[0.0, 1.0], [0.0, 0.0]]), none)
+    L = np.array([[-beyond, sigma], [sigma, -beyond]])
+    side = Side(L, -np.eye(2), np.array([[0.0, 1.0], [0.0, 0.0]]), none)
     return Target((side,), sigma=sigma)
 
 

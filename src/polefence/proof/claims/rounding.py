@@ -92,12 +92,14 @@ class Share:
 class Memory:
     """States that the code keeps: the last of plant and signals, their rates the last inputs.
 
-    Every ``sample_time`` each grows by ``step``, the code's constant for that, times its rate.
+    Every ``sample_time`` each grows by ``step``, the code's constant for that, times its rate;
+    ``discrete`` says that so does the plant's.
     """
 
     states: int
     step: Fraction
     sample_time: Fraction
+    discrete: bool = False
 
 
 @dataclass(frozen=True)
@@ -140,13 +142,11 @@ class Rounded(Claim):
         """Read what the gain tolerates, and the constants of the code."""
         below, own = table.table("gain"), table.table("code")
         below.word("kind", [GainError.kind])
-        if "memory" in own:
-            plant.require_continuous(own.path("memory"))
         gain = GainError.read(below, plant, law, on)
         K, T = (own.matrix(key) if key in own else None for key in ("K", "T"))
         keys = ("W", "Z", "terms")
         W, Z, terms = (tuple(own.matrices(key, None, None)) if key in own else () for key in keys)
-        memory = _read_memory(own.table("memory")) if "memory" in own else None
+        memory = _read_memory(own.table("memory"), plant) if "memory" in own else None
         code = Code(own.at("bits"), K, T, W, Z, _read_shares(own), terms, memory)
         smallest, size = (own.number(key, 0) for key in ("smallest", "size"))
         return cls(gain, code, smallest, size, own.whole("elevation", 0))
@@ -161,7 +161,8 @@ class Rounded(Claim):
             keys = ("low", "high", "scale")
             table["shares"] = [{key: plain(getattr(s, key)) for key in keys} for s in code.shares]
         if code.memory:
-            table["memory"] = {key: plain(value) for key, value in vars(code.memory).items()}
+            keys = ("states", "step", "sample_time")
+            table["memory"] = {key: plain(getattr(code.memory, key)) for key in keys}
         if code.T is not None:
             table |= {"smallest": plain(self.smallest), "size": plain(self.size)}
             table["elevation"] = self.elevation
@@ -256,25 +257,32 @@ def _read_shares(table: Table) -> tuple[Share, ...]:
     return tuple(Share(*(row.number(key) for key in ("low", "high", "scale"))) for row in rows)
 
 
-def _read_memory(table: Table) -> Memory:
-    numbers = (table.number(key) for key in ("step", "sample_time"))
-    return Memory(table.whole("states", None, MAX_STATES, 1), *numbers)
+def _read_memory(table: Table, plant: Plant) -> Memory:
+    step, sample_time = (table.number(key) for key in ("step", "sample_time"))
+    if plant.sample_time not in (None, sample_time):
+        raise FormatError(f"{table.path('sample_time')} must be the plant's")
+    count, discrete = table.whole("states", None, MAX_STATES, 1), plant.sample_time is not None
+    return Memory(count, step, sample_time, discrete)
 
 
 def _require_memory(memory: Memory, design: Poles) -> None:
-    """Refuse states that are not the code's alone: x' = v, and no part in the plant."""
+    """Refuse states that are not the code's alone: moved by v, and with no part in the plant."""
     q, (n, m) = memory.states, (len(design.A[0]), len(design.B[0][0]))
     if not 0 < q < min(n, m):
         raise FormatError("code.memory.states must leave states and inputs to the plant")
     if memory.step <= 0 or memory.sample_time <= 0:
         raise FormatError("code.memory: step and sample_time must be positive")
     zero, one = [[Fraction(0)] * q for _ in range(n - q)], identity(q)
+    none = [[Fraction(0)] * q for _ in range(q)]
+    stays, step = (one, memory.sample_time) if memory.discrete else (none, Fraction(1))
     for A, B in zip(design.A, design.B, strict=True):
-        if any(any(row) for row in A[n - q :]) or [row[n - q :] for row in A[: n - q]] != zero:
+        alone = [row[n - q :] for row in A] == zero + stays
+        if not alone or any(any(row[: n - q]) for row in A[n - q :]):
             raise FormatError("code.memory: the last states must have no part in the plant")
         own, others = B[n - q :], [row[m - q :] for row in B[: n - q]]
         rates = [row[m - q :] for row in own]
-        if others != zero or rates != one or any(any(row[: m - q]) for row in own):
+        moved = [[step * x for x in row] for row in one]
+        if others != zero or rates != moved or any(any(row[: m - q]) for row in own):
             raise FormatError("code.memory: the last inputs must be the rates of the last states")
     for C in design.law.C:
         first, last = C[: len(C) - q], C[len(C) - q :]

@@ -96,7 +96,10 @@ class Samples(Claim):
 
     @property
     def width(self) -> int:
-        """Number of states with the inputs on their way; others of the plant are its own."""
+        """Number of states with the inputs on their way; others of the plant are its own.
+
+        So are inputs behind those that are held: they move none of these states.
+        """
         return self.n + self.delay * self.m
 
     @property
@@ -112,7 +115,7 @@ class Samples(Claim):
         plant.remainder.require(plant.n, plant.m, plant.q)
         if not 0 <= self.delay <= MAX_DELAY or not 1 <= self.terms <= MAX_TERMS:
             raise FormatError(f"samples: delay is 0 to {MAX_DELAY}, terms 1 to {MAX_TERMS}")
-        if (len(plant.A), plant.m, plant.q) != (N, m, q) or plant.n < self.width:
+        if (len(plant.A), plant.q) != (N, q) or plant.n < self.width or plant.m < m:
             raise FormatError("samples: the sampled plant is of another shape")
         for key, matrices, columns in (("A", self.A, n), ("B", self.B, m), ("E", self.E, q)):
             if matrices and len(matrices) != N:
@@ -154,7 +157,7 @@ class Samples(Claim):
         entries = () if remainder is None else remainder.entries[: self.n]
         late = slice(self.width - self.m, self.width)
         acting = late if self.delay else slice(self.plant.n, self.plant.n + self.m)
-        rest = slice(self.plant.n + self.m, None)
+        rest = slice(self.plant.n + self.plant.m, None)
         rows = [[*row[: self.n], *row[acting], *row[rest]] for row in entries]
         return self._in_units([rows])[0]
 
@@ -205,6 +208,7 @@ class Samples(Claim):
         for j, A in enumerate(self.plant.A):
             B, E = self.plant.B[j], self.plant.E[j] if self.plant.E else [[] for _ in A]
             G = [row[self.width - m : self.width] for row in A] if self.delay else B
+            G = [row[:m] for row in G]
             found.append([A[i][:n] + G[i] + E[i] for i in range(n)])
         return found
 
@@ -214,7 +218,7 @@ class Samples(Claim):
         zero_row = [NONE] * self.plant.n
         for j, A in enumerate(self.plant.A):
             B = self.plant.B[j]
-            if any(any(row[width:]) for row in A[:width]):
+            if any(any(a[width:] + b[m:]) for a, b in zip(A[:width], B[:width], strict=True)):
                 return False
             if not self.delay:
                 continue
@@ -224,7 +228,7 @@ class Samples(Claim):
                 moved = list(zero_row)
                 if i >= m:
                     moved[n + i - m] = Fraction(1)
-                into = [Fraction(int(i == k)) for k in range(m)]
+                into = [Fraction(int(i == k)) for k in range(self.plant.m)]
                 if A[n + i] != moved or B[n + i] != into:
                     return False
             if self.plant.E and any(map(any, self.plant.E[j][n:width])):

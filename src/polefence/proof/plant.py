@@ -10,7 +10,7 @@ from typing import Any, Literal
 from polefence.proof.matrices import Rationals, common_denominator
 from polefence.proof.polynomials import Sizes
 from polefence.proof.reading import MAX_VERTICES, Table, as_number, plain, plain_rows, require_shape
-from polefence.proof.remainder import Remainder
+from polefence.proof.remainder import MAX_CURVE, Remainder
 from polefence.proof.work import RATIONAL, FormatError, spend
 
 MAX_PARAMETERS, MAX_OUTPUTS = 8, 1000
@@ -90,6 +90,12 @@ class Plant:
                 f"holds {len(self.ranges)}, for {len(self.A)} vertices"
             )
         return on
+
+    @property
+    def sizes(self) -> Sizes:
+        """Corners of each simplex: of the box of the parameters where they span the vertices."""
+        spans = 2 ** len(self.ranges) == len(self.A)
+        return sizes_of(len(self.A), "box" if spans else "simplex")
 
     @property
     def step(self) -> Fraction:
@@ -188,6 +194,8 @@ class Plant:
             table.texts("noise") if "noise" in table else (),
             _remainder(table, (n, m, q)) if "remainder" in table else None,
         )
+        if plant.remainder is not None:
+            plant.remainder.require(n, m, q, plant.sizes)
         if plant.sample_time is not None and plant.sample_time <= 0:
             raise FormatError(f"{table.path('sample_time')} must be positive")
         if plant.sample_time is not None and any(own.rate is not None for own in plant.ranges):
@@ -214,6 +222,9 @@ class Plant:
             table["noise"] = list(self.noise)
         if self.remainder is not None:
             table["remainder"] = plain(self.remainder.entries)
+            if self.remainder.curve:
+                own = {"degree": self.remainder.degree}
+                table["curve"] = own | {"coefficients": plain(self.remainder.curve)}
         table["parameters"] = [
             {
                 "name": own.name,
@@ -287,9 +298,14 @@ def _remainder(table: Table, shape: tuple[int, int, int]) -> Remainder:
     n, m, q = shape
     rows = table.matrix("remainder", n, n + m + q)
     common_denominator([rows])
-    found = Remainder(tuple(map(tuple, rows)))
-    found.require(*shape)
-    return found
+    entries = tuple(map(tuple, rows))
+    if "curve" not in table:
+        return Remainder(entries)
+    own = table.table("curve")
+    degree = own.whole("degree", None, MAX_CURVE, 2)
+    curve = own.matrices("coefficients", n, n + m)
+    common_denominator(curve)
+    return Remainder(entries, tuple(tuple(map(tuple, M)) for M in curve), degree)
 
 
 def sizes_of(count: int, on: str) -> Sizes:

@@ -1,6 +1,7 @@
-"""Plants that are only near the combination of their vertices: by how much, and what that costs.
+"""Plants that are only near a polynomial of their parameters: by how much, and what that costs.
 
-Where no entry of [A, B, E] is off by more than that of R, the products N = A X + B K X are off by
+The polynomial is the combination of the vertices, with a curve added to [A, B] between them. Where
+no entry of [A, B, E] is off by more than that of R, the products N = A X + B K X are off by
 H Delta V, |Delta| <= 1, with H = diag(rows) and V = diag(columns) [X; K X] of any positive numbers
 for which the Frobenius norm of diag(rows)^-1 R diag(columns)^-1 is at most one. With a matrix Omega
 that is more than V'V at every alpha,
@@ -18,36 +19,74 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from fractions import Fraction
 
-from polefence.proof.matrices import Rationals, common_denominator, identity, product
-from polefence.proof.polynomials import Polynomial, constant, diagonal
+from polefence.proof.matrices import MAX_BITS, Rationals, common_denominator, identity, product
+from polefence.proof.polynomials import Polynomial, Sizes, bernstein, constant, count_of, diagonal
 from polefence.proof.work import RATIONAL, FormatError, spend
 
+Rows = tuple[tuple[Fraction, ...], ...]
+
 NONE, UNIT = Fraction(0), 2**64
+MAX_CURVE = 8  # degree
 # What E is off by, beside E: (E + F) (E + F)' <= (1 + SHARE) E E' + (1 + 1 / SHARE) F F'.
 SHARE = Fraction(1, 4096)
 
 
 @dataclass(frozen=True)
 class Remainder:
-    """What each entry of [A, B, E] may be off by, (n, n + m + q)."""
+    """What each entry of [A, B, E] may be off by, (n, n + m + q).
 
-    entries: tuple[tuple[Fraction, ...], ...]
+    ``curve`` holds the Bernstein coefficients (n, n + m), of a ``degree`` in each simplex, of what
+    is added to the combination of the vertices' [A, B]; there are none where nothing is.
+    """
+
+    entries: Rows
+    curve: tuple[Rows, ...] = ()
+    degree: int = 1
+
+    def curved(self, AB: Polynomial) -> Polynomial:
+        """Return [A, B] with what is added to the combination of the vertices."""
+        if not self.curve:
+            return AB
+        own = [list(map(list, M)) for M in self.curve]
+        return AB + bernstein(own, AB.sizes, self.degree, MAX_BITS)
 
     def over(self, step: Fraction) -> Remainder:
         """Return that of the plant in its delta form."""
-        return Remainder(tuple(tuple(x / step for x in row) for row in self.entries))
+        entries, *curve = (
+            tuple(tuple(x / step for x in row) for row in M) for M in (self.entries, *self.curve)
+        )
+        return Remainder(entries, tuple(curve), self.degree)
 
     def padded(self, n: int, m: int, states: int, inputs: int = 0) -> Remainder:
         """Return that of the plant with more states and inputs, behind its own, that are exact."""
-        rows = [
-            (*row[:n], *(NONE,) * states, *row[n : n + m], *(NONE,) * inputs, *row[n + m :])
-            for row in self.entries
-        ]
-        width = len(self.entries[0]) + states + inputs
-        return Remainder((*rows, *((NONE,) * width for _ in range(states))))
 
-    def require(self, n: int, m: int, q: int) -> None:
-        """Refuse numbers that do not fit."""
+        def wider(M: Rows) -> Rows:
+            rows = [
+                (*row[:n], *(NONE,) * states, *row[n : n + m], *(NONE,) * inputs, *row[n + m :])
+                for row in M
+            ]
+            return (*rows, *((NONE,) * (len(M[0]) + states + inputs) for _ in range(states)))
+
+        return Remainder(wider(self.entries), tuple(map(wider, self.curve)), self.degree)
+
+    def require(self, n: int, m: int, q: int, sizes: Sizes) -> None:
+        """Refuse numbers that do not fit.
+
+        Parameters
+        ----------
+        sizes : tuple of int
+            Corners of each simplex that the curve is a polynomial on.
+        """
+        if self.curve and not 2 <= self.degree <= MAX_CURVE:
+            raise FormatError(f"plant.curve.degree must be 2 to {MAX_CURVE}")
+        if self.curve and len(self.curve) != count_of(sizes, self.degree):
+            raise FormatError(
+                f"plant.curve is of {len(self.curve)} coefficients; {count_of(sizes, self.degree)} "
+                "are needed here"
+            )
+        for M in self.curve:
+            if len(M) != n or any(len(row) != n + m for row in M):
+                raise FormatError(f"plant.curve must hold {n} rows of {n + m} numbers")
         if len(self.entries) != n or any(len(row) != n + m + q for row in self.entries):
             raise FormatError(f"plant.remainder must hold {n} rows of {n + m + q} numbers")
         if min(map(min, self.entries)) < 0:
@@ -118,16 +157,12 @@ class Spread:
             for i, row in enumerate(self.rows)
         ]
 
-    def leaving(self, times: int = 1) -> Rationals:
-        """Return so many times Omega."""
-        return [[times * x for x in row] for row in self.omega]
-
     def of_region(self, factors: tuple[Rationals, Rationals]) -> Rationals:
         """Return M1 M1' (x) H H' + M2'M2 (x) Omega, of M = M1 M2."""
         M1, M2 = factors
         left = product(M1, [list(column) for column in zip(*M1, strict=True)])
         right = product([list(column) for column in zip(*M2, strict=True)], M2)
-        one, other = self.entering(), self.leaving()
+        one, other = self.entering(), self.omega
         n = len(one)
         return [
             [

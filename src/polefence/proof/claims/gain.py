@@ -55,7 +55,7 @@ class Gain(SignalClaim):
         if spread is not None:
             # [ -H; 0; 0; H ] Delta [ V, 0, 0, 0; 0, G, 0, 0 ] and its transpose
             entering = constant(spread.entering(2), X.sizes)
-            lemma[0][0] = lemma[0][0] - entering - constant(spread.leaving(), X.sizes)
+            lemma[0][0] = lemma[0][0] - entering - constant(spread.omega, X.sizes)
             lost = [x * x for x in spread.driving(self.scales, self.subject.q)]
             lemma[1][0] = lemma[1][0] - diagonal(lost, X.sizes)
             below = None if below is None else below - entering

@@ -25,7 +25,7 @@ from polefence.proof.claims.margins import (
     family_of,
     require_numbers,
 )
-from polefence.proof.claims.poles import Poles, plant_form
+from polefence.proof.claims.poles import Poles
 from polefence.proof.laws import Evidence, lifted
 from polefence.proof.plant import Plant
 from polefence.proof.polynomials import Polynomial, constant, count_of, diagonal
@@ -148,7 +148,7 @@ class GainError(MarginClaim):
         self, design: Poles, part: Part, evidence: Evidence, numbers: Iterator[Fraction]
     ) -> Iterator[Inequality]:
         sizes, n = design.sizes, len(design.A[0])
-        AB, XKX = plant_form(design.A, design.B, sizes), lifted(design.law, evidence, sizes)
+        AB, XKX = design.AB, lifted(design.law, evidence, sizes)
         X, N, B = XKX.part(slice(n)), AB * XKX, AB.part(slice(None), slice(n, None))
         by = self.subject.elevation + evidence.elevation
         degrees = tuple(degree + by for degree in N.degrees)

@@ -128,6 +128,12 @@ class Poles(Claim):
         """Corners of each simplex."""
         return sizes_of(len(self.A), self.on)
 
+    @property
+    def AB(self) -> Polynomial:
+        """[A, B], with the curve of a remainder."""
+        AB = plant_form(self.A, self.B, self.sizes)
+        return AB if self.remainder is None else self.remainder.curved(AB)
+
     @classmethod
     def read(cls, table: Table, plant: Plant, law: Any, on: str) -> Self:
         """Read region, method and evidence."""
@@ -245,7 +251,7 @@ class Poles(Claim):
             raise FormatError("a plant with a remainder is proved by the method lyapunov, whole")
         n, m = len(self.A[0]), len(self.B[0][0])
         entries = self.remainder.entries
-        self.remainder.require(n, m, len(entries[0]) - n - m if entries else 0)
+        self.remainder.require(n, m, len(entries[0]) - n - m if entries else 0, self.sizes)
         for own in self._each:
             if own.spread is not None:
                 own.spread.require(self.remainder)
@@ -316,7 +322,8 @@ class Poles(Claim):
         """Return the degree of the inequalities' polynomials in each simplex."""
         if self.method == "slack":
             return max(evidence.degree, 1) + evidence.elevation
-        return degree_of(self.law, evidence) + 1 + evidence.elevation
+        own = 1 if self.remainder is None else self.remainder.degree
+        return degree_of(self.law, evidence) + own + evidence.elevation
 
     @property
     def _is_theorem_1(self) -> bool:
@@ -342,7 +349,7 @@ class Poles(Claim):
 
     def inequalities(self) -> Iterator[Inequality]:
         """Yield X > 0 and F > 0 of every part of the region, and of the box."""
-        AB = plant_form(self.A, self.B, self.sizes)
+        AB = self.AB
         for evidence, mine in self._each_with_parts:
             for k, piece in enumerate(evidence.cells):
                 own = self.inside(piece)

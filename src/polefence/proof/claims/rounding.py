@@ -284,6 +284,11 @@ def _require_memory(memory: Memory, design: Poles) -> None:
         moved = [[step * x for x in row] for row in one]
         if others != zero or rates != moved or any(any(row[: m - q]) for row in own):
             raise FormatError("code.memory: the last inputs must be the rates of the last states")
+    if design.remainder is not None:
+        for M in design.remainder.curve:
+            at_rest = [row[n - q : n] + row[n + m - q :] for row in M]
+            if any(map(any, at_rest)) or any(map(any, M[n - q :])):
+                raise FormatError("code.memory: the plant's curve is not of the last states")
     for C in design.law.C:
         first, last = C[: len(C) - q], C[len(C) - q :]
         kept = [row[n - q :] for row in last] == one and not any(any(r[: n - q]) for r in last)

@@ -12,7 +12,7 @@ coefficient by coefficient, see `polefence.proof.claims.steps`.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from typing import Any, ClassVar, Self
@@ -112,7 +112,7 @@ class Samples(Claim):
         plant, n, m, q, N = self.plant, self.n, self.m, self.q, len(self.A)
         if plant.sample_time is None or plant.remainder is None:
             raise FormatError("samples: the plant has no sample_time, or no remainder")
-        plant.remainder.require(plant.n, plant.m, plant.q)
+        plant.remainder.require(plant.n, plant.m, plant.q, self.sizes)
         if not 0 <= self.delay <= MAX_DELAY or not 1 <= self.terms <= MAX_TERMS:
             raise FormatError(f"samples: delay is 0 to {MAX_DELAY}, terms 1 to {MAX_TERMS}")
         if (len(plant.A), plant.q) != (N, q) or plant.n < self.width or plant.m < m:
@@ -154,12 +154,22 @@ class Samples(Claim):
     def _allowed(self) -> Rationals:
         """Return what [F, G, H] may be off by, in the units."""
         remainder = self.plant.remainder
-        entries = () if remainder is None else remainder.entries[: self.n]
+        entries = () if remainder is None else remainder.entries
+        return self._in_units([self._held(entries)])[0]
+
+    def _held(self, matrix: Sequence[Sequence[Fraction]]) -> Rationals:
+        """Return the rows and columns of [A, B, E], or [A, B], that are of what is sampled."""
         late = slice(self.width - self.m, self.width)
         acting = late if self.delay else slice(self.plant.n, self.plant.n + self.m)
         rest = slice(self.plant.n + self.plant.m, None)
-        rows = [[*row[: self.n], *row[acting], *row[rest]] for row in entries]
-        return self._in_units([rows])[0]
+        return [[*row[: self.n], *row[acting], *row[rest]] for row in matrix[: self.n]]
+
+    @property
+    def _curve(self) -> list[Rationals]:
+        """The curve's coefficients of what is sampled; disturbances have none."""
+        remainder = self.plant.remainder
+        curve = () if remainder is None else remainder.curve
+        return [[row + [NONE] * self.q for row in self._held(M)] for M in curve]
 
     def off(self) -> tuple[Rationals, Fraction]:
         """Return the largest magnitude of each entry's coefficients in the units, and the rest.
@@ -190,6 +200,9 @@ class Samples(Claim):
         series, rounded, tail = steps.series_error(M, self.terms, self.sizes)
         eye = [row + [NONE] * (width - n) for row in identity(n)]
         found = bernstein(self._in_units(self._steps()), self.sizes, 1)
+        if self._curve:
+            degree = 1 if self.plant.remainder is None else self.plant.remainder.degree
+            found = found + bernstein(self._in_units(self._curve), self.sizes, degree)
         return found - constant(eye, self.sizes) - series, rounded + tail
 
     def _in_units(self, matrices: list[Rationals], time: Fraction | int = 1) -> list[Rationals]:
@@ -216,6 +229,12 @@ class Samples(Claim):
         """Whether what is not between samples is exact: inputs move on, and no sooner."""
         n, m, width = self.n, self.m, self.width
         zero_row = [NONE] * self.plant.n
+        for M in () if self.plant.remainder is None else self.plant.remainder.curve:
+            # all that is not zero in it is of what is sampled
+            if sum(x != 0 for row in M for x in row) != sum(
+                x != 0 for row in self._held(M) for x in row
+            ):
+                return False
         for j, A in enumerate(self.plant.A):
             B = self.plant.B[j]
             if any(any(a[width:] + b[m:]) for a, b in zip(A[:width], B[:width], strict=True)):

@@ -53,6 +53,7 @@ from polefence.proof.polynomials import (
     Polynomial,
     Sizes,
     affine,
+    below,
     bernstein,
     constant,
     count_of,
@@ -142,7 +143,12 @@ class Subject:
             [left + right for left, right in zip([*A, *c], [*B, *d], strict=True)]
             for A, B, c, d in zip(self.A, self.B, C, D, strict=True)
         ]
-        return bernstein(rows, self.sizes, 1, MAX_BITS)
+        both = bernstein(rows, self.sizes, 1, MAX_BITS)
+        if self.remainder is None or not self.remainder.curve:
+            return both
+        AB, CD = (both.part(own) for own in (slice(self.n), slice(self.n, None)))
+        AB = self.remainder.curved(AB)
+        return below(AB, CD) if outputs else AB
 
     @property
     def as_poles(self) -> Poles:
@@ -158,17 +164,19 @@ class Subject:
     ) -> list[list[Polynomial]]:
         """Return the blocks of -(N + N' + noise + step N X^-1 N'), less what a remainder costs.
 
-        [ -H; 0 ] Delta [ V, -V ] and its transpose, with both V twice as dear in a square each.
+        [ -H; 0 ] Delta [ V, -V ] and its transpose are at most [ H H', 0; 0, 0 ] and
+        [ V'V, -V'V; -V'V, V'V ].
         """
-        minus, below = (N + N.T).times(-1), X.times(1 / self.step) if self.step else None
+        minus, last = (N + N.T).times(-1), X.times(1 / self.step) if self.step else None
         if noise is not None:
             minus = minus - noise
         spread = self.evidence.spread
         if spread is not None:
-            left = constant(spread.leaving(2 if self.step else 1), X.sizes)
+            left = constant(spread.omega, X.sizes)
             minus = minus - constant(spread.entering(), X.sizes) - left
-            below = None if below is None else below - left
-        return [[minus]] if below is None else [[minus, N], [below]]
+            if last is not None:
+                N, last = N + left, last - left
+        return [[minus]] if last is None else [[minus, N], [last]]
 
     def dual_loop(
         self, outputs: Sequence[Output]
@@ -448,9 +456,9 @@ class SignalClaim(Claim):
             raise FormatError("a remainder has evidence of its own")
         if own.remainder is None or spread is None:
             return
-        own.remainder.require(own.n, own.m, own.q)
+        own.remainder.require(own.n, own.m, own.q, own.sizes)
         spread.require(own.remainder, own.evidence.dual)
-        if not self.has_remainder:
+        if own.evidence.cells or not self.has_remainder:
             raise FormatError(f"a bound on {self.kind} with a remainder is not proved like this")
 
     @property
@@ -458,7 +466,8 @@ class SignalClaim(Claim):
         """The least that it takes to prove without cells, whatever its numbers."""
         subject, law, own = self.subject, self.subject.law, self.subject.evidence
         poles = subject.as_poles
-        degrees = [poles.degree(replace(poles.evidence[0], elevation=0)), self.least_degree]
+        more = 0 if subject.remainder is None else subject.remainder.degree - 1
+        degrees = [poles.degree(replace(poles.evidence[0], elevation=0)) + more, self.least_degree]
         if own.dual:  # of Y'Y, and Q E E'Q
             degrees = [degrees[0], 2 * (law.form_degree + 1)]
         count = count_of(subject.sizes, max(degrees) + own.elevation) * math.prod(own.pieces)

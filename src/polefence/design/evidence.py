@@ -33,7 +33,8 @@ from polefence.lmi.solve.lyapunov import LyapunovPolynomial, points_inside
 from polefence.plant.boxes import MOST_PARTS, Box, divided, widest
 from polefence.plant.family import UncertainPlant
 from polefence.plant.motion import Motion
-from polefence.plant.polynomial import bernstein, elevated, times
+from polefence.plant.polynomial import Domain, bernstein, elevated, times
+from polefence.plant.polynomial import Polynomial as Floats
 from polefence.plant.system import Array
 from polefence.proof import matrices, work
 from polefence.proof.claims.base import prove
@@ -53,6 +54,7 @@ MOST_WORK = 1e10
 IN_PARTS, MOST_IN_PART = ((0, 0), (1, 0)), 1e9
 # Omega over what it has to exceed, and besides, as a share of that.
 OVER, SLIGHT = 1.001, 1e-9
+FREE = 1e4  # times what a column is that nothing costs
 SHARE = 0.8  # of what is checked in a file, after which no more parts are proved
 
 
@@ -81,18 +83,33 @@ def with_inputs(plant: UncertainPlant, law: Law, loop: Loop) -> Loop:
 
 def _loop(plant: UncertainPlant, law: Law, rows: Array) -> Loop:
     n, domain, step = plant.shape[0], domain_of(plant, law), float(plant.step)
-    AB, motion = bernstein(domain, rows, 1), Motion.of(plant)
+    AB, motion, d = _polynomial(plant, domain, rows), Motion.of(plant), plant.curve_degree
     if isinstance(law, FixedGain):
         eye = {(0,) * sum(domain.sizes): np.eye(n)}
         both = {(0,) * sum(domain.sizes): np.vstack([np.eye(n), law.K])}
-        return Loop(elevated(eye, domain, 1), times(AB, both), domain, step=step, motion=motion)
+        return Loop(elevated(eye, domain, d), times(AB, both), domain, step=step, motion=motion)
     if isinstance(law, PolynomialGain):
         both = bernstein(domain, law.form, law.degree)
-        eye = elevated({(0,) * sum(domain.sizes): np.eye(n)}, domain, law.degree + 1)
+        eye = elevated({(0,) * sum(domain.sizes): np.eye(n)}, domain, law.degree + d)
         return Loop(eye, times(AB, both), domain, step=step, motion=motion)
     W = bernstein(domain, law.W, law.degree)
     both = bernstein(domain, np.concatenate([law.W, law.Z], axis=1), law.degree)
-    return Loop(elevated(W, domain, 1), times(AB, both), domain, W, step, motion)
+    return Loop(elevated(W, domain, d), times(AB, both), domain, W, step, motion)
+
+
+def _polynomial(plant: UncertainPlant, domain: Domain, rows: Array) -> Floats:
+    """Return rows at the vertices as a polynomial; a plant's curve is added to the first n."""
+    found, d = bernstein(domain, rows, 1), plant.curve_degree
+    if d == 1:
+        return found
+    if domain != plant.domain:
+        raise InputError(
+            f"{plant.name} is a polynomial of its parameters; ask for a law on their box"
+        )
+    more = np.zeros((len(plant.curve), *rows.shape[1:]))
+    more[:, : plant.shape[0]] = plant.curve
+    found, curve = elevated(found, domain, d - 1), bernstein(domain, more, d)
+    return {e: found[e] + curve[e] for e in found}
 
 
 def forms(plant: UncertainPlant, law: Law, parts: int = 1) -> Iterator[tuple[int, int]]:
@@ -119,7 +136,7 @@ def _blocks(plant: UncertainPlant, law: Law, form: tuple[int, int]) -> int:
     """Return how many inequalities a Lyapunov polynomial of a form has for a part of a region."""
     own = 0 if isinstance(law, FixedGain) else law.degree
     own *= 2 if isinstance(law, ScheduledGain) else 1
-    return domain_of(plant, law).count(form[0] + 1 + own + form[1])
+    return domain_of(plant, law).count(form[0] + plant.curve_degree + own + form[1])
 
 
 def _work(plant: UncertainPlant, law: Law, form: tuple[int, int]) -> float:
@@ -165,16 +182,22 @@ def _spread(plant: UncertainPlant, law: Law, evidence: dict[str, Any]) -> dict[s
     """Return what a remainder asks for besides, as a certificate has it."""
     multiple = tuple(map(Fraction, evidence["multiple"].tolist())) if "multiple" in evidence else ()
     X = [[[Fraction(e) for e in row] for row in Q] for Q in evidence["X"].tolist()]
-    own = spread_of(plant, law, Evidence(X, evidence["degree"], evidence["elevation"], multiple))
+    found = Evidence(X, evidence["degree"], evidence["elevation"], multiple)
+    own = spread_of(plant, law, found, driven=False)
     each = {key: getattr(own, key) for key in ("omega", "rows", "columns")}
     return {key: np.array(value, dtype=float) for key, value in each.items()}
 
 
-def spread_of(plant: UncertainPlant, law: Law, evidence: Evidence) -> Spread:
+def spread_of(plant: UncertainPlant, law: Law, evidence: Evidence, driven: bool = True) -> Spread:
     """Return what a plant's remainder asks for beside a Lyapunov polynomial.
 
     Rows and columns follow the sizes that the Lyapunov matrix gives to states and inputs; Omega is
     little more than all coefficients of V'V.
+
+    Parameters
+    ----------
+    driven : bool
+        Whether disturbances count; of poles they do not.
     """
     remainder = plant.remainder
     if remainder is None:
@@ -187,7 +210,14 @@ def spread_of(plant: UncertainPlant, law: Law, evidence: Evidence) -> Spread:
     inverse = np.linalg.inv(T)
     moved = each @ inverse.T  # in coordinates in which X is about one
     a, b = (inverse**2).sum(axis=0), (moved**2).sum(axis=2).max(axis=0)
-    rows, columns = cheapest(np.array(remainder.entries, dtype=float), a, b)
+    R, known = np.array(remainder.entries, dtype=float), len(b)
+    if driven:
+        rows, columns = cheapest(R, a, b)
+    else:
+        rows, columns = cheapest(np.where(np.arange(R.shape[1]) < known, R, 0.0), a, b)
+        ends = np.where(R > 0, R, 0.0)[:, known:]
+        rows = np.where(ends.any(axis=1) & (rows <= 0), rows.max(), rows)
+        columns[known:] = FREE * (ends / np.where(rows > 0, rows, np.inf)[:, None]).max(axis=0)
     V = columns[: each.shape[1], None] * moved
     squares = V.swapaxes(1, 2) @ V
     size = float(np.linalg.eigvalsh(squares).max())

@@ -27,6 +27,7 @@ from polefence.plant.controllability import PRIME, surely_controllable
 from polefence.plant.expression import RationalFunction, counted, evaluate
 from polefence.plant.outputs import Output, disturbances, inputs, pick, split, states
 from polefence.plant.parameters import Parameter, check_label, check_name, exact, simplex_weights
+from polefence.plant.polynomial import Domain
 from polefence.plant.system import Array, Exact, System, read_matrix
 from polefence.plant.vehicle import OF_A_CAR, Vehicle
 from polefence.proof.matrices import common_denominator
@@ -442,7 +443,27 @@ class UncertainPlant:
     def at(self, alpha: Any) -> tuple[Array, Array]:
         """Return A(alpha), B(alpha), batched over leading axes of alpha, (..., N)."""
         weights = np.asarray(alpha, dtype=float)
-        return np.tensordot(weights, self.A, 1), np.tensordot(weights, self.B, 1)
+        A, B = np.tensordot(weights, self.A, 1), np.tensordot(weights, self.B, 1)
+        if not len(self.curve):
+            return A, B
+        more = np.tensordot(self.domain.basis(weights, self.curve_degree), self.curve, 1)
+        return A + more[..., : len(self.A[0])], B + more[..., len(self.A[0]) :]
+
+    @property
+    def domain(self) -> Domain:
+        """The box of the parameters; of a plant without, the simplex of its vertices."""
+        return Domain.of("box" if self.parameters else "simplex", len(self.vertices))
+
+    @cached_property
+    def curve(self) -> Array:
+        """Bernstein coefficients (count, n, n + m) of what is added to [A, B] between vertices."""
+        own = () if self.remainder is None else self.remainder.curve
+        return np.array([[[float(x) for x in row] for row in M] for M in own])
+
+    @property
+    def curve_degree(self) -> int:
+        """Degree of [A, B] in each simplex: one without a curve."""
+        return 1 if self.remainder is None else self.remainder.degree
 
 
 def _output_rows(outputs: Mapping[str, Mapping[str, Sequence[Any]]]) -> dict[str, Any]:

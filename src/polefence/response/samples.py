@@ -1,9 +1,10 @@
 """A plant as a computer sees it: its samples, with inputs held between them, and late.
 
 At a vertex they are those of the matrix exponential. Between vertices the exponential is no
-combination of these: what it is off by, a second-order effect of how far the vertices are apart
-within a sample, is the plant's remainder, whose bound is evaluated in exact arithmetic and proved
-with every design.
+combination of these: a polynomial of the parameters that has its values at Chebyshev's points, the
+plant's curve, is added. What the exponential is then still off by falls off geometrically with the
+degree; it is the plant's remainder, whose bound is evaluated in exact arithmetic and proved with
+every design.
 """
 
 from __future__ import annotations
@@ -23,17 +24,21 @@ from polefence.plant.samples import claim_of_samples
 from polefence.plant.system import Array, System
 from polefence.proof.claims.base import prove
 from polefence.proof.claims.samples import MAX_DELAY, MAX_TERMS
-from polefence.proof.remainder import Remainder
+from polefence.proof.claims.steps import FURTHER
+from polefence.proof.remainder import MAX_CURVE, Remainder
 from polefence.proof.work import FormatError
 from polefence.response.discrete import balancing, zero_order_hold
 
 ROOM = 1.01  # of the remainder over what it has to hold
-SMALL, TINY = 1e-7, 1e-12  # terms left out, over the entries; an entry as good as none
-STAYS = 0.9  # of what was left out, with one term less
+SMALL, TINY = 0.01, 1e-13  # terms left out, over what entries are off by, and over themselves
 BITS = 24  # of its numbers
+CURVED = 40  # of those of the curve, below the largest entry
+ENOUGH, DEGREES, MOST = 1e-4, (1, 2, 3, 4), 125  # of the change in a sample; degrees; coefficients
 
 
-def at_sample_time(plant: UncertainPlant, sample_time: Any, delay: int = 0) -> UncertainPlant:
+def at_sample_time(
+    plant: UncertainPlant, sample_time: Any, delay: int = 0, degree: int | None = None
+) -> UncertainPlant:
     """Return a plant's samples as a plant in discrete time, for designs at the sample time.
 
     Inputs and disturbances are held between samples.
@@ -47,13 +52,17 @@ def at_sample_time(plant: UncertainPlant, sample_time: Any, delay: int = 0) -> U
     delay : int
         How many samples late an input acts: 1 where the law is computed during a step. The inputs
         on their way are further states, so that a law may feed them back.
+    degree : int, optional
+        Of the samples as a polynomial of the parameters, 1 to 8: the higher, the smaller is the
+        remainder, and the more is to be proved. By default, the lowest of which the remainder is
+        small beside what a sample changes.
 
     Returns
     -------
     UncertainPlant
-        Its vertices are the samples of the plant's, to rounding; its ``remainder`` bounds what
-        the samples of any other plant of the family are off by, and every proof about it holds for
-        all of those.
+        Its vertices are the samples of the plant's, to rounding; its ``remainder`` has the curve
+        between them, and bounds what the samples of any plant of the family are off by. Every
+        proof about it holds for all of those.
 
     Raises
     ------
@@ -65,23 +74,85 @@ def at_sample_time(plant: UncertainPlant, sample_time: Any, delay: int = 0) -> U
     T = _time(plant, sample_time)
     if not isinstance(delay, int) or isinstance(delay, bool) or not 0 <= delay <= MAX_DELAY:
         raise InputError(f"delay = {delay!r} must be 0 to {MAX_DELAY}, in samples")
-    found = _on_the_way(plant, _held(plant, T), T, delay)
-    units = _units(plant)
-    entries, rest, terms = _entries(plant, found, units, delay)
-    n, m = plant.shape
-    each = (entries + rest) * ROOM
-    each *= units[:n, None] / units
-    whole = np.zeros((n + delay * m, sum(found.shape) + plant.disturbance_count))
-    acting = slice(n + delay * m - m, n + delay * m) if delay else slice(n, n + m)
-    whole[:n, :n], whole[:n, acting] = each[:, :n], each[:, n : n + m]
-    whole[:n, sum(found.shape) :] = each[:, n + m :]
-    remainder = Remainder(tuple(map(_up, whole)))
-    own = Sampling(plant, delay, terms, tuple(map(Fraction, units.tolist())))
-    found = replace(found, remainder=remainder, sampling=own)
+    whole = isinstance(degree, int) and not isinstance(degree, bool)
+    if degree is not None and not (whole and 1 <= degree <= MAX_CURVE):
+        raise InputError(f"degree = {degree!r} must be 1 to {MAX_CURVE}")
+    held = _held(plant, T)
+    bare, units = _on_the_way(plant, held, T, delay), _units(plant)
+    n = plant.shape[0]
+    change = max(
+        float(np.abs((F - np.eye(n)) / units[:n, None] * units[:n]).max()) for F, *_ in held
+    )
+    found, off = None, math.inf
+    for each in _degrees(plant) if degree is None else [degree]:
+        if off <= ENOUGH * change:
+            break
+        found, off = _with_remainder(plant, bare, units, delay, each)
+    if found is None:
+        raise InputError(f"{plant.name} has no samples")
     verdict = prove(claim_of_samples(found))
     if not verdict.proved:
         raise InputError(f"{plant.name} sampled every {float(T):g} s: {verdict.reason}")
     return found
+
+
+def _degrees(plant: UncertainPlant) -> list[int]:
+    """Return degrees of the curve worth trying; of one vertex there is none."""
+    if len(plant.vertices) == 1:
+        return [1]
+    return [d for d in DEGREES if d == 1 or plant.domain.count(d) <= MOST]
+
+
+def _with_remainder(
+    plant: UncertainPlant, bare: UncertainPlant, units: Array, delay: int, degree: int
+) -> tuple[UncertainPlant, float]:
+    """Return the samples with curve and remainder, and its largest entry in the units."""
+    (n, m), q = plant.shape, plant.disturbance_count
+    curve = _curve(plant, bare, delay, degree) if degree > 1 else ()
+    entries, rest, terms = _entries(plant, bare, units, delay, (curve, degree))
+    each = (entries + rest) * ROOM
+    rows = each * units[:n, None] / units
+    remainder = Remainder(tuple(map(_up, _placed(rows, bare, delay, n, m, q))), curve, degree)
+    own = Sampling(plant, delay, terms, tuple(map(Fraction, units.tolist())))
+    return replace(bare, remainder=remainder, sampling=own), float(each[:, : n + m].max())
+
+
+def _placed(rows: Array, bare: UncertainPlant, delay: int, n: int, m: int, q: int) -> Array:
+    """Return (n, n + m + q) in the rows and columns of [A, B, E] of the samples."""
+    late = delay * m
+    whole = np.zeros((n + late, sum(bare.shape) + q))
+    acting = slice(n + late - m, n + late) if delay else slice(n, n + m)
+    whole[:n, :n], whole[:n, acting] = rows[:, :n], rows[:, n : n + m]
+    whole[:n, sum(bare.shape) :] = rows[:, n + m :]
+    return whole
+
+
+def _curve(
+    plant: UncertainPlant, bare: UncertainPlant, delay: int, degree: int
+) -> tuple[tuple[tuple[Fraction, ...], ...], ...]:
+    """Return the Bernstein coefficients of what is added to the vertices' combination."""
+    domain, (n, m) = plant.domain, plant.shape
+    alpha = domain.nodes(degree)
+    corners = domain.nodes(1)
+    A, B = plant.at(np.concatenate([alpha, corners]))
+    both = np.concatenate(zero_order_hold(A, B, float(bare.sample_time or 0)), axis=2)
+    weights = np.linalg.solve(corners.T, alpha.T).T
+    apart = both[: len(alpha)] - np.tensordot(weights, both[len(alpha) :], 1)
+    found = domain.interpolated(apart, degree)
+    at_corners = [
+        max(e) == degree and e.count(degree) == len(domain.sizes) for e in domain.monomials(degree)
+    ]
+    found[np.array(at_corners)] = 0.0
+    unit = 2.0 ** (np.floor(np.log2(np.maximum(np.abs(found).max(axis=0), 1e-300))) - CURVED)
+    found = np.round(found / unit) * unit
+    none = np.zeros((n, plant.disturbance_count))
+    return tuple(
+        tuple(
+            tuple(map(Fraction, row[: sum(bare.shape)].tolist()))
+            for row in _placed(np.hstack([M, none]), bare, delay, n, m, none.shape[1])
+        )
+        for M in found
+    )
 
 
 def _time(plant: UncertainPlant, sample_time: Any) -> Fraction:
@@ -177,47 +248,52 @@ def _units(plant: UncertainPlant) -> Array:
 
 
 def _entries(
-    plant: UncertainPlant, found: UncertainPlant, units: Array, delay: int
+    plant: UncertainPlant, found: UncertainPlant, units: Array, delay: int, curve: tuple[Any, int]
 ) -> tuple[Array, float, int]:
     """Return bounds on what entries are off by, in the units, on the rest, and the terms taken."""
     n, m = found.shape
     # any remainder will do, to see what is off
-    wide = Remainder(((Fraction(1),) * (n + m + plant.disturbance_count),) * n)
+    wide = Remainder(((Fraction(1),) * (n + m + plant.disturbance_count),) * n, *curve)
     where = f"{plant.name} sampled every {float(found.sample_time or 0):g} s"
-    last = math.inf
-    for terms in range(_terms(plant, units, float(found.sample_time or 0)), MAX_TERMS + 1):
-        own = Sampling(plant, delay, terms, tuple(map(Fraction, units.tolist())))
-        claim = claim_of_samples(replace(found, remainder=wide, sampling=own))
-        try:
-            entries, rest = claim.off()
-        except FormatError as problem:
-            raise InputError(f"{where}: {problem}; take a shorter sample time") from problem
-        sizes = np.array([[float(x) for x in row] for row in entries])
-        # or what is left is rounding
-        if rest <= SMALL * float(sizes.max()) or rest > STAYS * last:
-            return sizes, float(rest), terms
-        last = float(rest)
-    raise InputError(f"{where}: the exponential's series is too long; take a shorter sample time")
+    about = _about(plant, replace(found, remainder=wide), units, delay)
+    terms = _terms(plant, units, float(found.sample_time or 0), about)
+    own = Sampling(plant, delay, terms, tuple(map(Fraction, units.tolist())))
+    try:
+        entries, rest = claim_of_samples(replace(found, remainder=wide, sampling=own)).off()
+    except FormatError as problem:
+        raise InputError(f"{where}: {problem}; take a shorter sample time") from problem
+    return np.array([[float(x) for x in row] for row in entries]), float(rest), terms
 
 
-def _terms(plant: UncertainPlant, units: Array, T: float) -> int:
-    """Return about how many terms leave little out, as the middle of the family tells sizes."""
-    n, N = plant.shape[0], len(plant.vertices)
-    every = units / units[:n, None]
+def _about(plant: UncertainPlant, found: UncertainPlant, units: Array, delay: int) -> Array:
+    """Return about what entries are off by, in the units, at a few points."""
+    domain, (n, m), T = plant.domain, plant.shape, float(found.sample_time or 0)
+    alpha = domain.nodes(found.curve_degree + 1)
+    E = np.stack([np.zeros((n, 0)) if v.E is None else v.E for v in plant.vertices])
+    H = np.stack([np.zeros((len(found.A[0]), 0)) if v.E is None else v.E for v in found.vertices])
+    A, B = plant.at(alpha)
+    F, GH = zero_order_hold(A, np.concatenate([B, np.tensordot(alpha, E, 1)], axis=2), T)
+    A, B = found.at(alpha)
+    late = A[:, :n, n + delay * m - m :] if delay else B[:, :n]
+    each = np.concatenate([A[:, :n, :n], late, np.tensordot(alpha, H, 1)[:, :n]], axis=2)
+    apart = np.abs(np.concatenate([F, GH], axis=2) - each).max(axis=0)
+    return np.asarray(apart / units[:n, None] * units)
+
+
+def _terms(plant: UncertainPlant, units: Array, T: float, about: Array) -> int:
+    """Return how many terms leave little out beside what entries are off by."""
+    n = plant.shape[0]
     E = [np.zeros((n, 0)) if v.E is None else v.E for v in plant.vertices]
-    M = T * np.concatenate([plant.A, plant.B, np.array(E)], axis=2) * every
-    size = float(np.linalg.norm(M, axis=(1, 2)).max())
-    each = np.concatenate([M, M.mean(axis=0)[None]])
-    F, G = zero_order_hold(each[:, :, :n], each[:, :, n:], 1.0)
-    both = np.concatenate([F, G], axis=2)
-    off = max(float(np.abs(both[N] - both[:N].mean(axis=0)).max()), TINY)
-    terms, tail = 2, np.inf
-    while terms < MAX_TERMS and not tail <= SMALL * off:
-        terms += 1
-        if 2 * size < terms + 2:
-            power = (terms + 1) * math.log(size) - math.lgamma(terms + 2) if size else -math.inf
-            tail = math.exp(power) / (1 - size / (terms + 2))
-    return terms
+    M = T * np.concatenate([plant.A, plant.B, np.array(E)], axis=2) * units / units[:n, None]
+    most = np.abs(M).max(axis=0)
+    power, powers = most, [most]
+    for k in range(2, MAX_TERMS + FURTHER):
+        power = most[:, :n] @ power / k
+        powers.append(power)
+    left = np.cumsum(powers[::-1], axis=0)[::-1]  # of the k-th term and all behind it
+    enough = np.maximum(SMALL * about, TINY * left[0])
+    good = [bool(np.all(own <= enough)) for own in left]
+    return min(good.index(True) if True in good else MAX_TERMS, MAX_TERMS) or 1
 
 
 def _up(values: Array) -> tuple[Fraction, ...]:

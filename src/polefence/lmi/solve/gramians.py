@@ -118,8 +118,9 @@ class DualProblem:
 
     @property
     def rows(self) -> int:
-        """Degree of C W + D Z."""
-        return 1 if isinstance(self.law, FixedGain) else self.law.degree + 1
+        """Degree of A W + B Z, and at most that of C W + D Z."""
+        own = 0 if isinstance(self.law, FixedGain) else self.law.degree
+        return own + self.plant.curve_degree
 
     @property
     def left(self) -> int:
@@ -169,8 +170,8 @@ class DualProblem:
         """
         if self.box is not None:
             alpha = self.box.alpha(self.domain, alpha)
-        each = (self.plant.A, self.plant.B, self.C, self.D, self.E, self.F)
-        A, B, C, D, E, F = (np.tensordot(alpha, M, 1) for M in each)
+        A, B = self.plant.at(alpha)
+        C, D, E, F = (np.tensordot(alpha, M, 1) for M in (self.C, self.D, self.E, self.F))
         n = A.shape[-1]
         if not isinstance(self.law, ScheduledGain):
             W = np.broadcast_to(np.eye(n), A.shape)

@@ -6,7 +6,7 @@ of the parameters, or of the simplex where there are none, the exact [F, G, H] o
 x(t + T) = F x + G u + H w is within the plant's remainder of the combination of its vertices.
 
 With M(alpha) = [A, B, E] T it is [I, 0] + sum of A^(k - 1) M / k!, whose first terms are compared
-coefficient by coefficient, see `polefence.proof.claims.steps`.
+coefficient by coefficient, and the others bounded: see `polefence.proof.claims.steps`.
 """
 
 from __future__ import annotations
@@ -179,31 +179,32 @@ class Samples(Claim):
         FormatError
             If the series has too few terms for this sample time, or would take too long.
         """
-        found, rest = self._compared()
+        found, left, rest = self._compared()
         rows, columns = found.shape
         each = [
             (matrix, found.whole * multinomial(e, found.sizes)) for e, matrix in found.terms.items()
         ]
 
         def largest(i: int, j: int) -> Fraction:
-            return max((Fraction(abs(M[i][j]), whole) for M, whole in each), default=NONE)
+            own = max((Fraction(abs(M[i][j]), whole) for M, whole in each), default=NONE)
+            return own + left[i][j]
 
         return [[largest(i, j) for j in range(columns)] for i in range(rows)], rest
 
-    def _compared(self) -> tuple[Polynomial, Fraction]:
-        """Return the vertices' samples less the series, and a bound on what that leaves out."""
+    def _compared(self) -> tuple[Polynomial, Rationals, Fraction]:
+        """Return the samples less the series, and bounds on what that leaves out: see `steps`."""
         n, width = self.n, len(self.units)
         steps.require_moderate(len(self.A), n, width, self.terms, self.sizes)
         length = longest((self.units, (self.plant.step,)))
         spend(RATIONAL * 2 * len(self.A) * n * width, length + SHORT, 3 * length)
         M = self._in_units(_beside(self.A, self.B, self.E), self.plant.step)
-        series, rounded, tail = steps.series_error(M, self.terms, self.sizes)
+        series, left, rest = steps.series_by_entries(M, self.terms, self.sizes)
         eye = [row + [NONE] * (width - n) for row in identity(n)]
         found = bernstein(self._in_units(self._steps()), self.sizes, 1)
         if self._curve:
             degree = 1 if self.plant.remainder is None else self.plant.remainder.degree
             found = found + bernstein(self._in_units(self._curve), self.sizes, degree)
-        return found - constant(eye, self.sizes) - series, rounded + tail
+        return found - constant(eye, self.sizes) - series, left, rest
 
     def _in_units(self, matrices: list[Rationals], time: Fraction | int = 1) -> list[Rationals]:
         """Return matrices (n, n + m + q) in the units, times a time."""

@@ -42,12 +42,14 @@ from polefence.proof.polynomials import (
     multinomial,
 )
 from polefence.proof.reading import MAX_COEFFICIENTS
-from polefence.proof.work import FormatError
+from polefence.proof.work import RATIONAL, FormatError, spend
 
 if TYPE_CHECKING:
     from polefence.proof.claims.sampled import Sampled
 
 BITS = 48  # of entries of M after the point
+FINE = 80  # the same, where entries are compared one by one
+FURTHER = 30  # terms that are bounded one by one, after those that are summed
 MAX_PRODUCTS = 2 * 10**7  # of two entries
 EXP_TERMS = 40
 SHORT = 256  # bits after the point
@@ -94,6 +96,41 @@ def series_error(
     power: Fraction = size ** (terms + 1)
     tail = power / math.factorial(terms + 1) / (1 - size / (terms + 2))
     return _series(bernstein(short, sizes, 1), terms), off * exponential(size + off), tail
+
+
+def series_by_entries(
+    M: list[Rationals], terms: int, sizes: Sizes
+) -> tuple[Polynomial, Rationals, Fraction]:
+    """Return what `series_error` does, with what is left out bounded entry by entry.
+
+    With |M| <= M' at the vertices, and so everywhere, A^(k - 1) M / k! is at most
+    A'^(k - 1) M' / k!.
+    The last number is added to every entry: what rounding makes, and all terms further on.
+    """
+    n, width = len(M[0]), len(M[0][0])
+    require_moderate(len(M), n, width, terms, sizes)
+    unit = 2**FINE
+    short = [[[Fraction(round(x * unit), unit) for x in row] for row in own] for own in M]
+    size, last = max(map(norm, short)), terms + FURTHER
+    if 2 * size >= last + 2:
+        raise FormatError("terms are too few for this sample time")
+    most = [
+        [max(map(abs, each)) for each in zip(*rows, strict=True)]
+        for rows in zip(*short, strict=True)
+    ]
+    spend(RATIONAL * last * n * n * width, SHORT, SHORT)
+    power, left = most, [[Fraction(0)] * width for _ in range(n)]
+    for k in range(2, last + 1):
+        power = [[_short(x / k) for x in row] for row in product([r[:n] for r in most], power)]
+        if k > terms:
+            left = [
+                [a + b for a, b in zip(*rows, strict=True)]
+                for rows in zip(left, power, strict=True)
+            ]
+    tail = _short(size) ** (last + 1) / math.factorial(last + 1) / (1 - size / (last + 2))
+    off = root(Fraction(n * width)) / (2 * unit)
+    rest = _short(off * exponential(size + off) + tail)
+    return _series(bernstein(short, sizes, 1), terms), left, rest
 
 
 def exponential(x: Fraction) -> Fraction:

@@ -107,7 +107,7 @@ def _polynomial(plant: UncertainPlant, domain: Domain, rows: Array) -> Floats:
             f"{plant.name} is a polynomial of its parameters; ask for a law on their box"
         )
     more = np.zeros((len(plant.curve), *rows.shape[1:]))
-    more[:, : plant.shape[0]] = plant.curve
+    more[:, : plant.shape[0]] = plant.curve[:, :, : rows.shape[2]]
     found, curve = elevated(found, domain, d - 1), bernstein(domain, more, d)
     return {e: found[e] + curve[e] for e in found}
 

@@ -446,8 +446,17 @@ class UncertainPlant:
         A, B = np.tensordot(weights, self.A, 1), np.tensordot(weights, self.B, 1)
         if not len(self.curve):
             return A, B
-        more = np.tensordot(self.domain.basis(weights, self.curve_degree), self.curve, 1)
-        return A + more[..., : len(self.A[0])], B + more[..., len(self.A[0]) :]
+        (n, m), more = self.shape, self._beyond(weights)
+        return A + more[..., :n], B + more[..., n : n + m]
+
+    def driven(self, alpha: Any) -> Array:
+        """Return E(alpha), batched over leading axes of alpha; every vertex has one."""
+        weights = np.asarray(alpha, dtype=float)
+        E = np.tensordot(weights, np.stack([v.E for v in self.vertices if v.E is not None]), 1)
+        return E + self._beyond(weights)[..., sum(self.shape) :] if len(self.curve) else E
+
+    def _beyond(self, alpha: Array) -> Array:
+        return np.tensordot(self.domain.basis(alpha, self.curve_degree), self.curve, 1)
 
     @property
     def domain(self) -> Domain:
@@ -456,13 +465,13 @@ class UncertainPlant:
 
     @cached_property
     def curve(self) -> Array:
-        """Bernstein coefficients (count, n, n + m) of what is added to [A, B] between vertices."""
+        """Bernstein coefficients (count, n, n + m + q) of what is added between vertices."""
         own = () if self.remainder is None else self.remainder.curve
         return np.array([[[float(x) for x in row] for row in M] for M in own])
 
     @property
     def curve_degree(self) -> int:
-        """Degree of [A, B] in each simplex: one without a curve."""
+        """Degree of [A, B, E] in each simplex: one without a curve."""
         return 1 if self.remainder is None else self.remainder.degree
 
 

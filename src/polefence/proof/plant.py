@@ -303,7 +303,7 @@ def _remainder(table: Table, shape: tuple[int, int, int]) -> Remainder:
         return Remainder(entries)
     own = table.table("curve")
     degree = own.whole("degree", None, MAX_CURVE, 2)
-    curve = own.matrices("coefficients", n, n + m)
+    curve = own.matrices("coefficients", n, n + m + q)
     common_denominator(curve)
     return Remainder(entries, tuple(tuple(map(tuple, M)) for M in curve), degree)
 

@@ -1,6 +1,6 @@
 """Plants that are only near a polynomial of their parameters: by how much, and what that costs.
 
-The polynomial is the combination of the vertices, with a curve added to [A, B] between them. Where
+The polynomial is the combination of the vertices, with a curve added between them. Where
 no entry of [A, B, E] is off by more than that of R, the products N = A X + B K X are off by
 H Delta V, |Delta| <= 1, with H = diag(rows) and V = diag(columns) [X; K X] of any positive numbers
 for which the Frobenius norm of diag(rows)^-1 R diag(columns)^-1 is at most one. With a matrix Omega
@@ -35,20 +35,27 @@ SHARE = Fraction(1, 4096)
 class Remainder:
     """What each entry of [A, B, E] may be off by, (n, n + m + q).
 
-    ``curve`` holds the Bernstein coefficients (n, n + m), of a ``degree`` in each simplex, of what
-    is added to the combination of the vertices' [A, B]; there are none where nothing is.
+    ``curve`` holds the Bernstein coefficients of the same shape, of a ``degree`` in each simplex,
+    of what is added to the combination of the vertices; there are none where nothing is.
     """
 
     entries: Rows
     curve: tuple[Rows, ...] = ()
     degree: int = 1
 
-    def curved(self, AB: Polynomial) -> Polynomial:
-        """Return [A, B] with what is added to the combination of the vertices."""
+    def curved(self, form: Polynomial, first: int = 0) -> Polynomial:
+        """Return [A, B], or E, with what is added to the combination of the vertices.
+
+        Parameters
+        ----------
+        first : int
+            Which column of [A, B, E] is the form's first.
+        """
         if not self.curve:
-            return AB
-        own = [list(map(list, M)) for M in self.curve]
-        return AB + bernstein(own, AB.sizes, self.degree, MAX_BITS)
+            return form
+        last = first + form.shape[1]
+        own = [[list(row[first:last]) for row in M] for M in self.curve]
+        return form + bernstein(own, form.sizes, self.degree, MAX_BITS)
 
     def over(self, step: Fraction) -> Remainder:
         """Return that of the plant in its delta form."""
@@ -85,8 +92,8 @@ class Remainder:
                 "are needed here"
             )
         for M in self.curve:
-            if len(M) != n or any(len(row) != n + m for row in M):
-                raise FormatError(f"plant.curve must hold {n} rows of {n + m} numbers")
+            if len(M) != n or any(len(row) != n + m + q for row in M):
+                raise FormatError(f"plant.curve must hold {n} rows of {n + m + q} numbers")
         if len(self.entries) != n or any(len(row) != n + m + q for row in self.entries):
             raise FormatError(f"plant.remainder must hold {n} rows of {n + m + q} numbers")
         if min(map(min, self.entries)) < 0:

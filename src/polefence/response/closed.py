@@ -80,8 +80,7 @@ def close(plant: UncertainPlant, law: Any, alpha: Any, disturbed: bool = True) -
             f"{plant.name} says nowhere how a disturbance enters; give E: for every vertex, or "
             "in [matrices]"
         )
-    E = np.tensordot(alpha, np.stack(Es), 1)  # type: ignore[arg-type]
-    return Loops(plant, alpha, A, B, E, gains(plant, law, alpha))
+    return Loops(plant, alpha, A, B, plant.driven(alpha), gains(plant, law, alpha))
 
 
 def gains(plant: UncertainPlant, law: Any, alpha: Array) -> Array:

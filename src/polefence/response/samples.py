@@ -114,7 +114,7 @@ def _with_remainder(
     rows = each * units[:n, None] / units
     remainder = Remainder(tuple(map(_up, _placed(rows, bare, delay, n, m, q))), curve, degree)
     own = Sampling(plant, delay, terms, tuple(map(Fraction, units.tolist())))
-    return replace(bare, remainder=remainder, sampling=own), float(each[:, : n + m].max())
+    return replace(bare, remainder=remainder, sampling=own), float(each.max())
 
 
 def _placed(rows: Array, bare: UncertainPlant, delay: int, n: int, m: int, q: int) -> Array:
@@ -134,8 +134,10 @@ def _curve(
     domain, (n, m) = plant.domain, plant.shape
     alpha = domain.nodes(degree)
     corners = domain.nodes(1)
-    A, B = plant.at(np.concatenate([alpha, corners]))
-    both = np.concatenate(zero_order_hold(A, B, float(bare.sample_time or 0)), axis=2)
+    at = np.concatenate([alpha, corners])
+    A, B = plant.at(at)
+    BE = np.concatenate([B, _driven(plant, at)], axis=2)
+    both = np.concatenate(zero_order_hold(A, BE, float(bare.sample_time or 0)), axis=2)
     weights = np.linalg.solve(corners.T, alpha.T).T
     apart = both[: len(alpha)] - np.tensordot(weights, both[len(alpha) :], 1)
     found = domain.interpolated(apart, degree)
@@ -145,14 +147,17 @@ def _curve(
     found[np.array(at_corners)] = 0.0
     unit = 2.0 ** (np.floor(np.log2(np.maximum(np.abs(found).max(axis=0), 1e-300))) - CURVED)
     found = np.round(found / unit) * unit
-    none = np.zeros((n, plant.disturbance_count))
+    shape = delay, n, m, plant.disturbance_count
     return tuple(
-        tuple(
-            tuple(map(Fraction, row[: sum(bare.shape)].tolist()))
-            for row in _placed(np.hstack([M, none]), bare, delay, n, m, none.shape[1])
-        )
-        for M in found
+        tuple(tuple(map(Fraction, row.tolist())) for row in _placed(M, bare, *shape)) for M in found
     )
+
+
+def _driven(plant: UncertainPlant, alpha: Array) -> Array:
+    """Return E at points, (count, n, q); without columns where there is none."""
+    if not plant.disturbance_count:
+        return np.zeros((len(alpha), plant.shape[0], 0))
+    return plant.driven(alpha)
 
 
 def _time(plant: UncertainPlant, sample_time: Any) -> Fraction:
@@ -269,13 +274,11 @@ def _about(plant: UncertainPlant, found: UncertainPlant, units: Array, delay: in
     """Return about what entries are off by, in the units, at a few points."""
     domain, (n, m), T = plant.domain, plant.shape, float(found.sample_time or 0)
     alpha = domain.nodes(found.curve_degree + 1)
-    E = np.stack([np.zeros((n, 0)) if v.E is None else v.E for v in plant.vertices])
-    H = np.stack([np.zeros((len(found.A[0]), 0)) if v.E is None else v.E for v in found.vertices])
     A, B = plant.at(alpha)
-    F, GH = zero_order_hold(A, np.concatenate([B, np.tensordot(alpha, E, 1)], axis=2), T)
+    F, GH = zero_order_hold(A, np.concatenate([B, _driven(plant, alpha)], axis=2), T)
     A, B = found.at(alpha)
     late = A[:, :n, n + delay * m - m :] if delay else B[:, :n]
-    each = np.concatenate([A[:, :n, :n], late, np.tensordot(alpha, H, 1)[:, :n]], axis=2)
+    each = np.concatenate([A[:, :n, :n], late, _driven(found, alpha)[:, :n]], axis=2)
     apart = np.abs(np.concatenate([F, GH], axis=2) - each).max(axis=0)
     return np.asarray(apart / units[:n, None] * units)
 

@@ -47,9 +47,8 @@ class EnergyPeak(Specification):
 
     def source(self, plant: UncertainPlant, domain: Domain) -> conditions.Source:
         """Return disturbances of unit norm as noise: they ask the same of X."""
-        return conditions.noise(
-            f"energy{self.scales(plant) or ''}", domain, self.entering(plant), 1.0
-        )
+        E, degree = self.driving(plant)
+        return conditions.noise(f"energy{self.scales(plant) or ''}", domain, E, 1.0, degree)
 
     def dual(self, plant: UncertainPlant, law: Law) -> DualProblem | None:
         """Return the closed loops of the dual form."""

@@ -58,7 +58,7 @@ class Gain(Specification):
 
     def source(self, plant: UncertainPlant, domain: Domain) -> conditions.Source:  # noqa: ARG002
         """Return the way the disturbances enter."""
-        return conditions.Through(f"gain{self.scales(plant) or ''}", self.entering(plant))
+        return conditions.Through(f"gain{self.scales(plant) or ''}", *self.driving(plant))
 
     def dual(self, plant: UncertainPlant, law: Law) -> DualProblem | None:
         """Return the closed loops of the dual form."""

@@ -104,7 +104,8 @@ class Rms(Specification):
     def source(self, plant: UncertainPlant, domain: Domain) -> conditions.Source:
         """Return white noise."""
         name = f"noise {self.density!r}{self.scales(plant) or ''}"
-        return conditions.noise(name, domain, self.entering(plant), self.density / 2)
+        E, degree = self.driving(plant)
+        return conditions.noise(name, domain, E, self.density / 2, degree)
 
     def dual(self, plant: UncertainPlant, law: Law) -> DualProblem | None:
         """Return the closed loops of the dual form."""

@@ -266,6 +266,21 @@ class Specification:
         """
         return np.asarray(self.scaled(plant, disturbance(plant)))
 
+    def driving(self, plant: UncertainPlant) -> tuple[Array, int]:
+        """Return Bernstein coefficients of E, scaled, (count, n, q), and their degree.
+
+        Raises
+        ------
+        InputError
+            If the plant has none.
+        """
+        degree, domain = plant.curve_degree, plant.domain
+        if degree == 1:
+            return self.entering(plant), 1
+        disturbance(plant)
+        found = domain.interpolated(plant.driven(domain.nodes(degree)), degree)
+        return np.asarray(self.scaled(plant, found)), degree
+
     def unit(self, plant: UncertainPlant) -> str:
         """Return the unit of the bound, or the units of the entries where they differ."""
         units = [own.unit for own in self.outputs(plant)]
@@ -353,8 +368,9 @@ class Specification:
     def channel(self, plant: UncertainPlant, alpha: Array) -> Channel:
         """Return what moves its signal, and the signal, at points alpha (count, N)."""
         C, D, F = stacked(plant, self.outputs(plant))
-        moved = self.entering(plant), C, D, self.scaled(plant, F)
-        return Channel(*plant.at(alpha), *(np.tensordot(alpha, M, 1) for M in moved))
+        disturbance(plant)
+        E, moved = self.scaled(plant, plant.driven(alpha)), (C, D, self.scaled(plant, F))
+        return Channel(*plant.at(alpha), E, *(np.tensordot(alpha, M, 1) for M in moved))
 
     def slopes(self, loops: Loops) -> Slopes:
         """Return what is bounded in closed loops of its `channel`, with slopes; they are stable."""

@@ -119,14 +119,15 @@ class Points:
 
 @dataclass(frozen=True, eq=False)
 class Through:
-    """A disturbance whose L2 norm is passed on: E (N, n, q)."""
+    """A disturbance whose L2 norm is passed on: Bernstein coefficients of E, (count, n, q)."""
 
     name: str
     E: Array
+    degree: int = 1
 
     def changed(self, inverse: Array, rate: float) -> Through:
         """Return it in coordinates x = T x_s, time in units of 1 / rate."""
-        return Through(self.name, inverse @ self.E / rate)
+        return Through(self.name, inverse @ self.E / rate, self.degree)
 
     def intensity(self, domain: Domain) -> Array:  # noqa: ARG002
         """Return E E' in the middle of the family, (n, n)."""
@@ -216,6 +217,7 @@ class Demands:
     def degree(self, domain: Domain) -> int:
         """Return the highest degree of what is asked, in each simplex; at least 1."""
         own = [degree_of(s.EE, domain) for s in self.sources if isinstance(s, Noise)]
+        own += [s.degree for s in self.sources if isinstance(s, Through)]
         squares = [o.square for o in self.outputs if o.square is not None]
         return max([1, *own, *(degree_of(P, domain) for P in squares)])
 
@@ -250,12 +252,12 @@ def split_rows(n: int, outputs: Iterable[Output]) -> list[Array]:
     return np.split(np.eye(counts[-1]), counts[:-1])
 
 
-def noise(name: str, domain: Domain, E: Array, intensity: float) -> Noise:
-    """Return white noise through the vertices' E (N, n, q); constant where E is."""
+def noise(name: str, domain: Domain, E: Array, intensity: float, degree: int = 1) -> Noise:
+    """Return white noise through E, given by Bernstein coefficients; constant where E is."""
     if np.all(E[:1] == E):
         EE = {(0,) * sum(domain.sizes): intensity * E[0] @ E[0].T}
         return Noise(name, EE, np.sqrt(intensity) * E[0])
-    P = bernstein(domain, E, 1)
+    P = bernstein(domain, E, degree)
     transposed = {e: intensity * p.T for e, p in P.items()}
     return Noise(name, times(P, transposed))
 
@@ -383,8 +385,11 @@ def raised(source: Source, domain: Domain, degree: int, q: int) -> Callable[[Exp
     elif isinstance(source, Points) and not source.points:
         return lambda _: np.zeros((0, 0))
     else:
-        E = np.concatenate(source.points, axis=2) if isinstance(source, Points) else source.E
-        P, columns = bernstein(domain, E, 1), q
+        if isinstance(source, Points):
+            P = bernstein(domain, np.concatenate(source.points, axis=2), 1)
+        else:
+            P = bernstein(domain, source.E, source.degree)
+        columns = q
     zero = np.zeros((len(next(iter(P.values()))), columns))
     table = elevated(P, domain, degree - degree_of(P, domain))
     return lambda e: table.get(e, zero)

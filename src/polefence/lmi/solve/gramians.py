@@ -171,8 +171,9 @@ class DualProblem:
         if self.box is not None:
             alpha = self.box.alpha(self.domain, alpha)
         A, B = self.plant.at(alpha)
-        C, D, E, F = (np.tensordot(alpha, M, 1) for M in (self.C, self.D, self.E, self.F))
-        n = A.shape[-1]
+        C, D, F = (np.tensordot(alpha, M, 1) for M in (self.C, self.D, self.F))
+        n, curved = A.shape[-1], self.plant.curve_degree > 1
+        E = self.plant.driven(alpha) * self.scales if curved else np.tensordot(alpha, self.E, 1)
         if not isinstance(self.law, ScheduledGain):
             W = np.broadcast_to(np.eye(n), A.shape)
             Z = self.law.gain(alpha)
@@ -310,7 +311,9 @@ class _Interpolation:
         problem, domain, degree = self.problem, self.problem.domain, self.total
         if problem.share is not None:
             varies = bool(np.ptp(problem.E, axis=0).any())
-            degree = max(problem.share_degree, self.degree + 2 * varies)
+            degree = max(
+                problem.share_degree, self.degree + 2 * varies * problem.plant.curve_degree
+            )
         at = domain.nodes(degree)
         shares = domain.interpolated(problem.shares(at), degree)
         return degree, domain.basis(at, self.degree), problem.at(at)[3], shares
@@ -573,7 +576,8 @@ class _Interpolation:
             squares.append(self.degree + 2 * problem.rows)
         elif problem.gain and not np.any(problem.F):
             varies = bool(np.ptp(problem.E, axis=0).any())
-            squares.append(2 * (self.degree + problem.left + varies))
+            own = varies * problem.plant.curve_degree
+            squares.append(2 * (self.degree + problem.left + own))
         return max(self.degree + problem.degree, *squares)
 
 

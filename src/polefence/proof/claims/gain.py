@@ -48,7 +48,7 @@ class Gain(SignalClaim):
 
     def rows(self, X: Polynomial, N: Polynomial, Y: Polynomial) -> Rows:
         """Return X, and the bounded real lemma."""
-        E, step = scaled(self.subject.E, self.scales, X.sizes), self.subject.step
+        E, step = self.subject.driving(self.scales, X.sizes), self.subject.step
         lemma = self._lemma((N + N.T).times(-1), E, Y)
         below = X.times(1 / step) if step else None
         spread = self.subject.evidence.spread
@@ -68,7 +68,7 @@ class Gain(SignalClaim):
     def dual_rows(self) -> Rows:
         """Return the lemma of the dual form."""
         Q, WQ, M, Y = self.subject.dual_loop(self.outputs)
-        entering, step = scaled(self.subject.E, self.scales, Q.sizes), self.subject.step
+        entering, step = self.subject.driving(self.scales, Q.sizes), self.subject.step
         E, both = WQ * entering, self.subject.dual_falling(Q, WQ, M)
         spread = self.subject.evidence.spread
         plain = not step and spread is None

@@ -286,7 +286,7 @@ def _require_memory(memory: Memory, design: Poles) -> None:
             raise FormatError("code.memory: the last inputs must be the rates of the last states")
     if design.remainder is not None:
         for M in design.remainder.curve:
-            at_rest = [row[n - q : n] + row[n + m - q :] for row in M]
+            at_rest = [row[n - q : n] + row[n + m - q : n + m] for row in M]
             if any(map(any, at_rest)) or any(map(any, M[n - q :])):
                 raise FormatError("code.memory: the plant's curve is not of the last states")
     for C in design.law.C:

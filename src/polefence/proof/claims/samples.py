@@ -158,7 +158,7 @@ class Samples(Claim):
         return self._in_units([self._held(entries)])[0]
 
     def _held(self, matrix: Sequence[Sequence[Fraction]]) -> Rationals:
-        """Return the rows and columns of [A, B, E], or [A, B], that are of what is sampled."""
+        """Return the rows and columns of [A, B, E] that are of what is sampled."""
         late = slice(self.width - self.m, self.width)
         acting = late if self.delay else slice(self.plant.n, self.plant.n + self.m)
         rest = slice(self.plant.n + self.plant.m, None)
@@ -166,10 +166,10 @@ class Samples(Claim):
 
     @property
     def _curve(self) -> list[Rationals]:
-        """The curve's coefficients of what is sampled; disturbances have none."""
+        """The curve's coefficients of what is sampled."""
         remainder = self.plant.remainder
         curve = () if remainder is None else remainder.curve
-        return [[row + [NONE] * self.q for row in self._held(M)] for M in curve]
+        return [self._held(M) for M in curve]
 
     def off(self) -> tuple[Rationals, Fraction]:
         """Return the largest magnitude of each entry's coefficients in the units, and the rest.

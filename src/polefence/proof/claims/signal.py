@@ -178,6 +178,13 @@ class Subject:
                 N, last = N + left, last - left
         return [[minus]] if last is None else [[minus, N], [last]]
 
+    def driving(self, scales: Sequence[Fraction], sizes: Sizes) -> Polynomial:
+        """Return E, with the curve of a remainder, each column times its scale."""
+        E = affine(self.E, sizes)
+        if self.remainder is not None:
+            E = self.remainder.curved(E, self.n + self.m)
+        return E * diagonal(scales, sizes) if scales else E
+
     def dual_loop(
         self, outputs: Sequence[Output]
     ) -> tuple[Polynomial, Polynomial, Polynomial, Polynomial]:
@@ -669,8 +676,8 @@ def noise(
 
 def moving(claim: SignalClaim, intensity: Fraction, sizes: Sizes) -> Polynomial:
     """Return the intensity times E E', or more where E is only near that of the vertices."""
-    own = claim.subject
-    found, spread = noise(own.E, intensity, sizes, claim.scales), own.evidence.spread
+    own, E = claim.subject, claim.subject.driving(claim.scales, sizes)
+    found, spread = (E * E.T).times(intensity), own.evidence.spread
     most = max(spread.driving(claim.scales, own.q), default=0) if spread else 0
     if spread is None or not most:
         return found
@@ -682,7 +689,7 @@ def dual_of_noise(claim: SignalClaim, square: Polynomial, intensity: Fraction) -
     """Return that Q is more than the observability Gramian, and intensity tr E'QE < the square."""
     Q, WQ, M, Y = claim.subject.dual_loop(claim.outputs)
     both = claim.subject.dual_falling(Q, WQ, M)
-    E, left = scaled(claim.subject.E, claim.scales, Q.sizes), square
+    E, left = claim.subject.driving(claim.scales, Q.sizes), square
     inner, spread = -(both + Y.T * Y), claim.subject.evidence.spread
     driving = spread.driving(claim.scales, claim.subject.q) if spread else ()
     for k in range(claim.subject.q):

@@ -5,8 +5,10 @@ matrix exponential at points between the vertices.
 """
 
 import json
+import math
 from dataclasses import replace
 from fractions import Fraction
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -21,6 +23,8 @@ from polefence import (
     InitialPeak,
     RelativeRms,
     Rms,
+    Scheduled,
+    UncertainPlant,
     analyse,
     at_sample_time,
     observe,
@@ -88,15 +92,14 @@ def samples(spring, alpha, T, delay):
 
 
 def near(plant, alpha):
-    """The combination of the vertices there."""
-    A, B = plant.at(alpha)
-    return A, B, np.tensordot(alpha, np.stack([v.E for v in plant.vertices]), 1)
+    """The combination of the vertices there, with the curve."""
+    return *plant.at(alpha), plant.driven(alpha)
 
 
-@pytest.mark.parametrize("T", [0.002, 0.02, 0.1])
-def test_all_samples_are_within_the_remainder_and_some_nearly_reach_it(spring, T):
+@pytest.mark.parametrize(("T", "degree"), [(0.002, 1), (0.02, 1), (0.02, 3), (0.1, 2), (0.1, None)])
+def test_all_samples_are_within_the_remainder_and_some_nearly_reach_it(spring, T, degree):
     for delay in (0, 1, 2):
-        plant = at_sample_time(spring, T, delay)
+        plant = at_sample_time(spring, T, delay, degree)
         assert prove(claim_of_samples(plant)).proved
         if delay == 2:
             continue
@@ -109,13 +112,30 @@ def test_all_samples_are_within_the_remainder_and_some_nearly_reach_it(spring, T
         assert worst > 0.5
 
 
-def test_the_remainder_falls_with_the_square_of_the_sample_time(spring):
-    sizes = [
-        np.array(at_sample_time(spring, T).remainder.entries, dtype=float).max()
-        for T in (0.02, 0.01, 0.005)
-    ]
-    assert sizes[0] / sizes[1] == pytest.approx(4, rel=0.2)
-    assert sizes[1] / sizes[2] == pytest.approx(4, rel=0.2)
+def size(plant):
+    return np.array(plant.remainder.entries, dtype=float).max()
+
+
+@pytest.mark.parametrize("degree", [1, 2, 3])
+def test_the_remainder_falls_with_a_power_of_the_sample_time(spring, degree):
+    sizes = [size(at_sample_time(spring, T, 0, degree)) for T in (0.02, 0.01, 0.005)]
+    assert sizes[0] / sizes[1] >= 0.8 * 2 ** (degree + 1)
+    assert sizes[1] / sizes[2] >= 0.8 * 2 ** (degree + 1)
+
+
+def test_the_remainder_is_as_small_as_one_asks(spring):
+    sizes = [size(at_sample_time(spring, 0.1, 1, degree)) for degree in range(1, 7)]
+    assert all(less < 0.05 * more for more, less in pairwise(sizes))
+    assert sizes[-1] < 1e-10
+    # by default it is small beside what a sample changes, where that asks for no high degree
+    assert at_sample_time(spring, 0.001).remainder.degree == 1
+    assert at_sample_time(spring, 0.1).remainder.degree == 2
+
+
+@pytest.mark.parametrize("degree", [0, 9, 2.0, True])
+def test_other_degrees_are_refused(spring, degree):
+    with pytest.raises(InputError, match=r"degree = .* must be 1 to 8"):
+        at_sample_time(spring, T, 0, degree)
 
 
 def test_a_plant_that_is_combinations_of_its_samples_has_next_to_no_remainder():
@@ -134,7 +154,15 @@ def changed(claim, what):
     entries = plant.remainder.entries
     if what == "remainder":
         less = tuple(tuple(x * share for x in row) for row in entries)
-        return replace(claim, plant=replace(plant, remainder=Remainder(less)))
+        return replace(
+            claim, plant=replace(plant, remainder=replace(plant.remainder, entries=less))
+        )
+    if what in ("curve", "curve of what is exact"):
+        curve = [[list(row) for row in M] for M in plant.remainder.curve]
+        i, j = (1, 0) if what == "curve" else (2, 0)
+        curve[4][i][j] += 10 * entries[1][0]
+        bent = replace(plant.remainder, curve=tuple(tuple(map(tuple, M)) for M in curve))
+        return replace(claim, plant=replace(plant, remainder=bent))
     if what == "vertex":
         A = [[list(row) for row in M] for M in plant.A]
         A[2][1][0] += 3 * entries[1][0]
@@ -156,10 +184,21 @@ def changed(claim, what):
 
 
 @pytest.mark.parametrize(
-    "what", ["remainder", "vertex", "sample time", "terms", "E", "late", "at once"]
+    "what",
+    [
+        "remainder",
+        "curve",
+        "curve of what is exact",
+        "vertex",
+        "sample time",
+        "terms",
+        "E",
+        "late",
+        "at once",
+    ],
 )
 def test_a_fault_in_the_samples_is_found(spring, what):
-    claim = claim_of_samples(at_sample_time(spring, T, 1))
+    claim = claim_of_samples(at_sample_time(spring, T, 1, 2))
     assert prove(claim).proved
     assert not prove(changed(claim, what)).proved
 
@@ -179,7 +218,7 @@ def wider(plant, times):
     """Return the plant with a remainder so many times as large."""
     entries = plant.remainder.entries
     more = tuple(tuple(times * x for x in row) for row in entries)
-    return replace(plant, remainder=Remainder(more), sampling=None)
+    return replace(plant, remainder=replace(plant.remainder, entries=more), sampling=None)
 
 
 @pytest.mark.parametrize("times", [1, 10])
@@ -274,8 +313,9 @@ def test_bounds_hold_for_all_samples_and_for_all_that_is_near(spring, plant, own
         prove(replace(found.claim, subject=subject))
 
 
-def test_a_larger_remainder_costs_more_until_nothing_is_proved(plant):
-    law, own = FixedGain(LAW[plant.shape[0] - 2]), Rms("x")
+def test_a_larger_remainder_costs_more_until_nothing_is_proved(spring, plant):
+    delay = plant.shape[0] - 2
+    law, own, plant = FixedGain(LAW[delay]), Rms("x"), at_sample_time(spring, T, delay, 1)
     exact = replace(plant, remainder=None, sampling=None)
     levels = [best_bound(each, law, own).level for each in (exact, plant, wider(plant, 10))]
     assert levels == sorted(levels)
@@ -410,8 +450,72 @@ def test_a_gain_in_continuous_time_counts_its_remainder():
         assert not prove(read(json.dumps(data)).claims[0]).proved
 
 
+def bent(middle, *, E=1, through=0):
+    """x(t + 1) = a x + e w: a and e are 0.5 and E at both ends, and go through a parabola."""
+    zero = Fraction(0)
+    peak, none = ((Fraction(middle), zero, Fraction(through)),), ((zero, zero, zero),)
+    plant = UncertainPlant.from_vertices(
+        [[[0.5]]] * 2, [[[1.0]]] * 2, [[[E]]] * 2, sample_time=1, disturbances=["w"]
+    )
+    curve = tuple(peak if e == (1, 1) else none for e in plant.domain.monomials(2))
+    return replace(plant, remainder=Remainder(((Fraction(1, 10**9),) * 3,), curve, 2))
+
+
+@pytest.mark.parametrize("own", [Rms("x1", density=2.0), Gain("x1"), EnergyPeak("x1")])
+def test_what_is_between_the_vertices_counts(own):
+    """Half of the middle's Bernstein coefficient is added there, and no proof needs it whole."""
+
+    def bound(a, e=1):
+        return e / (1 - a) if own.kind == "gain" else e / math.sqrt(1 - a * a)
+
+    law = FixedGain(np.zeros((1, 1)))
+    for middle in (0.0, 0.2, 0.4):
+        found = best_bound(bent(middle), law, own)
+        assert bound(0.5 + middle / 2) <= found.level <= 1.001 * bound(0.5 + 0.7 * middle)
+        assert prove(found.claim).proved
+        # with a plant that bends more, the same evidence proves nothing
+        more = replace(found.claim.subject, remainder=bent(middle + 0.1).remainder)
+        assert not prove(replace(found.claim, subject=more)).proved
+    assert best_bound(bent(1.02), law, own) is None
+    # what drives it bends too: from one to three
+    wide = best_bound(bent(0.0, through=4), law, own).level
+    assert bound(0.5, 3) <= wide <= bound(0.5, 5)
+
+
+def test_poles_between_the_vertices_count():
+    law = FixedGain(np.zeros((1, 1)))
+    assert analyse(bent(0.4), law, Disk(0, 0.5 + 0.7 * 0.4)).proved
+    assert not analyse(bent(0.4), law, Disk(0, 0.699)).proved
+    assert analyse(bent(0.7), law, Disk(0, 1)).proved
+    assert not analyse(bent(1.02), law, Disk(0, 1)).proved
+    claim = analyse(bent(0.4), law, Disk(0, 0.8)).certificate.claim()
+    assert prove(claim).proved
+    assert not prove(replace(claim, remainder=bent(0.7).remainder)).proved
+
+
+def test_a_curve_that_does_not_fit_is_refused(tmp_path, spring):
+    path = place(at_sample_time(spring, T, 0, 2), HalfPlane(1), "quadratic").save(tmp_path)
+    data = json.loads(path.read_text())
+    assert prove(read(path.read_text()).claims[0]).proved
+    curve = data["plant"]["curve"]
+    for key, value, said in (
+        ("degree", 1, "degree"),
+        ("degree", 3, "16 are needed here"),
+        ("degree", 9, "degree"),
+        ("coefficients", curve["coefficients"][:-1], "9 are needed here"),
+        ("coefficients", [M[:-1] for M in curve["coefficients"]], "not 2 x 4"),
+        ("more", 1, "more"),
+    ):
+        wrong = {**data, "plant": {**data["plant"], "curve": {**curve, key: value}}}
+        with pytest.raises(FormatError, match=said):
+            read(json.dumps(wrong))
+    # the method's laws on the simplex of alpha are no polynomials of the parameters
+    with pytest.raises(InputError, match="ask for a law on their box"):
+        place(at_sample_time(spring, T, 0, 2), HalfPlane(1), Scheduled(1, 0, "simplex"))
+
+
 def test_samples_of_other_numbers_of_vertices_are_refused(spring):
-    claim = claim_of_samples(at_sample_time(spring, T))
+    claim = claim_of_samples(at_sample_time(spring, T, 0, 1))
     fewer = replace(
         claim,
         plant=replace(claim.plant, A=claim.plant.A[:3], B=claim.plant.B[:3], E=claim.plant.E[:3]),

@@ -22,6 +22,7 @@ from polefence.design.search import Deadline
 from polefence.design.signals.bounds import Bound, best_bound, kept_bound
 from polefence.design.signals.tuned import tighter
 from polefence.law.laws import Law
+from polefence.lmi.conditions.methods import Method, Scheduled
 from polefence.plant.family import UncertainPlant
 from polefence.region.regions import Disk, Region
 
@@ -41,6 +42,16 @@ FORMS = ((0, 0), (1, 0))  # degree and elevation of Lyapunov polynomials of smal
 def without_remainder(plant: UncertainPlant) -> UncertainPlant:
     """Return the combinations of a plant's vertices alone."""
     return replace(plant, remainder=None, sampling=None)
+
+
+def on_the_box(plant: UncertainPlant, method: Method | None) -> Method | None:
+    """Return the method that is meant by plain "scheduled", or none, of a plant with a curve.
+
+    Its loop is to be a polynomial of the parameters.
+    """
+    if plant.curve_degree == 1 or not plant.parameters or method not in (None, "scheduled"):
+        return method
+    return Scheduled(1, 1, "box")
 
 
 def decaying(plant: UncertainPlant, region: Region, share: float) -> Region:

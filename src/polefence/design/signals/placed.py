@@ -95,6 +95,8 @@ def place(
         return estimated.placed(plant, region, method, errors)
     if getattr(plant, "remainder", None) is not None:
         bare = without_remainder(plant)
+        if structure is None:
+            method = nearby.on_the_box(plant, method)
         return nearby.placed(
             plant if structure is None else structure.extended(plant)[0],
             in_time_of(plant, region),
@@ -229,6 +231,7 @@ def _tightest_nearby(
     larger = plant if structure is None else structure.extended(plant)[0]
     failure: NotProvedError | None = None
     plain = "quadratic" if structure is None else None
+    method = method if structure is not None else nearby.on_the_box(plant, method)
     for each in dict.fromkeys((method, plain)):
         try:
             found = tightest(bare, centre, each, of=of, within=within, structure=structure)

@@ -8,7 +8,7 @@ import json
 import math
 from dataclasses import replace
 from fractions import Fraction
-from itertools import pairwise
+from itertools import pairwise, product
 
 import numpy as np
 import pytest
@@ -33,12 +33,18 @@ from polefence import (
     tightest,
 )
 from polefence.base.errors import InputError
+from polefence.design.certificate import exact_law
 from polefence.design.evidence import certificate_of, evidence_at
-from polefence.design.signals.bounds import best_bound
+from polefence.design.requirements.specification import claim_of
+from polefence.design.signals.bounds import _dual_evidence, best_bound
+from polefence.lmi.solve.gramians import _each, in_parts
+from polefence.plant.boxes import Box
+from polefence.plant.delta import delta_form
 from polefence.plant.samples import claim_of_samples
 from polefence.plant.spec import loads
 from polefence.proof.claims.base import prove
 from polefence.proof.document import loads as read
+from polefence.proof.laws import Evidence, Piece
 from polefence.proof.remainder import Remainder
 from polefence.proof.work import FormatError
 
@@ -491,6 +497,53 @@ def test_poles_between_the_vertices_count():
     claim = analyse(bent(0.4), law, Disk(0, 0.8)).certificate.claim()
     assert prove(claim).proved
     assert not prove(replace(claim, remainder=bent(0.7).remainder)).proved
+
+
+def test_a_part_of_the_box_has_its_part_of_the_curve(spring):
+    whole = at_sample_time(spring, 0.1, 1, 3)
+    ends = (Fraction(1, 4), Fraction(2, 3)), (Fraction(1), Fraction(3, 4))
+    part = replace(whole, remainder=whole.remainder.inside(*ends), sampling=None)
+    low, high = (np.array(own, dtype=float) for own in ends)
+    for s in np.random.default_rng(1).random((20, 2)):
+        t = low + (high - low) * s
+        mine, other = (np.kron(*((1 - x, x) for x in own)) for own in (s, t))
+        assert np.allclose(part._beyond(mine), whole._beyond(other), rtol=1e-12, atol=1e-15)
+    assert part.remainder.entries == whole.remainder.entries
+
+
+def test_bounds_in_parts_of_the_box_hold_and_each_part_counts(spring):
+    plant, law, own = at_sample_time(spring, 0.15, 0, 2), FixedGain(np.zeros((1, 2))), Rms("x")
+    problem = own.dual(delta_form(plant), law)
+    worst = best_bound(plant, law, own).level
+    cells = in_parts(problem, worst * 1.001)
+    assert cells is not None
+    parts = divided_in_four(problem, worst * 1.001)
+    evidence = Evidence([], dual=True, cells=parts)
+    claim = claim_of(plant, exact_law(law), "box", own, evidence, Fraction(worst * 1.001))
+    assert prove(claim).proved
+    for k in range(4):
+        spread = replace(parts[k].evidence.spread, kappa=parts[k].evidence.spread.kappa / 2)
+        fault = replace(parts[k], evidence=replace(parts[k].evidence, spread=spread))
+        other = replace(evidence, cells=(*parts[:k], fault, *parts[k + 1 :]))
+        subject = replace(claim.subject, evidence=other)
+        assert not prove(replace(claim, subject=subject)).proved
+    more = replace(
+        plant.remainder,
+        curve=tuple(tuple(tuple(3 * x for x in row) for row in M) for M in plant.remainder.curve),
+    )
+    subject = replace(claim.subject, remainder=more.over(plant.sample_time))
+    assert not prove(replace(claim, subject=subject)).proved
+
+
+def divided_in_four(problem, level):
+    """Evidence of the level on the quarters of the box."""
+    found = []
+    for a, b in product((0.0, 0.5), repeat=2):
+        box = Box((a, b), (a + 0.5, b + 0.5))
+        dual = next(own for own in _each(replace(problem, box=box), level) if own.level < level)
+        ends = (tuple(map(Fraction, own)) for own in (box.low, box.high))
+        found.append(Piece(*ends, _dual_evidence(dual)))
+    return tuple(found)
 
 
 def test_a_curve_that_does_not_fit_is_refused(tmp_path, spring):

@@ -20,7 +20,16 @@ from dataclasses import dataclass, field
 from fractions import Fraction
 
 from polefence.proof.matrices import MAX_BITS, Rationals, common_denominator, identity, product
-from polefence.proof.polynomials import Polynomial, Sizes, bernstein, constant, count_of, diagonal
+from polefence.proof.polynomials import (
+    Polynomial,
+    Sizes,
+    bernstein,
+    constant,
+    count_of,
+    diagonal,
+    monomials,
+    multinomial,
+)
 from polefence.proof.work import RATIONAL, FormatError, spend
 
 Rows = tuple[tuple[Fraction, ...], ...]
@@ -64,6 +73,34 @@ class Remainder:
         )
         return Remainder(entries, tuple(curve), self.degree)
 
+    def inside(self, low: Sequence[Fraction], high: Sequence[Fraction]) -> Remainder:
+        """Return that of a part of the box, in coordinates of that part.
+
+        Parameters
+        ----------
+        low, high : sequences of Fraction
+            Weights of each parameter's upper end, from 0 to 1.
+        """
+        if not self.curve:
+            return self
+        sizes = (2,) * len(low)
+        forms = [
+            bernstein([[[1 - a if lower else a]], [[1 - b if lower else b]]], (2,), 1)
+            for a, b in zip(low, high, strict=True)
+            for lower in (True, False)
+        ]
+        whole = bernstein([list(map(list, M)) for M in self.curve], sizes, self.degree, MAX_BITS)
+        own = whole.composed([_along(form, k // 2, sizes) for k, form in enumerate(forms)], sizes)
+        none = ((NONE,) * whole.shape[1],) * whole.shape[0]
+        found = {
+            e: tuple(
+                tuple(Fraction(x, own.whole * multinomial(e, sizes)) for x in row) for row in M
+            )
+            for e, M in own.terms.items()
+        }
+        curve = tuple(found.get(e, none) for e in monomials(sizes, self.degree))
+        return Remainder(self.entries, curve, self.degree)
+
     def padded(self, n: int, m: int, states: int, inputs: int = 0) -> Remainder:
         """Return that of the plant with more states and inputs, behind its own, that are exact."""
 
@@ -98,6 +135,14 @@ class Remainder:
             raise FormatError(f"plant.remainder must hold {n} rows of {n + m + q} numbers")
         if min(map(min, self.entries)) < 0:
             raise FormatError("plant.remainder must hold numbers of zero or more")
+
+
+def _along(form: Polynomial, k: int, sizes: Sizes) -> Polynomial:
+    """Return a polynomial of one simplex as one of the k-th of several."""
+    before, after = sum(sizes[:k]), sum(sizes[k + 1 :])
+    terms = {(*(0,) * before, *e, *(0,) * after): M for e, M in form.terms.items()}
+    degrees = tuple(form.degrees[0] * (j == k) for j in range(len(sizes)))
+    return Polynomial(terms, sizes, degrees, form.whole)
 
 
 @dataclass(frozen=True)

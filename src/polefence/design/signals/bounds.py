@@ -198,7 +198,7 @@ class _Question:
     def in_parts(self, level: float) -> Bound | None:
         """Return the bound of that level if dual polynomials on parts of the box prove it."""
         parts = None
-        if self.problem is not None and self.plant.remainder is None:
+        if self.problem is not None:
             parts = in_parts(self.problem, level)
         if parts is None:
             return None

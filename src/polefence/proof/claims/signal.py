@@ -465,7 +465,7 @@ class SignalClaim(Claim):
             return
         own.remainder.require(own.n, own.m, own.q, own.sizes)
         spread.require(own.remainder, own.evidence.dual)
-        if own.evidence.cells or not self.has_remainder:
+        if not self.has_remainder:
             raise FormatError(f"a bound on {self.kind} with a remainder is not proved like this")
 
     @property
@@ -521,7 +521,8 @@ class SignalClaim(Claim):
         A, B = (on_corners(matrices, low, high) for matrices in (own.A, own.B))
         E = on_corners(own.E, low, high) if own.E else []
         law = own.law.inside(low, high)
-        subject = replace(own, A=A, B=B, E=E, law=law, evidence=piece.evidence)
+        remainder = own.remainder and own.remainder.inside(low, high)
+        subject = replace(own, A=A, B=B, E=E, law=law, evidence=piece.evidence, remainder=remainder)
         outputs = []
         for y in self.outputs:
             C, D = (on_corners(rows, low, high) for rows in (y.C, y.D))

@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
+import json
 import math
 
 import numpy as np
 import pytest
 
 from polefence import (
+    Design,
     Disk,
     Ellipse,
     HalfPlane,
     HorizontalStrip,
     Sector,
+    Structure,
     UncertainPlant,
     VerticalStrip,
     Wedge,
@@ -21,12 +24,14 @@ from polefence import (
     observe,
     parse_region,
     place,
+    tightest,
     z_plane,
 )
-from polefence.base.errors import InputError, RegionError
+from polefence.base.errors import InputError, NotProvedError, RegionError
 from polefence.cli.main import main
 from polefence.design.checks import implies_stability
 from polefence.region.regions import Region
+from polefence.region.text import short_text
 from polefence.region.z_plane import share_kept
 
 T = 0.05
@@ -161,6 +166,32 @@ def test_a_design_has_the_decay_and_damping_that_were_asked(method):
         assert analyse(CART, gain[0], HalfPlane(-np.real(poles).max() + 0.01)).answer == "refuted"
 
 
+def test_the_largest_decay_rate_is_that_of_the_smallest_disk_about_zero():
+    design, disk = tightest(CART, of="half_plane"), tightest(CART, 0.0)
+    assert design.region == disk.region
+    assert design.asked.decay == pytest.approx(-math.log(disk.region.radius) / T, rel=1e-5)
+    assert z_plane(design.asked, T).radius >= design.region.radius
+    with pytest.raises(InputError, match="has no centre and no region within"):
+        tightest(CART, of="half_plane", within=Disk(0, 0.9))
+
+
+def test_the_largest_damping_ratio_is_bracketed():
+    """A feedback of the position alone cannot damp as one likes."""
+    position = Structure(measured=("x1",), schedule=(), largest_gain=3.0)
+    light = UncertainPlant.from_vertices(
+        [[[1, T], [-T * k, 0.97]] for k in (1, 2)], [[[0], [T]]] * 2, sample_time="0.05"
+    )
+    found = tightest(light, of="sector", structure=position)
+    assert check(found).proved
+    asked = found.asked.damping
+    weights = np.linspace(0, 1, 21)
+    poles = found.poles(np.stack([weights, 1 - weights], axis=1))
+    least = damping(poles[np.abs(poles) > 1e-6]).min()
+    assert asked < least < asked + 0.1 * (1 - asked)
+    with pytest.raises(NotProvedError):
+        place(light, Sector(asked + 0.01), structure=position)
+
+
 def test_an_observer_too():
     plant = UncertainPlant.from_vertices(A, B, states=("x", "v"), sample_time="0.05")
     observer = observe(plant, ["x"], HalfPlane(2) & Sector(0.5), "quadratic")
@@ -184,6 +215,22 @@ through = "1/m"
 A = [[1, 0.05], [0, 1]]
 B = [["0.00125/m"], ["0.05/m"]]
 """
+
+
+def test_the_command_finds_decay_rate_and_damping_ratio(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "cart.toml").write_text(SPEC)
+    for kind, said in (("half_plane", "proved: decay rate "), ("sector", "proved: damping ratio ")):
+        words = ["tightest", "cart.toml", "--of", kind, "--schedule", "none", "--largest-gain", "3"]
+        assert main([*words, "-o", "law", "--json", "summary.json"]) == 0
+        value = json.loads((tmp_path / "summary.json").read_text())["value"]
+        first = capsys.readouterr().out.splitlines()[0]
+        assert first.startswith(said)
+        assert float(first.split()[3].rstrip(",")) == pytest.approx(value, rel=1e-5)
+        region = Design.load("law/design.json").region
+        assert f"within {' & '.join(map(short_text, region.parts))}" in first
+        assert main(["check", "law", "--spec", "cart.toml"]) == 0
+        capsys.readouterr()
 
 
 def test_the_command_says_what_was_proved_and_what_was_asked(tmp_path, monkeypatch, capsys):

@@ -12,6 +12,7 @@ import pytest
 from scipy.linalg import solve_discrete_lyapunov
 
 from polefence import (
+    Disk,
     EnergyPeak,
     FixedGain,
     Gain,
@@ -304,8 +305,8 @@ def test_a_tradeoff_has_rows_that_are_proved(plant):
 
 
 def test_what_discrete_time_has_not_is_refused(plant):
-    with pytest.raises(InputError, match="where half_plane has no direct search"):
-        tightest(plant, of="half_plane", structure=Structure())
+    with pytest.raises(InputError, match="half_plane has no centre and no region within"):
+        tightest(plant, of="half_plane", structure=Structure(), within=Disk(0, 0.9))
     with pytest.raises(InputError, match=r"step = 0.03 s; spring is in discrete time, .* 0.02 s"):
         step(plant, None, np.eye(2), step=0.03, duration=1.0)
     with pytest.raises(InputError, match="up to half of the sampling rate, 25 Hz"):

@@ -73,8 +73,8 @@ def tightest_command(options: Any) -> int:
         raise InputError("--within belongs to --of half_plane and --of sector")
     plant = at_samples(load(options.spec), options)
     centre = f"--centre CENTRE, for example --centre {example_centre(plant)}"
-    if options.of != "disk" and plant.sample_time is not None:
-        raise InputError(f"{options.spec}: a discrete-time plant; ask --of disk {centre}")
+    if options.within is not None and plant.sample_time is not None:
+        raise InputError("--within is of continuous time; leave it out")
     if options.of == "disk" and options.centre is None:
         raise InputError(f"--of disk needs {centre}")
     within = None if options.within is None else parse_region(options.within)
@@ -89,11 +89,16 @@ def tightest_command(options: Any) -> int:
     )
     label = design.label if structure is None else structure.words(plant)
     value, text = _answer(options.of, design)
-    rest = " & ".join(short_text(part) for part in design.region.parts[1:])
+    first = 0 if design.asked is not None else 1
+    rest = " & ".join(short_text(part) for part in design.region.parts[first:])
     beside = f", within {rest}" if rest else ""
     lines = [f"proved: {text}{beside}, for {every_alpha(design)} of {plant.name!r} by {label}"]
     lines += samples_text(plant) + motion_lines(plant, design.region)
-    if options.of != "disk" and (within is None or within.parts != design.region.parts[1:]):
+    if (
+        options.of != "disk"
+        and plant.sample_time is None
+        and (within is None or within.parts != design.region.parts[1:])
+    ):
         lines.append(
             "note: a disk bounds the poles' speed, or gains would be without bound; choose"
         )
@@ -122,7 +127,7 @@ def tightest_command(options: Any) -> int:
 
 def _answer(of: str, design: Design) -> tuple[float, str]:
     """Return the number that was asked for, and a text that is true as printed."""
-    first = design.region.parts[0]
+    first = (design.asked or design.region).parts[0]
     if of == "half_plane":
         value = first.numbers["decay"]
         return value, f"decay rate {digits_down(value)} 1/s"

@@ -49,6 +49,9 @@ class Design:
         smaller radius or larger decay rate [1/s], or a larger damping ratio.
     more : tuple of Claim
         What is proved besides, of estimates that are off; saved with it.
+    asked : Region, optional
+        In discrete time, the half-plane or sector within whose image in the z-plane the region is,
+        where `tightest` found the largest decay rate or damping ratio.
     """
 
     certificate: Certificate
@@ -56,6 +59,7 @@ class Design:
     lower: float | None = None
     unrunnable: float | None = None
     more: tuple[Claim, ...] = ()
+    asked: Region | None = None
 
     def __repr__(self) -> str:
         status = "proved" if self.proved else "not proved"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import replace
@@ -14,7 +15,6 @@ from polefence.base.errors import InputError, NotProvedError, RegionError, requi
 from polefence.design import place as lmi
 from polefence.design.checks import (
     in_time_of,
-    require_continuous,
     require_movable,
     require_region,
     stable_region,
@@ -38,12 +38,14 @@ from polefence.plant.delta import delta_form, sampled_form
 from polefence.plant.family import UncertainPlant
 from polefence.plant.points import seeded
 from polefence.region.regions import Disk, HalfPlane, Region, Sector, bounded, stable
-from polefence.region.z_plane import delta_plane
+from polefence.region.z_plane import MOST_DAMPING, delta_plane, z_plane
 from polefence.response.closed import close
 
 TIGHTER = (1e-3, 1e-2, 5e-2)  # shares by which a region is asked for smaller than it is to be
 STEPS = (1e-6, 1e-5, 1e-4, 1e-3, 1e-2)  # from the worst sample to what is to be proved
 SAMPLES = 500
+SLOWER = 1e-12, 1e-9, 1e-6, 1e-3  # shares of a decay rate, for the rounding of its image
+CLOSE = 2e-3  # how closely the largest damping ratio is found in discrete time
 
 
 def place(
@@ -147,9 +149,9 @@ def tightest(
         As `place` has it.
     of : str
         "disk" about the centre; "half_plane", the largest decay rate; "sector", the largest
-        damping ratio.
+        damping ratio, in discrete time by a search to 0.002.
     within : Region, optional
-        For "half_plane" and "sector": a fixed region to hold besides.
+        For "half_plane" and "sector" in continuous time: a fixed region to hold besides.
     structure : Structure, optional
         What the law may be, in place of a method.
 
@@ -170,6 +172,14 @@ def tightest(
     UncontrollableError
         If a vertex has a pole that no gain moves and that is not stable, or not in ``within``.
     """
+    if of != "disk" and getattr(plant, "sample_time", None) is not None:
+        lmi.require_kind(of)
+        if within is not None or centre is not None:
+            raise InputError(
+                f"{plant.name} is in discrete time, where a {of} has no centre and no region within"
+            )
+        found = _fastest if of == "half_plane" else _most_damped
+        return found(plant, method, structure)
     if getattr(plant, "remainder", None) is not None:
         return _tightest_nearby(plant, centre, method, of, within, structure)
     if structure is None:
@@ -177,8 +187,6 @@ def tightest(
         return lmi.tightest(plant, centre, own, allow_unproved, of=of, within=within)
     require_structure_alone(method, allow_unproved)
     lmi.require_kind(of)
-    if of != "disk":
-        require_continuous(plant, of)
     if (of == "disk") != (centre is not None) or (of == "disk" and within is not None):
         raise InputError("a disk needs a centre and takes no region within, others have no centre")
     original, (plant, gain) = delta_form(plant), _extended(plant, structure, within)
@@ -201,6 +209,35 @@ def tightest(
             break
         starts += kept[:1]
     raise NotProvedError(f"no {gain.words(plant)} was found of which a {of} is proved")
+
+
+def _fastest(plant: UncertainPlant, method: Method | None, structure: Structure | None) -> Design:
+    """Return the law of the largest decay rate in discrete time: the smallest disk about zero."""
+    design, T = tightest(plant, 0.0, method, structure=structure), float(plant.sample_time or 1)
+    radius = design.region.size
+    for share in SLOWER:  # of which the image is no smaller than the disk
+        asked = HalfPlane(max(-math.log(radius) / T * (1 - share), 0.0))
+        if z_plane(asked, T).size >= radius:
+            return replace(design, asked=asked, unrunnable=None)
+    return replace(design, asked=HalfPlane(0.0), unrunnable=None)
+
+
+def _most_damped(
+    plant: UncertainPlant, method: Method | None, structure: Structure | None
+) -> Design:
+    """Return the law of the largest damping ratio whose polygon in the z-plane is proved."""
+    best: Design | None = None
+    low, high, failure = 0.0, MOST_DAMPING, NotProvedError("not proved: no damping ratio was")
+    while high - low > CLOSE:
+        middle = (low + high) / 2
+        try:
+            found = place(plant, Sector(middle), method, structure=structure)
+            best, low = replace(found, asked=Sector(middle)), middle
+        except NotProvedError as error:
+            failure, high = error, middle
+    if best is None:
+        raise failure
+    return best
 
 
 def require_structure_alone(method: Method | None, allow_unproved: bool = False) -> None:

@@ -42,6 +42,7 @@ from polefence.proof.claims.base import Claim
 from polefence.proof.claims.observer import Observer as ObserverClaim
 from polefence.proof.claims.rounding import Code, Rounded, rounding_error
 from polefence.proof.claims.sampled import Sampled
+from polefence.proof.claims.samples import Samples
 from polefence.proof.document import Document
 from polefence.proof.text import milliseconds_text
 from polefence.proof.work import FormatError
@@ -139,7 +140,9 @@ def _other(path: Path, document: Document) -> str:
     table, own_time = own["text"], certificate.plant.sample_time
     # what is kept of the region in service may be another than the design's
     parts = [(part.kind, part.numbers) for part in design.region]
-    facts = Facts(region_of(parts), claim, own_time, limited=False, observer=observer)
+    samples = document.first(Samples)
+    late = 0 if samples is None else samples.delay
+    facts = Facts(region_of(parts), claim, own_time, limited=False, observer=observer, late=late)
     if loop is not None:
         seen = read_seen(table, observer is not None)
         held = Loop(float(loop.sample_time), loop.delay, loop.decay, seen)
@@ -382,6 +385,8 @@ class Facts:
         The plant's own, in discrete time.
     limited : bool
         Whether the code cuts the inputs.
+    late : int
+        By how many samples inputs act late in a plant that is samples of another.
     """
 
     region: Region
@@ -391,6 +396,7 @@ class Facts:
     loop: Loop | None = None
     observer: Observer | None = None
     reason: str = ""
+    late: int = 0
 
 
 def loop_of(timed: Timing) -> Loop:
@@ -414,9 +420,9 @@ def statement(facts: Facts) -> tuple[str, ...]:
     sentences = [_rounding(facts), *_timing(facts)]
     own = facts.sample_time
     if own is not None:
-        sentences.append(
-            f"Run every {milliseconds_text(own)} ms, the plant's own, u without delay."
-        )
+        late = f"acting {facts.late} sample{'s' * (facts.late > 1)} late, as the plant has it"
+        how = late if facts.late else "without delay"
+        sentences.append(f"Run every {milliseconds_text(own)} ms, the plant's own, u {how}.")
     if facts.observer is not None:
         sentences += _of_observer(facts, facts.observer)
     sentences.append(_outside(facts))

@@ -205,10 +205,11 @@ def _facts(
     """Return what the code may say of itself."""
     loop = None if timed is None else loop_of(timed)
     own = design.region, found.claim, design.plant.sample_time, limited, loop, observer
+    late = 0 if design.plant.sampling is None else design.plant.sampling.delay
     if not design.proved:
-        facts = Facts(*own, reason="the design itself is not proved")
+        facts = Facts(*own, reason="the design itself is not proved", late=late)
         return replace(facts, rounded=None)
-    return Facts(*own, reason=found.reason)
+    return Facts(*own, reason=found.reason, late=late)
 
 
 def _require_observer(

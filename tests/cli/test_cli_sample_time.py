@@ -98,7 +98,10 @@ def test_code_is_proved_with_the_samples_as_they_are(folder, capsys):
     assert design(folder) == 0
     assert main(["export", "out", "--float", "32", "-o", "code"]) == 0
     said = capsys.readouterr().out
-    assert "Run every 20 ms, the plant's own, u acting 1 sample late, as the plant has it" in " ".join(said.split())
+    assert (
+        "Run every 20 ms, the plant's own, u acting 1 sample late, as the plant has it"
+        in " ".join(said.split())
+    )
     document = loads((folder / "code" / "guarantee.json").read_text())
     assert isinstance(document.claims[-1], Samples)
     (claim,) = (own for own in document.claims if isinstance(own, Rounded))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from fractions import Fraction
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +19,7 @@ from polefence.plant.family import UncertainPlant
 from polefence.plant.spec import load
 from polefence.proof.claims.base import prove
 from polefence.proof.claims.clipped import Clipped
+from polefence.proof.text import milliseconds_text
 from polefence.region.text import digits_up
 
 WORDS = ("passive", "skyhook", "lqr")
@@ -84,6 +86,31 @@ def read_law(plant: UncertainPlant, what: str) -> Named:
         given_law(plant, design)
         return _of_design(plant, design, path)
     return Named(_stem(path), read_gain(plant, what))
+
+
+def at_samples_of(plant: UncertainPlant, what: str) -> Design | None:
+    """Return a design at a sample time, where the plant is in continuous time; else None."""
+    path = Path(what)
+    if what in WORDS or plant.sample_time is not None or not path.exists():
+        return None
+    if not (path.is_dir() or is_proof_file(path)):
+        return None
+    if not path.is_dir() and read_document(path).first(Clipped) is not None:
+        return None
+    design = Design.load(path, allow_unproved=True)
+    return design if design.plant.sampling is not None else None
+
+
+def of_samples(plant: UncertainPlant, design: Design, path: Path) -> Named:
+    """Return the name of a design at a sample time, and what is proved of the plant's samples."""
+    name, own = _stem(path), design.plant.sampling
+    if not design.proved:
+        return Named(name, design, proved="nothing: the proof in its file fails")
+    if own is None or _identity(own.plant) != _identity(plant):
+        return Named(name, design, proved="nothing: its proof is about another plant")
+    time = milliseconds_text(design.plant.sample_time or Fraction(0))
+    proved = f"all poles in {design.region}, at samples every {time} ms, for every constant value"
+    return Named(name, design, proved=f"{proved} of the parameters")
 
 
 def distinct(laws: Sequence[Named]) -> list[Named]:

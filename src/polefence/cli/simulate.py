@@ -22,7 +22,14 @@ from polefence.cli.common import (
     write_figure,
     write_json,
 )
-from polefence.cli.laws import Named, distinct, read_law, read_subject
+from polefence.cli.laws import (
+    Named,
+    at_samples_of,
+    distinct,
+    of_samples,
+    read_law,
+    read_subject,
+)
 from polefence.cli.terminal import say
 from polefence.design.margins import estimation_error, parameter_rate
 from polefence.design.rows import plant_summary
@@ -34,6 +41,7 @@ if TYPE_CHECKING:  # imported where used: with scipy behind them
     from polefence.plant.cars import Car
     from polefence.plant.dampers import Damper
     from polefence.response.columns import Table
+    from polefence.response.discrete import Sampling
     from polefence.show.plots import Panel
     from polefence.vehicle.driving.drive import Run, Setup
     from polefence.vehicle.excitation import Excitation
@@ -92,8 +100,13 @@ def simulate_command(options: Any) -> int:
         check_format(options.output)
     check_targets(options.output, options.plot, options.json)
     plant, own = read_subject(options.subject)
-    words = options.law if options.law or own else ["passive"]
-    laws = distinct([*([own] if own else []), *(read_law(plant, word) for word in words)])
+    held = None if own else _held(plant, options)
+    if held is not None:
+        plant, law, options = held
+        laws = [law]
+    else:
+        words = options.law if options.law or own else ["passive"]
+        laws = distinct([*([own] if own else []), *(read_law(plant, word) for word in words)])
     setup = setup_of(plant, options, laws[0].law)
     each = counted(laws, "law")
     runs = {law.name: run(setup, law.law, _margins(setup, law)) for law in each}
@@ -104,6 +117,35 @@ def simulate_command(options: Any) -> int:
         say("", *text_of(summary))
     _require_end(runs)
     return PROVED
+
+
+def _held(plant: UncertainPlant, options: Any) -> tuple[UncertainPlant, Named, Any] | None:
+    """Return the plant with what the computer of a design at a sample time keeps, law and options.
+
+    None where no law is one.
+
+    Raises
+    ------
+    InputError
+        If there are other laws besides, or the options have another period.
+    """
+    from polefence.design.running import running
+
+    designs = [at_samples_of(plant, word) for word in options.law]
+    design = next((own for own in designs if own is not None), None)
+    if design is None:
+        return None
+    if len(designs) > 1:
+        raise InputError(
+            "--law: a design at a sample time is driven alone, with the states that its computer "
+            "keeps; leave out the others"
+        )
+    found, named = running(plant, design), of_samples(plant, design, Path(options.law[0]))
+    period = found.sampling.period
+    if options.sampling not in (None, period):
+        raise InputError(f"--sampling: the design's own is {period:g} s; leave it out")
+    options = argparse.Namespace(**{**vars(options), "sampling": found.sampling})
+    return found.plant, replace(named, law=found.law), options
 
 
 def _require_end(runs: Mapping[str, Run]) -> None:
@@ -282,7 +324,6 @@ def setup_of(plant: UncertainPlant, options: Any, law: Any) -> Setup:
     InputError
         Naming the option that cannot be used.
     """
-    from polefence.response.discrete import Sampling
     from polefence.vehicle.driving.drive import Setup
     from polefence.vehicle.driving.parts import Actuator, BumpStops, Estimated, Hardware
 
@@ -297,7 +338,7 @@ def setup_of(plant: UncertainPlant, options: Any, law: Any) -> Setup:
         options.outside,
         Hardware(
             Estimated() if options.estimate else None,
-            None if options.sampling is None else Sampling(options.sampling),
+            _sampling(options.sampling),
             Actuator(options.bandwidth, options.force_limit),
             stops,
             dampers=_dampers(options.subject),
@@ -309,6 +350,12 @@ def setup_of(plant: UncertainPlant, options: Any, law: Any) -> Setup:
     except ParameterValueError as error:
         raise ParameterValueError(str(error).replace("outside=True", "--outside")) from error
     return setup
+
+
+def _sampling(given: float | Sampling | None) -> Sampling | None:
+    from polefence.response.discrete import Sampling
+
+    return given if given is None or isinstance(given, Sampling) else Sampling(given)
 
 
 def _dampers(subject: str) -> tuple[Damper, ...]:
@@ -486,7 +533,8 @@ def _step(options: Any) -> float:
     if options.sampling is None:
         return LONGEST_STEP
     # so that the controller's period is a multiple of the step
-    period = positive(options.sampling, "--sampling [s]")
+    own = options.sampling
+    period = positive(getattr(own, "period", own), "--sampling [s]")
     return period / max(1, math.ceil(period / LONGEST_STEP * (1 - 1e-9)))
 
 

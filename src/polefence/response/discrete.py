@@ -41,10 +41,13 @@ class Sampling:
     period : float
     delayed : bool
         The demand computed at one sample goes out at the next; until the second it is zero.
+    designed : bool
+        Whether the law was designed for it: then it is in what is proved.
     """
 
     period: float
     delayed: bool = False
+    designed: bool = False
 
     def __post_init__(self) -> None:
         positive(self.period, "sampling period [s]")

@@ -231,12 +231,13 @@ def signals(plant: UncertainPlant) -> tuple[Output, ...]:
 
 def _slow(setup: Setup, law: Any) -> list[str]:
     """Say where a controller samples more slowly than the poles it is to set."""
-    if setup.hardware.sampling is None or law is None:
+    sampling = setup.hardware.sampling
+    if sampling is None or sampling.designed or law is None:
         return []
     first = setup.trajectories.space.inside(setup.trajectories.at(np.zeros(1))[0])
     alpha = setup.trajectories.space.alpha(first)
     bound = longest_step(close(setup.plant, law, alpha, disturbed=False))
-    if setup.hardware.sampling.period <= bound:
+    if sampling.period <= bound:
         return []
     return [f"the fastest pole that the law sets asks for a period of at most {bound:.3g} s"]
 

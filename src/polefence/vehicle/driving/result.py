@@ -284,7 +284,7 @@ def once(values: Array) -> Array:
 def throughout(model: Model, sampling: Sampling | None, learner: Learner | None) -> tuple[str, ...]:
     """Return what no claim covers and is so all the time."""
     found = []
-    if sampling is not None:
+    if sampling is not None and not sampling.designed:
         delayed = ", a sample late" if sampling.delayed else ""
         found.append(f"the controller samples every {sampling.period:g} s{delayed}: in no claim")
     if model.actuator.bandwidth is not None:

@@ -139,6 +139,10 @@ class _Family:
 
     def __init__(self, claim: Poles, domain: Domain, measure: Measure) -> None:
         self.A, self.B = (np.array(M, dtype=float) for M in (claim.A, claim.B))
+        curve = () if claim.remainder is None else claim.remainder.curve
+        self.curve, self.degree = np.array(curve, dtype=float), 1
+        if claim.remainder is not None:
+            self.degree = claim.remainder.degree
         self.domain, self.law, self.measure = domain, claim.law, measure
         law = claim.law
         self.K = None if law.K is None else np.array(law.K, dtype=float)
@@ -149,6 +153,10 @@ class _Family:
     def values(self, coordinates: Array) -> Array:
         alpha = self.domain.alpha(coordinates)
         A, B = np.tensordot(alpha, self.A, 1), np.tensordot(alpha, self.B, 1)
+        if len(self.curve):
+            more = np.tensordot(self.domain.basis(alpha, self.degree), self.curve, 1)
+            n, m = B.shape[-2:]
+            A, B = A + more[..., :n], B + more[..., n : n + m]
         try:
             poles = np.linalg.eigvals(A + B @ self._gains(coordinates, alpha))
         except np.linalg.LinAlgError:  # a law that is singular somewhere: look point by point

@@ -229,6 +229,8 @@ def _refuted(plant: UncertainPlant, law: Law, region: Region, alpha: list[Fracti
     elif plant.parameters:
         weights += ", which no parameter values have,"
     reason = f"at {weights} {what}"
+    if plant.remainder is not None:
+        reason += ", of the samples to within their remainder"
     return Analysis(plant, law, region, "refuted", reason, None, tuple(alpha), pole)
 
 

@@ -43,6 +43,7 @@ from polefence.proof.laws import (
     Evidence,
     Law,
     Piece,
+    add,
     degree_of,
     lifted,
     on_corners,
@@ -450,6 +451,11 @@ class Poles(Claim):
             raise ValueError("alpha is not a point of the simplex")
         A, B = mix(alpha, self.A), mix(alpha, self.B)
         law, at = self.law, coordinates(alpha, self.sizes)
+        if self.remainder is not None and self.remainder.curve:
+            values, n = basis(at, self.sizes, self.remainder.degree), len(A)
+            more = mix(values, [list(map(list, M)) for M in self.remainder.curve])
+            A = add(A, [row[:n] for row in more])
+            B = add(B, [row[n : n + len(B[0])] for row in more])
         if law.K is not None:
             W = identity(len(A))
             Z = law.gain(alpha, at)

@@ -163,3 +163,15 @@ def test_a_spec_in_discrete_time_has_its_own_sample_time(folder, capsys):
     words = ["design", "own.toml", "--region", "half_plane(1)", "--sample-time", "0.1"]
     assert main(words) == 2
     assert "is in discrete time already, every 0.1 s" in capsys.readouterr().err
+
+
+def test_a_trade_off_is_of_the_samples(folder, capsys):
+    words = ["tradeoff", "spring.toml", "--minimise", "rms of x with density 2"]
+    words += ["--over", "rms of f with density 2"]
+    words += ["--value", "2", "--value", "3", "--method", "quadratic"]
+    assert main([*words, "--sample-time", "0.02", "--delay", "1"]) == 0
+    said = capsys.readouterr().out
+    assert "at samples every 20 ms, not between them" in said
+    assert said.count(" proved ") >= 2
+    assert main([*words, "--delay", "1"]) == 2
+    assert "--delay counts samples: give --sample-time too" in capsys.readouterr().err

@@ -15,12 +15,15 @@ from polefence.cli.common import (
     PROVED,
     STANDARD,
     add_structure_options,
+    at_samples,
     check_figure,
     check_targets,
     finished_rows,
     jobs_of,
     refuse_method_options,
     rows_file,
+    samples_text,
+    sampling_arguments,
     saved,
     size_of,
     spaced,
@@ -115,14 +118,16 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     sweep_arguments(parser)
     add_structure_options(parser, degree=False)
+    sampling_arguments(parser)
 
 
 def tradeoff_command(options: Any) -> int:
     """Find the least proved bound on one signal for each limit on another."""
-    plant = load(options.spec)
+    own = load(options.spec)
+    minimise, over, limits = _specifications(own, options)
+    plant = at_samples(own, options)
     values, structure = _values(options), structure_of_options(plant, options)
     methods = _methods(plant, options, structure)
-    minimise, over, limits = _specifications(plant, options)
     if methods is not None and not options.method:
         methods = _fitted(plant, methods, 2 + len(limits))
     region = region_of_options(options)
@@ -240,6 +245,7 @@ def _lines(front: Front) -> list[str]:
         f"least {least} over limits on {over}",
         *(f"with {limit_text(s)}" for s in question.subject_to),
         f"with poles in {question.region}",
+        *(line.strip() for line in samples_text(question.plant)),
     ]
     width = _width(front.rows)
     lines += _table(front.rows)

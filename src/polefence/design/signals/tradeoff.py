@@ -39,7 +39,6 @@ from polefence.law.structure import Structure
 from polefence.lmi.conditions.methods import Method, Scheduled, method_label, options
 from polefence.plant.family import UncertainPlant
 from polefence.plant.points import seeded
-from polefence.plant.polynomial import Domain
 from polefence.plant.system import Array
 from polefence.proof import reading, work
 from polefence.proof.claims.base import prove
@@ -184,11 +183,10 @@ def _require(asked: Asked, values: list[float], methods: list[Method | None]) ->
             raise InputError("a trade-off goes with 'quadratic' and Scheduled(degree, elevation)")
         require_optimisable(plant, method_for(plant, method), 2 + len(asked.subject_to))
     require_region(plant, asked.region)
-    domain = Domain.of("simplex", len(plant.vertices))
     for own in (asked.minimise, asked.over, *asked.subject_to):
         own.require_fit(plant)
         if own.of_signal:
-            own.condition(plant, domain)
+            own.condition(plant, plant.domain)
     if _same(asked.over, asked.minimise) or any(_same(asked.over, s) for s in asked.subject_to):
         raise InputError(
             f"{asked.over.kind} of {asked.over.name!r} is what the limit is swept of; minimise or "

@@ -35,6 +35,7 @@ from polefence import (
 from polefence.base.errors import InputError
 from polefence.design.certificate import exact_law
 from polefence.design.evidence import certificate_of, evidence_at
+from polefence.design.observer import Observer
 from polefence.design.requirements.specification import claim_of
 from polefence.design.signals.bounds import _dual_evidence, best_bound
 from polefence.lmi.solve.gramians import _each, in_parts
@@ -397,9 +398,32 @@ def test_a_late_input_is_a_state_and_outputs_follow_what_acts(spring):
     assert not any(map(any, late[1]))
 
 
+@pytest.mark.parametrize("method", ["quadratic", "scheduled"])
+def test_observers_are_proved_of_all_samples(tmp_path, spring, plant, method):
+    delay, asked = plant.shape[0] - 2, HalfPlane(3.0)
+    observer = observe(plant, ["x"], asked, method)
+    text = observer.save(tmp_path).read_text()
+    document = read(text)
+    assert all(prove(claim).proved for claim in document.claims)
+    assert Observer.load(tmp_path / "design.json", plant, ["x"]).design.proved
+    for alpha in inside(200):
+        A, _, _ = samples(spring, alpha, T, delay)
+        L = observer.gain(alpha[None])[0]
+        error = np.linalg.eigvals(A - L @ np.eye(len(A))[:1])
+        assert np.abs(error).max() < np.exp(-3 * T)
+    (claim,) = document.claims[:1]
+    (own,) = claim.dual.evidence
+    less = replace(own.spread, rows=tuple(1000 * x for x in own.spread.rows))
+    fault = replace(claim.dual, evidence=(replace(own, spread=less),))
+    assert not prove(replace(claim, dual=fault)).proved
+    with pytest.raises(FormatError, match="a remainder has evidence of its own"):
+        prove(replace(claim, dual=replace(claim.dual, remainder=None)))
+    # of the samples of another plant it is none
+    with pytest.raises(InputError, match="other matrices or parameters"):
+        Observer(at_sample_time(spring, T, delay, 3), observer.design)
+
+
 def test_what_is_not_proved_with_a_remainder_is_refused(spring, plant):
-    with pytest.raises(InputError, match="it is only near them"):
-        observe(plant, ["x"], HalfPlane(1))
     with pytest.raises(InputError, match=r"relative rms of x is of .*: bound the rms itself"):
         optimise(plant, RelativeRms("x"))
     with pytest.raises(InputError, match="in discrete time already, every 0.02 s"):

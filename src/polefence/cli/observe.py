@@ -10,12 +10,15 @@ import numpy as np
 
 from polefence.cli.common import (
     PROVED,
+    at_samples,
     check_figure,
     check_targets,
     gain_lines,
     image_text,
     method_arguments,
     method_of,
+    samples_text,
+    sampling_arguments,
     saved,
     spec_argument,
     write_figure,
@@ -50,6 +53,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     where.add_argument("--region", metavar="TEXT", help="any region: 'disk(-80, 60) & sector(0.5)'")
     method_arguments(parser)
+    sampling_arguments(parser)
     parser.add_argument("-o", "--output", type=Path, metavar="DIR", help="write DIR/design.json")
     parser.add_argument(
         "--plot", type=Path, metavar="FILE", help="draw the poles of the error (.png, .svg, .pdf)"
@@ -59,7 +63,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def observe_command(options: Any) -> int:
     """Design an observer, prove where the poles of its error lie, and save it."""
-    plant = load(options.spec)
+    plant = at_samples(load(options.spec), options)
     region = Disk(*options.disk) if options.region is None else parse_region(options.region)
     method = method_of(options.method or "scheduled", options)
     check_figure(options.plot)
@@ -77,6 +81,7 @@ def observe_command(options: Any) -> int:
         f"proved: {label} keeps all poles of the observer of {plant.name!r} in {region} for every "
         "alpha",
         *image_text(plant, asked),
+        *samples_text(plant),
         verdict="proved",
     )
     if not implies_stability(plant, region):

@@ -180,7 +180,10 @@ class Certificate:
         own = self.claim()
         if self.observed is not None:
             plant, observer = file_plant(self.observed), Observer(own, self.plant.inputs)
-            return Document(plant, None, (observer,), polefence=VERSION)
+            claims = (observer,)
+            if self.observed.sampling is not None:
+                claims = (observer, claim_of_samples(self.observed))
+            return Document(plant, None, claims, polefence=VERSION)
         found = (own,) if claims is None else tuple(claims)
         if self.plant.sampling is not None:
             found = (*found, claim_of_samples(self.plant))

@@ -131,22 +131,19 @@ def dual_plant(
 
     Its states keep the plant's names: the dual's state i belongs to the correction of state i.
     """
-    if plant.remainder is not None:
-        raise InputError(
-            f"{plant.name}: observers are of plants that are combinations of their vertices; it is "
-            "only near them"
-        )
+    own = plant.remainder and plant.remainder.transposed(plant.shape[0], len(C[0]))
     vertices = tuple(
         System(transposed(v.exact_A), transposed(c), None, v.name)
         for v, c in zip(plant.vertices, C, strict=True)
     )
     return UncertainPlant(
         vertices,
-        tuple(replace(own, rate=None) for own in plant.parameters),
+        tuple(replace(each, rate=None) for each in plant.parameters),
         f"{plant.name} {DUAL}",
         plant.states,
         names,
         sample_time=plant.sample_time,
+        remainder=own,
     )
 
 

@@ -17,7 +17,7 @@ from polefence.base.errors import InputError, NotProvedError
 from polefence.design.checks import in_time_of
 from polefence.design.design import Design, require_kind
 from polefence.design.measured import dual_plant, read_measured, require_observable, transposed
-from polefence.design.place import place, tightest
+from polefence.design.signals.placed import place, tightest
 from polefence.law.laws import check_alpha
 from polefence.lmi.conditions.methods import Method
 from polefence.plant.family import UncertainPlant
@@ -112,7 +112,8 @@ class Observer:
         matrices = [transposed(v.exact_A) for v in dual.vertices]
         own = [v.exact_A for v in plant.vertices]
         same = matrices == own and dual.sample_time == plant.sample_time
-        if not same or not _same_parameters(dual, plant):
+        near = plant.remainder and plant.remainder.transposed(*dual.shape)
+        if not same or dual.remainder != near or not _same_parameters(dual, plant):
             raise InputError(
                 f"the design is not an observer's of {plant.name}: {dual.name} has other matrices "
                 "or parameters; design one with observe(plant, ...)"

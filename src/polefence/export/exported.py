@@ -218,6 +218,11 @@ def _require_observer(
     if observer is None:
         return
     observer.feedback(design)  # refuses another plant's
+    if observer.plant.remainder is not None:
+        raise InputError(
+            "an observer's code follows combinations of the vertices, which samples are not; leave "
+            "out the observer, or design both in continuous time"
+        )
     if isinstance(design.law, PolynomialGain) and design.law.measured:
         raise InputError("the law takes measured signals, not states; leave out the observer")
     if kept(design):

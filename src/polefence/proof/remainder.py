@@ -101,6 +101,14 @@ class Remainder:
         curve = tuple(found.get(e, none) for e in monomials(sizes, self.degree))
         return Remainder(self.entries, curve, self.degree)
 
+    def transposed(self, n: int, p: int) -> Remainder:
+        """Return that of the dual plant (A', C'), of p measured signals that are exact."""
+        entries, *curve = (
+            tuple((*(row[i] for row in M), *(NONE,) * p) for i in range(n))
+            for M in (self.entries, *self.curve)
+        )
+        return Remainder(entries, tuple(curve), self.degree)
+
     def padded(self, n: int, m: int, states: int, inputs: int = 0) -> Remainder:
         """Return that of the plant with more states and inputs, behind its own, that are exact."""
 

@@ -40,9 +40,8 @@ class Observer(Claim):
         return [_transposed(B) for B in self.dual.B]
 
     @classmethod
-    def read(cls, table: Table, plant: Plant, law: Any, on: str) -> Self:  # noqa: ARG003
+    def read(cls, table: Table, plant: Plant, law: Any, on: str) -> Self:
         """Read what is measured, the law of the dual plant, and the claim about it."""
-        plant.require_exact(table.where)
         C = table.matrices("C", None, plant.n, MAX_VERTICES)
         C = C * len(plant.A) if len(C) == 1 else C
         if len(C) != len(plant.A):
@@ -53,11 +52,12 @@ class Observer(Claim):
         if measured and len(measured) != len(C[0]):
             raise FormatError(f"{table.path('measured')} must name each row of C")
         A, B = (list(map(_transposed, matrices)) for matrices in (plant.A, C))
-        dual = replace(plant.at_rest, A=A, B=B, E=[])
-        own, on = read_law(table.table("law"), dual)
-        if own.polynomial:
+        own = plant.remainder and plant.remainder.transposed(plant.n, len(C[0]))
+        dual = replace(plant.at_rest, A=A, B=B, E=[], remainder=own)
+        law, on = read_law(table.table("law"), dual)
+        if law.polynomial:
             raise FormatError(f"{table.path('law')} must be fixed or scheduled, of an observer")
-        return cls(Poles.read(table, dual, own, on), measured)
+        return cls(Poles.read(table, dual, law, on), measured)
 
     def write(self) -> dict[str, Any]:
         """Return what `read` reads."""

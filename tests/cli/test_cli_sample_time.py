@@ -9,7 +9,9 @@ from fractions import Fraction
 
 import pytest
 
+from polefence import HalfPlane, at_sample_time, load, place
 from polefence.cli.main import main
+from polefence.plant.spec import dumps
 from polefence.proof.claims.base import prove
 from polefence.proof.claims.rounding import Rounded
 from polefence.proof.claims.samples import Samples
@@ -175,3 +177,13 @@ def test_a_trade_off_is_of_the_samples(folder, capsys):
     assert said.count(" proved ") >= 2
     assert main([*words, "--delay", "1"]) == 2
     assert "--delay counts samples: give --sample-time too" in capsys.readouterr().err
+
+
+def test_samples_that_bend_are_not_those_of_a_spec_in_discrete_time(folder, capsys):
+    seen = at_sample_time(load("spring.toml"), 0.02, 0, 2)
+    (folder / "seen.toml").write_text(dumps(replace(seen, remainder=None, sampling=None)))
+    place(seen, HalfPlane(1), "quadratic").save("out")
+    assert main(["check", "out", "--spec", "spring.toml"]) == 0
+    capsys.readouterr()
+    assert main(["check", "out", "--spec", "seen.toml"]) == 1
+    assert "bends between its vertices; the spec's does not" in capsys.readouterr().out

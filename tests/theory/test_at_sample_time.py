@@ -598,6 +598,10 @@ def test_a_curve_that_does_not_fit_is_refused(tmp_path, spring):
         wrong = {**data, "plant": {**data["plant"], "curve": {**curve, key: value}}}
         with pytest.raises(FormatError, match=said):
             read(json.dumps(wrong))
+    # a curve that no claim is about would let vertices stand for another plant
+    alone = {**data, "claims": data["claims"][:1]}
+    with pytest.raises(FormatError, match="a claim of kind samples has to say"):
+        read(json.dumps(alone))
     # the method's laws on the simplex of alpha are no polynomials of the parameters
     with pytest.raises(InputError, match="ask for a law on their box"):
         place(at_sample_time(spring, T, 0, 2), HalfPlane(1), Scheduled(1, 0, "simplex"))

@@ -167,6 +167,8 @@ def _against(document: Document, plant: UncertainPlant, spec: str) -> str | None
     letters = "".join(sorted({letter for claim in document.claims for letter in claim.letters}))
     found, samples = plant_of(document.plant), document.first(Samples)
     sampled = samples is not None and plant.sample_time is None
+    if found.curve_degree > 1 and not sampled:
+        return "its plant bends between its vertices; the spec's does not"
     if samples is not None and sampled:
         difference = _other_samples(samples, found, plant)
         if difference is not None:

@@ -139,6 +139,9 @@ def _read(table: Table) -> Document:
     claims = list[Claim]()
     for row in table.tables("claims", MAX_CLAIMS):
         claims.append(KINDS[row.word("kind", KINDS)].read(row, plant, law, on))
+    curved = plant.remainder is not None and plant.remainder.curve
+    if curved and not any(isinstance(claim, Samples) for claim in claims):
+        raise FormatError("plant.curve: a claim of kind samples has to say what the plant is of")
     export = table.at("export") if "export" in table else None
     if export is not None and not isinstance(export, dict):
         raise FormatError("export must be a table")

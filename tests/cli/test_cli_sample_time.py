@@ -187,3 +187,19 @@ def test_samples_that_bend_are_not_those_of_a_spec_in_discrete_time(folder, caps
     capsys.readouterr()
     assert main(["check", "out", "--spec", "seen.toml"]) == 1
     assert "bends between its vertices; the spec's does not" in capsys.readouterr().out
+
+
+def test_a_sample_time_at_which_nothing_moves_the_plant_is_said(tmp_path, monkeypatch, capsys):
+    """Half a period of an oscillator: at samples no input held in between moves its mode."""
+    monkeypatch.chdir(tmp_path)
+    text = (
+        'name = "oscillator"\n[matrices]\nA = [[0, 1], [-9.869604401089358, 0]]\nB = [[0], [1]]\n'
+    )
+    (tmp_path / "oscillator.toml").write_text(text)
+    words = ["design", "oscillator.toml", "--region", "half_plane(0.5)", "--sample-time"]
+    assert main([*words, "1"]) == 1
+    said = capsys.readouterr().err
+    assert "no disk within the unit circle" in said
+    assert "can hardly be moved at this sample time" in said
+    assert said.count("\n") == 1
+    assert main([*words, "0.3"]) == 0

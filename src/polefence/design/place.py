@@ -328,6 +328,11 @@ def smallest_disk(
     where = f"{method_label(method)} at centre {centre:g}"
     try:
         found = smallest(plant.A, plant.B, Disks(centre), method)
+        if plant.sample_time is not None and abs(centre) + found.r >= 1:
+            raise NotProvedError(
+                f"not proved: {where}: no disk within the unit circle, the smallest radius found "
+                f"is {found.r:.6g}; {plant.name} can hardly be moved at this sample time"
+            )
         design = runnable(_designs(plant, centre, method, found), radius_of)
         if design is None:
             unproved = rounded(plant, Disk(centre, found.r), method, found)

@@ -29,7 +29,6 @@ from polefence.design.signals import search as signals_search
 from polefence.design.signals.bounds import bounds_file, known_bound, sampled
 from polefence.design.signals.optimise import optimise, relaxed
 from polefence.design.signals.search import Origin, Search, Task, is_too_fast, level_of
-from polefence.law.structure import Structure
 from polefence.plant.outputs import Output, rate_of
 from polefence.plant.points import seeded
 from polefence.plant.spec import loads
@@ -318,9 +317,6 @@ def test_plants_that_say_too_little_are_refused(one):
     bare = loads(ONE_STATE.replace("E = [[1]]", "").replace('disturbances = ["w [m/s]"]', ""))
     with pytest.raises(InputError, match="says nowhere how a disturbance enters; give E"):
         optimise(bare, rms("force"), method="scheduled")
-    with pytest.raises(InputError, match="is in discrete time; .* states of a law are of"):
-        discrete = loads("sample_time = 1\n" + ONE_STATE)
-        optimise(discrete, rms("force"), structure=Structure(order=1))
     with pytest.raises(InputError, match="give points or an impulse"):
         InitialPeak("x", 1.0)
     with pytest.raises(InputError, match="state 1 of points has 2 numbers; .* has 1 states: x"):

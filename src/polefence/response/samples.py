@@ -74,22 +74,14 @@ def at_sample_time(
     T = _time(plant, sample_time)
     if not isinstance(delay, int) or isinstance(delay, bool) or not 0 <= delay <= MAX_DELAY:
         raise InputError(f"delay = {delay!r} must be 0 to {MAX_DELAY}, in samples")
-    whole = isinstance(degree, int) and not isinstance(degree, bool)
-    if degree is not None and not (whole and 1 <= degree <= MAX_CURVE):
+    counts = isinstance(degree, int) and not isinstance(degree, bool)
+    if degree is not None and not (counts and 1 <= degree <= MAX_CURVE):
         raise InputError(f"degree = {degree!r} must be 1 to {MAX_CURVE}")
     held = _held(plant, T)
     bare, units = _on_the_way(plant, held, T, delay), _units(plant)
-    n = plant.shape[0]
-    change = max(
-        float(np.abs((F - np.eye(n)) / units[:n, None] * units[:n]).max()) for F, *_ in held
-    )
-    found, off = None, math.inf
-    for each in _degrees(plant) if degree is None else [degree]:
-        if off <= ENOUGH * change:
-            break
-        found, off = _with_remainder(plant, bare, units, delay, each)
-    if found is None:
-        raise InputError(f"{plant.name} has no samples")
+    tried = _degrees(plant) if degree is None else [degree]
+    curve, about = _chosen(plant, bare, units, delay, tried, ENOUGH * _change(held, units))
+    found = _with_remainder(plant, bare, units, delay, curve, about)
     verdict = prove(claim_of_samples(found))
     if not verdict.proved:
         raise InputError(f"{plant.name} sampled every {float(T):g} s: {verdict.reason}")
@@ -103,18 +95,53 @@ def _degrees(plant: UncertainPlant) -> list[int]:
     return [d for d in DEGREES if d == 1 or plant.domain.count(d) <= MOST]
 
 
+def _change(held: list[tuple[Array, Array, Array]], units: Array) -> float:
+    """Return how much a sample changes states, in the units, at most."""
+    n = len(held[0][0])
+    each = ((F - np.eye(n)) / units[:n, None] * units[:n] for F, *_ in held)
+    return max(float(np.abs(M).max()) for M in each)
+
+
+def _chosen(
+    plant: UncertainPlant,
+    bare: UncertainPlant,
+    units: Array,
+    delay: int,
+    degrees: list[int],
+    enough: float,
+) -> tuple[Remainder, Array]:
+    """Return a remainder of the lowest degree that will do, too wide, and about what it leaves."""
+    n, width = bare.shape[0], sum(bare.shape) + plant.disturbance_count
+    for degree in degrees:
+        curve = _curve(plant, bare, delay, degree) if degree > 1 else ()
+        wide = Remainder(((Fraction(1),) * width,) * n, curve, degree)
+        about = _about(plant, replace(bare, remainder=wide), units, delay)
+        if about.max() <= enough:
+            break
+    return wide, about
+
+
 def _with_remainder(
-    plant: UncertainPlant, bare: UncertainPlant, units: Array, delay: int, degree: int
-) -> tuple[UncertainPlant, float]:
-    """Return the samples with curve and remainder, and its largest entry in the units."""
+    plant: UncertainPlant,
+    bare: UncertainPlant,
+    units: Array,
+    delay: int,
+    wide: Remainder,
+    about: Array,
+) -> UncertainPlant:
+    """Return the samples with a remainder that holds; ``about`` tells how many terms it takes."""
     (n, m), q = plant.shape, plant.disturbance_count
-    curve = _curve(plant, bare, delay, degree) if degree > 1 else ()
-    entries, rest, terms = _entries(plant, bare, units, delay, (curve, degree))
-    each = (entries + rest) * ROOM
-    rows = each * units[:n, None] / units
-    remainder = Remainder(tuple(map(_up, _placed(rows, bare, delay, n, m, q))), curve, degree)
+    where = f"{plant.name} sampled every {float(bare.sample_time or 0):g} s"
+    terms = _terms(plant, units, float(bare.sample_time or 0), about)
     own = Sampling(plant, delay, terms, tuple(map(Fraction, units.tolist())))
-    return replace(bare, remainder=remainder, sampling=own), float(each.max())
+    try:
+        exact, rest = claim_of_samples(replace(bare, remainder=wide, sampling=own)).off()
+    except FormatError as problem:
+        raise InputError(f"{where}: {problem}; take a shorter sample time") from problem
+    entries = np.array([[float(x) for x in row] for row in exact])
+    rows = (entries + float(rest)) * ROOM * units[:n, None] / units
+    found = tuple(map(_up, _placed(rows, bare, delay, n, m, q)))
+    return replace(bare, remainder=replace(wide, entries=found), sampling=own)
 
 
 def _placed(rows: Array, bare: UncertainPlant, delay: int, n: int, m: int, q: int) -> Array:
@@ -250,24 +277,6 @@ def _units(plant: UncertainPlant) -> Array:
     size = np.linalg.norm(pushes, axis=0)
     acting = np.where(size > 0, speed / np.where(size > 0, size, 1.0), 1.0)
     return np.concatenate([d, 2.0 ** np.round(np.log2(acting))])
-
-
-def _entries(
-    plant: UncertainPlant, found: UncertainPlant, units: Array, delay: int, curve: tuple[Any, int]
-) -> tuple[Array, float, int]:
-    """Return bounds on what entries are off by, in the units, on the rest, and the terms taken."""
-    n, m = found.shape
-    # any remainder will do, to see what is off
-    wide = Remainder(((Fraction(1),) * (n + m + plant.disturbance_count),) * n, *curve)
-    where = f"{plant.name} sampled every {float(found.sample_time or 0):g} s"
-    about = _about(plant, replace(found, remainder=wide), units, delay)
-    terms = _terms(plant, units, float(found.sample_time or 0), about)
-    own = Sampling(plant, delay, terms, tuple(map(Fraction, units.tolist())))
-    try:
-        entries, rest = claim_of_samples(replace(found, remainder=wide, sampling=own)).off()
-    except FormatError as problem:
-        raise InputError(f"{where}: {problem}; take a shorter sample time") from problem
-    return np.array([[float(x) for x in row] for row in entries]), float(rest), terms
 
 
 def _about(plant: UncertainPlant, found: UncertainPlant, units: Array, delay: int) -> Array:

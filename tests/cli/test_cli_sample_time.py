@@ -200,6 +200,6 @@ def test_a_sample_time_at_which_nothing_moves_the_plant_is_said(tmp_path, monkey
     assert main([*words, "1"]) == 1
     said = capsys.readouterr().err
     assert "no disk within the unit circle" in said
-    assert "can hardly be moved at this sample time" in said
+    assert "is hardly controllable at this sample time" in said
     assert said.count("\n") == 1
     assert main([*words, "0.3"]) == 0

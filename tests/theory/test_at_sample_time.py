@@ -603,7 +603,7 @@ def test_a_curve_that_does_not_fit_is_refused(tmp_path, spring):
     with pytest.raises(FormatError, match="a claim of kind samples has to say"):
         read(json.dumps(alone))
     # the method's laws on the simplex of alpha are no polynomials of the parameters
-    with pytest.raises(InputError, match="ask for a law on their box"):
+    with pytest.raises(InputError, match="ask for a law on the box"):
         place(at_sample_time(spring, T, 0, 2), HalfPlane(1), Scheduled(1, 0, "simplex"))
 
 

@@ -19,6 +19,7 @@ from polefence.plant.family import UncertainPlant
 from polefence.plant.spec import load
 from polefence.proof.claims.base import prove
 from polefence.proof.claims.clipped import Clipped
+from polefence.proof.claims.samples import Samples
 from polefence.proof.text import milliseconds_text
 from polefence.region.text import digits_up
 
@@ -95,10 +96,10 @@ def at_samples_of(plant: UncertainPlant, what: str) -> Design | None:
         return None
     if not (path.is_dir() or is_proof_file(path)):
         return None
-    if not path.is_dir() and read_document(path).first(Clipped) is not None:
+    document = read_document(path / FILE_NAME if path.is_dir() else path)
+    if document.first(Samples) is None:
         return None
-    design = Design.load(path, allow_unproved=True)
-    return design if design.plant.sampling is not None else None
+    return Design.load(path, allow_unproved=True)
 
 
 def of_samples(plant: UncertainPlant, design: Design, path: Path) -> Named:

@@ -104,7 +104,8 @@ def _polynomial(plant: UncertainPlant, domain: Domain, rows: Array) -> Floats:
         return found
     if domain != plant.domain:
         raise InputError(
-            f"{plant.name} is a polynomial of its parameters; ask for a law on their box"
+            f"{plant.name}: its samples are polynomials of the parameters; ask for a law on the "
+            "box of these (on = 'box')"
         )
     more = np.zeros((len(plant.curve), *rows.shape[1:]))
     more[:, : plant.shape[0]] = plant.curve[:, :, : rows.shape[2]]

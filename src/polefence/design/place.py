@@ -331,7 +331,7 @@ def smallest_disk(
         if plant.sample_time is not None and abs(centre) + found.r >= 1:
             raise NotProvedError(
                 f"not proved: {where}: no disk within the unit circle, the smallest radius found "
-                f"is {found.r:.6g}; {plant.name} can hardly be moved at this sample time"
+                f"is {found.r:.6g}; {plant.name} is hardly controllable at this sample time"
             )
         design = runnable(_designs(plant, centre, method, found), radius_of)
         if design is None:

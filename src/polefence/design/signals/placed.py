@@ -218,8 +218,8 @@ def _fastest(plant: UncertainPlant, method: Method | None, structure: Structure 
     for share in SLOWER:  # of which the image is no smaller than the disk
         asked = HalfPlane(max(-math.log(radius) / T * (1 - share), 0.0))
         if z_plane(asked, T).size >= radius:
-            return replace(design, asked=asked, unrunnable=None)
-    return replace(design, asked=HalfPlane(0.0), unrunnable=None)
+            return replace(design, asked=asked, lower=None, unrunnable=None)
+    return replace(design, asked=HalfPlane(0.0), lower=None, unrunnable=None)
 
 
 def _most_damped(
@@ -227,7 +227,8 @@ def _most_damped(
 ) -> Design:
     """Return the law of the largest damping ratio whose polygon in the z-plane is proved."""
     best: Design | None = None
-    low, high, failure = 0.0, MOST_DAMPING, NotProvedError("not proved: no damping ratio was")
+    low, high = 0.0, MOST_DAMPING
+    failure = NotProvedError("not proved: no damping ratio of a law was")
     while high - low > CLOSE:
         middle = (low + high) / 2
         try:

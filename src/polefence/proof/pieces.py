@@ -11,22 +11,11 @@ from dataclasses import replace
 from itertools import product
 
 from polefence.proof.claims.base import Inequality
-from polefence.proof.polynomials import Polynomial, Sizes
+from polefence.proof.polynomials import Polynomial, Sizes, form
 from polefence.proof.work import FormatError
 
 MAX_PIECES = 64  # of one parameter's interval
 MOST = 256  # of all of them together
-
-
-def form(f: int, values: tuple[int, ...], sizes: Sizes, whole: int = 1) -> Polynomial:
-    """Return the form of these values at the corners of simplex f, over ``whole``."""
-    start, length = sum(sizes[:f]), sum(sizes)
-    terms = {
-        tuple(int(j == start + c) for j in range(length)): [[value]]
-        for c, value in enumerate(values)
-        if value
-    }
-    return Polynomial(terms, sizes, tuple(int(g == f) for g in range(len(sizes))), whole)
 
 
 def coordinates_in(counts: Sequence[int]) -> Iterator[tuple[tuple[int, ...], list[Polynomial]]]:

@@ -189,6 +189,17 @@ def diagonal(values: Sequence[Fraction], sizes: Sizes) -> Polynomial:
     return constant(rows, sizes)
 
 
+def form(f: int, values: tuple[int, ...], sizes: Sizes, whole: int = 1) -> Polynomial:
+    """Return the form of these values at the corners of simplex f, over ``whole``."""
+    start, length = sum(sizes[:f]), sum(sizes)
+    terms = {
+        tuple(int(j == start + c) for j in range(length)): [[value]]
+        for c, value in enumerate(values)
+        if value
+    }
+    return Polynomial(terms, sizes, tuple(int(g == f) for g in range(len(sizes))), whole)
+
+
 def below(upper: Polynomial, lower: Polynomial) -> Polynomial:
     """Return one polynomial's rows above another's."""
     degrees, whole = joint([upper, lower]), math.lcm(upper.whole, lower.whole)

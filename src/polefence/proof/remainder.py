@@ -27,6 +27,7 @@ from polefence.proof.polynomials import (
     constant,
     count_of,
     diagonal,
+    form,
     monomials,
     multinomial,
 )
@@ -52,19 +53,19 @@ class Remainder:
     curve: tuple[Rows, ...] = ()
     degree: int = 1
 
-    def curved(self, form: Polynomial, first: int = 0) -> Polynomial:
+    def curved(self, P: Polynomial, first: int = 0) -> Polynomial:
         """Return [A, B], or E, with what is added to the combination of the vertices.
 
         Parameters
         ----------
         first : int
-            Which column of [A, B, E] is the form's first.
+            Which column of [A, B, E] is its first.
         """
         if not self.curve:
-            return form
-        last = first + form.shape[1]
+            return P
+        last = first + P.shape[1]
         own = [[list(row[first:last]) for row in M] for M in self.curve]
-        return form + bernstein(own, form.sizes, self.degree, MAX_BITS)
+        return P + bernstein(own, P.sizes, self.degree, MAX_BITS)
 
     def over(self, step: Fraction) -> Remainder:
         """Return that of the plant in its delta form."""
@@ -83,14 +84,14 @@ class Remainder:
         """
         if not self.curve:
             return self
-        sizes = (2,) * len(low)
-        forms = [
-            bernstein([[[1 - a if lower else a]], [[1 - b if lower else b]]], (2,), 1)
-            for a, b in zip(low, high, strict=True)
-            for lower in (True, False)
-        ]
+        sizes, forms = (2,) * len(low), list[Polynomial]()
+        for k, ends in enumerate(zip(low, high, strict=True)):
+            unit = math.lcm(*(end.denominator for end in ends))
+            upper = [int(end * unit) for end in ends]
+            lower = [unit - value for value in upper]
+            forms += [form(k, (a, b), sizes, unit) for a, b in (lower, upper)]
         whole = bernstein([list(map(list, M)) for M in self.curve], sizes, self.degree, MAX_BITS)
-        own = whole.composed([_along(form, k // 2, sizes) for k, form in enumerate(forms)], sizes)
+        own = whole.composed(forms, sizes)
         none = ((NONE,) * whole.shape[1],) * whole.shape[0]
         found = {
             e: tuple(
@@ -143,14 +144,6 @@ class Remainder:
             raise FormatError(f"plant.remainder must hold {n} rows of {n + m + q} numbers")
         if min(map(min, self.entries)) < 0:
             raise FormatError("plant.remainder must hold numbers of zero or more")
-
-
-def _along(form: Polynomial, k: int, sizes: Sizes) -> Polynomial:
-    """Return a polynomial of one simplex as one of the k-th of several."""
-    before, after = sum(sizes[:k]), sum(sizes[k + 1 :])
-    terms = {(*(0,) * before, *e, *(0,) * after): M for e, M in form.terms.items()}
-    degrees = tuple(form.degrees[0] * (j == k) for j in range(len(sizes)))
-    return Polynomial(terms, sizes, degrees, form.whole)
 
 
 @dataclass(frozen=True)

@@ -26,9 +26,15 @@ from polefence.proof.claims.margins import (
     unit_rows,
 )
 from polefence.proof.matrices import common_denominator, whole_numbers
-from polefence.proof.pieces import form, numbered
+from polefence.proof.pieces import numbered
 from polefence.proof.plant import Plant, Range
-from polefence.proof.polynomials import COORDINATES, Polynomial, Sizes, count_of
+from polefence.proof.polynomials import (
+    COORDINATES,
+    Polynomial,
+    Sizes,
+    count_of,
+    form,
+)
 from polefence.proof.reading import Table, plain
 from polefence.proof.regions import lyapunov
 from polefence.proof.text import digits_down, region_text

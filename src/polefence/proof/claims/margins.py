@@ -19,9 +19,17 @@ from polefence.proof.claims.base import MAX_BLOCKS, Claim, Inequality, require_w
 from polefence.proof.claims.poles import Poles, plant_form
 from polefence.proof.laws import degree_of, lifted
 from polefence.proof.matrices import Rationals, least_work
-from polefence.proof.pieces import MAX_PIECES, coordinates_in, form, numbered
+from polefence.proof.pieces import MAX_PIECES, coordinates_in, numbered
 from polefence.proof.plant import Plant, Range
-from polefence.proof.polynomials import MAX_DEGREE, Polynomial, Sizes, count_of, monomials, number
+from polefence.proof.polynomials import (
+    MAX_DEGREE,
+    Polynomial,
+    Sizes,
+    count_of,
+    form,
+    monomials,
+    number,
+)
 from polefence.proof.reading import Table
 from polefence.proof.regions import Disk, Part
 from polefence.proof.text import digits_down, name_text, range_text, unit_text

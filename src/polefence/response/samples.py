@@ -32,7 +32,7 @@ from polefence.response.discrete import balancing, zero_order_hold
 ROOM = 1.01  # of the remainder over what it has to hold
 SMALL, TINY = 0.01, 1e-13  # terms left out, over what entries are off by, and over themselves
 BITS = 24  # of its numbers
-CURVED = 40  # of those of the curve, below the largest entry
+CURVED, LEAST = 40, 1e-300  # of those of the curve, below the largest entry; what is none
 ENOUGH, DEGREES, MOST = 1e-4, (1, 2, 3, 4), 125  # of the change in a sample; degrees; coefficients
 
 
@@ -158,26 +158,12 @@ def _curve(
     plant: UncertainPlant, bare: UncertainPlant, delay: int, degree: int
 ) -> tuple[tuple[tuple[Fraction, ...], ...], ...]:
     """Return the Bernstein coefficients of what is added to the vertices' combination."""
-    domain, (n, m) = plant.domain, plant.shape
-    alpha = domain.nodes(degree)
-    corners = domain.nodes(1)
-    at = np.concatenate([alpha, corners])
-    A, B = plant.at(at)
-    BE = np.concatenate([B, _driven(plant, at)], axis=2)
-    both = np.concatenate(zero_order_hold(A, BE, float(bare.sample_time or 0)), axis=2)
-    weights = np.linalg.solve(corners.T, alpha.T).T
-    apart = both[: len(alpha)] - np.tensordot(weights, both[len(alpha) :], 1)
-    found = domain.interpolated(apart, degree)
-    at_corners = [
-        max(e) == degree and e.count(degree) == len(domain.sizes) for e in domain.monomials(degree)
-    ]
-    found[np.array(at_corners)] = 0.0
-    unit = 2.0 ** (np.floor(np.log2(np.maximum(np.abs(found).max(axis=0), 1e-300))) - CURVED)
-    found = np.round(found / unit) * unit
-    shape = delay, n, m, plant.disturbance_count
-    return tuple(
-        tuple(tuple(map(Fraction, row.tolist())) for row in _placed(M, bare, *shape)) for M in found
-    )
+    domain, shape = plant.domain, (delay, *plant.shape, plant.disturbance_count)
+    found = domain.interpolated(_apart(plant, bare, delay, domain.nodes(degree)), degree)
+    largest = np.maximum(np.abs(found).max(axis=0), LEAST)
+    unit = 2.0 ** (np.floor(np.log2(largest)) - CURVED)
+    rounded = (_placed(M, bare, *shape) for M in np.round(found / unit) * unit)
+    return tuple(tuple(tuple(map(Fraction, row.tolist())) for row in M) for M in rounded)
 
 
 def _driven(plant: UncertainPlant, alpha: Array) -> Array:
@@ -281,15 +267,20 @@ def _units(plant: UncertainPlant) -> Array:
 
 def _about(plant: UncertainPlant, found: UncertainPlant, units: Array, delay: int) -> Array:
     """Return about what entries are off by, in the units, at a few points."""
-    domain, (n, m), T = plant.domain, plant.shape, float(found.sample_time or 0)
-    alpha = domain.nodes(found.curve_degree + 1)
+    apart = _apart(plant, found, delay, plant.domain.nodes(found.curve_degree + 1))
+    return np.asarray(np.abs(apart).max(axis=0) / units[: plant.shape[0], None] * units)
+
+
+def _apart(plant: UncertainPlant, found: UncertainPlant, delay: int, alpha: Array) -> Array:
+    """Return the exact samples less those of a plant in discrete time, at points alpha."""
+    n, m = plant.shape
     A, B = plant.at(alpha)
-    F, GH = zero_order_hold(A, np.concatenate([B, _driven(plant, alpha)], axis=2), T)
+    BE = np.concatenate([B, _driven(plant, alpha)], axis=2)
+    exact = np.concatenate(zero_order_hold(A, BE, float(found.sample_time or 0)), axis=2)
     A, B = found.at(alpha)
-    late = A[:, :n, n + delay * m - m :] if delay else B[:, :n]
-    each = np.concatenate([A[:, :n, :n], late, _driven(found, alpha)[:, :n]], axis=2)
-    apart = np.abs(np.concatenate([F, GH], axis=2) - each).max(axis=0)
-    return np.asarray(apart / units[:n, None] * units)
+    acting = A[:, :n, n + delay * m - m :] if delay else B[:, :n]
+    own = np.concatenate([A[:, :n, :n], acting, _driven(found, alpha)[:, :n]], axis=2)
+    return np.asarray(exact - own)
 
 
 def _terms(plant: UncertainPlant, units: Array, T: float, about: Array) -> int:

@@ -3,7 +3,8 @@
 Between samples T apart the inputs and disturbances of x' = A x + B u + E w are held, and u acts
 ``delay`` samples late; the states are then x and the inputs on their way. At every alpha of the box
 of the parameters, or of the simplex where there are none, the exact [F, G, H] of
-x(t + T) = F x + G u + H w is within the plant's remainder of the combination of its vertices.
+x(t + T) = F x + G u + H w is within the plant's remainder of the combination of its vertices and
+the curve that is added to it.
 
 With M(alpha) = [A, B, E] T it is [I, 0] + sum of A^(k - 1) M / k!, whose first terms are compared
 coefficient by coefficient, and the others bounded: see `polefence.proof.claims.steps`.
@@ -164,13 +165,6 @@ class Samples(Claim):
         rest = slice(self.plant.n + self.plant.m, None)
         return [[*row[: self.n], *row[acting], *row[rest]] for row in matrix[: self.n]]
 
-    @property
-    def _curve(self) -> list[Rationals]:
-        """The curve's coefficients of what is sampled."""
-        remainder = self.plant.remainder
-        curve = () if remainder is None else remainder.curve
-        return [self._held(M) for M in curve]
-
     def off(self) -> tuple[Rationals, Fraction]:
         """Return the largest magnitude of each entry's coefficients in the units, and the rest.
 
@@ -201,9 +195,10 @@ class Samples(Claim):
         series, left, rest = steps.series_by_entries(M, self.terms, self.sizes)
         eye = [row + [NONE] * (width - n) for row in identity(n)]
         found = bernstein(self._in_units(self._steps()), self.sizes, 1)
-        if self._curve:
-            degree = 1 if self.plant.remainder is None else self.plant.remainder.degree
-            found = found + bernstein(self._in_units(self._curve), self.sizes, degree)
+        remainder = self.plant.remainder
+        if remainder is not None and remainder.curve:
+            curve = self._in_units(list(map(self._held, remainder.curve)))
+            found = found + bernstein(curve, self.sizes, remainder.degree)
         return found - constant(eye, self.sizes) - series, left, rest
 
     def _in_units(self, matrices: list[Rationals], time: Fraction | int = 1) -> list[Rationals]:
@@ -231,10 +226,7 @@ class Samples(Claim):
         n, m, width = self.n, self.m, self.width
         zero_row = [NONE] * self.plant.n
         for M in () if self.plant.remainder is None else self.plant.remainder.curve:
-            # all that is not zero in it is of what is sampled
-            if sum(x != 0 for row in M for x in row) != sum(
-                x != 0 for row in self._held(M) for x in row
-            ):
+            if _filled(M) != _filled(self._held(M)):  # something is of what is not sampled
                 return False
         for j, A in enumerate(self.plant.A):
             B = self.plant.B[j]
@@ -254,6 +246,11 @@ class Samples(Claim):
             if self.plant.E and any(map(any, self.plant.E[j][n:width])):
                 return False
         return True
+
+
+def _filled(rows: Sequence[Sequence[Fraction]]) -> int:
+    """Return how many entries are not zero."""
+    return sum(x != 0 for row in rows for x in row)
 
 
 def _beside(A: list[Rationals], B: list[Rationals], E: list[Rationals]) -> list[Rationals]:

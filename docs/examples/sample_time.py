@@ -29,6 +29,16 @@ def decays(plant=None):
         yield T, -np.log(own.region.radius) / T, after.decay
 
 
+def degrees(plant=None, T=0.02):
+    """For each degree of the samples the largest entry of the remainder, and the decay rate."""
+    plant = pf.examples.family("quarter-car-physical") if plant is None else plant
+    for degree in (1, 2, 3, 4):
+        seen = pf.at_sample_time(plant, T, DELAY, degree)
+        size = max(float(x) for row in seen.remainder.entries for x in row)
+        own = pf.tightest(seen, 0.0, "quadratic")
+        yield degree, size, -np.log(own.region.radius) / T
+
+
 def rides(plant=None):
     """For each time the least rms of the body's acceleration [m/s2], the car's limits kept.
 
@@ -83,6 +93,8 @@ def main(folder="."):
     found = list(decays())
     for T, own, after in found:
         print(f"{1000 * T:g} ms: decay {own:.2f} 1/s designed at it, {after:.2f} 1/s sampled after")
+    for degree, size, own in degrees():
+        print(f"degree {degree}: remainder at most {size:.2g}, decay {own:.2f} 1/s")
     times = [1000 * T for T, *_ in found]
     axes[0].semilogx(times, [own for _, own, _ in found], "o-", label="designed at the sample time")
     axes[0].semilogx(times, [after for *_, after in found], "s--", label="continuous law, sampled")

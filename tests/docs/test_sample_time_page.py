@@ -34,6 +34,19 @@ def test_decay_rates_are_those_of_the_table(script):
             assert after == pytest.approx(float(sampled.split()[0]), rel=2e-2)
 
 
+def test_remainders_are_those_of_the_table(script):
+    rows = [
+        re.findall(r"[\d.]+", re.search(rf"^\| {name}.*?\|(.*)$", PAGE, re.MULTILINE)[1])
+        for name in ("degree", "largest entry", "largest decay rate that")
+    ]
+    numbers = [[float(x) for x in row if x != "1"] for row in rows[1:]]
+    found = list(script["degrees"]())
+    assert [str(degree) for degree, *_ in found] == rows[0]
+    for (_, size, decay), largest, proved in zip(found, *numbers, strict=True):
+        assert size == pytest.approx(largest, rel=0.05)
+        assert decay == pytest.approx(proved, rel=1e-2)
+
+
 def test_what_is_between_samples_tends_to_what_continuous_time_has(script):
     plant = pf.load(script["SPEC"])
     (least, _) = pf.load_specifications(script["SPEC"])

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from fractions import Fraction
 from pathlib import Path
 from typing import Any
 
@@ -58,7 +57,7 @@ def read_subject(what: str) -> tuple[UncertainPlant, Named | None]:
     if not (path.is_dir() or path.suffix == ".json"):
         return load(what), None
     design = Design.load(path, allow_unproved=True)
-    return design.plant, _of_design(design.plant, design, path)
+    return design.plant, of_design(design.plant, design, path)
 
 
 def read_law(plant: UncertainPlant, what: str) -> Named:
@@ -85,7 +84,7 @@ def read_law(plant: UncertainPlant, what: str) -> Named:
     if path.is_dir() or is_proof_file(path):
         design = Design.load(path, allow_unproved=True)
         given_law(plant, design)
-        return _of_design(plant, design, path)
+        return of_design(plant, design, path)
     return Named(_stem(path), read_gain(plant, what))
 
 
@@ -102,18 +101,6 @@ def at_samples_of(plant: UncertainPlant, what: str) -> Design | None:
     return Design.load(path, allow_unproved=True)
 
 
-def of_samples(plant: UncertainPlant, design: Design, path: Path) -> Named:
-    """Return the name of a design at a sample time, and what is proved of the plant's samples."""
-    name, own = _stem(path), design.plant.sampling
-    if not design.proved:
-        return Named(name, design, proved="nothing: the proof in its file fails")
-    if own is None or _identity(own.plant) != _identity(plant):
-        return Named(name, design, proved="nothing: its proof is about another plant")
-    time = milliseconds_text(design.plant.sample_time or Fraction(0))
-    proved = f"all poles in {design.region}, at samples every {time} ms, for every constant value"
-    return Named(name, design, proved=f"{proved} of the parameters")
-
-
 def distinct(laws: Sequence[Named]) -> list[Named]:
     """Return laws with a number behind every name that has been there before."""
     found = list[Named]()
@@ -124,13 +111,20 @@ def distinct(laws: Sequence[Named]) -> list[Named]:
     return found
 
 
-def _of_design(plant: UncertainPlant, design: Design, path: Path) -> Named:
-    name = _stem(path)
+def of_design(plant: UncertainPlant, design: Design, path: Path) -> Named:
+    """Return a design as a law, and what is proved of it where its proof is about the plant."""
+    name, T, seen = _stem(path), design.plant.sample_time, design.plant.sampling
     if not design.proved:
         return Named(name, design, proved="nothing: the proof in its file fails")
-    if _identity(design.plant) != _identity(plant):
+    about = design.plant if seen is None or plant.sample_time is not None else seen.plant
+    if _identity(about) != _identity(plant):
         return Named(name, design, proved="nothing: its proof is about another plant")
-    proved = f"all poles in {design.region}, for every constant value of the parameters"
+    when = (
+        ""
+        if about is design.plant or T is None
+        else f" at samples every {milliseconds_text(T)} ms,"
+    )
+    proved = f"all poles in {design.region},{when} for every constant value of the parameters"
     proved += f"; but {design.note.removeprefix('note: ')}" if design.note else ""
     return Named(name, design, design, proved)
 

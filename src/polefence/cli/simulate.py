@@ -26,7 +26,7 @@ from polefence.cli.laws import (
     Named,
     at_samples_of,
     distinct,
-    of_samples,
+    of_design,
     read_law,
     read_subject,
 )
@@ -140,12 +140,12 @@ def _held(plant: UncertainPlant, options: Any) -> tuple[UncertainPlant, Named, A
             "--law: a design at a sample time is driven alone, with the states that its computer "
             "keeps; leave out the others"
         )
-    found, named = running(plant, design), of_samples(plant, design, Path(options.law[0]))
+    found, named = running(plant, design), of_design(plant, design, Path(options.law[0]))
     period = found.sampling.period
     if options.sampling not in (None, period):
         raise InputError(f"--sampling: the design's own is {period:g} s; leave it out")
     options = argparse.Namespace(**{**vars(options), "sampling": found.sampling})
-    return found.plant, replace(named, law=found.law), options
+    return found.plant, replace(named, law=found.law, design=None), options
 
 
 def _require_end(runs: Mapping[str, Run]) -> None:

@@ -17,7 +17,6 @@ from polefence.law.laws import FixedGain, Law, PolynomialGain
 from polefence.plant.family import UncertainPlant
 from polefence.plant.larger import own_states, with_states
 from polefence.plant.outputs import Output, states
-from polefence.plant.polynomial import binomial
 from polefence.plant.system import Array
 from polefence.response.discrete import Sampling
 
@@ -90,7 +89,7 @@ def _law(design: Design, plant: UncertainPlant, late: int, kept: int, T: float) 
     measured = tuple(_picked(y, columns) for y in law.measured or states(design.plant))
     own = states(with_states(plant, late + kept))[n : n + late]
     r = len(measured)
-    powers, ones = list(law.powers), _ones(law)
+    powers, ones = list(law.powers), law.one
     powers += [e for e in ones if e not in powers]
     gains = np.zeros((len(powers), m + late + kept, r + late))
     for k, e in enumerate(powers):
@@ -113,14 +112,6 @@ def _rows(K: Array, first: int, m: int, late: int, T: float, one: float) -> Arra
     rates = K[:m].copy()[:late]
     rates[np.arange(late), first + np.arange(late)] -= one
     return np.vstack([K[:m], rates / T, K[m:]])
-
-
-def _ones(law: PolynomialGain) -> dict[tuple[int, ...], float]:
-    """Return one as a polynomial of the law's powers."""
-    if law.parameters:
-        return {(0,) * len(law.powers[0]): 1.0}
-    degree, sizes = sum(law.powers[0]), law.domain.sizes
-    return {e: float(binomial(sizes, e)) for e in law.domain.monomials(degree)}
 
 
 def _picked(y: Output, columns: list[int]) -> Output:

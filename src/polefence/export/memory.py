@@ -22,7 +22,6 @@ from polefence.plant.larger import (
     with_rates_as_inputs,
 )
 from polefence.plant.outputs import states
-from polefence.plant.polynomial import binomial
 from polefence.plant.system import Array
 
 
@@ -77,12 +76,7 @@ def _terms(
     law: PolynomialGain, gains: Array, rates: Array
 ) -> tuple[tuple[tuple[int, ...], ...], Array]:
     """Return powers and gains with the rates below, the same for all parameters."""
-    powers, degree = law.powers, sum(law.powers[0])
-    if law.parameters:
-        ones = {(0,) * len(powers[0]): 1}
-    else:  # one is a power of the sum of alpha
-        sizes = law.domain.sizes
-        ones = {e: binomial(sizes, e) for e in law.domain.monomials(degree)}
+    powers, ones = law.powers, law.one
     every = (*powers, *(e for e in ones if e not in powers))
     upper = np.concatenate([gains, np.zeros((len(every) - len(powers), *gains.shape[1:]))])
     lower = np.array([ones.get(e, 0) * rates for e in every])

@@ -17,7 +17,7 @@ from polefence.law.coordinates import Coordinates
 from polefence.plant.family import UncertainPlant
 from polefence.plant.outputs import Output
 from polefence.plant.parameters import Parameter, exact, simplex_weights
-from polefence.plant.polynomial import Domain
+from polefence.plant.polynomial import Domain, binomial
 from polefence.plant.system import Array
 
 # A computed alpha is off the simplex by rounding; more is an error of the caller's.
@@ -287,6 +287,14 @@ class PolynomialGain(_Scheduled):
         count = max(len(output.C) for output in self.measured)
         rows = [np.array([[float(x) for x in row] for row in y.C]) for y in self.measured]
         return np.stack([np.broadcast_to(C, (count, C.shape[1])) for C in rows], axis=1)
+
+    @property
+    def one(self) -> dict[tuple[int, ...], float]:
+        """One as a polynomial in which the law's terms are: of alpha a power of its sum."""
+        if self.parameters:
+            return {(0,) * len(self.powers[0]): 1.0}
+        degree = sum(self.powers[0])
+        return {e: float(binomial(self.domain.sizes, e)) for e in self.domain.monomials(degree)}
 
     @cached_property
     def form(self) -> Array:

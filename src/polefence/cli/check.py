@@ -168,7 +168,7 @@ def _against(document: Document, plant: UncertainPlant, spec: str) -> str | None
     found, samples = plant_of(document.plant), document.first(Samples)
     sampled = samples is not None and plant.sample_time is None
     if found.curve_degree > 1 and not sampled:
-        return "its plant bends between its vertices; the spec's does not"
+        return "its plant is a polynomial of the parameters, the spec's is multi-affine"
     if samples is not None and sampled:
         difference = _other_samples(samples, found, plant)
         if difference is not None:

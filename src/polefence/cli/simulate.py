@@ -100,14 +100,15 @@ def simulate_command(options: Any) -> int:
         check_format(options.output)
     check_targets(options.output, options.plot, options.json)
     plant, own = read_subject(options.subject)
-    held = None if own else _held(plant, options)
+    held, sampling = None if own else _held(plant, options), None
     if held is not None:
-        plant, law, options = held
+        plant, law, sampling = held
+        options = argparse.Namespace(**{**vars(options), "sampling": sampling.period})
         laws = [law]
     else:
         words = options.law if options.law or own else ["passive"]
         laws = distinct([*([own] if own else []), *(read_law(plant, word) for word in words)])
-    setup = setup_of(plant, options, laws[0].law)
+    setup = setup_of(plant, options, laws[0].law, sampling)
     each = counted(laws, "law")
     runs = {law.name: run(setup, law.law, _margins(setup, law)) for law in each}
     summaries = [summary_of(law, runs[law.name]) for law in laws]
@@ -119,8 +120,8 @@ def simulate_command(options: Any) -> int:
     return PROVED
 
 
-def _held(plant: UncertainPlant, options: Any) -> tuple[UncertainPlant, Named, Any] | None:
-    """Return the plant with what the computer of a design at a sample time keeps, law and options.
+def _held(plant: UncertainPlant, options: Any) -> tuple[UncertainPlant, Named, Sampling] | None:
+    """Return the plant with what the computer of a design at a sample time keeps, law and times.
 
     None where no law is one.
 
@@ -144,8 +145,7 @@ def _held(plant: UncertainPlant, options: Any) -> tuple[UncertainPlant, Named, A
     period = found.sampling.period
     if options.sampling not in (None, period):
         raise InputError(f"--sampling: the design's own is {period:g} s; leave it out")
-    options = argparse.Namespace(**{**vars(options), "sampling": found.sampling})
-    return found.plant, replace(named, law=found.law, design=None), options
+    return found.plant, replace(named, law=found.law, design=None), found.sampling
 
 
 def _require_end(runs: Mapping[str, Run]) -> None:
@@ -311,19 +311,24 @@ def add_car_arguments(parser: argparse.ArgumentParser) -> None:
         parser.add_argument(name, type=float, metavar=metavar, help=text)
 
 
-def setup_of(plant: UncertainPlant, options: Any, law: Any) -> Setup:
+def setup_of(
+    plant: UncertainPlant, options: Any, law: Any, sampling: Sampling | None = None
+) -> Setup:
     """Return what the options ask to be followed.
 
     Parameters
     ----------
     law : law
         Whose loop says how long and how finely, where the options do not.
+    sampling : Sampling, optional
+        That of the law's design.
 
     Raises
     ------
     InputError
         Naming the option that cannot be used.
     """
+    from polefence.response.discrete import Sampling
     from polefence.vehicle.driving.drive import Setup
     from polefence.vehicle.driving.parts import Actuator, BumpStops, Estimated, Hardware
 
@@ -338,7 +343,7 @@ def setup_of(plant: UncertainPlant, options: Any, law: Any) -> Setup:
         options.outside,
         Hardware(
             Estimated() if options.estimate else None,
-            _sampling(options.sampling),
+            sampling if sampling or options.sampling is None else Sampling(options.sampling),
             Actuator(options.bandwidth, options.force_limit),
             stops,
             dampers=_dampers(options.subject),
@@ -350,12 +355,6 @@ def setup_of(plant: UncertainPlant, options: Any, law: Any) -> Setup:
     except ParameterValueError as error:
         raise ParameterValueError(str(error).replace("outside=True", "--outside")) from error
     return setup
-
-
-def _sampling(given: float | Sampling | None) -> Sampling | None:
-    from polefence.response.discrete import Sampling
-
-    return given if given is None or isinstance(given, Sampling) else Sampling(given)
 
 
 def _dampers(subject: str) -> tuple[Damper, ...]:
@@ -533,8 +532,7 @@ def _step(options: Any) -> float:
     if options.sampling is None:
         return LONGEST_STEP
     # so that the controller's period is a multiple of the step
-    own = options.sampling
-    period = positive(getattr(own, "period", own), "--sampling [s]")
+    period = positive(options.sampling, "--sampling [s]")
     return period / max(1, math.ceil(period / LONGEST_STEP * (1 - 1e-9)))
 
 

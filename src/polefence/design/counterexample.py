@@ -139,10 +139,9 @@ class _Family:
 
     def __init__(self, claim: Poles, domain: Domain, measure: Measure) -> None:
         self.A, self.B = (np.array(M, dtype=float) for M in (claim.A, claim.B))
-        curve = () if claim.remainder is None else claim.remainder.curve
-        self.curve, self.degree = np.array(curve, dtype=float), 1
-        if claim.remainder is not None:
-            self.degree = claim.remainder.degree
+        near = claim.remainder
+        self.curve = np.array(() if near is None else near.curve, dtype=float)
+        self.degree = 1 if near is None else near.degree
         self.domain, self.law, self.measure = domain, claim.law, measure
         law = claim.law
         self.K = None if law.K is None else np.array(law.K, dtype=float)

@@ -214,9 +214,9 @@ def spread_of(plant: UncertainPlant, law: Law, evidence: Evidence, driven: bool 
     R, known = np.array(remainder.entries, dtype=float), len(b)
     if driven:
         rows, columns = cheapest(R, a, b)
-    else:
-        rows, columns = cheapest(np.where(np.arange(R.shape[1]) < known, R, 0.0), a, b)
-        ends = np.where(R > 0, R, 0.0)[:, known:]
+    else:  # any column of a disturbance will do that is large enough
+        ends = R[:, known:]
+        rows, columns = cheapest(R * (np.arange(R.shape[1]) < known), a, b)
         rows = np.where(ends.any(axis=1) & (rows <= 0), rows.max(), rows)
         columns[known:] = FREE * (ends / np.where(rows > 0, rows, np.inf)[:, None]).max(axis=0)
     V = columns[: each.shape[1], None] * moved

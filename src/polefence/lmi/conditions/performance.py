@@ -384,12 +384,10 @@ def raised(source: Source, domain: Domain, degree: int, q: int) -> Callable[[Exp
         P, columns = source.EE, len(next(iter(source.EE.values())))
     elif isinstance(source, Points) and not source.points:
         return lambda _: np.zeros((0, 0))
+    elif isinstance(source, Points):
+        P, columns = bernstein(domain, np.concatenate(source.points, axis=2), 1), q
     else:
-        if isinstance(source, Points):
-            P = bernstein(domain, np.concatenate(source.points, axis=2), 1)
-        else:
-            P = bernstein(domain, source.E, source.degree)
-        columns = q
+        P, columns = bernstein(domain, source.E, source.degree), q
     zero = np.zeros((len(next(iter(P.values()))), columns))
     table = elevated(P, domain, degree - degree_of(P, domain))
     return lambda e: table.get(e, zero)

@@ -5,6 +5,7 @@ from fractions import Fraction
 
 import numpy as np
 import pytest
+from scipy.linalg import expm
 
 from polefence import (
     Disk,
@@ -14,7 +15,9 @@ from polefence import (
     Rms,
     Saturation,
     Scheduled,
+    Structure,
     UncertainPlant,
+    at_sample_time,
     optimise,
     place,
 )
@@ -205,6 +208,121 @@ def test_a_law_that_may_be_cut_off_is_better_than_one_that_may_not():
     assert all(prove(claim).proved for claim in again.claims)
     text = again.claims[1].said(again.plant)
     assert "'u' = u1 cut off at +-20: the loop comes to rest from x(0) = (1, 0)" in text
+
+
+# --- at a sample time, and of laws with states of their own ---------------------------------------
+
+
+def late_runs(plant, T, law, U, x, p, steps):
+    """States of the loop at samples, u one sample late, by SciPy's exponential at parameters p."""
+    m, g = p
+    both = expm(np.array([[0, 1, 0], [g, 0, 1 / m], [0, 0, 0]]) * T)
+    F, G, K = both[:2, :2], both[:2, 2], np.atleast_2d(law.gain(np.full(4, 0.25)))[0]
+    late = np.zeros(len(x))
+    for _ in range(steps):
+        u = np.clip(x @ K[:2] + late * K[2], -U, U)
+        x, late = x @ F.T + late[:, None] * G, u
+    return x
+
+
+def test_a_short_sample_time_asks_for_what_holds_it_still():
+    bound = best_bound(at_sample_time(pendulum(), 1e-3), PUSH, START)
+    assert 12 < bound.level < 12.001
+
+
+def test_a_sample_late_a_thousand_states_come_to_rest():
+    T, law = 0.02, FixedGain(np.array([[-20.0, -7.0, -0.3]]))
+    plant, round_ = at_sample_time(pendulum(), T, delay=1), np.diag([1.0, 1.0, 0.0]).tolist()
+    bound = best_bound(plant, law, Saturation("u", ellipsoid=round_))
+    angle = np.linspace(0, 2 * np.pi, 1000, endpoint=False)
+    x = np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    for p in ((1, 4), (2, 4), (1, 6), (2, 6), (1.3, 5.1)):
+        assert np.abs(late_runs(plant, T, law, bound.level, x, p, 1500)).max() < 1e-2, p
+    assert np.abs(late_runs(plant, T, law, 0.5 * bound.level, x, (2, 6), 1500)).max() > 10
+
+
+def test_at_a_sample_time_disturbances_are_borne():
+    T, norm = 0.05, 2.0
+    bound = best_bound(at_sample_time(pendulum(), T), PUSH, Saturation("u", norm=norm))
+    assert bound.claim.norms == (2,)
+    random, count = np.random.default_rng(0), 1000
+    length = random.uniform(0.05, 3.0, count)
+    t = np.arange(200) * T
+    w = np.where(t[:, None] < length, 1.0 + random.normal(size=(200, count)) * 0.1, 0.0)
+    w *= norm / np.sqrt(T * (w**2).sum(axis=0))
+    for m, g in ((1, 4), (2, 4), (1, 6), (2, 6)):
+        both = expm(np.array([[0, 1, 0], [g, 0, 1 / m], [0, 0, 0]]) * T)
+        F, G = both[:2, :2], both[:2, 2]
+        x = np.zeros((count, 2))
+        for push in [*w, *np.zeros((400, count))]:
+            u = np.clip(x @ PUSH.K[0], -bound.level, bound.level)
+            x = x @ F.T + (u + push)[:, None] * G
+        assert np.abs(x).max() < 1e-2
+
+
+@pytest.fixture(scope="module")
+def sampled_claim():
+    asked = Saturation("u", points=[(1.0, 0.0)])
+    return best_bound(at_sample_time(pendulum(), 0.05), PUSH, asked).claim
+
+
+def test_the_remainder_is_in_every_part(sampled_claim):
+    assert prove(sampled_claim).proved
+    names = {own.name.split(" at ")[0] for own in sampled_claim.inequalities()}
+    assert {f"of the remainder, {end}" for end in ("none cut off", "u1 cut off")} <= names
+
+
+def test_a_larger_remainder_is_not_proved(sampled_claim):
+    subject = sampled_claim.subject
+    spread = subject.evidence.spread
+    less = [[x * Fraction(9, 10) for x in row] for row in spread.omega]
+    evidence = replace(subject.evidence, spread=replace(spread, omega=less))
+    verdict = prove(replace(sampled_claim, subject=replace(subject, evidence=evidence)))
+    assert not verdict.proved
+    assert "of the remainder" in verdict.reason
+    wider = tuple(tuple(2 * x for x in row) for row in subject.remainder.entries)
+    near = replace(subject.remainder, entries=wider)
+    with pytest.raises(FormatError, match="do not cover"):
+        prove(replace(sampled_claim, subject=replace(subject, remainder=near)))
+
+
+def test_what_is_held_counts_in_the_remainder(sampled_claim):
+    """An Omega that is enough for K alone is not for a large H."""
+    large = tuple(tuple(tuple(1000 * x for x in row) for row in Y) for Y in sampled_claim.held)
+    reason = prove(replace(sampled_claim, held=large, level=Fraction(10**9))).reason
+    assert "u1 cut off" in reason
+
+
+def structured_pendulum():
+    return Structure(measured=("x",), order=1).extended(pendulum())[0]
+
+
+def test_a_law_with_a_state_of_its_own():
+    """u = -50 x - z, z' = -10 z - 400 x: a filtered derivative of what is measured."""
+    plant, law = structured_pendulum(), FixedGain(np.array([[-80.0, 0, 50.0], [10.0, 0, -10.0]]))
+    bound = best_bound(plant, law, START.extended(2, 1))
+    assert 12 < bound.level
+    ball = np.array([[1.0, 0, 0]])
+    for alpha in np.eye(4):
+        A, B = (M[0] for M in plant.at(alpha[None]))
+        x = ball
+        for _ in range(20000):
+            u = x @ law.K.T
+            u[:, 0] = np.clip(u[:, 0], -bound.level, bound.level)
+            x = x + 0.002 * (x @ A.T + u @ B.T)
+        assert np.abs(x).max() < 1e-3
+
+
+def test_a_structure_is_searched_that_may_be_cut_off():
+    plant, kept = pendulum(), Structure(measured=("x", "v"))
+    found = {
+        kind: optimise(
+            plant, Rms("x", density=2.0), [kind("u", 20.0, points=[(1.0, 0.0)])], Disk(-6, 6),
+            structure=kept,
+        ).bounds[0].level
+        for kind in (Saturation, InitialPeak)
+    }  # fmt: skip
+    assert found[Saturation] < 0.6 * found[InitialPeak]
 
 
 # --- one fault at a time -------------------------------------------------------------------------

@@ -123,9 +123,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def tradeoff_command(options: Any) -> int:
     """Find the least proved bound on one signal for each limit on another."""
-    own = load(options.spec)
-    minimise, over, limits = _specifications(own, options)
-    plant = at_samples(own, options)
+    plant = at_samples(load(options.spec), options)
+    minimise, over, limits = _specifications(plant, options)
     values, structure = _values(options), structure_of_options(plant, options)
     methods = _methods(plant, options, structure)
     if methods is not None and not options.method:

@@ -36,8 +36,9 @@ from polefence.plant.motion import Motion
 from polefence.plant.polynomial import Domain, bernstein, elevated, times
 from polefence.plant.polynomial import Polynomial as Floats
 from polefence.plant.system import Array
-from polefence.proof import matrices, work
+from polefence.proof import matrices, polynomials, work
 from polefence.proof.claims.base import prove
+from polefence.proof.claims.saturation import cut_off
 from polefence.proof.laws import Evidence, Piece, lifted
 from polefence.proof.plant import ANY
 from polefence.proof.polynomials import Polynomial, coordinates, multinomial
@@ -78,7 +79,7 @@ def with_inputs(plant: UncertainPlant, law: Law, loop: Loop) -> Loop:
         K = {e: p[n:] for e, p in bernstein(domain, law.form, law.degree).items()}
     else:
         K = bernstein(domain, law.Z, law.degree)
-    return replace(loop, B=bernstein(domain, plant.B, 1), K=K)
+    return replace(loop, B=_polynomial(plant, domain, plant.B, n), K=K)
 
 
 def _loop(plant: UncertainPlant, law: Law, rows: Array) -> Loop:
@@ -97,8 +98,11 @@ def _loop(plant: UncertainPlant, law: Law, rows: Array) -> Loop:
     return Loop(elevated(W, domain, d), times(AB, both), domain, W, step, motion)
 
 
-def _polynomial(plant: UncertainPlant, domain: Domain, rows: Array) -> Floats:
-    """Return rows at the vertices as a polynomial; a plant's curve is added to the first n."""
+def _polynomial(plant: UncertainPlant, domain: Domain, rows: Array, column: int = 0) -> Floats:
+    """Return rows at the vertices as a polynomial; a plant's curve is added to the first n.
+
+    Of the curve's columns it begins with ``column``.
+    """
     found, d = bernstein(domain, rows, 1), plant.curve_degree
     if d == 1:
         return found
@@ -108,7 +112,7 @@ def _polynomial(plant: UncertainPlant, domain: Domain, rows: Array) -> Floats:
             "box of these (on = 'box')"
         )
     more = np.zeros((len(plant.curve), *rows.shape[1:]))
-    more[:, : plant.shape[0]] = plant.curve[:, :, : rows.shape[2]]
+    more[:, : plant.shape[0]] = plant.curve[:, :, column : column + rows.shape[2]]
     found, curve = elevated(found, domain, d - 1), bernstein(domain, more, d)
     return {e: found[e] + curve[e] for e in found}
 
@@ -189,7 +193,13 @@ def _spread(plant: UncertainPlant, law: Law, evidence: dict[str, Any]) -> dict[s
     return {key: np.array(value, dtype=float) for key, value in each.items()}
 
 
-def spread_of(plant: UncertainPlant, law: Law, evidence: Evidence, driven: bool = True) -> Spread:
+def spread_of(
+    plant: UncertainPlant,
+    law: Law,
+    evidence: Evidence,
+    driven: bool = True,
+    cut: Sequence[int] = (),
+) -> Spread:
     """Return what a plant's remainder asks for beside a Lyapunov polynomial.
 
     Rows and columns follow the sizes that the Lyapunov matrix gives to states and inputs; Omega is
@@ -199,6 +209,8 @@ def spread_of(plant: UncertainPlant, law: Law, evidence: Evidence, driven: bool 
     ----------
     driven : bool
         Whether disturbances count; of poles they do not.
+    cut : sequence of int
+        Inputs that are cut off: Omega is enough for every part of them.
     """
     remainder = plant.remainder
     if remainder is None:
@@ -206,6 +218,10 @@ def spread_of(plant: UncertainPlant, law: Law, evidence: Evidence, driven: bool 
     n = plant.shape[0]
     XKX = lifted(exact_law(law), evidence, domain_of(plant, law).sizes)
     each = _coefficients(XKX)
+    if cut:
+        Y = polynomials.bernstein([*evidence.held], XKX.sizes, evidence.held_degree)
+        parts = cut_off(XKX, n, {i: Y.part(slice(i, i + 1)) for i in cut})
+        each = np.concatenate([_coefficients(own) for _, own in parts])
     X = each[:, :n].mean(axis=0)
     T = np.linalg.cholesky((X + X.T) / 2)
     inverse = np.linalg.inv(T)

@@ -62,6 +62,8 @@ def wanted(
                 )
         written = tuple(road.acting(own, plant) for own in written)
         least = None if least is None else road.acting(least, plant)
+    written = tuple(_begun(own, plant) for own in written)
+    least = least and _begun(least, plant)
     every = (*written, *([least] if least else []))
     for own in every:
         _known(plant, own, str(spec), road)
@@ -88,6 +90,14 @@ def wanted(
             "SIGNAL <= LIMIT', or write [[specification]] tables"
         )
     return least, tuple(found.values())
+
+
+def _begun(own: Specification, plant: UncertainPlant) -> Specification:
+    """Return a spec's own of a plant at a sample time: no input is on its way at first."""
+    if plant.sampling is None:
+        return own
+    n = plant.sampling.plant.shape[0]
+    return own.extended(n, plant.shape[0] - n)
 
 
 def densities_of(written: Sequence[Specification]) -> dict[str, float]:

@@ -14,9 +14,10 @@ from typing import Any
 import numpy as np
 
 from polefence.base.errors import InputError
+from polefence.design.requirements.energy_peak import EnergyPeak
 from polefence.design.requirements.initial_peak import InitialPeak, axes_of
 from polefence.design.requirements.slopes import Loops, Slopes
-from polefence.design.requirements.specification import is_number
+from polefence.design.requirements.specification import Specification, is_number
 from polefence.lmi.conditions import performance as conditions
 from polefence.plant.delta import delta_form
 from polefence.plant.family import UncertainPlant
@@ -52,7 +53,6 @@ class Saturation(InitialPeak):
     kind = "saturation"
     keys = ("points", "impulse", "ellipsoid", "norm", "disturbances")
     vector = True
-    tuned = False
 
     def __post_init__(self) -> None:
         if not (is_number(self.norm) and self.norm >= 0):
@@ -70,15 +70,11 @@ class Saturation(InitialPeak):
     def require_fit(self, plant: UncertainPlant) -> None:
         """Refuse signals that are no inputs, too."""
         super().require_fit(plant)
-        self._chosen(plant)
-        if plant.remainder is not None:
-            raise InputError(
-                f"{self.title}: of a plant at a sample time inputs that are cut off are not proved"
-            )
+        self.cut_off(plant)
         if self.norm:
             self.entering(plant)
 
-    def _chosen(self, plant: UncertainPlant) -> list[int]:
+    def cut_off(self, plant: UncertainPlant) -> tuple[int, ...]:
         """Return the numbers of the inputs.
 
         Raises
@@ -93,13 +89,14 @@ class Saturation(InitialPeak):
                 raise InputError(f"saturation is of inputs: {name!r} is none of {', '.join(names)}")
         if len(signals) > MAX_INPUTS:
             raise InputError(f"saturation of {len(signals)} inputs; at most {MAX_INPUTS}")
-        return [names.index(name) for name in signals]
+        return tuple(names.index(name) for name in signals)
 
     def source(self, plant: UncertainPlant, domain: Domain) -> conditions.Source:
         """Return the initial states, or disturbances of unit norm as noise."""
         if self.norm:
-            E, scales = self.norm * self.entering(plant), self.scales(plant)
-            return conditions.noise(f"saturation {self.norm} {scales}", domain, E, 1.0)
+            (E, degree), scales = self.driving(plant), self.scales(plant)
+            name = f"saturation {self.norm} {scales}"
+            return conditions.noise(name, domain, self.norm * E, 1.0, degree)
         self._require_states(plant)
         return self._starts(plant, "saturation")
 
@@ -108,7 +105,7 @@ class Saturation(InitialPeak):
     ) -> tuple[conditions.Source, conditions.Output]:
         """Return it with the numbers of the inputs that are cut off."""
         source, own = super().condition(plant, domain, unit)
-        return source, replace(own, held=tuple(self._chosen(plant)))
+        return source, replace(own, held=self.cut_off(plant))
 
     def claim(
         self,
@@ -117,7 +114,7 @@ class Saturation(InitialPeak):
         plant: UncertainPlant,
     ) -> proof.BoundClaim:
         """Return the claim, with what its evidence holds of the inputs."""
-        held, chosen = subject.evidence.held, self._chosen(plant)
+        held, chosen = subject.evidence.held, self.cut_off(plant)
         Y = tuple(tuple(tuple(M[i]) for i in chosen) for M in held)
         degree = subject.evidence.held_degree
         subject = replace(subject, evidence=replace(subject.evidence, held=(), held_degree=0))
@@ -129,6 +126,18 @@ class Saturation(InitialPeak):
             return replace(own, norms=tuple(Fraction(self.norm) * Fraction(s) for s in scales))
         points, impulses, X0 = self._exact(plant)
         return replace(own, points=points, impulses=impulses, ellipsoid=X0)
+
+    def tuned(self, times: float) -> tuple[Specification, ...]:
+        """Return the peaks of the inputs that nothing cuts off, at most so many times the limit."""
+        level = None if self.at_most is None else times * self.at_most
+        names = self.signal if isinstance(self.signal, tuple) else (self.signal,)
+        own: dict[str, Any] = {"disturbances": self.disturbances}
+        if level == np.inf:
+            return ()
+        if self.norm:
+            return tuple(EnergyPeak(name, level, norm=self.norm, **own) for name in names)
+        own |= {"points": self.points, "impulse": self.impulse, "ellipsoid": self.ellipsoid}
+        return tuple(InitialPeak(name, level, **own) for name in names)
 
     def values(self, plant: UncertainPlant, law: Any, alpha: Array) -> Array:
         """Return limits at which simulated loops do not come to rest, zero where none is found.
@@ -142,7 +151,7 @@ class Saturation(InitialPeak):
         at = np.unique(np.linspace(0, len(alpha) - 1, MOST_POINTS).astype(int))
         plant = delta_form(plant)
         loops, step = close(plant, law, alpha[at], disturbed=False), float(plant.step)
-        found[at] = _least_limits(loops, starts, self._chosen(plant), step)
+        found[at] = _least_limits(loops, starts, list(self.cut_off(plant)), step)
         return found
 
     def slopes(self, loops: Loops) -> Slopes:  # noqa: ARG002
@@ -153,7 +162,7 @@ class Saturation(InitialPeak):
         InputError
         """
         raise InputError(
-            "saturation is not tuned for: design by a method, or prove it of the law that is found"
+            f"{self.title}: an input that is cut off has no slopes; its peaks have, as `tuned` says"
         )
 
 
@@ -161,7 +170,9 @@ def _least_limits(loops: Closed, starts: list[Array], chosen: list[int], step: f
     """Return for each loop the largest limit at which it is seen not to come to rest."""
     A, B, K, poles = loops.A, loops.B, loops.K, loops.poles()
     fastest = np.abs(np.concatenate([poles, np.linalg.eigvals(A)], axis=-1)).max()
-    slowest = max(float((-poles.real).min()), 1e-6 * float(fastest))
+    # how fast it comes to rest, or is lost where nothing acts
+    rates = np.concatenate([-poles.real, np.abs(np.linalg.eigvals(A).real)], axis=-1)
+    slowest = float(rates[rates > 1e-6 * float(fastest)].min(initial=float(fastest)))
     dt = step or STEP / float(fastest)
     steps = int(min(LASTING / slowest / dt + 1, MOST_STEPS))
     x0 = np.repeat(np.stack(starts)[:, None], len(A), axis=1)

@@ -98,7 +98,6 @@ class Specification:
     limits_rms: ClassVar[bool] = False  # whether its limit is one on an rms, not on a ratio of two
     direct: ClassVar[bool] = False  # whether a disturbance may pass straight into the signal
     power: ClassVar[int] = 2  # of the bound, that grows with the r of a condition
-    tuned: ClassVar[bool] = True  # whether a law of a structure can be tuned for it
 
     def __post_init__(self) -> None:
         self._settle("signal", _signals(self.signal, self.kind, self.vector))
@@ -355,6 +354,10 @@ class Specification:
         """Return the claim that the bound is kept."""
         raise NotImplementedError
 
+    def cut_off(self, plant: UncertainPlant) -> tuple[int, ...]:  # noqa: ARG002
+        """Return the numbers of inputs that are cut off at the bound."""
+        return ()
+
     def values(self, plant: UncertainPlant, law: Any, alpha: Array) -> Array:
         """Return what is bounded at points alpha (count, N), in floats.
 
@@ -364,6 +367,16 @@ class Specification:
             If a loop is not stable, or a response cannot be computed.
         """
         raise NotImplementedError
+
+    def tuned(self, times: float) -> tuple[Specification, ...]:  # noqa: ARG002
+        """Return what the search for a law of a structure has in its place.
+
+        Parameters
+        ----------
+        times : float
+            How far an input that is cut off may go beyond its limit.
+        """
+        return (self,)
 
     def channel(self, plant: UncertainPlant, alpha: Array) -> Channel:
         """Return what moves its signal, and the signal, at points alpha (count, N)."""

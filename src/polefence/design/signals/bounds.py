@@ -45,7 +45,7 @@ from polefence.proof.claims.base import prove
 from polefence.proof.claims.gain_norm import BoundClaim
 from polefence.proof.document import Document
 from polefence.proof.laws import Evidence, Piece
-from polefence.proof.remainder import Spread
+from polefence.proof.remainder import SHARE, Spread
 from polefence.proof.work import FormatError
 from polefence.region.text import digits_up
 
@@ -354,13 +354,14 @@ def _climb(
     loop = loop_with(plant, law, output.C, output.D)
     if output.held:
         loop = with_inputs(plant, law, loop)
-    if plant.remainder is not None and not isinstance(source, performance.Through):
-        yield _with_room(plant, law, loop, source, output)
-        return
+    near = plant.remainder is not None and not isinstance(source, performance.Through)
     for form in LADDER:
         first = form == LADDER[0]
         if first or (len(plant.vertices) > 1 and work(loop, source, *form) <= MOST_WORK):
-            yield _points(loop, source, output, form)
+            if near:
+                yield _with_room(plant, law, loop, source, output, form)
+            else:
+                yield _points(loop, source, output, form)
     for form, pieces in finer(plant, law):
         own = replace(loop, pieces=pieces_of(plant, pieces))
         if work(loop, source, *form) * math.prod(own.pieces) <= MOST_WORK:
@@ -373,18 +374,19 @@ def _with_room(
     loop: Loop,
     source: performance.Noise | performance.Points,
     output: performance.Output,
+    form: tuple[int, int],
 ) -> Points:
     """Yield points that leave room for what a remainder costs: as more noise, or less decay."""
-    for form, times in product(LADDER[:2] if len(plant.vertices) > 1 else LADDER[:1], ROOM):
+    for times in ROOM:
         with suppress(SolverError, np.linalg.LinAlgError):
             found = least_given(loop, source, output, *form)
             for _ in range(TURNS):
                 evidence = next(iter(_evidences(found, form)))
-                own = spread_of(plant, law, evidence)
+                own = spread_of(plant, law, evidence, cut=output.held)
                 cost = np.diag(np.square(np.array(own.rows, dtype=float)))
                 cost += 2 * np.array(own.omega, dtype=float)
                 if isinstance(source, performance.Noise):
-                    noisy = source.more(loop.domain, times * cost)
+                    noisy = source.times(1 + 2 * float(SHARE)).more(loop.domain, times * cost)
                     found = least_given(loop, noisy, output, *form)
                     continue
                 T = np.linalg.inv(np.linalg.cholesky(found.Q.mean(axis=0)))
@@ -432,7 +434,8 @@ def _proved(
     if plant.remainder is not None and specification.of_signal:
         try:
             if not evidence.dual:
-                evidence = replace(evidence, spread=spread_of(plant, law, evidence))
+                cut = specification.cut_off(plant)
+                evidence = replace(evidence, spread=spread_of(plant, law, evidence, cut=cut))
         except np.linalg.LinAlgError:  # no Lyapunov matrix
             return None
     claim = claim_of(plant, exact_law(law), on, specification, evidence, Fraction(level))

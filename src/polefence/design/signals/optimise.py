@@ -232,12 +232,10 @@ def optimise(
     require_movable(plant, asked)
     if structure is not None:
         structure.require_fit(plant)
-        for own in (*subject_to, *([minimise] if minimise else ())):
-            if not own.tuned:
-                raise InputError(
-                    f"{own.title}: laws are not tuned for it; leave out the structure, or prove it "
-                    "of the law that is found"
-                )
+        if minimise is not None and len(minimise.tuned(1.0)) > 1:
+            raise InputError(
+                f"{minimise.title}: of a structure one input's is minimised; give the others limits"
+            )
     if plant.remainder is not None:
         asked_method = None if either or structure is not None else method
         question = minimise, subject_to, asked, asked_method, budget, structure

@@ -1,13 +1,17 @@
 """Laws of a structure that are searched directly, then proved as any law that is given.
 
 A law at the edge of its limits has no proof: they are asked for somewhat tighter, and tighter still
-where the law that is found has none. What is proved are limits and region as they were asked for.
+where the law that is found has none. Of an input that is cut off the peak without that is limited,
+to less and less. What is proved are limits and region as they were asked for.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from itertools import product
+
+import numpy as np
 
 from polefence.base.errors import RegionError
 from polefence.design.requirements.specification import Specification
@@ -21,6 +25,8 @@ from polefence.region.regions import Disk, Ellipse, HalfPlane, Region, Sector, W
 
 # How much tighter limits and region are asked for than they are to be proved, one after the other.
 TIGHTER = (5e-4, 3e-3, 2e-2)
+# How many times its limit an input that is cut off would go to, and in laws to start from.
+BEYOND, BEGINNING = (np.inf, 8.0, 4.0, 2.0, 1.0), 4.0
 MOST = 3  # laws of one search that proofs are looked for
 WORSE = 0.02  # than the best of its search, a law that proofs are still looked for
 
@@ -32,9 +38,10 @@ def tuned_candidates(
 
     With each comes what bounded its gain; empty where the requirements themselves did.
     """
-    for share in TIGHTER:
-        asked = task.minimise, _tighter(task, share), _inside(task, share)
-        found = tune(task.plant, structure, *asked, starts)
+    asked_for = (*task.limits, *([task.minimise] if task.minimise else ()))
+    cut_off = any(own.cut_off(task.plant) for own in asked_for)
+    for times, share in product(BEYOND if cut_off else (1.0,), TIGHTER):
+        found = tune(task.plant, structure, *_asked(task, share, times), starts)
         for own in _promising(found):
             proved = candidate(task, own.law, task.region, estimate=own.level)
             if proved is not None:
@@ -62,8 +69,8 @@ def with_states(task: Task, structure: Structure, larger: UncertainPlant) -> Ite
         The plant with the law's states.
     """
     plant, order = task.plant, larger.shape[0] - task.plant.shape[0]
-    region, limits = _inside(task, TIGHTER[0]), _tighter(task, TIGHTER[0])
-    asked = task.minimise, limits, region
+    asked = _asked(task, TIGHTER[0], BEGINNING)
+    least, limits, region = asked
     for found in tune(plant, structure, *asked)[:1]:
         law = beside_filters(found.law, plant, larger, structure, task.region)
         yield from [law] if law is not None and found.kept else []
@@ -71,22 +78,24 @@ def with_states(task: Task, structure: Structure, larger: UncertainPlant) -> Ite
     yield from filtered(plant, own, *asked)
     whole = rough(plant, Structure(schedule=()), *asked)
     wanted = list(limits)
-    if task.minimise is not None:
+    if least is not None:
         most = None if whole is None else whole.level
-        wanted.append(replace(task.minimise, at_most=most))
+        wanted.append(replace(least, at_most=most))
     known = () if whole is None else (whole.law,)
     yield from observers(plant, own, wanted, region, known)
 
 
-def _inside(task: Task, share: float) -> Region:
-    return tighter(task.region, share, stable(float(task.plant.step)))
-
-
-def _tighter(task: Task, share: float) -> tuple[Specification, ...]:
-    return tuple(
+def _asked(
+    task: Task, share: float, times: float
+) -> tuple[Specification | None, tuple[Specification, ...], Region]:
+    """Return what is minimised in a search, its limits and its region, somewhat tighter."""
+    least = None if task.minimise is None else next(iter(task.minimise.tuned(1.0)))
+    limits = tuple(
         own if own.at_most is None else replace(own, at_most=own.at_most * (1 - share))
-        for own in task.limits
+        for limit in task.limits
+        for own in limit.tuned(times)
     )
+    return least, limits, tighter(task.region, share, stable(float(task.plant.step)))
 
 
 def tighter(region: Region, share: float, within: Region | None = None) -> Region:

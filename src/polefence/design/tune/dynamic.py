@@ -261,7 +261,8 @@ def filtered(
         label = f"{own.name}, filtered"
         larger = with_dynamics(plant, (own,), ((-pole,),), ((pole,),), (label,))
         static = _with_signal(structure, plant, label)
-        best = rough(larger, static, minimise, limits, region)
+        least, *others = (own and own.extended(plant.shape[0], 1) for own in (minimise, *limits))
+        best = rough(larger, static, least, others, region)
         if best is not None:
             law = _of_order(best, static, larger, structure, plant, i, float(pole))
             found += [(best.level, law)] if law is not None else []

@@ -80,6 +80,11 @@ class Noise:
         root = None if self.root is None else inverse @ self.root / np.sqrt(rate)
         return Noise(self.name, EE, root)
 
+    def times(self, share: float) -> Noise:
+        """Return so many times its intensity."""
+        root = None if self.root is None else np.sqrt(share) * self.root
+        return Noise(self.name, {e: share * P for e, P in self.EE.items()}, root)
+
     def more(self, domain: Domain, S: Array) -> Noise:
         """Return it with further noise, independent, of intensity S (n, n) at every alpha."""
         degree = degree_of(self.EE, domain)
@@ -479,7 +484,7 @@ def _added(source: Source, outputs: tuple[Output, ...], form: Form) -> tuple[Lin
 def _held(name: str, form: Form, t: Linear, weight: float, output: Output) -> Iterator[Block]:
     """Yield that each row of H x stays within the bound; inputs that nothing cuts off count too.
 
-    Of those Y is free, and a block of it keeps it finite.
+    Of those Y is free, and a block keeps it near K X.
     """
     Y, m = form.cut[output.name].Y, output.D.shape[2]
     rows = np.concatenate([output.D[0], np.delete(np.eye(m), output.held, axis=0)])

@@ -31,7 +31,8 @@ Forms = Mapping[Exponent, Linear]
 class Cut:
     """Coefficients of one exponent: Y, and what is added to N for every part of the inputs.
 
-    Nothing is added for the first, of none.
+    Nothing is added for the first, of none. Rows of inputs that nothing cuts off are free, and
+    those of Y - K X here.
     """
 
     Y: Linear
@@ -55,7 +56,9 @@ def cuts(
     raised = elevated(B, domain, degree - own - degree_of(B, domain))
     each = [_times(_column(raised, i), difference) for i in chosen]
     one = {(0,) * sum(domain.sizes): np.eye(next(iter(B.values())).shape[1])}
-    held = _times(elevated(one, domain, degree - own), Y)
+    free = np.diag([float(i not in chosen) for i in range(len(one[next(iter(one))]))])
+    bounded = {e: P - free @ KX.get(e, Linear()) for e, P in Y.items()}
+    held = _times(elevated(one, domain, degree - own), bounded)
     parts = [p for size in range(len(chosen) + 1) for p in combinations(range(len(chosen)), size)]
     found: dict[Exponent, Cut] = {}
     for e in domain.monomials(degree):

@@ -135,7 +135,7 @@ class RelativeRms(SignalClaim):
 
     def rows(self, X: Polynomial, N: Polynomial, Y: Polynomial) -> Rows:
         """Return what bounds the covariance, and the output's variance."""
-        driven = moving(self, self.intensity, X.sizes)
+        driven = moving(self.subject, self.scales, X.sizes, self.intensity)
         falling = self.subject.falling(X, N, driven)
         return {"of the noise": falling, "of the output": [[self._square, Y], [X]]}
 

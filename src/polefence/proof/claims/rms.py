@@ -66,7 +66,7 @@ class Rms(SignalClaim):
 
     def rows(self, X: Polynomial, N: Polynomial, Y: Polynomial) -> Rows:
         """Return what bounds the covariance, and the sum of the outputs' variances."""
-        driven = moving(self, self.intensity, X.sizes)
+        driven = moving(self.subject, self.scales, X.sizes, self.intensity)
         falling, corner = self.subject.falling(X, N, driven), number(self.level**2, X.sizes)
         return {"of the noise": falling, "of the output": bounded(corner, X, Y)}
 

@@ -6,31 +6,32 @@ polynomial, the loop's N = (A + B K) X becomes N + B_S (Y - K X)_S for every par
 among them, and [ g^2, Y_i ; Y_i', X ] > 0 for each i. If all of them fall, the ellipsoid is kept
 and left by no motion in it: -(N + N') > 0 and [ 1, x0' ; x0, X ] > 0, or X - X0 > 0, from initial
 states; -(N + N' + E s^2 E') > 0, s = diag(norms), from rest for all w = diag(norms) v, v of unit
-norm in L2.
+norm in L2. A remainder of the plant asks for an Omega that is enough for every part.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from itertools import combinations
 from typing import Any, ClassVar
 
 from polefence.proof.claims.initial_peak import InitialPeak
-from polefence.proof.claims.signal import Rows, Subject, outputs_text, scaled
+from polefence.proof.claims.signal import Rows, Subject, moving, outputs_text
 from polefence.proof.laws import degree_of
 from polefence.proof.plant import Output, Plant
 from polefence.proof.polynomials import (
     MAX_DEGREE,
     Polynomial,
-    affine,
     bernstein,
     constant,
     count_of,
+    joint,
     number,
 )
 from polefence.proof.reading import Table, plain
+from polefence.proof.remainder import Spread
 from polefence.proof.text import digits_down, digits_up, milliseconds_text
 from polefence.proof.work import FormatError
 
@@ -49,7 +50,6 @@ class Saturation(InitialPeak):
     kind: ClassVar[str] = "saturation"
     most: ClassVar[int] = MAX_INPUTS
     has_cells: ClassVar[bool] = False
-    has_remainder: ClassVar[bool] = False
 
     norms: tuple[Fraction, ...] = ()
     held: tuple[tuple[tuple[Fraction, ...], ...], ...] = ()
@@ -112,41 +112,51 @@ class Saturation(InitialPeak):
 
     @property
     def blocks_at_most(self) -> int:
-        """One for each part of the inputs, and those of initial states and of Y."""
-        return super().blocks_at_most + (1 << len(self.outputs)) + len(self.outputs)
+        """One for each part of the inputs, or two, and those of initial states and of Y."""
+        each = 1 if self.subject.remainder is None else 2
+        return super().blocks_at_most + (each << len(self.outputs)) + len(self.outputs)
 
     @property
     def least_degree(self) -> int:
         """That of Y, and B Y."""
         own = degree_of(self.subject.law, self.subject.evidence)
-        return max(own, self.held_degree) + 1
+        near = self.subject.remainder
+        return max(own, self.held_degree) + (1 if near is None else near.degree)
 
     def rows(self, X: Polynomial, N: Polynomial, Y: Polynomial) -> Rows:  # noqa: ARG002
         """Return the decrease under every part of what is cut off, the limits, and the starts."""
         subject, sizes = self.subject, X.sizes
-        held = bernstein([list(map(list, M)) for M in self.held], sizes, self.held_degree)
-        XKX, B = subject.lifted, affine(subject.B, sizes)
-        driven = None
-        if self.norms:
-            E = scaled(subject.E, self.norms, sizes)
-            driven = E * E.T
+        driven = moving(subject, self.norms, sizes) if self.norms else None
+        B, KX = subject.entering(sizes), subject.lifted.part(slice(subject.n, None))
+        held = dict(zip(self._inputs, self._held, strict=True))
         found: Rows = {"of X": [[X]]}
-        for chosen in _parts(len(self.outputs)):
+        for part in _parts(self._inputs):
             moved = N
-            for k in chosen:
-                i = self._inputs[k]
-                at = slice(subject.n + i, subject.n + i + 1)
-                cut = held.part(slice(k, k + 1)) - XKX.part(at)
-                moved = moved + B.part(slice(None), slice(i, i + 1)) * cut
-            name = f"of the decrease, {_name([self._inputs[k] for k in chosen])}"
-            found[name] = subject.falling(X, moved, driven)
+            for i in part:
+                own = slice(i, i + 1)
+                moved = moved + B.part(slice(None), own) * (held[i] - KX.part(own))
+            found[f"of the decrease, {_name(part)}"] = subject.falling(X, moved, driven)
         one, square = number(1, sizes), number(self.level**2, sizes)
-        for k in range(len(self.outputs)):
-            found[f"of limit {k + 1}"] = [[square, held.part(slice(k, k + 1))], [X]]
+        for k, Y_k in enumerate(self._held):
+            found[f"of limit {k + 1}"] = [[square, Y_k], [X]]
         found |= {name: [[one, x.T], [X]] for name, x in self._starts(sizes)}
         if self.ellipsoid:
             found["of the ellipsoid"] = [[X - constant(list(map(list, self.ellipsoid)), sizes)]]
         return found
+
+    @property
+    def _held(self) -> list[Polynomial]:
+        """The rows of Y = H X."""
+        Y = bernstein([list(map(list, M)) for M in self.held], self.subject.sizes, self.held_degree)
+        return [Y.part(slice(k, k + 1)) for k in range(len(self.outputs))]
+
+    def remainder_rows(self, spread: Spread) -> Rows:
+        """Return that Omega is enough whatever is cut off."""
+        rows = dict(zip(self._inputs, self._held, strict=True))
+        return {
+            f"of the remainder, {_name(part)}": spread.bounding(spread.moving(own))
+            for part, own in cut_off(self.subject.lifted, self.subject.n, rows)
+        }
 
     def statement(self, plant: Plant) -> str:
         """Say which inputs are cut off, and what the loop bears."""
@@ -163,12 +173,31 @@ class Saturation(InitialPeak):
         )
 
 
-def _parts(count: int) -> Iterator[tuple[int, ...]]:
-    """Yield all parts of so many inputs, nothing first."""
-    for size in range(count + 1):
-        yield from combinations(range(count), size)
+def cut_off(
+    XKX: Polynomial, n: int, held: Mapping[int, Polynomial]
+) -> Iterator[tuple[tuple[int, ...], Polynomial]]:
+    """Yield every part of the inputs, and [X; K X] with rows of H X in place of theirs.
+
+    Parameters
+    ----------
+    held : mapping
+        The rows of H X, by the numbers of the inputs.
+    """
+    height = XKX.shape[0]
+    for part in _parts(list(held)):
+        moved = XKX.raised(joint([XKX, *held.values()]))
+        for i in part:
+            unit = constant([[Fraction(int(j == n + i))] for j in range(height)], XKX.sizes)
+            moved = moved + unit * (held[i] - XKX.part(slice(n + i, n + i + 1)))
+        yield part, moved
 
 
-def _name(chosen: list[int]) -> str:
+def _parts(inputs: Sequence[int]) -> Iterator[tuple[int, ...]]:
+    """Yield all parts of these inputs, nothing first."""
+    for size in range(len(inputs) + 1):
+        yield from combinations(inputs, size)
+
+
+def _name(part: Sequence[int]) -> str:
     """Name the inputs that are cut off."""
-    return " and ".join(f"u{i + 1} cut off" for i in chosen) or "none cut off"
+    return " and ".join(f"u{i + 1} cut off" for i in part) or "none cut off"

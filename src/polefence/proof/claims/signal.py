@@ -185,6 +185,11 @@ class Subject:
             E = self.remainder.curved(E, self.n + self.m)
         return E * diagonal(scales, sizes) if scales else E
 
+    def entering(self, sizes: Sizes) -> Polynomial:
+        """Return B, with the curve of a remainder."""
+        B = affine(self.B, sizes)
+        return B if self.remainder is None else self.remainder.curved(B, self.n)
+
     def dual_loop(
         self, outputs: Sequence[Output]
     ) -> tuple[Polynomial, Polynomial, Polynomial, Polynomial]:
@@ -309,6 +314,10 @@ class SignalClaim(Claim):
     def rows(self, X: Polynomial, N: Polynomial, Y: Polynomial) -> Rows:
         """Return the blocks of X, N and Y that are to be positive."""
         raise NotImplementedError
+
+    def remainder_rows(self, spread: Spread) -> Rows:
+        """Return that Omega of a remainder is enough, for all that is moved."""
+        return {"of the remainder": spread.bounding(spread.moving(self.subject.lifted))}
 
     def dual_rows(self) -> Rows:
         """Return the blocks of the dual form, Q > 0 aside.
@@ -538,9 +547,9 @@ class SignalClaim(Claim):
                 yield Inequality.raised(name, blocks, evidence.elevation)
             return
         X, N, Y = self.subject.loop(self.outputs)
-        rows, spread = self._moving_rows(X, N, Y), evidence.spread
-        if spread is not None:
-            rows["of the remainder"] = spread.bounding(spread.moving(self.subject.lifted))
+        rows = self._moving_rows(X, N, Y)
+        if evidence.spread is not None:
+            rows |= self.remainder_rows(evidence.spread)
         least = joint([form for blocks in rows.values() for row in blocks for form in row])
         degrees = tuple(degree + evidence.elevation for degree in least)
         for name, blocks in rows.items():
@@ -675,11 +684,13 @@ def noise(
     return (form * form.T).times(intensity)
 
 
-def moving(claim: SignalClaim, intensity: Fraction, sizes: Sizes) -> Polynomial:
+def moving(
+    own: Subject, scales: Sequence[Fraction], sizes: Sizes, intensity: Fraction = Fraction(1)
+) -> Polynomial:
     """Return the intensity times E E', or more where E is only near that of the vertices."""
-    own, E = claim.subject, claim.subject.driving(claim.scales, sizes)
+    E = own.driving(scales, sizes)
     found, spread = (E * E.T).times(intensity), own.evidence.spread
-    most = max(spread.driving(claim.scales, own.q), default=0) if spread else 0
+    most = max(spread.driving(scales, own.q), default=0) if spread else 0
     if spread is None or not most:
         return found
     more = spread.entering((1 + 1 / SHARE) * intensity * most**2)

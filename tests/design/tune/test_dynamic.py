@@ -8,7 +8,7 @@ from fractions import Fraction
 import numpy as np
 import pytest
 
-from polefence import Disk, HalfPlane, Structure, UncertainPlant
+from polefence import Disk, HalfPlane, InitialPeak, Structure, UncertainPlant
 from polefence.design.tune.dynamic import filtered, observers
 from polefence.design.tune.search import tune
 from polefence.plant.spec import loads
@@ -49,6 +49,13 @@ def test_it_is_where_a_search_begins_that_is_no_worse(plant):
     found = tune(larger, gain, rms("x"), (), REGION, laws)[0]
     assert found.kept
     assert found.level <= rms("x").values(larger, laws[0], np.eye(4)).max() * (1 + 1e-6)
+
+
+def test_a_peak_from_initial_states_is_one_of_the_filters_at_rest(plant):
+    own, peak = Structure(("x",), (), order=1), InitialPeak("x", 1.5, points=[(1.0, 0.0)])
+    (law, *_) = filtered(plant, own, rms("x"), (peak,), REGION)
+    larger, _ = own.extended(plant)
+    assert peak.extended(2, 1).values(larger, law, np.eye(4)).max() <= 1.5 * (1 + 1e-6)
 
 
 def test_there_are_none_without_states(plant):

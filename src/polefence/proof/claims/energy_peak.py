@@ -42,7 +42,7 @@ class EnergyPeak(SignalClaim):
 
     def rows(self, X: Polynomial, N: Polynomial, Y: Polynomial) -> Rows:
         """Return what bounds the state, and the output in it."""
-        driven = moving(self, Fraction(1), X.sizes)
+        driven = moving(self.subject, self.scales, X.sizes)
         # the norm times Y: level / norm would not be there for a norm of zero
         corner = number(self.level**2, X.sizes)
         return {

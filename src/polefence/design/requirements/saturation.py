@@ -29,8 +29,9 @@ from polefence.proof.claims.saturation import MAX_INPUTS
 from polefence.response.closed import Loops as Closed
 from polefence.response.closed import close
 
-# Of limits at which a loop is simulated: halvings, and points of the family at most.
-HALVINGS, MOST_POINTS = 10, 300
+# Of limits at which a loop is simulated: parts of an interval, how often it is divided into these,
+# and points of the family at most.
+LEVELS, TURNS, MOST_POINTS = 10, 3, 300
 STEP, MOST_STEPS = 0.1, 1500  # of the fastest pole's time constant
 LASTING = 6.0  # time constants of the slowest
 GROWN = 10.0  # a state that has grown by so much, and grows on, does not come to rest
@@ -176,30 +177,33 @@ def _least_limits(loops: Closed, starts: list[Array], chosen: list[int], step: f
     dt = step or STEP / float(fastest)
     steps = int(min(LASTING / slowest / dt + 1, MOST_STEPS))
     x0 = np.repeat(np.stack(starts)[:, None], len(A), axis=1)
+    A, B, K = (np.swapaxes(M, 1, 2) for M in (A, B, K))  # to be multiplied from the left
+    size = np.linalg.norm(x0, axis=-1)
 
     def run(limit: Array) -> tuple[Array, Array]:
-        """Return whether each loop runs away, and the largest input that it asks for."""
-        x, most, before = x0, np.zeros(limit.shape), np.zeros(limit.shape)
+        """Return whether loops run away at limits (..., starts, loops), and what they ask for."""
+        x = np.broadcast_to(x0, (*limit.shape, x0.shape[2]))[..., None, :]
+        most, cut = np.zeros(limit.shape), limit[..., None, None]
+        before = most
         for k in range(steps):
-            u = np.einsum("lij,slj->sli", K, x)
-            most = np.maximum(most, np.abs(u[..., chosen]).max(axis=-1))
-            cut = limit[..., None]
-            u[..., chosen] = np.clip(u[..., chosen], -cut, cut)
-            slope = np.einsum("lij,slj->sli", A, x) + np.einsum("lij,slj->sli", B, u)
+            u = x @ K
+            asked = u[..., chosen]
+            most = np.maximum(most, np.abs(asked).max(axis=(-1, -2)))
+            u[..., chosen] = np.clip(asked, -cut, cut)
+            slope = x @ A + u @ B
             if not step:  # the input held within a step
-                middle = x + dt / 2 * slope
-                slope = np.einsum("lij,slj->sli", A, middle) + np.einsum("lij,slj->sli", B, u)
+                slope = slope + dt / 2 * slope @ A
             x = np.clip(x + dt * slope, -1e100, 1e100)
             if k == steps // 2:
-                before = np.linalg.norm(x, axis=-1)
-        end = np.linalg.norm(x, axis=-1)
-        return (end > GROWN * np.linalg.norm(x0, axis=-1)) & (end > before), most
+                before = np.linalg.norm(x, axis=(-1, -2))
+        end = np.linalg.norm(x, axis=(-1, -2))
+        return (end > GROWN * size) & (end > before), most
 
-    shape = x0.shape[:2]
-    _, high = run(np.full(shape, np.inf))
-    low = np.zeros(shape)
-    for _ in range(HALVINGS):
-        middle = (low + high) / 2
-        lost, _ = run(middle)
-        low, high = np.where(lost, middle, low), np.where(lost, high, middle)
+    _, high = run(np.full(size.shape, np.inf))
+    low = np.zeros(size.shape)
+    shares = np.arange(1, LEVELS)[:, None, None] / LEVELS
+    for _ in range(TURNS):
+        lost, _ = run(low + shares * (high - low))
+        count = np.where(lost, shares * LEVELS, 0.0).max(axis=0)  # of the highest at which it is
+        low, high = (low + (count + k) / LEVELS * (high - low) for k in (0, 1))
     return np.asarray(low.max(axis=0))

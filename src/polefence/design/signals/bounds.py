@@ -354,14 +354,14 @@ def _climb(
     loop = loop_with(plant, law, output.C, output.D)
     if output.held:
         loop = with_inputs(plant, law, loop)
-    near = plant.remainder is not None and not isinstance(source, performance.Through)
     for form in LADDER:
         first = form == LADDER[0]
-        if first or (len(plant.vertices) > 1 and work(loop, source, *form) <= MOST_WORK):
-            if near:
-                yield _with_room(plant, law, loop, source, output, form)
-            else:
-                yield _points(loop, source, output, form)
+        if not first and (len(plant.vertices) < 2 or work(loop, source, *form) > MOST_WORK):
+            continue
+        if plant.remainder is None or isinstance(source, performance.Through):
+            yield _points(loop, source, output, form)
+        else:
+            yield _with_room(plant, law, loop, source, output, form)
     for form, pieces in finer(plant, law):
         own = replace(loop, pieces=pieces_of(plant, pieces))
         if work(loop, source, *form) * math.prod(own.pieces) <= MOST_WORK:

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from itertools import product
 
 import numpy as np
 
@@ -24,9 +25,8 @@ from polefence.region.regions import Disk, Ellipse, HalfPlane, Region, Sector, W
 
 # How much tighter limits and region are asked for than they are to be proved, one after the other.
 TIGHTER = (5e-4, 3e-3, 2e-2)
-# How many times its limit an input that is cut off would go to, before it is not; the same of laws
-# to start from.
-BEYOND, BEGINNING = (np.inf, 4.0, 2.0), 4.0
+# How many times its limit an input that is cut off would go to, and in laws to start from.
+BEYOND, BEGINNING = (np.inf, 4.0, 2.0, 1.0), 4.0
 MOST = 3  # laws of one search that proofs are looked for
 WORSE = 0.02  # than the best of its search, a law that proofs are still looked for
 
@@ -40,8 +40,7 @@ def tuned_candidates(
     """
     asked_for = (*task.limits, *([task.minimise] if task.minimise else ()))
     cut_off = any(own.cut_off(task.plant) for own in asked_for)
-    beyond = [(TIGHTER[0], times) for times in BEYOND if cut_off]
-    for share, times in (*beyond, *((share, 1.0) for share in TIGHTER)):
+    for times, share in product(BEYOND if cut_off else (1.0,), TIGHTER):
         found = tune(task.plant, structure, *_asked(task, share, times), starts)
         for own in _promising(found):
             proved = candidate(task, own.law, task.region, estimate=own.level)

@@ -261,8 +261,9 @@ def filtered(
         label = f"{own.name}, filtered"
         larger = with_dynamics(plant, (own,), ((-pole,),), ((pole,),), (label,))
         static = _with_signal(structure, plant, label)
-        least, *others = (own and own.extended(plant.shape[0], 1) for own in (minimise, *limits))
-        best = rough(larger, static, least, others, region)
+        n = plant.shape[0]
+        least = None if minimise is None else minimise.extended(n, 1)
+        best = rough(larger, static, least, [own.extended(n, 1) for own in limits], region)
         if best is not None:
             law = _of_order(best, static, larger, structure, plant, i, float(pole))
             found += [(best.level, law)] if law is not None else []

@@ -12,6 +12,7 @@ from polefence import InputError
 from polefence.cli.main import main
 from polefence.examples import family, spec_path, spec_text
 from polefence.plant.family import UncertainPlant
+from polefence.plant.larger import with_states
 from polefence.plant.outputs import states
 from polefence.plant.spec import load_car
 from polefence.response.discrete import Sampling
@@ -160,6 +161,9 @@ def test_static_loads_are_those_of_a_beam(name, body, each):
         behind = 9.81 * (body + load) - ahead
         wanted = [force / each + 9.81 * wheel for force in (ahead, behind) for _ in range(each)]
         assert static_loads(plant, car, setup.alpha)[0] == pytest.approx(wanted, rel=1e-9)
+        # states of a law are at rest
+        larger = static_loads(with_states(plant, 2), car, setup.alpha)[0]
+        assert larger == pytest.approx(wanted, rel=1e-9)
 
 
 def test_stops_push_between_each_wheel_and_the_body(half):

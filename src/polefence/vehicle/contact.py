@@ -9,6 +9,7 @@ import numpy as np
 
 from polefence.plant.cars import Car
 from polefence.plant.family import UncertainPlant
+from polefence.plant.larger import own_states
 from polefence.plant.outputs import Output, states
 from polefence.plant.system import Array
 
@@ -30,7 +31,7 @@ def static_loads(plant: UncertainPlant, car: Car, alpha: Array) -> Array:
     Parameters
     ----------
     plant : UncertainPlant
-        That of the car.
+        That of the car; a law's own states, if it has any, are at rest.
     car : Car
         For the names of its wheels.
     alpha : (..., N) array
@@ -41,7 +42,8 @@ def static_loads(plant: UncertainPlant, car: Car, alpha: Array) -> Array:
     """
     falling = {"heave rate", *(f"{wheel.name} wheel velocity" for wheel in car.wheels)}
     g = np.array([GRAVITY * (own.name in falling) for own in states(plant)])
-    A, _ = plant.at(alpha)
-    x = np.linalg.solve(A, np.broadcast_to(g[:, None], (*A.shape[:-1], 1)))[..., 0]
+    n = plant.shape[0] - own_states(plant)
+    A, g = plant.at(alpha)[0][..., :n, :n], g[:n, None]
+    x = np.linalg.solve(A, np.broadcast_to(g, (*A.shape[:-1], 1)))[..., 0]
     rows = [np.tensordot(alpha, own.arrays(plant)[0], 1) for own in tyre_forces(plant, car)]
-    return np.stack([np.sum(row * x, axis=-1) for row in rows], axis=-1)
+    return np.stack([np.sum(row[..., :n] * x, axis=-1) for row in rows], axis=-1)

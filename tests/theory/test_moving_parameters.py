@@ -482,10 +482,5 @@ def test_rates_that_are_none(rate, says):
         Parameter("k", 1, 2, rate=rate)
 
 
-def test_rates_are_of_continuous_time():
-    with pytest.raises(InputError, match="rate: parameters that move are for plants in continuous"):
-        replace(spring(both(1)), sample_time=Fraction(1, 100))
-
-
 def test_a_rate_of_zero_is_none():
     assert Parameter("k", 1, 2, rate=(0, 0)).rate is None

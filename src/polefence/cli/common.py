@@ -33,7 +33,7 @@ from polefence.plant.family import UncertainPlant
 from polefence.plant.tracks import own_states
 from polefence.proof.motion import motion_text
 from polefence.proof.text import digits_down, digits_up, exactly, milliseconds_text
-from polefence.region.regions import HalfPlane, Region, Sector
+from polefence.region.regions import Disk, HalfPlane, Region, Sector
 from polefence.region.z_plane import share_kept
 
 PROVED, NOT_PROVED = 0, 1
@@ -162,8 +162,14 @@ def motion_lines(plant: UncertainPlant, region: Region, bounds: bool = False) ->
     if not how:
         return []
     lines = ["  poles are those of parameters at rest"]
-    decays = [part.decay for part in region.parts if isinstance(part, HalfPlane)]
     kept = ["the bounds hold"] * bounds
+    if plant.sample_time is not None:
+        radii = [p.radius for p in region.parts if isinstance(p, Disk) and not p.centre]
+        if radii:
+            kept.append(f"the loop decays by a factor of {digits_up(min(radii))} a sample at least")
+        decays = []
+    else:
+        decays = [part.decay for part in region.parts if isinstance(part, HalfPlane)]
     if decays:
         decay = max(decays)
         how_fast = "is exponentially stable"

@@ -112,7 +112,7 @@ def require_region(plant: UncertainPlant, region: Region, method: Method | None 
     """Refuse regions of the other kind of time, or that the method does not take."""
     if getattr(method, "right_hand_sides", False) and not isinstance(region, Disk):
         raise InputError(f"right_hand_sides belong to one disk, not to {region}; leave them out")
-    if plant.moving and moves(region) and method is not None:
+    if plant.moving and moves(plant, region) and method is not None:
         own = options(method)
         if isinstance(own, Slack):
             raise InputError(
@@ -132,9 +132,11 @@ def require_region(plant: UncertainPlant, region: Region, method: Method | None 
         )
 
 
-def moves(region: Region) -> bool:
-    """Whether a region says how fast motions decay: whether a half-plane is among its parts."""
-    return any(isinstance(part, HalfPlane) for part in region.parts)
+def moves(plant: UncertainPlant, region: Region) -> bool:
+    """Whether a region says how fast motions decay: a half-plane, in the z-plane a disk about 0."""
+    if plant.sample_time is None:
+        return any(isinstance(part, HalfPlane) for part in region.parts)
+    return any(isinstance(part, Disk) and not part.centre for part in region.parts)
 
 
 def in_time_of(plant: UncertainPlant, region: Region) -> Region:

@@ -153,10 +153,10 @@ class UncertainPlant:
         for name in self.noise:
             if name not in known:
                 raise PlantError(f"noise: no disturbance {name!r}; {suggest(str(name), known)}")
-        if self.moving and (self.sample_time is not None or self.step):
+        if self.moving and self.remainder is not None:
             raise PlantError(
-                f"parameter {self.moving[0].name}: rate: parameters that move are for plants in "
-                "continuous time; leave out rate, or sample_time"
+                f"parameter {self.moving[0].name}: rate: samples of a plant in continuous time are "
+                "of parameters that do not move; leave out rate"
             )
         self._read_outputs()
 

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from fractions import Fraction
 
 from polefence.base.errors import InputError
 from polefence.plant.family import UncertainPlant
 from polefence.plant.polynomial import Domain, Exponent
+from polefence.proof.motion import anywhere
 from polefence.proof.plant import ANY
 
 
@@ -22,22 +24,34 @@ class Move:
         Of its scheduling variable, s at the parameter's low end first.
     inverted : bool
         Whether s is 1/p.
-    rates : (low, high)
-        Of p, in its unit per unit of time.
+    rates : (low, high), optional
+        Of p, in its unit per unit of time, or per sample in discrete time; None where it may go
+        anywhere in a sample.
     """
 
     simplex: int
     ends: tuple[float, float]
     inverted: bool
-    rates: tuple[float, float]
+    rates: tuple[float, float] | None
 
 
 @dataclass(frozen=True)
 class Motion:
-    """Which parameters move: within bounds, or at any rate (the numbers of their simplices)."""
+    """Which parameters move.
+
+    Attributes
+    ----------
+    moves : tuple of Move
+        Those that move within bounds; in discrete time all.
+    free : tuple of int
+        The numbers of the simplices of those that move at any rate, of which X is independent.
+    centre : float, optional
+        In discrete time, minus the centre of the disks that are about motions.
+    """
 
     moves: tuple[Move, ...] = ()
     free: tuple[int, ...] = ()
+    centre: float | None = None
 
     def __bool__(self) -> bool:
         return bool(self.moves or self.free)
@@ -46,19 +60,32 @@ class Motion:
     def of(cls, plant: UncertainPlant) -> Motion:
         """Return that of a plant, in its own units."""
         moves, free = list[Move](), list[int]()
+        T = Fraction(plant.sample_time or plant.step)
         for f, own in enumerate(plant.parameters):
-            if own.rate == ANY:
-                free.append(f)
-            elif own.rate is not None:
-                low, high = (float(own.scheduling(end)) for end in (own.low, own.high))
-                rates = float(own.rate[0]), float(own.rate[1])
+            low, high = (float(own.scheduling(end)) for end in (own.low, own.high))
+            if own.rate is None:
+                continue
+            rates: tuple[float, float] | None = None
+            if own.rate != ANY and not (T and anywhere(own.rate, own.high - own.low, T)):
+                slow, fast = (float(end * (T or 1)) for end in own.rate)
+                rates = slow, fast
+            if T or rates is not None:
                 moves.append(Move(f, (low, high), own.inverted, rates))
-        return cls(tuple(moves), tuple(free))
+            else:
+                free.append(f)
+        centre = None
+        if T:
+            centre = 1 / float(plant.step) if plant.step else 0.0
+        return cls(tuple(moves), tuple(free), centre)
 
     def changed(self, rate: float) -> Motion:
         """Return it with time in units of 1 / rate."""
+        if self.centre is not None:
+            return replace(self, centre=self.centre / rate)
         moves = (
-            replace(own, rates=(own.rates[0] / rate, own.rates[1] / rate)) for own in self.moves
+            replace(own, rates=(own.rates[0] / rate, own.rates[1] / rate))
+            for own in self.moves
+            if own.rates is not None
         )
         return replace(self, moves=tuple(moves))
 

@@ -198,8 +198,8 @@ class Plant:
             plant.remainder.require(n, m, q, plant.sizes)
         if plant.sample_time is not None and plant.sample_time <= 0:
             raise FormatError(f"{table.path('sample_time')} must be positive")
-        if plant.sample_time is not None and any(own.rate is not None for own in plant.ranges):
-            raise FormatError(f"{table.path('sample_time')}: rates are for continuous time")
+        if plant.remainder is not None and any(own.rate is not None for own in plant.ranges):
+            raise FormatError(f"{table.path('remainder')}: is of parameters that do not move")
         return plant
 
     def write(self) -> dict[str, Any]:

@@ -72,6 +72,11 @@ def at_sample_time(
     """
     require_type(plant, UncertainPlant, "plant", "polefence.load(path) reads one")
     T = _time(plant, sample_time)
+    if plant.moving:
+        raise InputError(
+            f"parameter {plant.moving[0].name}: rate: samples are of parameters that do not move; "
+            "leave out rate, or the sample time"
+        )
     if not isinstance(delay, int) or isinstance(delay, bool) or not 0 <= delay <= MAX_DELAY:
         raise InputError(f"delay = {delay!r} must be 0 to {MAX_DELAY}, in samples")
     counts = isinstance(degree, int) and not isinstance(degree, bool)

@@ -17,7 +17,7 @@ from operator import add
 import numpy as np
 
 from polefence.lmi.conditions.coefficients import weighted
-from polefence.lmi.conditions.motion import moved
+from polefence.lmi.conditions.motion import halves
 from polefence.lmi.conditions.pencil import Builder, Linear, Pencil, Term
 from polefence.lmi.conditions.performance import Demands, Form, assembled, split_rows
 from polefence.lmi.conditions.saturation import HELD, Cut, cuts
@@ -167,8 +167,7 @@ def given(loop: Loop, demands: Demands, degree: int = 0, elevation: int = 0) -> 
         if loop.R is not None:
             own = _multiples(elevated(loop.R, domain, extra), scalars, domain, degree)
             bare = {e: bare.get(e, Linear()) + own.get(e, Linear()) for e in {**bare, **own}}
-        N = {e: parts[0] @ P if demands.outputs else P for e, P in NY.items()}
-        motions = moved(demands.target.motion, N, bare, domain)
+        motions = halves(demands.target.motion, bare, domain, natural + elevation)
 
     def forms() -> Iterator[Form]:
         for e in domain.monomials(natural + elevation):

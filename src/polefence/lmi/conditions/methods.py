@@ -28,7 +28,7 @@ import numpy as np
 from polefence.base.errors import InputError, suggest
 from polefence.lmi.conditions.coefficients import inside, weighted
 from polefence.lmi.conditions.gain_norm import add_norm
-from polefence.lmi.conditions.motion import moved
+from polefence.lmi.conditions.motion import halves
 from polefence.lmi.conditions.pencil import Builder, Linear, Pencil, Piece, block_name, multiple
 from polefence.lmi.conditions.performance import Demands, Form, Output, assembled, split_rows
 from polefence.lmi.conditions.saturation import Cut, cuts, held_name
@@ -410,8 +410,8 @@ def _forms(
     own = list(_still(plant, law, demands.outputs, domain, degree, extra))
     if demands.target.motion.moves:
         X = weighted(law[0], domain, degree)
-        found = moved(demands.target.motion, {f.exponent: f.N for f in own}, X, domain)
-        own = [replace(form, moved=found[form.exponent]) for form in own]
+        found = halves(demands.target.motion, X, domain, degree + 1 + extra)
+        own = [replace(form, moved=found.get(form.exponent, ())) for form in own]
     yield from own
 
 

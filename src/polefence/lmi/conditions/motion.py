@@ -1,7 +1,7 @@
-"""Parameters that move: what dX/dt adds to a condition on a Lyapunov polynomial X.
+"""Parameters that move: what they add to a condition on a Lyapunov polynomial X.
 
-N + N' becomes N + N' - dX/dt: a condition that has N asks for all N - (dX/dt) / 2, at the extremes
-of the rates. See `polefence.proof.motion`.
+N + N' becomes N + N' - dX/dt, or in discrete time N + N' - (X(p(t + T)) - X(p(t))) / T, at the
+extremes of the rates. See `polefence.proof.motion`.
 """
 
 from __future__ import annotations
@@ -11,6 +11,7 @@ from functools import cache
 from itertools import product
 from math import comb, prod
 
+from polefence.base.errors import SolverError
 from polefence.lmi.conditions.pencil import Linear
 from polefence.plant.motion import Motion, Move
 from polefence.plant.polynomial import Domain, Exponent
@@ -19,44 +20,91 @@ Weights = dict[Exponent, dict[Exponent, float]]  # of coefficients in those of a
 Terms = list[tuple[tuple[int, int], float]]  # of a form in the two coordinates of one simplex
 
 
-def moved(
-    motion: Motion,
-    N: Mapping[Exponent, Linear],
-    X: Mapping[Exponent, Linear],
-    domain: Domain,
+def halves(
+    motion: Motion, X: Mapping[Exponent, Linear], domain: Domain, total: int
 ) -> dict[Exponent, tuple[Linear, ...]]:
-    """Return the coefficients of N - (dX/dt) / 2 at every extreme of the rates.
+    """Return half of dX/dt, or of what X changes by in a sample, at every extreme of the rates.
 
     Parameters
     ----------
-    N, X : mapping
-        Coefficients by exponents, each of a degree of its own.
+    X : mapping
+        Coefficients by exponents.
+    total : int
+        The degree of what is returned; nothing is where X is constant.
+
+    Raises
+    ------
+    SolverError
+        If X is not affine in parameters that move in discrete time.
     """
-    total, degree = (sum(next(iter(P))[: domain.sizes[0]]) for P in (N, X))
-    if not degree:
-        return {e: (P,) for e, P in N.items()}
+    degree = sum(next(iter(X))[: domain.sizes[0]])
+    if not degree or not motion.moves:
+        return {}
     motion.require(domain)
-    tables = [_change(own, domain, degree, total) for own in motion.moves]
-    found: dict[Exponent, tuple[Linear, ...]] = {}
-    for e, P in N.items():
-        slopes = [_sum(table.get(e, {}), X) for table in tables]
-        extremes = product(*(own.rates for own in motion.moves))
-        found[e] = tuple(_less(P, slopes, rates) for rates in extremes)
-    return found
+    if motion.centre is None:
+        tables = [_change(own, domain, degree, total) for own in motion.moves]
+        rates = list(product(*(own.rates or (0.0, 0.0) for own in motion.moves)))
+        found = {}
+        for e in domain.monomials(total):
+            slopes = [_sum(table.get(e, {}), X) for table in tables]
+            found[e] = tuple(_mixed(slopes, own) for own in rates)
+        return found
+    if degree > 1:
+        raise SolverError("of parameters that move X is affine in discrete time")
+    ends = product(range(2), repeat=len(motion.moves))
+    steps = [_step(motion, own, domain, total) for own in ends]
+    return {
+        e: tuple(0.5 * _sum(table.get(e, {}), X) for table in steps)
+        for e in domain.monomials(total)
+    }
 
 
 def _sum(weights: Mapping[Exponent, float], X: Mapping[Exponent, Linear]) -> Linear:
     total = Linear()
     for d, weight in weights.items():
-        total = total + weight * X[d]
+        if weight:
+            total = total + weight * X[d]
     return total
 
 
-def _less(N: Linear, slopes: Sequence[Linear], rates: Sequence[float]) -> Linear:
+def _mixed(slopes: Sequence[Linear], rates: Sequence[float]) -> Linear:
+    total = Linear()
     for slope, rate in zip(slopes, rates, strict=True):
         if rate:
-            N = N + (-rate / 2) * slope
-    return N
+            total = total + (rate / 2) * slope
+    return total
+
+
+def _step(motion: Motion, ends: tuple[int, ...], domain: Domain, total: int) -> Weights:
+    """Return X(p(t + T)) - X(p(t)) as weights of the coefficients of X, of degree one."""
+    end = {move.simplex: (move, k) for move, k in zip(motion.moves, ends, strict=True)}
+    ones, found = _ones(total - 1), Weights()
+    for d in domain.monomials(1):
+        pairs = [(d[2 * f], d[2 * f + 1]) for f in range(len(domain.sizes))]
+        after = [
+            _after(*end[f], pair) if f in end else [(pair, 1.0)] for f, pair in enumerate(pairs)
+        ]
+        for forms, sign in ((after, 1.0), ([[(pair, 1.0)] for pair in pairs], -1.0)):
+            for parts in product(*(_times(form, ones) for form in forms)):
+                e = sum((part for part, _ in parts), ())
+                row = found.setdefault(e, {})
+                row[d] = row.get(d, 0.0) + sign * prod(w for _, w in parts)
+    return found
+
+
+def _after(move: Move, end: int, pair: tuple[int, int]) -> Terms:
+    """Return what a coordinate of a simplex is a sample later: a - d, or b + d."""
+    low, high = move.ends
+    if move.rates is None:
+        shift = ((0.0, -1.0), (1.0, 0.0))[end]  # to either end
+    elif move.inverted:
+        most = max(abs(low), abs(high))
+        size = -move.rates[end] * most / (high - low)
+        shift = size * abs(low), size * abs(high)
+    else:
+        shift = (move.rates[end] / (high - low),) * 2
+    sign = 1.0 if pair[1] else -1.0
+    return [(k, float(k == pair) + sign * d) for k, d in zip(((1, 0), (0, 1)), shift, strict=True)]
 
 
 @cache

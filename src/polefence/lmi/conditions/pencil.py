@@ -269,21 +269,36 @@ class Builder:
         self.block(name, 1, [], [(0, 0, -0.5 * X)])
 
     def region(
-        self, name: str, X: Linear, N: Linear, side: Side, floor: Linear | None = None
+        self,
+        name: str,
+        X: Linear,
+        N: Linear,
+        side: Side,
+        floor: Linear | None = None,
+        half: Linear | None = None,
     ) -> None:
-        """Add -(L (x) X + M (x) N + M' (x) N') > 0, less ``floor`` in the first block."""
+        """Add -(L (x) X + M (x) N + M' (x) N') > 0, less ``floor`` in the first block.
+
+        There is dX/dt besides of a half-plane, twice the ``half``; of others X is more by that in
+        the first block.
+        """
         D, M = list[Piece](), list[Piece]()
+        moved = Linear() if half is None else half
         for a in range(len(side.L0)):
             for b in range(len(side.L0)):
                 factor = 0.5 if a == b else float(a < b)
                 total = side.M0[a, b] * N if side.M0[a, b] else Linear()
                 if factor * side.L0[a, b]:
                     total = total + factor * side.L0[a, b] * X
+                if moved.terms and a == b == 0:
+                    total = total + (-1.0 if side.is_half_plane else side.L0[a, b]) * moved
                 if total.terms:
                     M.append((a, b, total))
                 growing = -1.0 * side.M1[a, b] * N if side.M1[a, b] else Linear()
                 if factor * side.L1[a, b]:
                     growing = growing + -factor * side.L1[a, b] * X
+                if moved.terms and a == b == 0 and not side.is_half_plane:
+                    growing = growing - side.L1[a, b] * moved
                 if growing.terms:
                     D.append((a, b, growing))
         if floor is not None:

@@ -232,8 +232,8 @@ class Form:
     """Coefficients at one exponent: X, N and one Y an output.
 
     ``floor`` is what a region's first block has to exceed, ``name`` that of the exponent's blocks.
-    ``moved`` holds N - (dX/dt) / 2 at every extreme of the rates, where parameters move; ``cut``
-    what outputs that are inputs cut off ask for, by their names.
+    ``moved`` holds half of dX/dt, or of X's change in a sample, at every extreme of the rates,
+    where parameters move; ``cut`` what outputs that are inputs cut off ask for, by their names.
     """
 
     exponent: Exponent
@@ -247,8 +247,8 @@ class Form:
 
     @property
     def motions(self) -> Iterator[tuple[str, Linear]]:
-        """Yield N, or each of those of motions, and what its block's name ends in."""
-        yield from ((f", rates {k}" * (k > 0), N) for k, N in enumerate(self.moved or (self.N,)))
+        """Yield each of the moved, or nothing that moves, and what its block's name ends in."""
+        yield from ((f", rates {k}" * (k > 0), H) for k, H in enumerate(self.moved or (Linear(),)))
 
 
 def split_rows(n: int, outputs: Iterable[Output]) -> list[Array]:
@@ -287,13 +287,14 @@ def assembled(
     for form, data_at in _in_pieces(forms, demands, domain, degree):
         e, name = form.exponent, form.name or block_name(form.exponent, domain)
         weight = binomial(domain.sizes, e)
-        for source, (more, N) in product(sources, form.motions):
+        for source, (more, half) in product(sources, form.motions):
             if not isinstance(source, Through):
                 data = data_at(moved[source.name])
                 for k, added in enumerate(_added(source, outputs, form)):
-                    motion = N + added + demands.margin * form.X if demands.margin else N + added
+                    N = form.N + added
+                    N = N + demands.margin * form.X if demands.margin else N
                     label = f"{name}{more}" + f", cut off {k}" * (k > 0)
-                    at = form.X, motion, demands.step
+                    at = form.X, N, half, demands.step
                     pencil.blocks.append(_moved(source, label, at, t[source.name], data, weight))
         for source in sources:
             if isinstance(source, Points):
@@ -305,8 +306,8 @@ def assembled(
             label = f"{output.name}, {name}"
             if isinstance(source, Through):
                 E, F = data_at(moved[source.name]), data_at(through[output.name])
-                for more, N in form.motions:
-                    at = form.X, N, demands.step
+                for more, half in form.motions:
+                    at = form.X, form.N, half, demands.step
                     pencil.blocks.append(_passed(label + more, at, Y, own, E, F, weight, output))
             elif output.held:
                 square = data_at(bounds[output.name].__getitem__)
@@ -315,8 +316,9 @@ def assembled(
                 square = data_at(bounds[output.name].__getitem__)
                 pencil.blocks.append(_bound(label, form.X, Y, own, square, output))
         for label, side in target.named(name):
-            for more, N in form.motions if side.is_half_plane else (("", form.N),):
-                pencil.region(label + more, form.X, N, side, form.floor)
+            still = [("", Linear())]
+            for more, half in form.motions if side.is_about(target.motion) else still:
+                pencil.region(label + more, form.X, form.N, side, form.floor, half)
         if target.positive or gains:
             pencil.positive_definite(f"X at {name}", form.X)
     return pencil.build()
@@ -416,17 +418,17 @@ def _raised_F(output: Output, domain: Domain, degree: int, q: int) -> Callable[[
 def _moved(
     source: Source,
     name: str,
-    at: tuple[Linear, Linear, float],
+    at: tuple[Linear, Linear, Linear, float],
     t: Linear,
     data: Array,
     weight: float,
 ) -> Block:
-    """Return what a source asks of the motion; ``at`` holds X, N and the step."""
-    X, N, step = at
+    """Return what a source asks of the motion; ``at`` holds X, N, a half that moves, the step."""
+    X, N, half, step = at
     n = X.terms[0].left.shape[0]
     size = 2 * n if step else n
     eye, below = np.eye(size)[:, :n], np.eye(size)[:, n:]
-    driven = put(N, eye, eye)
+    driven = put(_corner(N, half, step), eye, eye)
     if step:  # the rows below in units in which X is one
         root = np.sqrt(step)
         driven += put(N, -root * eye, below) + put(X, -0.5 * below, below)
@@ -438,6 +440,11 @@ def _moved(
         own = np.any(data, axis=0)
         driven += put(multiple(t, data[:, own] / 2), eye, eye[:, own])
     return Block(f"{source.name}, {name}", size, (), driven)
+
+
+def _corner(N: Linear, half: Linear, step: float) -> Linear:
+    """Return N less half of dX/dt, or of what X changes by in a step over the step."""
+    return N - (1 / step if step else 1.0) * half if half.terms else N
 
 
 def _started(
@@ -496,7 +503,7 @@ def _held(name: str, form: Form, t: Linear, weight: float, output: Output) -> It
 
 def _passed(
     name: str,
-    at: tuple[Linear, Linear, float],
+    at: tuple[Linear, Linear, Linear, float],
     Y: Linear,
     t: Linear,
     E: Array,
@@ -505,11 +512,11 @@ def _passed(
     output: Output,
 ) -> Block:
     """Return the block of a gain, E and y over the root of the level; ``at`` as `_moved` has it."""
-    (X, N, step), (n, q), p = at, E.shape, output.rows
+    (X, N, half, step), (n, q), p = at, E.shape, output.rows
     size = n + q + p + (n if step else 0)
     x, w, y, z = np.split(np.eye(size), [n, n + q, n + q + p], axis=1)
     root = np.sqrt(output.level)
-    M = put(N, x, x) + put(1.0 / root * Y, y, x)
+    M = put(_corner(N, half, step), x, x) + put(1.0 / root * Y, y, x)
     if step:
         late = np.sqrt(step)
         M += put(N, -late * z, x) + put(X, -0.5 * z, z)

@@ -19,6 +19,7 @@ from polefence.region.regions import Region
 
 # Decay rates are looked for up to this multiple of the rate that is typical of the region.
 FASTEST = 2.5
+NEAR = 1e-9  # of the centre of a disk that is about motions
 # Parts whose inequality does not imply X > 0.
 _OPEN = ("half_plane", "sector", "wedge")
 
@@ -34,8 +35,16 @@ class Side:
 
     @property
     def is_half_plane(self) -> bool:
-        """Whether it is Re z < -(decay), which is about motions too."""
+        """Whether it is Re z < -(decay)."""
         return len(self.L0) == 1 and bool(self.M0.any())
+
+    def is_about(self, motion: Motion) -> bool:
+        """Whether it says how fast motions decay: a half-plane, in discrete time a disk."""
+        if motion.centre is None:
+            return self.is_half_plane
+        if len(self.L0) != 2 or self.M0.tolist() != [[0, 1], [0, 0]] or self.M1.any():
+            return False
+        return bool(abs(self.L0[0, 1] - motion.centre) <= NEAR * max(motion.centre, 1e-300))
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,8 +75,8 @@ class Target:
     sigma : float, optional
         Of disks, minus their centre: they have layouts worked out once.
     motion : Motion
-        Of the parameters, which half-planes are to hold under; other parts are of each value of
-        theirs.
+        Of the parameters, which half-planes, in discrete time disks, are to hold under; other
+        parts are of each value of theirs.
     patches : tuple of Patch
         Where the law is given estimates of the parameters: pairs of these and of estimates.
     """
@@ -80,7 +89,7 @@ class Target:
 
     def under(self, motion: Motion) -> Target:
         """Return it for parameters that move, if it is about motions."""
-        moves = any(side.is_half_plane for side in self.sides)
+        moves = any(side.is_about(motion) for side in self.sides)
         return replace(self, motion=motion) if moves else self
 
     def named(self, name: str) -> Iterator[tuple[str, Side]]:

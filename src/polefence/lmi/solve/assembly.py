@@ -41,10 +41,11 @@ def condition(
 ) -> tuple[Pencil, Stacked]:
     """Return the condition of a method for a region, stacked, and a pencil of its variables."""
     o = options(method)
-    if target.sigma is not None or isinstance(o, Slack) or o.right_hand_sides:
+    still = not (target.motion or target.patches)
+    if isinstance(o, Slack) or o.right_hand_sides or (still and target.sigma is not None):
         return stacked_pencil(method, A, B, target, unit)
     domain, degree = Domain.of(o.on, len(A)), int(o.degree)
-    if target.motion or target.patches:
+    if not still:
         pencil = parameter_dependent(A, B, target, domain, degree, o.elevation)
         return pencil, stack(pencil)
     return stacked_design(A, B, Demands(target), domain, degree, o.elevation, degree > 0)

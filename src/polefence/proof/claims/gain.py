@@ -49,7 +49,7 @@ class Gain(SignalClaim):
     def rows(self, X: Polynomial, N: Polynomial, Y: Polynomial) -> Rows:
         """Return X, and the bounded real lemma."""
         E, step = self.subject.driving(self.scales, X.sizes), self.subject.step
-        lemma = self._lemma((N + N.T).times(-1), E, Y)
+        lemma = self._lemma(self.subject.minus(N), E, Y)
         below = X.times(1 / step) if step else None
         spread = self.subject.evidence.spread
         if spread is not None:

@@ -64,7 +64,7 @@ from polefence.proof.matrices import (
     right_divide,
     whole_numbers,
 )
-from polefence.proof.motion import along, is_moving, motion_text, require_motion
+from polefence.proof.motion import changes, is_moving, motion_text, require_motion
 from polefence.proof.pieces import in_pieces, require_pieces
 from polefence.proof.plant import Plant, Range, sizes_of
 from polefence.proof.polynomials import (
@@ -93,7 +93,7 @@ from polefence.proof.regions import (
 )
 from polefence.proof.remainder import Remainder
 from polefence.proof.roots import all_inside
-from polefence.proof.text import digits_down, output_text, quoted, region_text
+from polefence.proof.text import digits_down, digits_up, output_text, quoted, region_text
 from polefence.proof.work import MAX_WORK, FormatError
 
 METHODS = ("quadratic", "slack", "scheduled", "lyapunov")
@@ -108,7 +108,8 @@ class Poles(Claim):
     "box". With ``weights`` the plant is A(alpha) / q(alpha), B(alpha) / q(alpha), q > 0
     multi-affine with these values at the corners. With a ``remainder`` the plant is only near
     that, and the evidence, of "lyapunov", has a spread. ``motion`` holds the parameters where some
-    of them move: along all motions the loop then decays as a half-plane among the parts says.
+    of them move: along all motions the loop then decays as a half-plane among the parts says, in
+    discrete time, of a ``step`` that is not zero, as a disk about zero does.
     """
 
     kind: ClassVar[str] = "region"
@@ -123,6 +124,7 @@ class Poles(Claim):
     weights: tuple[Fraction, ...] = ()
     remainder: Remainder | None = None
     motion: tuple[Range, ...] = ()
+    step: Fraction = Fraction(0)
 
     @property
     def sizes(self) -> Sizes:
@@ -148,7 +150,7 @@ class Poles(Claim):
             on = below.word("on", DOMAINS, "simplex") if free else "simplex"
         blank = cls(method, plant.A, plant.B, region, law, (), plant.domain(on))
         motion = plant.ranges if is_moving(plant.ranges) else ()
-        blank = replace(blank, remainder=plant.remainder, motion=motion)
+        blank = replace(blank, remainder=plant.remainder, motion=motion, step=plant.step)
         if law.W is not None and len(law.W) != count_of(blank.sizes, law.degree):
             count = count_of(blank.sizes, law.degree)
             raise FormatError(f"law.W holds {len(law.W)} matrices; the plant needs {count}")
@@ -181,12 +183,22 @@ class Poles(Claim):
 
     def said(self, plant: Plant) -> str:
         """Say too what holds of motions where parameters move."""
-        text, decays = super().said(plant), [p for p in self.region if isinstance(p, HalfPlane)]
+        text, decays = super().said(plant), [p for p in self.region if self._moves(p)]
         if not is_moving(plant.ranges) or not decays:
             return text
-        decay = max(part.numbers[0] for part in decays)
-        how = f"decay rate {digits_down(decay, 4)} 1/s" if decay else "exponentially stable"
+        if self.step:
+            factor = min(part.numbers[1] for part in decays)
+            how = f"a factor of {digits_up(factor)} a sample at most"
+        else:
+            decay = max(part.numbers[0] for part in decays)
+            how = f"decay rate {digits_down(decay, 4)} 1/s" if decay else "exponentially stable"
         return f"{text}; {how} with {motion_text(plant.ranges)}"
+
+    def _moves(self, part: Part) -> bool:
+        """Whether a part of the region says how fast motions decay."""
+        if self.step:
+            return isinstance(part, Disk) and not part.numbers[0]
+        return isinstance(part, HalfPlane)
 
     @property
     def under(self) -> str:
@@ -258,17 +270,20 @@ class Poles(Claim):
                 own.spread.require(self.remainder)
 
     def _require_motion(self) -> None:
-        """Refuse evidence that is none along motions where the region has a half-plane."""
-        if not self.motion or not any(isinstance(part, HalfPlane) for part in self.region):
+        """Refuse evidence that is none along motions where the region says how fast they decay."""
+        if not self.motion or not any(map(self._moves, self.region)):
             return
         if self.method == "slack" or self.weights or any(own.cells for own in self.evidence):
+            what = "disk about zero" if self.step else "half-plane"
             raise FormatError(
-                "a half-plane is kept while parameters move by one X of the whole box, not by slack"
+                f"a {what} is kept while parameters move by one X of the whole box, not by slack"
             )
+        if self.remainder is not None:
+            raise FormatError("a remainder is of parameters that do not move")
         for own, parts in self._each_with_parts:
-            if any(isinstance(part, HalfPlane) for part in parts):
+            if any(map(self._moves, parts)):
                 X = lifted(self.law, own, self.sizes).part(slice(len(self.A[0])))
-                require_motion(X, self.motion)
+                require_motion(X, self.motion, self.step)
 
     @property
     def _each_with_parts(self) -> Iterator[tuple[Evidence, tuple[Part, ...]]]:
@@ -391,21 +406,18 @@ class Poles(Claim):
             yield Inequality.raised("of the remainder", blocks, evidence.elevation)
         for part in parts:
             name = part.kind if len(self.region) > 1 else ""
-            for more, moved in self._motions(part, XKX.part(slice(n)), N):
+            motion = self.motion if self._moves(part) else ()
+            for more, change in changes(XKX.part(slice(n)), motion, self.step):
                 for L, M in part.pairs:
-                    F = lyapunov(L, M, X, moved)
+                    F = lyapunov(L, M, X, N)
+                    if change is not None:
+                        F = F + change.beside(_corner(L, bool(self.step)))
                     if spread is not None:
                         F = F - constant(spread.of_region(factors(M)), sizes)
                     if evidence.tau:
                         F = F - _floor(evidence.tau, n, sizes)
                     kind = _Theorem1 if self._is_theorem_1 else Inequality
                     yield kind(name + more, [[F]], degrees)
-
-    def _motions(
-        self, part: Part, X: Polynomial, N: Polynomial
-    ) -> Iterator[tuple[str, Polynomial]]:
-        """Yield N, of a half-plane N - (dX/dt) / 2 at every extreme of the rates."""
-        yield from along(X, N, self.motion if isinstance(part, HalfPlane) else ())
 
     def _slack(
         self, AB: Polynomial, evidence: Evidence, parts: tuple[Part, ...]
@@ -524,6 +536,17 @@ def _numbered(e: Exponent) -> str:
     support = sorted((j for j, p in enumerate(e) if p), key=lambda j: (-e[j], j))
     pairs = zip("jkl", support, strict=False)
     return f"({14 + len(support)}) " + " ".join(f"{letter}={j + 1}" for letter, j in pairs)
+
+
+def _corner(L: Rationals, disk: bool) -> Rationals:
+    """Return what dX/dt of a half-plane is times, or of a disk the change of X in a step.
+
+    Its first block r X becomes r X(p(t + T)).
+    """
+    if not disk:
+        return [[ONE]]
+    none = Fraction(0)
+    return [[-L[0][0], none], [none, none]]
 
 
 def plant_form(A: list[Rationals], B: list[Rationals], sizes: Sizes) -> Polynomial:

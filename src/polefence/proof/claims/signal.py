@@ -46,7 +46,7 @@ from polefence.proof.laws import (
     read_evidence,
 )
 from polefence.proof.matrices import MAX_BITS, Rationals, identity, least_work
-from polefence.proof.motion import along, extremes, is_moving, require_motion
+from polefence.proof.motion import changes, extremes, is_moving, require_motion
 from polefence.proof.pieces import in_pieces, require_pieces
 from polefence.proof.plant import Output, Plant, Range, sizes_of, split
 from polefence.proof.polynomials import (
@@ -87,7 +87,8 @@ class Subject:
     law those of Q in X = W (multiple + Q W), as for the method "lyapunov" of designs; empty: X is
     the law's own W, times ``evidence.multiple`` if that holds one number. Where ``step`` is not
     zero it is the sample time, and A, B, E and the ``remainder`` are those of the delta form.
-    ``motion`` holds the parameters where some of them move, on whose box X then is.
+    ``motion`` holds the parameters where some of them move, on whose box X then is, and ``change``
+    at an extreme of their rates dX/dt, or what X changes by in a step.
     """
 
     A: list[Rationals]
@@ -99,6 +100,7 @@ class Subject:
     step: Fraction = Fraction(0)
     remainder: Remainder | None = None
     motion: tuple[Range, ...] = ()
+    change: Polynomial | None = None
 
     @property
     def sizes(self) -> Sizes:
@@ -127,9 +129,18 @@ class Subject:
         X = XKX.part(slice(n)).raised(NY.degrees)
         return X, NY.part(slice(n)), NY.part(slice(n, None))
 
-    def motions(self, N: Polynomial) -> Iterator[tuple[str, Polynomial]]:
-        """Yield N - (dX/dt) / 2 at every extreme of the rates, N where nothing moves."""
-        yield from along(self.lifted.part(slice(self.n)), N, self.motion)
+    @property
+    def motions(self) -> Iterator[tuple[str, Self]]:
+        """It at every extreme of the rates, and which that is; as it is where nothing moves."""
+        for name, change in changes(self.lifted.part(slice(self.n)), self.motion, self.step):
+            yield name, replace(self, change=change)
+
+    def minus(self, N: Polynomial) -> Polynomial:
+        """Return -(N + N') + dX/dt, or with what X changes by in a step over the step."""
+        found = (N + N.T).times(-1)
+        if self.change is None:
+            return found
+        return found + (self.change.times(1 / self.step) if self.step else self.change)
 
     @property
     def lifted(self) -> Polynomial:
@@ -167,7 +178,7 @@ class Subject:
         [ -H; 0 ] Delta [ V, -V ] and its transpose are at most [ H H', 0; 0, 0 ] and
         [ V'V, -V'V; -V'V, V'V ].
         """
-        minus, last = (N + N.T).times(-1), X.times(1 / self.step) if self.step else None
+        minus, last = self.minus(N), X.times(1 / self.step) if self.step else None
         if noise is not None:
             minus = minus - noise
         spread = self.evidence.spread
@@ -249,12 +260,13 @@ class Subject:
         """Refuse evidence that does not hold while parameters move."""
         if not self.motion:
             return
-        if own.dual or own.cells or self.step:
+        if own.dual or own.cells or self.remainder is not None:
             raise FormatError(
-                "parameters that move need one X of the whole box, not a dual form, in continuous "
-                "time"
+                "parameters that move need one X of the whole box, not a dual form, and no "
+                "remainder"
             )
-        require_motion(lifted(self.law, own, self.sizes).part(slice(self.n)), self.motion)
+        X = lifted(self.law, own, self.sizes).part(slice(self.n))
+        require_motion(X, self.motion, self.step)
 
 
 def stacked(outputs: Sequence[Sequence[Rationals]]) -> list[Rationals]:
@@ -487,7 +499,7 @@ class SignalClaim(Claim):
         if own.dual:  # of Y'Y, and Q E E'Q
             degrees = [degrees[0], 2 * (law.form_degree + 1)]
         count = count_of(subject.sizes, max(degrees) + own.elevation) * math.prod(own.pieces)
-        moving = extremes(subject.motion) - 1 if own.degree else 0
+        moving = extremes(subject.motion, subject.step) - 1 if own.degree else 0
         return least_work(count * (self.blocks_at_most + moving), self.largest) + self.more_work
 
     def _require_disturbances(self) -> None:
@@ -558,8 +570,8 @@ class SignalClaim(Claim):
     def _moving_rows(self, X: Polynomial, N: Polynomial, Y: Polynomial) -> Rows:
         """Return the rows at every extreme of the rates, those that are the same once."""
         found: Rows = {}
-        for name, moved in self.subject.motions(N):
-            for key, blocks in self.rows(X, moved, Y).items():
+        for name, moved in self.subject.motions:
+            for key, blocks in replace(self, subject=moved).rows(X, N, Y).items():
                 if blocks not in found.values():
                     found[f"{key}{name}"] = blocks
         return found

@@ -218,7 +218,7 @@ def test_a_design_decays_along_every_motion(method):
     spread = np.array(sizes) / 0.6 ** np.arange(60)[:, None]
     assert spread.max() < 50 * spread[0].max()
     text = design.certificate.claim().said(design.certificate.file().plant)
-    assert text.endswith("; a factor of 0.6 a sample at most with p moving by up to 0.2 1/s")
+    assert text.endswith("; decay by 0.6^k in k samples with p moving by up to 0.2 1/s")
 
 
 def test_a_decay_rate_is_a_disk_about_zero():

@@ -163,27 +163,33 @@ def motion_lines(plant: UncertainPlant, region: Region, bounds: bool = False) ->
         return []
     lines = ["  poles are those of parameters at rest"]
     kept = ["the bounds hold"] * bounds
-    if plant.sample_time is not None:
-        radii = [p.radius for p in region.parts if isinstance(p, Disk) and not p.centre]
-        if radii:
-            kept.append(f"the loop decays by a factor of {digits_up(min(radii))} a sample at least")
-        decays = []
-    else:
-        decays = [part.decay for part in region.parts if isinstance(part, HalfPlane)]
-    if decays:
-        decay = max(decays)
-        how_fast = "is exponentially stable"
-        if decay > 0:
-            how_fast = f"decays by exp(-{digits_down(decay)} t)"
-        elif decay < 0:
-            how_fast = f"grows by no more than exp({digits_up(-decay)} t)"
-        kept.append(f"the loop {how_fast}")
+    if decay := _decay_text(plant, region):
+        kept.append(f"the loop {decay}")
     if kept:
         return [f"{lines[0]}; with {how} {' and '.join(kept)}"]
     return [
         *lines,
         f"note: nothing is said of {how}; add & half_plane(0) to the region, or ask for bounds",
     ]
+
+
+def _decay_text(plant: UncertainPlant, region: Region) -> str:
+    """Say how fast motions decay in a region; "" where it says nothing of them."""
+    if plant.sample_time is not None:
+        radii = [p.radius for p in region.parts if isinstance(p, Disk) and not p.centre]
+        radius = min(radii, default=None)
+        if radius is None:
+            return ""
+        fast = f"decays by {digits_up(radius)}^k in k samples"
+        return fast if radius < 1 else "is exponentially stable"
+    decay = max((p.decay for p in region.parts if isinstance(p, HalfPlane)), default=None)
+    if decay is None:
+        return ""
+    if decay > 0:
+        return f"decays by exp(-{digits_down(decay)} t)"
+    if decay < 0:
+        return f"grows by no more than exp({digits_up(-decay)} t)"
+    return "is exponentially stable"
 
 
 def sweep_arguments(parser: argparse.ArgumentParser) -> None:

@@ -188,7 +188,8 @@ class Poles(Claim):
             return text
         if self.step:
             factor = min(part.numbers[1] for part in decays)
-            how = f"a factor of {digits_up(factor)} a sample at most"
+            fast = f"decay by {digits_up(factor)}^k in k samples"
+            how = fast if factor < 1 else "exponentially stable"
         else:
             decay = max(part.numbers[0] for part in decays)
             how = f"decay rate {digits_down(decay, 4)} 1/s" if decay else "exponentially stable"

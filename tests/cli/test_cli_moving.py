@@ -1,0 +1,68 @@
+"""Parameters that move from the command line: what is said of them, and what is refused."""
+
+from __future__ import annotations
+
+import pytest
+
+from polefence.cli.main import main
+
+SPEC = """
+name = "walk"
+{time}
+states = ["x [m]", "v [m/s]"]
+inputs = ["u [N]"]
+disturbances = ["w [N]"]
+[parameter.p]
+range = [0.4, 1.2]
+rate = {rate}
+[matrices]
+A = {A}
+B = [[0], [1]]
+E = [[0.1], [0.3]]
+"""
+AT_SAMPLES = {"time": "sample_time = 0.5", "A": '[[0.9, 0.4], ["-0.5*p", 0.7]]'}
+IN_TIME = {"time": "", "A": '[[0, 1], ["-p", -1]]'}
+FACTOR = "decays by 0.778801^k in k samples"
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+@pytest.mark.parametrize(
+    ("form", "rate", "region", "how", "proved"),
+    [
+        (AT_SAMPLES, "[-0.1, 0.1]", "half_plane(0.5)", "moving by up to 0.1 1/s", FACTOR),
+        (AT_SAMPLES, '"any"', "half_plane(0)", "moving at any rate", "is exponentially stable"),
+        (IN_TIME, "[-1, 2]", "half_plane(0.5)", "moving by -1 to 2 1/s", "decays by exp(-0.5 t)"),
+    ],
+)
+def test_what_is_said_is_what_is_checked(folder, capsys, form, rate, region, how, proved):
+    (folder / "walk.toml").write_text(SPEC.format(**form, rate=rate))
+    assert main(["design", "walk.toml", "--region", region, "-o", "out"]) == 0
+    said = capsys.readouterr().out
+    assert f"  poles are those of parameters at rest; with p {how} the loop {proved}" in said
+    assert main(["check", "out", "--spec", "walk.toml"]) == 0
+    checked = capsys.readouterr().out
+    assert f"with p {how}" in checked
+    # the same plant with other rates is another
+    (folder / "still.toml").write_text(SPEC.format(**form, rate="[0, 0]"))
+    assert main(["check", "out", "--spec", "still.toml"]) == 1
+    assert "NOT about still.toml" in capsys.readouterr().out
+
+
+def test_a_region_that_says_nothing_of_motions_is_said_to(folder, capsys):
+    (folder / "walk.toml").write_text(SPEC.format(**AT_SAMPLES, rate='"any"'))
+    assert main(["design", "walk.toml", "--disk", "0.2", "0.6"]) == 0
+    assert "note: nothing is said of p moving at any rate" in capsys.readouterr().out
+
+
+def test_samples_are_of_parameters_at_rest(folder, capsys):
+    (folder / "walk.toml").write_text(SPEC.format(**IN_TIME, rate="[-1, 1]"))
+    words = ["design", "walk.toml", "--region", "half_plane(0.1)", "--sample-time", "0.01"]
+    assert main(words) == 2
+    said = capsys.readouterr().err
+    assert "walk.toml: --sample-time 0.01: parameter p: rate: samples are of parameters" in said
+    assert said.count("\n") == 1

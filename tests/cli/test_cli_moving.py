@@ -59,6 +59,16 @@ def test_a_region_that_says_nothing_of_motions_is_said_to(folder, capsys):
     assert "note: nothing is said of p moving at any rate" in capsys.readouterr().out
 
 
+def test_estimates_that_are_off_are_said_of_parameters_at_rest(folder, capsys):
+    (folder / "walk.toml").write_text(SPEC.format(**AT_SAMPLES, rate="[-0.1, 0.1]"))
+    words = ["design", "walk.toml", "--region", "half_plane(0.1)", "--method", "scheduled"]
+    assert main([*words, "--error", "p=0.02"]) == 0
+    said = capsys.readouterr().out
+    off = "for estimates that the law is given and that are off, while parameters are at rest: p by"
+    assert off in said
+    assert "with p moving by up to 0.1 1/s, of exact estimates, the loop decays" in said
+
+
 def test_samples_are_of_parameters_at_rest(folder, capsys):
     (folder / "walk.toml").write_text(SPEC.format(**IN_TIME, rate="[-1, 1]"))
     words = ["design", "walk.toml", "--region", "half_plane(0.1)", "--sample-time", "0.01"]

@@ -156,8 +156,13 @@ def samples_text(plant: UncertainPlant) -> list[str]:
     return [f"  at samples every {time} ms, not between them; inputs and disturbances held{late}"]
 
 
-def motion_lines(plant: UncertainPlant, region: Region, bounds: bool = False) -> list[str]:
-    """Say what holds while parameters move; nothing of a plant whose parameters do not."""
+def motion_lines(
+    plant: UncertainPlant, region: Region, bounds: bool = False, exact: str = ""
+) -> list[str]:
+    """Say what holds while parameters move; nothing of a plant whose parameters do not.
+
+    ``exact`` says of which estimates, where a law is for others too.
+    """
     how = motion_text(ranges_of(plant))
     if not how:
         return []
@@ -166,7 +171,7 @@ def motion_lines(plant: UncertainPlant, region: Region, bounds: bool = False) ->
     if decay := _decay_text(plant, region):
         kept.append(f"the loop {decay}")
     if kept:
-        return [f"{lines[0]}; with {how} {' and '.join(kept)}"]
+        return [f"{lines[0]}; with {how}{exact} {' and '.join(kept)}"]
     return [
         *lines,
         f"note: nothing is said of {how}; add & half_plane(0) to the region, or ask for bounds",

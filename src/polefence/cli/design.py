@@ -104,10 +104,12 @@ def design_command(options: Any) -> int:
                 lines.append(
                     f"note: {part} lets poles go up to +{own}; left of -{own} is half_plane({own})"
                 )
-    lines += motion_lines(plant, design.region)
     if errors:
         off = ", ".join(f"{name} by up to {size:g}" for name, size in errors.items())
-        lines.append(f"  for estimates that the law is given and that are off: {off}")
+        rest = ", while parameters are at rest" if plant.moving else ""
+        lines.append(f"  for estimates that the law is given and that are off{rest}: {off}")
+    exact = ", of exact estimates," if errors else ""
+    lines += motion_lines(plant, design.region, exact=exact)
     summary = {
         "plant": plant_summary(plant),
         "region": design.region.document(),

@@ -120,6 +120,18 @@ class InitialPeak(Specification):
         if self.impulse:
             disturbance(plant)
         self.scales(plant)
+        self._require_still(plant)
+
+    def _require_still(self, plant: UncertainPlant) -> None:
+        """Refuse an impulse of which parameters have moved when it has acted."""
+        if not self.impulse or not plant.moving or not (plant.sample_time or plant.step):
+            return
+        E = disturbance(plant)
+        if np.any(E[:1] != E):
+            raise InputError(
+                f"{self.title}: when an impulse has acted, {plant.moving[0].name} has moved, and E "
+                "varies; give initial states as points"
+            )
 
     def source(self, plant: UncertainPlant, domain: Domain) -> conditions.Source:  # noqa: ARG002
         """Return the initial states."""

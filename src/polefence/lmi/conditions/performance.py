@@ -517,9 +517,10 @@ def _passed(
     x, w, y, z = np.split(np.eye(size), [n, n + q, n + q + p], axis=1)
     root = np.sqrt(output.level)
     M = put(_corner(N, half, step), x, x) + put(1.0 / root * Y, y, x)
-    if step:
+    if step:  # below it is X of the next sample
         late = np.sqrt(step)
-        M += put(N, -late * z, x) + put(X, -0.5 * z, z)
+        beside, below = (N - (2 / step) * half, X + 2.0 * half) if half.terms else (N, X)
+        M += put(beside, -late * z, x) + put(below, -0.5 * z, z)
         for k in range(q):
             M += put(t, -late * z @ E[:, k : k + 1] / root, w[:, k : k + 1])
     for k in range(q):

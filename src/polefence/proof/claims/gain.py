@@ -50,8 +50,10 @@ class Gain(SignalClaim):
         """Return X, and the bounded real lemma."""
         E, step = self.subject.driving(self.scales, X.sizes), self.subject.step
         lemma = self._lemma(self.subject.minus(N), E, Y)
-        below = X.times(1 / step) if step else None
-        spread = self.subject.evidence.spread
+        below, beside = X.times(1 / step) if step else None, N.T
+        spread, slope = self.subject.evidence.spread, self.subject.slope
+        if below is not None and slope is not None:  # x(t + T)'X(p(t + T))^-1 x(t + T) is less
+            below, beside = below + slope, beside - slope
         if spread is not None:
             # [ -H; 0; 0; H ] Delta [ V, 0, 0, 0; 0, G, 0, 0 ] and its transpose
             entering = constant(spread.entering(2), X.sizes)
@@ -61,7 +63,7 @@ class Gain(SignalClaim):
             below = None if below is None else below - entering
         if below is not None:
             none = constant([[Fraction(0)] * self.subject.n for _ in self.outputs], X.sizes)
-            ends = (N.T, E.T, none, below)
+            ends = (beside, E.T, none, below)
             lemma = [[*row, end] for row, end in zip([*lemma, []], ends, strict=True)]
         return {"of X": [[X]], "of the gain": lemma}
 

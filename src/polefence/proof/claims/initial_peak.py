@@ -6,13 +6,13 @@ stays below 1. For all initial states of an ellipsoid x0' X0^-1 x0 <= 1, X - X0 
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from typing import Any, ClassVar
 
 from polefence.proof import matrices
-from polefence.proof.claims.signal import Rows, SignalClaim, Subject, require_shapes
+from polefence.proof.claims.signal import Rows, SignalClaim, Subject, require_shapes, varies
 from polefence.proof.matrices import (
     LONGEST,
     Rationals,
@@ -21,7 +21,7 @@ from polefence.proof.matrices import (
     whole_numbers,
 )
 from polefence.proof.plant import Output
-from polefence.proof.polynomials import Polynomial, Sizes, affine, constant, number
+from polefence.proof.polynomials import Polynomial, affine, constant, number
 from polefence.proof.reading import Table, as_matrix, plain
 from polefence.proof.text import ellipsoid_text, impulses_text, points_text
 from polefence.proof.work import FormatError
@@ -107,22 +107,29 @@ class InitialPeak(SignalClaim):
 
     def rows(self, X: Polynomial, N: Polynomial, Y: Polynomial) -> Rows:
         """Return the decrease, the initial states, and the output."""
-        one = number(1, X.sizes)
-        found = {"of the decrease": self.subject.falling(X, N)}
-        found |= {name: [[one, x.T], [X]] for name, x in self._starts(X.sizes)}
-        if self.ellipsoid:
-            X0 = constant(list(map(list, self.ellipsoid)), X.sizes)
-            found["of the ellipsoid"] = [[X - X0]]
+        found = {"of the decrease": self.subject.falling(X, N)} | self._started(X)
         return found | {"of the output": [[number(self.level**2, X.sizes), Y], [X]]}
 
-    def _starts(self, sizes: Sizes) -> Iterator[tuple[str, Polynomial]]:
-        """Yield the initial states, as columns."""
+    def _started(self, X: Polynomial) -> Rows:
+        """Return that X holds the initial states.
+
+        In discrete time an impulse leaves its own a sample later, when parameters have moved; of an
+        E that is the same everywhere it does not matter.
+        """
+        sizes, subject, found = X.sizes, self.subject, Rows()
+        one, later = number(1, sizes), X
+        if subject.step and subject.change is not None and varies(subject.E):
+            later = X + subject.change
         for k, point in enumerate(self.points):
-            yield f"of point {k + 1}", constant([[x] for x in point], sizes)
+            x = constant([[x] for x in point], sizes)
+            found[f"of point {k + 1}"] = [[one, x.T], [X]]
         for k, size in enumerate(self.impulses):
             if size:
-                E = affine(self.subject.E, sizes)
-                yield f"of impulse {k + 1}", E.part(slice(None), slice(k, k + 1)).times(size)
+                x = affine(subject.E, sizes).part(slice(None), slice(k, k + 1)).times(size)
+                found[f"of impulse {k + 1}"] = [[one, x.T], [later]]
+        if self.ellipsoid:
+            found["of the ellipsoid"] = [[X - constant(list(map(list, self.ellipsoid)), sizes)]]
+        return found
 
     @property
     def under(self) -> str:

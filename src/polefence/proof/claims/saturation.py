@@ -136,13 +136,10 @@ class Saturation(InitialPeak):
                 own = slice(i, i + 1)
                 moved = moved + B.part(slice(None), own) * (held[i] - KX.part(own))
             found[f"of the decrease, {_name(part)}"] = subject.falling(X, moved, driven)
-        one, square = number(1, sizes), number(self.level**2, sizes)
+        square = number(self.level**2, sizes)
         for k, Y_k in enumerate(self._held):
             found[f"of limit {k + 1}"] = [[square, Y_k], [X]]
-        found |= {name: [[one, x.T], [X]] for name, x in self._starts(sizes)}
-        if self.ellipsoid:
-            found["of the ellipsoid"] = [[X - constant(list(map(list, self.ellipsoid)), sizes)]]
-        return found
+        return found | self._started(X)
 
     @property
     def _held(self) -> list[Polynomial]:

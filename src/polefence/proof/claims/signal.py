@@ -137,10 +137,15 @@ class Subject:
 
     def minus(self, N: Polynomial) -> Polynomial:
         """Return -(N + N') + dX/dt, or with what X changes by in a step over the step."""
-        found = (N + N.T).times(-1)
-        if self.change is None:
-            return found
-        return found + (self.change.times(1 / self.step) if self.step else self.change)
+        found, slope = (N + N.T).times(-1), self.slope
+        return found if slope is None else found + slope
+
+    @property
+    def slope(self) -> Polynomial | None:
+        """dX/dt, or what X changes by in a step over the step."""
+        if self.change is None or not self.step:
+            return self.change
+        return self.change.times(1 / self.step)
 
     @property
     def lifted(self) -> Polynomial:

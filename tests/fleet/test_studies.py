@@ -45,7 +45,10 @@ method = "quadratic"
 """
 
 
-def write(folder, count=6, text=STUDY):
+FEW = 4  # variants of the study that most tests share
+
+
+def write(folder, count=FEW, text=STUDY):
     (folder / "car.toml").write_text(spec_text("quarter-car-physical"))
     path = folder / "study.toml"
     path.write_text(text.replace("COUNT", str(count)))
@@ -90,7 +93,7 @@ def results(done, tmp_path):
 
 def test_rows_are_what_the_questions_answer_one_by_one(done):
     study, rows = load_study(done[0]), list(Store(done[1]).rows())
-    assert keys(done[1]) == every(6)
+    assert keys(done[1]) == every(FEW)
     for row in rows:
         assert row["status"] == "proved"
         assert digest_of(row) == row["digest"]
@@ -114,7 +117,7 @@ def test_other_tools_read_rows_as_one_table(done):
     from pyarrow import dataset
 
     table = dataset.dataset(done[1] / "rows").to_table()
-    assert table.num_rows == 12
+    assert table.num_rows == 2 * FEW
     assert {"variant", "question", "bound", "proof", "m2", "m1.high"} <= set(table.column_names)
 
 
@@ -122,9 +125,10 @@ def test_results_say_what_they_are(done, capsys):
     path, out = done
     assert main(["study", str(out)]) == 0
     said = capsys.readouterr().out
-    assert "12 of 12 rows of hatchbacks" in said
+    assert f"{2 * FEW} of {2 * FEW} rows of hatchbacks" in said
     rows = [row for row in Store(out).rows() if row["question"] == "tightest"]
-    low, high = map(float, re.search(r"tightest: 6 proved; (\S+) to (\S+) 1/s", said).groups())
+    shown = re.search(rf"tightest: {FEW} proved; (\S+) to (\S+) 1/s", said)
+    low, high = map(float, shown.groups())
     bounds = [row["bound"] for row in rows]
     assert low >= min(bounds)  # rounded to the weaker side
     assert high >= max(bounds)
@@ -135,7 +139,7 @@ def test_results_say_what_they_are(done, capsys):
     assert int(lines[1].split()[0]) == best["variant"]
     assert main(["study", str(path), "--estimate"]) == 0
     said = capsys.readouterr().out
-    assert re.search(r"12 rows: about \S+ s of one processor, 0\.\d+ MB", said)
+    assert re.search(rf"{2 * FEW} rows: about \S+ s of one processor, 0\.\d+ MB", said)
     assert main(["study", str(path), "--variant", "2"]) == 0
     assert loads(capsys.readouterr().out).digest == loads(load_study(path).spec(2)).digest
 
@@ -150,7 +154,8 @@ region = "disk(-40, 27.5)"
 method = "quadratic"
 """
     out = tmp_path / "out"
-    assert main(["study", str(write(tmp_path, text=text)), "-o", str(out)]) == 1
+    words = ["study", str(write(tmp_path, text=text)), "-o", str(out), "--jobs", "1"]
+    assert main(words) == 1
     said = capsys.readouterr().out
     assert "design: 1 error, 2 not proved" in said
     assert "variant 0 and 1 more: not proved: " in said
@@ -158,7 +163,7 @@ method = "quadratic"
     assert rows[1]["status"] == "error"
     assert "m2" in rows[1]["reason"] or "unsprung" in rows[1]["reason"]
     assert not any(row["proof"] for row in rows.values())
-    assert main(["study", str(out), "--check"]) == 0
+    assert main(["study", str(out), "--check", "--jobs", "1"]) == 0
 
 
 def test_the_page_has_every_question_and_every_kind_of_failure(tmp_path, capsys):
@@ -281,7 +286,7 @@ def test_resuming_works_out_what_is_missing_alone(done, tmp_path, capsys):
     study = load_study(done[0])
     fresh = [row for rows in run(study, Store(out), processes(1), True) for row in rows]
     assert Counter((row["variant"], row["question"]) for row in fresh) == missing
-    assert keys(out) == every(6)
+    assert keys(out) == every(FEW)
     message = refused(capsys, "study", str(done[0]), "-o", str(out))
     assert "has results of this study; go on by --resume" in message
 
@@ -319,7 +324,7 @@ linux = pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="looks i
 
 @linux
 def test_workers_killed_at_random_lose_no_row(tmp_path):
-    count, most, killed, chance, before = 240, 20, 0, random.Random(1), -1
+    count, most, killed, chance, before = 128, 8, 0, random.Random(1), -1
     out = tmp_path / "out"
     client = started(write(tmp_path, count), "-o", out, "--jobs", "2")
     while client.poll() is None and killed < most:
@@ -344,7 +349,7 @@ def test_workers_killed_at_random_lose_no_row(tmp_path):
 
 @linux
 def test_a_client_that_is_killed_leaves_whole_rows_and_no_workers(tmp_path):
-    path, out = write(tmp_path, 64), tmp_path / "out"
+    path, out = write(tmp_path, 48), tmp_path / "out"
     client = started(path, "-o", out, "--jobs", "2")
     while not list((out / "rows").glob("*.parquet")) and client.poll() is None:
         time.sleep(0.01)
@@ -352,15 +357,15 @@ def test_a_client_that_is_killed_leaves_whole_rows_and_no_workers(tmp_path):
     client.kill()
     client.communicate()
     before = keys(out)  # every file can be read
-    assert 0 < sum(before.values()) < 128
+    assert 0 < sum(before.values()) < 96
     assert max(before.values()) == 1
     again = subprocess.run(
-        command(path, "-o", out, "--resume", "--jobs", "2"), capture_output=True, text=True
+        command(path, "-o", out, "--resume", "--jobs", "1"), capture_output=True, text=True
     )
     assert again.returncode == 0, again.stderr
-    fresh = int(re.search(r"128 rows, (\d+) of them new", again.stdout)[1])
-    assert fresh == 128 - sum(before.values())
-    assert keys(out) == every(64)
+    fresh = int(re.search(r"96 rows, (\d+) of them new", again.stdout)[1])
+    assert fresh == 96 - sum(before.values())
+    assert keys(out) == every(48)
     assert not [pid for pid in workers if Path(f"/proc/{pid}").exists()]
 
 
@@ -383,17 +388,17 @@ def test_two_clients_do_not_share_a_store(tmp_path, capsys):
     with Store(out).locked():
         message = refused(capsys, "study", str(path), "-o", str(out))
     assert "another process is adding rows to it" in message
-    assert main(["study", str(path), "-o", str(out)]) == 0
+    assert main(["study", str(path), "-o", str(out), "--jobs", "1"]) == 0
     assert keys(out) == every(3)
 
 
 @linux
 def test_a_full_disk_leaves_no_half_file(tmp_path):
-    """Files of more than 40 kB are refused: a proof is smaller than that, rows of many are not."""
+    """Files of more than 7 kB are refused: a proof is smaller than that, rows of many are not."""
     import resource
 
-    path, out = write(tmp_path, 40), tmp_path / "out"
-    limits = (3000, 3000)
+    path, out = write(tmp_path, 20), tmp_path / "out"
+    limits = (7000, 7000)
     client = started(
         path, "-o", out, "--jobs", "1",
         preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, limits),
@@ -402,9 +407,11 @@ def test_a_full_disk_leaves_no_half_file(tmp_path):
     assert client.returncode == 2
     assert "cannot be written: File too large" in err
     assert err.count("\n") == 1
+    assert list((out / "proofs").rglob("*.json"))
+    assert not list((out / "rows").iterdir())
     assert not temporary(tmp_path)
-    subprocess.run(command(path, "-o", out, "--resume"), check=True, capture_output=True)
-    assert keys(out) == every(40)
+    assert main(["study", str(path), "-o", str(out), "--resume", "--jobs", "1"]) == 0
+    assert keys(out) == every(20)
 
 
 # -- what befalls files ---------------------------------------------------------------------------
@@ -496,9 +503,6 @@ def _answered_otherwise(rows):
 def test_a_changed_row_is_found(name, results, capsys):
     change, said = CHANGES[name]
     changed(results, change)
-    faults = [own for own in judged(Store(results), processes(1)) if own.fault]
-    assert len(faults) == 1
-    assert said in faults[0].fault
     assert main(["study", str(results), "--check", "--jobs", "1"]) == 1
     out = capsys.readouterr().out
     assert said in out
@@ -563,7 +567,7 @@ def test_rows_that_are_no_parquet_are_refused(results, capsys):
         ('base = "car.toml"', 'base = "bus.toml"', "bus.toml: cannot be read"),
         ("[variants]", "[variant]", "unknown key 'variant'"),
         ("of = {m2", "of = {m3", "the base has no number 'm3'"),
-        ("count = 6", "count = 1000000000", "1000000000 of them; a study has at most"),
+        ("count = 4", "count = 1000000000", "1000000000 of them; a study has at most"),
         ('name = "hatchbacks"', "name = 3", "name = 3 must be text"),
     ],
 )
@@ -583,7 +587,7 @@ def test_options_that_do_not_go_together(done, capsys):
         ([path], "-o RESULTS is missing"),
         ([path, "--check"], "--check is for a folder of results"),
         ([path, "--html", "x"], "--html is for a folder of results"),
-        ([path, "--variant", "9"], "--variant = 9: there are 0 to 5"),
+        ([path, "--variant", "9"], "--variant = 9: there are 0 to 3"),
         ([path, "--jobs", "0"], "--jobs = 0 must be at least 1"),
         ([out, "--estimate"], "--estimate is for a study"),
         ([out, "--best", "tight"], "--best 'tight': "),

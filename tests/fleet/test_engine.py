@@ -9,6 +9,7 @@ from concurrent.futures import Executor, Future
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import nullcontext
 from functools import partial
+from multiprocessing import get_context
 
 import pytest
 
@@ -30,6 +31,14 @@ def deadly(task):
 
 def faulty(task):
     raise ZeroDivisionError(task)
+
+
+@pytest.fixture
+def quick_start(monkeypatch):
+    """Have workers start at once: copies of a process that has imported what they need."""
+    context = get_context("forkserver")
+    context.set_forkserver_preload(["__main__", "polefence.base.workers", "polefence.fleet.engine"])
+    monkeypatch.setattr("polefence.base.workers.get_context", lambda _: context)
 
 
 class Pool(Executor):
@@ -64,7 +73,7 @@ def test_without_a_pool_tasks_are_done_here():
     assert found == {k: 2 * k for k in range(5)}
 
 
-def test_tasks_are_taken_as_they_are_needed():
+def test_tasks_are_taken_as_they_are_needed(quick_start):
     taken = []
 
     def tasks():
@@ -78,7 +87,7 @@ def test_tasks_are_taken_as_they_are_needed():
     way.close()
 
 
-def test_a_task_that_ends_its_workers_is_given_up_and_no_other():
+def test_a_task_that_ends_its_workers_is_given_up_and_no_other(quick_start):
     found = Counter()
     results = {}
     for task, result in carried_out(range(16), deadly, partial(processes, 2), 4):

@@ -16,6 +16,7 @@ from polefence.base.errors import MissingExtraError
 from polefence.cli.main import main
 from polefence.examples import spec_text
 from polefence.fleet import Store, dask, judged, load_study, processes, run
+from polefence.fleet.questions import Tightest
 from support.commands import refused
 
 distributed = pytest.importorskip("distributed")
@@ -75,7 +76,13 @@ def port():
         return own.getsockname()[1]
 
 
-def test_rows_are_those_of_processes(tmp_path, capsys):
+@pytest.fixture
+def small_groups(monkeypatch):
+    """Have as many tasks as four times the variants would make by default."""
+    monkeypatch.setattr(Tightest, "group", 4)
+
+
+def test_rows_are_those_of_processes(tmp_path, capsys, monkeypatch):
     path = write(tmp_path, 5)
     assert main(["study", str(path), "-o", str(tmp_path / "a"), "--cluster", "local"]) == 0
     assert main(["study", str(path), "-o", str(tmp_path / "b"), "--jobs", "1"]) == 0
@@ -85,13 +92,14 @@ def test_rows_are_those_of_processes(tmp_path, capsys):
         found.append([{k: row[k] for k in row if k not in ("seconds", "digest")} for row in rows])
     assert found[0] == found[1]
     assert keys(tmp_path / "a") == every(5)
+    monkeypatch.setattr("polefence.fleet.cluster.processors", lambda: 1)
     assert main(["study", str(tmp_path / "a"), "--check", "--cluster", "local"]) == 0
     assert "10 rows, 10 with proofs; 0 faults" in capsys.readouterr().out
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="kills by POSIX signals")
-def test_workers_that_are_killed_lose_no_row(tmp_path, port):
-    study, out = load_study(write(tmp_path, 64)), tmp_path / "out"
+def test_workers_that_are_killed_lose_no_row(tmp_path, port, small_groups):
+    study, out = load_study(write(tmp_path, 16)), tmp_path / "out"
     with scheduler(port) as address:
         workers = dask(address)
         for k, _ in enumerate(run(study, Store(out), workers)):
@@ -99,22 +107,22 @@ def test_workers_that_are_killed_lose_no_row(tmp_path, port):
                 with distributed.Client(address, set_as_default=False) as client:
                     pids = list(client.run(os.getpid).values())
                 os.kill(pids[0], signal.SIGKILL)
-    assert keys(out) == every(64)
+    assert keys(out) == every(16)
     assert not [own for own in judged(Store(out), processes(1)) if own.fault]
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="kills by POSIX signals")
-def test_a_scheduler_that_is_started_again_is_found(tmp_path, port):
-    study, out = load_study(write(tmp_path, 48)), tmp_path / "out"
+def test_a_scheduler_that_is_started_again_is_found(tmp_path, port, small_groups):
+    study, out = load_study(write(tmp_path, 12)), tmp_path / "out"
     with scheduler(port) as address:
         rows = run(study, Store(out), dask(address))
         next(rows)
     before = sum(keys(out).values())
     with scheduler(port):
         fresh = sum(len(own) for own in rows)
-    assert 0 < before < 96
-    assert before + fresh == 96
-    assert keys(out) == every(48)
+    assert 0 < before < 24
+    assert before + fresh == 24
+    assert keys(out) == every(12)
 
 
 def test_no_scheduler_is_one_line(tmp_path, capsys, monkeypatch, port):

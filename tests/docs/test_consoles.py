@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 
 import pytest
 
 from polefence.examples import spec_text
+from polefence.fleet import Study
+from polefence.fleet.variants import Variants
 from support.console import alike, blocks, follow
 from support.paths import DOCS
 
@@ -52,8 +55,24 @@ NOT_RUN = {"dependencies", "export-misra", "export-observer", "report"}  # insta
 INSTALLED = re.compile(r"^\$ (?:python3 -m venv|polefence --version)")
 
 
+@pytest.fixture
+def one_process(monkeypatch):
+    """Have studies start no processes, and estimates, of which pages show no number, try little."""
+
+    def one(study, question):
+        own = study.variants
+        return replace(
+            study,
+            variants=Variants(own.names, own.rows[:1], own.labels[:1]),
+            questions=(question,),
+        )
+
+    monkeypatch.setattr("polefence.fleet.workers.processors", lambda: 1)
+    monkeypatch.setattr(Study, "tried", one)
+
+
 @pytest.mark.parametrize("page", PAGES)
-def test_the_commands_print_what_the_page_shows(page, tmp_path, monkeypatch, capsys):
+def test_the_commands_print_what_the_page_shows(page, tmp_path, monkeypatch, capsys, one_process):
     for name, text in PAGES[page]:
         (tmp_path / name).write_text(text)
     for block in blocks((DOCS / f"{page}.md").read_text()):

@@ -33,8 +33,8 @@ def test_the_tutorial_does_what_it_shows(monkeypatch):
     assert result.failed == 0
 
 
-# Run by the tests of their pages: vehicle/test_concepts.py, docs/test_consoles.py.
-ELSEWHERE = ("polefence concepts", "polefence study")
+# Run by vehicle/test_concepts.py, show/test_report.py and, with its page, docs/test_consoles.py.
+ELSEWHERE = ("polefence concepts", "polefence report", "polefence study")
 
 
 @pytest.fixture(scope="module")

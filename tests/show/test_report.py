@@ -36,6 +36,7 @@ from polefence.show.report import Report, _how_to_check, comfort, html_report
 from polefence.vehicle.vehicle import require_ride
 from support.memories import design as with_memory
 from support.polynomials import design as polynomial
+from support.readme import ROWS, commands_of, run_as_written
 from support.specs import ONE_STATE
 
 
@@ -59,13 +60,29 @@ class Page(HTMLParser):
 
 @pytest.fixture(scope="module")
 def car(tmp_path_factory):
-    folder = tmp_path_factory.mktemp("car")
+    """A folder with a design, and the page that README's own line writes of it."""
+    folder = tmp_path_factory.mktemp("readme")
     design = place(family("quarter-car-physical"), Disk(-40, 31))
-    design.save(folder)
+    design.save(folder / "car")
+    (row,) = [row for row in ROWS if "polefence report" in row]
     with pytest.MonkeyPatch.context() as own:
         own.setenv("SOURCE_DATE_EPOCH", "1")
-        assert main(["report", str(folder)]) == 0
-    return folder, design, (folder / "report.html").read_text()
+        own.chdir(folder)
+        run_as_written(commands_of(row))
+    return folder / "car", design, (folder / "car" / "report.html").read_text()
+
+
+@pytest.fixture
+def undrawn(monkeypatch):
+    """Leave figures undrawn, which takes the most of a page's time."""
+    monkeypatch.setattr("polefence.show.report._picture", lambda _: "data:image/svg+xml;base64,")
+
+
+@pytest.fixture
+def claims_alone(undrawn, monkeypatch):
+    """Leave out what is simulated and sampled too."""
+    for name in ("responses", "comfort"):
+        monkeypatch.setattr(f"polefence.show.report.{name}", lambda *_: None)
 
 
 def test_all_that_was_asked_for_is_there(car):
@@ -118,7 +135,11 @@ def test_the_comfort_is_that_of_the_stationary_answer(car):
 def test_a_report_of_the_same_design_is_the_same(car):
     _, design, text = car
     assert html_report(design, date="1970-01-01") == text
-    assert html_report(design) != text
+
+
+def test_a_report_without_a_date_has_none(car, claims_alone):
+    dated, plain = (html_report(car[1], date=date) for date in ("1970-01-01", ""))
+    assert dated != plain == dated.replace(", 1970-01-01", "")
 
 
 def test_the_top_says_what_is_proved_of_which_cars_and_when(car):
@@ -241,7 +262,7 @@ def test_bounds_and_a_front_are_put_in(tmp_path, capsys):
 
 
 @pytest.mark.parametrize("kind", ["affine", "measured"])
-def test_a_polynomial_law_is_said_by_its_terms(kind, tmp_path):
+def test_a_polynomial_law_is_said_by_its_terms(kind, tmp_path, undrawn):
     own = polynomial(kind)
     own.save(tmp_path)
     assert main(["report", str(tmp_path)]) == 0
@@ -263,7 +284,7 @@ def test_code_that_keeps_states_is_exported_with_a_sample_time(kind, placed):
     assert line not in _how_to_check(placed).code
 
 
-def test_bounds_have_their_units_and_the_road_that_is_theirs(tmp_path):
+def test_bounds_have_their_units_and_the_road_that_is_theirs(tmp_path, claims_alone):
     car, gust = family("quarter-car-ride"), Rms("sprung-mass acceleration", at_most=2)
     road = velocity_density("D", 15)
     found = optimise(
@@ -289,7 +310,7 @@ def cells(page):
     return [own for own in page.parts["Bounds on signals, proved"].split("|") if own.strip()]
 
 
-def test_a_unit_that_is_a_sentence_is_left_out(tmp_path):
+def test_a_unit_that_is_a_sentence_is_left_out(tmp_path, claims_alone):
     plant = UncertainPlant.from_vertices(
         [[[-1]], [[-2]]], [[[1]]] * 2, [[[1]]] * 2, states=("x [m; all poles in half_plane(99)]",)
     )

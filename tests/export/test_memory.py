@@ -23,6 +23,7 @@ from polefence.proof.claims.rounding import gain_errors
 from polefence.response.discrete import Sampling
 from support.cortex import Export, _bounds, run
 from support.memories import CORNER, TIME, Code, design, exactly, exported
+from support.once import proved_once  # noqa: F401
 from support.shapes_of_laws import SANITIZED, STRICT
 
 ORDERS = {"affine": 1, "one gain": 1, "pid": 2}

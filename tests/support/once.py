@@ -1,13 +1,16 @@
-"""Searches that several tests ask for, done once: the same question has the same answer."""
+"""Searches and proofs that several tests ask for, done once: the same question, the same answer."""
 
 from __future__ import annotations
 
 import inspect
 import sys
+from dataclasses import replace
 
 import pytest
 
+from polefence.design.design import check_document
 from polefence.design.signals.optimise import optimise
+from polefence.export.sampled import largest_sample_time
 
 CALLERS = (
     "polefence.optimise",
@@ -40,4 +43,30 @@ def searched_once():
             if name.startswith("polefence.studio") and "polefence.studio" not in sys.modules:
                 continue  # importing it takes a second
             patch.setattr(name, remembered)
+        yield
+
+
+@pytest.fixture(scope="module", autouse=True)
+def proved_once():
+    """Have exports remember, in the tests of a module, what takes them long: of a file with the
+    same claims, whatever it says of the code beside it, they are proved no second time, and of the
+    same design the largest sample time is sought no second time.
+    """
+    known = {}
+
+    def remembered(document, path):
+        claims = replace(document, export=None).dumps()
+        if claims not in known:
+            known[claims] = check_document(document, path)
+        return known[claims]
+
+    def sought(design, delay):
+        asked = design.certificate.file().dumps(), delay
+        if asked not in known:
+            known[asked] = largest_sample_time(design, delay)
+        return known[asked]
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("polefence.export.documents.check_document", remembered)
+        patch.setattr("polefence.export.guarantee.largest_sample_time", sought)
         yield

@@ -48,8 +48,13 @@ def design(kind: str) -> Design:
     return analyse(larger, law, REGION).design
 
 
-@cache
 def exported(kind: str, bits: int, late: bool = True):
+    """The design's code, made once."""
+    return _exported(kind, bits, late)
+
+
+@cache  # which tells what is left out from what is given
+def _exported(kind: str, bits: int, late: bool):
     return export_c99(design(kind), bits, sampling=Sampling(TIME, late), limits=800.0)
 
 

@@ -9,27 +9,41 @@ import pytest
 
 import polefence as pf
 from polefence.plant.spec import loads
-from support.paths import DOCS
+from support.gallery import alike, page
 from support.scripts import docs_script
 
-PAGE = (DOCS / "gallery-fleet.md").read_text()
+
+@pytest.fixture(scope="module")
+def example():
+    return docs_script("fleet")
 
 
-def test_laws_keep_their_cars_and_radii_are_just_enough(tmp_path, monkeypatch):
-    example = docs_script("fleet")
-    tyres = re.search(r"kt = (\[.*?\])", example.STUDY)[1]
-    text = example.STUDY.replace(tyres, "[110000, 250000]").replace("[25, 35]", "[25]")
-    monkeypatch.setattr(example, "STUDY", text)
-    rows, laws = example.answers(tmp_path)
+@pytest.fixture(scope="module")
+def found(example, tmp_path_factory):
+    """Rows and laws of the study, asked once."""
+    return example.answers(tmp_path_factory.mktemp("fleet"))
+
+
+def test_the_page_shows_what_its_script_prints_and_draws(
+    example, found, monkeypatch, tmp_path, capsys
+):
+    monkeypatch.setattr(example, "answers", lambda _: found)
+    example.main(tmp_path)
+    alike("fleet", capsys.readouterr().out, tmp_path)
+
+
+def test_laws_keep_their_cars_and_radii_are_just_enough(example, found):
+    rows, laws = found
     alpha = np.linspace([1, 0], [0, 1], 500)
-    assert len(laws) == len(rows["cover"]) == 2
+    assert len(laws) == 2
+    assert len(rows["cover"]) == sum(map(len, laws)) == 12
     for row, design in (one for own in laws for one in own):
         assert design.region == example.REGION
         assert pf.check(design).proved
         assert np.abs(design.poles(alpha) + 40).max() < 38.5
         A, _ = design.plant.at(alpha)
         assert A[:, 3, 1] == pytest.approx(row["kt"] / row["m2"])
-    least, most = map(float, re.search(r"radius (\S+) to (\S+) 1/s", PAGE).groups())
+    least, most = map(float, re.search(r"radius (\S+) to (\S+) 1/s", page("fleet")).groups())
     for row in rows["tightest"].values():
         assert least <= round(row["bound"], 2) <= most
         text = example.CAR.replace("kt = 155900", f"kt = {row['kt']}")

@@ -23,6 +23,7 @@ from polefence.export.vectors import ALLOWED, special, vectors
 from polefence.law.laws import PolynomialGain
 from polefence.response.discrete import Sampling
 from support.cortex import export, run
+from support.once import proved_once  # noqa: F401
 from support.polynomials import KINDS, REGION, design
 
 COUNT = 10_000

@@ -59,6 +59,13 @@ def changed(document, path, dice):
     return found
 
 
+def touched(document, path):
+    """The document with those claims alone that a change at a path may make false."""
+    if path[0] != "claims":
+        return document
+    return document | {"claims": [document["claims"][path[1]]]}
+
+
 def proved(document):
     """Whether the checker says so, or that it is refuted in the cells that say so."""
     try:
@@ -80,11 +87,12 @@ def test_no_change_makes_a_false_claim_proved(documents, name):
     assert not false(original)
     every, answers = places(original), {True: 0, False: 0}
     for k in range(EACH):
-        tried = changed(original, dice.choice(every), dice)
+        path = dice.choice(every)
+        tried = changed(original, path, dice)
         answer = proved(tried)
         answers[answer] += 1
         if answer:
-            assert not false(tried, k), (name, k)
+            assert not false(touched(tried, path), k), (name, k)
     assert answers[False], name  # some of them are wrong
 
 

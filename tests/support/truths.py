@@ -77,6 +77,8 @@ class Plant:
     def alphas(self, on, count=12):
         """Points of the domain."""
         N = len(self.A)
+        if N == 1:
+            return [np.ones(1)]
         if on == "box" and self.ranges:
             return [self.alpha(v) for v in self.values(count)]
         return [*np.eye(N), *self.random.dirichlet(np.ones(N), count)]
@@ -263,11 +265,8 @@ def _reached(kind, claim, loop, passive, T):
     if kind == "energy peak":
         return number(claim.get("norm", 1)) * _rms(A, E, C, 1.0)
     if kind == "gain":
-        found = [F]
-        eye = np.eye(len(A))
-        for w in (0.0, *np.geomspace(1e-3, 1e3, 60)):
-            found.append(C @ np.linalg.solve(1j * w * eye - A, E + 0j) + found[0])
-        return max(float(np.linalg.norm(G, 2)) for G in found)
+        w = np.array([0.0, *np.geomspace(1e-3, 1e3, 60)])
+        return max(float(np.linalg.norm(F, 2)), _largest(A, E, C, F, 1j * w))
     starts = [np.array(list(map(number, p))) for p in claim.get("points", [])]
     sizes = map(number, claim.get("impulses", []))
     starts += [s * E[:, k] for k, s in enumerate(sizes)]
@@ -277,6 +276,12 @@ def _reached(kind, claim, loop, passive, T):
         worst = max(worst, float(np.abs(C @ peak).max()))
         peak = step @ peak
     return worst
+
+
+def _largest(A, E, C, F, points):
+    """The largest gain at points of the plane."""
+    found = np.linalg.solve(points[:, None, None] * np.eye(len(A)) - A, E + 0j)
+    return float(np.linalg.norm(C @ found + F, 2, (1, 2)).max())
 
 
 def _reached_at_samples(kind, claim, loop, passive, T):
@@ -290,8 +295,7 @@ def _reached_at_samples(kind, claim, loop, passive, T):
 
         return own(A, C) / (own(*passive) if kind == "relative rms" else 1.0)
     if kind == "gain":
-        z, eye = np.exp(1j * np.linspace(0, np.pi, 60)), np.eye(len(A))
-        return max(np.linalg.norm(C @ np.linalg.solve(t * eye - A, E + 0j) + F, 2) for t in z)
+        return _largest(A, E, C, F, np.exp(1j * np.linspace(0, np.pi, 60)))
     starts = [np.array(list(map(number, p))) for p in claim.get("points", [])]
     sizes = map(number, claim.get("impulses", []))
     starts += [s * E[:, k] / T for k, s in enumerate(sizes)]
@@ -331,24 +335,24 @@ def false_saturation(plant, law, claim):
     outputs = claim["outputs"] if "outputs" in claim else [claim["output"]]
     D = np.concatenate([stacked(plant, output, "D") for output in outputs], axis=1)[0]
     chosen = np.flatnonzero(np.any(D, axis=0))
-    for alpha in plant.alphas(domain_of(claim, law), 2):
-        A, B, E = next(plant.near(alpha))
-        K = law.gain(alpha)
-        if np.linalg.eigvals(A + B @ K).real.max() > SLACK:
-            return True
-        norms = array(claim["norms"]) if "norms" in claim else np.zeros(E.shape[1])
-        starts = [np.array(list(map(number, p))) for p in claim.get("points", [])]
-        x = np.array(starts) if starts else np.zeros((4, len(A)))
-        dt = 0.02 / max(1.0, np.abs(np.linalg.eigvals(A + B @ K)).max())
-        lengths = np.array([0.1, 0.5, 1.0, 3.0])
-        for k in range(int(30 / dt)):
-            push = np.where(k * dt < lengths, lengths**-0.5, 0.0)[:, None] * (E @ norms)
-            u = x @ K.T
-            u[:, chosen] = np.clip(u[:, chosen], -level, level)
-            x = x + dt * (x @ A.T + u @ B.T + (0 if starts else push))
-        if not np.abs(x).max() < 1e3:
-            return True
-    return False
+    alphas = plant.alphas(domain_of(claim, law), 2)
+    A, B, E = map(np.stack, zip(*(next(plant.near(alpha)) for alpha in alphas), strict=True))
+    K = np.stack([law.gain(alpha) for alpha in alphas])
+    poles = np.linalg.eigvals(A + B @ K)
+    if poles.real.max() > SLACK:
+        return True
+    norms = array(claim["norms"]) if "norms" in claim else np.zeros(E.shape[2])
+    starts = [np.array(list(map(number, p))) for p in claim.get("points", [])]
+    x = np.tile(np.array(starts) if starts else np.zeros((4, A.shape[1])), (len(A), 1, 1))
+    dt = 0.02 / np.maximum(1.0, np.abs(poles).max(axis=1))[:, None, None]
+    lengths = np.array([0.1, 0.5, 1.0, 3.0])[:, None]
+    drive, (A, B, K) = (E @ norms)[:, None, :], (np.swapaxes(M, 1, 2) for M in (A, B, K))
+    for k in range(int(30 / dt.min())):
+        u = x @ K
+        u[..., chosen] = np.clip(u[..., chosen], -level, level)
+        push = 0.0 if starts else np.where(k * dt < lengths, lengths**-0.5, 0.0) * drive
+        x = x + dt * (x @ A + u @ B + push)
+    return not np.abs(x).max() < 1e3
 
 
 def moving_rms(plant, law, claim, C, D):

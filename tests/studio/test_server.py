@@ -32,6 +32,15 @@ def served(tmp_path_factory):
         yield address
 
 
+@pytest.fixture(scope="module")
+def another(tmp_path_factory):
+    """The address of a second server, and its process, which the test of Ctrl-C ends."""
+    folder = tmp_path_factory.mktemp("another")
+    (folder / "car.toml").write_text(spec_text("quarter-car-physical"))
+    with studio(folder, "car.toml", "--region", "disk(-40, 31)") as own:
+        yield own
+
+
 DISCRETE = """
 sample_time = 0.1
 states = ["x"]
@@ -77,11 +86,9 @@ def test_without_the_token_nothing_is_there(served, path):
     assert "quarter car" not in text
 
 
-def test_tokens_are_long_and_new_each_time(served, tmp_path):
-    (tmp_path / "car.toml").write_text(spec_text("quarter-car-physical"))
-    with studio(tmp_path, "car.toml", "--region", "disk(-40, 31)") as (other, _):
-        assert len(root(served)[1]) >= 32
-        assert root(other)[1] != root(served)[1]
+def test_tokens_are_long_and_new_each_time(served, another):
+    assert len(root(served)[1]) >= 32
+    assert root(another[0])[1] != root(served)[1]
 
 
 @pytest.mark.parametrize(
@@ -152,13 +159,12 @@ def test_only_this_machine_is_listened_to(served):
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="signals")
-def test_ctrl_c_ends_it(tmp_path):
-    (tmp_path / "car.toml").write_text(spec_text("quarter-car-physical"))
-    with studio(tmp_path, "car.toml", "--region", "disk(-40, 31)") as (_, process):
-        process.send_signal(signal.SIGINT)
-        said = process.stdout.read()
-        assert process.wait(20) == 0
-        assert said == "whoever has this address can use it; Ctrl-C ends it\n"
+def test_ctrl_c_ends_it(another):
+    _, process = another
+    process.send_signal(signal.SIGINT)
+    said = process.stdout.read()
+    assert process.wait(20) == 0
+    assert said == "whoever has this address can use it; Ctrl-C ends it\n"
 
 
 def test_a_port_that_is_taken_is_named(tmp_path):

@@ -47,6 +47,7 @@ from polefence.plant.spec import loads
 from polefence.proof.claims.base import prove
 from polefence.proof.work import FormatError
 from support.files import bounds_in
+from support.once import searched_once  # noqa: F401
 from support.paths import DOCS
 from support.specs import ONE_STATE, TWO_STATES, rms
 
@@ -415,7 +416,7 @@ def test_the_command_keeps_it(tmp_path, capsys):
     assert main([*one, "--limit", line]) == 0
     assert main(["check", str(folder)]) == 0
     assert "gain norm of the law <= 5, states in units of 1, 2" in capsys.readouterr().out
-    sweep = ["--over", "gain norm of the law", "--value", "6", "--method", "scheduled"]
+    sweep = ["--over", "gain norm of the law", "--value", "6", "--method", "quadratic"]
     assert main(["tradeoff", str(spec), *sweep, "--json", str(tmp_path / "t")]) == 0
     (row,) = json.loads((tmp_path / "t").read_text())["rows"]
     swept = [own for own in row["bounds"] if own["specification"].startswith("gain norm")]
@@ -444,5 +445,5 @@ def test_plants_without_disturbance_are_taken(two):
         TWO_STATES.replace("E = [[0], [1]]", "").replace('disturbances = ["w [m/s2]"]', "")
     )
     start = InitialPeak("x", 1.2, ((1.0, 0.0),))
-    done = optimise(bare, GainNorm(), [start], method="scheduled")
+    done = optimise(bare, GainNorm(), [start], method="quadratic")
     assert sampled(bare, done.law, GainNorm(), seeded(bare, 50)).worst <= done.bounds[0].level

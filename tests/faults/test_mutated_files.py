@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from support.every_file import ASKED, LIMITS, SPEC, TRADEOFF, TWO, quiet
+from support.once import searched_once  # noqa: F401
 
 VALUES = (
     None, [], {}, "", True, -1, 0, float("inf"), 1e300, 10**400, "1e999999999", "1/0",

@@ -155,7 +155,7 @@ def test_the_exponential_is_bounded_from_above(x):
 
 def test_an_error_of_the_gain_is_tolerated_besides():
     columns = [[Fraction(2), Fraction(0)], [Fraction(1), Fraction(1, 2)]]
-    small, large = (Off(Fraction(e), (Fraction(1),), columns) for e in ("1/10", "1/2"))
+    small, large = (Off(Fraction(e), (Fraction(1),), columns) for e in ("1/10", "2/5"))
     one, other = (prove_decay(design("box"), TIME, 1, off) for off in (small, large))
     assert other.decay < one.decay < proof("box").decay
     assert one.check().proved
@@ -166,7 +166,7 @@ def test_an_error_of_the_gain_is_tolerated_besides():
     for a in points("box", 30):
         whole = by_expm(design("box"), a, TIME, 1)
         D = random.normal(size=(1, 2))
-        whole[2:, :2] += 0.5 * D / np.linalg.norm(D) @ C
+        whole[2:, :2] += 0.4 * D / np.linalg.norm(D) @ C
         assert np.abs(np.linalg.eigvals(whole)).max() < math.exp(-other.decay * TIME)
 
 

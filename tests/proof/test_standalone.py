@@ -25,6 +25,35 @@ def checker(tmp_path_factory):
     return path
 
 
+# The archive's own command, many times: Python compiles the archive anew each time it is run.
+MANY = """
+import contextlib, io, json, sys
+sys.path.insert(0, sys.argv[1])
+from polefence.proof.__main__ import main
+found = []
+for words in json.loads(sys.argv[2]):
+    out, err = io.StringIO(), io.StringIO()
+    with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
+        status = main(words)
+    found.append((status, out.getvalue(), err.getvalue()))
+print(json.dumps(found))
+"""
+
+
+def many(checker, each):
+    """Exit status, output and error output for each list of words."""
+    words = json.dumps([list(map(str, own)) for own in each])
+    command = [*BARE, "-c", MANY, str(checker), words]
+    done = subprocess.run(command, capture_output=True, text=True, check=True)
+    return json.loads(done.stdout)
+
+
+@pytest.fixture(scope="module")
+def answers(checker, every_file):
+    """What the checker says of every file."""
+    return dict(zip(FILES, many(checker, [[every_file / name] for name in FILES]), strict=True))
+
+
 def run(checker, *words):
     command = [*BARE, str(checker), *map(str, words)]
     return subprocess.run(command, capture_output=True, text=True, check=False)
@@ -38,15 +67,21 @@ def test_nothing_else_is_there():
 
 
 @pytest.mark.parametrize("name", FILES)
-def test_it_proves_what_check_proves(checker, every_file, capsys, name):
+def test_it_proves_what_check_proves(answers, every_file, capsys, name):
     path = every_file / name
-    done = run(checker, path)
-    assert done.returncode == 0, done
+    status, out, err = answers[name]
+    assert (status, err) == (0, "")
     assert main(["check", str(path)]) == 0
     said = capsys.readouterr().out.splitlines()
-    mine = done.stdout.splitlines()
+    mine = out.splitlines()
     assert mine == said[: len(mine)]
     assert len(mine) == 1 + len(json.loads(path.read_text())["claims"])
+
+
+def test_the_archive_says_what_its_command_does(checker, answers, every_file):
+    name = FILES[0]
+    done = run(checker, every_file / name)
+    assert [done.returncode, done.stdout, done.stderr] == answers[name]
 
 
 def test_what_is_not_proved(checker, every_file, tmp_path):
@@ -63,20 +98,22 @@ def test_what_is_not_proved(checker, every_file, tmp_path):
 
 def test_what_cannot_be_read_is_one_line(checker, every_file, tmp_path):
     text = (every_file / "quadratic" / "design.json").read_text()
-    path = tmp_path / "bad.json"
     old = [json.dumps({"format": name, "version": 1}) for name in EARLIER]
+    words = []
     for bad in ("", text[:500], "[" * 10**6, text.replace('"K"', '"L\\u001b[2J"'), *old):
-        path.write_text(bad)
-        done = run(checker, path)
-        assert done.returncode == 2
-        assert done.stderr.count("\n") == 1
-        assert done.stderr[:-1].isprintable()
-        assert not done.stdout
-    assert "polefence 0.1" in done.stderr
-    for words in ((), ("a", "b"), (tmp_path,), (tmp_path / "none.json",)):
-        done = run(checker, *words)
-        assert done.returncode == 2
-        assert done.stderr.count("\n") == 1
+        words.append([tmp_path / f"bad{len(words)}.json"])
+        words[-1][0].write_text(bad)
+    others = [[], ["a", "b"], [tmp_path], [tmp_path / "none.json"]]
+    found = many(checker, [*words, *others])
+    for status, out, err in found:
+        assert status == 2
+        assert err.count("\n") == 1
+        assert err[:-1].isprintable()
+        assert not out
+    assert all("polefence 0.1" in err for _, _, err in found[4 : len(words)])
+    for own, answer in zip((words[0], others[0]), (found[0], found[len(words)]), strict=True):
+        done = run(checker, *own)
+        assert [done.returncode, done.stdout, done.stderr] == answer
 
 
 def test_the_same_sources_give_the_same_bytes(checker):

@@ -1,6 +1,7 @@
 """Small plants as specification texts, and white noise of intensity 1 for bounds on them."""
 
 from polefence.design.requirements.rms import Rms
+from polefence.examples import spec_text
 
 DENSITY = 2.0  # one-sided, of two-sided intensity 1
 
@@ -38,3 +39,10 @@ E = [[0], [1]]
 def rms(signal, at_most=None):
     """Return the rms of a signal under white noise of intensity 1."""
     return Rms(signal, at_most, DENSITY)
+
+
+def ride_of_loads():
+    """Return the spec of the quarter car for its ride whose load alone is uncertain."""
+    text = spec_text("quarter-car-ride").replace("[constants]", "[constants]\nbeta = 0")
+    first, last = text.index("[parameter.beta]"), text.index("[definitions]")
+    return text[:first] + text[last:]

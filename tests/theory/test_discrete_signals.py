@@ -99,8 +99,8 @@ def loop_of(plant, own, alpha, law=LAW):
     return A + B @ K, E, np.vstack([rows[y.name] for y in own.outputs(plant)])
 
 
-def truth(plant, own, alpha, law=LAW):
-    """What is bounded, by equations that the project does not use."""
+def truth(plant, own, alpha, law=LAW, count=20001):
+    """What is bounded, by equations that the project does not use; gains at so many frequencies."""
     A, E, C = loop_of(plant, own, alpha, law)
     if own.kind == "relative rms":
         return truth(plant, Rms("x"), alpha) / truth(plant, Rms("x"), alpha, None)
@@ -111,7 +111,7 @@ def truth(plant, own, alpha, law=LAW):
         X = solve_discrete_lyapunov(A, E @ E.T / T)
         return own.norm * np.sqrt((C @ X @ C.T).item())
     if own.kind == "gain":
-        turns = np.exp(1j * np.linspace(0, np.pi, 20001))
+        turns = np.exp(1j * np.linspace(0, np.pi, count))
         each = C @ np.linalg.solve(turns[:, None, None] * np.eye(2) - A, E + 0j)
         return np.linalg.norm(each, 2, axis=(1, 2)).max()
     if own.ellipsoid:
@@ -137,7 +137,7 @@ def test_values_are_those_of_other_equations(plant, own):
 @pytest.mark.parametrize("own", ASKED, ids=IDS)
 def test_bounds_are_near_the_worst_and_never_below(plant, own):
     alpha = np.vstack([np.eye(2), seeded(plant, 50)])
-    worst = max(truth(plant, own, a) for a in alpha)
+    worst = max(truth(plant, own, a, count=2001) for a in alpha)
     found = best_bound(plant, LAW, own)
     # a Lyapunov matrix bounds a peak from given states by an ellipsoid
     loose = 1.6 if own.kind == "initial peak" else 1.01
@@ -252,8 +252,8 @@ def test_the_delta_form_is_the_plant(plant):
 @pytest.mark.parametrize(
     ("least", "limit"),
     [
-        (Rms("x"), Rms("f", 3.0)),
-        (Gain("x"), Gain("f", 3.0)),
+        (Rms("x"), Gain("f", 3.0)),
+        (Gain("x"), Rms("f", 3.0)),
         (EnergyPeak("x"), EnergyPeak("f", 3.0)),
         (RelativeRms("x"), Rms("f", 3.0)),
     ],

@@ -23,10 +23,8 @@ disturbances = ["load [N m]"]
 [parameter.J]
 range = [0.8, 1.2]
 through = "1/J"
-[parameter.b]
-range = [0.5, 1.5]
 [matrices]
-A = [[0, 1], [0, "-b/J"]]
+A = [[0, 1], [0, "-1/J"]]
 B = [[0], ["1/J"]]
 E = [[0], ["1/J"]]
 """

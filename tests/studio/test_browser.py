@@ -12,7 +12,7 @@ import pytest
 
 from polefence import Design, Disk, parse_region
 from polefence.examples import spec_text
-from polefence.studio import Session
+from polefence.studio import Session, State
 from support.browser import (
     PATIENCE,
     browser,
@@ -53,8 +53,15 @@ def folder(tmp_path_factory):
 
 
 @pytest.fixture(scope="module")
-def address(folder):
+def kept():
+    """Addresses whose page stays open from test to test."""
+    return set()
+
+
+@pytest.fixture(scope="module")
+def address(folder, kept):
     with studio(folder, "car.toml", "--region", REGION) as (own, _):
+        kept.add(own)
         yield own
 
 
@@ -65,9 +72,9 @@ def window():
 
 
 @pytest.fixture(autouse=True)
-def quiet(window, address):
+def quiet(window, kept):
     """A console that says nothing of the test before, whose own server is left behind."""
-    if window.current_url != address:
+    if window.current_url not in kept:
         window.get("about:blank")
     complaints(window), requests(window)
 
@@ -355,7 +362,46 @@ def test_two_tabs_are_two_views(page, address):
     assert region_of(page) == REGION
 
 
-def test_what_is_saved_is_proved_and_opens_again(page, folder):
+def paper(page):
+    """The page's background, as the browser says it."""
+    return page.execute_script("return getComputedStyle(document.body).backgroundColor")
+
+
+def width(page):
+    return page.execute_script("return document.documentElement.scrollWidth")
+
+
+def brightness(colour):
+    return sum(map(int, re.findall(r"\d+", colour)[:3]))
+
+
+def test_a_phone_shows_all_of_it(page, window, address):
+    """Of a page that was as wide as a screen, and of one that is opened there in the dark."""
+    try:
+        resized(window, 390, 800)
+        assert until(lambda: width(window) <= 390)
+        own = paper(window)
+        assert brightness(own) >= 3 * 60 or own == "rgba(0, 0, 0, 0)"
+        resized(window, 390, 800, dark=True)
+        opened(window, address)
+        assert width(window) <= 390
+        assert brightness(paper(window)) < 3 * 60
+    finally:
+        resized(window)
+
+
+@pytest.fixture(scope="module")
+def again(folder, kept):
+    """Address and process of a server of a session that was saved; the test of Ctrl-C ends it."""
+    session = folder / "studio" / "session.json"
+    if not session.is_file():  # the test that saves it is left out
+        Session.of(subject(), State.first(subject(), Disk(-40, 32))).save(session.parent)
+    with studio(folder, str(session), "-o", "again") as own:
+        kept.add(own[0])
+        yield own
+
+
+def test_what_is_saved_is_proved_and_opens_again(page, folder, request):
     type_into(page, "Region", "disk(-40, 32)")
     assert until(lambda: "proved: all poles in disk(-40, 32)" in text_of(page))
     named(page, "Save").click()
@@ -366,99 +412,91 @@ def test_what_is_saved_is_proved_and_opens_again(page, folder):
     assert json.loads(session.read_text())["method"] == "scheduled"
     page.refresh()
     assert until(lambda: region_of(page) == REGION)
-    with studio(folder, str(session), "-o", "again") as (other, _):
-        opened(page, other, "disk(-40, 32)")
-        requests(page)
-
-
-def test_an_open_tab_sees_that_the_server_has_ended_and_looks_anew_at_the_next(folder, window):
-    with studio(folder, "car.toml", "--region", REGION) as (first, process):
-        opened(window, first)
-        process.kill()
-        assert until(lambda: "has ended; start it again" in text_of(window))
-        port = urlsplit(first).port
-    with studio(folder, "car.toml", "--region", "disk(-40, 33)", port=port) as (second, _):
-        opened(window, second, "disk(-40, 33)")
-
-
-HOSTILE = '<img src=x onerror="window.harmed = 1"><script>window.harmed = 1</script>'
-
-
-def test_names_are_no_markup(folder, window):
-    text = spec_text("quarter-car-physical").replace('"quarter car, physical"', repr(HOSTILE))
-    text = text.replace('unit = "kg"', f"unit = {HOSTILE!r}")
-    (folder / "hostile.toml").write_text(text)
-    with studio(folder, "hostile.toml", "--region", REGION) as (address, _):
-        opened(window, address)
-        assert window.execute_script("return window.harmed") is None
-        assert element(window, "return all.filter(own => own.nodeName == 'IMG').length") == 0
-        assert HOSTILE in text_of(window)
-        assert complaints(window) == []
-
-
-def test_sensors_are_ticked_and_the_dot_is_dragged(folder, window):
-    (folder / "ride.toml").write_text(spec_text("quarter-car-ride"))
-    begin = "half_plane(0.5)"
-    with studio(folder, "ride.toml", "--region", begin, "-o", "rides") as (address, _):
-        opened(window, address, begin)
-        from selenium.webdriver.support.select import Select
-
-        Select(named(window, "Method")).select_by_visible_text("quadratic")
-        named(window, "the best ride").click()
-        assert until(lambda: f"proved: all poles in {begin}; rms" in text_of(window))
-        named(window, "suspension deflection").click()
-        assert until(lambda: "--measured 'tyre deflection, sprung" in text_of(window))
-        assert until(lambda: f"proved: all poles in {begin}; rms" in text_of(window))
-        named(window, "Draw the trade-off").click()
-        assert until(lambda: "8 of 8 limits" in text_of(window), patience=60)
-        ends = window.execute_script(
-            VIEW
-            + """
-            view.el.scrollIntoView()
-            const box = view.el.getBoundingClientRect()
-            const {x, y} = view.model.renderers[0].data_source.data
-            const {x_scale, y_scale} = view.frame
-            return [1, 3].map(i => [
-              box.left + x_scale.compute(x[i]), box.top + y_scale.compute(y[i])
-            ])
-            """,
-            "front",
-        )
-        drag(window, *ends)
-
-        def limit():
-            return float(named(window, "Limit").get_attribute("value"))
-
-        assert until(limit)
-        assert until(lambda: f"rms of actuator force <= {limit():g}" in text_of(window))
-        assert complaints(window) == []
+    opened(page, request.getfixturevalue("again")[0], "disk(-40, 32)")
+    requests(page)
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="signals")
-def test_ctrl_c_ends_a_long_search(folder, window):
-    (folder / "full.toml").write_text(spec_text("full-car"))
-    begin = "half_plane(0)"
-    with studio(folder, "full.toml", "--region", begin, "-o", "full") as (own, process):
-        opened(window, own, begin)
-        named(window, "the best ride").click()  # which takes longer than is waited for below
-        assert until(lambda: "being searched" in text_of(window))
-        process.send_signal(signal.SIGINT)
-        said = process.stdout.read()
-        assert process.wait(PATIENCE) == 0
-        assert said == "whoever has this address can use it; Ctrl-C ends it\n"
-        assert f"proved: all poles in {begin}; rms" not in text_of(window)
+def test_ctrl_c_ends_a_long_search_and_an_open_tab_looks_anew_at_the_next_server(
+    again, folder, window
+):
+    first, process = again
+    if window.current_url != first:
+        opened(window, first, "disk(-40, 32)")
+    named(window, "the best ride").click()  # which takes longer than is waited for below
+    assert until(lambda: "being searched" in text_of(window))
+    process.send_signal(signal.SIGINT)
+    said = process.stdout.read()
+    assert process.wait(PATIENCE) == 0
+    assert said == "whoever has this address can use it; Ctrl-C ends it\n"
+    assert "proved: all poles in disk(-40, 32); rms" not in text_of(window)
+    assert until(lambda: "has ended; start it again" in text_of(window))
+    port = urlsplit(first).port
+    with studio(folder, "car.toml", "--region", "disk(-40, 33)", port=port) as (second, process):
+        opened(window, second, "disk(-40, 33)")
+        process.kill()
+        assert until(lambda: "has ended; start it again" in text_of(window))
 
 
-@pytest.mark.parametrize("dark", [False, True])
-def test_a_phone_shows_all_of_it(window, address, dark):
-    resized(window, 390, 800, dark)
-    try:
-        opened(window, address)
-        wide = window.execute_script("return document.documentElement.scrollWidth")
-        assert wide <= 390
-        paper = window.execute_script("return getComputedStyle(document.body).backgroundColor")
-        dim = sum(map(int, re.findall(r"\d+", paper)[:3])) < 3 * 60
-        assert dim == dark or (not dark and paper == "rgba(0, 0, 0, 0)")
-        assert complaints(window) == []
-    finally:
-        resized(window)
+HOSTILE = '<img src=x onerror="window.harmed = 1"><script>window.harmed = 1</script>'
+BEGIN = "half_plane(0.5)"
+
+
+@pytest.fixture(scope="module")
+def hostile(folder, kept):
+    """The address of a car for the ride, with markup in its names."""
+    text = spec_text("quarter-car-ride").replace('"quarter car, ride"', repr(HOSTILE))
+    text = text.replace('unit = "kg"', f"unit = {HOSTILE!r}")
+    assert text.count(HOSTILE) == 2
+    (folder / "ride.toml").write_text(text)
+    with studio(folder, "ride.toml", "--region", BEGIN, "-o", "rides") as (own, _):
+        kept.add(own)
+        yield own
+
+
+@pytest.fixture
+def ride(window, hostile):
+    """Its page, which stays open from test to test."""
+    if window.current_url != hostile:
+        opened(window, hostile, BEGIN)
+    yield window
+    assert complaints(window) == []
+
+
+def test_names_are_no_markup(ride):
+    assert ride.execute_script("return window.harmed") is None
+    assert element(ride, "return all.filter(own => own.nodeName == 'IMG').length") == 0
+    assert HOSTILE in text_of(ride)
+
+
+def test_sensors_are_ticked_and_the_dot_is_dragged(ride):
+    from selenium.webdriver.support.select import Select
+
+    Select(named(ride, "Method")).select_by_visible_text("quadratic")
+    named(ride, "the best ride").click()
+    assert until(lambda: f"proved: all poles in {BEGIN}; rms" in text_of(ride))
+    named(ride, "suspension deflection").click()
+    assert until(lambda: "--measured 'tyre deflection, sprung" in text_of(ride))
+    assert until(lambda: f"proved: all poles in {BEGIN}; rms" in text_of(ride))
+    named(ride, "Draw the trade-off").click()
+    assert until(lambda: "8 of 8 limits" in text_of(ride), patience=60)
+    ends = ride.execute_script(
+        VIEW
+        + """
+        view.el.scrollIntoView()
+        const box = view.el.getBoundingClientRect()
+        const {x, y} = view.model.renderers[0].data_source.data
+        const {x_scale, y_scale} = view.frame
+        return [1, 3].map(i => [
+          box.left + x_scale.compute(x[i]), box.top + y_scale.compute(y[i])
+        ])
+        """,
+        "front",
+    )
+    drag(ride, *ends)
+
+    def limit():
+        return float(named(ride, "Limit").get_attribute("value"))
+
+    assert until(limit)
+    assert until(lambda: f"rms of actuator force <= {limit():g}" in text_of(ride))

@@ -198,9 +198,11 @@ def test_the_same_as_a_drive(subjects, name, limit):
         assert not own.stopped.any()
 
 
-@pytest.mark.parametrize("road", ["class C", "kerb, 40 mm", "hill, 6 %"])
+@pytest.mark.parametrize(
+    ("road", "limit"),
+    [("class C", 0.0), ("class C", 0.02), ("kerb, 40 mm", 0.02), ("hill, 6 %", 0.0)],
+)
 @pytest.mark.parametrize("name", NAMES)
-@pytest.mark.parametrize("limit", [0.0, 0.02])
 def test_the_command_drives_the_same(subjects, name, road, limit, tmp_path, monkeypatch, capsys):
     """Signals to the last digits that it writes, and its words of comfort."""
     monkeypatch.chdir(tmp_path)
@@ -276,8 +278,7 @@ def test_a_car_that_rolls_alone_is_driven():
     assert pane.looked.figures[0].xaxis.axis_label == "to the right [m]"
 
 
-@pytest.mark.parametrize("palette", [LIGHT, DARK])
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize(("name", "palette"), list(zip(NAMES, (DARK, LIGHT, LIGHT), strict=True)))
 def test_the_pane_shows_and_says_it(subjects, name, palette):
     known = subjects[name]
     pane = Car(known.plant, known.car, palette)

@@ -125,7 +125,7 @@ def test_an_optimised_law_keeps_what_is_proved():
 
 
 def test_as_the_sample_time_falls_it_is_the_law_of_continuous_time():
-    near = optimise(sampled(Fraction(1, 1000)), rms("x"), (), HalfPlane(0.1), structure=FIRST)
+    near = optimise(sampled(Fraction(1, 200)), rms("x"), (), HalfPlane(0.1), structure=FIRST)
     continuous = optimise(loads(TWO_STATES), rms("x"), (), HalfPlane(0.1), structure=FIRST)
     for own, share in ((optimised(), 0.02), (near, 0.003)):
         assert own.bounds[0].level == pytest.approx(continuous.bounds[0].level, rel=share)

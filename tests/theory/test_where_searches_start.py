@@ -141,12 +141,20 @@ def ride():
     return load(spec), *load_specifications(spec)
 
 
-def test_fewer_limits_are_no_worse_of_one_gain(ride):
+RIDE = HalfPlane(2) & Sector(0.3), "quadratic"
+
+
+@pytest.fixture(scope="module")
+def loose(ride):
+    """The best ride within the first limit alone."""
     plant, least, limits = ride
-    asked = HalfPlane(2) & Sector(0.3), "quadratic"
-    every = optimise(plant, least, limits, *asked).bounds[0].level
-    one = optimise(plant, least, limits[:1], *asked).bounds[0].level
-    assert one <= every * (1 + 1e-4)
+    return optimise(plant, least, limits[:1], *RIDE)
+
+
+def test_fewer_limits_are_no_worse_of_one_gain(ride, loose):
+    plant, least, limits = ride
+    every = optimise(plant, least, limits, *RIDE).bounds[0].level
+    assert loose.bounds[0].level <= every * (1 + 1e-4)
 
 
 def test_a_law_is_no_worse_than_the_regulator_within_its_limits():
@@ -181,10 +189,9 @@ def test_a_law_for_gains_is_no_worse_than_one_for_rms_values(method):
     assert all(prove(bound.claim).proved for bound in done.bounds)
 
 
-def test_no_answer_hangs_on_the_clock(ride, monkeypatch):
+def test_no_answer_hangs_on_the_clock(ride, loose, monkeypatch):
     plant, least, limits = ride
-    asked = plant, least, limits[:1], HalfPlane(1.5) & Sector(0.2), "quadratic"
-    found = optimise(*asked)
+    asked, found = (plant, least, limits[:1], *RIDE), loose
     assert (found.cut, found.designed == found.design.region) == ("", False)
     now = itertools.count(0.0, 1e6)
     monkeypatch.setattr(time, "perf_counter", lambda: next(now))

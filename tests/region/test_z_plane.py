@@ -27,7 +27,7 @@ from polefence import (
     tightest,
     z_plane,
 )
-from polefence.base.errors import InputError, NotProvedError, RegionError
+from polefence.base.errors import InputError, RegionError
 from polefence.cli.main import main
 from polefence.design.checks import implies_stability
 from polefence.region.regions import Region
@@ -175,21 +175,21 @@ def test_the_largest_decay_rate_is_that_of_the_smallest_disk_about_zero():
         tightest(CART, of="half_plane", within=Disk(0, 0.9))
 
 
-def test_the_largest_damping_ratio_is_bracketed():
-    """A feedback of the position alone cannot damp as one likes."""
+def test_the_largest_damping_ratio_is_bracketed(monkeypatch):
+    """A feedback of the position alone cannot damp as one likes: each gain that it may have."""
+    close = 0.05
+    monkeypatch.setattr("polefence.design.signals.placed.CLOSE", close)  # each failure takes long
     position = Structure(measured=("x1",), schedule=(), largest_gain=3.0)
     light = UncertainPlant.from_vertices(
         [[[1, T], [-T * k, 0.97]] for k in (1, 2)], [[[0], [T]]] * 2, sample_time="0.05"
     )
     found = tightest(light, of="sector", structure=position)
     assert check(found).proved
-    asked = found.asked.damping
-    weights = np.linspace(0, 1, 21)
-    poles = found.poles(np.stack([weights, 1 - weights], axis=1))
-    least = damping(poles[np.abs(poles) > 1e-6]).min()
-    assert asked < least < asked + 0.1 * (1 - asked)
-    with pytest.raises(NotProvedError):
-        place(light, Sector(asked + 0.01), structure=position)
+    A, B = light.at(np.stack([np.linspace(0, 1, 21), np.linspace(1, 0, 21)], axis=1))
+    gains = np.stack([np.linspace(-3, 3, 600), np.zeros(600)], axis=1)[:, None, None]
+    poles = np.linalg.eigvals(A + B * gains)
+    best = np.where(np.abs(poles) > 1e-6, damping(poles), 1.0).min(axis=(1, 2)).max()
+    assert best - 0.1 * (1 - best) - close < found.asked.damping < best
 
 
 def test_an_observer_too():
@@ -220,8 +220,12 @@ B = [["0.00125/m"], ["0.05/m"]]
 def test_the_command_finds_decay_rate_and_damping_ratio(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "cart.toml").write_text(SPEC)
+    own = {
+        "half_plane": ["--schedule", "none", "--largest-gain", "3"],
+        "sector": ["--method", "quadratic"],
+    }
     for kind, said in (("half_plane", "proved: decay rate "), ("sector", "proved: damping ratio ")):
-        words = ["tightest", "cart.toml", "--of", kind, "--schedule", "none", "--largest-gain", "3"]
+        words = ["tightest", "cart.toml", "--of", kind, *own[kind]]
         assert main([*words, "-o", "law", "--json", "summary.json"]) == 0
         value = json.loads((tmp_path / "summary.json").read_text())["value"]
         first = capsys.readouterr().out.splitlines()[0]

@@ -15,7 +15,6 @@ from polefence import (
     HalfPlane,
     HorizontalStrip,
     Sector,
-    Structure,
     UncertainPlant,
     VerticalStrip,
     Wedge,
@@ -173,23 +172,6 @@ def test_the_largest_decay_rate_is_that_of_the_smallest_disk_about_zero():
     assert z_plane(design.asked, T).radius >= design.region.radius
     with pytest.raises(InputError, match="has no centre and no region within"):
         tightest(CART, of="half_plane", within=Disk(0, 0.9))
-
-
-def test_the_largest_damping_ratio_is_bracketed(monkeypatch):
-    """A feedback of the position alone cannot damp as one likes: each gain that it may have."""
-    close = 0.05
-    monkeypatch.setattr("polefence.design.signals.placed.CLOSE", close)  # each failure takes long
-    position = Structure(measured=("x1",), schedule=(), largest_gain=3.0)
-    light = UncertainPlant.from_vertices(
-        [[[1, T], [-T * k, 0.97]] for k in (1, 2)], [[[0], [T]]] * 2, sample_time="0.05"
-    )
-    found = tightest(light, of="sector", structure=position)
-    assert check(found).proved
-    A, B = light.at(np.stack([np.linspace(0, 1, 21), np.linspace(1, 0, 21)], axis=1))
-    gains = np.stack([np.linspace(-3, 3, 600), np.zeros(600)], axis=1)[:, None, None]
-    poles = np.linalg.eigvals(A + B * gains)
-    best = np.where(np.abs(poles) > 1e-6, damping(poles), 1.0).min(axis=(1, 2)).max()
-    assert best - 0.1 * (1 - best) - close < found.asked.damping < best
 
 
 def test_an_observer_too():

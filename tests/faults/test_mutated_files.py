@@ -66,7 +66,7 @@ def places(node, path=()):
 
 
 def mutations(document, every=EVERY):
-    """Places and values, each value at some place and each place with some value."""
+    """One in so many places and values, the same in every run."""
     found = [(path, value) for path in places(document) for value in VALUES]
     order = np.random.default_rng(3).permutation(len(found))
     return [found[k] for k in order[::every]]

@@ -368,7 +368,7 @@ def test_a_remainder_costs_what_the_worst_plant_does():
     exact = UncertainPlant.from_vertices(
         [[[0.5]]], [[[1.0]]], [[[1]]], sample_time=1, disturbances=["w"]
     )
-    for off in (0.01, 0.05, 0.1, 0.51):
+    for off in (0, 0.01, 0.05, 0.1, 0.51):
         plant = replace(exact, remainder=Remainder(((Fraction(off), Fraction(0), Fraction(0)),)))
         found, poles = best_bound(plant, law, own), analyse(plant, law, Disk(0, 1))
         if off < 0.5:

@@ -237,7 +237,7 @@ def spread_of(
         columns[known:] = FREE * (ends / np.where(rows > 0, rows, np.inf)[:, None]).max(axis=0)
     V = columns[: each.shape[1], None] * moved
     squares = V.swapaxes(1, 2) @ V
-    size = float(np.linalg.eigvalsh(squares).max())
+    size = max(float(np.linalg.eigvalsh(squares).max()), SLIGHT)
     omega = T @ (majorant(squares) * OVER + SLIGHT * size * np.eye(n)) @ T.T
     exact = ([Fraction(x) for x in row] for row in ((omega + omega.T) / 2).tolist())
     sides = [tuple(map(Fraction, own.tolist())) for own in (rows, columns)]

@@ -614,6 +614,8 @@ def cheapest(entries: Array, a: Array, b: Array) -> tuple[Array, Array]:
         What H H' and V'V cost; disturbances are taken to cost what they move.
     """
     squares, known = entries**2, len(b)
+    if not entries.any():
+        return np.zeros(len(entries)), np.zeros(entries.shape[1])
     own = squares[:, known:].T @ a
     least = float(((squares[:, :known].T @ a) * b).max()) or TINY
     b = np.concatenate([b, np.where(own > 0, least / np.where(own > 0, own, 1.0), 1.0)])

@@ -65,6 +65,9 @@ def test_the_drive_is_the_recursion_that_was_designed(plant, kind, delay):
     for k, name in enumerate(("x", "v")):
         assert np.allclose(own.response.of(name)[0][::5], expected[:, k], atol=1e-6)
     assert not any("no claim" in note for note in own.notes)
+    columns = [own.name for own in own.response.signals] + [name for name, *_ in own.more]
+    assert not any(name.startswith("rate of ") for name in columns)
+    assert "force demanded" in columns
 
 
 def test_what_cannot_be_driven_is_refused(plant):

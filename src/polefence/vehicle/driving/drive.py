@@ -22,6 +22,7 @@ import numpy as np
 from polefence.base.errors import InputError
 from polefence.plant.cars import Car
 from polefence.plant.family import UncertainPlant
+from polefence.plant.larger import own_states
 from polefence.plant.outputs import Output, inputs, states
 from polefence.plant.system import Array
 from polefence.region.text import digits_down
@@ -208,7 +209,7 @@ def run(setup: Setup, law: Any, margins: Any = None) -> Run:
     if law is not None and (
         parts.sampling is not None or parts.actuator != Actuator() or parts.dampers
     ):
-        for j, own in enumerate(inputs(plant)):
+        for j, own in enumerate(_acting(plant)):
             more.append((f"{own.name} demanded", own.unit, done.demanded[0, :, j]))
     names = ("",) if setup.car is None else [f"{wheel.name} " for wheel in setup.car.wheels]
     for wheel, force in zip(names, done.stop_forces[0].T, strict=False):
@@ -225,8 +226,13 @@ def run(setup: Setup, law: Any, margins: Any = None) -> Run:
 
 
 def signals(plant: UncertainPlant) -> tuple[Output, ...]:
-    """Return all states, outputs and inputs."""
-    return (*states(plant), *plant.every_output, *inputs(plant))
+    """Return all states, outputs and inputs, but for the rates of a law's own states."""
+    return (*states(plant), *plant.every_output, *_acting(plant))
+
+
+def _acting(plant: UncertainPlant) -> tuple[Output, ...]:
+    """Return the inputs that act on the plant: not rates of a law's own states."""
+    return tuple(inputs(plant)[: plant.shape[1] - own_states(plant)])
 
 
 def _slow(setup: Setup, law: Any) -> list[str]:

@@ -31,7 +31,7 @@ from polefence.cli.main import main
 from polefence.design.checks import implies_stability
 from polefence.region.regions import Region
 from polefence.region.text import short_text
-from polefence.region.z_plane import share_kept
+from polefence.region.z_plane import annulus_kept, share_kept
 
 T = 0.05
 DAMPINGS = [1e-6, 0.02, 0.3, 0.7071, 0.9, 0.99, 0.999]
@@ -119,6 +119,29 @@ def test_decay_and_frequency_are_exact(share):
     assert slow.contains(np.exp(T * complex(-700, 8))) is True
 
 
+@pytest.mark.parametrize("strip", [VerticalStrip(-3, -1), VerticalStrip(-60, 0)])
+def test_a_vertical_strip_is_within_its_annulus(strip):
+    region = z_plane(strip, T)
+    rates = np.log(np.abs(filled(region, 400_000))) / T
+    assert strip.low < rates.min()
+    assert rates.max() < strip.high
+    for rate in (strip.low * 0.999, strip.high * 1.001 - 1e-9):
+        assert region.contains(np.exp(rate * T))  # all that are real
+    z = np.random.default_rng(0).uniform(-1, 1, (400_000, 2)) @ [1, 1j]
+    rates = np.log(np.abs(z)) / T
+    image = (strip.low < rates) & (rates < strip.high)
+    share = np.count_nonzero(region.distance(z) < 0) / np.count_nonzero(image)
+    assert annulus_kept(strip, T) == pytest.approx(share, abs=0.01)
+
+
+def test_a_design_is_no_faster_than_was_asked():
+    design = place(CART, VerticalStrip(-8, -1), "quadratic")
+    assert check(design).proved
+    weights = np.linspace(0, 1, 21)
+    poles = np.log(design.poles(np.stack([weights, 1 - weights], axis=1)).astype(complex)) / T
+    assert VerticalStrip(-8, -1).contains(poles)
+
+
 def test_what_is_of_the_z_plane_stays():
     both = z_plane(HalfPlane(1) & Sector(0.5), T)
     assert z_plane(both, T) == both
@@ -130,7 +153,9 @@ def test_what_is_of_the_z_plane_stays():
     ("region", "message"),
     [
         (Ellipse(-3, 2, 1), "has no image in the z-plane here"),
-        (VerticalStrip(-3, -1), "use half_plane, sector and horizontal_strip, or disk and wedge"),
+        (Ellipse(-3, 2, 1), "use half_plane, sector, vertical_strip and horizontal_strip, or disk"),
+        (VerticalStrip(-3, 1), "holds unstable poles"),
+        (VerticalStrip(-1 - 1e-12, -1), "is too narrow at 0.05 s"),
         (HalfPlane(-1), "holds unstable poles"),
         (HalfPlane(1e5), "nothing decays so fast at 0.05 s"),
         (Sector(0.9999), "a polygon is made up to 0.999"),

@@ -33,8 +33,8 @@ from polefence.plant.family import UncertainPlant
 from polefence.plant.tracks import own_states
 from polefence.proof.motion import motion_text
 from polefence.proof.text import digits_down, digits_up, exactly, milliseconds_text
-from polefence.region.regions import Disk, HalfPlane, Region, Sector
-from polefence.region.z_plane import share_kept
+from polefence.region.regions import Disk, HalfPlane, Region, Sector, VerticalStrip
+from polefence.region.z_plane import annulus_kept, share_kept
 
 PROVED, NOT_PROVED = 0, 1
 
@@ -276,15 +276,24 @@ def image_text(plant: UncertainPlant, region: Region, proved: bool = True) -> li
     """Say what stands in the z-plane for a region that is asked of a plant in discrete time."""
     if plant.sample_time is None or in_time_of(plant, region) == region:
         return []
-    shares = [
+    sectors = [
         f"; the polygon of {part} is {math.floor(100 * share_kept(part.damping))} % of its image"
         for part in region.parts
         if isinstance(part, Sector)
     ]
+    T = float(plant.sample_time)
+    strips = [
+        f"; of the annulus of {part} the part to its right, {100 * annulus_kept(part, T):.2g} %"
+        for part in region.parts
+        if isinstance(part, VerticalStrip)
+    ]
+    shares = [*sectors, *strips]
     seconds = exactly(float(plant.sample_time))
     lines = [f"  that lies within {region} at T = {seconds} s, z = exp(s T){''.join(shares)}"]
-    if shares and not proved:
+    if sectors and not proved:
         lines.append("  note: so a pole outside the polygon may still have the damping asked")
+    if strips and not proved:
+        lines.append("  note: so a pole outside that part may still be in the strip asked")
     return lines
 
 

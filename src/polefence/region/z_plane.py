@@ -4,7 +4,8 @@ A decay rate becomes a disk about zero, a bound on frequencies a wedge from zero
 a least damping ratio lie within a logarithmic spiral and its mirror image, |z| < exp(-k |arg z|)
 with k = damping / sqrt(1 - damping^2). Where they turn back at the left that set is not convex; a
 polygon whose corners lie on the spirals, and which ends where these meet, is within it. Its edges
-are wedges.
+are wedges. A vertical strip becomes an annulus, which is not convex: what lies to the right of its
+inner circle is, within a wedge that is nearly a half-plane.
 """
 
 from __future__ import annotations
@@ -27,6 +28,7 @@ from polefence.region.regions import (
     Intersection,
     Region,
     Sector,
+    VerticalStrip,
     Wedge,
 )
 
@@ -41,7 +43,11 @@ LEAST = 1e-2  # modulus of that corner: nearer to zero floats leave nothing of w
 NEAR = 1e-2  # corners are no nearer to the last one than this, relative to its angle
 HALVINGS = 50
 ALONG = np.linspace(0.0, 1.0, 65)[1:-1]  # points of an edge at which its damping is looked at
-KNOWN = "half_plane, sector and horizontal_strip, or disk and wedge, which are of the z-plane"
+UPRIGHT = 100.0  # slope of the wedge that stands for a half-plane to the right of its apex
+KNOWN = (
+    "half_plane, sector, vertical_strip and horizontal_strip, or disk and wedge, which are of the "
+    "z-plane"
+)
 
 
 def z_plane(region: Region, sample_time: Any, edges: int = EDGES) -> Region:
@@ -84,6 +90,13 @@ def _image(part: Region, T: float, edges: int) -> list[Region]:
         return [part]
     if isinstance(part, HalfPlane):
         return [Disk(0, _below_exponential(part, T))]
+    if isinstance(part, VerticalStrip):
+        inner = part.low * T
+        apex = math.exp(inner) * (1 + EXACT * (1 + abs(inner)))
+        outer = _below_exponential(HalfPlane(-part.high), T)
+        if apex >= outer * (1 - INSIDE):
+            raise RegionError(f"{part}: is too narrow at {T:g} s")
+        return [Disk(0, outer), Wedge(apex, -UPRIGHT)]
     if isinstance(part, HorizontalStrip):
         angle = part.height * T
         if angle >= math.pi / 2:
@@ -120,6 +133,15 @@ def share_kept(damping: float, edges: int = EDGES) -> float:
             end = own.slope * own.apex / along
         kept = np.where(end > 0, np.minimum(kept, end), kept)
     return float(np.sum(kept**2) / np.sum(whole**2))
+
+
+def annulus_kept(strip: VerticalStrip, sample_time: float) -> float:
+    """Return which share of the image's area `z_plane` keeps of a vertical strip, in floats."""
+    a, b = (math.exp(end * sample_time) for end in (strip.low, strip.high))
+    y = np.linspace(0.0, b, 20001)
+    width = np.sqrt(np.maximum(b * b - y * y, 0.0)) - a - y / UPRIGHT
+    kept = 2 * b * float(np.maximum(width, 0.0).mean())
+    return kept / (math.pi * (b * b - a * a))
 
 
 def _polygon(damping: float, edges: int) -> list[Wedge]:

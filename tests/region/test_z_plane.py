@@ -205,6 +205,17 @@ def test_an_observer_too():
     assert observer.region == z_plane(HalfPlane(2) & Sector(0.5), T)
 
 
+def test_the_command_says_how_much_of_an_annulus_was_proved(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "cart.toml").write_text(SPEC)
+    words = ["cart.toml", "--region", "vertical_strip(-8, -1)"]
+    said = f"; the right part of {VerticalStrip(-8, -1)} is 17 % of its image"
+    assert main(["design", *words, "--method", "quadratic"]) == 0
+    assert said in capsys.readouterr().out
+    assert main(["analyse", *words, "--gain", "[[-1, -1]]"]) == 1
+    assert "note: so a pole outside that part may still be in the strip" in capsys.readouterr().out
+
+
 def test_a_wedge_alone_is_not_said_to_be_stable():
     assert not implies_stability(CART, Wedge(2, 1))
     assert implies_stability(CART, z_plane(Sector(0.5), T))

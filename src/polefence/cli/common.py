@@ -21,7 +21,7 @@ from polefence.base.errors import InputError
 from polefence.base.files import check_document, check_target, make_folder, write_bytes, write_text
 from polefence.base.progress import stage
 from polefence.cli.terminal import aside, say
-from polefence.design.checks import in_time_of
+from polefence.design.checks import decays, in_time_of
 from polefence.design.design import FILE_NAME, Design
 from polefence.design.requirements.text import parse_names
 from polefence.law.laws import FixedGain, PolynomialGain
@@ -33,7 +33,7 @@ from polefence.plant.family import UncertainPlant
 from polefence.plant.tracks import own_states
 from polefence.proof.motion import motion_text
 from polefence.proof.text import digits_down, digits_up, exactly, milliseconds_text
-from polefence.region.regions import Disk, HalfPlane, Region, Sector, VerticalStrip
+from polefence.region.regions import Region, Sector, VerticalStrip
 from polefence.region.z_plane import annulus_kept, share_kept
 
 PROVED, NOT_PROVED = 0, 1
@@ -157,11 +157,11 @@ def samples_text(plant: UncertainPlant) -> list[str]:
 
 
 def motion_lines(
-    plant: UncertainPlant, region: Region, bounds: bool = False, exact: str = ""
+    plant: UncertainPlant, region: Region, bounds: bool = False, exact: bool = False
 ) -> list[str]:
     """Say what holds while parameters move; nothing of a plant whose parameters do not.
 
-    ``exact`` says of which estimates, where a law is for others too.
+    With ``exact`` that it does of exact estimates, where a law is for others too.
     """
     how = motion_text(ranges_of(plant))
     if not how:
@@ -171,7 +171,8 @@ def motion_lines(
     if decay := _decay_text(plant, region):
         kept.append(f"the loop {decay}")
     if kept:
-        return [f"{lines[0]}; with {how}{exact} {' and '.join(kept)}"]
+        estimates = ", of exact estimates," * exact
+        return [f"{lines[0]}; with {how}{estimates} {' and '.join(kept)}"]
     return [
         *lines,
         f"note: nothing is said of {how}; add & half_plane(0) to the region, or ask for bounds",
@@ -180,16 +181,13 @@ def motion_lines(
 
 def _decay_text(plant: UncertainPlant, region: Region) -> str:
     """Say how fast motions decay in a region; "" where it says nothing of them."""
-    if plant.sample_time is not None:
-        radii = [p.radius for p in region.parts if isinstance(p, Disk) and not p.centre]
-        radius = min(radii, default=None)
-        if radius is None:
-            return ""
-        fast = f"decays by {digits_up(radius)}^k in k samples"
-        return fast if radius < 1 else "is exponentially stable"
-    decay = max((p.decay for p in region.parts if isinstance(p, HalfPlane)), default=None)
-    if decay is None:
+    found = decays(plant, region)
+    if not found:
         return ""
+    if plant.sample_time is not None:
+        fast = f"decays by {digits_up(min(found))}^k in k samples"
+        return fast if min(found) < 1 else "is exponentially stable"
+    decay = max(found)
     if decay > 0:
         return f"decays by exp(-{digits_down(decay)} t)"
     if decay < 0:
@@ -283,13 +281,12 @@ def image_text(plant: UncertainPlant, region: Region, proved: bool = True) -> li
     ]
     T = float(plant.sample_time)
     strips = [
-        f"; of the annulus of {part} the part to its right, {100 * annulus_kept(part, T):.2g} %"
+        f"; the right part of {part} is {math.floor(100 * annulus_kept(part, T))} % of its image"
         for part in region.parts
         if isinstance(part, VerticalStrip)
     ]
-    shares = [*sectors, *strips]
-    seconds = exactly(float(plant.sample_time))
-    lines = [f"  that lies within {region} at T = {seconds} s, z = exp(s T){''.join(shares)}"]
+    said = "".join((*sectors, *strips))
+    lines = [f"  that lies within {region} at T = {exactly(T)} s, z = exp(s T){said}"]
     if sectors and not proved:
         lines.append("  note: so a pole outside the polygon may still have the damping asked")
     if strips and not proved:

@@ -108,8 +108,7 @@ def design_command(options: Any) -> int:
         off = ", ".join(f"{name} by up to {size:g}" for name, size in errors.items())
         rest = ", while parameters are at rest" if plant.moving else ""
         lines.append(f"  for estimates that the law is given and that are off{rest}: {off}")
-    exact = ", of exact estimates," if errors else ""
-    lines += motion_lines(plant, design.region, exact=exact)
+    lines += motion_lines(plant, design.region, exact=bool(errors))
     summary = {
         "plant": plant_summary(plant),
         "region": design.region.document(),

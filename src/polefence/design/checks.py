@@ -112,7 +112,7 @@ def require_region(plant: UncertainPlant, region: Region, method: Method | None 
     """Refuse regions of the other kind of time, or that the method does not take."""
     if getattr(method, "right_hand_sides", False) and not isinstance(region, Disk):
         raise InputError(f"right_hand_sides belong to one disk, not to {region}; leave them out")
-    if plant.moving and moves(plant, region) and method is not None:
+    if plant.moving and decays(plant, region) and method is not None:
         own = options(method)
         if isinstance(own, Slack):
             raise InputError(
@@ -132,11 +132,14 @@ def require_region(plant: UncertainPlant, region: Region, method: Method | None 
         )
 
 
-def moves(plant: UncertainPlant, region: Region) -> bool:
-    """Whether a region says how fast motions decay: a half-plane, in the z-plane a disk about 0."""
+def decays(plant: UncertainPlant, region: Region) -> list[float]:
+    """Return how fast motions decay, as its parts say: half-planes, or disks about 0 by a sample.
+
+    Decay rates [1/s], in discrete time factors.
+    """
     if plant.sample_time is None:
-        return any(isinstance(part, HalfPlane) for part in region.parts)
-    return any(isinstance(part, Disk) and not part.centre for part in region.parts)
+        return [part.decay for part in region.parts if isinstance(part, HalfPlane)]
+    return [p.radius for p in region.parts if isinstance(p, Disk) and not p.centre]
 
 
 def in_time_of(plant: UncertainPlant, region: Region) -> Region:

@@ -176,7 +176,8 @@ def pieces_of(plant: UncertainPlant, pieces: int) -> tuple[int, ...]:
 
 def finer(plant: UncertainPlant, law: Law) -> Iterator[tuple[tuple[int, int], int]]:
     """Yield forms and pieces beyond the ladder, where parameters move: there are no cells then."""
-    moves = Motion.of(plant).moves
+    motion = Motion.of(plant)
+    moves = motion.moves if motion.centre is None else ()  # in discrete time X is affine
     for form, pieces in FINER if moves else ():
         each = _blocks(plant, law, form) * 2 ** len(moves)
         if each * pieces ** len(moves) <= MOST_FINER:

@@ -129,7 +129,7 @@ class Saturation(InitialPeak):
         return replace(own, points=points, impulses=impulses, ellipsoid=X0)
 
     def tuned(self, times: float) -> tuple[Specification, ...]:
-        """Return the peaks of the inputs that nothing cuts off, at most so many times the limit."""
+        """Return the peaks that inputs would have otherwise, at most so many times the limit."""
         level = None if self.at_most is None else times * self.at_most
         names = self.signal if isinstance(self.signal, tuple) else (self.signal,)
         own: dict[str, Any] = {"disturbances": self.disturbances}

@@ -1,8 +1,8 @@
 """Laws of a structure that are searched directly, then proved as any law that is given.
 
 A law at the edge of its limits has no proof: they are asked for somewhat tighter, and tighter still
-where the law that is found has none. Of an input that is cut off the peak without that is limited,
-to less and less. What is proved are limits and region as they were asked for.
+where the law that is found has none. Of an input that is cut off, the search limits the peak that
+it would have otherwise, to less and less. What is proved are limits and region as asked for.
 """
 
 from __future__ import annotations

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import argparse
-import math
+from fractions import Fraction
 from typing import Any
 
 from polefence.base.errors import InputError
@@ -30,8 +30,9 @@ from polefence.design.rows import plant_summary
 from polefence.design.signals.placed import place
 from polefence.lmi.conditions.methods import Method, Scheduled
 from polefence.plant.family import UncertainPlant
+from polefence.plant.parameters import exact
 from polefence.plant.spec import load
-from polefence.proof.text import exactly
+from polefence.proof.text import digits_down, exactly
 from polefence.region.regions import Disk, HalfPlane, Region
 from polefence.region.text import load_region, parse_region
 
@@ -105,7 +106,7 @@ def design_command(options: Any) -> int:
                     f"note: {part} lets poles go up to +{own}; left of -{own} is half_plane({own})"
                 )
     if errors:
-        off = ", ".join(f"{name} by up to {size:g}" for name, size in errors.items())
+        off = ", ".join(f"{name} by up to {digits_down(size, 6)}" for name, size in errors.items())
         rest = ", while parameters are at rest" if plant.moving else ""
         lines.append(f"  for estimates that the law is given and that are off{rest}: {off}")
     lines += motion_lines(plant, design.region, exact=bool(errors))
@@ -119,7 +120,7 @@ def design_command(options: Any) -> int:
     return PROVED
 
 
-def errors_of(texts: list[str]) -> dict[str, float]:
+def errors_of(texts: list[str]) -> dict[str, Fraction]:
     """Return errors of estimates by the parameters' names.
 
     Raises
@@ -127,15 +128,15 @@ def errors_of(texts: list[str]) -> dict[str, float]:
     InputError
         If one is not NAME=SIZE, or is there twice.
     """
-    found = dict[str, float]()
+    found = dict[str, Fraction]()
     for text in texts:
-        name, equals, size = text.partition("=")
+        name, _, size = text.partition("=")
         try:
-            value = float(size) if equals else math.nan
-        except ValueError:
-            value = math.nan
-        if not math.isfinite(value):
-            raise InputError(f"--error {text!r} is no NAME=SIZE; write for example --error m1=20")
+            value = exact(size.strip(), name)
+        except InputError as error:
+            raise InputError(
+                f"--error {text!r} is no NAME=SIZE; write for example --error m1=20"
+            ) from error
         if name.strip() in found:
             raise InputError(f"--error {name.strip()} is given twice; give it once")
         found[name.strip()] = value

@@ -17,9 +17,10 @@ machine.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import Any
 
 import numpy as np
 
@@ -168,7 +169,8 @@ def _places(domain: Domain) -> Array:
 class Lyapunov:
     """X(alpha) = X, or W (multiple + X W) of a law that was given: Bernstein coefficients.
 
-    On ``box`` alone, in its own coordinates, where there is one.
+    On ``box`` alone, in its own coordinates, where there is one. ``remainder`` has what a plant's
+    asks for besides: omega, rows and columns.
     """
 
     X: Array
@@ -176,6 +178,7 @@ class Lyapunov:
     multiple: Array | None = None
     elevation: int | None = None  # of the evidence of a law that was given
     box: Box | None = None
+    remainder: Mapping[str, Any] | None = None
 
 
 def lyapunovs(certificate: Certificate) -> Iterator[tuple[Region, Lyapunov]]:
@@ -188,7 +191,8 @@ def lyapunovs(certificate: Certificate) -> Iterator[tuple[Region, Lyapunov]]:
                 degree, X = int(own["degree"]), np.asarray(own["X"])
                 multiple = np.asarray(own.get("multiple", np.zeros(len(X)))) if scheduled else None
                 box = Box(tuple(own["low"]), tuple(own["high"])) if "low" in own else None
-                yield part, Lyapunov(X, degree, multiple, int(own["elevation"]), box)
+                more = multiple, int(own["elevation"]), box, own.get("remainder")
+                yield part, Lyapunov(X, degree, *more)
         return
     if isinstance(law, ScheduledGain):
         found = Lyapunov(law.W, law.degree)

@@ -423,10 +423,14 @@ def whole_evidence(
     numpy.linalg.LinAlgError
         If what was found is no Lyapunov matrix, where there is a remainder.
     """
-    evidence = evidence_of(found, form)
-    if plant.remainder is not None:
-        evidence["remainder"] = _spread(plant, law, evidence)
-    return evidence
+    return with_remainder(plant, law, evidence_of(found, form))
+
+
+def with_remainder(plant: UncertainPlant, law: Law, evidence: dict[str, Any]) -> dict[str, Any]:
+    """Return evidence with what a remainder of the plant asks for besides, as `whole_evidence`."""
+    if plant.remainder is None:
+        return evidence
+    return evidence | {"remainder": _spread(plant, law, evidence)}
 
 
 def certificate_of(

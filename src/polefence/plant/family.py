@@ -6,7 +6,7 @@ import hashlib
 import itertools
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from fractions import Fraction
 from functools import cached_property
 from typing import Any
@@ -462,6 +462,11 @@ class UncertainPlant:
     def domain(self) -> Domain:
         """The box of the parameters; of a plant without, the simplex of its vertices."""
         return Domain.of("box" if self.parameters else "simplex", len(self.vertices))
+
+    @property
+    def combinations(self) -> UncertainPlant:
+        """The combinations of its vertices alone: without a remainder."""
+        return self if self.remainder is None else replace(self, remainder=None, sampling=None)
 
     @cached_property
     def curve(self) -> Array:

@@ -8,12 +8,12 @@ Bernstein coefficients follow by one matrix. This shares nothing with the exact 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from functools import cache
 from itertools import product
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -30,6 +30,7 @@ from polefence.plant.system import Array
 from polefence.proof import work
 from polefence.proof.claims.base import prove
 from polefence.proof.claims.margins import MarginClaim, Subject
+from polefence.proof.laws import Evidence
 from polefence.proof.regions import parts_of
 from polefence.region.regions import Pair, Region
 
@@ -52,13 +53,15 @@ MARGIN = 1e-9  # by which blocks of unit diagonal must be positive definite in f
 class Reached:
     """A value that is proved in floats, and how finely.
 
-    ``each`` has, of errors of the gain, the largest for each L, M of the region, with its mu.
+    ``each`` has, of errors of the gain, the largest for each L, M of the region, with its mu;
+    ``cover`` is how many times the design's Omega the claim has, where the plant has a remainder.
     """
 
     value: float
     pieces: int
     elevation: int
     each: tuple[tuple[float, float], ...] = ()
+    cover: float = 1.0
 
 
 class Question(Protocol):
@@ -122,7 +125,19 @@ def subject_of(design: Design, region: Region, reached: Reached) -> Subject:
     own = design.certificate.claim()
     ranges = ranges_of(design.plant)
     claim = replace(own, region=parts_of(region.document()), motion=())
+    if reached.cover != 1:
+        claim = replace(
+            claim, evidence=tuple(_covering(each, reached.cover) for each in own.evidence)
+        )
     return Subject(claim, ranges, (reached.pieces,) * len(ranges), reached.elevation)
+
+
+def _covering(evidence: Evidence, cover: float) -> Evidence:
+    """Return evidence with a multiple of its Omega."""
+    if evidence.spread is None:
+        return evidence
+    omega = [[value * Fraction(cover) for value in row] for row in evidence.spread.omega]
+    return replace(evidence, spread=replace(evidence.spread, omega=omega))
 
 
 def holds(claim: MarginClaim) -> bool:
@@ -172,6 +187,11 @@ class Points:
     factor: Array
     coefficients: Array
 
+    @property
+    def one(self) -> Array:
+        """The coefficients of 1, (cells, coefficients)."""
+        return np.asarray(self.factor @ self.coefficients.T)
+
 
 @dataclass(frozen=True, eq=False)
 class Balanced:
@@ -179,7 +199,9 @@ class Balanced:
 
     ``T`` are those coordinates: x = T y. ``domain`` is where the law's alpha lives, ``q`` the
     number of parameters. ``elevation`` is that of the evidence of a law that was given,
-    ``constant`` whether W is the same everywhere.
+    ``constant`` whether W is the same everywhere. ``curve`` are the Bernstein coefficients of what
+    is added to [A, B] between the vertices, of ``plant_degree``; ``spread`` is what a remainder
+    asks for.
     """
 
     A: Array
@@ -194,6 +216,9 @@ class Balanced:
     disks: bool
     elevation: int | None = None
     constant: bool = False
+    curve: Array | None = None
+    plant_degree: int = 1
+    spread: Spread | None = None
 
     @property
     def sizes(self) -> tuple[int, ...]:
@@ -202,7 +227,13 @@ class Balanced:
 
     def plant(self, alpha: Array) -> tuple[Array, Array]:
         """Return A and B at points alpha (..., N)."""
-        return np.tensordot(alpha, self.A, 1), np.tensordot(alpha, self.B, 1)
+        A, B = np.tensordot(alpha, self.A, 1), np.tensordot(alpha, self.B, 1)
+        if self.curve is None:
+            return A, B
+        basis = Domain(self.sizes).basis(alpha, self.plant_degree)
+        more = np.tensordot(basis, self.curve, 1)
+        n = A.shape[-1]
+        return A + more[..., :n], B + more[..., n:]
 
     def law(self, alpha: Array) -> tuple[Array, Array]:
         """Return W and Z at points alpha (..., N)."""
@@ -219,16 +250,59 @@ class Balanced:
 
     def raised(self, elevation: int) -> tuple[Array, Array, Array]:
         """Return the coefficients of X, N and B on the law's own domain, of one degree."""
-        total, domain = self.degree + 1 + elevation, self.domain
+        domain, d, n = self.domain, self.plant_degree, self.W.shape[-1]
+        total = self.degree + d + elevation
         AB, W = np.concatenate([self.A, self.B], 2), np.concatenate([self.W, self.Z], 1)
-        N = times(bernstein(domain, AB, 1), bernstein(domain, W, self.degree))
+        plant = elevated(bernstein(domain, AB, 1), domain, d - 1)
+        if self.curve is not None:
+            curve = bernstein(domain, self.curve, d)
+            plant = {e: P + curve[e] for e, P in plant.items()}
         each = (
-            (bernstein(domain, self.W, self.degree), elevation + 1),
-            (N, elevation),
-            (bernstein(domain, self.B, 1), total - 1),
+            (bernstein(domain, self.W, self.degree), elevation + d),
+            (times(plant, bernstein(domain, W, self.degree)), elevation),
+            ({e: P[:, n:] for e, P in plant.items()}, total - d),
         )
-        X, N_, B = (_stacked(elevated(P, domain, power), domain, total)[None] for P, power in each)
-        return X, N_, B
+        X, N, B = (_stacked(elevated(P, domain, power), domain, total)[None] for P, power in each)
+        return X, N, B
+
+    def lost(self, M: Array, cover: float = 1.0) -> Array:
+        """Return what a remainder takes of the inequality of one L, M, for a multiple of Omega."""
+        if self.spread is None:
+            return np.zeros((1, 1))
+        M1, M2 = factors(M)
+        H, omega = self.spread.H, self.spread.omega
+        return kron(M1 @ M1.T, H @ H.T) + kron(M2.T @ M2, cover * omega)
+
+    def covered(self, elevation: int) -> tuple[Array, Array]:
+        """Return the coefficients of X, and of the rows of V that a remainder is times."""
+        if self.spread is None:
+            raise InputError("the plant has no remainder")
+        domain = self.domain
+        own = np.concatenate([self.W, self.spread.states @ self.W, self.spread.inputs @ self.Z], 1)
+        raised = elevated(bernstein(domain, own, self.degree), domain, elevation)
+        found = _stacked(raised, domain, self.degree + elevation)
+        return found[:, : self.W.shape[1]], found[:, self.W.shape[1] :]
+
+
+@dataclass(frozen=True, eq=False)
+class Spread:
+    """What a remainder asks for, in balanced coordinates: H, Omega, and the rows of V.
+
+    V is ``states`` X above ``inputs`` K X.
+    """
+
+    H: Array
+    omega: Array
+    states: Array
+    inputs: Array
+
+    @classmethod
+    def of(cls, found: Mapping[str, Any], T: Array, m: int) -> Spread:
+        """Return it for coordinates y, x = T y, and m inputs."""
+        n, back = len(T), np.linalg.inv(T)
+        omega, rows, columns = (np.asarray(found[key]) for key in ("omega", "rows", "columns"))
+        own = columns[:n, None] * T, np.diag(columns[n : n + m])
+        return cls(back * rows, back @ omega @ back.T, *own)
 
 
 def balanced(design: Design, region: Region) -> tuple[Balanced, ...]:
@@ -254,6 +328,10 @@ def _balanced(design: Design, own: Lyapunov, region: Region) -> Balanced:
     """Return the value for a Lyapunov polynomial of the region."""
     law, plant, domain = design.law, design.plant, domain_of(design.certificate)
     A, B, X, degree, first = plant.A, plant.B, own.X, own.degree, None
+    N, (n, m) = len(A), plant.shape
+    if plant.curve_degree > 1:
+        A = np.concatenate([A, plant.curve[:, :, :n]])
+        B = np.concatenate([B, plant.curve[:, :, n : n + m]])
     if own.box is not None:
         A, B = plant.at(own.box.alpha(domain, np.eye(domain.corners)))
     if isinstance(law, FixedGain):
@@ -269,7 +347,7 @@ def _balanced(design: Design, own: Lyapunov, region: Region) -> Balanced:
     else:
         # X = W V, K X = Z V with V = multiple + Q W, in the law's own coordinates first
         first, (W, Z) = law.coordinates, law.even
-        n, w = plant.shape[0], bernstein(domain, W, law.degree)
+        w = bernstein(domain, W, law.degree)
         V = times(bernstein(domain, first.duals(X), degree), w)
         scalars = bernstein(domain, own.multiple[:, None, None] * np.eye(n), degree)
         for e, matrix in elevated(scalars, domain, law.degree).items():
@@ -283,12 +361,14 @@ def _balanced(design: Design, own: Lyapunov, region: Region) -> Balanced:
     if second is None:
         raise InputError("a Lyapunov matrix is not positive definite")
     X = second.forms(X)
+    T = second.inverse if first is None else first.inverse @ second.inverse
+    A, B = second.loops(A), second.inputs(B)
     return Balanced(
-        second.loops(A),
-        second.inputs(B),
+        A[:N],
+        B[:N],
         (X + X.swapaxes(1, 2)) / 2,
         second.gains(KX),
-        second.inverse if first is None else first.inverse @ second.inverse,
+        T,
         degree,
         domain,
         len(plant.parameters),
@@ -296,6 +376,9 @@ def _balanced(design: Design, own: Lyapunov, region: Region) -> Balanced:
         all(part.kind == "disk" for part in region.parts),
         own.elevation,
         not (own.degree if isinstance(law, PolynomialGain) else degree),
+        np.concatenate([A[N:], B[N:]], axis=2) if plant.curve_degree > 1 else None,
+        plant.curve_degree,
+        None if own.remainder is None else Spread.of(own.remainder, T, m),
     )
 
 
@@ -314,6 +397,15 @@ def kron(L: Array, X: Array) -> Array:
     """Return the Kronecker product with the last two axes of X."""
     both = L[:, None, :, None] * X[..., None, :, None, :]
     return np.asarray(both.reshape(*X.shape[:-2], len(L) * X.shape[-2], L.shape[1] * X.shape[-1]))
+
+
+def factors(M: Array) -> tuple[Array, Array]:
+    """Return M1, M2 of full rank with M = M1 M2: M's columns that are not zero, and which.
+
+    The parts of regions have no others.
+    """
+    kept = M.any(axis=0)
+    return M[:, kept], np.eye(len(M))[kept]
 
 
 def are_positive(blocks: Array) -> bool:
@@ -346,7 +438,7 @@ def largest_step(base: Array, slope: Array) -> float:
 
 def whole_points(design: Balanced, pieces: int, elevation: int) -> Points:
     """Return points of equal pieces of the scheduling variables' intervals, or of the simplex."""
-    degree = design.degree + 1 + elevation
+    degree = design.degree + design.plant_degree + elevation
     nodes, coefficients = lattice(design.sizes, (degree,) * len(design.sizes))
     if not design.q:
         alpha = nodes[None]
@@ -360,7 +452,7 @@ def whole_points(design: Balanced, pieces: int, elevation: int) -> Points:
 
 def count_whole(design: Balanced, pieces: int, elevation: int) -> float:
     """Return the number of coefficients at `whole_points`."""
-    degree = design.degree + 1 + elevation
+    degree = design.degree + design.plant_degree + elevation
     return float(pieces**design.q) * count_monomials(design.sizes, (degree,) * len(design.sizes))
 
 

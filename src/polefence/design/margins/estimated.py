@@ -4,11 +4,15 @@ At each estimate q the inequalities are multi-affine in the scheduling variables
 p: p = q + e and q - e, cut off at the bounds, are enough. So a law for all p within e of q is one
 for patches of pairs (p, q) at whose corners both are known. Of a parameter that acts by its inverse
 a patch is only near the pairs; the proof, a claim of `polefence.proof.claims.estimate`, is exact.
+
+Of a plant with a remainder the law is found for the combinations of the vertices, and proved for
+the plant by the law's own W.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
 from fractions import Fraction
 from itertools import product
 from typing import Any
@@ -24,8 +28,10 @@ from polefence.design.checks import (
     require_region,
 )
 from polefence.design.design import Design
-from polefence.design.margins.claims import BOX, Reached, holds, subject_of
-from polefence.design.place import points_in, proved_at
+from polefence.design.evidence import certificate_of, with_remainder
+from polefence.design.margins.claims import BOX, MOST, Reached, balanced, holds, subject_of
+from polefence.design.margins.kinds import count_blocks, estimate_holds, points_of
+from polefence.design.place import points_in, proved_at, rounded
 from polefence.law.laws import is_one
 from polefence.lmi.conditions.methods import Method, Scheduled, Slack, method_label, options
 from polefence.lmi.conditions.target import Patch
@@ -42,7 +48,11 @@ ROOM = (1.0, 1.05, 1.25)  # times the errors that a design is for, until the err
 
 
 def placed(
-    plant: UncertainPlant, region: Region, method: Method | None, errors: Mapping[str, Any]
+    plant: UncertainPlant,
+    region: Region,
+    method: Method | None,
+    errors: Mapping[str, Any],
+    narrower: Sequence[Region] = (),
 ) -> Design:
     """Design a law that keeps a region for all estimates that are off by so much.
 
@@ -50,6 +60,8 @@ def placed(
     ----------
     errors : mapping
         Of each parameter's name to how far its estimate may be off, in its unit; others are known.
+    narrower : sequence of Region
+        In which laws are looked for besides, where those of the region itself are not proved.
 
     Returns
     -------
@@ -65,7 +77,7 @@ def placed(
     """
     own = _errors(plant, errors)
     method = _boxed(method)
-    region = in_time_of(plant, region)
+    region, bare = in_time_of(plant, region), plant.combinations
     require_domain(plant, method)
     require_region(plant, region, method)
     require_movable(plant, region)
@@ -75,15 +87,18 @@ def placed(
             min(Fraction(room) * e, p.high - p.low)
             for e, p in zip(own, plant.parameters, strict=True)
         ]
-        try:
-            found = list[Point]()
-            for point in points_in(plant, region, method, found, patches(plant, wider)):
-                design = proved_at(plant, region, method, point)
-                claim = None if design is None else _claim(design, own)
-                if design is not None and claim is not None and design.runs:
-                    return Design(design.certificate, more=(claim,))
-        except SolverError as error:
-            raise NotProvedError(f"undecided: {method_label(method)}: {error}") from error
+        for searched in (region, *narrower):
+            try:
+                found, pairs = list[Point](), patches(plant, wider)
+                for point in points_in(bare, searched, method, found, pairs):
+                    design = _kept(plant, region, method, point)
+                    claim = None if design is None else _claim(design, own)
+                    if design is not None and claim is not None and design.runs:
+                        return Design(design.certificate, more=(claim,))
+            except SolverError as error:
+                if searched != region:
+                    break
+                raise NotProvedError(f"undecided: {method_label(method)}: {error}") from error
     said = ", ".join(
         f"{p.name} off by {float(e):g}" for p, e in zip(plant.parameters, own, strict=True) if e
     )
@@ -91,6 +106,20 @@ def placed(
         f"not proved: {method_label(method)} gives no proof for {region} with {said}; try smaller "
         "errors, a wider region, or one gain, which needs no estimates"
     )
+
+
+def _kept(plant: UncertainPlant, region: Region, method: Scheduled, point: Point) -> Design | None:
+    """Return the design of a point, None where it is not proved: with X = W for a remainder."""
+    if plant.remainder is None:
+        return proved_at(plant, region, method, point)
+    n, found = plant.shape[0], {"degree": 0, "elevation": method.elevation}
+    with suppress(SolverError, np.linalg.LinAlgError):
+        law = rounded(plant.combinations, region, method, point).law
+        own = found | {"X": np.zeros((1, n, n)), "multiple": np.ones(1)}
+        evidence = with_remainder(plant, law, own)
+        certificate = certificate_of(plant, law, region, [evidence] * len(region.parts))
+        return Design(certificate) if certificate.holds() else None
+    return None
 
 
 def _boxed(method: Method | None) -> Scheduled:
@@ -120,20 +149,20 @@ def _errors(plant: UncertainPlant, errors: Mapping[str, Any]) -> list[Fraction]:
             raise InputError(f"errors: no parameter {name!r}; {suggest(str(name), names)}")
     own = [exact(errors.get(name, 0), f"error of {name}") for name in names]
     for p, e in zip(plant.parameters, own, strict=True):
-        if e < 0 or e > p.high - p.low:
+        if e < 0 or float(e) > float(p.high - p.low):
             raise InputError(
                 f"error of {p.name} = {float(e):g} must be zero or more, at most the width of its "
                 f"range, {float(p.high - p.low):g}"
             )
     if not any(own):
         raise InputError("errors: each is zero; leave them out")
-    return own
+    return [min(e, p.high - p.low) for p, e in zip(plant.parameters, own, strict=True)]
 
 
 def patches(plant: UncertainPlant, errors: list[Fraction]) -> tuple[Patch, ...]:
     """Return pairs of parameters and estimates: on each side of the errors, up to the bounds."""
     each = [
-        [(_weights(own, p), _weights(own, q)) for p, q in segments(r, e, 1)]
+        [(_weights(own, p), _weights(own, q)) for (p,), q in segments(r, e, 1)]
         for own, r, e in zip(plant.parameters, ranges_of(plant), errors, strict=True)
     ]
     return tuple(_patches(each))
@@ -157,7 +186,14 @@ def _claim(design: Design, errors: list[Fraction]) -> Estimate | None:
     """Return the claim that the errors are borne, None where no fineness proves it."""
     if is_one(design.law):
         return None
+    loops, sizes = balanced(design, design.region), list(map(float, errors))
     for pieces, elevation in BOX:
+        own = sizes, pieces, elevation
+        if sum(count_blocks(loop, *own) for loop in loops) > MOST:
+            return None
+        points = (points_of(loop, design.plant.parameters, *own) for loop in loops)
+        if not all(map(estimate_holds, loops, points)):  # in floats, which take no time
+            continue
         subject = subject_of(design, design.region, Reached(1.0, pieces, elevation))
         claim = Estimate(subject, tuple(errors))
         if holds(claim):

@@ -35,6 +35,7 @@ from polefence.design.margins.claims import (
     climb,
     count_monomials,
     count_whole,
+    factors,
     holds,
     kron,
     largest_step,
@@ -43,7 +44,7 @@ from polefence.design.margins.claims import (
     subject_of,
     whole_points,
 )
-from polefence.design.search import edge
+from polefence.design.search import edge, rising
 from polefence.plant.parameters import Parameter
 from polefence.plant.polynomial import Domain
 from polefence.plant.system import Array
@@ -51,6 +52,7 @@ from polefence.proof.claims.estimate import Estimate
 from polefence.proof.claims.gain_error import GainError
 from polefence.proof.claims.margins import Subject
 from polefence.proof.claims.rate import Rate
+from polefence.proof.remainder import SHARE
 from polefence.region.regions import Pair
 
 LEAST_ERROR, PRECISION = (
@@ -60,6 +62,7 @@ LEAST_ERROR, PRECISION = (
 HALVINGS = 20  # at most, of what a quarter more breaks
 
 GIVEN = ((1, 0), (1, 1), (1, 2))  # pieces and elevation that are tried of a law that was given
+COVERS = (1.0, 1.1, 1.5, 3.0, 10.0, 30.0, 100.0, 1e3, 1e4)  # times Omega, while it gains
 ROUNDS = 30  # of the golden section for each mu
 WIDTH = 9.0  # decades of mu that it looks at
 
@@ -75,17 +78,26 @@ def estimate_holds(design: Balanced, points: Points) -> bool:
     X, N, _ = design.loop(points)
     if not design.disks and not are_positive(X):
         return False
-    return all(are_positive(region_block(pair, X, N)) for pair in design.pairs)
+    one = points.one[..., None, None]
+    return all(
+        are_positive(region_block(pair, X, N) - one * design.lost(pair[1])) for pair in design.pairs
+    )
 
 
 def count_blocks(design: Balanced, errors: Sequence[float], pieces: int, elevation: int) -> float:
     """Return how many inequalities there are at most."""
-    degree = design.degree + 1 + elevation
+    d = design.plant_degree
+    degree = design.degree + d + elevation
     if not design.q:
-        each = count_monomials(design.sizes * 2, (degree, design.degree))
-        return each * len(design.A) * len(design.pairs)
-    cells = math.prod(2 * (pieces + 1) if error else pieces for error in errors)
-    return count_monomials(design.sizes, (degree,) * design.q) * cells * len(design.pairs)
+        if d == 1:
+            each = len(design.A) * count_monomials(design.sizes * 2, (degree, design.degree))
+        else:
+            each = count_monomials(design.sizes * 3, (degree, design.degree, d))
+        return each * len(design.pairs)
+    moved = sum(map(bool, errors)) if d > 1 else 0
+    each = count_monomials((2,) * (design.q + moved), (degree,) * design.q + (d,) * moved)
+    most = pieces + 2 if moved else 2 * (pieces + 1)
+    return each * math.prod(most if error else pieces for error in errors) * len(design.pairs)
 
 
 def points_of(
@@ -96,45 +108,63 @@ def points_of(
     elevation: int,
 ) -> Points:
     """Return points of the pieces on which p is affine in its estimate, for all signs."""
-    degree = design.degree + 1 + elevation
+    d = design.plant_degree
+    degree = design.degree + d + elevation
     if not parameters:
         return _mislaid(design, errors[0], degree)
-    nodes, coefficients = lattice(design.sizes, (degree,) * design.q)
-    segments = [_segments(*each, pieces) for each in zip(parameters, errors, strict=True)]
-    cells = np.array(list(product(*segments)))  # (cells, parameters, plant or law, low or high)
-    values = cells[:, None, :, :, 0] + nodes[None, :, 1::2, None] * (
-        cells[:, None, :, :, 1] - cells[:, None, :, :, 0]
-    )
-    shares, factor = np.empty_like(values), np.ones(values.shape[:2])
+    moved = [f for f, error in enumerate(errors) if error and d > 1]
+    sizes, degrees = (2,) * (design.q + len(moved)), (degree,) * design.q + (d,) * len(moved)
+    nodes, coefficients = lattice(sizes, degrees)
+    segments = [_segments(*each, pieces, d > 1) for each in zip(parameters, errors, strict=True)]
+    cells = np.array(list(product(*segments)))[:, None]  # (cells, 1, parameters, side, low or high)
+    along = nodes[:, 1::2]
+    values = cells[..., 0] + along[:, : design.q, None] * (cells[..., 1] - cells[..., 0])
+    own, estimated, across = values[..., 0], values[..., 2], np.zeros((len(nodes), design.q))
+    across[:, moved] = along[:, design.q :]
+    own = own + across * (values[..., 1] - own)
+    shares, factor = [np.empty_like(own), np.empty_like(own)], np.ones(own.shape[:2])
     for f, parameter in enumerate(parameters):
-        p = values[..., f, :]
         ends = [float(parameter.scheduling(end)) for end in (parameter.low, parameter.high)]
-        s = 1 / p if parameter.inverted else p
-        shares[..., f, :] = (s - ends[0]) / (ends[1] - ends[0])
+        for share, p in zip(shares, (own[..., f], estimated[..., f]), strict=True):
+            share[..., f] = ((1 / p if parameter.inverted else p) - ends[0]) / (ends[1] - ends[0])
         if parameter.inverted:
-            factor = factor * np.abs(p[..., 0]) * np.abs(p[..., 1]) ** design.degree
-    plant, law = (alpha_of(shares[..., side]) for side in (0, 1))
+            p, q = own[..., f], estimated[..., f]
+            factor = factor * np.abs(p) ** d * np.abs(q) ** design.degree
+    plant, law = map(alpha_of, shares)
     return Points(plant, law, factor, coefficients)
 
 
-def _segments(parameter: Parameter, error: float, pieces: int) -> list[Array]:
+def _segments(parameter: Parameter, error: float, pieces: int, both: bool) -> list[Array]:
+    """Return the ends of the least p, the largest, and the estimate, for each piece.
+
+    For one sign of the error after the other the two are the same, unless ``both`` count at once.
+    """
     low, high = float(parameter.low), float(parameter.high)
     found = []
-    for sign in (-1, 1) if error else (0,):
-        bend = low + error if sign < 0 else high - error
-        cuts = {*np.linspace(low, high, pieces + 1), *([bend] if low < bend < high else [])}
+    for signs in ((-1, 1),) if both else ((-1, -1), (1, 1)) if error else ((0, 0),):
+        bends = {low + error if sign < 0 else high - error for sign in signs}
+        cuts = {*np.linspace(low, high, pieces + 1), *(b for b in bends if low < b < high)}
         for ends in pairwise(sorted(cuts)):
-            own = np.clip(np.array(ends) + sign * error, low, high)
-            found.append(np.array([own, ends]))
+            own = [np.clip(np.array(ends) + sign * error, low, high) for sign in signs]
+            found.append(np.array([*own, ends]))
     return found
 
 
 def _mislaid(design: Balanced, share: float, degree: int) -> Points:
-    N = len(design.A)
-    nodes, coefficients = lattice((N, N), (degree, design.degree))
+    N, d = len(design.A), design.plant_degree
+    sizes, degrees = (
+        ((N, N), (degree, design.degree))
+        if d == 1
+        else (
+            (N, N, N),
+            (degree, design.degree, d),
+        )
+    )
+    nodes, coefficients = lattice(sizes, degrees)
     kept = (1 - share) * nodes[:, :N]
-    plant = kept[None] + share * np.eye(N)[:, None, :]
-    law = np.broadcast_to(kept + share * nodes[:, N:], plant.shape)
+    towards = np.eye(N)[:, None, :] if d == 1 else nodes[None, :, 2 * N :]
+    plant = kept[None] + share * towards
+    law = np.broadcast_to(kept + share * nodes[:, N : 2 * N], plant.shape)
     return Points(plant, law, np.ones(plant.shape[:2]), coefficients)
 
 
@@ -237,23 +267,43 @@ class GainQuestion:
         return sum(
             count_whole(own, pieces, elevation)
             if own.elevation is None
-            else 2.0 * own.domain.count(own.degree + 1 + own.elevation + elevation)
+            else 2.0 * own.domain.count(own.degree + own.plant_degree + own.elevation + elevation)
             for own in self.loops
         )
 
     def reach(self, pieces: int, elevation: int) -> Reached:
         """Return the largest error that is proved in floats, -1 where none is."""
-        found: list[tuple[float, float]] = []
-        for own in self.loops:
-            if own.elevation is None:
-                loop = own.loop(whole_points(own, pieces, elevation))
-            else:
-                loop = own.raised(own.elevation + elevation)
-            each = largest_of(own.pairs, not own.disks, loop, own.T, self.scales)
+        loops = [
+            own.loop(whole_points(own, pieces, elevation))
+            if own.elevation is None
+            else own.raised(own.elevation + elevation)
+            for own in self.loops
+        ]
+        if all(own.spread is None for own in self.loops):
+            return self._reach(loops, pieces, elevation)
+        each = (self._reach(loops, pieces, elevation, cover) for cover in COVERS)
+        return max(rising(each, lambda own: own.value, GAIN), key=lambda own: own.value)
+
+    def _reach(
+        self,
+        loops: Sequence[tuple[Array, Array, Array]],
+        pieces: int,
+        elevation: int,
+        cover: float = 1.0,
+    ) -> Reached:
+        """Return it for so many times Omega."""
+        found, most = list[tuple[float, float]](), math.inf
+        for own, loop in zip(self.loops, loops, strict=True):
+            lost = [own.lost(M, cover) for _, M in own.pairs]
+            each = largest_of(own.pairs, not own.disks, loop, own.T, self.scales, lost)
             if not each:
                 return Reached(-1.0, pieces, elevation)
             found += each
-        return Reached(min(error for error, _ in found), pieces, elevation, tuple(found))
+            if own.spread is not None:
+                raised = (own.elevation or 0) + elevation
+                most = min(most, _covered(own, raised, self.scales, cover))
+        least = min(error for error, _ in found)
+        return Reached(min(least, most), pieces, elevation, tuple(found), cover)
 
     def claim(self, subject: Subject, reached: Reached) -> GainError:
         """Return the claim of an error, or a little less."""
@@ -273,19 +323,20 @@ def largest_of(
     loop: tuple[Array, Array, Array],
     T: Array,
     scales: Scales,
+    lost: Sequence[Array] = (),
 ) -> list[tuple[float, float]]:
     """Return for each L, M the largest error proved in floats, and its mu; empty where none is.
 
     ``loop`` has the coefficients of X, N and B in coordinates y, x = T y; ``bounded`` says that
-    X > 0 is asked for besides.
+    X > 0 is asked for besides; ``lost`` is what a remainder takes of each inequality.
     """
     X, N, B = loop
     if bounded and not are_positive(X):
         return []
     left, right = B * scales.rows, X @ scales.across(T)
     found = []
-    for L, M in pairs:
-        F = region_block((L, M), X, N)
+    for number, (L, M) in enumerate(pairs):
+        F = region_block((L, M), X, N) - (lost[number] if lost else 0.0)
         if not are_positive(F):
             return []
         found.append(_largest(F, M, left, right))
@@ -320,6 +371,25 @@ def _largest(F: Array, M: Array, left: Array, right: Array) -> tuple[float, floa
     return error(best), math.exp(best)
 
 
+def _covered(own: Balanced, elevation: int, scales: Scales, cover: float) -> float:
+    """Return the largest error up to which Omega, so many times, is more than V'V."""
+    spread = own.spread
+    if spread is None:
+        return math.inf
+    X, V = own.covered(elevation)
+    n, w = X.shape[-1], V.shape[-2]
+    D = np.concatenate([np.zeros(n), np.diag(spread.inputs) * scales.rows])
+    nu = float(SHARE) / max(float(D.max()) ** 2, np.finfo(float).tiny)
+    base, slope = (np.zeros((len(X), n + w + n, n + w + n)) for _ in range(2))
+    base[:, :n, :n], base[:, n : n + w, n : n + w] = cover * spread.omega, np.eye(w)
+    base[:, n : n + w, :n], base[:, :n, n : n + w] = V, V.swapaxes(1, 2)
+    base[:, n : n + w, n : n + w] -= np.diag(nu * D**2)
+    base[:, n + w :, n + w :] = nu * np.eye(n)
+    right = X @ scales.across(own.T)
+    slope[:, :n, n + w :], slope[:, n + w :, :n] = right, right.swapaxes(1, 2)
+    return largest_step(base, slope)
+
+
 def _golden(function: Callable[[float], float], low: float, high: float) -> float:
     """Return where a function that rises, then falls, is largest."""
     ratio = (math.sqrt(5) - 1) / 2
@@ -335,15 +405,6 @@ def _golden(function: Callable[[float], float], low: float, high: float) -> floa
             b = low + ratio * (high - low)
             at_b = function(b)
     return (low + high) / 2
-
-
-def factors(M: Array) -> tuple[Array, Array]:
-    """Return M1, M2 of full rank with M = M1 M2: M's columns that are not zero, and which.
-
-    The parts of regions have no others.
-    """
-    kept = M.any(axis=0)
-    return M[:, kept], np.eye(len(M))[kept]
 
 
 def gain_claim(

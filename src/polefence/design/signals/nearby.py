@@ -7,7 +7,6 @@ of somewhat tighter requirements where those as they are leave no room for the p
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import replace
 from functools import reduce
 from operator import and_
 
@@ -37,11 +36,6 @@ SHARES = (0.9, 0.5, 0.1)  # of a disk, from the smallest up
 # Of the way from a smallest radius to the unit circle: where laws are found, and proved besides.
 FARTHER, WIDER = (0.0, 0.01, 0.03, 0.1, 0.3, 0.6), (1e-4, 1e-3, 1e-2, 0.03, 0.1, 0.3)
 FORMS = ((0, 0), (1, 0))  # degree and elevation of Lyapunov polynomials of smallest disks
-
-
-def without_remainder(plant: UncertainPlant) -> UncertainPlant:
-    """Return the combinations of a plant's vertices alone."""
-    return replace(plant, remainder=None, sampling=None)
 
 
 def on_the_box(plant: UncertainPlant, method: Method | None) -> Method | None:
@@ -119,11 +113,16 @@ def placed(
     )
 
 
+def narrower(region: Region) -> tuple[Region, ...]:
+    """Return regions inside one of the z-plane, the smallest last."""
+    return tuple(tighter(region, share, Disk(0, 1)) for share in TIGHTER[1:])
+
+
 def _inside(region: Region, smallest: Callable[[float], Design]) -> Iterator[Region]:
     """Yield a region, and smaller ones; of a disk down to the smallest that there is a law for."""
     yield region
     if not isinstance(region, Disk):
-        yield from (tighter(region, share, Disk(0, 1)) for share in TIGHTER[1:])
+        yield from narrower(region)
         return
     least = smallest(region.centre).region
     if isinstance(least, Disk):

@@ -288,7 +288,7 @@ def _nearby(
         larger, _, found = _with_own_states(structure, plant, larger, found)
     least = None if minimise is None else found[-1]
     limits = found if minimise is None else found[:-1]
-    bare, best, failure = nearby.without_remainder(plant), None, None
+    bare, best, failure = plant.combinations, None, None
     deadline = Deadline(budget)
     for share, calm in nearby.ATTEMPTS:
         if deadline.passed and best is not None:

@@ -25,7 +25,6 @@ from polefence.design.given import analyse
 from polefence.design.margins import estimated
 from polefence.design.measured import require_detectable
 from polefence.design.signals import nearby
-from polefence.design.signals.nearby import without_remainder
 from polefence.design.signals.tuned import tighter
 from polefence.design.tune.dynamic import observers
 from polefence.design.tune.search import tune, tune_region
@@ -89,14 +88,16 @@ def place(
         If a vertex has a pole that no gain moves and that is not in the region.
     """
     if errors:
-        if structure is not None or getattr(plant, "remainder", None) is not None:
+        if structure is not None:
             raise InputError(
-                "errors of estimates belong to laws that a method gives, without --sample-time; "
-                "leave them out, or structure and sample time"
+                "errors of estimates belong to laws that a method gives; leave them out, or the "
+                "structure"
             )
-        return estimated.placed(plant, region, method, errors)
+        remainder = getattr(plant, "remainder", None)
+        more = () if remainder is None else nearby.narrower(in_time_of(plant, region))
+        return estimated.placed(plant, region, method, errors, more)
     if getattr(plant, "remainder", None) is not None:
-        bare = without_remainder(plant)
+        bare = plant.combinations
         if structure is None:
             method = nearby.on_the_box(plant, method)
         return nearby.placed(
@@ -265,7 +266,7 @@ def _tightest_nearby(
     structure: Structure | None,
 ) -> Design:
     """Return the smallest disk that is proved of a plant with a remainder; one gain will do."""
-    bare, best = without_remainder(plant), None
+    bare, best = plant.combinations, None
     larger = plant if structure is None else structure.extended(plant)[0]
     failure: NotProvedError | None = None
     plain = "quadratic" if structure is None else None

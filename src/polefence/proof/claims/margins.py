@@ -59,6 +59,12 @@ class Subject:
         return degree_of(self.design.law, self.design.evidence[part])
 
     @property
+    def plant_degree(self) -> int:
+        """The degree of A and B: one, but for that of a curve."""
+        remainder = self.design.remainder
+        return 1 if remainder is None else remainder.degree
+
+    @property
     def parts(self) -> Iterator[tuple[int, tuple[Part, ...]]]:
         """Each X by its number, with the parts of the region that it is for."""
         if self.design.method == "lyapunov":
@@ -149,7 +155,7 @@ class MarginClaim(Claim):
     def pieces_work(self, degree: int) -> int:
         """Return the number of coefficients of an inequality on all pieces, for all parts."""
         subject = self.subject
-        raised = degree + 1 + subject.elevation
+        raised = degree + subject.plant_degree + subject.elevation
         whole = math.prod(subject.pieces) * len(subject.design.region)
         return whole * count_of(subject.sizes, raised)
 
@@ -226,7 +232,8 @@ def family_of(subject: Subject, part: int = 0) -> Family:
         ones = (1,) * len(sizes)
         corners = [Polynomial({e: [[1]]}, sizes, ones) for e in monomials(sizes, 1)]
         XKX = XKX.composed(corners, sizes)
-    return Family(plant_form(design.A, design.B, sizes), XKX)
+    AB = plant_form(design.A, design.B, sizes)
+    return Family(AB if design.remainder is None else design.remainder.curved(AB), XKX)
 
 
 @dataclass(frozen=True)
@@ -246,11 +253,22 @@ class Cell:
         """Return X and N, of one degree, and [A, B]."""
         AB = family.AB.composed(self.plant, self.sizes)
         XKX = family.XKX.composed(self.law, self.sizes)
-        whole, start = number(1, self.sizes), 0
-        for size in family.AB.sizes:  # A and B times the sums of their coordinates
-            first, *rest = self.plant[start : start + size]
-            whole, start = whole * sum(rest, first), start + size
+        whole = self._one(self.plant, family.AB)  # A and B times the sums of their coordinates
         return whole * XKX.part(slice(family.n)), AB * XKX, AB
+
+    def one(self, family: Family) -> Polynomial:
+        """Return what a constant is times beside N."""
+        return self._one(self.plant, family.AB) * self._one(self.law, family.XKX)
+
+    def _one(self, forms: list[Polynomial], P: Polynomial) -> Polynomial:
+        """Return the sums of coordinates, to the powers that P has of them."""
+        whole, start = number(1, self.sizes), 0
+        for size, degree in zip(P.sizes, P.degrees, strict=True):
+            own = forms[start : start + size]
+            for _ in range(degree):
+                whole = whole * sum(own[1:], own[0])
+            start += size
+        return whole
 
     def elevated(self, degrees: tuple[int, ...], by: int) -> tuple[int, ...]:
         """Return degrees that are higher by so much in the simplices that are elevated."""

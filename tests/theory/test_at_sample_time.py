@@ -264,11 +264,15 @@ ASKED = [
     Gain("f"),
     EnergyPeak("x", norm=2.0),
     InitialPeak("x", points=[[1, 0]]),
+    RelativeRms("x"),
 ]
 
 
-def value(own, A, E, C):
-    """What is bounded, of one loop."""
+def value(own, A, E, C, still):
+    """What is bounded, of one loop; ``still`` is A without control."""
+    if own.kind == "relative rms":
+        rms = replace(ASKED[0], density=own.density)
+        return value(rms, A, E, C, None) / value(rms, still, E, C, None)
     if own.kind in ("rms", "energy peak"):
         size = own.density / (2 * T) if own.kind == "rms" else own.norm**2 / T
         return np.sqrt(np.trace(C @ solve_discrete_lyapunov(A, size * E @ E.T) @ C.T))
@@ -296,10 +300,10 @@ def test_bounds_hold_for_all_samples_and_for_all_that_is_near(spring, plant, own
     C = rows_of(own, plant, K)
     points = np.vstack([np.eye(4), inside(300)])
     true = max(
-        value(own, A + B @ K, E, C)
+        value(own, A + B @ K, E, C, A)
         for A, B, E in (samples(spring, alpha, T, delay) for alpha in points)
     )
-    off = max(value(own, A + B @ K, E, C) for A, B, E in corners(plant, 100))
+    off = max(value(own, A + B @ K, E, C, A) for A, B, E in corners(plant, 100))
     found = best_bound(plant, FixedGain(K), own)
     assert max(true, off) <= found.level
     assert found.level <= true * (1.7 if own.kind == "initial peak" else 1.05)
@@ -328,6 +332,41 @@ def test_bounds_hold_for_all_samples_and_for_all_that_is_near(spring, plant, own
         faulty(None)
 
 
+def test_a_baseline_is_proved_of_all_samples_too(spring):
+    """Its stability, and that its covariance is no less than the polynomial says."""
+    plant = at_sample_time(spring, T)
+    own = best_bound(plant, FixedGain(LAW[0]), RelativeRms("x")).claim
+    assert prove(own).proved
+    base = own.baseline
+
+    def answer(**changes):
+        return prove(replace(own, baseline=replace(base, **changes)))
+
+    for key in ("stability", "covariance"):
+        evidence = getattr(base, key)
+        spread = evidence.spread
+        half = [[x / 2 for x in row] for row in spread.omega]
+        for fault in (
+            replace(spread, omega=half),
+            replace(spread, rows=tuple(10**4 * x for x in spread.rows)),
+        ):
+            assert not answer(**{key: replace(evidence, spread=fault)}).proved
+        for fault, message in (
+            (None, "for the baseline too"),
+            (replace(spread, rows=tuple(x / 2 for x in spread.rows)), "do not cover"),
+            (replace(spread, kappa=0 if spread.kappa else Fraction(1)), "kappa is a positive"),
+        ):
+            with pytest.raises(FormatError, match=message):
+                answer(**{key: replace(evidence, spread=fault)})
+    more = [[[x * Fraction(101, 100) for x in row] for row in P] for P in base.covariance.X]
+    assert not answer(covariance=replace(base.covariance, X=more)).proved
+    slower = [[[x * Fraction(99, 100) for x in row] for row in A] for A in base.A]
+    with pytest.raises(FormatError, match="the baseline is the plant without control"):
+        answer(A=slower)
+    table = own.write()["baseline"]["covariance"]["remainder"]
+    assert table.keys() == {"omega", "kappa", "rows", "columns"}
+
+
 def signed(plant):
     """A plant of one vertex with all that it may be off by, at every sign of every entry."""
     entries, (n, m) = np.array(plant.remainder.entries, dtype=float), plant.shape
@@ -354,7 +393,8 @@ def test_a_larger_remainder_costs_more_until_nothing_is_proved(spring, plant):
     levels = [best_bound(exact, law, own).level]
     for each in (plant, wider(plant, 10)):
         levels.append(best_bound(each, law, own).level)
-        worst = max(value(own, A + B @ law.K, E, np.eye(len(A))[:1]) for A, B, E in signed(each))
+        rows = np.eye(len(LAW[delay][0]))[:1]
+        worst = max(value(own, A + B @ law.K, E, rows, A) for A, B, E in signed(each))
         assert worst <= levels[-1]
     assert levels == sorted(levels)
     assert levels[2] > 1.01 * levels[0]
@@ -473,8 +513,6 @@ def test_observers_are_proved_of_all_samples(tmp_path, spring, plant, method):
 
 
 def test_what_is_not_proved_with_a_remainder_is_refused(spring, plant):
-    with pytest.raises(InputError, match=r"relative rms of x is of .*: bound the rms itself"):
-        optimise(plant, RelativeRms("x"))
     with pytest.raises(InputError, match="in discrete time already, every 0.02 s"):
         at_sample_time(plant, T)
     for wrong, message in (

@@ -25,7 +25,6 @@ from polefence import (
     tightest,
 )
 from polefence.cli.main import main
-from polefence.design.signals.nearby import without_remainder
 from polefence.export import check_guarantee, export_c99
 from polefence.plant.delta import delta_form
 from polefence.plant.larger import own_states, with_actuator, with_pid, with_sensor, with_states
@@ -46,7 +45,7 @@ FIRST = Structure(("x",), (), order=1, largest_gain=2.0)
 
 
 def sampled(time=T, delay=0):
-    return without_remainder(at_sample_time(loads(TWO_STATES), time, delay))
+    return at_sample_time(loads(TWO_STATES), time, delay).combinations
 
 
 def random_plant(seed, n=4, time=T):
@@ -146,7 +145,7 @@ def test_regions_are_kept_by_laws_that_are_placed(tmp_path, pid):
 
 def test_the_smallest_disk_is_smaller_with_a_state():
     text = TWO_STATES.replace("[parameter.k]\nrange = [1, 3]", "[constants]\nk = 2")
-    plant = without_remainder(at_sample_time(loads(text), T))
+    plant = at_sample_time(loads(text), T).combinations
     free = replace(FIRST, largest_gain=None)
     with_state = tightest(plant, 0, structure=free).region.radius
     without = tightest(plant, 0, structure=replace(free, order=0)).region.radius

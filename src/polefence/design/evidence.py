@@ -79,12 +79,12 @@ def with_inputs(plant: UncertainPlant, law: Law, loop: Loop) -> Loop:
         K = {e: p[n:] for e, p in bernstein(domain, law.form, law.degree).items()}
     else:
         K = bernstein(domain, law.Z, law.degree)
-    return replace(loop, B=_polynomial(plant, domain, plant.B, n), K=K)
+    return replace(loop, B=polynomial_of(plant, domain, plant.B, n), K=K)
 
 
 def _loop(plant: UncertainPlant, law: Law, rows: Array) -> Loop:
     n, domain, step = plant.shape[0], domain_of(plant, law), float(plant.step)
-    AB, motion, d = _polynomial(plant, domain, rows), Motion.of(plant), plant.curve_degree
+    AB, motion, d = polynomial_of(plant, domain, rows), Motion.of(plant), plant.curve_degree
     if isinstance(law, FixedGain):
         eye = {(0,) * sum(domain.sizes): np.eye(n)}
         both = {(0,) * sum(domain.sizes): np.vstack([np.eye(n), law.K])}
@@ -98,7 +98,7 @@ def _loop(plant: UncertainPlant, law: Law, rows: Array) -> Loop:
     return Loop(elevated(W, domain, d), times(AB, both), domain, W, step, motion)
 
 
-def _polynomial(plant: UncertainPlant, domain: Domain, rows: Array, column: int = 0) -> Floats:
+def polynomial_of(plant: UncertainPlant, domain: Domain, rows: Array, column: int = 0) -> Floats:
     """Return rows at the vertices as a polynomial; a plant's curve is added to the first n.
 
     Of the curve's columns it begins with ``column``.
@@ -236,13 +236,17 @@ def spread_of(
         rows, columns = cheapest(R * (np.arange(R.shape[1]) < known), a, b)
         rows = np.where(ends.any(axis=1) & (rows <= 0), rows.max(), rows)
         columns[known:] = FREE * (ends / np.where(rows > 0, rows, np.inf)[:, None]).max(axis=0)
-    V = columns[: each.shape[1], None] * moved
+    omega = more_than(columns[: each.shape[1], None] * moved, T)
+    sides = [tuple(map(Fraction, own.tolist())) for own in (rows, columns)]
+    return Spread(omega, sides[0], sides[1])
+
+
+def more_than(V: Array, T: Array) -> list[list[Fraction]]:
+    """Return Omega, a little more than all T V'V T' (count, r, n)."""
     squares = V.swapaxes(1, 2) @ V
     size = max(float(np.linalg.eigvalsh(squares).max()), SLIGHT)
-    omega = T @ (majorant(squares) * OVER + SLIGHT * size * np.eye(n)) @ T.T
-    exact = ([Fraction(x) for x in row] for row in ((omega + omega.T) / 2).tolist())
-    sides = [tuple(map(Fraction, own.tolist())) for own in (rows, columns)]
-    return Spread(list(exact), sides[0], sides[1])
+    omega = T @ (majorant(squares) * OVER + SLIGHT * size * np.eye(len(T))) @ T.T
+    return [[Fraction(x) for x in row] for row in ((omega + omega.T) / 2).tolist()]
 
 
 def _coefficients(P: Polynomial) -> Array:

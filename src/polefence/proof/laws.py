@@ -298,8 +298,10 @@ class Evidence:
         table |= {"pieces": list(self.pieces)} if self.pieces else {}
         if self.spread is not None:
             own = self.spread
-            keys = ("kappa" if own.kappa else "omega", "rows", "columns")
-            table["remainder"] = {key: plain(getattr(own, key)) for key in keys}
+            keys = [key for key in ("omega", "kappa") if getattr(own, key)]
+            table["remainder"] = {
+                key: plain(getattr(own, key)) for key in (*keys, "rows", "columns")
+            }
         return table | {"elevation": self.elevation}
 
 

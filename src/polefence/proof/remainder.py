@@ -9,7 +9,9 @@ that is more than V'V at every alpha,
     a H Delta V b' + b V'Delta'H a'  <=  a H H' a' + b Omega b'
 
 (Petersen, 1987), for any columns a and b of blocks: what an inequality may lose is a constant. In
-the dual form V = diag(columns) [W; Z] is known, and a number kappa is more than H'Q H.
+the dual form V = diag(columns) [W; Z] is known, and a number kappa is more than H'Q H. Of a
+covariance from below, P, V is diag(columns), Omega more than M P V'V P M', and kappa more than
+-V P V'.
 """
 
 from __future__ import annotations
@@ -158,12 +160,18 @@ class Spread:
     columns: tuple[Fraction, ...] = ()
     kappa: Fraction = NONE
 
-    def require(self, remainder: Remainder, dual: bool = False) -> None:
-        """Refuse one that does not fit, or does not cover the remainder."""
+    def require(self, remainder: Remainder, omega: bool = True, kappa: bool = False) -> None:
+        """Refuse one that does not fit, or does not cover the remainder.
+
+        Parameters
+        ----------
+        omega, kappa : bool
+            Which of the two it has.
+        """
         n, width = len(remainder.entries), len(remainder.entries[0])
-        if dual != bool(self.kappa) or self.kappa < 0:
-            raise FormatError("remainder.kappa is a positive number of the dual form")
-        size = 0 if dual else n
+        if kappa != bool(self.kappa) or self.kappa < 0:
+            raise FormatError("remainder.kappa is a positive number, of the dual form for example")
+        size = n if omega else 0
         if len(self.omega) != size or any(len(row) != n for row in self.omega):
             raise FormatError(f"remainder.omega must hold {n} rows of {n} numbers")
         if any(self.omega[i][j] != self.omega[j][i] for i in range(size) for j in range(i)):

@@ -24,6 +24,7 @@ from polefence.lmi.conditions.methods import METHODS
 from polefence.plant.family import UncertainPlant
 from polefence.plant.outputs import Output, inputs, split, states
 from polefence.plant.parameters import Parameter
+from polefence.proof.claims.estimate import Estimate
 from polefence.proof.claims.gain import Gain
 from polefence.proof.claims.relative_rms import RelativeRms
 from polefence.proof.claims.rms import Rms
@@ -194,7 +195,7 @@ def sections(
     InputError
         If the road or the speed cannot be used.
     """
-    parts = [_claim(design, answer), _plant(design.plant), _poles(design), _limits(design)]
+    parts = [_claim(design, answer, bounds), _plant(design.plant), _poles(design), _limits(design)]
     parts += [_bounds(bounds), responses(design), comfort(design, road, speed), _front(front)]
     return [part for part in parts if part] + [
         _gain(design),
@@ -202,7 +203,7 @@ def sections(
     ]
 
 
-def _claim(design: Design, answer: Check) -> Section:
+def _claim(design: Design, answer: Check, besides: Sequence[Bound]) -> Section:
     law = "one gain, u = K x" if isinstance(design.law, FixedGain) else "u = K(alpha) x"
     if isinstance(design.law, PolynomialGain):
         law = f"{'one gain' if design.law.fixed else 'a polynomial'}, {formula(design.law)}"
@@ -210,7 +211,7 @@ def _claim(design: Design, answer: Check) -> Section:
         ("plant", design.plant.name),
         ("region", short_text(design.region)),
         ("law", f"{law}; method {design.method}"),
-        ("claim", "; ".join(answer.claims)),
+        ("claim", "; ".join((*answer.claims, *(own.what for own in besides if not own.level)))),
         ("answer", f"{answer.answer}: {answer.reason}"),
     ]
     stable = implies_stability(design.plant, design.region)
@@ -221,15 +222,22 @@ def _claim(design: Design, answer: Check) -> Section:
             "For every value of the parameters below, each taken as constant, all closed-loop "
             "poles lie in the region. The proof was done afresh for this report, in integers."
             f"{note}",
-            _left_out(design.plant),
+            _left_out(design.plant, any(own.kind == Estimate.kind for own in besides)),
         ),
         Table(("", ""), tuple(rows)),
     )
 
 
-def _left_out(plant: UncertainPlant) -> str:
-    """Say what a claim about poles leaves out, and where more is said of it."""
-    if plant.sample_time is not None:
+def _left_out(plant: UncertainPlant, estimated: bool) -> str:
+    """Say what the claims leave out, and where more is said of it.
+
+    ``estimated`` is whether one is about errors of estimates.
+    """
+    sampled = plant.sample_time is not None
+    if estimated:
+        rest = "the time between samples" if sampled else "sampling"
+        return f"Not in the claims: actuator limits, {rest}, and changes of the parameters."
+    if sampled:
         return (
             "Not in the claim: actuator limits, the time between samples, changes of the "
             "parameters and errors of their estimates; polefence service proves how large the "
@@ -339,6 +347,7 @@ class Bound:
     level: str
     under: str
     statement: str
+    kind: str = ""
 
 
 def _named(design: Design, document: Document | None, road: tuple[str, float]) -> tuple[Bound, ...]:
@@ -366,7 +375,7 @@ def _named(design: Design, document: Document | None, road: tuple[str, float]) -
             ):
                 under = f" on a road of class {road[0]} at {road[1]:g} m/s"
             under += acting_text(claim.scales, document.plant, claim.scale_text)
-        found.append(Bound(what or said, level, under.strip(), said if what else ""))
+        found.append(Bound(what or said, level, under.strip(), said if what else "", claim.kind))
     return tuple(found)
 
 
@@ -389,9 +398,9 @@ def _short(unit: str) -> str:
 
 
 def _bounds(bounds: Sequence[Bound]) -> Section | None:
-    if not bounds:
+    rows = [(own.what, own.level, own.under) for own in bounds if own.level]
+    if not rows:
         return None
-    rows = [(own.what, own.level, own.under) for own in bounds]
     exact = tuple(own.statement for own in bounds if own.statement)
     return Section(
         "Bounds on signals, proved",

@@ -29,7 +29,15 @@ from polefence.design.checks import (
 )
 from polefence.design.design import Design
 from polefence.design.evidence import certificate_of, with_remainder
-from polefence.design.margins.claims import BOX, MOST, Reached, balanced, holds, subject_of
+from polefence.design.margins.claims import (
+    BOX,
+    MOST,
+    Reached,
+    balanced,
+    count_monomials,
+    holds,
+    subject_of,
+)
 from polefence.design.margins.kinds import count_blocks, estimate_holds, points_of
 from polefence.design.place import points_in, proved_at, rounded
 from polefence.law.laws import is_one
@@ -43,6 +51,7 @@ from polefence.plant.parameters import exact
 from polefence.plant.system import Array
 from polefence.proof.claims.estimate import Estimate, segments
 from polefence.region.regions import Region
+from polefence.response.samples import at_sample_time
 
 ROOM = (1.0, 1.05, 1.25)  # times the errors that a design is for, until the errors are proved
 
@@ -77,11 +86,13 @@ def placed(
     """
     own = _errors(plant, errors)
     method = _boxed(method)
-    region, bare = in_time_of(plant, region), plant.combinations
+    region = in_time_of(plant, region)
     require_domain(plant, method)
     require_region(plant, region, method)
     require_movable(plant, region)
     require_checkable(plant, method, len(region.parts))
+    plant = _countable(plant, region, method, own)
+    bare = plant.combinations
     for room in ROOM:
         wider = [
             min(Fraction(room) * e, p.high - p.low)
@@ -122,6 +133,35 @@ def _kept(plant: UncertainPlant, region: Region, method: Scheduled, point: Point
     return None
 
 
+def _countable(
+    plant: UncertainPlant, region: Region, method: Scheduled, errors: list[Fraction]
+) -> UncertainPlant:
+    """Return the plant, or its samples of a lower degree, of which a proof is not too large.
+
+    Raises
+    ------
+    NotProvedError
+        If there is none.
+    """
+    moved = sum(map(bool, errors))
+    while True:
+        d, q = plant.curve_degree, len(plant.parameters)
+        own = int(method.degree) * (1 if plant.remainder is None else 2)
+        each = count_monomials((2,) * q, (own + d + method.elevation,) * q)
+        each *= (4 if d == 1 else 3 * (d + 1)) ** moved
+        count = each * len(region.pairs())
+        if count <= MOST:
+            return plant
+        if plant.sampling is None or d == 1:
+            raise NotProvedError(
+                f"undecided: {count:.0f} inequalities of pairs of parameters and estimates, more "
+                f"than the {MOST} that are tried; name fewer errors, or ask for fewer parts of the "
+                "region"
+            )
+        sampling = plant.sampling
+        plant = at_sample_time(sampling.plant, plant.sample_time, sampling.delay, d - 1)
+
+
 def _boxed(method: Method | None) -> Scheduled:
     """Return a scheduled method on the box.
 
@@ -131,11 +171,13 @@ def _boxed(method: Method | None) -> Scheduled:
         If it schedules nothing, or asks for a search for a degree.
     """
     own = Scheduled(1, 1, "box") if method in (None, "scheduled") else options(method or "")
-    if isinstance(own, Slack) or own.degree in (0, "auto"):
+    if isinstance(own, Slack) or own.degree == 0:
         raise InputError(
-            f"errors of estimates are for laws that are scheduled, by degree 1 or more, not for "
-            f"{method}; one gain needs no estimates"
+            "errors of estimates are for laws that are scheduled, by degree 1 or more, not for "
+            f"{method_label(method or '')}; one gain needs no estimates"
         )
+    if own.degree == "auto":
+        raise InputError("errors of estimates are for laws of a degree that is given: 1, or more")
     return own if own.on == "box" else Scheduled(own.degree, own.elevation, "box")
 
 

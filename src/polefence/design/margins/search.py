@@ -242,8 +242,15 @@ def _rate(task: _Task, decay: float, name: str, unit: str, span: tuple[Fraction,
 
 def _estimates(task: _Task) -> tuple[Margin, ...]:
     spans = [] if task.fixed else list(task.spans())
-    each = counted(spans, SUBJECTS["estimate"])
-    return tuple(_estimate(task.whole, *own) for own in each)
+    found = [_estimate(task.whole, *own) for own in counted(spans, SUBJECTS["estimate"])]
+    if len(found) < 2:
+        return tuple(found)
+    *single, joint = found  # what breaks by one alone breaks by all at once
+    for own, (_, _, span) in zip(single, spans, strict=False):
+        share = None if own.upper is None else own.upper / float(max(span))
+        if share is not None and (joint.upper is None or share < joint.upper):
+            joint = replace(joint, upper=share, example=own.example)
+    return (*single, joint)
 
 
 def _estimate(task: _Task, name: str, unit: str, span: tuple[Fraction, ...]) -> Margin:

@@ -2,7 +2,8 @@
 
 With A0 P + P A0' + S E E' > 0 for a stable A0, P(alpha) is less than the stationary covariance. P
 goes through the covariances at a grid of points, less a little of X, which goes through those of
-noise on every state: so little that the inequalities still hold. X proves that A0 is stable.
+noise on every state: so little that the inequalities still hold. X proves that A0 is stable. With a
+remainder what that costs is taken off besides.
 """
 
 from __future__ import annotations
@@ -16,17 +17,19 @@ from typing import Any
 import numpy as np
 
 from polefence.base.errors import InputError
+from polefence.design.evidence import more_than, polynomial_of, spread_of
 from polefence.design.requirements.rms import Rms
 from polefence.design.requirements.slopes import Channel
 from polefence.design.requirements.specification import disturbance
-from polefence.law.laws import Law, domain_of
+from polefence.law.laws import FixedGain, Law, domain_of
 from polefence.lmi.conditions import performance as conditions
-from polefence.lmi.solve.gramians import DualProblem
+from polefence.lmi.solve.gramians import DualProblem, cheapest
 from polefence.plant.family import UncertainPlant
-from polefence.plant.polynomial import Domain, Polynomial, bernstein, elevated, times
+from polefence.plant.polynomial import Domain, Polynomial, bernstein, binomial, elevated, times
 from polefence.plant.system import Array
 from polefence.proof import claims as proof
 from polefence.proof.laws import Evidence
+from polefence.proof.remainder import SHARE, Spread
 from polefence.response.stationary import growth, lyapunov
 
 DEGREES = (2, 3, 4, 5, 6)  # of P and X
@@ -34,6 +37,7 @@ CLOSE = 2e-4  # of X taken off: closer is not worth a higher degree
 # How much of X is taken off P.
 SHARES = tuple(10.0**k for k in np.arange(-7, 0.1, 0.5))
 MARGIN = 1e-9
+FREE, ABOVE = 1e-6, 1.01  # of a cost, what counts as none; kappa over what it has to exceed
 
 
 @dataclass(frozen=True)
@@ -126,15 +130,22 @@ class Baseline:
         Bernstein coefficients.
     degree : int
         Of both.
+    spreads : pair of Spread, optional
+        Of X and of P, where the plant has a remainder.
     """
 
     P: Array
     X: Array
     degree: int
+    spreads: tuple[Spread | None, Spread | None] = (None, None)
 
     def evidence(self) -> tuple[Evidence, Evidence]:
         """Return the proofs of stability and of the covariance, as a claim has them."""
-        return Evidence(_rationals(self.X), self.degree), Evidence(_rationals(self.P), self.degree)
+        one, other = (
+            Evidence(_rationals(each), self.degree, spread=own)
+            for each, own in zip((self.X, self.P), self.spreads, strict=True)
+        )
+        return one, other
 
     def variance(self, domain: Domain, C: Array) -> Polynomial:
         """Return C P C', C (N, 1, n) at the vertices."""
@@ -159,15 +170,17 @@ def baseline(
     InputError
         If the plant without control is unstable somewhere, or no polynomial of `DEGREES` will do.
     """
-    domain = Domain.of(on, len(plant.vertices))
-    E = disturbance(plant) * (np.array(scales) if scales else 1.0)
-    best: Baseline | None = None
+    domain, q = Domain.of(on, len(plant.vertices)), disturbance(plant).shape[2]
+    best, least = None, np.inf
     for degree in DEGREES:
-        share, found = _at_degree(plant, domain, E, intensity, degree)
-        if found is not None:
-            best = found
-            if share <= CLOSE:
-                break
+        each = np.array(scales) if scales else np.ones(q)
+        share, found = _at_degree(plant, domain, each, intensity, degree)
+        if share < least:
+            best, least = found, share
+        elif best is not None and plant.remainder is not None:
+            break  # it takes its share whatever the degree
+        if least <= CLOSE:
+            break
     if best is None:
         raise InputError(
             f"{plant.name}: its covariance without control has no bound of degree {DEGREES[-1]}"
@@ -176,7 +189,7 @@ def baseline(
 
 
 def _at_degree(
-    plant: UncertainPlant, domain: Domain, E: Array, intensity: float, degree: int
+    plant: UncertainPlant, domain: Domain, scales: Array, intensity: float, degree: int
 ) -> tuple[float, Baseline | None]:
     points = np.array(
         [np.concatenate(p) for p in product(*(_grid(s, degree) for s in domain.sizes))]
@@ -186,22 +199,21 @@ def _at_degree(
     step = float(plant.step)
     if growth(np.linalg.eigvals(A), step).max() >= 0:
         raise InputError(f"{plant.name} is not stable without control: its rms there is no measure")
-    Es = np.tensordot(alpha, E, 1)
-    own = lyapunov(A, intensity * Es @ Es.swapaxes(1, 2), step)
+    E = plant.driven(alpha) * scales
+    own = lyapunov(A, intensity * E @ E.swapaxes(1, 2), step)
     sizes = np.diagonal(own, axis1=1, axis2=2).max(axis=0)
     every = np.diag(np.maximum(sizes, 1e-12 * sizes.max())) * np.abs(np.linalg.eigvals(A)).max()
     basis = domain.basis(alpha, degree)
     fit, X = (_fitted(basis, c) for c in (own, lyapunov(A, np.tile(every, (len(A), 1, 1)), step)))
-    more = bernstein(domain, E, 1)
-    noise = times(more, {e: intensity * p.T for e, p in more.items()})
-    plants = bernstein(domain, plant.A, 1)
-    if not _falls(plants, bernstein(domain, X, degree), domain, step):
+    loop = _Uncontrolled.of(plant, domain, scales, intensity, degree)
+    falling = loop.spread_of_decrease(X)
+    if not loop.falls(X, falling):
         return np.inf, None
     for share in SHARES:
-        P = bernstein(domain, fit - share * X, degree)
-        if _holds(plants, P, noise, domain, degree, step):
-            # as much again, for the rounding
-            return share, Baseline(fit - 1.5 * share * X, X, degree)
+        P = fit - 1.5 * share * X  # half of it for the rounding
+        below = loop.spread_of_covariance(P, X)
+        if loop.holds(fit - share * X, below) and loop.holds(P, below):
+            return share, Baseline(P, X, degree, (falling, below))
     return np.inf, None
 
 
@@ -222,29 +234,118 @@ def _grid(size: int, degree: int) -> list[Array]:
     return [np.array(p) / steps for p in product(range(steps + 1), repeat=size) if sum(p) == steps]
 
 
-def _holds(
-    A: Polynomial, P: Polynomial, noise: Polynomial, domain: Domain, degree: int, step: float
-) -> bool:
-    """Whether A P + P A' + step A P A' + noise > 0 coefficient by coefficient, with a margin."""
-    once = times(A, P)
-    more = elevated(noise, domain, degree + bool(step) - 1)
-    blocks = elevated({e: N + N.T for e, N in once.items()}, domain, int(bool(step)))
-    if step:
-        for e, N in times(once, {e: step * a.T for e, a in A.items()}).items():
-            blocks[e] = blocks[e] + N
-    return all(_is_positive(own + more.get(e, np.zeros_like(own))) for e, own in blocks.items())
+@dataclass(frozen=True, eq=False)
+class _Uncontrolled:
+    """The plant without control: A, and E as much as it acts, on a domain; X and P of a degree."""
 
+    plant: UncertainPlant
+    domain: Domain
+    A: Polynomial
+    E: Polynomial
+    scales: Array
+    intensity: float
+    degree: int
 
-def _falls(A: Polynomial, X: Polynomial, domain: Domain, step: float) -> bool:
-    """Whether the blocks of -(A X + X A' + step A X A') are positive, with a margin."""
-    above = elevated(X, domain, 1)
-    for e, N in times(A, X).items():
-        block = -(N + N.T)
+    @classmethod
+    def of(
+        cls, plant: UncertainPlant, domain: Domain, scales: Array, intensity: float, degree: int
+    ) -> _Uncontrolled:
+        """Return it with the curve of its samples, if they have one."""
+        E = polynomial_of(plant, domain, disturbance(plant), sum(plant.shape))
+        driven = {e: own * scales for e, own in E.items()}
+        A = polynomial_of(plant, domain, plant.A)
+        return cls(plant, domain, A, driven, scales, intensity, degree)
+
+    @property
+    def step(self) -> float:
+        return float(self.plant.step)
+
+    def form(self, coefficients: Array) -> Polynomial:
+        """Return the polynomial of these coefficients."""
+        return bernstein(self.domain, coefficients, self.degree)
+
+    def constant(self, matrix: Array, degree: int) -> Polynomial:
+        """Return a matrix as a polynomial of a degree."""
+        return elevated(bernstein(self.domain, matrix[None], 0), self.domain, degree)
+
+    def falls(self, X: Array, spread: Spread | None) -> bool:
+        """Whether the blocks of -(A X + X A' + step A X A') are positive, with a margin."""
+        own, d = self.form(X), self.plant.curve_degree
+        above, lost = elevated(own, self.domain, d), 0.0 * X[0]
+        left = lost if spread is None else np.array(spread.omega, dtype=float)
+        lost = lost if spread is None else left + _entering(spread)
+        losses, lefts = (self.constant(own, self.degree + d) for own in (lost, left))
+        for e, N in times(self.A, own).items():
+            block = -(N + N.T) - losses[e]
+            if self.step:
+                N = N + lefts[e]
+                block = np.block([[block, N], [N.T, above[e] / self.step - lefts[e]]])
+            if not _is_positive(block):
+                return False
+        return True
+
+    def holds(self, P: Array, spread: Spread | None) -> bool:
+        """Whether A P + P A' + step A P A' + noise > 0 by its coefficients, with a margin."""
+        d, step, domain = self.plant.curve_degree, self.step, self.domain
+        once, total = times(self.A, self.form(P)), self.degree + d * (1 + bool(step))
+        noise = times(self.E, {e: self.intensity * p.T for e, p in self.E.items()})
+        blocks = elevated({e: N + N.T for e, N in once.items()}, domain, d * bool(step))
         if step:
-            block = np.block([[block, N], [N.T, above[e] / step]])
-        if not _is_positive(block):
-            return False
-    return True
+            for e, N in times(once, {e: step * a.T for e, a in self.A.items()}).items():
+                blocks[e] = blocks[e] + N
+        more, lost = elevated(noise, domain, total - 2 * d), self.lost(spread)
+        losses = self.constant(lost, total)
+        kept = 1.0 if spread is None else 1 - float(SHARE)
+        none = np.zeros_like(lost)
+        each = (own + kept * more.get(e, none) - losses[e] for e, own in blocks.items())
+        return all(map(_is_positive, each))
+
+    def lost(self, spread: Spread | None) -> Array:
+        """Return what a remainder takes of the inequality of the covariance."""
+        n = self.plant.shape[0]
+        if spread is None:
+            return np.zeros((n, n))
+        driving = np.array(spread.columns[sum(self.plant.shape) :], dtype=float) * self.scales
+        most = float(np.max(driving, initial=0.0))
+        times = 1 + self.step * float(spread.kappa)
+        times += (1 / float(SHARE) - 1) * self.intensity * most**2
+        return np.asarray(times * _entering(spread) + np.array(spread.omega, dtype=float))
+
+    def spread_of_decrease(self, X: Array) -> Spread | None:
+        """Return what a remainder asks for beside X."""
+        if self.plant.remainder is None:
+            return None
+        n, m = self.plant.shape
+        none = FixedGain(np.zeros((m, n)))
+        return spread_of(self.plant, none, Evidence(_rationals(X), self.degree), driven=False)
+
+    def spread_of_covariance(self, P: Array, X: Array) -> Spread | None:
+        """Return what it asks for beside P, in coordinates in which X is about one."""
+        remainder, (n, m) = self.plant.remainder, self.plant.shape
+        if remainder is None:
+            return None
+        T = np.linalg.cholesky(X.mean(axis=0))
+        inverse, own = np.linalg.inv(T), self.form(P)
+        once, d = times(self.A, own), self.plant.curve_degree
+        MP = {e: own + self.step * once[e] for e, own in elevated(own, self.domain, d).items()}
+        coefficients = [MP[e] / binomial(self.domain.sizes, e) for e in MP]
+        moved = np.array(coefficients).swapaxes(1, 2) @ inverse.T
+        R = np.array(remainder.entries, dtype=float)
+        a, b = (inverse**2).sum(axis=0), (moved**2).sum(axis=2).max(axis=0)
+        rows, _ = cheapest(R[:, :n], a, b)  # then what is off in E, and in B, which costs nothing
+        driven = self.intensity * self.scales**2 * float(a @ rows**2) / float(SHARE)
+        every = np.concatenate([b, np.zeros(m), driven])
+        rows, columns = cheapest(R, a, np.maximum(every, FREE * b.max()))
+        V = columns[:n, None]
+        values = np.linalg.eigvalsh(V * P * V.T)
+        kappa = max(-float(values.min()) * ABOVE, float(values.max()) * (ABOVE - 1))
+        sides = [tuple(map(Fraction, own.tolist())) for own in (rows, columns)]
+        return Spread(more_than(V * moved, T), sides[0], sides[1], Fraction(kappa))
+
+
+def _entering(spread: Spread) -> Array:
+    """Return H H'."""
+    return np.diag(np.square(np.array(spread.rows, dtype=float)))
 
 
 def _is_positive(block: Array) -> bool:

@@ -29,7 +29,6 @@ from polefence.design.checks import (
 )
 from polefence.design.design import Design
 from polefence.design.measured import require_detectable
-from polefence.design.requirements.relative_rms import RelativeRms
 from polefence.design.requirements.specification import Specification
 from polefence.design.search import Deadline
 from polefence.design.signals import nearby
@@ -277,12 +276,6 @@ def _nearby(
 ) -> Optimised:
     """Return a law of a plant with a remainder, found without that and proved with it."""
     asked_for = subject_to if minimise is None else (*subject_to, minimise)
-    for own in asked_for:
-        if isinstance(own, RelativeRms):
-            raise InputError(
-                f"{own.title} is of plants that are combinations of their vertices; "
-                f"{plant.name} is only near them: bound the rms itself"
-            )
     larger, found = with_weights(plant, tuple(asked_for))
     if structure is not None:
         larger, _, found = _with_own_states(structure, plant, larger, found)

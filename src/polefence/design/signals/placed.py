@@ -100,12 +100,14 @@ def place(
         bare = plant.combinations
         if structure is None:
             method = nearby.on_the_box(plant, method)
-        return nearby.placed(
-            plant if structure is None else structure.extended(plant)[0],
-            in_time_of(plant, region),
-            lambda own: place(bare, own, method, structure=structure),
-            lambda centre: tightest(bare, centre, method, structure=structure),
-        )
+        if structure is None:
+            return nearby.placed(
+                plant,
+                in_time_of(plant, region),
+                lambda own: place(bare, own, method),
+                lambda centre: tightest(bare, centre, method),
+            )
+        return _structured(plant, in_time_of(plant, region), structure)
     if structure is None:
         return lmi.place(plant, region, method or "scheduled", allow_unproved)
     require_structure_alone(method, allow_unproved)
@@ -127,6 +129,31 @@ def place(
     raise NotProvedError(
         f"no {gain.words(plant)} was found that is proved to keep all poles in {asked}"
     )
+
+
+def _structured(plant: UncertainPlant, region: Region, structure: Structure) -> Design:
+    """Return a law of a structure for a plant with a remainder: one gain where no other is proved.
+
+    What is scheduled is found for the combinations of the vertices; one gain depends on them less.
+    """
+    bare = plant.combinations
+
+    def placed(own: Structure) -> Design:
+        return nearby.placed(
+            own.extended(plant)[0],
+            region,
+            lambda searched: place(bare, searched, structure=own),
+            lambda centre: tightest(bare, centre, structure=own),
+        )
+
+    try:
+        return placed(structure)
+    except NotProvedError as problem:
+        if structure.schedule == () or not structure.degree:
+            raise
+        with suppress(NotProvedError):
+            return placed(replace(structure, schedule=()))
+        raise problem
 
 
 def tightest(

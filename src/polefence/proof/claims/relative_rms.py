@@ -3,6 +3,10 @@
 As for the rms, with g^2 C0 P C0' in place of g^2, where A0 P + P A0' + S E0 E0' > 0 for a baseline
 that X0 > 0, -(A0 X0 + X0 A0') > 0 show to be stable, so that P is less than its covariance; in
 discrete time with T A0 P A0' besides. The dual form likewise.
+
+With a remainder, which only the same plant without control has as a baseline, A0 is off by H Delta
+V, V = diag(columns), and E0 by F: with M = I + T A0, Omega > M P V'V P M' and kappa I > -V P V' the
+left hand side loses (1 + T kappa) H H' + Omega at most, and S E0 E0' what it does from above.
 """
 
 from __future__ import annotations
@@ -17,6 +21,7 @@ from polefence.proof.claims.signal import (
     Rows,
     SignalClaim,
     Subject,
+    decreasing,
     dual_of_noise,
     moving,
     noise,
@@ -26,8 +31,17 @@ from polefence.proof.claims.signal import (
 from polefence.proof.laws import Evidence, read_evidence
 from polefence.proof.matrices import Rationals, least_work
 from polefence.proof.plant import Output
-from polefence.proof.polynomials import MAX_DEGREE, Polynomial, affine, bernstein, count_of
+from polefence.proof.polynomials import (
+    MAX_DEGREE,
+    Polynomial,
+    affine,
+    bernstein,
+    constant,
+    count_of,
+    diagonal,
+)
 from polefence.proof.reading import MAX_SIZE, Table, plain
+from polefence.proof.remainder import SHARE, Spread
 from polefence.proof.text import digits_down, number_text
 from polefence.proof.work import RATIONAL, FormatError, spend
 
@@ -54,7 +68,6 @@ class RelativeRms(SignalClaim):
     kind: ClassVar[str] = "relative rms"
     has_dual: ClassVar[bool] = True
     has_cells: ClassVar[bool] = False  # the baseline is of the whole box
-    has_remainder: ClassVar[bool] = False  # nor may it be less than said
     has_motion: ClassVar[bool] = False  # along a motion there is no one covariance to compare with
 
     baseline: Baseline
@@ -105,10 +118,22 @@ class RelativeRms(SignalClaim):
         for name, each in (("X", baseline.stability), ("P", baseline.covariance)):
             if any(not 0 <= degree <= MAX_DEGREE for degree in (each.degree, each.elevation)):
                 raise FormatError(f"degrees must be 0 to {MAX_DEGREE}")
-            if replace(each, X=[], degree=0, elevation=0) != Evidence([]):
+            if replace(each, X=[], degree=0, elevation=0, spread=None) != Evidence([]):
                 raise FormatError(f"the baseline's {name} is a polynomial and no more")
             count = count_of(self.subject.sizes, each.degree)
             require_shapes(each.X, count, n, n, f"the baseline's {name}")
+            self._require_spread(each, kappa=name == "P")
+
+    def _require_spread(self, evidence: Evidence, kappa: bool) -> None:
+        """Refuse a baseline's evidence that does not fit the remainder, or lack of it."""
+        remainder, spread = self.subject.remainder, evidence.spread
+        if (spread is None) != (remainder is None):
+            raise FormatError("a remainder has evidence of its own, for the baseline too")
+        if remainder is None or spread is None:
+            return
+        if not self.without_control:
+            raise FormatError("with a remainder the baseline is the plant without control")
+        spread.require(remainder, kappa=kappa)
 
     @property
     def least_degree(self) -> int:
@@ -120,9 +145,12 @@ class RelativeRms(SignalClaim):
     def more_work(self) -> int:
         """Work on the baseline's inequalities."""
         stability, covariance = self.baseline.stability, self.baseline.covariance
-        degrees = [stability.degree + 1 + stability.elevation] * 2
-        once = 2 if self.subject.step else 1
-        degrees.append(max(covariance.degree + once, 2) + covariance.elevation)
+        remainder = self.subject.remainder
+        d = 1 if remainder is None else remainder.degree
+        degrees = [stability.degree + d + stability.elevation] * (2 if remainder is None else 3)
+        once = 2 * d if self.subject.step else d
+        highest = max(covariance.degree + once, 2 * d) + covariance.elevation
+        degrees += [highest] * (1 if remainder is None else 3)
         count = sum(count_of(self.subject.sizes, degree) for degree in degrees)
         return least_work(count, len(self.baseline.A[0]) + self.subject.q)
 
@@ -153,19 +181,46 @@ class RelativeRms(SignalClaim):
     def inequalities(self) -> Iterator[Inequality]:
         """Yield that the baseline is stable, and that P is less than its covariance, too."""
         yield from super().inequalities()
-        baseline, sizes = self.baseline, self.subject.sizes
-        stability, covariance = baseline.stability, baseline.covariance
+        baseline, own = self.baseline, self.subject
+        sizes, step, remainder = own.sizes, own.step, own.remainder
         A = affine(baseline.A, sizes)
+        A = A if remainder is None else remainder.curved(A)
+        stability, covariance = baseline.stability, baseline.covariance
         X, P = (bernstein(each.X, sizes, each.degree) for each in (stability, covariance))
-        M, step = A * P, self.subject.step
-        driven = M + M.T + noise(baseline.E, self.intensity, sizes, self.scales)
+        N, M = A * X, A * P
+        driven = M + M.T
         driven = driven + (M * A.T).times(step) if step else driven
-        for name, blocks, by in (
-            ("X", [[X]], stability.elevation),
-            ("decrease", self.subject.falling(X, A * X), stability.elevation),
-            ("noise", [[driven]], covariance.elevation),
-        ):
-            yield Inequality.raised(f"of the baseline's {name}", blocks, by)
+        rows = {"X": [[X]], "decrease": decreasing(-(N + N.T), X, N, step, stability.spread)}
+        if stability.spread is not None:
+            V = self._columns(stability.spread) * X
+            rows["remainder"] = stability.spread.bounding(V)
+        more: Rows = {"noise": [[driven + self._noise(covariance.spread)]]}
+        if covariance.spread is not None:
+            more |= self._below(P, P + M.times(step), covariance.spread)
+        for found, by in ((rows, stability.elevation), (more, covariance.elevation)):
+            for name, blocks in found.items():
+                yield Inequality.raised(f"of the baseline's {name}", blocks, by)
+
+    def _noise(self, spread: Spread | None) -> Polynomial:
+        """Return the intensity times E0 E0', less where E0 and A0 are only near."""
+        own, sizes = self.subject, self.subject.sizes
+        if spread is None:
+            return noise(self.baseline.E, self.intensity, sizes, self.scales)
+        E = own.driving(self.scales, sizes)
+        most = max(spread.driving(self.scales, own.q), default=Fraction(0))
+        known = (E * E.T).times(self.intensity * (1 - SHARE if most else 1))
+        lost = 1 + own.step * spread.kappa + (1 / SHARE - 1) * self.intensity * most**2
+        return known - constant(spread.entering(lost), sizes) - constant(spread.omega, sizes)
+
+    def _below(self, P: Polynomial, MP: Polynomial, spread: Spread) -> Rows:
+        """Return that Omega and kappa of a covariance from below are enough."""
+        V = self._columns(spread)
+        kappa = diagonal([spread.kappa] * V.shape[0], V.sizes)
+        return {"spread": spread.bounding(V * MP.T), "kappa": [[kappa + V * P * V]]}
+
+    def _columns(self, spread: Spread) -> Polynomial:
+        """Return V = diag(columns) of the states."""
+        return diagonal(spread.columns[: self.subject.n], self.subject.sizes)
 
     def scale_text(self, scale: Fraction) -> str:
         """Return it as it is, or with a ~: a ratio may grow as one disturbance becomes less."""

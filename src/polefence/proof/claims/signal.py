@@ -178,21 +178,11 @@ class Subject:
     def falling(
         self, X: Polynomial, N: Polynomial, noise: Polynomial | None = None
     ) -> list[list[Polynomial]]:
-        """Return the blocks of -(N + N' + noise + step N X^-1 N'), less what a remainder costs.
-
-        [ -H; 0 ] Delta [ V, -V ] and its transpose are at most [ H H', 0; 0, 0 ] and
-        [ V'V, -V'V; -V'V, V'V ].
-        """
-        minus, last = self.minus(N), X.times(1 / self.step) if self.step else None
+        """Return the blocks of -(N + N' + noise + step N X^-1 N'), less what a remainder costs."""
+        minus = self.minus(N)
         if noise is not None:
             minus = minus - noise
-        spread = self.evidence.spread
-        if spread is not None:
-            left = constant(spread.omega, X.sizes)
-            minus = minus - constant(spread.entering(), X.sizes) - left
-            if last is not None:
-                N, last = N + left, last - left
-        return [[minus]] if last is None else [[minus, N], [last]]
+        return decreasing(minus, X, N, self.step, self.evidence.spread)
 
     def driving(self, scales: Sequence[Fraction], sizes: Sizes) -> Polynomial:
         """Return E, with the curve of a remainder, each column times its scale."""
@@ -272,6 +262,23 @@ class Subject:
             )
         X = lifted(self.law, own, self.sizes).part(slice(self.n))
         require_motion(X, self.motion, self.step)
+
+
+def decreasing(
+    minus: Polynomial, X: Polynomial, N: Polynomial, step: Fraction, spread: Spread | None
+) -> list[list[Polynomial]]:
+    """Return the blocks of minus - step N X^-1 N', less what a remainder costs.
+
+    [ -H; 0 ] Delta [ V, -V ] and its transpose are at most [ H H', 0; 0, 0 ] and
+    [ V'V, -V'V; -V'V, V'V ].
+    """
+    last = X.times(1 / step) if step else None
+    if spread is not None:
+        left = constant(spread.omega, X.sizes)
+        minus = minus - constant(spread.entering(), X.sizes) - left
+        if last is not None:
+            N, last = N + left, last - left
+    return [[minus]] if last is None else [[minus, N], [last]]
 
 
 def stacked(outputs: Sequence[Sequence[Rationals]]) -> list[Rationals]:
@@ -490,7 +497,8 @@ class SignalClaim(Claim):
         if own.remainder is None or spread is None:
             return
         own.remainder.require(own.n, own.m, own.q, own.sizes)
-        spread.require(own.remainder, own.evidence.dual)
+        dual = own.evidence.dual
+        spread.require(own.remainder, omega=not dual, kappa=dual)
         if not self.has_remainder:
             raise FormatError(f"a bound on {self.kind} with a remainder is not proved like this")
 

@@ -310,6 +310,16 @@ def cells(page):
     return [own for own in page.parts["Bounds on signals, proved"].split("|") if own.strip()]
 
 
+def test_errors_of_estimates_that_are_proved_are_no_bounds_on_signals(tmp_path, claims_alone):
+    own = place(family("quarter-car-physical"), Disk(-40, 33), errors={"m1": 20})
+    own.save(tmp_path)
+    page = Page(html_report(own, bounds=proved_document(tmp_path)))
+    claims = page.parts["What is claimed, and proved"]
+    assert "m1 wrong by up to 20 kg" in claims
+    assert "Not in the claims: actuator limits, sampling, and changes of the parameters." in claims
+    assert "Bounds on signals, proved" not in page.parts
+
+
 def test_a_unit_that_is_a_sentence_is_left_out(tmp_path, claims_alone):
     plant = UncertainPlant.from_vertices(
         [[[-1]], [[-2]]], [[[1]]] * 2, [[[1]]] * 2, states=("x [m; all poles in half_plane(99)]",)

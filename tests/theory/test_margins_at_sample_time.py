@@ -9,10 +9,22 @@ import numpy as np
 import pytest
 from scipy.linalg import expm
 
-from polefence import HalfPlane, UncertainPlant, analyse, at_sample_time, in_service, place
+from polefence import (
+    HalfPlane,
+    Parameter,
+    Sector,
+    Structure,
+    UncertainPlant,
+    analyse,
+    at_sample_time,
+    in_service,
+    place,
+)
 from polefence.base.errors import NotProvedError
-from polefence.design.margins import estimation_error, gain_error
+from polefence.design.margins import estimation_error, gain_error, search
+from polefence.design.margins.breaks import Break
 from polefence.design.margins.claims import Reached, subject_of
+from polefence.design.signals import nearby
 from polefence.law.laws import FixedGain
 from polefence.plant.spec import loads
 from polefence.proof.claims.base import prove
@@ -270,3 +282,45 @@ def test_laws_designed_for_errors_of_the_estimate(spring, plant):
 def test_errors_that_no_law_bears(plant):
     with pytest.raises(NotProvedError, match="with m off by 0.4, k off by 40; try smaller"):
         place(plant, REGION, errors={"m": 0.4, "k": 40})
+
+
+def test_samples_of_a_lower_degree_where_the_proof_would_be_too_large(spring):
+    curved = at_sample_time(spring, T, degree=4)
+    region = HalfPlane(2) & Sector(0.2)
+    own = place(curved, region, errors={"m": 0.05, "k": 5})
+    assert 1 < own.plant.curve_degree < 4
+    assert all(prove(claim).proved for claim in (own.certificate.claim(), *own.more))
+    many = UncertainPlant.from_expressions(
+        [Parameter(f"p{k}", 1, 2) for k in range(6)],
+        [["p0 - p1 + p2", "1"], ["p3", "-p4"]],
+        [["0"], ["p5"]],
+    )
+    with pytest.raises(NotProvedError, match="more than the 25000 that are tried; name fewer"):
+        place(many, HalfPlane(1), errors={f"p{k}": 0.1 for k in range(6)})
+
+
+def test_what_breaks_by_one_error_alone_breaks_by_all_at_once(design, monkeypatch):
+    shares = iter([0.1, 0.3, 0.2])
+    monkeypatch.setattr(
+        search, "estimate_break", lambda *_: Break(share := next(shares), f"at {share}")
+    )
+    *single, joint = estimation_error(design)
+    assert [own.upper for own in single] == pytest.approx([0.04, 12])
+    assert (joint.upper, joint.example) == (pytest.approx(0.1), "at 0.1")
+
+
+def test_one_gain_is_kept_where_no_scheduled_one_is_proved(plant, monkeypatch):
+    def placed(own, region, *_):
+        law = analyse(plant, FixedGain(np.array([[-30.0, -12.0]])), region).design
+        calls.append(own)
+        if len(calls) == 1:
+            raise NotProvedError("not proved")
+        return law
+
+    calls = []
+    monkeypatch.setattr(nearby, "placed", placed)
+    assert place(plant, HalfPlane(2), structure=Structure(schedule=("k",))).proved
+    assert len(calls) == 2
+    calls.clear()
+    with pytest.raises(NotProvedError):
+        place(plant, HalfPlane(2), structure=Structure(schedule=()))

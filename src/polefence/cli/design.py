@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+from dataclasses import replace
 from fractions import Fraction
 from typing import Any
 
@@ -28,6 +29,7 @@ from polefence.cli.common import (
 from polefence.design.checks import example_region, implies_stability
 from polefence.design.rows import plant_summary
 from polefence.design.signals.placed import place
+from polefence.law.laws import is_one
 from polefence.lmi.conditions.methods import Method, Scheduled
 from polefence.plant.family import UncertainPlant
 from polefence.plant.parameters import exact
@@ -87,6 +89,8 @@ def design_command(options: Any) -> int:
     check_results(options)
     errors = errors_of(options.error)
     design = place(plant, region, method, structure=structure, errors=errors)
+    if structure is not None and is_one(design.law):
+        structure = replace(structure, schedule=())
     label = design.label if structure is None else structure.words(plant)
     lines = [
         f"proved: {label} keeps all poles of {plant.name!r} in {design.region} for "

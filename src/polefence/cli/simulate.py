@@ -489,7 +489,7 @@ def _time(plant: UncertainPlant, options: Any, law: Any) -> tuple[float, float]:
         if loops.step:
             return duration, loops.step
         if options.sampling is not None:
-            return duration, _step(options)
+            return duration, _step(options, duration / STEPS)
         step = duration / max(STEPS, math.ceil(duration / longest_step(loops) * MARGIN))
     return duration, positive(step, "--step [s]")
 
@@ -523,7 +523,8 @@ def _road(options: Any) -> tuple[Road, float | None]:
     return roads.kerb(options.kerb, **level), duration
 
 
-def _step(options: Any) -> float:
+def _step(options: Any, longest: float = math.inf) -> float:
+    """Return the step of a drive [s], no longer than that."""
     from polefence.response.weighting import positive
     from polefence.vehicle.roads import LONGEST_STEP
 
@@ -533,7 +534,8 @@ def _step(options: Any) -> float:
         return LONGEST_STEP
     # so that the controller's period is a multiple of the step
     period = positive(options.sampling, "--sampling [s]")
-    return period / max(1, math.ceil(period / LONGEST_STEP * (1 - 1e-9)))
+    longest = min(longest, LONGEST_STEP)
+    return period / max(1, math.ceil(period / longest * (1 - 1e-9)))
 
 
 def _parameters(plant: UncertainPlant, options: Any) -> Any:

@@ -69,7 +69,7 @@ oldest: $(VENV)/.created
 	$(OLDEST)/bin/python tests/support/oldest.py > $(OLDEST)/constraints.txt
 	POLEFENCE_PURE=1 $(OLDEST)/bin/python -m pip install --quiet --no-compile . pytest pytest-xdist \
 	    hypothesis control --constraint $(OLDEST)/constraints.txt
-	$(OLDEST)/bin/python -m pytest $(PARALLEL) -p no:cacheprovider -o filterwarnings= tests/region tests/law \
+	$(OLDEST)/bin/python -m pytest $(PARALLEL) -p no:cacheprovider -o filterwarnings= tests/law \
 	    tests/plant tests/response tests/design/test_design.py tests/show/test_plots.py
 
 sanitize: $(VENV)/.installed-test

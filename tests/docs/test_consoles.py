@@ -24,10 +24,6 @@ STUDIES = re.findall(
 INTEGRATORS = re.search(
     r"```python\n# (\S+\.py)\n(.*?)```", (DOCS / "verify.md").read_text(), re.DOTALL
 )
-BALANCE = (
-    "balance.toml",
-    re.search(r"```toml\n(.*?)```", (DOCS / "input-limits.md").read_text(), re.DOTALL)[1],
-)
 MOVING = (
     "moving.toml",
     spec_text("quarter-car-ride").replace('"1/m1"\n', '"1/m1"\nrate = [-50, 50]\n'),
@@ -36,7 +32,6 @@ PAGES = {  # with what a reader has before the first command
     "cli": [STAGE],
     "fleet": [(name, text) for text, name in STUDIES],
     "index": [],
-    "input-limits": [BALANCE],
     "moving": [MOVING],
     "not-proved": [],
     "observers": [],
@@ -49,7 +44,8 @@ PAGES = {  # with what a reader has before the first command
     "verify": [INTEGRATORS.groups()],
 }
 ELSEWHERE = {
-    "analysis", "export", "regions", "ride", "simulate", "structures", "tradeoff", "vectors",
+    "analysis", "export", "input-limits", "regions", "ride", "simulate", "structures", "tradeoff",
+    "vectors",
 }  # fmt: skip
 NOT_RUN = {"dependencies", "export-misra", "export-observer", "report"}  # installs, checks C, draws
 INSTALLED = re.compile(r"^\$ (?:python3 -m venv|polefence --version)")

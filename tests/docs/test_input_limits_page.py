@@ -7,7 +7,11 @@ import re
 import pytest
 
 import polefence as pf
+from polefence.design.design import Design
 from polefence.plant.spec import loads
+from polefence.proof import claims as proof
+from polefence.proof.document import loads as read
+from support.console import blocks, follow
 from support.paths import DOCS
 from support.scripts import docs_script
 
@@ -22,13 +26,20 @@ def script():
     return vars(docs_script("input_limits"))
 
 
-def test_the_table_is_that_of_the_script(script):
+def test_the_commands_print_what_the_page_shows_and_the_table_is_of_their_law(
+    script, tmp_path, monkeypatch, capsys
+):
     plant = script["balance"]()
     spec = re.search(r"```toml\n(.*?)```", PAGE, re.DOTALL)[1]
     assert loads(spec).digest == plant.digest
-    cut = script["designed"](pf.Saturation, plant)
-    (least, _), sizes = TABLE[0], TABLE[1]
-    assert cut.bounds[0].level == pytest.approx(float(TABLE[0][1]), abs=1e-4)
-    assert float(least) > 1.9 * cut.bounds[0].level
+    (tmp_path / "balance.toml").write_text(spec)
+    for block in blocks(PAGE):
+        follow(block, tmp_path, monkeypatch, capsys)
+    file = tmp_path / "balance" / "design.json"
+    document = read(file.read_text())
+    bound, law = document.first(proof.Rms), Design.load(file).law
+    (least, own), sizes = TABLE[0], TABLE[1]
+    assert float(bound.level) == pytest.approx(float(own), abs=1e-4)
+    assert float(least) > 1.9 * bound.level
     for kind, size in zip((pf.InitialPeak, pf.Saturation), sizes, strict=True):
-        assert script["caught"](kind, cut.law, plant) == pytest.approx(float(size), abs=2e-3)
+        assert script["caught"](kind, law, plant) == pytest.approx(float(size), abs=2e-3)

@@ -13,7 +13,7 @@ import numpy as np
 
 from polefence.base.errors import InputError
 from polefence.design.design import Design
-from polefence.law.laws import FixedGain, Law, PolynomialGain
+from polefence.law.laws import FixedGain, Law, PolynomialGain, ScheduledGain
 from polefence.plant.family import UncertainPlant
 from polefence.plant.larger import own_states, with_states
 from polefence.plant.outputs import Output, states
@@ -81,11 +81,11 @@ def _law(design: Design, plant: UncertainPlant, late: int, kept: int, T: float) 
         if np.any(np.delete(law.K, columns, axis=1)):
             raise InputError("the law feeds back states of filters; it is not driven")
         return FixedGain(_rows(K, n, m, late, T, 1.0))
-    if not isinstance(law, PolynomialGain):
-        raise InputError(
-            "a law Z W^-1 whose inputs are late is not driven; design one gain (--method "
-            "quadratic), or a law that is tuned (--schedule)"
-        )
+    if isinstance(law, ScheduledGain):
+        if total != len(columns):
+            raise InputError("the law feeds back states of filters; it is not driven")
+        rates = (law.Z[:, :late] - law.W[:, n : n + late]) / T  # (K - [0, I]) W, of what is late
+        return replace(law, Z=np.concatenate([law.Z, rates], axis=1))
     measured = tuple(_picked(y, columns) for y in law.measured or states(design.plant))
     own = states(with_states(plant, late + kept))[n : n + late]
     r = len(measured)

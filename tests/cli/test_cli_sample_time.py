@@ -137,6 +137,14 @@ def test_a_gain_that_is_given_is_judged_as_a_computer_runs_it(folder, capsys):
     radius, worst = map(float, found)
     assert worst < radius < 1.02 * worst
     assert main(["check", "least", "--spec", "spring.toml"]) == 0
+    for law, how in (("scheduled", "scheduled"), ("one", "quadratic")):  # designed so
+        made = ["design", "spring.toml", *half, *seen, "--method", how, "-o", law]
+        assert main(made) == 0
+        capsys.readouterr()
+        assert main(["analyse", "spring.toml", "--gain", law, *half, *seen]) == 0
+        assert "proved: the given law keeps all poles of 'spring'" in capsys.readouterr().out
+        assert main(["analyse", "spring.toml", "--gain", law, *half]) == 2
+        assert "spring needs 1 x 2" in capsys.readouterr().err
     table = {"grid": {"m": [1, 2]}, "gains": [[[-30, -12]]] * 2}
     (folder / "table.json").write_text(json.dumps(table))
     assert main(["analyse", "spring.toml", "--gain", "table.json", *half, *seen]) == 2

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 import re
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from math import prod
 from pathlib import Path
 from typing import Any
@@ -40,7 +40,7 @@ from polefence.design.rows import plant_summary
 from polefence.design.table import FILE_NAME as TABLE_NAME
 from polefence.design.table import TableAnalysis, analyse_table
 from polefence.law.arrays import law_from
-from polefence.law.laws import FixedGain, GainTable, Law, given_law, table_from
+from polefence.law.laws import FixedGain, GainTable, Law, PolynomialGain, given_law, table_from
 from polefence.plant.arrays import NO_NAMES, read_arrays
 from polefence.plant.family import UncertainPlant
 from polefence.plant.points import values_text
@@ -118,7 +118,7 @@ def analyse_command(options: Any) -> int:
         raise InputError(
             f"--of disk needs --centre CENTRE (--centre {centre}, say); no other has one"
         )
-    plant, law = _at_samples(plant, read_gain(plant, options.gain), options)
+    plant, law = _read(plant, options)
     check_figure(options.plot)
     name = TABLE_NAME if isinstance(law, GainTable) else FILE_NAME
     check_targets(options.json, options.plot, folder=options.output, names=(name,))
@@ -134,23 +134,32 @@ def analyse_command(options: Any) -> int:
     )
 
 
-def _at_samples(
-    plant: UncertainPlant, law: Law | GainTable, options: Any
-) -> tuple[UncertainPlant, Law | GainTable]:
-    """Return plant and law as a computer has them, where the options ask for it.
+def _read(plant: UncertainPlant, options: Any) -> tuple[UncertainPlant, Law | GainTable]:
+    """Return plant and law, as a computer has them where the options ask for it.
 
-    A gain is zero of inputs that are on their way.
+    A gain of the plant is zero of inputs that are on their way; one of a design at a sample time
+    has them.
     """
     seen = at_samples(plant, options)
+    try:
+        law = read_gain(plant, options.gain)
+    except InputError:
+        if seen is plant:
+            raise
+        with suppress(InputError):
+            return seen, read_gain(seen, options.gain)
+        raise
     if seen is plant:
         return plant, law
-    if not isinstance(law, FixedGain):
-        raise InputError(
-            "--sample-time judges one gain; of any law that is designed `polefence export "
-            "--sample-time` says how fast the loop decays"
-        )
-    late = np.zeros((plant.shape[1], seen.shape[0] - plant.shape[0]))
-    return seen, FixedGain(np.hstack([law.K, late]))
+    if isinstance(law, FixedGain):
+        late = np.zeros((plant.shape[1], seen.shape[0] - plant.shape[0]))
+        return seen, FixedGain(np.hstack([law.K, late]))
+    if isinstance(law, PolynomialGain) or seen.shape == plant.shape:
+        return seen, read_gain(seen, options.gain)
+    raise InputError(
+        "--sample-time --delay judges one gain, and laws that are designed so; of any other "
+        "`polefence export --sample-time` says how fast the loop decays"
+    )
 
 
 def read_gain(

@@ -94,7 +94,9 @@ def export_command(options: Any) -> int:
     """Write a design as code for a microprocessor, with what is proved of it."""
     check_c_name(options.name)
     if options.delay is not None and options.sample_time is None:
-        raise InputError("--delay counts samples: give --sample-time too")
+        raise InputError(
+            "--delay counts samples: give --sample-time too, or neither for a design at one"
+        )
     if options.lang == "mat":
         return _matlab(options)
     check_folder(options.output, marks(options.name))

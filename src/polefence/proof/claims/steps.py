@@ -92,7 +92,7 @@ def series_error(
     size = max(map(norm, short))
     off = root(Fraction(n * width)) / (1 << (BITS + 1))
     if 2 * size >= terms + 2:
-        raise FormatError("terms are too few for this sample time")
+        raise FormatError("the sample time is too long for these rates")
     power: Fraction = size ** (terms + 1)
     tail = power / math.factorial(terms + 1) / (1 - size / (terms + 2))
     return _series(bernstein(short, sizes, 1), terms), off * exponential(size + off), tail
@@ -113,7 +113,7 @@ def series_by_entries(
     short = [[[Fraction(round(x * unit), unit) for x in row] for row in own] for own in M]
     size, last = max(map(norm, short)), terms + FURTHER
     if 2 * size >= last + 2:
-        raise FormatError("terms are too few for this sample time")
+        raise FormatError("the sample time is too long for these rates")
     most = [
         [max(map(abs, each)) for each in zip(*rows, strict=True)]
         for rows in zip(*short, strict=True)

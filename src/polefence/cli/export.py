@@ -174,4 +174,8 @@ def _print(found: Exported) -> None:
     for line in found.texts.statement:
         say(f"  {line}")
     if made.tolerated > 0:
-        say(f"  rounding {digits_up(made.rounding, 3)}, tolerated {digits_down(made.tolerated, 3)}")
+        room = f"tolerated {digits_down(made.tolerated, 3)}"
+        if made.claim is not None:
+            proved = digits_down(made.claim.gain.error, 3)
+            room = f"proved up to {proved}; by floats up to {digits_down(made.tolerated, 3)}"
+        say(f"  rounding {digits_up(made.rounding, 3)}, {room}")

@@ -15,7 +15,7 @@ import numpy as np
 from polefence.plant.boxes import Box
 from polefence.plant.motion import STILL, Motion
 from polefence.plant.system import Array
-from polefence.region.regions import Region
+from polefence.region.regions import Disk, Region
 
 # Decay rates are looked for up to this multiple of the rate that is typical of the region.
 FASTEST = 2.5
@@ -130,6 +130,13 @@ class Around:
     def scale(self) -> float:
         """A rate typical of the problem [1/s]; zero where it has none."""
         return self.region.scale
+
+    @property
+    def centre(self) -> float:
+        """Of disks from which a search starts: on the left, or of a disk that reaches over zero."""
+        parts = self.region.parts
+        reaching = [own.centre for own in parts if isinstance(own, Disk) and own.centre + own.radius > 0]
+        return reaching[0] if reaching else -self.scale
 
     @property
     def is_open(self) -> bool:

@@ -137,7 +137,7 @@ class _Search:
         """Return a nominal design, or a rough solution of Lemma 1 where that is a start."""
         if not isinstance(self.goal, Disks):
             # of disks about a centre typical of the region; r is found out when it is run
-            own = Disks(-self.scale)
+            own = Disks(self.goal.centre if isinstance(self.goal, Around) else -self.scale)
             return replace(replace(self, goal=own, patches=()).first(), r=0.0)
         if normal(self.method) == "quadratic":
             start = nominal_start(self.A, self.B, -self.goal.centre, self.plain, self.scale)

@@ -16,12 +16,15 @@ from polefence import (
     HalfPlane,
     NotProvedError,
     Parameter,
+    Scheduled,
     Sector,
     UncertainPlant,
     analyse,
+    at_sample_time,
     load,
     place,
 )
+from polefence.design.checks import in_time_of
 from polefence.design.requirements.gain import Gain
 from polefence.design.requirements.gain_norm import GainNorm
 from polefence.design.requirements.initial_peak import InitialPeak
@@ -29,7 +32,9 @@ from polefence.design.requirements.rms import Rms
 from polefence.design.requirements.text import load_specifications
 from polefence.design.signals.bounds import sampled
 from polefence.design.signals.optimise import optimise
-from polefence.examples import spec_path
+from polefence.examples import family, spec_path
+from polefence.lmi.conditions.target import Around
+from polefence.lmi.solve.smallest import smallest
 from polefence.plant.outputs import Output
 from polefence.plant.points import seeded
 from polefence.plant.spec import loads
@@ -222,3 +227,18 @@ def test_a_law_that_is_not_found_is_no_contradiction(integrator):
     with pytest.raises(NotProvedError, match="no law was found|finds no law") as answer:
         optimise(integrator, None, [GainNorm(2.0)], HalfPlane(1), "quadratic")
     assert "contradict" not in str(answer.value)
+
+
+def test_regions_of_the_z_plane_are_searched_from_disks_about_their_own_centre():
+    """From a disk on the left, which no loop there is near, the start would be rounding alone."""
+    assert Around(Disk(0, 0.9)).centre == 0
+    assert Around(Disk(0.6, 0.1) & Disk(0, 0.9)).centre == 0.6
+    assert Around(Disk(-40, 31)).centre == -40
+    assert Around(HalfPlane(5)).centre == -5
+    car = at_sample_time(family("quarter-car-physical"), 0.005, delay=1).combinations
+    goal, method = Around(in_time_of(car, HalfPlane(5))), Scheduled(1, 1, "box")
+    found = smallest(car.A, car.B, goal, method, enough=0.98)
+    near = smallest(car.A * (1 + 1e-13), car.B, goal, method, enough=0.98)
+    assert found.r < 0.98
+    assert found.iterations < 10
+    assert near.r == pytest.approx(found.r, rel=1e-6)

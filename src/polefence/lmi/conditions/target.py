@@ -134,8 +134,8 @@ class Around:
     @property
     def centre(self) -> float:
         """Of disks from which a search starts: on the left, or of a disk that reaches over zero."""
-        parts = self.region.parts
-        reaching = [own.centre for own in parts if isinstance(own, Disk) and own.centre + own.radius > 0]
+        disks = [own for own in self.region.parts if isinstance(own, Disk)]
+        reaching = [own.centre for own in disks if own.centre + own.radius > 0]
         return reaching[0] if reaching else -self.scale
 
     @property

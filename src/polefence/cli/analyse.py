@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 import re
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from math import prod
 from pathlib import Path
 from typing import Any
@@ -40,7 +40,7 @@ from polefence.design.rows import plant_summary
 from polefence.design.table import FILE_NAME as TABLE_NAME
 from polefence.design.table import TableAnalysis, analyse_table
 from polefence.law.arrays import law_from
-from polefence.law.laws import FixedGain, GainTable, Law, PolynomialGain, given_law, table_from
+from polefence.law.laws import FixedGain, GainTable, Law, given_law, table_from
 from polefence.plant.arrays import NO_NAMES, read_arrays
 from polefence.plant.family import UncertainPlant
 from polefence.plant.points import values_text
@@ -141,23 +141,20 @@ def _read(plant: UncertainPlant, options: Any) -> tuple[UncertainPlant, Law | Ga
     has them.
     """
     seen = at_samples(plant, options)
-    try:
-        law = read_gain(plant, options.gain)
-    except InputError:
-        if seen is plant:
-            raise
-        with suppress(InputError):
-            return seen, read_gain(seen, options.gain)
-        raise
     if seen is plant:
-        return plant, law
-    if isinstance(law, FixedGain):
-        late = np.zeros((plant.shape[1], seen.shape[0] - plant.shape[0]))
-        return seen, FixedGain(np.hstack([law.K, late]))
-    if isinstance(law, PolynomialGain) or seen.shape == plant.shape:
-        return seen, read_gain(seen, options.gain)
+        return plant, read_gain(plant, options.gain)
+    try:
+        law = read_gain(seen, options.gain)
+    except InputError:  # of the plant, not of what is on its way
+        law = read_gain(plant, options.gain)
+        if isinstance(law, FixedGain):
+            late = np.zeros((plant.shape[1], seen.shape[0] - plant.shape[0]))
+            return seen, FixedGain(np.hstack([law.K, late]))
+    else:
+        if not isinstance(law, GainTable):
+            return seen, law
     raise InputError(
-        "--sample-time --delay judges one gain, and laws that are designed so; of any other "
+        "--sample-time judges one gain, and laws that are designed so; of any other "
         "`polefence export --sample-time` says how fast the loop decays"
     )
 

@@ -34,11 +34,10 @@ from polefence.design.margins.claims import (
     MOST,
     Reached,
     balanced,
-    count_monomials,
     holds,
     subject_of,
 )
-from polefence.design.margins.kinds import count_blocks, estimate_holds, points_of
+from polefence.design.margins.kinds import count_blocks, count_pairs, estimate_holds, points_of
 from polefence.design.place import points_in, proved_at, rounded
 from polefence.law.laws import is_one
 from polefence.lmi.conditions.methods import Method, Scheduled, Slack, method_label, options
@@ -143,12 +142,11 @@ def _countable(
     NotProvedError
         If there is none.
     """
-    moved = sum(map(bool, errors))
+    sizes, q = list(map(float, errors)), len(plant.parameters)
     while True:
-        d, q = plant.curve_degree, len(plant.parameters)
-        own = int(method.degree) * (1 if plant.remainder is None else 2)
-        each = count_monomials((2,) * q, (own + d + method.elevation,) * q)
-        each *= (4 if d == 1 else 3 * (d + 1)) ** moved
+        d = plant.curve_degree
+        degrees = int(method.degree) * (1 if plant.remainder is None else 2), d
+        each = count_pairs((2,) * q, degrees, q, sizes, 1, method.elevation)
         count = each * len(region.pairs())
         if count <= MOST:
             return plant

@@ -86,18 +86,29 @@ def estimate_holds(design: Balanced, points: Points) -> bool:
 
 def count_blocks(design: Balanced, errors: Sequence[float], pieces: int, elevation: int) -> float:
     """Return how many inequalities there are at most."""
-    d = design.plant_degree
-    degree = design.degree + d + elevation
-    if not design.q:
+    size = design.degree, design.plant_degree
+    return count_pairs(design.sizes, size, design.q, errors, pieces, elevation) * len(design.pairs)
+
+
+def count_pairs(
+    sizes: tuple[int, ...],
+    degrees: tuple[int, int],
+    q: int,
+    errors: Sequence[float],
+    pieces: int,
+    elevation: int,
+) -> float:
+    """Return how many there are for each L, M, of X and of [A, B] of these degrees."""
+    own, d = degrees
+    degree = own + d + elevation
+    if not q:
         if d == 1:
-            each = len(design.A) * count_monomials(design.sizes * 2, (degree, design.degree))
-        else:
-            each = count_monomials(design.sizes * 3, (degree, design.degree, d))
-        return each * len(design.pairs)
+            return sizes[0] * count_monomials(sizes * 2, (degree, own))
+        return count_monomials(sizes * 3, (degree, own, d))
     moved = sum(map(bool, errors)) if d > 1 else 0
-    each = count_monomials((2,) * (design.q + moved), (degree,) * design.q + (d,) * moved)
+    each = count_monomials((2,) * (q + moved), (degree,) * q + (d,) * moved)
     most = pieces + 2 if moved else 2 * (pieces + 1)
-    return each * math.prod(most if error else pieces for error in errors) * len(design.pairs)
+    return each * math.prod(most if error else pieces for error in errors)
 
 
 def points_of(
@@ -152,15 +163,8 @@ def _segments(parameter: Parameter, error: float, pieces: int, both: bool) -> li
 
 def _mislaid(design: Balanced, share: float, degree: int) -> Points:
     N, d = len(design.A), design.plant_degree
-    sizes, degrees = (
-        ((N, N), (degree, design.degree))
-        if d == 1
-        else (
-            (N, N, N),
-            (degree, design.degree, d),
-        )
-    )
-    nodes, coefficients = lattice(sizes, degrees)
+    degrees = (degree, design.degree) if d == 1 else (degree, design.degree, d)
+    nodes, coefficients = lattice((N,) * len(degrees), degrees)
     kept = (1 - share) * nodes[:, :N]
     towards = np.eye(N)[:, None, :] if d == 1 else nodes[None, :, 2 * N :]
     plant = kept[None] + share * towards

@@ -171,9 +171,9 @@ def baseline(
         If the plant without control is unstable somewhere, or no polynomial of `DEGREES` will do.
     """
     domain, q = Domain.of(on, len(plant.vertices)), disturbance(plant).shape[2]
+    each = np.array(scales) if scales else np.ones(q)
     best, least = None, np.inf
     for degree in DEGREES:
-        each = np.array(scales) if scales else np.ones(q)
         share, found = _at_degree(plant, domain, each, intensity, degree)
         if share < least:
             best, least = found, share
@@ -212,7 +212,7 @@ def _at_degree(
     for share in SHARES:
         P = fit - 1.5 * share * X  # half of it for the rounding
         below = loop.spread_of_covariance(P, X)
-        if loop.holds(fit - share * X, below) and loop.holds(P, below):
+        if loop.holds(fit - share * X, below):
             return share, Baseline(P, X, degree, (falling, below))
     return np.inf, None
 
@@ -271,10 +271,11 @@ class _Uncontrolled:
     def falls(self, X: Array, spread: Spread | None) -> bool:
         """Whether the blocks of -(A X + X A' + step A X A') are positive, with a margin."""
         own, d = self.form(X), self.plant.curve_degree
-        above, lost = elevated(own, self.domain, d), 0.0 * X[0]
-        left = lost if spread is None else np.array(spread.omega, dtype=float)
-        lost = lost if spread is None else left + _entering(spread)
-        losses, lefts = (self.constant(own, self.degree + d) for own in (lost, left))
+        above, entering = elevated(own, self.domain, d), np.zeros_like(X[0])
+        omega = entering
+        if spread is not None:
+            entering, omega = _entering(spread), np.array(spread.omega, dtype=float)
+        losses, lefts = (self.constant(M, self.degree + d) for M in (entering + omega, omega))
         for e, N in times(self.A, own).items():
             block = -(N + N.T) - losses[e]
             if self.step:

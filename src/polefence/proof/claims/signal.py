@@ -306,7 +306,6 @@ class SignalClaim(Claim):
     direct: ClassVar[bool] = False  # whether one may pass straight into the output
     has_dual: ClassVar[bool] = False  # whether there is a dual form of its inequalities
     has_cells: ClassVar[bool] = True  # whether it can be proved in parts of the box
-    has_remainder: ClassVar[bool] = True  # whether the plant may have one
     moves: ClassVar[bool] = True
     has_motion: ClassVar[bool] = True  # whether parameters of the plant may move
     most: ClassVar[int] = 1  # entries of a vector
@@ -499,8 +498,6 @@ class SignalClaim(Claim):
         own.remainder.require(own.n, own.m, own.q, own.sizes)
         dual = own.evidence.dual
         spread.require(own.remainder, omega=not dual, kappa=dual)
-        if not self.has_remainder:
-            raise FormatError(f"a bound on {self.kind} with a remainder is not proved like this")
 
     @property
     def least(self) -> int:

@@ -34,6 +34,24 @@ A = [[0, 1], ["-k/m", "-0.2/m"]]
 B = [[0], ["1/m"]]
 E = [[0], [1]]
 """
+# A body on a spring, pushed by the input and the disturbance.
+SPRING = """
+name = "spring"
+states = ["x [m]", "v [m/s]"]
+inputs = ["f [N]"]
+disturbances = ["w [N]"]
+[parameter.m]
+range = [0.8, 1.2]
+unit = "kg"
+through = "1/m"
+[parameter.k]
+range = [80, 120]
+unit = "N/m"
+[matrices]
+A = [[0, 1], ["-k/m", "-2/m"]]
+B = [[0], ["1/m"]]
+E = [[0], ["1/m"]]
+"""
 
 
 def rms(signal, at_most=None):

@@ -48,31 +48,15 @@ from polefence.proof.document import loads as read
 from polefence.proof.laws import Evidence, Piece
 from polefence.proof.remainder import Remainder
 from polefence.proof.work import FormatError
+from support.specs import SPRING
 
-SPEC = """
-name = "spring"
-states = ["x [m]", "v [m/s]"]
-inputs = ["f [N]"]
-disturbances = ["w [N]"]
-[parameter.m]
-range = [0.8, 1.2]
-unit = "kg"
-through = "1/m"
-[parameter.k]
-range = [80, 120]
-unit = "N/m"
-[matrices]
-A = [[0, 1], ["-k/m", "-2/m"]]
-B = [[0], ["1/m"]]
-E = [[0], ["1/m"]]
-"""
 T = 0.02
 LAW = {0: np.array([[-30.0, -12.0]]), 1: np.array([[-30.0, -12.0, -0.2]])}
 
 
 @pytest.fixture(scope="module")
 def spring():
-    return loads(SPEC)
+    return loads(SPRING)
 
 
 @pytest.fixture(scope="module", params=[0, 1], ids=["prompt", "late"])
@@ -147,7 +131,7 @@ def test_other_degrees_are_refused(spring, degree):
 
 def test_a_plant_that_is_combinations_of_its_samples_has_next_to_no_remainder():
     # A does not depend on m, so that exp(A T) B is multi-affine
-    free = loads(SPEC.replace('"-k/m", "-2/m"', "0, 0").replace(K, ""))
+    free = loads(SPRING.replace('"-k/m", "-2/m"', "0, 0").replace(K, ""))
     entries = np.array(at_sample_time(free, T).remainder.entries, dtype=float)
     assert entries.max() < 1e-8
 
@@ -481,7 +465,7 @@ def test_a_late_input_is_a_state_and_outputs_follow_what_acts(spring):
     assert plant.shape == (4, 1)
     assert at_sample_time(spring, 0.02).sample_time == Fraction(1, 50)
     assert at_sample_time(spring, "1/30").sample_time == Fraction(1, 30)
-    accelerated = loads(SPEC + '[outputs."a [m/s2]"]\nC = ["-k/m", "-2/m"]\nD = ["1/m"]\n')
+    accelerated = loads(SPRING + '[outputs."a [m/s2]"]\nC = ["-k/m", "-2/m"]\nD = ["1/m"]\n')
     late = at_sample_time(accelerated, T, 1).signal("a").exact(at_sample_time(spring, T, 1))
     assert late[0][0][2] == accelerated.signal("a").exact(accelerated)[1][0][0]
     assert not any(map(any, late[1]))

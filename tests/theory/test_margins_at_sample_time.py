@@ -32,29 +32,15 @@ from polefence.proof.document import check
 from polefence.proof.document import loads as read
 from polefence.proof.work import FormatError
 from polefence.region.regions import Disk
+from support.specs import SPRING
 
-SPEC = """
-name = "spring"
-states = ["x [m]", "v [m/s]"]
-inputs = ["f [N]"]
-[parameter.m]
-range = [0.8, 1.2]
-unit = "kg"
-through = "1/m"
-[parameter.k]
-range = [80, 120]
-unit = "N/m"
-[matrices]
-A = [[0, 1], ["-k/m", "-2/m"]]
-B = [[0], ["1/m"]]
-"""
 T = 0.02
 REGION = Disk(0.6, 0.1)
 
 
 @pytest.fixture(scope="module")
 def spring():
-    return loads(SPEC)
+    return loads(SPRING)
 
 
 @pytest.fixture(scope="module")

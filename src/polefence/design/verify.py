@@ -19,8 +19,10 @@ from polefence.design.checks import in_time_of, require_region
 from polefence.design.evidence import certificate_of, placeholder
 from polefence.design.given import Analysis, analyse
 from polefence.design.requirements.specification import Specification
-from polefence.design.signals.bounds import Bound, best_bound, sampled
+from polefence.design.signals.bounds import Bound, best_bound, sampled, worst_of
+from polefence.design.signals.by_transfer import ByTransfer
 from polefence.law.laws import FixedGain, GainTable, Law, given_law
+from polefence.plant.delta import delta_form
 from polefence.plant.family import UncertainPlant
 from polefence.plant.points import values_at
 from polefence.plant.system import read_matrix
@@ -293,9 +295,8 @@ def _bounded(plant: UncertainPlant, law: Law, limit: Specification) -> VerifiedB
     most = inf if limit.at_most is None else limit.at_most
     free = replace(limit, at_most=None)
     found = sampled(plant, law, free)
-    k = int(np.argmax(found.values))
+    worst, k = worst_of(found, ByTransfer.of(delta_form(plant), law, free))
     alpha = tuple(float(a) for a in found.alpha[k])
-    worst = float(found.values[k])
     own = limit, None, worst, alpha, values_at(plant, alpha)
     if worst > most:
         return VerifiedBound(limit, "exceeded", *own[1:])

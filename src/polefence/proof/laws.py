@@ -247,7 +247,8 @@ class Evidence:
     form. ``spread`` is what a plant with a remainder asks for besides. ``cells``: parts of the box,
     each with evidence of its own; there is then no other. ``held``: coefficients of H X where
     inputs are cut off, which claims of that kind take over. ``pieces``: of each parameter's
-    interval, in each of which the inequalities are proved.
+    interval, in each of which the inequalities are proved. ``transfer``: the transfer function is
+    the proof, and there is no other evidence.
     """
 
     X: list[Rationals]
@@ -263,6 +264,7 @@ class Evidence:
     held: tuple[Rationals, ...] = ()
     held_degree: int = 0
     pieces: tuple[int, ...] = ()
+    transfer: bool = False
 
     @property
     def each(self) -> tuple[Evidence, ...]:
@@ -288,6 +290,8 @@ class Evidence:
 
     def write(self, letter: str = "X") -> dict[str, Any]:
         """Return the polynomial as a file has it; of the dual form the letter is Q."""
+        if self.transfer:
+            return {"transfer": True}
         if self.cells:
             bounds = [{"low": plain(own.low), "high": plain(own.high)} for own in self.cells]
             pairs = zip(bounds, self.cells, strict=True)

@@ -49,10 +49,7 @@ def peaks(modes: Modes, E: Array, C: Array, F: Array) -> tuple[Array, Array, Arr
         Of stable A (count, n, n).
     E, C, F : (count, n, q), (count, p, n), (count, p, q) arrays
     """
-    if modes.step:
-        A, inverse = bilinear(modes.A, modes.step)
-        F = F - modes.step / 2 * C @ inverse @ E
-        modes, E, C = Modes(A), inverse @ E, C @ inverse
+    modes, E, C, F = _continuous(modes, E, C, F)
     A, poles, height = modes.A, modes.poles, _height(modes, E, C, F)
     grid = _grid(poles)
     loops, w, top = _climbed(height, grid, height(grid), np.arange(len(A)))
@@ -87,6 +84,24 @@ def peaks(modes: Modes, E: Array, C: Array, F: Array) -> tuple[Array, Array, Arr
             some.append(int(k))
     some.sort(key=lambda k: (loops[k], w[k]))
     return loops[some], w[some], top[some]
+
+
+def on_grid(modes: Modes, E: Array, C: Array, F: Array) -> Array:
+    """Return the largest singular value on a grid of frequencies, those of the poles among them.
+
+    Parameters are those of `peaks`, of which it is at most the height of the highest.
+    """
+    modes, E, C, F = _continuous(modes, E, C, F)
+    return np.asarray(_height(modes, E, C, F)(_grid(modes.poles)).max(axis=1))
+
+
+def _continuous(modes: Modes, E: Array, C: Array, F: Array) -> tuple[Modes, Array, Array, Array]:
+    """Return loops in continuous time as they are, of a delta form its bilinear transform."""
+    if not modes.step:
+        return modes, E, C, F
+    A, inverse = bilinear(modes.A, modes.step)
+    F = F - modes.step / 2 * C @ inverse @ E
+    return Modes(A), inverse @ E, C @ inverse, F
 
 
 def _height(modes: Modes, E: Array, C: Array, F: Array) -> Any:

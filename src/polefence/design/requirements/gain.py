@@ -21,13 +21,13 @@ from polefence.plant.polynomial import Domain
 from polefence.plant.system import Array
 from polefence.proof import claims as proof
 from polefence.response.closed import close
-from polefence.response.linear import frequency
-from polefence.response.peaks import largest, peaks, response
-from polefence.response.stationary import STABLE, stationary
+from polefence.response.modes import Modes
+from polefence.response.peaks import on_grid, peaks, response
+from polefence.response.stationary import stationary
 
 UNIT = 2.0  # one-sided density of noise of intensity one
 NEAR = 0.7  # singular values that have slopes, of the largest at a peak
-COARSE, FINE, FEW = 60, 2000, 20  # frequencies at all points, and at the worst few
+FEW = 20  # points, the worst of a grid, at which peaks are found
 
 
 @dataclass(frozen=True)
@@ -83,23 +83,15 @@ class Gain(Specification):
         return source, replace(own, F=self.scaled(plant, F) if np.any(F) else None)
 
     def values(self, plant: UncertainPlant, law: Any, alpha: Array) -> Array:
-        """Return the gain by a sweep over frequency, which is fine at the worst points only."""
-        outputs = self.outputs(plant)
-        stationary(plant, law, alpha, 0.0, outputs)  # refuses what is not stable
-        poles = np.abs(close(plant, law, alpha).poles())
-        low, high = poles[poles > STABLE * poles.max()].min() / 10, 10 * poles.max()
-        if step := float(delta_form(plant).step):
-            high = np.pi / step
-            low = min(low, high / 10)
-
-        def swept(points: Array, count: int) -> Array:
-            asked = np.append(0.0, np.geomspace(low, high, count)) / (2 * np.pi)
-            found = self.scaled(plant, frequency(plant, law, points, asked, outputs).gain)
-            return np.asarray(largest(found).max(axis=1))
-
-        values = swept(alpha, COARSE)
+        """Return the gain on a grid of frequencies, and exactly at the worst points."""
+        stationary(plant, law, alpha, 0.0, self.outputs(plant))  # refuses what is not stable
+        own, closed = self.channel(delta_form(plant), alpha), close(plant, law, alpha)
+        loops = own.closed(closed.K, Modes(closed.closed, closed.step))
+        values = on_grid(loops.modes, loops.E, loops.C, loops.F)
         worst = np.argsort(-values)[:FEW]
-        values[worst] = np.maximum(values[worst], swept(alpha[worst], FINE))
+        modes = Modes(loops.A[worst], closed.step)
+        points, _, height = peaks(modes, loops.E[worst], loops.C[worst], loops.F[worst])
+        np.maximum.at(values, worst[points], height)
         return values
 
     def slopes(self, loops: Loops) -> Slopes:

@@ -101,7 +101,9 @@ class RelativeRms(Rms):
     ) -> proof.BoundClaim:
         """Return the claim about the ratio."""
         domain = Domain.of(subject.on, len(subject.A))
-        stability, covariance = self._baseline(plant, domain).evidence()
+        stability = covariance = Evidence([])
+        if not subject.evidence.transfer:
+            stability, covariance = self._baseline(plant, domain).evidence()
         n = len(subject.A[0])
         outputs, scales = self.exact_outputs(plant), tuple(map(Fraction, self.scales(plant)))
         A, E, C = proof.baseline_loop(subject, outputs[0], None, tuple(range(n)))

@@ -27,6 +27,7 @@ from polefence.design.requirements.gain_norm import GainNorm, levels
 from polefence.design.requirements.rms import Rms, of_one_noise
 from polefence.design.requirements.specification import Specification, claim_of
 from polefence.design.search import first
+from polefence.design.signals.by_transfer import ByTransfer
 from polefence.law.laws import FixedGain, Law, domain_of
 from polefence.lmi.conditions import performance
 from polefence.lmi.conditions.lyapunov import Loop
@@ -43,6 +44,7 @@ from polefence.plant.system import Array
 from polefence.proof import matrices
 from polefence.proof.claims.base import prove
 from polefence.proof.claims.gain_norm import BoundClaim
+from polefence.proof.claims.signal import SignalClaim
 from polefence.proof.document import Document
 from polefence.proof.laws import Evidence, Piece
 from polefence.proof.remainder import SHARE, Spread
@@ -74,7 +76,7 @@ FOLLOWED, STEP = 5.0, 0.25
 AGREED = 1e-6
 NEARLY, NIL = 1e-2, 1e-9  # by which it passes one that is raised; of a signal that is nil
 GROUP = 2_000_000  # of samples at once
-COARSE, FINE, FEW = 60, 2000, 20  # frequencies at all points, and at the worst few
+FEW = 20  # samples beside the vertices
 
 
 @dataclass(frozen=True, eq=False)
@@ -133,7 +135,7 @@ def _best_bound(
     question = _Question.of(plant, law, specification)
     climbs = [_dual_bounds, _in_parts, _climbed]
     best: Bound | None = None
-    for climb in reversed(climbs) if question.by_lmi else climbs:
+    for climb in (_by_transfer, *(reversed(climbs) if question.by_lmi else climbs)):
         for own in climb(question):
             if best is None or own.level < best.level:
                 best = own
@@ -157,6 +159,8 @@ class _Question:
         Its dual form; None of a kind that has none, or a law that is undefined somewhere.
     worst : float
         The worst value at a few points; zero where doubles find none.
+    by_transfer : ByTransfer, optional
+        Its proof by the transfer function, where there is one.
     """
 
     plant: UncertainPlant
@@ -164,17 +168,20 @@ class _Question:
     specification: Specification
     problem: DualProblem | None = None
     worst: float = 0.0
+    by_transfer: ByTransfer | None = None
 
     @classmethod
     def of(cls, plant: UncertainPlant, law: Law, specification: Specification) -> _Question:
         """Return the question with what samples say."""
-        alpha = seeded(plant, len(plant.vertices) + FEW)
+        alpha, own = seeded(plant, len(plant.vertices) + FEW), None
         with suppress(InputError, np.linalg.LinAlgError):
-            worst = sampled(plant, law, specification, alpha).worst
+            own = ByTransfer.of(plant, law, specification)
+        with suppress(InputError, np.linalg.LinAlgError):
+            worst = worst_of(sampled(plant, law, specification, alpha), own)[0]
             # along a motion a dual form would bound means over time only
             dual = None if plant.moving else specification.dual(plant, law)
-            return cls(plant, law, specification, dual, worst)
-        return cls(plant, law, specification)
+            return cls(plant, law, specification, dual, worst, own)
+        return cls(plant, law, specification, by_transfer=own)
 
     @property
     def by_lmi(self) -> bool:
@@ -195,6 +202,16 @@ class _Question:
         """Return the bound of that level if evidence proves it."""
         return _proved(self.plant, self.law, self.specification, evidence, level)
 
+    def bound_of(self, claim: SignalClaim) -> Bound:
+        """Return the bound of a claim that is proved."""
+        level = float(claim.level)
+        return Bound(self.specification, level, claim, 0, prove(claim).reason)
+
+    def kept_by_transfer(self, level: float) -> Bound | None:
+        """Return the bound of that level if the transfer function proves it."""
+        claim = None if self.by_transfer is None else self.by_transfer.proved(level)
+        return None if claim is None else self.bound_of(claim)
+
     def in_parts(self, level: float) -> Bound | None:
         """Return the bound of that level if dual polynomials on parts of the box prove it."""
         parts = None
@@ -207,6 +224,14 @@ class _Question:
             for p in parts
         )
         return self.proved(Evidence([], dual=True, cells=tuple(pieces)), level)
+
+
+def _by_transfer(question: _Question) -> Iterator[Bound]:
+    """Yield the bound that the transfer function proves, if the kind has one."""
+    if question.by_transfer is not None and question.worst > 0:
+        claim = question.by_transfer.least(question.worst)
+        if claim is not None:
+            yield question.bound_of(claim)
 
 
 def _climbed(question: _Question) -> Iterator[Bound]:
@@ -310,6 +335,9 @@ def _kept_bound(
     question = _Question.of(plant, law, specification)
     if question.worst > limit * (1 + AGREED):  # nor would a proof be taken
         return None
+    own = question.kept_by_transfer(limit)
+    if own is not None:
+        return own
     for dual in question.duals:
         if dual.level < limit:
             own = question.proved(_dual_evidence(dual), limit)
@@ -526,6 +554,14 @@ def sampled(
     alpha = seeded(plant) if alpha is None else np.atleast_2d(np.asarray(alpha, dtype=float))
     values = specification.values(plant, law, alpha)
     return Sampled(specification, alpha, np.asarray(values))
+
+
+def worst_of(found: Sampled, own: ByTransfer | None) -> tuple[float, int]:
+    """Return the worst of samples, exact where floats are not, and its number."""
+    if own is None:
+        k = int(found.values.argmax())
+        return float(found.values[k]), k
+    return own.worst(found.alpha, found.values)
 
 
 def each_sampled(

@@ -10,6 +10,7 @@ is T [N, E]'Q [N, E], taken from the first two blocks.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from fractions import Fraction
 from typing import ClassVar
@@ -24,6 +25,7 @@ from polefence.proof.claims.signal import (
 )
 from polefence.proof.matrices import identity
 from polefence.proof.polynomials import Polynomial, constant, diagonal
+from polefence.proof.transfer import Tensor, Transfer, gain_polynomial, passes
 
 
 @dataclass(frozen=True)
@@ -34,6 +36,7 @@ class Gain(SignalClaim):
     direct: ClassVar[bool] = True
     most: ClassVar[int] = MAX_ENTRIES
     has_dual: ClassVar[bool] = True
+    has_transfer: ClassVar[bool] = True
 
     @property
     def least_degree(self) -> int:
@@ -94,6 +97,13 @@ class Gain(SignalClaim):
         ends = (PH, QE.T * H, none, constant(identity(self.subject.n), Q.sizes))
         lemma = [[*row, end] for row, end in zip([*lemma, []], ends, strict=True)]
         return {"of the gain": lemma} | below_kappa(Q, spread)
+
+    def polynomials(self, own: Transfer) -> Iterator[tuple[str, Tensor]]:
+        """Yield det(g^2 I - G*G) |a|^2 over the frequency and the parameters."""
+        if passes(own, self.level):
+            yield "of the gain", gain_polynomial(own, self.level)
+        else:
+            yield "of what passes straight through", Tensor([Fraction(0)], (1,))
 
     def _lemma(self, minus: Polynomial, E: Polynomial, Y: Polynomial) -> list[list[Polynomial]]:
         sizes, q = minus.sizes, self.subject.q

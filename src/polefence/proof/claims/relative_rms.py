@@ -28,7 +28,7 @@ from polefence.proof.claims.signal import (
     require_shapes,
     varies,
 )
-from polefence.proof.laws import Evidence, read_evidence
+from polefence.proof.laws import Evidence, Law, read_evidence
 from polefence.proof.matrices import Rationals, least_work
 from polefence.proof.plant import Output
 from polefence.proof.polynomials import (
@@ -43,6 +43,7 @@ from polefence.proof.polynomials import (
 from polefence.proof.reading import MAX_SIZE, Table, plain
 from polefence.proof.remainder import SHARE, Spread
 from polefence.proof.text import digits_down, number_text
+from polefence.proof.transfer import Tensor, Transfer, bernstein_of
 from polefence.proof.work import RATIONAL, FormatError, spend
 
 
@@ -67,6 +68,7 @@ class RelativeRms(SignalClaim):
 
     kind: ClassVar[str] = "relative rms"
     has_dual: ClassVar[bool] = True
+    has_transfer: ClassVar[bool] = True
     has_cells: ClassVar[bool] = False  # the baseline is of the whole box
     has_motion: ClassVar[bool] = False  # along a motion there is no one covariance to compare with
 
@@ -84,11 +86,14 @@ class RelativeRms(SignalClaim):
         if any(type(j) is not int for j in states):
             raise FormatError(f"{below.path('states')} must be whole numbers, 1 the first state")
         A, E, C = baseline_loop(subject, outputs[0], K, tuple(j - 1 for j in states))
+        intensity = table.number("intensity", 1)
+        if subject.evidence.transfer:
+            none = Evidence([])
+            return {"baseline": Baseline(A, E, C, none, none), "intensity": intensity}
         evidence = [
             read_evidence(below.table(key), len(A[0]), subject.sizes, letter)
             for key, letter in (("stability", "X"), ("covariance", "P"))
         ]
-        intensity = table.number("intensity", 1)
         return {"baseline": Baseline(A, E, C, *evidence), "intensity": intensity}
 
     def write_own(self) -> dict[str, Any]:
@@ -96,6 +101,8 @@ class RelativeRms(SignalClaim):
         if not self.without_control:
             raise FormatError(f"{self.outputs[0].name}: only no control is written as a baseline")
         own = self.baseline
+        if self.subject.evidence.transfer:
+            return {"intensity": plain(self.intensity), "baseline": {}}
         table = {"stability": own.stability.write("X"), "covariance": own.covariance.write("P")}
         return {"intensity": plain(self.intensity), "baseline": table}
 
@@ -115,6 +122,10 @@ class RelativeRms(SignalClaim):
         require_shapes(baseline.A, N, n, n, "the baseline's A")
         require_shapes(baseline.E, N, n, q, "the baseline's E")
         require_shapes(baseline.C, N, 1, n, "the baseline's C")
+        if self.subject.evidence.transfer:
+            if baseline.stability != Evidence([]) or baseline.covariance != Evidence([]):
+                raise FormatError("a proof by the transfer function has no other evidence")
+            return
         for name, each in (("X", baseline.stability), ("P", baseline.covariance)):
             if any(not 0 <= degree <= MAX_DEGREE for degree in (each.degree, each.elevation)):
                 raise FormatError(f"degrees must be 0 to {MAX_DEGREE}")
@@ -170,6 +181,32 @@ class RelativeRms(SignalClaim):
     def dual_rows(self) -> Rows:
         """Return what bounds the observability Gramian, and the noise in it."""
         return dual_of_noise(self, self._square, self.intensity)
+
+    def polynomials(self, own: Transfer) -> Iterator[tuple[str, Tensor]]:
+        """Yield D and D0 of both loops, and g^2 N0 D - N D0: the variances are N / D, N0 / D0."""
+        (D, N), (D0, N0) = own.variance, self._without.variance
+        yield "of the poles", bernstein_of(D)
+        yield "of the baseline's poles", bernstein_of(D0)
+        degrees = [a + b - 2 for a, b in zip(D.shape, D0.shape, strict=True)]
+        D, N, D0, N0 = (each.on_nodes(degrees) for each in (D, N, D0, N0))
+        values = [
+            self.level**2 * n0 * d - n * d0
+            for d, n, d0, n0 in zip(D.values, N.values, D0.values, N0.values, strict=True)
+        ]
+        yield "of the ratio", bernstein_of(Tensor(values, D.shape))
+
+    @property
+    def _without(self) -> Transfer:
+        """The baseline's transfer function; it must be stable."""
+        base, own = self.baseline, self.subject
+        n, count = len(base.A[0]), len(base.A)
+        none = [[Fraction(0)] for _ in range(n)]
+        law = Law([[[Fraction(0)] * n]])
+        loop = Subject(base.A, [none] * count, base.E, law, own.evidence, own.on, own.step)
+        found = loop.transfer((Output(base.C, [[[Fraction(0)]]] * count),), self.scales)
+        if not found.is_stable:
+            raise FormatError("the baseline is not stable")
+        return found
 
     @property
     def _square(self) -> Polynomial:

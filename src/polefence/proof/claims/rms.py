@@ -12,6 +12,7 @@ blocks the coefficients of Y would stand squared in place of those of Y'Y, which
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from fractions import Fraction
 from typing import Any, ClassVar
@@ -29,6 +30,7 @@ from polefence.proof.plant import Output
 from polefence.proof.polynomials import Polynomial, number
 from polefence.proof.reading import Table, plain
 from polefence.proof.text import digits_down
+from polefence.proof.transfer import Tensor, Transfer, bernstein_of, combined
 
 
 @dataclass(frozen=True)
@@ -41,6 +43,7 @@ class Rms(SignalClaim):
     kind: ClassVar[str] = "rms"
     most: ClassVar[int] = MAX_ENTRIES
     has_dual: ClassVar[bool] = True
+    has_transfer: ClassVar[bool] = True
     motion_note: ClassVar[str] = ", independently of w"
 
     intensity: Fraction = Fraction(1)
@@ -74,6 +77,17 @@ class Rms(SignalClaim):
         """Return what bounds the observability Gramian, and the noise in it."""
         square = number(self.level**2, self.subject.sizes)
         return dual_of_noise(self, square, self.intensity)
+
+    def polynomials(self, own: Transfer) -> Iterator[tuple[str, Tensor]]:
+        """Yield D, and g^2 D - S N, where the variance is S N / D."""
+        D, N = own.variance
+        yield "of the poles", bernstein_of(D)
+        yield "of the variance", bernstein_of(combined(D, self.level**2, N, -self.intensity))
+
+    def value(self, own: Transfer) -> Fraction:
+        """Return the square of the rms at the first node."""
+        D, N = own.variance
+        return self.intensity * N.values[0] / D.values[0]
 
     @property
     def under(self) -> str:

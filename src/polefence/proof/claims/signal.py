@@ -32,6 +32,7 @@ from polefence.proof.claims.base import (
     in_cells,
     require_law,
     require_work,
+    undecided,
 )
 from polefence.proof.claims.poles import Poles
 from polefence.proof.laws import (
@@ -71,7 +72,8 @@ from polefence.proof.text import (
     output_text,
     quoted,
 )
-from polefence.proof.work import FormatError
+from polefence.proof.transfer import Tensor, Transfer, positive, transfer
+from polefence.proof.work import FormatError, tell
 
 MAX_ENTRIES = 16  # of a vector of outputs
 
@@ -235,6 +237,8 @@ class Subject:
         if self.q:
             require_shapes(self.E, N, n, self.q, "E")
         own, law = self.evidence if evidence is None else evidence, self.law
+        if own.transfer:
+            own = self._without_matrices(own)
         r = len(law.C[0]) if law.C else n
         each = ((law.K, m, r, "K"), (law.W, n, n, "W"), (law.Z, m, n, "Z"), (own.X, n, n, "X"))
         for matrices, rows, columns, where in each:
@@ -250,6 +254,30 @@ class Subject:
             raise FormatError("the law's own W has its own degree, and at most one multiple")
         replace(self, evidence=own).as_poles.require()
         self._require_motion(own)
+
+    def _without_matrices(self, own: Evidence) -> Evidence:
+        """Return evidence of the shape that the loop asks for, where the proof needs none."""
+        if replace(own, transfer=False) != Evidence([]):
+            raise FormatError("a proof by the transfer function has no other evidence")
+        if self.motion or self.remainder is not None:
+            raise FormatError(
+                "a proof by the transfer function is for constant parameters, without a remainder"
+            )
+        if set(self.sizes) != {2} and self.sizes != (1,):
+            raise FormatError("a proof by the transfer function is for parameters on a box")
+        return Evidence([identity(self.n)])
+
+    def transfer(self, outputs: Sequence[Output], scales: Sequence[Fraction]) -> Transfer:
+        """Return the transfer function from the disturbances, times their scales, to outputs."""
+        n, form = self.n, self.law.form(self.sizes)
+        both = self._plant(outputs) * form
+        W, N, Y = form.part(slice(n)), both.part(slice(n)), both.part(slice(n, None))
+        none = [[[Fraction(0)] * self.q]] * len(self.A)
+        F = None
+        if any(own.F for own in outputs):
+            F = scaled(stacked([own.F or none for own in outputs]), scales, self.sizes)
+        found = transfer(W, N, Y, self.driving(scales, self.sizes), F)
+        return found.bilinear(self.step)
 
     def _require_motion(self, own: Evidence) -> None:
         """Refuse evidence that does not hold while parameters move."""
@@ -306,6 +334,7 @@ class SignalClaim(Claim):
     direct: ClassVar[bool] = False  # whether one may pass straight into the output
     has_dual: ClassVar[bool] = False  # whether there is a dual form of its inequalities
     has_cells: ClassVar[bool] = True  # whether it can be proved in parts of the box
+    has_transfer: ClassVar[bool] = False  # whether the transfer function can be the proof
     moves: ClassVar[bool] = True
     has_motion: ClassVar[bool] = True  # whether parameters of the plant may move
     most: ClassVar[int] = 1  # entries of a vector
@@ -350,6 +379,14 @@ class SignalClaim(Claim):
         vector v, v'Q A v would be zero, and v'A'Q A v not negative.
         """
         raise NotImplementedError
+
+    def polynomials(self, own: Transfer) -> Iterator[tuple[str, Tensor]]:
+        """Yield what is to be positive of the transfer function, with its name."""
+        raise NotImplementedError
+
+    def value(self, own: Transfer) -> Fraction | None:  # noqa: ARG002
+        """Return the square of what is bounded, exactly, at the first node; None of some kinds."""
+        return None
 
     @property
     def under(self) -> str:
@@ -479,6 +516,8 @@ class SignalClaim(Claim):
         self._require_remainder()
         if subject.motion and not self.has_motion:
             raise FormatError(f"a bound on {self.kind} is of parameters that do not move")
+        if evidence.transfer and not self.has_transfer:
+            raise FormatError(f"a bound on {self.kind} is not proved by the transfer function")
         if evidence.dual and (not self.has_dual or evidence.multiple or not evidence.X):
             raise FormatError(f"a bound on {self.kind} has no dual form of this kind")
         for key in ("level", "intensity", "norm"):
@@ -503,6 +542,8 @@ class SignalClaim(Claim):
     def least(self) -> int:
         """The least that it takes to prove without cells, whatever its numbers."""
         subject, law, own = self.subject, self.subject.law, self.subject.evidence
+        if own.transfer:  # what it takes is counted as it is done
+            return 0
         poles = subject.as_poles
         more = 0 if subject.remainder is None else subject.remainder.degree - 1
         degrees = [poles.degree(replace(poles.evidence[0], elevation=0)) + more, self.least_degree]
@@ -542,7 +583,23 @@ class SignalClaim(Claim):
 
     def decided(self) -> Verdict:
         """Prove it; cells must make up the box."""
+        if self.subject.evidence.transfer:
+            return self._by_transfer()
         return in_cells([self.subject.evidence], super().decided)
+
+    def _by_transfer(self) -> Verdict:
+        """Prove it by the transfer function."""
+        own, parts = self.subject.transfer(self.outputs, self.scales), 0
+        if not own.is_stable:
+            return undecided("the loop is not stable at the first vertex")
+        for k, (name, coefficients) in enumerate(self.polynomials(own)):
+            tell(k + 1)
+            found = positive(coefficients)
+            if not found.proved:
+                return undecided(f"the polynomial {name} is not positive everywhere")
+            parts += found.parts
+        note = f"polynomials of the transfer function positive in {parts} parts, exactly"
+        return Verdict("proved", note, parts, note=note)
 
     def inside(self, piece: Piece) -> Self:
         """Return the claim about a part of the box."""
@@ -593,7 +650,11 @@ def read_subject(table: Table, plant: Plant, law: Law, on: str) -> Subject:
         on = table.word("on", DOMAINS, "simplex")
     on, step, plant = plant.domain(on), plant.step, plant.in_differences
     motion = plant.ranges if is_moving(plant.ranges) else ()
-    if "own" in table:
+    if "transfer" in table:
+        if not table.flag("transfer"):
+            raise FormatError(f"{table.path('transfer')} must be true")
+        evidence = Evidence([], transfer=True)
+    elif "own" in table:
         if not law.scheduled or not table.flag("own"):
             raise FormatError(f"{table.path('own')} must be true, and the law scheduled")
         elevation = table.whole("elevation", 0)
@@ -615,7 +676,7 @@ def read_subject(table: Table, plant: Plant, law: Law, on: str) -> Subject:
 def write_evidence(subject: Subject) -> dict[str, Any]:
     """Return what `read_subject` reads."""
     evidence, on = subject.evidence, {"on": subject.on} if subject.law.fixed else {}
-    if evidence.X or evidence.cells:
+    if evidence.X or evidence.cells or evidence.transfer:
         return evidence.write() | on
     table: dict[str, Any] = {"own": True}
     if evidence.multiple:

@@ -1,0 +1,128 @@
+"""Bounds by the transfer function: the least level at which its polynomials are positive."""
+
+from __future__ import annotations
+
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from fractions import Fraction
+
+from polefence.design.certificate import exact_law
+from polefence.design.requirements.specification import Specification, claim_of
+from polefence.law.laws import Law, domain_of
+from polefence.plant.family import UncertainPlant
+from polefence.plant.polynomial import Domain
+from polefence.plant.system import Array
+from polefence.proof.claims.base import prove
+from polefence.proof.claims.signal import SignalClaim
+from polefence.proof.laws import Evidence
+from polefence.proof.transfer import Transfer, positive
+from polefence.proof.work import MAX_WORK, FormatError, counted
+
+# Over the worst value known, levels that are tried until one is proved.
+ABOVE = (1e-6, 1e-5, 1e-4, 1e-3, 1e-2, 5e-2)
+BELOW = (1e-6, 1e-3, 0.1, 0.9)  # below it, until one is not: floats may have missed the worst value
+NEAR = 1e-6  # between a level that is proved and one that is not
+SHARE = 4  # of what a check may take, what is left to one level
+AGREED, MOST = 1e-6, 40  # of values in floats, and how many that do not agree are evaluated exactly
+
+
+@dataclass(frozen=True, eq=False)
+class ByTransfer:
+    """A bound that the transfer function is to prove.
+
+    Attributes
+    ----------
+    claim : SignalClaim
+        At some level.
+    own : Transfer
+    domain : Domain
+        Of alpha.
+    """
+
+    claim: SignalClaim
+    own: Transfer
+    domain: Domain
+
+    @classmethod
+    def of(cls, plant: UncertainPlant, law: Law, specification: Specification) -> ByTransfer | None:
+        """Return it for a plant in its delta form; None where there is no such proof."""
+        domain = domain_of(plant, law)
+        box = domain.corners in (1, 2 ** len(domain.sizes))
+        if plant.moving or plant.remainder is not None or not box or not specification.of_signal:
+            return None
+        on, evidence = "box" if len(domain.sizes) > 1 else "simplex", Evidence([], transfer=True)
+        claim = claim_of(plant, exact_law(law), on, specification, evidence, Fraction(1))
+        if not isinstance(claim, SignalClaim) or not claim.has_transfer:
+            return None
+        with suppress(FormatError), counted(MAX_WORK // SHARE):
+            claim.require()
+            own = claim.subject.transfer(claim.outputs, claim.scales)
+            return cls(claim, own, domain) if own.is_stable else None
+        return None
+
+    def proved(self, level: float) -> SignalClaim | None:
+        """Return the claim of a level if it is proved."""
+        claim = replace(self.claim, level=Fraction(level))
+        with suppress(FormatError):
+            return claim if prove(claim).proved else None
+        return None
+
+    def least(self, worst: float) -> SignalClaim | None:
+        """Return the claim of nearly the least level that is proved.
+
+        Parameters
+        ----------
+        worst : float
+            About the worst value.
+        """
+        high = next((level for s in ABOVE if self._holds(level := worst * (1 + s))), None)
+        if high is None:
+            return None
+        low = high
+        if high <= worst * (1 + ABOVE[0]):
+            lower = (worst * (1 - s) for s in BELOW)
+            low = next((level for level in lower if not self._holds(level)), 0.0)
+        else:
+            low = worst
+        while high - low > NEAR * high:
+            middle = (low + high) / 2
+            low, high = (low, middle) if self._holds(middle) else (middle, high)
+        return self.proved(high)
+
+    def worst(self, alpha: Array, values: Array) -> tuple[float, int]:
+        """Return the worst of some values, and its number; exact where floats do not agree with it.
+
+        Parameters
+        ----------
+        alpha : (count, N) array
+        values : (count,) array
+            In floats.
+        """
+        values, exact = values.copy(), dict[int, float]()
+        for _ in range(min(MOST, len(values))):
+            k = int(values.argmax())
+            if k in exact:
+                return exact[k], k
+            own = self._value(alpha[k])
+            if own is None or abs(own - values[k]) <= AGREED * own:
+                return float(values[k]), k
+            if not exact:  # floats say little: the vertices are often the worst
+                values = values + values.max() * (alpha.max(axis=1) == 1)
+            values[k] = exact[k] = own
+        k = max(exact, key=exact.__getitem__)
+        return exact[k], k
+
+    def _value(self, alpha: Array) -> float | None:
+        """Return what is bounded at a point, None of a kind that is not evaluated exactly."""
+        t = [Fraction(x) for x in self.domain.coordinates(alpha)[1::2].tolist()]
+        with suppress(FormatError):
+            square = self.claim.value(self.own.inside(t if self.own.degrees else ()))
+            return None if square is None else float(square) ** 0.5
+        return None
+
+    def _holds(self, level: float) -> bool:
+        """Whether all polynomials of a level are positive, as far as its share of the work goes."""
+        claim = replace(self.claim, level=Fraction(level))
+        with suppress(FormatError), counted(MAX_WORK // SHARE):
+            return all(positive(each).proved for _, each in claim.polynomials(self.own))
+        return False

@@ -32,7 +32,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from fractions import Fraction
 from functools import cached_property, lru_cache
 from itertools import pairwise, product
@@ -41,6 +41,7 @@ from typing import NamedTuple
 
 from polefence.proof.matrices import (
     LONGEST,
+    MAX_BITS,
     Rationals,
     bits,
     common_denominator,
@@ -59,30 +60,36 @@ MOST_COEFFICIENTS = 60_000  # of a polynomial that is to be positive
 STABLE = (HalfPlane(Fraction(0)),)
 
 Row = list[Fraction]
+Numbers = list[int]
 
 
 class Tensor(NamedTuple):
-    """Numbers on a grid: ``values`` with the last axis fastest, of ``shape``."""
+    """Numbers on a grid: ``values`` over ``whole``, with the last axis fastest, of ``shape``."""
 
-    values: list[Fraction]
+    values: Numbers
     shape: tuple[int, ...]
+    whole: int = 1
+
+    @classmethod
+    def of(cls, values: Row, shape: tuple[int, ...]) -> Tensor:
+        """Return it of rationals."""
+        whole = common_denominator([[values]], LONGEST)
+        return cls(whole_numbers([values], whole)[0], shape, whole)
 
     def along(self, axis: int, matrix: Sequence[Row]) -> Tensor:
         """Return it with a matrix applied along an axis."""
         count, inner = self.shape[axis], math.prod(self.shape[axis + 1 :])
-        whole = common_denominator([list(matrix)], LONGEST)
-        rows = whole_numbers(list(matrix), whole)
-        own = common_denominator([[self.values]], LONGEST)
-        (values,) = whole_numbers([self.values], own)
+        unit = common_denominator([list(matrix)], LONGEST)
+        rows, values = whole_numbers(list(matrix), unit), self.values
         spend(len(values) * len(rows), bits([values]), bits(rows))
-        found: list[Fraction] = []
+        found: Numbers = []
         for start in range(0, len(values), count * inner):
             block = values[start : start + count * inner]
             lines = [block[k::inner] for k in range(inner)]
             for row in rows:
-                found += [Fraction(sum(map(mul, row, line)), whole * own) for line in lines]
+                found += [sum(map(mul, row, line)) for line in lines]
         shape = (*self.shape[:axis], len(rows), *self.shape[axis + 1 :])
-        return Tensor(found, shape)
+        return Tensor(found, shape, self.whole * unit)
 
     def on_nodes(self, degrees: Sequence[int]) -> Tensor:
         """Return values at nodes of other degrees, of a polynomial that has these at its own."""
@@ -138,14 +145,20 @@ class Transfer:
     a : Tensor
         Of shape (n + 1, nodes ...), highest power of s first.
     b : tuple of tuples of Tensor
-        Likewise; the first coefficient is that of F a.
+        Likewise; the first coefficient is that of F a. All of one ``whole``.
     step : Fraction
-        Of a delta form, of which this is the bilinear map [s]; zero in continuous time.
+        Of a delta form, of which this is the bilinear map; zero in continuous time.
+    unit : int
+        How many times s is taken, so that the coefficients are short.
+    beside : Transfer, optional
+        That of another loop, which it is compared with.
     """
 
     a: Tensor
     b: tuple[tuple[Tensor, ...], ...]
     step: Fraction = Fraction(0)
+    unit: int = 1
+    beside: Transfer | None = None
 
     @property
     def n(self) -> int:
@@ -157,53 +170,64 @@ class Transfer:
         """Of all coefficients, in each parameter."""
         return tuple(size - 1 for size in self.a.shape[1:])
 
-    def at(self, degrees: Sequence[int]) -> Iterator[tuple[Row, list[list[Row]]]]:
-        """Yield a and b at nodes of degrees in each parameter, last parameter fastest."""
-        if math.prod(d + 1 for d in degrees) * (self.n + 1) > MOST_COEFFICIENTS:
+    @property
+    def scale(self) -> Fraction:
+        """What b over a is to be multiplied with, of their numbers as `at` has them."""
+        return Fraction(self.a.whole, self.b[0][0].whole)
+
+    def at(self, degrees: Sequence[int]) -> Iterator[tuple[Numbers, list[list[Numbers]]]]:
+        """Yield multiples of a and b at nodes of degrees in each parameter, the last fastest."""
+        count = math.prod(d + 1 for d in degrees)
+        if count * (self.n + 1) > MOST_COEFFICIENTS:
             raise FormatError("the transfer function has more coefficients than are checked here")
         a = self.a.on_nodes(degrees)
         b = [[own.on_nodes(degrees) for own in row] for row in self.b]
-        count = math.prod(d + 1 for d in degrees)
         for k in range(count):
             yield a.values[k::count], [[own.values[k::count] for own in row] for row in b]
 
     @cached_property
-    def first(self) -> tuple[Row, list[list[Row]]]:
-        """Values of a and b at the first node, of which all coordinates are zero."""
+    def first(self) -> tuple[Numbers, list[list[Numbers]]]:
+        """Multiples of a and b at the first node, of which all coordinates are zero."""
         return next(self.at(self.degrees))
 
     @property
     def is_stable(self) -> bool:
-        """Whether all poles are to the left at the first node."""
-        whole = common_denominator([[self.first[0]]], LONGEST)
-        (a,) = whole_numbers([self.first[0]], whole)
+        """Whether all poles are to the left at the first node, of the loop beside it too."""
+        a = self.first[0]
+        if self.beside is not None and not self.beside.is_stable:
+            return False
         return bool(a[0]) and roots_inside(a, STABLE)
+
+    @property
+    def square(self) -> Fraction:
+        """The sum of the variances for unit noise at the first node."""
+        D, N = self.variance
+        return Fraction(N.values[0] * D.whole, D.values[0] * N.whole)
+
+    def along(self, axis: int, matrix: Sequence[Row], other: Sequence[Row] = ()) -> Transfer:
+        """Return it with a matrix applied along an axis, with another one to b if there is one."""
+        b = tuple(tuple(own.along(axis, other or matrix) for own in row) for row in self.b)
+        return replace(self, a=self.a.along(axis, matrix), b=b)
 
     def bilinear(self, step: Fraction) -> Transfer:
         """Return it of the variable w of d = w / (1 - w step / 2); as it is for a zero step."""
         if not step:
             return self
+        step = step / self.unit
         n, half = self.n, -step / 2
         # d^k (1 - w T/2)^n = w^k (1 - w T/2)^(n - k), the highest power of w first
         rows = [[Fraction(0)] * (n + 1) for _ in range(n + 1)]
         for j in range(n + 1):  # of d^(n - j)
             for i in range(j + 1):
-                rows[n - (n - j + i)][j] = math.comb(j, i) * half**i
-
-        def mapped(own: Tensor) -> Tensor:
-            return own.along(0, rows)
-
-        return Transfer(mapped(self.a), tuple(tuple(map(mapped, row)) for row in self.b), step)
+                rows[j - i][j] = math.comb(j, i) * half**i
+        return replace(self.along(0, rows), step=step)
 
     def inside(self, t: Sequence[Fraction]) -> Transfer:
         """Return it at one point of the parameters' box."""
-
-        def at(own: Tensor) -> Tensor:
-            for axis, x in enumerate(t, 1):
-                own = own.along(axis, [_lagrange(nodes(own.shape[axis] - 1), x)])
-            return own
-
-        return Transfer(at(self.a), tuple(tuple(map(at, row)) for row in self.b), self.step)
+        own = self
+        for axis, x in enumerate(t, 1):
+            own = own.along(axis, [_lagrange(nodes(own.a.shape[axis] - 1), x)])
+        return replace(own, beside=self.beside.inside(t)) if self.beside else own
 
     @cached_property
     def variance(self) -> tuple[Tensor, Tensor]:
@@ -216,33 +240,30 @@ class Transfer:
         """
         own = self._filtered
         degrees = [(own.n + 1) * d for d in own.degrees]
-        below, above = list[Fraction](), list[Fraction]()
+        below, above = Numbers(), Numbers()
         for a, b in own.at(degrees):
-            g = [Fraction(0)] * own.n
+            g = [0] * own.n
             for each in (x for row in b for x in row):
                 if each[0]:
                     raise FormatError("white noise passes straight into an output")
                 g = list(map(add, g, _even(each[1:])))
-            H = _hurwitz(a)
-            below.append(2 * a[0] * _determinant(H))
-            above.append((-1) ** (own.n + 1) * _determinant([g, *H[1:]]))
-        shape = tuple(d + 1 for d in degrees)
-        return Tensor(below, shape), Tensor(above, shape)
+            one, other = _minors(_hurwitz(a), g)
+            below.append(2 * a[0] * one)
+            above.append((-1) ** (own.n + 1) * other)
+        shape, scale = tuple(d + 1 for d in degrees), own.scale**2 / own.unit
+        return Tensor(below, shape, scale.numerator), Tensor(above, shape, scale.denominator)
 
     @property
     def _filtered(self) -> Transfer:
         """It over (1 + w step / 2); as it is for a zero step."""
-        step = self.step
-        if not step:
+        if not self.step:
             return self
-        n = self.n
+        n, half = self.n, self.step / 2
         rows = [[Fraction(0)] * (n + 1) for _ in range(n + 2)]
         for j in range(n + 1):
-            rows[j][j], rows[j + 1][j] = step / 2, Fraction(1)
-        zero = [[Fraction(0)] * (n + 1)]
-        same = [[Fraction(int(i == j)) for j in range(n + 1)] for i in range(n + 1)]
-        b = tuple(tuple(own.along(0, zero + same) for own in row) for row in self.b)
-        return Transfer(self.a.along(0, rows), b, step)
+            rows[j][j], rows[j + 1][j] = half, Fraction(1)
+        same = [[Fraction(int(i == j)) for j in range(n + 1)] for i in range(-1, n + 1)]
+        return self.along(0, rows, same)
 
 
 def transfer(
@@ -257,43 +278,41 @@ def transfer(
     """
     count = len(W.sizes) if W.sizes != (1,) else 0
     degrees = _degrees([W, N, Y, E] + ([] if F is None else [F]), count, F is not None)
-    n, total = W.shape[0], math.prod(d + 1 for d in degrees)
+    n, p, q, total = W.shape[0], Y.shape[0], E.shape[1], math.prod(d + 1 for d in degrees)
     if total * (n + 1) > MOST_COEFFICIENTS:
         raise FormatError("the transfer function has more coefficients than are checked here")
     found = []
     for t in product(*map(nodes, degrees)):
         at = [_value(own, t) for own in (W, N, Y, E)]
         found.append(_resolved(at[0], at[1], at[2], at[3], None if F is None else _value(F, t)))
-    shape = (n + 1, *(d + 1 for d in degrees))
-    a = Tensor([own[0][k] for k in range(n + 1) for own in found], shape)
-    b = tuple(
-        tuple(
-            Tensor([own[1][i][j][k] for k in range(n + 1) for own in found], shape)
-            for j in range(E.shape[1])
-        )
-        for i in range(Y.shape[0])
-    )
-    return _trimmed(Transfer(a, b))
+    shape, unit = (n + 1, *(d + 1 for d in degrees)), math.lcm(*(own[2] for own in found))
+    if unit.bit_length() > MAX_BITS:
+        unit = 1
+    powers = [Fraction(1, unit**k) for k in range(n + 1)]
+    a = Tensor.of([own[0][k] / powers[k] for k in range(n + 1) for own in found], shape)
+    each = [(i, j) for i in range(p) for j in range(q)]
+    rows = [[own[1][i][j][k] / powers[k] for k in range(n + 1) for own in found] for i, j in each]
+    whole = common_denominator([rows], LONGEST)
+    b = [Tensor(row, shape, whole) for row in whole_numbers(rows, whole)]
+    through = tuple(tuple(b[i * q : (i + 1) * q]) for i in range(p))
+    return _trimmed(Transfer(a, through, unit=unit))
 
 
 def _trimmed(own: Transfer) -> Transfer:
     """Return it at no more nodes than its degrees ask for, which are less where ranks are."""
     each = [own.a, *(x for row in own.b for x in row)]
-    least = []
     for axis, degree in enumerate(own.degrees, 1):
-        last = max((_degree_along(x, axis) for x in each), default=0) if degree else 0
-        least.append(last)
-    if tuple(least) == own.degrees:
-        return own
-    a = own.a.on_nodes(least)
-    return Transfer(a, tuple(tuple(x.on_nodes(least) for x in row) for row in own.b))
+        least = max((_degree_along(x, axis) for x in each), default=0) if degree else 0
+        if least < degree:
+            own = own.along(axis, between(degree, least))
+    return own
 
 
 def _degree_along(own: Tensor, axis: int) -> int:
     """Return the degree along an axis, by differences of the values at equal nodes."""
     count, inner = own.shape[axis], math.prod(own.shape[axis + 1 :])
     most = 0
-    spend(RATIONAL * len(own.values) * count, 64, 64)
+    spend(len(own.values) * count, bits([own.values]))
     for start in range(0, len(own.values), count * inner):
         for k in range(inner):
             line, order = own.values[start + k : start + count * inner : inner], 0
@@ -337,7 +356,9 @@ def _entry_degrees(own: Polynomial, count: int) -> list[list[tuple[int, ...]]]:
     shape = tuple(len(axis) for axis in grid)
     return [
         [
-            tuple(_degree_along(Tensor([v[i][j] for v in values], shape), k) for k in range(count))
+            tuple(
+                _degree_along(Tensor.of([v[i][j] for v in values], shape), k) for k in range(count)
+            )
             for j in range(columns)
         ]
         for i in range(rows)
@@ -365,8 +386,8 @@ def _value(own: Polynomial, t: Sequence[Fraction]) -> Rationals:
 
 def _resolved(
     W: Rationals, N: Rationals, Y: Rationals, E: Rationals, F: Rationals | None
-) -> tuple[Row, list[list[Row]]]:
-    """Return a and b at one point, by Faddeev and LeVerrier's recursion."""
+) -> tuple[Row, list[list[Row]], int]:
+    """Return a and b at one point, by Faddeev and LeVerrier's recursion; and N's denominator."""
     n = len(W)
     plain = all(W[i][j] == (i == j) for i in range(n) for j in range(n))
     scale = Fraction(1)
@@ -398,7 +419,7 @@ def _resolved(
             for j, f in enumerate(through):
                 if f:
                     moved[i][j] = [x + f * y for x, y in zip(moved[i][j], a, strict=True)]
-    return a, moved
+    return a, moved, units[0]
 
 
 def _determinant(matrix: Rationals) -> Fraction:
@@ -428,16 +449,13 @@ def _determinant(matrix: Rationals) -> Fraction:
 
 def gain_polynomial(own: Transfer, level: Fraction) -> Tensor:
     """Return the Bernstein coefficients of P, in v = w^2 / (w^2 + u^2) and t."""
-    degrees = [2 * d for d in own.degrees]
-    square, unit = level * level, _unit(own.first[0])
-    columns = []
-    for a, b in own.at(degrees):
-        p = _difference(a, b, square)
-        n = len(p) - 1
-        columns.append([c * unit**k / math.comb(n, k) for k, c in enumerate(p)])
-    n = own.n
+    degrees, n = [2 * d for d in own.degrees], own.n
+    square, e = (level / own.scale) ** 2, _exponent(own.first[0])
+    columns = [_difference(a, b, square) for a, b in own.at(degrees)]
     values = [column[k] for k in range(n + 1) for column in columns]
-    found = Tensor(values, (n + 1, *(d + 1 for d in degrees)))
+    found = Tensor.of(values, (n + 1, *(d + 1 for d in degrees)))
+    weights = [Fraction(4) ** (e * k) / math.comb(n, k) for k in range(n + 1)]
+    found = found.along(0, [[w * (i == j) for j in range(n + 1)] for i, w in enumerate(weights)])
     for axis, d in enumerate(degrees, 1):
         found = found.along(axis, to_bernstein(d))
     return found
@@ -446,7 +464,7 @@ def gain_polynomial(own: Transfer, level: Fraction) -> Tensor:
 def passes(own: Transfer, level: Fraction) -> bool:
     """Whether g^2 I - F'F > 0 at the first node."""
     a, b = own.first
-    F = [[x[0] / a[0] for x in row] for row in b]
+    F = [[own.scale * Fraction(x[0], a[0]) for x in row] for row in b]
     q = len(F[0])
     rest = [
         [level * level * int(i == j) - sum(row[i] * row[j] for row in F) for j in range(q)]
@@ -455,35 +473,31 @@ def passes(own: Transfer, level: Fraction) -> bool:
     return is_positive_definite(whole_numbers(rest, common_denominator([rest], LONGEST)))
 
 
-def _unit(a: Row) -> Fraction:
-    """Return a power of four near the mean of the poles' squares."""
-    last, first = abs(a[-1]), abs(a[0])
-    if not last or not first:
-        return Fraction(1)
-    ratio = last / first
-    e = (ratio.numerator.bit_length() - ratio.denominator.bit_length()) // (len(a) - 1)
-    return Fraction(4) ** e
+def _exponent(a: Numbers) -> int:
+    """Return e of a power of four near the mean of the poles' squares."""
+    if not a[0] or not a[-1]:
+        return 0
+    return (a[-1].bit_length() - a[0].bit_length()) // (len(a) - 1)
 
 
-def _difference(a: Row, b: list[list[Row]], square: Fraction) -> Row:
-    """Return det(g^2 I - G*G) |a|^2 in powers of w^2, lowest first."""
-    length = max(x.numerator.bit_length() + x.denominator.bit_length() for x in a)
-    spend(RATIONAL * len(a) ** 2 * (1 + sum(map(len, b))), length, length)
-    if min(len(b), len(b[0])) == 1:
-        each = [x for row in b for x in row]
-        found = [square * x for x in _modulus(a)]
-        for own in each:
-            found = [x - y for x, y in zip(found, _modulus(own), strict=True)]
-        return found
-    return _by_nodes(a, b, square)
+def _difference(a: Numbers, b: list[list[Numbers]], square: Fraction) -> Row:
+    """Return det(g^2 I - G*G) |a|^2 in powers of w^2, lowest first, for these a and b."""
+    length = bits([a]) + square.numerator.bit_length()
+    spend(len(a) ** 2 * (1 + sum(map(len, b))), length, length)
+    if min(len(b), len(b[0])) > 1:
+        return _by_nodes(a, b, square)
+    found = [square.numerator * x for x in _modulus(a)]
+    for own in (x for row in b for x in row):
+        found = [x - square.denominator * y for x, y in zip(found, _modulus(own), strict=True)]
+    return [Fraction(x) for x in found]
 
 
-def _modulus(c: Row) -> Row:
+def _modulus(c: Numbers) -> Numbers:
     """Return |c(jw)|^2 in powers of w^2, lowest first; c has its highest power first."""
     low = c[::-1]
     even = [x if k % 2 == 0 else -x for k, x in enumerate(low[::2])]
     odd = [x if k % 2 == 0 else -x for k, x in enumerate(low[1::2])]
-    found = [Fraction(0)] * len(c)
+    found = [0] * len(c)
     for part, shift in ((even, 0), (odd, 1)):
         for i, x in enumerate(part):
             if x:
@@ -492,24 +506,19 @@ def _modulus(c: Row) -> Row:
     return found
 
 
-def _by_nodes(a: Row, b: list[list[Row]], square: Fraction) -> Row:
+def _by_nodes(a: Numbers, b: list[list[Numbers]], square: Fraction) -> Row:
     """Return it of several outputs and disturbances, from its values at real s: w^2 = -s^2."""
-    n = len(a) - 1
-    if len(b) < len(b[0]):  # det(g^2 I - G*G) has the smaller of both sizes up to powers of g
+    if len(b) < len(b[0]):  # det(g^2 I - G G*) differs by a power of g^2
         b = [list(column) for column in zip(*b, strict=True)]
-    root = Fraction(2) ** (
-        (_unit(a).numerator.bit_length() - _unit(a).denominator.bit_length()) // 2
-    )
-    at, values, k = list[Fraction](), list[Fraction](), 0
+    n, q, root = len(a) - 1, len(b[0]), Fraction(2) ** _exponent(a)
+    at, values, k = Row(), Row(), 0
     while len(at) <= n:
         k += 1
         s = root * k / 2
         one, other = _horner(a, s), _horner(a, -s)
         if not one or not other:
             continue
-        ahead = [[_horner(x, s) for x in row] for row in b]
-        back = [[_horner(x, -s) for x in row] for row in b]
-        q = len(b[0])
+        ahead, back = ([[_horner(x, z) for x in row] for row in b] for z in (s, -s))
         H = [
             [
                 square * one * other * int(i == j)
@@ -523,8 +532,9 @@ def _by_nodes(a: Row, b: list[list[Row]], square: Fraction) -> Row:
     return _interpolated(at, values)
 
 
-def _horner(c: Row, s: Fraction) -> Fraction:
+def _horner(c: Numbers, s: Fraction) -> Fraction:
     total = Fraction(0)
+    spend(RATIONAL * len(c), bits([c]), 64)
     for x in c:
         total = total * s + x
     return total
@@ -545,26 +555,53 @@ def _interpolated(at: Row, values: Row) -> Row:
     return found
 
 
-def _even(b: Row) -> Row:
+def _even(b: Numbers) -> Numbers:
     """Return b(s) b(-s) in powers of s^2, highest first."""
     n = len(b)
-    found = [Fraction(0)] * n
+    found = [0] * n
     for i, x in enumerate(b):
         if x:
             for j, y in enumerate(b):
                 if (i + j) % 2 == 0 and y:
-                    sign = -1 if (n - 1 - j) % 2 else 1
-                    found[(i + j) // 2] += sign * x * y
+                    found[(i + j) // 2] += -x * y if (n - 1 - j) % 2 else x * y
     return found
 
 
-def _hurwitz(a: Row) -> Rationals:
+def _hurwitz(a: Numbers) -> list[Numbers]:
     """Return the Hurwitz matrix: a_(2j - i + 1) in row i and column j, counted from zero."""
     n = len(a) - 1
     return [
-        [a[2 * j - i + 1] if 0 <= 2 * j - i + 1 <= n else Fraction(0) for j in range(n)]
-        for i in range(n)
+        [a[2 * j - i + 1] if 0 <= 2 * j - i + 1 <= n else 0 for j in range(n)] for i in range(n)
     ]
+
+
+def _minors(H: list[Numbers], g: Numbers) -> tuple[int, int]:
+    """Return det H, and that of H with g for its first row, by one elimination.
+
+    The leading minors of the rows below the first are positive where all poles are to the left.
+    """
+    n, rows, previous = len(H), [*H[1:], H[0], g], 1
+    for p in range(n - 1):
+        own = rows[p]
+        pivot = own[p]
+        spend(3 * (n - p) * (n - p - 1), pivot.bit_length(), bits([own]))
+        if not pivot:
+            return tuple(int(_determinant(M)) for M in _with_first(H, g))  # type: ignore[return-value]
+        for i in range(p + 1, n + 1):
+            row = rows[i]
+            factor = row[p]
+            rows[i] = row[: p + 1] + [
+                (pivot * x - factor * y) // previous
+                for x, y in zip(row[p + 1 :], own[p + 1 :], strict=True)
+            ]
+        previous = pivot
+    sign = (-1) ** (n - 1)
+    return sign * rows[n - 1][n - 1], sign * rows[n][n - 1]
+
+
+def _with_first(H: list[Numbers], g: Numbers) -> tuple[Rationals, Rationals]:
+    one, other = ([[Fraction(x) for x in row] for row in M] for M in (H, [g, *H[1:]]))
+    return one, other
 
 
 def bernstein_of(own: Tensor) -> Tensor:
@@ -575,8 +612,20 @@ def bernstein_of(own: Tensor) -> Tensor:
 
 
 def combined(one: Tensor, p: Fraction, other: Tensor, q: Fraction) -> Tensor:
-    """Return p times one and q times the other, at the same nodes."""
-    return Tensor([p * x + q * y for x, y in zip(one.values, other.values, strict=True)], one.shape)
+    """Return p times one plus q times the other, at the same nodes."""
+    p, q = p / one.whole, q / other.whole
+    whole = math.lcm(p.denominator, q.denominator)
+    left, right = int(p * whole), int(q * whole)
+    spend(2 * len(one.values), bits([one.values]), left.bit_length())
+    pairs = zip(one.values, other.values, strict=True)
+    return Tensor([left * x + right * y for x, y in pairs], one.shape, whole)
+
+
+def product_of(one: Tensor, other: Tensor) -> Tensor:
+    """Return the product at the same nodes."""
+    spend(len(one.values), bits([one.values]), bits([other.values]))
+    values = list(map(mul, one.values, other.values))
+    return Tensor(values, one.shape, one.whole * other.whole)
 
 
 # --- positive on a box ---------------------------------------------------------------------------
@@ -584,18 +633,16 @@ def combined(one: Tensor, p: Fraction, other: Tensor, q: Fraction) -> Tensor:
 
 @dataclass(frozen=True)
 class Positive:
-    """Whether a polynomial is positive on its box, in how many parts, and where it is not.
-
-    ``at`` is a corner of a part, in coordinates from 0 to 1, with a value that is not positive.
-    """
+    """Whether a polynomial is shown to be positive on its box, and in how many parts."""
 
     proved: bool
     parts: int
-    at: tuple[Fraction, ...] = ()
 
 
 def positive(own: Tensor) -> Positive:
     """Decide whether a polynomial of these Bernstein coefficients is positive on the whole box.
+
+    Not so if it is zero or less at a corner of a part.
 
     Raises
     ------
@@ -603,48 +650,33 @@ def positive(own: Tensor) -> Positive:
         If the parts of the box take more work than a count allows.
     """
     degrees = tuple(size - 1 for size in own.shape)
-    start = (Fraction(0),) * len(degrees), (Fraction(1),) * len(degrees)
-    open_, parts = [(_cut(own.values), *start)], 0
-    corners = _corners(own.shape)
-    spread = [_slices(own.shape, axis) for axis in range(len(degrees))]
+    open_, parts, corners = [_cut(own.values)], 0, _corners(own.shape)
+    slices = [_slices(own.shape, axis) for axis in range(len(degrees))]
     while open_:
-        values, low, high = open_.pop()
+        values = open_.pop()
         parts += 1
         if min(values) > 0:
             continue
-        for index, ends in corners:
-            if values[index] <= 0:
-                at = tuple(b if end else a for a, b, end in zip(low, high, ends, strict=True))
-                return Positive(False, parts, at)
+        if min(values[index] for index in corners) <= 0:
+            return Positive(False, parts)
         spend(len(values) * (2 * len(degrees) + max(degrees)), DIGITS)
-        axis = max(range(len(degrees)), key=lambda k: _bend(values, spread[k]))
-        middle = (low[axis] + high[axis]) / 2
-        first, second = _halved(values, spread[axis], degrees[axis])
-        between_ = tuple(middle if k == axis else x for k, x in enumerate(high))
-        open_.append((second, tuple(middle if k == axis else x for k, x in enumerate(low)), high))
-        open_.append((first, low, between_))
+        axis = max(range(len(degrees)), key=lambda k: _bend(values, slices[k]))
+        open_ += _halved(values, slices[axis], degrees[axis])
     return Positive(True, parts)
 
 
-def _cut(values: list[Fraction]) -> list[int]:
-    """Return whole numbers, not more than a common multiple of the values, of `DIGITS` bits."""
-    most = max((abs(x) for x in values), default=Fraction(0))
-    if not most:
-        return [0] * len(values)
-    shift = DIGITS - (most.numerator.bit_length() - most.denominator.bit_length())
-    spend(2 * len(values), max(x.numerator.bit_length() for x in values), DIGITS)
-    up, down = max(shift, 0), max(-shift, 0)
-    return [(x.numerator << up) // (x.denominator << down) for x in values]
+def _cut(values: Numbers) -> Numbers:
+    """Return whole numbers of `DIGITS` bits that are not more than a multiple of the values."""
+    shift = bits([values]) - DIGITS
+    spend(len(values), DIGITS + max(shift, 0))
+    return [x >> shift for x in values] if shift > 0 else values
 
 
-def _corners(shape: tuple[int, ...]) -> list[tuple[int, tuple[int, ...]]]:
-    """Return the place of each corner's value, and which corner it is."""
-    found = []
-    for ends in product((0, 1), repeat=len(shape)):
-        index = 0
-        for size, end in zip(shape, ends, strict=True):
-            index = index * size + (size - 1) * end
-        found.append((index, ends))
+def _corners(shape: tuple[int, ...]) -> Numbers:
+    """Return the place of each corner's value."""
+    found = [0]
+    for size in shape:
+        found = [k * size + end for k in found for end in {0, size - 1}]
     return found
 
 
@@ -661,8 +693,8 @@ def _slices(shape: tuple[int, ...], axis: int) -> Slices:
     ]
 
 
-def _bend(values: list[int], slices: Slices) -> int:
-    """Return the largest second difference along an axis."""
+def _bend(values: Numbers, slices: Slices) -> int:
+    """Return the largest second difference along an axis, times its degree."""
     most = 0
     for block in slices:
         lines = [values[s] for s in block]
@@ -671,7 +703,7 @@ def _bend(values: list[int], slices: Slices) -> int:
     return most * (len(slices[0]) - 1)
 
 
-def _halved(values: list[int], slices: Slices, degree: int) -> tuple[list[int], list[int]]:
+def _halved(values: Numbers, slices: Slices, degree: int) -> tuple[Numbers, Numbers]:
     """Return the coefficients of both halves along an axis, cut downwards."""
     first, second = values[:], values[:]
     for block in slices:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from fractions import Fraction
+from functools import cached_property
 
 from polefence.design.certificate import exact_law
 from polefence.design.requirements.specification import Specification, claim_of
@@ -22,7 +23,7 @@ from polefence.proof.work import MAX_WORK, FormatError, counted
 ABOVE = (1e-6, 1e-5, 1e-4, 1e-3, 1e-2, 5e-2)
 BELOW = (1e-6, 1e-3, 0.1, 0.9)  # below it, until one is not: floats may have missed the worst value
 NEAR = 1e-6  # between a level that is proved and one that is not
-SHARE = 4  # of what a check may take, what is left to one level
+SHARE = 4  # of what a check may take, that of one level in the search
 AGREED, MOST = 1e-6, 40  # of values in floats, and how many that do not agree are evaluated exactly
 
 
@@ -54,9 +55,9 @@ class ByTransfer:
         claim = claim_of(plant, exact_law(law), on, specification, evidence, Fraction(1))
         if not isinstance(claim, SignalClaim) or not claim.has_transfer:
             return None
-        with suppress(FormatError), counted(MAX_WORK // SHARE):
+        with suppress(FormatError), counted():
             claim.require()
-            own = claim.subject.transfer(claim.outputs, claim.scales)
+            own = claim.transfer()
             return cls(claim, own, domain) if own.is_stable else None
         return None
 
@@ -75,6 +76,8 @@ class ByTransfer:
         worst : float
             About the worst value.
         """
+        if not self._fits:
+            return None
         high = next((level for s in ABOVE if self._holds(level := worst * (1 + s))), None)
         if high is None:
             return None
@@ -119,6 +122,14 @@ class ByTransfer:
             square = self.claim.value(self.own.inside(t if self.own.degrees else ()))
             return None if square is None else float(square) ** 0.5
         return None
+
+    @cached_property
+    def _fits(self) -> bool:
+        """Whether the polynomials can be written down in the work that is allowed."""
+        with suppress(FormatError), counted():
+            self.claim.value(self.own)  # of an rms what takes longest, which is kept
+            return True
+        return False
 
     def _holds(self, level: float) -> bool:
         """Whether all polynomials of a level are positive, as far as its share of the work goes."""

@@ -103,7 +103,7 @@ class Gain(SignalClaim):
         if passes(own, self.level):
             yield "of the gain", gain_polynomial(own, self.level)
         else:
-            yield "of what passes straight through", Tensor([Fraction(0)], (1,))
+            yield "of what passes straight through", Tensor([0], (1,))
 
     def _lemma(self, minus: Polynomial, E: Polynomial, Y: Polynomial) -> list[list[Polynomial]]:
         sizes, q = minus.sizes, self.subject.q

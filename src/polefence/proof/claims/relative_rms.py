@@ -43,7 +43,7 @@ from polefence.proof.polynomials import (
 from polefence.proof.reading import MAX_SIZE, Table, plain
 from polefence.proof.remainder import SHARE, Spread
 from polefence.proof.text import digits_down, number_text
-from polefence.proof.transfer import Tensor, Transfer, bernstein_of
+from polefence.proof.transfer import Tensor, Transfer, bernstein_of, combined, product_of
 from polefence.proof.work import RATIONAL, FormatError, spend
 
 
@@ -182,31 +182,30 @@ class RelativeRms(SignalClaim):
         """Return what bounds the observability Gramian, and the noise in it."""
         return dual_of_noise(self, self._square, self.intensity)
 
+    def transfer(self) -> Transfer:
+        """Return the transfer function, with that of the baseline beside it."""
+        base, own = self.baseline, self.subject
+        n, count = len(base.A[0]), len(base.A)
+        none = [[Fraction(0)] for _ in range(n)]
+        law, y = Law([[[Fraction(0)] * n]]), Output(base.C, [[[Fraction(0)]]] * count)
+        loop = Subject(base.A, [none] * count, base.E, law, own.evidence, own.on, own.step)
+        return replace(super().transfer(), beside=loop.transfer((y,), self.scales))
+
     def polynomials(self, own: Transfer) -> Iterator[tuple[str, Tensor]]:
         """Yield D and D0 of both loops, and g^2 N0 D - N D0: the variances are N / D, N0 / D0."""
-        (D, N), (D0, N0) = own.variance, self._without.variance
+        if own.beside is None:
+            raise FormatError("the baseline is missing")
+        (D, N), (D0, N0) = own.variance, own.beside.variance
         yield "of the poles", bernstein_of(D)
         yield "of the baseline's poles", bernstein_of(D0)
         degrees = [a + b - 2 for a, b in zip(D.shape, D0.shape, strict=True)]
         D, N, D0, N0 = (each.on_nodes(degrees) for each in (D, N, D0, N0))
-        values = [
-            self.level**2 * n0 * d - n * d0
-            for d, n, d0, n0 in zip(D.values, N.values, D0.values, N0.values, strict=True)
-        ]
-        yield "of the ratio", bernstein_of(Tensor(values, D.shape))
+        one, other = product_of(N0, D), product_of(N, D0)
+        yield "of the ratio", bernstein_of(combined(one, self.level**2, other, Fraction(-1)))
 
-    @property
-    def _without(self) -> Transfer:
-        """The baseline's transfer function; it must be stable."""
-        base, own = self.baseline, self.subject
-        n, count = len(base.A[0]), len(base.A)
-        none = [[Fraction(0)] for _ in range(n)]
-        law = Law([[[Fraction(0)] * n]])
-        loop = Subject(base.A, [none] * count, base.E, law, own.evidence, own.on, own.step)
-        found = loop.transfer((Output(base.C, [[[Fraction(0)]]] * count),), self.scales)
-        if not found.is_stable:
-            raise FormatError("the baseline is not stable")
-        return found
+    def value(self, own: Transfer) -> Fraction | None:
+        """Return the square of the ratio at the first node."""
+        return own.square / own.beside.square if own.beside is not None else None
 
     @property
     def _square(self) -> Polynomial:

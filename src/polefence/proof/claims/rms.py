@@ -86,8 +86,7 @@ class Rms(SignalClaim):
 
     def value(self, own: Transfer) -> Fraction:
         """Return the square of the rms at the first node."""
-        D, N = own.variance
-        return self.intensity * N.values[0] / D.values[0]
+        return self.intensity * own.square
 
     @property
     def under(self) -> str:

@@ -380,6 +380,10 @@ class SignalClaim(Claim):
         """
         raise NotImplementedError
 
+    def transfer(self) -> Transfer:
+        """Return the transfer function from the disturbances as they are scaled to the outputs."""
+        return self.subject.transfer(self.outputs, self.scales)
+
     def polynomials(self, own: Transfer) -> Iterator[tuple[str, Tensor]]:
         """Yield what is to be positive of the transfer function, with its name."""
         raise NotImplementedError
@@ -589,7 +593,7 @@ class SignalClaim(Claim):
 
     def _by_transfer(self) -> Verdict:
         """Prove it by the transfer function."""
-        own, parts = self.subject.transfer(self.outputs, self.scales), 0
+        own, parts = self.transfer(), 0
         if not own.is_stable:
             return undecided("the loop is not stable at the first vertex")
         for k, (name, coefficients) in enumerate(self.polynomials(own)):

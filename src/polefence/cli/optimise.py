@@ -44,7 +44,14 @@ from polefence.design.requirements.text import (
     RoadSpectrum,
 )
 from polefence.design.rows import plant_summary
-from polefence.design.signals.bounds import AGREED, Bound, Sampled, each_sampled, sampled
+from polefence.design.signals.bounds import (
+    AGREED,
+    Bound,
+    Sampled,
+    each_sampled,
+    is_loose,
+    sampled,
+)
 from polefence.design.signals.optimise import Optimised, optimise
 from polefence.design.signals.search import Retreat
 from polefence.law.laws import FixedGain
@@ -321,6 +328,8 @@ def lines_of(done: Optimised, rows: Sequence[Row], label: str) -> list[str]:
         if alone:
             cells.append("-" if row.passive is None else digits_down(row.passive.worst))
         note = "minimised" if row.minimised else "limit"
+        if row.minimised and is_loose(row.bound.level, row.own.worst):
+            note += ", not tight: the worst case lies between"
         text = " ".join([f"  {row.label:<{width}}", *(f"{cell:>13}" for cell in cells), f" {note}"])
         lines.append(text)
     lines += samples_text(done.plant)

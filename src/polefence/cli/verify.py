@@ -192,8 +192,12 @@ def _bound_text(plant: UncertainPlant, own: VerifiedBound) -> str:
     sampled = f"{digits_down(own.worst)} at {at}"
     if own.answer == "exceeded":
         return f"exceeded: {limit}; sampled {sampled}, computed in floats"
-    least = "no bound is" if own.bound is None else f"{digits_up(own.bound.level)} is"
-    return f"{own.answer}: {limit}; {least} proved, sampled {sampled}"
+    if own.bound is None:
+        return f"{own.answer}: {limit}; no bound is proved, sampled {sampled}"
+    loose = "; not tight: the worst case lies between" * is_loose(own.bound.level, own.worst)
+    return (
+        f"{own.answer}: {limit}; {digits_up(own.bound.level)} is proved, sampled {sampled}{loose}"
+    )
 
 
 def _save(found: Verified, folder: Path) -> None:

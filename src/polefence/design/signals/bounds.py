@@ -64,6 +64,7 @@ WORTH = 1e-3  # a smaller bound by less than this share ends the climb
 NEAREST = 1e-4  # so near the worst sample dual polynomials end
 IN_PARTS = (1e-3, 5e-3, 2e-2)  # above the worst sample a level is proved in parts of the box
 CLOSE = 2e-3  # a bound within this share of the worst sample is good enough
+LOOSE = 1.05  # times the worst sample, above which a bound is said not to be tight
 
 Known = tuple[Evidence, float]
 
@@ -554,6 +555,11 @@ def sampled(
     alpha = seeded(plant) if alpha is None else np.atleast_2d(np.asarray(alpha, dtype=float))
     values = specification.values(plant, law, alpha)
     return Sampled(specification, alpha, np.asarray(values))
+
+
+def is_loose(level: float, worst: float) -> bool:
+    """Whether a proved level is so far above the worst sample that it may say little."""
+    return level > LOOSE * worst
 
 
 def worst_of(found: Sampled, own: ByTransfer | None) -> tuple[float, int]:

@@ -23,7 +23,7 @@ from polefence.design.design import FILE_NAME, Design, is_proof_file
 from polefence.design.requirements.specification import Specification
 from polefence.design.requirements.text import parse_specification
 from polefence.design.rows import plant_summary
-from polefence.design.signals.bounds import save
+from polefence.design.signals.bounds import is_loose, save
 from polefence.design.verify import Verified, VerifiedBound, verify
 from polefence.law.arrays import law_from, negated
 from polefence.law.laws import GainTable, Law

@@ -56,7 +56,8 @@ from polefence.proof.roots import roots_inside
 from polefence.proof.work import RATIONAL, FormatError, spend
 
 DIGITS = 400  # bits that coefficients keep; each halving loses one part in 2^DIGITS
-MOST_COEFFICIENTS = 60_000  # of a polynomial that is to be positive
+# Of a polynomial that is to be positive: its coefficients, and its degree in one parameter.
+MOST_COEFFICIENTS, MOST_DEGREE = 60_000, 60
 STABLE = (HalfPlane(Fraction(0)),)
 
 Row = list[Fraction]
@@ -100,6 +101,13 @@ class Tensor(NamedTuple):
         return found
 
 
+def require_few(degrees: Sequence[int], times: int = 1) -> None:
+    """Refuse polynomials of more coefficients, or of higher degrees, than are checked."""
+    count = math.prod(d + 1 for d in degrees) * times
+    if count > MOST_COEFFICIENTS or max(degrees, default=0) > MOST_DEGREE:
+        raise FormatError("the transfer function has more coefficients than are checked here")
+
+
 def nodes(degree: int) -> Row:
     """Return equal nodes from 0 to 1."""
     return [Fraction(k, degree) for k in range(degree + 1)] if degree else [Fraction(0)]
@@ -121,16 +129,19 @@ def _lagrange(known: Row, t: Fraction) -> Row:
 
 @lru_cache(maxsize=64)
 def to_bernstein(degree: int) -> list[Row]:
-    """Return what turns values at nodes into Bernstein coefficients."""
-    basis = [
-        [math.comb(degree, k) * t**k * (1 - t) ** (degree - k) for k in range(degree + 1)]
-        for t in nodes(degree)
-    ]
-    eye = [[Fraction(int(i == j)) for j in range(degree + 1)] for i in range(degree + 1)]
-    found = right_divide(eye, basis)
-    if found is None:
-        raise FormatError("the nodes of a polynomial are not apart")
-    return found
+    """Return what turns values at nodes into Bernstein coefficients.
+
+    A column is the polynomial that is one at one node, in products of t and 1 - t.
+    """
+    known, columns, zero = nodes(degree), list[Row](), Fraction(0)
+    for x in known:
+        own = [Fraction(1)]
+        for y in known:
+            if y != x:  # times (t - y) / (x - y), t - y = (1 - y) t - y (1 - t)
+                up, down = (1 - y) / (x - y), -y / (x - y)
+                own = [down * a + up * b for a, b in zip([*own, zero], [zero, *own], strict=True)]
+        columns.append([c / math.comb(degree, k) for k, c in enumerate(own)])
+    return [list(row) for row in zip(*columns, strict=True)]
 
 
 # --- the transfer function -----------------------------------------------------------------------
@@ -177,9 +188,8 @@ class Transfer:
 
     def at(self, degrees: Sequence[int]) -> Iterator[tuple[Numbers, list[list[Numbers]]]]:
         """Yield multiples of a and b at nodes of degrees in each parameter, the last fastest."""
+        require_few(degrees, self.n + 1)
         count = math.prod(d + 1 for d in degrees)
-        if count * (self.n + 1) > MOST_COEFFICIENTS:
-            raise FormatError("the transfer function has more coefficients than are checked here")
         a = self.a.on_nodes(degrees)
         b = [[own.on_nodes(degrees) for own in row] for row in self.b]
         for k in range(count):
@@ -278,9 +288,8 @@ def transfer(
     """
     count = len(W.sizes) if W.sizes != (1,) else 0
     degrees = _degrees([W, N, Y, E] + ([] if F is None else [F]), count, F is not None)
-    n, p, q, total = W.shape[0], Y.shape[0], E.shape[1], math.prod(d + 1 for d in degrees)
-    if total * (n + 1) > MOST_COEFFICIENTS:
-        raise FormatError("the transfer function has more coefficients than are checked here")
+    n, p, q = W.shape[0], Y.shape[0], E.shape[1]
+    require_few(degrees, n + 1)
     found = []
     for t in product(*map(nodes, degrees)):
         at = [_value(own, t) for own in (W, N, Y, E)]

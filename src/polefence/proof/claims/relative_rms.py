@@ -43,7 +43,14 @@ from polefence.proof.polynomials import (
 from polefence.proof.reading import MAX_SIZE, Table, plain
 from polefence.proof.remainder import SHARE, Spread
 from polefence.proof.text import digits_down, number_text
-from polefence.proof.transfer import Tensor, Transfer, bernstein_of, combined, product_of
+from polefence.proof.transfer import (
+    Tensor,
+    Transfer,
+    bernstein_of,
+    combined,
+    product_of,
+    require_few,
+)
 from polefence.proof.work import RATIONAL, FormatError, spend
 
 
@@ -199,6 +206,7 @@ class RelativeRms(SignalClaim):
         yield "of the poles", bernstein_of(D)
         yield "of the baseline's poles", bernstein_of(D0)
         degrees = [a + b - 2 for a, b in zip(D.shape, D0.shape, strict=True)]
+        require_few(degrees)
         D, N, D0, N0 = (each.on_nodes(degrees) for each in (D, N, D0, N0))
         one, other = product_of(N0, D), product_of(N, D0)
         yield "of the ratio", bernstein_of(combined(one, self.level**2, other, Fraction(-1)))

@@ -30,6 +30,7 @@ from polefence.plant.system import Array
 from polefence.proof import claims as proof
 from polefence.proof.laws import Evidence
 from polefence.proof.remainder import SHARE, Spread
+from polefence.response.discrete import balancing
 from polefence.response.stationary import growth, lyapunov
 
 DEGREES = (2, 3, 4, 5, 6)  # of P and X
@@ -203,8 +204,10 @@ def _at_degree(
         raise InputError(f"{plant.name} is not stable without control: its rms there is no measure")
     E = plant.driven(alpha) * scales
     own = lyapunov(A, intensity * E @ E.swapaxes(1, 2), step)
-    sizes = np.diagonal(own, axis1=1, axis2=2).max(axis=0)
-    every = np.diag(np.maximum(sizes, 1e-12 * sizes.max())) * np.abs(np.linalg.eigvals(A)).max()
+    d = balancing(A)  # a state that nothing moves has a size in the units of the others
+    sizes = np.diagonal(own, axis1=1, axis2=2).max(axis=0) / d**2
+    sizes = np.maximum(sizes, 1e-12 * sizes.max()) * d**2
+    every = np.diag(sizes) * np.abs(np.linalg.eigvals(A)).max()
     basis = domain.basis(alpha, degree)
     fit, X = (_fitted(basis, c) for c in (own, lyapunov(A, np.tile(every, (len(A), 1, 1)), step)))
     loop = _Uncontrolled.of(plant, domain, scales, intensity, degree)

@@ -174,15 +174,14 @@ class _Question:
     @classmethod
     def of(cls, plant: UncertainPlant, law: Law, specification: Specification) -> _Question:
         """Return the question with what samples say."""
-        alpha, own = seeded(plant, len(plant.vertices) + FEW), None
+        alpha, own, dual, worst = seeded(plant, len(plant.vertices) + FEW), None, None, 0.0
         with suppress(InputError, np.linalg.LinAlgError):
             own = ByTransfer.of(plant, law, specification)
         with suppress(InputError, np.linalg.LinAlgError):
             worst = worst_of(sampled(plant, law, specification, alpha), own)[0]
             # along a motion a dual form would bound means over time only
             dual = None if plant.moving else specification.dual(plant, law)
-            return cls(plant, law, specification, dual, worst, own)
-        return cls(plant, law, specification, by_transfer=own)
+        return cls(plant, law, specification, dual, worst, own)
 
     @property
     def by_lmi(self) -> bool:

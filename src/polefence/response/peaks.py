@@ -195,7 +195,7 @@ def _higher(A: Array, E: Array, C: Array, F: Array, level: Array) -> list[Array]
     # scaled so that both blocks off the diagonal are of one size
     up, down = E @ R @ Et, Ct @ (np.eye(C.shape[1]) + F @ R @ Ft) @ C
     size = [np.abs(M).max(axis=(1, 2), keepdims=True) for M in (up, down)]
-    scale = np.sqrt(np.maximum(size[1], 1e-300) / np.maximum(size[0], 1e-300))
+    scale = np.sqrt(np.maximum(size[1], 1e-100)) / np.sqrt(np.maximum(size[0], 1e-100))
     H = np.block([[middle, up * scale], [-down / scale, -np.swapaxes(middle, 1, 2)]])
     values = np.linalg.eigvals(H)
     for k, own in zip(some, values, strict=True):

@@ -21,8 +21,8 @@ from polefence.proof.work import MAX_WORK, FormatError, counted
 
 # Over the worst value known, levels that are tried until one is proved.
 ABOVE = (1e-6, 1e-5, 1e-4, 1e-3, 1e-2, 5e-2)
-BELOW = (1e-6, 1e-3, 0.1, 0.9)  # below it, until one is not: floats may have missed the worst value
-NEAR = 1e-6  # between a level that is proved and one that is not
+BELOW = (1e-5, 1e-3, 0.1, 0.9)  # below it, until one is not: floats may be more than the truth
+NEAR = 1e-6  # between a level that is proved and one that is not; so much is added to the least
 SHARE = 4  # of what a check may take, that of one level in the search
 AGREED, MOST = 1e-6, 40  # of values in floats, and how many that do not agree are evaluated exactly
 
@@ -81,16 +81,16 @@ class ByTransfer:
         high = next((level for s in ABOVE if self._holds(level := worst * (1 + s))), None)
         if high is None:
             return None
-        low = high
+        low = worst
         if high <= worst * (1 + ABOVE[0]):
-            lower = (worst * (1 - s) for s in BELOW)
+            if not self._holds(worst * (1 - BELOW[0])):
+                return self.proved(high)
+            lower = (worst * (1 - s) for s in BELOW[1:])
             low = next((level for level in lower if not self._holds(level)), 0.0)
-        else:
-            low = worst
         while high - low > NEAR * high:
             middle = (low + high) / 2
             low, high = (low, middle) if self._holds(middle) else (middle, high)
-        return self.proved(high)
+        return self.proved(high * (1 + NEAR))
 
     def worst(self, alpha: Array, values: Array) -> tuple[float, int]:
         """Return the worst of some values, and its number; exact where floats do not agree with it.

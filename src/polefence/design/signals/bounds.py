@@ -42,7 +42,7 @@ from polefence.plant.outputs import Output
 from polefence.plant.points import seeded
 from polefence.plant.system import Array
 from polefence.proof import matrices
-from polefence.proof.claims.base import prove
+from polefence.proof.claims.base import Verdict, prove
 from polefence.proof.claims.gain_norm import BoundClaim
 from polefence.proof.claims.signal import SignalClaim
 from polefence.proof.document import Document
@@ -202,15 +202,14 @@ class _Question:
         """Return the bound of that level if evidence proves it."""
         return _proved(self.plant, self.law, self.specification, evidence, level)
 
-    def bound_of(self, claim: SignalClaim) -> Bound:
+    def bound_of(self, claim: SignalClaim, verdict: Verdict) -> Bound:
         """Return the bound of a claim that is proved."""
-        level = float(claim.level)
-        return Bound(self.specification, level, claim, 0, prove(claim).reason)
+        return Bound(self.specification, float(claim.level), claim, 0, verdict.reason)
 
     def kept_by_transfer(self, level: float) -> Bound | None:
         """Return the bound of that level if the transfer function proves it."""
-        claim = None if self.by_transfer is None else self.by_transfer.proved(level)
-        return None if claim is None else self.bound_of(claim)
+        found = None if self.by_transfer is None else self.by_transfer.proved(level)
+        return None if found is None else self.bound_of(*found)
 
     def in_parts(self, level: float) -> Bound | None:
         """Return the bound of that level if dual polynomials on parts of the box prove it."""
@@ -229,9 +228,9 @@ class _Question:
 def _by_transfer(question: _Question) -> Iterator[Bound]:
     """Yield the bound that the transfer function proves, if the kind has one."""
     if question.by_transfer is not None and question.worst > 0:
-        claim = question.by_transfer.least(question.worst)
-        if claim is not None:
-            yield question.bound_of(claim)
+        found = question.by_transfer.least(question.worst)
+        if found is not None:
+            yield question.bound_of(*found)
 
 
 def _climbed(question: _Question) -> Iterator[Bound]:

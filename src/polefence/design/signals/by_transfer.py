@@ -13,7 +13,7 @@ from polefence.law.laws import Law, domain_of
 from polefence.plant.family import UncertainPlant
 from polefence.plant.polynomial import Domain
 from polefence.plant.system import Array
-from polefence.proof.claims.base import prove
+from polefence.proof.claims.base import Verdict, prove
 from polefence.proof.claims.signal import SignalClaim
 from polefence.proof.laws import Evidence
 from polefence.proof.transfer import Transfer, positive
@@ -61,15 +61,16 @@ class ByTransfer:
             return cls(claim, own, domain) if own.is_stable else None
         return None
 
-    def proved(self, level: float) -> SignalClaim | None:
-        """Return the claim of a level if it is proved."""
+    def proved(self, level: float) -> tuple[SignalClaim, Verdict] | None:
+        """Return the claim of a level and its verdict, if it is proved."""
         claim = replace(self.claim, level=Fraction(level))
         with suppress(FormatError):
-            return claim if prove(claim).proved else None
+            verdict = prove(claim)
+            return (claim, verdict) if verdict.proved else None
         return None
 
-    def least(self, worst: float) -> SignalClaim | None:
-        """Return the claim of nearly the least level that is proved.
+    def least(self, worst: float) -> tuple[SignalClaim, Verdict] | None:
+        """Return the claim of nearly the least level that is proved, and its verdict.
 
         Parameters
         ----------

@@ -20,7 +20,7 @@ ROADS, SECONDS, STEP = 10, 100, 1e-3
 
 
 def fixed(plant, least, coefficient):
-    """Rms with a damper that stays as it is, at each mass [m/s2]."""
+    """Rms with a fixed damper, at each mass [m/s2]."""
     K = [[0, 0, -coefficient, coefficient]]  # of the velocities of body and wheel
     alpha = [plant.alpha(m1=m) for m in MASSES]
     rms = pf.response.stationary(plant, K, alpha, least.density, list(least.signal)).rms

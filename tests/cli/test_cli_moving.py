@@ -43,7 +43,7 @@ def test_what_is_said_is_what_is_checked(folder, capsys, form, rate, region, how
     (folder / "walk.toml").write_text(SPEC.format(**form, rate=rate))
     assert main(["design", "walk.toml", "--region", region, "-o", "out"]) == 0
     said = capsys.readouterr().out
-    assert f"  poles are those of parameters at rest; with p {how} the loop {proved}" in said
+    assert f"  the poles are for constant parameters; with p {how} the loop {proved}" in said
     assert main(["check", "out", "--spec", "walk.toml"]) == 0
     checked = capsys.readouterr().out
     assert f"with p {how}" in checked
@@ -64,7 +64,7 @@ def test_estimates_that_are_off_are_said_of_parameters_at_rest(folder, capsys):
     words = ["design", "walk.toml", "--region", "half_plane(0.1)", "--method", "scheduled"]
     assert main([*words, "--error", "p=0.02"]) == 0
     said = capsys.readouterr().out
-    off = "for estimates that the law is given and that are off, while parameters are at rest: p by"
+    off = "for estimates that the law is given and that are off, for constant parameters: p by"
     assert off in said
     assert "with p moving by up to 0.1 1/s, of exact estimates, the loop decays" in said
 

@@ -315,3 +315,37 @@ def test_one_gain_of_signals_is_a_system_of_signals():
         "sprung_mass_velocity",
         "unsprung_mass_velocity",
     ]
+
+
+def test_disturbances_are_named_wherever_they_are():
+    """The wind first, a control, then the road: a model as it was put together elsewhere."""
+    A, B = np.array([[0.0, 1.0], [-2.0, -3.0]]), np.arange(6.0).reshape(2, 3)
+    C, D = np.array([[1.0, 2.0]]), np.array([[0.5, 0.25, 0.125]])
+    labels = {"inputs": ["wind", "force", "road"], "outputs": ["y"], "states": ["p", "v"]}
+    system = control.ss(A, B, C, D, **labels)
+    for given in (("road", "wind"), ["road", "wind", "road"]):
+        plant = from_control(system, disturbances=given)
+        assert plant.inputs == ("force",)
+        assert plant.disturbances == ("road", "wind")
+        assert np.array_equal(plant.B[0], B[:, [1]])
+        assert np.array_equal(plant.vertices[0].E, B[:, [2, 0]])
+        (output,) = plant.outputs
+        assert ((((Fraction(1, 4),),)), ((Fraction(1, 8), Fraction(1, 2)),)) == (output.D, output.F)
+    one = from_control(system, disturbances="wind")
+    assert (one.inputs, one.disturbances) == (("force", "road"), ("wind",))
+    assert np.array_equal(from_control(system, disturbances=np.int64(1)).B[0], B[:, :2])
+
+
+@pytest.mark.parametrize(
+    ("given", "said"),
+    [
+        (["wind", "force", "road"], "names every input"),
+        (["winde"], "no input 'winde'; did you mean 'wind'"),
+        (3, "disturbances = 3 of 3 inputs leaves no control input"),
+        (-1, "leaves no control input"),
+    ],
+)
+def test_disturbances_that_there_are_not(given, said):
+    system = control.ss(-1, np.ones((1, 3)), 1, np.zeros((1, 3)), inputs=["wind", "force", "road"])
+    with pytest.raises(PlantError, match=said):
+        from_control(system, disturbances=given)

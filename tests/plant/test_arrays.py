@@ -16,7 +16,7 @@ from scipy.sparse import csc_matrix
 
 from polefence import InputError
 from polefence.law.arrays import law_from
-from polefence.plant import arrays
+from polefence.plant import matlab
 from polefence.plant.arrays import plant_from, read_arrays
 
 A = np.array([[[0.0, 1.0], [-1.0, -0.1]], [[0.0, 1.0], [-3.0, -0.1]], [[0.0, 2.0], [-2.0, 0.3]]])
@@ -153,14 +153,14 @@ def cut(path):
 
 
 def bomb(path):
-    packed = zlib.compress(bytes(arrays.MAX_INFLATED + 10), 9)
+    packed = zlib.compress(bytes(matlab.MAX_INFLATED + 10), 9)
     header = b"MATLAB 5.0 MAT-file".ljust(124) + struct.pack("<H", 0x0100) + b"IM"
-    path.write_bytes(header + struct.pack("<II", arrays.MI_COMPRESSED, len(packed)) + packed)
+    path.write_bytes(header + struct.pack("<II", matlab.MI_COMPRESSED, len(packed)) + packed)
 
 
 def zip_bomb(path):
     with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
-        archive.writestr("A.npy", bytes(arrays.MAX_INFLATED + 10))
+        archive.writestr("A.npy", bytes(matlab.MAX_INFLATED + 10))
 
 
 def nested(depth):
@@ -174,11 +174,11 @@ def nested(depth):
         return element(6, flags) + element(5, sizes) + element(1, name)
 
     def write(path):
-        inner = element(arrays.MI_MATRIX, head(6) + element(9, struct.pack("<d", 1.0)))
+        inner = element(matlab.MI_MATRIX, head(6) + element(9, struct.pack("<d", 1.0)))
         size, parts = len(inner), [inner]
         for k in range(depth):
             own = head(1, b"A" if k == depth - 1 else b"")
-            parts.append(struct.pack("<II", arrays.MI_MATRIX, len(own) + size) + own)
+            parts.append(struct.pack("<II", matlab.MI_MATRIX, len(own) + size) + own)
             size += len(own) + 8
         header = b"MATLAB 5.0 MAT-file".ljust(124) + struct.pack("<H", 0x0100) + b"IM"
         path.write_bytes(header + b"".join(reversed(parts)))

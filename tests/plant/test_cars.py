@@ -306,7 +306,7 @@ FAULTS = [
     ('spring = "kf*(1 + age)"', 'spring = "kf*(age - 1)"', "spring = -26889.5 is negative"),
     ('spring = "kf*(1 + age)"', 'spring = "kg"', "unknown name 'kg'"),
     ("range = [644.1, 844]", "range = [500, 844]", "felt = 500 kg is less than the 644.0"),
-    ('felt = "felt"', "", "the load's place and the mass felt there"),
+    ('felt = "felt"', "", "the effective mass there"),
     ("load = [-0.9, 0]", "load = [-0.9]", "car.body.load must be two numbers"),
     ("driver = [0.1, 0.35]", 'driver = "left"', "car.seat.driver must be two numbers"),
     ("pitch_inertia", "yaw_inertia", "unknown key 'yaw_inertia'"),

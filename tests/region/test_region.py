@@ -166,7 +166,7 @@ def test_a_disk_is_stable_if_it_stays_in_the_open_left_half_plane(radius, stable
 
 @pytest.mark.parametrize(
     ("centre", "radius"),
-    [(0, 1.5), (4, 1), (float("nan"), 1), (float("-inf"), 1), ("x", 1), (None, 1)]
+    [(float("nan"), 1), (float("-inf"), 1), ("x", 1), (None, 1)]
     + [(-4, 0), (-4, -1), (-4, float("nan")), (-4, float("inf")), (-4, "x")],
 )
 def test_what_is_no_disk_is_refused(centre, radius):
@@ -184,7 +184,6 @@ def test_what_is_no_disk_is_refused(centre, radius):
         (VerticalStrip, (-1, -1)),
         (VerticalStrip, (-1, -2)),
         (HorizontalStrip, (0,)),
-        (Ellipse, (1, 1, 1)),
         (Ellipse, (-1, 0, 1)),
         (Ellipse, (-1, 1, -1)),
         (HalfPlane, (1e200,)),

@@ -34,7 +34,7 @@ from polefence.cli.terminal import say
 from polefence.cli.tightest import KINDS
 from polefence.design.certificate import Certificate
 from polefence.design.checks import example_centre
-from polefence.design.design import FILE_NAME, Design, require_kind
+from polefence.design.design import FILE_NAME, Design, is_proof_file, require_kind
 from polefence.design.given import Analysis, WorstCase, analyse, worst_case
 from polefence.design.rows import plant_summary
 from polefence.design.table import FILE_NAME as TABLE_NAME
@@ -43,12 +43,12 @@ from polefence.law.arrays import law_from
 from polefence.law.laws import FixedGain, GainTable, Law, given_law, table_from
 from polefence.plant.arrays import NO_NAMES, read_arrays
 from polefence.plant.family import UncertainPlant
-from polefence.plant.points import values_text
+from polefence.plant.points import seeded, values_text
 from polefence.plant.spec import load
 from polefence.proof import reading, work
 from polefence.proof.claims.cells import Cell
 from polefence.proof.document import FORMAT
-from polefence.proof.text import exactly
+from polefence.proof.text import exactly, plural
 from polefence.region.regions import Region
 from polefence.region.text import digits_down, digits_up, load_region, parse_region
 
@@ -56,6 +56,7 @@ OTHERS = (".mat", ".npz", ".npy", ".csv")  # files of other tools
 WANTED = 'give a matrix, a design.json, or a table {"grid": {name: knots}, "gains": nested lists}'
 MOST_TEXT = 100_000  # characters of a matrix on the command line
 SHOWN = 3  # counterexamples printed
+BETWEEN = 200  # points beside the vertices, where the other sign is tried
 PRINTED = re.compile(r"\[([-+.0-9eE\s,;]+)\]")
 CUT = "note: cut by --budget; a faster machine, or more time, may prove more"
 
@@ -193,7 +194,7 @@ def read_gain(
             certificate = Certificate.loads(text)
             require_kind(certificate)
             return given_law(plant, certificate.law)
-        if isinstance(data, dict) and {"K", "W", *names} & data.keys():
+        if isinstance(data, dict) and "grid" not in data and {"K", "W", *names} & data.keys():
             return law_from(read_arrays(name, names), plant)
         if isinstance(data, dict) and "format" in data:
             raise InputError(f"format = {shown(data['format'])} is not read here; {WANTED}")
@@ -231,7 +232,7 @@ def _one(analysis: Analysis, asked: Region, options: Any) -> int:
         )
     else:
         say(f"{analysis.answer}: {analysis.reason}", verdict=analysis.answer)
-        note_the_sign(analysis, "give -K")
+        note_the_sign(analysis, options.gain, "give -K")
     say(*image_text(analysis.plant, asked, analysis.proved), *samples_text(analysis.plant))
     pole, alpha = analysis.pole, analysis.alpha
     _finish(
@@ -305,14 +306,31 @@ def _worst(plant: UncertainPlant, worst: WorstCase, options: Any) -> int:
     return NOT_PROVED if value is None else PROVED
 
 
-def note_the_sign(analysis: Analysis, remedy: str) -> None:
-    """Say of a gain that is refuted where -K keeps the vertices' poles: lqr has u = -K x."""
+def note_the_sign(analysis: Analysis, gain: str | None, remedy: str, other: str = "-K") -> None:
+    """Say of a gain that is refuted where the other sign keeps the poles: lqr has u = -K x.
+
+    The sign of a design's own file is known.
+    """
     law, plant = analysis.law, analysis.plant
-    if analysis.answer != "refuted" or not isinstance(law, FixedGain):
+    if analysis.answer != "refuted" or not isinstance(law, FixedGain) or _is_design(gain):
         return
-    poles = np.linalg.eigvals(plant.A - plant.B @ law.K)
-    if analysis.region.contains(poles):
-        say(f"note: -K keeps the poles of all vertices there; if the law is u = -K x, {remedy}")
+    alpha = seeded(plant, len(plant.vertices) + BETWEEN)
+    A, B = (np.tensordot(alpha, M, 1) for M in (plant.A, plant.B))
+    if analysis.region.contains(np.linalg.eigvals(A - B @ law.K)):
+        more = len(alpha) - len(plant.vertices)
+        between = f", and of {plural(more, 'point')} between" if more else ""
+        say(
+            f"note: {other} keeps the poles of all vertices there{between}; if the law is "
+            f"u = {other} x, {remedy}"
+        )
+
+
+def _is_design(gain: str | None) -> bool:
+    """Whether a gain is a file of claims, or a folder with one."""
+    if gain is None or gain.lstrip().startswith(("[", "{")):
+        return False
+    path = Path(gain)
+    return (path / FILE_NAME).is_file() or (path.is_file() and is_proof_file(path))
 
 
 def _value(region: Region, of: str) -> float:

@@ -32,7 +32,7 @@ from polefence.plant.exact import ranges_of
 from polefence.plant.family import UncertainPlant
 from polefence.plant.tracks import own_states
 from polefence.proof.motion import motion_text
-from polefence.proof.text import digits_down, digits_up, exactly, milliseconds_text
+from polefence.proof.text import digits_down, digits_up, exactly, milliseconds_text, plural
 from polefence.region.regions import Region, Sector, VerticalStrip
 from polefence.region.z_plane import annulus_kept, share_kept
 
@@ -152,7 +152,7 @@ def samples_text(plant: UncertainPlant) -> list[str]:
         return []
     time, late = milliseconds_text(plant.sample_time), ""
     if own.delay:
-        late = f", inputs act {own.delay} sample{'s' * (own.delay > 1)} late"
+        late = f", inputs act {plural(own.delay, 'sample')} late"
     return [f"  at samples every {time} ms, not between them; inputs and disturbances held{late}"]
 
 
@@ -166,7 +166,7 @@ def motion_lines(
     how = motion_text(ranges_of(plant))
     if not how:
         return []
-    lines = ["  poles are those of parameters at rest"]
+    lines = ["  the poles are for constant parameters"]
     kept = ["the bounds hold"] * bounds
     if decay := _decay_text(plant, region):
         kept.append(f"the loop {decay}")
@@ -253,12 +253,6 @@ def jobs_of(options: Any, rows: int) -> int | None:
         raise InputError(f"--jobs = {options.jobs} must be at least 1")
     # Starting processes takes longer than a few rows do.
     return 1 if rows < 8 else options.jobs
-
-
-def size_of(plant: UncertainPlant) -> str:
-    """Say how large a plant is."""
-    n, m = plant.shape
-    return f"{len(plant.vertices)} vertices, {n} states, {m} input{'s' if m > 1 else ''}"
 
 
 def every_alpha(design: Design, *others: str) -> str:
@@ -395,8 +389,8 @@ def write_json(path: Path, document: Mapping[str, Any]) -> None:
 def finished_rows(total: int) -> Iterator[Callable[[str], None]]:
     """Show how many rows of a sweep are finished; takes the words of each as it is."""
     done = count(1)
-    with stage(f"0 of {total} rows") as own:
-        yield lambda last: own.now(f"{next(done)} of {total} rows, the last {last}")
+    with stage(f"0 of {plural(total, 'row')}") as own:
+        yield lambda last: own.now(f"{next(done)} of {plural(total, 'row')}, the last {last}")
 
 
 def method_arguments(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -13,8 +14,16 @@ from polefence.cli.common import (
     write_figure,
     write_json,
 )
-from polefence.cli.laws import Named, distinct, read_law, read_subject
+from polefence.cli.laws import WORDS, Named, distinct, law_of_spec, read_law, read_subject
 from polefence.cli.terminal import say
+from polefence.lmi.conditions.methods import METHODS
+from polefence.plant.family import UncertainPlant
+
+DISK = (-40.0, 36.0)  # that all three methods reach for the cars of the package
+NOTHING_ASKED = (
+    "note: {} asks for no law of its own; write [[specification]] tables or a region in it, name "
+    "laws by --law, or give --disk for quadratic, slack and scheduled"
+)
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -22,22 +31,23 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "subject",
         metavar="SPEC|DESIGN",
-        help="a TOML spec of a quarter car, or a design, whose law is then compared too",
+        help="a TOML spec of a quarter car, or a design: its law is compared with the others",
     )
     parser.add_argument(
         "--law",
         action="append",
         metavar="LAW",
         help="passive, skyhook, lqr, quadratic, slack, scheduled, a design, or a gain as for "
-        "analyse; repeat for more; default: the first six",
+        "analyse; repeat for more; default: the first three, beside the law that the spec asks for "
+        "(designed as by optimise) or that of DESIGN",
     )
     parser.add_argument(
         "--disk",
         type=float,
         nargs=2,
-        default=(-40.0, 36.0),
         metavar=("CENTRE", "RADIUS"),
-        help="that quadratic, slack and scheduled are designed for; default: -40 36",
+        help="quadratic, slack and scheduled are designed for it, and compared too; named by --law "
+        "without it, for -40 36",
     )
     parser.add_argument("--road", default="C", metavar="CLASS", help="ISO 8608, A to H; default: C")
     parser.add_argument(
@@ -54,19 +64,18 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def compare_command(options: Any) -> int:
     """Compare laws on a random road: comfort, tyre load, travel, force, power, over the family."""
-    from polefence.vehicle.compare import NAMES, compare, standard_laws
+    from polefence.vehicle.compare import compare
+    from polefence.vehicle.vehicle import require_ride
 
     plant, own = read_subject(options.subject)
+    require_ride(plant)
     check_figure(options.plot)
     check_targets(options.json, options.plot)
-    words = NAMES if options.law is None else options.law
-    laws = [] if own is None else [own]
-    for word in words:
-        if word in NAMES:
-            law = standard_laws(plant, tuple(options.disk), (word,))[word]
-            laws.append(Named(word, law))
-        else:
-            laws.append(read_law(plant, word))
+    laws, notes = ([] if own is None else [own]), list[str]()
+    if own is None and options.law is None:
+        laws = [] if (asked := law_of_spec(plant, options.subject)) is None else [asked]
+        notes = [] if laws else [NOTHING_ASKED.format(options.subject)]
+    laws = [*(_law(plant, word, options) for word in _words(options)), *laws]
     found = compare(
         plant, {law.name: law.law for law in distinct(laws)}, options.road, options.speed
     )
@@ -76,5 +85,20 @@ def compare_command(options: Any) -> int:
         write_figure(options.plot, comparison_figure(found))
     if options.json is not None:
         write_json(options.json, found.document())
-    say(*found.lines)
+    say(*found.lines, *notes)
     return PROVED
+
+
+def _words(options: Any) -> Sequence[str]:
+    """Return the laws that are named, or those that every car is compared with."""
+    if options.law is not None:
+        return list(options.law)
+    return (*WORDS, *(METHODS if options.disk is not None else ()))
+
+
+def _law(plant: UncertainPlant, word: str, options: Any) -> Named:
+    from polefence.vehicle.compare import standard_laws
+
+    if word not in METHODS:
+        return read_law(plant, word)
+    return Named(word, standard_laws(plant, tuple(options.disk or DISK), (word,))[word])

@@ -1,4 +1,4 @@
-"""``polefence concepts``: suspensions for one rms, from a damper that stays to an active law."""
+"""``polefence concepts``: suspensions for one rms, from a fixed damper to an active law."""
 
 from __future__ import annotations
 

@@ -111,7 +111,7 @@ def design_command(options: Any) -> int:
                 )
     if errors:
         off = ", ".join(f"{name} by up to {digits_down(size, 6)}" for name, size in errors.items())
-        rest = ", while parameters are at rest" if plant.moving else ""
+        rest = ", for constant parameters" if plant.moving else ""
         lines.append(f"  for estimates that the law is given and that are off{rest}: {off}")
     lines += motion_lines(plant, design.region, exact=bool(errors))
     summary = {

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import argparse
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -9,10 +10,13 @@ from typing import Any
 
 import numpy as np
 
-from polefence.base.errors import InputError, suggest
+from polefence.base.errors import InputError, NotProvedError, UncontrollableError, suggest
 from polefence.cli.analyse import read_gain
+from polefence.cli.common import structure_of_options
 from polefence.design.certificate import file_plant
 from polefence.design.design import FILE_NAME, Design, is_proof_file, read_document
+from polefence.design.requirements.asked import wanted
+from polefence.design.requirements.text import load_specifications
 from polefence.law.laws import given_law
 from polefence.plant.family import UncertainPlant
 from polefence.plant.spec import load
@@ -20,9 +24,10 @@ from polefence.proof.claims.base import prove
 from polefence.proof.claims.clipped import Clipped
 from polefence.proof.claims.samples import Samples
 from polefence.proof.text import milliseconds_text
-from polefence.region.text import digits_up
+from polefence.region.text import digits_up, load_region
 
 WORDS = ("passive", "skyhook", "lqr")
+OWN = "law of the spec"
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,6 +63,30 @@ def read_subject(what: str) -> tuple[UncertainPlant, Named | None]:
         return load(what), None
     design = Design.load(path, allow_unproved=True)
     return design.plant, of_design(design.plant, design, path)
+
+
+def law_of_spec(plant: UncertainPlant, spec: str) -> Named | None:
+    """Design the law that a spec asks for: as `optimise` does, or as `design`; None of nothing.
+
+    Where none is proved, it is a `NoLaw` that says why.
+    """
+    from polefence.design.signals.optimise import optimise
+    from polefence.design.signals.placed import place
+    from polefence.vehicle.compare import NoLaw
+
+    (least, limits), region = load_specifications(spec), load_region(spec)
+    structure = structure_of_options(plant, argparse.Namespace(spec=spec))
+    try:
+        if least is not None or limits:
+            least, limits = wanted(plant, spec)
+            design = optimise(plant, least, limits, region, structure=structure).design
+        elif region is not None:
+            design = place(plant, region, structure=structure)
+        else:
+            return None
+    except (NotProvedError, UncontrollableError) as answer:
+        return Named(OWN, NoLaw(str(answer)))
+    return of_design(plant, design, Path(OWN))
 
 
 def read_law(plant: UncertainPlant, what: str) -> Named:

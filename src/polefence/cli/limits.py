@@ -24,7 +24,6 @@ from polefence.cli.common import (
     methods_of,
     rows_file,
     saved,
-    size_of,
     spaced,
     spec_argument,
     sweep_arguments,
@@ -148,7 +147,7 @@ def _fitted(plant: UncertainPlant, methods: list[Method], chosen: bool) -> list[
             )
         found[method_label(own)] = own
     if not found:
-        raise InputError(f"{plant.name}: {size_of(plant)} are too large for every method")
+        raise InputError(f"{plant.name}: {plant.size_text}: too large for every method")
     return list(found.values())
 
 
@@ -183,7 +182,7 @@ class _Table:
 
     def _head(self) -> None:
         self.begun = True
-        say(f"{self.plant.name}: {size_of(self.plant)}")
+        say(f"{self.plant.name}: {self.plant.size_text}")
         say(
             f"{'centre':>{self.wide}}  {'method':<{self.width}} {'radius':>10}  {'at least':>10}  "
             f"{'d/sigma':>8}  {'status':<9}  seconds"

@@ -397,9 +397,11 @@ def _rest_lines(done: Optimised, rows: Sequence[Row]) -> list[str]:
     found = _rests(done, rows)
     for source in dict.fromkeys(rest.source.label for rest in found):
         own = [rest for rest in found if rest.source.label == source]
-        left = ", ".join(rest.words for rest in own if rest.size) or "0 of all these signals"
+        left = (
+            ", ".join(rest.words for rest in own if rest.size) or "every signal above returns to 0"
+        )
         held = held_words(done.plant, own[0].source)
-        lines.append(f"  held at {held}, sampled, this leaves {left}")
+        lines.append(f"  steady state under constant {held}, sampled: {left}")
         for rest in own:
             if any(rest.size > most for most in _limits_on(done, limits, rest)):
                 beyond[rest.signal.name] = max(rest.size, beyond.get(rest.signal.name, 0.0))

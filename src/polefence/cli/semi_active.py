@@ -1,4 +1,4 @@
-"""``polefence semi-active``: a law for controllable dampers, and what no logic goes below."""
+"""``polefence semi-active``: a law for controllable dampers, and a lower bound for every logic."""
 
 from __future__ import annotations
 
@@ -98,7 +98,7 @@ def question(options: Any) -> tuple[UncertainPlant, tuple[Damper, ...], Rms]:
 
 
 def semi_active_command(options: Any) -> int:
-    """Design a law for controllable dampers; prove its rms, and what no logic goes below."""
+    """Design a law for controllable dampers; prove its rms, and a lower bound for every logic."""
     plant, dampers, least = question(options)
     check_targets(options.json, folder=options.output, names=(LAW, LIMIT))
     law = semi_active(plant, least, dampers, options.degree)

@@ -149,7 +149,7 @@ def _held(plant: UncertainPlant, options: Any) -> tuple[UncertainPlant, Named, S
 
 
 def _require_end(runs: Mapping[str, Run]) -> None:
-    """Refuse to call driven what ran away: its numbers are none."""
+    """Reject a simulation that diverged."""
     lost = {name: run.lost.first for name, run in runs.items() if run.lost is not None}
     if lost:
         when = ", ".join(f"{name!r} at {first:.4g} s" for name, first in lost.items())

@@ -22,6 +22,7 @@ from polefence.fleet.run import run, worked_out
 from polefence.fleet.store import Row, Store, alike, value_of
 from polefence.fleet.study import Study, load_study
 from polefence.fleet.workers import Workers, here, processes
+from polefence.proof.text import plural
 from polefence.region.text import digits_down, digits_up
 
 SHOWN, BEST = 5, 10  # reasons of rows that are not proved; rows of --best
@@ -207,7 +208,7 @@ def _said(rows: Sequence[Row], questions: Sequence[Question], total: int) -> int
         if question.together and counts[ROW_PROVED]:
             laws = Counter(row["law"] for row in own if row["law"])
             each = ", ".join(str(count) for _, count in laws.most_common())
-            said += f"; by {len(laws)} law{'s' * (len(laws) > 1)}: of {each} variants"
+            said += f"; by {plural(len(laws), 'law')}: of {each} variants"
         if values:
             digits, unit = _weaker(question), next((row["unit"] for row in own if row["unit"]), "")
             span = f"{digits(min(values))} to {digits(max(values))} {unit}"

@@ -77,7 +77,7 @@ def tightest_command(options: Any) -> int:
         raise InputError("--within is of continuous time; leave it out")
     if options.of == "disk" and options.centre is None:
         raise InputError(f"--of disk needs {centre}")
-    within = None if options.within is None else parse_region(options.within)
+    within = None if options.within is None else parse_region(options.within, alone=False)
     structure, method = structure_of_options(plant, options), None
     if structure is None:
         method = method_of(options.method or "scheduled", options)

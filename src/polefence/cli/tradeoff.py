@@ -25,7 +25,6 @@ from polefence.cli.common import (
     samples_text,
     sampling_arguments,
     saved,
-    size_of,
     spaced,
     spec_argument,
     structure_of_options,
@@ -240,7 +239,7 @@ def _lines(front: Front) -> list[str]:
     over, least = front.labels
     question = front.asked
     lines = [
-        f"{question.plant.name}: {size_of(question.plant)}",
+        f"{question.plant.name}: {question.plant.size_text}",
         f"least {least} over limits on {over}",
         *(f"with {limit_text(s)}" for s in question.subject_to),
         f"with poles in {question.region}",

@@ -20,6 +20,7 @@ from polefence.cli.common import (
 )
 from polefence.cli.terminal import say
 from polefence.design.design import FILE_NAME, Design, is_proof_file
+from polefence.design.requirements.asked import promised
 from polefence.design.requirements.specification import Specification
 from polefence.design.requirements.text import parse_specification
 from polefence.design.rows import plant_summary
@@ -65,14 +66,16 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="NEW=OLD",
         help="the file calls it OLD what is called NEW here: --name P=Xopt; repeat for more",
     )
-    parser.add_argument("--region", metavar="TEXT", help="'disk(-40, 31)'; default: stability")
+    parser.add_argument(
+        "--region", metavar="TEXT", help="'disk(-40, 31)'; default: the spec's, else stability"
+    )
     parser.add_argument(
         "--limit",
         action="append",
         default=[],
         metavar="TEXT",
         help="a bound that is promised: 'gain of y1 <= 2', or 'gain of y1' for the least that can "
-        "be proved; repeat for more",
+        "be proved; repeat for more; default: all that a spec asks for",
     )
     parser.add_argument(
         "--budget",
@@ -93,10 +96,10 @@ def verify_command(options: Any) -> int:
     if region is None:
         region = HalfPlane(0) if plant.sample_time is None else Disk(0, 1)
     P = _lyapunov(arrays, names, options.lyapunov)
-    limits = [_limit(text) for text in options.limit]
+    limits = _limits(plant, arrays, options)
     check_targets(options.json, folder=options.output, names=(FILE_NAME,))
     found = verify(plant, law, region, P, limits, options.budget)
-    _say(found)
+    _say(found, options)
     say(*image_text(plant, region, found.analysis.proved))
     if arrays is not None:
         say(_read_text(arrays, options))
@@ -114,7 +117,9 @@ def _read_text(arrays: Arrays, options: Any) -> str:
         names += ["K"] if "K" in arrays else ["Z", "W"]
     names += ["P"] if options.lyapunov is None else []
     sign = "; u = -K x" if options.minus else ""
-    return f"read: {', '.join(arrays.listed(names))} from {arrays.place}{sign}"
+    out = arrays.left_out(names)
+    rest = f"; not read, no numbers: {', '.join(out)}" if out else ""
+    return f"read: {', '.join(arrays.listed(names))} from {arrays.place}{sign}{rest}"
 
 
 def _names(given: Sequence[str]) -> dict[str, str]:
@@ -156,6 +161,13 @@ def _lyapunov(arrays: Arrays | None, names: dict[str, str], path: str | None) ->
     return [] if arrays is None or "P" not in arrays else arrays["P"]
 
 
+def _limits(plant: UncertainPlant, arrays: Arrays | None, options: Any) -> list[Specification]:
+    """Return the limits of the options; of a spec, on its road and else its own."""
+    if arrays is None:
+        return list(promised(plant, options.plant, options.limit, "--limit"))
+    return [_limit(text) for text in options.limit]
+
+
 def _limit(text: str) -> Specification:
     try:
         return parse_specification(text)
@@ -163,7 +175,7 @@ def _limit(text: str) -> Specification:
         raise InputError(f"--limit {shown(text)}: {error}") from error
 
 
-def _say(found: Verified) -> None:
+def _say(found: Verified, options: Any) -> None:
     analysis, plant = found.analysis, found.plant
     if analysis.proved:
         alpha = every_alpha(analysis.design)
@@ -171,7 +183,8 @@ def _say(found: Verified) -> None:
         say(f"proved: {where}; {analysis.reason}", verdict="proved")
     else:
         say(f"{analysis.answer}: {analysis.reason}", verdict=analysis.answer)
-        note_the_sign(analysis, "add --minus")
+        other = ("leave out --minus", "K") if options.minus else ("add --minus", "-K")
+        note_the_sign(analysis, options.gain, *other)
     given = found.lyapunov
     if given is not None:
         what = "P" if given.count == 1 else f"P of {given.count} vertices"

@@ -21,7 +21,7 @@ from polefence.plant.motion import Motion
 from polefence.plant.polynomial import Domain
 from polefence.proof import matrices, roots, work
 from polefence.proof.regions import parts_of
-from polefence.region.regions import Disk, HalfPlane, Region, check_centre
+from polefence.region.regions import Disk, HalfPlane, Region, astray, check_centre
 from polefence.region.z_plane import z_plane
 
 # Multiplications of one step of a search for a law with specifications.
@@ -123,8 +123,13 @@ def require_region(plant: UncertainPlant, region: Region, method: Method | None 
             Motion.of(plant).require(Domain.of(own.on, len(plant.vertices)))
     disks = [part for part in region.parts if isinstance(part, Disk)]
     if plant.sample_time is None:
-        for disk in disks:
-            check_centre(disk.centre)
+        part = astray(region)
+        if part is not None:
+            raise RegionError(
+                f"{part}: centre = {part.centre:g} is not in the left half-plane, where "
+                f"{plant.name} in continuous time is stable; give a negative one (-40), or add "
+                "& half_plane(0)"
+            )
     elif not disks or not all(disk.discrete for disk in disks):
         raise RegionError(
             f"{region}: {plant.name} is a discrete-time plant; give a disk in the unit disk, for "

@@ -23,7 +23,7 @@ def first(found: Iterable[T]) -> T | None:
 
 
 def preferred(found: Iterable[T | None], wanted: Callable[[T], bool]) -> tuple[T | None, T | None]:
-    """Return the first that is wanted, where none is the first of all; and the first of all."""
+    """Return the first that is wanted, or else the first found; and the first found."""
     kept: T | None = None
     for each in found:
         if each is None:

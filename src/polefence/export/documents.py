@@ -44,7 +44,7 @@ from polefence.proof.claims.rounding import Code, Rounded, rounding_error
 from polefence.proof.claims.sampled import Sampled
 from polefence.proof.claims.samples import Samples
 from polefence.proof.document import Document
-from polefence.proof.text import milliseconds_text
+from polefence.proof.text import milliseconds_text, plural
 from polefence.proof.work import FormatError
 from polefence.region.regions import Region, region_of
 from polefence.region.text import digits_down, digits_up, short_text
@@ -420,7 +420,7 @@ def statement(facts: Facts) -> tuple[str, ...]:
     sentences = [_rounding(facts), *_timing(facts)]
     own = facts.sample_time
     if own is not None:
-        late = f"acting {facts.late} sample{'s' * (facts.late > 1)} late, as the plant has it"
+        late = f"acting {plural(facts.late, 'sample')} late, as the plant has it"
         how = late if facts.late else "without delay"
         sentences.append(f"Run every {milliseconds_text(own)} ms, the plant's own, u {how}.")
     if facts.observer is not None:

@@ -252,7 +252,7 @@ class Tightest(_OfMethod):
                 else f"centre belongs to a disk; of = {self.of!r} has none"
             )
         if self.within:
-            parse_region(self.within)
+            parse_region(self.within, alone=False)
 
     @property
     def largest(self) -> bool:
@@ -276,7 +276,7 @@ class Tightest(_OfMethod):
         ]
 
     def _answered(self, plants: list[Any], specs: list[str]) -> list[Answer]:  # noqa: ARG002
-        within = parse_region(self.within) if self.within else None
+        within = parse_region(self.within, alone=False) if self.within else None
         found = many.tightest(plants, self.centre, self.options, of=self.of, within=within)
         return [
             _failed(own) if isinstance(own, PolefenceError) else _of_design(own, self.of)

@@ -9,11 +9,18 @@ from typing import Any
 
 import numpy as np
 
-from polefence.base.errors import InputError, MissingExtraError, ParameterValueError, PlantError
+from polefence.base.errors import (
+    InputError,
+    MissingExtraError,
+    ParameterValueError,
+    PlantError,
+    suggest,
+)
 from polefence.law.laws import Law, PolynomialGain, is_one
 from polefence.plant.family import UncertainPlant
 from polefence.plant.outputs import Output, split, stacked, states
 from polefence.plant.system import Array, System
+from polefence.proof.text import plural
 
 _NUMBERED = re.compile(r"(sys|[xuy])\[\d+\]")  # what python-control calls that which has no name
 
@@ -30,7 +37,9 @@ def _control() -> Any:
     return control
 
 
-def from_control(systems: Any, disturbances: int = 0, name: str = "") -> UncertainPlant:
+def from_control(
+    systems: Any, disturbances: int | str | Sequence[str] = 0, name: str = ""
+) -> UncertainPlant:
     """Return the polytope whose vertices are python-control ``StateSpace`` systems.
 
     Parameters
@@ -39,16 +48,17 @@ def from_control(systems: Any, disturbances: int = 0, name: str = "") -> Uncerta
         One, or one a vertex: all of one shape, in continuous time or of one sample time. States and
         inputs keep the names that they were given, and so do the outputs y = C x + D u + F w; those
         that are one state or one input, or nothing at all, are left out.
-    disturbances : int
-        How many of the last inputs are disturbances (columns of E) rather than controls.
+    disturbances : int or sequence of str
+        Which inputs are disturbances (columns of E) rather than controls: how many of the last
+        ones, or their names, wherever they are among the inputs.
     name : str
         Of the plant; by default that of the first system, where it was given one.
 
     Raises
     ------
     PlantError
-        If a system is no ``StateSpace``, of another time or other names than the first, or leaves
-        no control input.
+        If a system is no ``StateSpace``, of another time or other names than the first, has no
+        input of a name that is given, or no control input is left.
     MissingExtraError
         If python-control is not installed.
     """
@@ -57,29 +67,58 @@ def from_control(systems: Any, disturbances: int = 0, name: str = "") -> Uncerta
     if not given:
         raise PlantError("a plant needs at least one vertex")
     for j, system in enumerate(given):
-        _require_vertex(control, system, given[0], f"system {j + 1}", disturbances)
+        _require_vertex(control, system, given[0], f"system {j + 1}")
     first = given[0]
-    m = first.ninputs - disturbances
+    controls, others = _columns(first, disturbances)
+    labels = _names(first.input_labels)
     plant = UncertainPlant.from_vertices(
         [s.A for s in given],
-        [s.B[:, :m] for s in given],
-        [s.B[:, m:] for s in given] if disturbances else None,
+        [s.B[:, controls] for s in given],
+        [s.B[:, others] for s in given] if others else None,
         name=name or _own([first.name], "plant"),
         states=_names(first.state_labels),
-        inputs=_names(first.input_labels[:m]),
-        disturbances=_names(first.input_labels[m:]),
+        inputs=_some(labels, controls),
+        disturbances=_some(labels, others),
         sample_time=first.dt or None,
     )
-    return replace(plant, outputs=tuple(_outputs(plant, given, m)))
+    return replace(plant, outputs=tuple(_outputs(plant, given, controls, others)))
 
 
-def _outputs(plant: UncertainPlant, systems: Sequence[Any], m: int) -> Iterator[Output]:
+def _columns(system: Any, disturbances: int | str | Sequence[str]) -> tuple[list[int], list[int]]:
+    """Return which inputs are controls, and which disturbances."""
+    count = system.ninputs
+    if isinstance(disturbances, int | np.integer):
+        if not 0 <= disturbances < count:
+            raise PlantError(
+                f"disturbances = {disturbances} of {plural(count, 'input')} leaves no control "
+                "input; give how many of the last ones are, or their names"
+            )
+        return list(range(count - disturbances)), list(range(count - disturbances, count))
+    labels = list(system.input_labels)
+    wanted = [disturbances] if isinstance(disturbances, str) else list(disturbances)
+    for name in wanted:
+        if name not in labels:
+            raise PlantError(f"disturbances: no input {name!r}; {suggest(str(name), labels)}")
+    others = [labels.index(name) for name in dict.fromkeys(wanted)]
+    controls = [k for k in range(count) if k not in others]
+    if not controls:
+        raise PlantError("disturbances names every input; one at least must be a control")
+    return controls, others
+
+
+def _some(labels: tuple[str, ...], columns: Sequence[int]) -> tuple[str, ...]:
+    return tuple(labels[k] for k in columns) if labels else ()
+
+
+def _outputs(
+    plant: UncertainPlant, systems: Sequence[Any], controls: list[int], others: list[int]
+) -> Iterator[Output]:
     """Yield the systems' outputs, under their names, that are no states or inputs."""
     known = {signal.name: signal for signal in plant.signals}
     plain = {(signal.C, signal.D, signal.F) for signal in plant.signals}
     for i, label in enumerate(systems[0].output_labels):
-        own = {"C": [s.C[i] for s in systems], "D": [s.D[i, :m] for s in systems]}
-        own["F"] = [s.D[i, m:] for s in systems if s.D[i, m:].size]
+        own = {"C": [s.C[i] for s in systems], "D": [s.D[i, controls] for s in systems]}
+        own["F"] = [s.D[i, others] for s in systems if others]
         if not any(np.any(row) for rows in own.values() for row in rows):
             continue
         name, unit = split(re.sub(r"^y\[(\d+)\]$", r"output \1", label))
@@ -91,7 +130,7 @@ def _outputs(plant: UncertainPlant, systems: Sequence[Any], m: int) -> Iterator[
             yield found
 
 
-def _require_vertex(control: Any, system: Any, first: Any, where: str, disturbances: int) -> None:
+def _require_vertex(control: Any, system: Any, first: Any, where: str) -> None:
     if not isinstance(system, control.StateSpace):
         kind = type(system).__name__
         raise PlantError(f"{where} is a {kind}, no StateSpace; control.ss() makes one")
@@ -101,11 +140,8 @@ def _require_vertex(control: Any, system: Any, first: Any, where: str, disturban
         raise PlantError(f"{where} has dt = {system.dt}, system 1 {first.dt}; they must agree")
     if system.nstates < 1:
         raise PlantError(f"{where} has no states; nothing has poles")
-    if not 0 <= disturbances < system.ninputs:
-        raise PlantError(
-            f"{where} has {system.ninputs} inputs; {disturbances} disturbances leave no control "
-            "input"
-        )
+    if system.ninputs != first.ninputs:
+        raise PlantError(f"{where} has {system.ninputs} inputs, system 1 {first.ninputs}")
     if system.noutputs != first.noutputs:
         raise PlantError(f"{where} has {system.noutputs} outputs, system 1 {first.noutputs}")
     for key in ("state_labels", "input_labels", "output_labels"):

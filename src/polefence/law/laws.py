@@ -584,11 +584,15 @@ def _knots(parameter: Parameter, given: Sequence[Any]) -> tuple[Fraction, ...]:
 def table_from(parameters: tuple[Parameter, ...], data: Any) -> GainTable:
     """Return a table from plain data, {"grid": {name: knots}, "gains": nested lists}.
 
+    The gains may be called K.
+
     Raises
     ------
     InputError
         If it is malformed or does not fit the parameters.
     """
+    if isinstance(data, dict) and set(data) == {"grid", "K"}:
+        data = {"grid": data["grid"], "gains": data["K"]}
     if not isinstance(data, dict) or set(data) != {"grid", "gains"}:
         raise InputError('a table of gains is {"grid": {name: knots}, "gains": nested lists}')
     if not isinstance(data["grid"], dict):

@@ -28,7 +28,7 @@ def formula(law: PolynomialGain) -> str:
 
 
 def definitions(law: PolynomialGain) -> list[str]:
-    """Say what y is and, of each coordinate that the law has, what it is of its parameter."""
+    """Describe y, and how each coordinate of the law depends on its parameter."""
     lines = [f"y = {', '.join(own.label for own in law.measured)}"] if law.measured else []
     if law.fixed:
         return lines

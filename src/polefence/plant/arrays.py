@@ -5,21 +5,19 @@ from __future__ import annotations
 import io
 import math
 import re
-import struct
-import warnings
 import zipfile
 import zlib
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
-from itertools import chain, islice
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 
 from polefence.base.errors import InputError, shown, suggest
 from polefence.base.files import read_bytes
+from polefence.plant import matlab
 from polefence.plant.family import UncertainPlant
 from polefence.plant.outputs import Output, split
 from polefence.plant.system import Exact, read_matrix
@@ -27,14 +25,9 @@ from polefence.proof import reading
 from polefence.proof.work import FormatError
 
 MAX_ENTRIES = 2_000_000  # numbers in a file
-MAX_INFLATED = 64_000_000  # bytes of a file once it is unpacked
 MAX_FILES = 2_000  # in a folder
 KINDS = (".mat", ".npz", ".npy", ".json", ".csv")
 WANTED = "name a .mat, .npz, .npy, .json or .csv file, or a folder of .csv files"
-HDF = b"MATLAB 7.3"
-MI_MATRIX, MI_COMPRESSED = 14, 15  # types of elements of a MATLAB 5 file: nested, and packed
-MAX_DEPTH, MAX_ELEMENTS = 20, 200_000  # of these
-HEADER = 128  # bytes before its first element
 _NUMBERED = re.compile(r"(.*?[A-Za-z])_?([1-9][0-9]{0,2})")
 NO_NAMES: Mapping[str, str] = MappingProxyType({})
 _BETWEEN = re.compile(r"[,;\t]| +")
@@ -57,6 +50,8 @@ class Arrays:
         What the file calls some of them.
     faults : dict of name to text
         Why others of the file are no matrices; said where one is asked for.
+    objects : dict of name to text
+        Those of them that hold no numbers: what they are.
     """
 
     place: str
@@ -64,6 +59,7 @@ class Arrays:
     words: Mapping[str, list[str]] = field(default_factory=dict)
     names: Mapping[str, str] = field(default_factory=dict)
     faults: Mapping[str, str] = field(default_factory=dict)
+    objects: Mapping[str, str] = field(default_factory=dict)
 
     def __contains__(self, name: str) -> bool:
         """Whether it is there, or was said to be: then `__getitem__` says that it is not."""
@@ -119,6 +115,17 @@ class Arrays:
                 found.append(called if count == 1 else f"{called} of {count} vertices")
         return found
 
+    def holds(self, name: str) -> bool:
+        """Whether it is there, and no object: what may be left out is, where it is one."""
+        return name in self and self.names.get(name, name) not in self.objects
+
+    def left_out(self, names: Iterable[str]) -> list[str]:
+        """Say which of these the file has as objects, and what they are."""
+        called = {name: self.names.get(name, name) for name in names}
+        return [
+            f"{name} ({self.objects[own]})" for name, own in called.items() if own in self.objects
+        ]
+
     def only(self, name: str) -> list[Exact]:
         """Return the matrices of a name, or those of a file that has no others.
 
@@ -171,8 +178,10 @@ def _read_arrays(path: Path) -> Arrays:
     read: Callable[[Path, bytes], Iterable[tuple[str, Any]]]
     read = {".mat": _mat, ".npz": _npz, ".npy": _one_npy, ".json": _json}[kind]
     matrices, words, faults = dict[str, list[Matrix]](), dict[str, list[str]](), dict[str, str]()
-    count = 0
+    objects, count = dict[str, str](), 0
     for name, value in read(path, raw):
+        if isinstance(value, _ObjectError):
+            objects[name] = value.what
         if isinstance(value, InputError):
             faults[name] = str(value)
             continue
@@ -183,7 +192,7 @@ def _read_arrays(path: Path) -> Arrays:
         count += sum(len(row) for matrix in value for row in matrix)
         if count > MAX_ENTRIES:
             raise InputError(f"{path}: more than {MAX_ENTRIES} numbers; {WANTED}")
-    return _with_series(Arrays(str(path), matrices, words, faults=faults))
+    return _with_series(Arrays(str(path), matrices, words, faults=faults, objects=objects))
 
 
 def _read(path: Path) -> bytes:
@@ -258,8 +267,8 @@ def _npz(path: Path, raw: bytes) -> Iterator[tuple[str, Any]]:
     try:
         with zipfile.ZipFile(io.BytesIO(raw)) as archive:
             size = sum(entry.file_size for entry in archive.infolist())
-            if size > MAX_INFLATED:
-                raise InputError(f"{path}: more than {MAX_INFLATED} bytes once unpacked")
+            if size > matlab.MAX_INFLATED:
+                raise InputError(f"{path}: more than {matlab.MAX_INFLATED} bytes once unpacked")
             for entry in archive.namelist():
                 name = entry.removesuffix(".npy")
                 value = _npy(f"{path}: {name}", archive.read(entry))
@@ -286,6 +295,16 @@ def _npy(where: str, raw: bytes) -> Any:
     except (ValueError, EOFError) as problem:
         text = " ".join(str(problem).split())
         raise InputError(f"{where}: not a plain array of NumPy: {shown(text)}") from problem
+
+
+class _ObjectError(InputError):
+    """A variable of MATLAB is no matrix: an object, a function handle."""
+
+    def __init__(self, where: str, what: str) -> None:
+        self.what = what
+        super().__init__(
+            f"{where} is {what}; only matrices of numbers are read: save it as one, under this name"
+        )
 
 
 def _or_fault(read: Callable[..., Any], *given: Any) -> Any:
@@ -316,115 +335,53 @@ def _array(where: str, value: Any, first: bool) -> Any:
 
 
 def _mat(path: Path, raw: bytes) -> Iterator[tuple[str, Any]]:
-    from scipy.io import loadmat, whosmat  # deferred: slow to import
-
-    if raw.startswith(HDF):
-        raise InputError(
-            f"{path}: MATLAB 7.3 files are not read; save(..., '-v7') writes one that is"
-        )
-    _require_plain(path, raw)
-    try:
-        names = [name for name, *_ in whosmat(cast(Any, io.BytesIO(raw)))]
-        with warnings.catch_warnings():  # of the class of sparse matrices, which changes there
-            warnings.simplefilter("ignore", DeprecationWarning)
-            warnings.simplefilter("ignore", FutureWarning)
-            found = loadmat(cast(Any, io.BytesIO(raw)), variable_names=names, squeeze_me=False)
-    except Exception as problem:  # of a file that is damaged anything may be raised there
-        text = " ".join(str(problem).split())
-        raise InputError(f"{path}: no MATLAB file, or a damaged one: {shown(text)}") from problem
     given, fields = dict[str, Any](), dict[str, list[Any]]()
-    for name in names:
-        value = found.get(name)
-        members = list(_members(value))
-        for key in members[0].dtype.names if members else ():
-            fields.setdefault(key, []).append([own[key] for own in members])
+    for name, value in matlab.variables(path, raw):
+        members = _members(value)
+        for key in members[0] if members else ():
+            fields.setdefault(key, []).append(matlab.Cells(tuple(own[key] for own in members)))
         if not members:
             given[name] = value
     for key, lists in fields.items():
         if len(lists) == 1 and key not in given:
-            own = np.empty(len(lists[0]), dtype=object)
-            own[:] = lists[0]
-            given[key] = own
+            given[key] = lists[0]
     for name, value in given.items():
         own = _or_fault(_of_matlab, f"{path}: {name}", value)
         if own is not None:
             yield name, own
 
 
-def _members(value: Any) -> Iterator[Any]:
-    """Yield the members of a structure array, or of cells that hold one structure each."""
-    if not isinstance(value, np.ndarray):
-        return
-    cells = list(value.ravel(order="F"))
-    if value.dtype == object and all(getattr(own, "size", 0) == 1 for own in cells):
-        cells = [own.item() if own.dtype.names is None else own.ravel()[0] for own in cells]
-    names = {getattr(getattr(own, "dtype", None), "names", None) for own in cells}
-    if len(names) == 1 and names != {None}:
-        yield from cells
+def _members(value: Any) -> tuple[dict[str, Any], ...]:
+    """Return the members of a structure array, or of cells that hold one structure each."""
+    if isinstance(value, matlab.Structures):
+        return value.members
+    if not isinstance(value, matlab.Cells):
+        return ()
+    alone = [own.members for own in value.values if isinstance(own, matlab.Structures)]
+    if len(alone) < len(value.values) or any(len(own) != 1 for own in alone):
+        return ()
+    members = tuple(own[0] for own in alone)
+    return members if len({tuple(own) for own in members}) == 1 else ()
 
 
 def _of_matlab(where: str, value: Any) -> Any:
     """Return matrices or texts of a variable, None where it is neither."""
-    if hasattr(value, "toarray"):  # sparse
-        if math.prod(value.shape) > MAX_ENTRIES:
-            raise InputError(f"{where}: more than {MAX_ENTRIES} entries")
-        return _array(where, value.toarray(), first=False)
-    if not isinstance(value, np.ndarray) or not value.size:
+    if isinstance(value, matlab.Unread):
+        raise _ObjectError(where, value.what)
+    if isinstance(value, list):
+        return value[0] if len(value) == 1 else value or None
+    if isinstance(value, np.ndarray):
+        return _array(where, value, first=False) if value.size else None
+    if not isinstance(value, matlab.Cells) or not value.values:
         return None
-    if value.dtype != object:
-        if value.dtype.kind not in "biufcUS":
-            return None
-        found = _array(where, value, first=False)
-        return found[0] if value.dtype.kind == "U" and len(found) == 1 else found
-    cells = value.ravel(order="F")
-    if any(getattr(own, "dtype", value.dtype) == value.dtype for own in cells):
-        return None  # cells of cells
-    members = [_of_matlab(where, own) for own in cells]
+    if any(isinstance(own, matlab.Cells) for own in value.values):
+        return None
+    members = [_of_matlab(where, own) for own in value.values]
     if all(isinstance(own, str) for own in members):
         return members
     if all(isinstance(own, list) and len(own) == 1 for own in members):
         return [own[0] for own in members]
     return None
-
-
-def _require_plain(path: Path, raw: bytes) -> None:
-    """Refuse a MATLAB file that unpacks to, or nests, more than who reads it bears."""
-    order, left = "<" if raw[126:128] == b"IM" else ">", MAX_INFLATED
-    count = 0
-    for kind, content in _elements(raw, HEADER, order):
-        own: bytes | memoryview = content
-        if kind == MI_COMPRESSED:
-            try:
-                own = zlib.decompressobj().decompress(content, left + 1)
-            except zlib.error:
-                return  # who reads it will say so
-        left -= len(own)
-        if left < 0:
-            raise InputError(f"{path}: more than {MAX_INFLATED} bytes once unpacked")
-        level = list(_elements(own, 0, order)) if kind == MI_COMPRESSED else [(kind, own)]
-        for _ in range(MAX_DEPTH):
-            inside = (_elements(inner, 0, order) for kind, inner in level if kind == MI_MATRIX)
-            level = list(islice(chain.from_iterable(inside), MAX_ELEMENTS + 1))
-            count += len(level)
-            if count > MAX_ELEMENTS:
-                raise InputError(f"{path}: more than {MAX_ELEMENTS} pieces")
-            if not level:
-                break
-        else:
-            raise InputError(f"{path}: cells in cells, more than {MAX_DEPTH} deep")
-
-
-def _elements(raw: bytes | memoryview, at: int, order: str) -> Iterator[tuple[int, memoryview]]:
-    """Yield type and content of the elements of a MATLAB 5 file, or of one of them."""
-    own = memoryview(raw)
-    while at + 8 <= len(own):
-        kind, length = struct.unpack(order + "II", own[at : at + 8])
-        if kind >> 16:  # up to four bytes, in the place of the length
-            yield kind & 0xFFFF, own[at + 4 : at + 8]
-            at += 8
-            continue
-        yield kind, own[at + 8 : at + 8 + length]
-        at += 8 + length + (-length % 8 if kind != MI_COMPRESSED else 0)
 
 
 def plant_from(arrays: Arrays, name: str = "") -> UncertainPlant:
@@ -442,7 +399,7 @@ def plant_from(arrays: Arrays, name: str = "") -> UncertainPlant:
     A = arrays["A"]
     n = len(A[0])
     B = arrays["B"] if "B" in arrays else [np.eye(n, dtype=int).tolist()]
-    E = arrays["E"] if "E" in arrays else None  # noqa: SIM401
+    E = arrays["E"] if arrays.holds("E") else None
     N = max(len(each) for each in (A, B, E or A))
     words = {key: tuple(arrays.words.get(key, ())) for key in ("states", "inputs", "disturbances")}
     label = name or next(iter(arrays.words.get("name", ())), "") or Path(arrays.place).stem
@@ -464,7 +421,7 @@ def _each(matrices: list[Any], N: int) -> list[Any]:
 
 def _outputs(plant: UncertainPlant, arrays: Arrays) -> Iterator[Output]:
     """Yield the rows of C, D and F as outputs."""
-    given = {key: arrays[key] for key in "CDF" if key in arrays}
+    given = {key: arrays[key] for key in "CDF" if arrays.holds(key)}
     counts = {len(matrices[0]) for matrices in given.values()}
     if len(counts) > 1:
         raise InputError(f"{', '.join(given)} must have as many rows each, one an output")

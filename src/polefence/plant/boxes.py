@@ -67,7 +67,7 @@ def weights(box: Box, domain: Domain, degree: int) -> dict[Exponent, dict[Expone
 
 
 def equal(pieces: tuple[int, ...]) -> tuple[Box, ...]:
-    """Return the parts of which each parameter's interval has so many; nothing of none."""
+    """Split each interval into the given number of parts; empty if there are no parameters."""
     if not pieces:
         return ()
     numbers = product(*(range(n) for n in pieces))

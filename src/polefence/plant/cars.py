@@ -115,7 +115,9 @@ class Body:
         if self.height is not None and len(self.motions) == 1:
             raise PlantError("body: height without inertia in pitch or roll; leave it out")
         if (self.load is None) != (self.felt is None):
-            raise PlantError("body: give the load's place and the mass felt there, or neither")
+            raise PlantError(
+                "body: give load (a place) and felt (the effective mass there), or neither"
+            )
         if self.load is not None:
             x, y = (exact(value, "body: load") for value in self.load)
             object.__setattr__(self, "load", (x, y))

@@ -32,6 +32,7 @@ from polefence.plant.system import Array, Exact, System, read_matrix
 from polefence.plant.vehicle import OF_A_CAR, Vehicle
 from polefence.proof.matrices import common_denominator
 from polefence.proof.remainder import Remainder
+from polefence.proof.text import plural
 
 MAX_VERTICES = 256
 MAX_BITS = 20_000  # of the common denominator: the exact checker's bound
@@ -156,7 +157,7 @@ class UncertainPlant:
         if self.moving and self.remainder is not None:
             raise PlantError(
                 f"parameter {self.moving[0].name}: rate: samples of a plant in continuous time are "
-                "of parameters that do not move; leave out rate"
+                "for constant parameters only; leave out rate"
             )
         self._read_outputs()
 
@@ -183,20 +184,23 @@ class UncertainPlant:
                 raise PlantError(f"output {signal.name!r} is the name of a state or input; rename")
         object.__setattr__(self, "outputs", tuple(found.values()))
 
-    def __repr__(self) -> str:
+    @property
+    def size_text(self) -> str:
+        """How many vertices, states and inputs there are, in words."""
         n, m = self.shape
-        vertices = len(self.vertices)
-        return f"<UncertainPlant {self.name!r}: {vertices} vertices, {n} states, {m} inputs>"
+        counts = ((len(self.vertices), "vertex"), (n, "state"), (m, "input"))
+        return ", ".join(plural(*own) for own in counts)
+
+    def __repr__(self) -> str:
+        return f"<UncertainPlant {self.name!r}: {self.size_text}>"
 
     def _repr_html_(self) -> str:
         """Show it in a notebook."""
-        n, m = self.shape
-        size = f"{len(self.vertices)} vertices, {n} states, {m} inputs"
         ranges = (
             (p.name, f"{float(p.low):g} to {float(p.high):g} {p.unit}") for p in self.parameters
         )
         named = ((key, ", ".join(getattr(self, key))) for key in ("states", "inputs"))
-        return card(self.name, [("family", size), *ranges, *named])
+        return card(self.name, [("family", self.size_text), *ranges, *named])
 
     @classmethod
     def from_vertices(

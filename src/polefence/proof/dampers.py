@@ -64,7 +64,7 @@ class SemiActive:
 
     @property
     def bounds_text(self) -> str:
-        """Say between which multiples of what its force is."""
+        """Describe the bounds of the damper's force."""
         none = [[[Fraction(0)]]] * len(self.rate)
         low, high = number_text(self.low), number_text(self.high)
         return f"{low} to {high} times ({output_text(self.rate, none)})"

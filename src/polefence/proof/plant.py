@@ -199,7 +199,9 @@ class Plant:
         if plant.sample_time is not None and plant.sample_time <= 0:
             raise FormatError(f"{table.path('sample_time')} must be positive")
         if plant.remainder is not None and any(own.rate is not None for own in plant.ranges):
-            raise FormatError(f"{table.path('remainder')}: is of parameters that do not move")
+            raise FormatError(
+                f"{table.path('remainder')}: samples with one need constant parameters"
+            )
         return plant
 
     def write(self) -> dict[str, Any]:

@@ -335,7 +335,7 @@ def _longest(P: Terms) -> int:
 
 def _hold(matrices: int, entries: int, length: int) -> None:
     if matrices * entries * (36 + length // 7) > MAX_HELD:
-        raise FormatError("its polynomials are larger than is checked here; use a lower degree")
+        raise FormatError("its polynomials are larger than is checked here; take fewer parameters")
 
 
 def _spend_exponents(count: int, P: Terms) -> None:

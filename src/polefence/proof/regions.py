@@ -66,6 +66,10 @@ class Part:
         """Say what besides makes it no region."""
         return ""
 
+    def fault_alone(self) -> str:
+        """Say what makes it no region where no other part keeps the left half-plane."""
+        return ""
+
     def in_half_plane(self, p: Fraction, q: Fraction, c: Fraction) -> bool:
         """Whether it lies in the half-plane p x + q y <= c."""
         raise NotImplementedError
@@ -89,11 +93,14 @@ class Disk(Part):
     centre: Fraction
     radius: Fraction
 
-    def own_fault(self) -> str:
+    def fault_alone(self) -> str:
         """Say that it is no disk of continuous nor of discrete time."""
         if self.centre < 0 or self.centre + self.radius <= 1:
             return ""
-        return f"centre = {_short(self.centre)} must be negative, or the disk in the unit disk"
+        return (
+            f"centre = {_short(self.centre)} must be negative, or the disk in the unit disk, or "
+            "another part in the left half-plane"
+        )
 
     @property
     def pairs(self) -> list[Pair]:
@@ -265,9 +272,14 @@ class Ellipse(Part):
     real: Fraction
     imaginary: Fraction
 
-    def own_fault(self) -> str:
+    def fault_alone(self) -> str:
         """Say that its centre is unstable."""
-        return f"centre = {_short(self.centre)} must be negative" if self.centre >= 0 else ""
+        if self.centre < 0:
+            return ""
+        return (
+            f"centre = {_short(self.centre)} must be negative, or another part in the left "
+            "half-plane"
+        )
 
     @property
     def pairs(self) -> list[Pair]:
@@ -332,13 +344,17 @@ def _short(value: Fraction) -> str:
 def require_region(parts: tuple[Part, ...]) -> None:
     """Refuse numbers that make no region: no pole lies in one, nor outside.
 
+    A disk or an ellipse whose centre is not in the left half-plane is a part of a region that lies
+    there for another part.
+
     Raises
     ------
     FormatError
         Naming the first such part.
     """
+    kept = any(part.in_half_plane(ONE, ZERO, ZERO) for part in parts)
     for k, part in enumerate(parts):
-        fault = part.fault()
+        fault = part.fault() or ("" if kept else part.fault_alone())
         if fault:
             where = "region" if len(parts) == 1 else f"region.parts[{k + 1}]"
             raise FormatError(f"{where}.{fault}")

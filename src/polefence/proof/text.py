@@ -24,6 +24,7 @@ SHORT, SHORT_FRACTION = 12, 5  # characters of a number that is not rounded
 
 # Of Unicode's categories those that draw nothing of their own, but move, hide or end a line.
 _HIDDEN = {"Cc", "Cf", "Cs", "Co", "Cn", "Zl", "Zp"}
+_PLURALS = (("matrix", "matrices"), ("vertex", "vertices"), ("axis", "axes"), ("ss", "sses"))
 # Products of powers of units that are in use: kg, N s/m, m/s^2, 1/s, %, m/s per m/s2.
 _SYMBOLS = (
     "m g s A K mol cd rad sr Hz N Nm Pa J W Wh C V VA F Ω Ohm ohm S Wb T H lm lx Bq L l t bar eV "
@@ -85,6 +86,18 @@ def quoted(name: str) -> str:
     """Return a name in quotes, which it does not leave, cut short where it is endless."""
     short = name if len(name) <= LONGEST else f"{name[: LONGEST - 3]}..."
     return repr(short)
+
+
+def plural(count: int, noun: str) -> str:
+    """Return a number of things: "1 vertex", "4 vertices", "0 inequalities"."""
+    if count == 1:
+        return f"{count} {noun}"
+    for ending, several in _PLURALS:
+        if noun.endswith(ending):
+            return f"{count} {noun.removesuffix(ending)}{several}"
+    if noun[-1] == "y" and noun[-2] not in "aeou":
+        return f"{count} {noun[:-1]}ies"
+    return f"{count} {noun}s"
 
 
 def unit_text(unit: str) -> str:

@@ -13,8 +13,8 @@ MAX_WORK, CALL, MAX_HELD = 5 * 10**9, 120, 4 * 10**8
 RATIONAL = 20  # operations on integers that one on rationals is
 LEAST_WORK = 300 * CALL  # of an inequality of whatever size
 TOO_MUCH = (
-    "its inequalities are more, or larger, or their numbers longer, than is checked here; round "
-    "the numbers, or use a lower degree or elevation"
+    "its inequalities are more, or larger, or their numbers longer, than is checked here; take "
+    "fewer parameters, or round the numbers"
 )
 
 

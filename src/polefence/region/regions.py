@@ -127,8 +127,10 @@ class Disk(Region):
     Parameters
     ----------
     centre : float
-        Real coordinate of the centre [1/s], negative (the paper's -sigma). For a discrete-time
-        plant any, with the disk inside the open unit disk, or all of it: Disk(0, 1) is stability.
+        Real coordinate of the centre [1/s], negative (the paper's -sigma); any, where another part
+        of the region lies in the left half-plane, as in HalfPlane(1) & Disk(0, 500). For a
+        discrete-time plant any, with the disk inside the open unit disk, or all of it: Disk(0, 1)
+        is stability.
     radius : float
         Radius r [1/s], positive. A radius of at least |centre| reaches into the right half-plane:
         poles in such a disk need not be stable, see `stable`.
@@ -136,8 +138,7 @@ class Disk(Region):
     Raises
     ------
     RegionError
-        If the centre is not negative (nor the disk in the unit disk), the radius not positive,
-        or either not finite.
+        If the radius is not positive, or either not finite.
     """
 
     centre: float
@@ -147,12 +148,6 @@ class Disk(Region):
     def __post_init__(self) -> None:
         object.__setattr__(self, "centre", _number(self.centre, "centre"))
         object.__setattr__(self, "radius", _positive(self.radius, "radius"))
-        if self.centre >= 0 and not self.discrete:
-            raise RegionError(
-                f"{self}: centre = {self.centre:g} is not in the left half-plane, as continuous "
-                "time has it (-40), nor the disk in the unit disk, as discrete time has it, for "
-                "example disk(0.5, 0.4)"
-            )
 
     @property
     def discrete(self) -> bool:
@@ -368,7 +363,7 @@ class Ellipse(Region):
     Parameters
     ----------
     centre : float
-        [1/s]
+        [1/s]; negative, or any where another part of the region lies in the left half-plane.
     real, imaginary : float
         Semi-axes, positive [1/s].
     """
@@ -379,7 +374,7 @@ class Ellipse(Region):
     kind: ClassVar[str] = "ellipse"
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "centre", check_centre(self.centre))
+        object.__setattr__(self, "centre", _number(self.centre, "centre"))
         for name in ("real", "imaginary"):
             object.__setattr__(self, name, _positive(getattr(self, name), name))
 
@@ -447,6 +442,36 @@ class Intersection(Region):
         return " & ".join(str(part) for part in self.parts)
 
 
+def astray(region: Region) -> Disk | Ellipse | None:
+    """Return a disk or ellipse about a point that is not in the left half-plane, if nothing helps.
+
+    None where there is no such part, or another part keeps the region in the left half-plane.
+    """
+    if region.stable:
+        return None
+    round_parts = (part for part in region.parts if isinstance(part, Disk | Ellipse))
+    return next((part for part in round_parts if part.centre >= 0), None)
+
+
+def require_left(region: Region) -> Region:
+    """Return a region that is one of continuous or of discrete time.
+
+    Raises
+    ------
+    RegionError
+        If a disk or an ellipse is about a point that is not in the left half-plane, where neither
+        another part keeps it nor the disk lies in the unit disk.
+    """
+    part = astray(region)
+    if part is None or (isinstance(part, Disk) and part.discrete):
+        return region
+    discrete = ", nor the disk in the unit disk (disk(0.5, 0.4), discrete time)"
+    raise RegionError(
+        f"{part}: centre = {part.centre:g} is not in the left half-plane (-40)"
+        f"{discrete if isinstance(part, Disk) else ''}; or add & half_plane(0)"
+    )
+
+
 CLASSES: dict[str, type[Region]] = {
     each.kind: each
     for each in (Disk, HalfPlane, Sector, Wedge, VerticalStrip, HorizontalStrip, Ellipse)
@@ -467,7 +492,7 @@ def region_of(parts: Sequence[tuple[str, Sequence[Any]]]) -> Region:
         if [float(v) for v in numbers] != list(given.numbers.values()):
             raise RegionError(f"{kind}: its slope is not that of its damping ratio")
         regions.append(given)
-    return regions[0] if len(regions) == 1 else Intersection(tuple(regions))
+    return require_left(regions[0] if len(regions) == 1 else Intersection(tuple(regions)))
 
 
 def slope_of(damping: float) -> float:

@@ -8,8 +8,8 @@ from pathlib import Path
 
 from polefence.base.errors import RegionError, suggest
 from polefence.plant.spec import region_text
-from polefence.proof.text import digits_down, digits_up, exactly
-from polefence.region.regions import CLASSES, Intersection, Region, Wedge
+from polefence.proof.text import digits_down, digits_up, exactly, plural
+from polefence.region.regions import CLASSES, Intersection, Region, Wedge, require_left
 
 __all__ = ["digits_down", "digits_up", "load_region", "parse_region", "short_text"]
 
@@ -20,7 +20,7 @@ _PART = re.compile(r"\s*([A-Za-z][\w-]*)\s*\(([^()&]*)\)\s*", re.ASCII)
 _NUMBER = re.compile(r"[+-]?(\d+(\.\d*)?|\.\d+)(e[+-]?\d+)?", re.ASCII | re.IGNORECASE)
 
 
-def parse_region(text: str) -> Region:
+def parse_region(text: str, alone: bool = True) -> Region:
     """Read a region from text: parts ``kind(number, ...)`` joined by ``&``.
 
     ``parse_region(str(region))`` is ``region`` again.
@@ -33,6 +33,8 @@ def parse_region(text: str) -> Region:
         ``ellipse(centre, real, imaginary)``, numbers in 1/s (rad/s for imaginary parts), a damping
         ratio and a slope without a unit. Capitals do not matter, and ``-`` may stand for ``_``. At
         most 1000 characters and 16 parts.
+    alone : bool
+        False where the region is to be met by another one, which may keep the left half-plane.
 
     Raises
     ------
@@ -49,7 +51,8 @@ def parse_region(text: str) -> Region:
     if len(words) > MAX_PARTS:
         raise RegionError(f"region has {len(words)} parts; at most {MAX_PARTS} are read")
     parts = list(dict.fromkeys(_part(word) for word in words))
-    return parts[0] if len(parts) == 1 else Intersection(tuple(parts))
+    region = parts[0] if len(parts) == 1 else Intersection(tuple(parts))
+    return require_left(region) if alone else region
 
 
 def load_region(path: str | Path) -> Region | None:
@@ -101,7 +104,7 @@ def _part(word: str) -> Region:
     names = [field.name for field in fields(CLASSES[kind])]
     given = match[2].split(",") if match[2].strip() else []
     if len(given) != len(names):
-        count = f"{len(names)} number{'s' if len(names) > 1 else ''}"
+        count = plural(len(names), "number")
         raise RegionError(f"{kind}({', '.join(names)}) takes {count}; got {len(given)}")
     numbers = [_number(kind, name, word) for name, word in zip(names, given, strict=True)]
     try:

@@ -26,6 +26,7 @@ from polefence.proof.claims.base import prove
 from polefence.proof.claims.samples import MAX_DELAY, MAX_TERMS
 from polefence.proof.claims.steps import FURTHER
 from polefence.proof.remainder import MAX_CURVE, Remainder
+from polefence.proof.text import plural
 from polefence.proof.work import FormatError
 from polefence.response.discrete import balancing, zero_order_hold
 
@@ -74,7 +75,7 @@ def at_sample_time(
     T = _time(plant, sample_time)
     if plant.moving:
         raise InputError(
-            f"parameter {plant.moving[0].name}: rate: samples are of parameters that do not move; "
+            f"parameter {plant.moving[0].name}: rate: samples are for constant parameters only; "
             "leave out rate, or the sample time"
         )
     if not isinstance(delay, int) or isinstance(delay, bool) or not 0 <= delay <= MAX_DELAY:
@@ -229,7 +230,7 @@ def _on_the_way(
         vertices.append(System(A, B, E, f"vertex {k + 1}"))  # type: ignore[arg-type]
     labels = [own.label for own in states(plant)]
     for j in range(1, delay + 1):
-        ending = f", {j} sample{'s' * (j > 1)} late"
+        ending = f", {plural(j, 'sample')} late"
         labels += [_label(own.name + ending, own.unit) for own in inputs(plant)]
     return replace(
         plant,

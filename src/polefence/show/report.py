@@ -268,8 +268,7 @@ def _plant(plant: UncertainPlant) -> Section:
         )
         for p in plant.parameters
     ]
-    n, m = plant.shape
-    text = [f"{len(plant.vertices)} vertices, {n} states, {m} input{'s' if m > 1 else ''}."]
+    text = [f"{plant.size_text}."]
     for what, names in (("States", plant.states), ("Inputs", plant.inputs)):
         text += [f"{what}: {', '.join(names)}."] if names else []
     if not rows:

@@ -21,6 +21,7 @@ from polefence.region.regions import (
     Sector,
     VerticalStrip,
     Wedge,
+    require_left,
 )
 from polefence.show.plots import Curve, View, curves, half_axes
 
@@ -77,7 +78,7 @@ def moved(region: Region, handle: Handle, place: complex) -> Region:
     parts = list(region.parts)
     for k in handle.parts:
         parts[k] = _dragged(parts[k], handle, place)
-    return reduce(and_, parts)
+    return require_left(reduce(and_, parts))
 
 
 def outline(region: Region, view: View) -> Curve:

@@ -1,7 +1,7 @@
 """Suspension concepts side by side: what is proved of each for every load, and what drives have.
 
 All have one rms to keep low: acceleration, tyre deflection and whatever else, each times a weight.
-From a damper that stays, by dampers that a logic sets, to a force that knows every state.
+From a fixed damper, by dampers that a logic sets, to a force that knows every state.
 """
 
 from __future__ import annotations
@@ -145,7 +145,7 @@ def concepts(
 ) -> Concepts:
     """Design seven suspensions for one rms, prove it for every load, and drive them.
 
-    The best damper that stays; a skyhook, ADD and the law of `semi_active` for dampers; LQG, an
+    The best fixed damper; a skyhook, ADD and the law of `semi_active` for dampers; LQG, an
     active law by the same sensors and one by all states, for forces in place of the dampers.
 
     Parameters

@@ -465,7 +465,7 @@ def test_a_number_beyond_doubles_is_no_limit():
 
 
 def test_disturbances_of_a_peak_from_initial_states_are_refused():
-    with pytest.raises(InputError, match="disturbances are for an impulse"):
+    with pytest.raises(InputError, match="disturbances only apply together with an impulse"):
         InitialPeak("a", points=[[1, 0, 0]], disturbances=["wind"])
     assert InitialPeak("a", points=[[1, 0, 0]], impulse=1.0, disturbances=["wind"]).points
 

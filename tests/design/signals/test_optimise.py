@@ -143,7 +143,7 @@ def test_a_conflict_names_no_more_than_it_takes(one):
             [Gain("x", 0.01), rms("force", 2.1), EnergyPeak("x", 9.0)],
             method="scheduled",
         )
-    assert str(answer.value).endswith("left out: gain of x <= 0.01; rms of force <= 2.1")
+    assert str(answer.value).endswith("dropped: gain of x <= 0.01; rms of force <= 2.1")
 
 
 def test_a_region_out_of_reach_is_not_proved(one):

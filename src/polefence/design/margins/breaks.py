@@ -171,7 +171,7 @@ class _Parameters:
         return _closed(self.design, plant, law)
 
     def exactly(self, t: float, index: int) -> tuple[list[Fraction], list[Fraction], str]:
-        """Return both alphas of one pair, and what they are."""
+        """Return true and estimated alpha of one pair, exactly, and their parameter values."""
         own, estimated, words = [], [], []
         for p, u, value, sign in zip(
             self.parameters, self.unit, self.estimates[index], self.signs[index], strict=True

@@ -171,11 +171,13 @@ def _boxed(method: Method | None) -> Scheduled:
     own = Scheduled(1, 1, "box") if method in (None, "scheduled") else options(method or "")
     if isinstance(own, Slack) or own.degree == 0:
         raise InputError(
-            "errors of estimates are for laws that are scheduled, by degree 1 or more, not for "
+            "errors of estimates need a scheduled law of degree 1 or more, not "
             f"{method_label(method or '')}; one gain needs no estimates"
         )
     if own.degree == "auto":
-        raise InputError("errors of estimates are for laws of a degree that is given: 1, or more")
+        raise InputError(
+            "errors of estimates need a scheduled law of a fixed degree, 1 or more, not auto"
+        )
     return own if own.on == "box" else Scheduled(own.degree, own.elevation, "box")
 
 

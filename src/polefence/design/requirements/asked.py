@@ -51,22 +51,8 @@ def wanted(
         Naming the specification that cannot be used.
     """
     of_least, of_limit = options
-    least, written = load_specifications(spec, road)
-    road = with_wheels(road, spec)
-    if road is not None:
-        disturbance(plant)
-        for name in () if road.in_tracks else road.under:
-            if name not in [w.name for w in disturbances(plant)]:
-                raise SpecError(
-                    f"{spec}: road: under: {plant.name} has no disturbance {quoted(name)}"
-                )
-        written = tuple(road.acting(own, plant) for own in written)
-        least = None if least is None else road.acting(least, plant)
-    written = tuple(_begun(own, plant) for own in written)
-    least = least and _begun(least, plant)
+    least, written, road = _of_spec(plant, spec, road)
     every = (*written, *([least] if least else []))
-    for own in every:
-        _known(plant, own, str(spec), road)
     known = densities_of(every)
     if minimise is not None:
         least = in_units(_parsed(plant, minimise, of_least, road, known), written)
@@ -90,6 +76,58 @@ def wanted(
             "SIGNAL <= LIMIT', or write [[specification]] tables"
         )
     return least, tuple(found.values())
+
+
+def promised(
+    plant: UncertainPlant, spec: str | Path, limits: Sequence[str], option: str
+) -> tuple[Specification, ...]:
+    """Return what a law that is given is to keep: these lines, or else all that the spec asks for.
+
+    Parameters
+    ----------
+    limits : sequence of str
+        One without a limit asks for the least bound that can be proved, as ``minimise`` of the spec
+        does.
+    option : str
+        What these lines are called in messages.
+
+    Raises
+    ------
+    InputError
+        Naming the specification that cannot be used.
+    """
+    least, written, road = _of_spec(plant, spec, None)
+    every = (*written, *([least] if least else []))
+    known = densities_of(every)
+    if not limits:
+        return every
+    each = (_parsed(plant, text, option, road, known) for text in limits)
+    return tuple(in_units(own, written) for own in each)
+
+
+def _of_spec(
+    plant: UncertainPlant, spec: str | Path, road: RoadSpectrum | None
+) -> tuple[Specification | None, tuple[Specification, ...], RoadSpectrum | None]:
+    """Return what a spec minimises, its limits, and the road that they are meant on."""
+    least, written = load_specifications(spec, road)
+    road = with_wheels(road, spec)
+    if road is not None:
+        _require_wheels(plant, spec, road)
+        written = tuple(road.acting(own, plant) for own in written)
+        least = None if least is None else road.acting(least, plant)
+    written = tuple(_begun(own, plant) for own in written)
+    least = least and _begun(least, plant)
+    for own in (*written, *([least] if least else [])):
+        _known(plant, own, str(spec), road)
+    return least, written, road
+
+
+def _require_wheels(plant: UncertainPlant, spec: str | Path, road: RoadSpectrum) -> None:
+    """Refuse a road under wheels that there are not."""
+    disturbance(plant)
+    for name in () if road.in_tracks else road.under:
+        if name not in [w.name for w in disturbances(plant)]:
+            raise SpecError(f"{spec}: road: under: {plant.name} has no disturbance {quoted(name)}")
 
 
 def _begun(own: Specification, plant: UncertainPlant) -> Specification:

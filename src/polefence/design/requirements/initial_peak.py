@@ -72,7 +72,8 @@ class InitialPeak(Specification):
             ) from error
         if self.disturbances is not None and not any(self._sizes):
             raise InputError(
-                f"{self.name!r}: disturbances are for an impulse; give one, or leave them out"
+                f"{self.name!r}: disturbances only apply together with an impulse; give one, or "
+                "leave them out"
             )
         numbers = [
             *self._sizes,

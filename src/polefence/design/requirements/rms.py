@@ -77,7 +77,7 @@ class Rms(Specification):
         raise SpecError(
             f"{where}: neither density nor a road is given; write density = D (on a line: with "
             "density D), one-sided, in the disturbance's unit squared per Hz, or for a car a table "
-            "[road] with class and speed (--road CLASS --speed V)"
+            "[road] with class and speed"
         )
 
     @property
@@ -98,7 +98,7 @@ class Rms(Specification):
 
     @property
     def unnamed_noise(self) -> float:
-        """As often as makes its density one."""
+        """Scale that makes the density 1."""
         return float(1 / np.sqrt(self.density))
 
     def source(self, plant: UncertainPlant, domain: Domain) -> conditions.Source:

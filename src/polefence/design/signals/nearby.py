@@ -57,7 +57,7 @@ def decaying(plant: UncertainPlant, region: Region, share: float) -> Region:
     if region != Disk(0, 1) or plant.sample_time is None:
         parts = [
             Disk(0, part.radius ** (1 + share / 4))
-            if isinstance(part, Disk) and not part.centre
+            if plant.sample_time is not None and isinstance(part, Disk) and not part.centre
             else tighter(part, share / 20)
             for part in region.parts
         ]
@@ -108,8 +108,8 @@ def placed(
         if found is not None:
             return found
     raise NotProvedError(
-        f"not proved: with what {plant.name} is off between its vertices, {region} is not kept by "
-        "a law that keeps it otherwise; take a shorter sample time, or narrower ranges"
+        f"not proved: the law keeps {region} for the interpolated samples of {plant.name}, but not "
+        "within the interpolation-error bound; take a shorter sample time, or narrower ranges"
     )
 
 
@@ -171,8 +171,8 @@ def tightened(
                 break
     if best is None:
         raise NotProvedError(
-            f"not proved: with what {plant.name} is off between its vertices no disk about "
-            f"{centre:g} is; take a shorter sample time, or narrower ranges"
+            f"not proved: no disk about {centre:g} holds within the interpolation-error bound of "
+            f"the samples of {plant.name}; take a shorter sample time, or narrower ranges"
         )
     return best
 

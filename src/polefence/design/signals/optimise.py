@@ -308,8 +308,9 @@ def _nearby(
         raise failure
     if best is None:
         raise NotProvedError(
-            f"not proved: with what {plant.name} is off between its vertices no law found keeps "
-            "region and limits; take a shorter sample time, or narrower ranges of parameters"
+            "not proved: no law found keeps region and limits within the interpolation-error bound "
+            f"of the samples of {plant.name}; take a shorter sample time, or narrower ranges of "
+            "parameters"
         )
     return best
 
@@ -398,10 +399,10 @@ def _tuned(task: Task, structure: Structure, starts: Sequence[Law] = ()) -> Opti
         raise NotProvedError(reason)
     _refute(task)
     near = list(_attainable(task, structure, starts))
-    advice = "nor with any one of the limits left out"
+    advice = "dropping any single limit does not help either"
     if near:
         advice = f"with {' or '.join(near)}, the other limits as they are, there is one"
-    raise NotProvedError(f"{reason} and the limits, which does not refute them; {advice}")
+    raise NotProvedError(f"{reason} and the limits; this is not a refutation; {advice}")
 
 
 def _attainable(task: Task, structure: Structure, starts: Sequence[Law]) -> Iterator[str]:
@@ -518,7 +519,7 @@ class _Found:
 
 
 def _settled(task: Task, deadline: Deadline) -> Optimised:
-    """Return the best law; one of slower poles where that is not proved, or is none to be built."""
+    """Return the best law, or one with slower poles if it cannot be proved or implemented."""
     best, failure = None, None
     try:
         best = _best(task, deadline)

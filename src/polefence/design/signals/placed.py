@@ -256,7 +256,7 @@ def _most_damped(
     """Return the law of the largest damping ratio whose polygon in the z-plane is proved."""
     best: Design | None = None
     low, high = 0.0, MOST_DAMPING
-    failure = NotProvedError("not proved: no damping ratio of a law was")
+    failure = NotProvedError("not proved: no positive damping ratio could be proved")
     while high - low > CLOSE:
         middle = (low + high) / 2
         try:

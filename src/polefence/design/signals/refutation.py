@@ -351,8 +351,8 @@ def refusal(task: Task, reasons: Sequence[str]) -> NotProvedError:
             return NotProvedError(str(refutation), refutation=refutation)
         named = [str(p) if isinstance(p, Region) else limit_text(p) for p in conflict]
         return NotProvedError(
-            f"not proved: {label} finds no law for these together, and one for any of them left "
-            f"out: {'; '.join(named)}"
+            f"not proved: {label} finds no law for all of these limits, but does if any one is "
+            f"dropped: {'; '.join(named)}"
         )
     why = (
         reasons[0] if reasons else "a bound or the region was not proved of the law that was found"

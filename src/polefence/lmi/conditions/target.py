@@ -133,9 +133,17 @@ class Around:
 
     @property
     def centre(self) -> float:
-        """Of disks from which a search starts: on the left, or of a disk that reaches over zero."""
+        """Of disks from which a search starts: on the left, or of a disk that reaches over zero.
+
+        Not of one about a point on the right, which other parts of the region keep on the left.
+        """
         disks = [own for own in self.region.parts if isinstance(own, Disk)]
-        reaching = [own.centre for own in disks if own.centre + own.radius > 0]
+        kept = self.region.stable
+        reaching = [
+            own.centre
+            for own in disks
+            if own.centre + own.radius > 0 and not (kept and own.centre >= 0)
+        ]
         return reaching[0] if reaching else -self.scale
 
     @property

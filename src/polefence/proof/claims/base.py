@@ -216,7 +216,7 @@ class Claim:
         if not is_moving(plant.ranges):
             return text
         if not self.moves:
-            return f"{text}, parameters at rest"
+            return f"{text}, for constant parameters"
         return f"{text}, {motion_text(plant.ranges)}{self.motion_note}"
 
     def fault_in(self, plant: Plant, claims: Sequence[Claim]) -> str:  # noqa: ARG002

@@ -271,7 +271,7 @@ class Poles(Claim):
                 own.spread.require(self.remainder)
 
     def _require_motion(self) -> None:
-        """Refuse evidence that is none along motions where the region says how fast they decay."""
+        """Reject evidence that does not cover moving parameters where the region sets a rate."""
         if not self.motion or not any(map(self._moves, self.region)):
             return
         if self.method == "slack" or self.weights or any(own.cells for own in self.evidence):
@@ -280,7 +280,7 @@ class Poles(Claim):
                 f"a {what} is kept while parameters move by one X of the whole box, not by slack"
             )
         if self.remainder is not None:
-            raise FormatError("a remainder is of parameters that do not move")
+            raise FormatError("sampled plants with a remainder need constant parameters")
         for own, parts in self._each_with_parts:
             if any(map(self._moves, parts)):
                 X = lifted(self.law, own, self.sizes).part(slice(len(self.A[0])))

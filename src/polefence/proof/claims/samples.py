@@ -25,7 +25,7 @@ from polefence.proof.matrices import Rationals, common_denominator, identity
 from polefence.proof.plant import Plant, sizes_of
 from polefence.proof.polynomials import Polynomial, Sizes, bernstein, constant, multinomial
 from polefence.proof.reading import MAX_VERTICES, Table, plain, require_shape
-from polefence.proof.text import milliseconds_text
+from polefence.proof.text import milliseconds_text, plural
 from polefence.proof.work import RATIONAL, FormatError, spend
 
 MAX_TERMS, MAX_DELAY = 40, 64
@@ -73,7 +73,7 @@ class Samples(Claim):
 
     def statement(self, plant: Plant) -> str:
         """Say what the plant is of."""
-        late = f", u {self.delay} sample{'s' * (self.delay > 1)} late" if self.delay else ""
+        late = f", u {plural(self.delay, 'sample')} late" if self.delay else ""
         held = "u and w held" if self.E else "u held"
         time = milliseconds_text(plant.step)
         first = f" (states 1 to {self.width})" if plant.n > self.width else ""

@@ -519,7 +519,7 @@ class SignalClaim(Claim):
         evidence = subject.evidence
         self._require_remainder()
         if subject.motion and not self.has_motion:
-            raise FormatError(f"a bound on {self.kind} is of parameters that do not move")
+            raise FormatError(f"{self.kind} bounds are proved for constant parameters only")
         if evidence.transfer and not self.has_transfer:
             raise FormatError(f"a bound on {self.kind} is not proved by the transfer function")
         if evidence.dual and (not self.has_dual or evidence.multiple or not evidence.X):

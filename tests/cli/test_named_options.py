@@ -17,12 +17,9 @@ SOURCE = Path(polefence.__file__).parent
 OPTION = re.compile(r"--[a-z][a-z-]*[a-z]")
 # "polefence export --sample-time" in a message of another command
 OTHER = re.compile(r"polefence ([a-z-]+)")
-# Rooms whose messages one command prints, and what their text names besides.
-OWNERS = {
-    "export": "export",
-    "fleet": "study",
-    "studio": "studio",
-}
+# Rooms whose messages one command prints; and those that write down commands, piece by piece.
+OWNERS = {"export": "export", "fleet": "study"}
+WRITERS = ("studio", "show")
 NOT_OURS = {"--install"}  # xcode-select's
 
 
@@ -138,6 +135,9 @@ def test_what_several_commands_use_names_no_option():
             named = OPTION.findall(text)
             if room in OWNERS:
                 named = list(strangers(text, OWNERS[room]))
+            elif room in WRITERS:
+                every = set().union(*(options_of(name) for name, _, _ in COMMANDS))
+                named = [option for option in named if option not in every]
             else:
                 others = {o for name in OTHER.findall(text) for o in _options(name)}
                 named = [option for option in named if option not in others]

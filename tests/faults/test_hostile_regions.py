@@ -121,9 +121,6 @@ def test_an_intersection_of_nothing_is_refused():
         lambda: HorizontalStrip(float("inf")),
         lambda: Ellipse(-3, 0, 1),
         lambda: Ellipse(-3, 1, -1),
-        lambda: Ellipse(3, 1, 1),
-        lambda: Disk(0.5, 0.51),
-        lambda: Disk(2, 0.1),
         lambda: Disk(None, 1),
     ],
 )
@@ -134,13 +131,15 @@ def test_numbers_that_make_no_region(make):
 
 def test_disks_of_discrete_time_are_refused_for_a_continuous_plant():
     plant = oscillator()
-    for region in (Disk(0.5, 0.2), Disk(0.5, 0.2) & HalfPlane(0), Disk(0, 0.9)):
+    astray = (Disk(0.5, 0.51), Disk(2, 0.1), Ellipse(3, 1, 1), Disk(0.5, 0.2) & HalfPlane(-1))
+    for region in (Disk(0.5, 0.2), Disk(0, 0.9), *astray):
         with pytest.raises(RegionError, match="left half-plane"):
             place(plant, region)
     with pytest.raises(RegionError, match="left half-plane"):
         tightest(plant, 0.5)
-    with pytest.raises(RegionError, match="left half-plane"):
-        tightest(plant, of="sector", within=Disk(0.5, 0.2))
+    for region in (Disk(0.5, 0.2), Ellipse(3, 1, 1)):  # that no pole on the left is in
+        with pytest.raises(NotProvedError):
+            place(plant, region & HalfPlane(0))
 
 
 BOX = Scheduled(on="box")

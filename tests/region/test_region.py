@@ -257,5 +257,5 @@ def test_a_disk_may_touch_the_unit_circle(method):
     ("centre", "radius"), [(0.5, math.nextafter(0.5, 1)), (0.0, 1.5), (0.5, 0.6), (1.0, 0.1)]
 )
 def test_a_disk_across_the_unit_circle_is_no_region_of_discrete_time(centre, radius):
-    with pytest.raises(RegionError):
-        Disk(centre, radius)
+    with pytest.raises(RegionError, match="discrete-time plant; give a disk in the unit"):
+        place(SAMPLED, Disk(centre, radius))

@@ -124,7 +124,7 @@ def test_what_else_is_asked_of_it():
     assert tightest(plant, of="sector", within=Disk(0, 30)).region.parts[0].damping > 0.9
     observer = observe(plant, ["angle"], region)
     assert observer.design.region == region
-    done = optimise(plant, Gain("angle"), (), region)
+    done = optimise(plant, Gain("angle"), (), region, "quadratic")
     poles = done.design.poles(np.eye(2))
     assert region.contains(poles)
     assert check(done.design).proved
@@ -136,7 +136,16 @@ def test_what_else_is_asked_of_it():
         ["design", "axis.toml", "-o", "d"],
         ["analyse", "axis.toml", "--gain", "[-20 -9]", "-o", "d"],
         ["verify", "axis.toml", "--gain", "[-20 -9]", "-o", "d"],
-        ["optimise", "axis.toml", "--minimise", "gain of angle", "-o", "d"],
+        [
+            "optimise",
+            "axis.toml",
+            "--minimise",
+            "gain of angle",
+            "--method",
+            "quadratic",
+            "-o",
+            "d",
+        ],
         ["tightest", "axis.toml", "--of", "half_plane", "--within", "disk(0, 30)", "-o", "d"],
     ],
 )
@@ -145,7 +154,7 @@ def test_commands_take_it_and_their_files_are_checked(spec, capsys, command):
     assert "disk(0, 30)" in capsys.readouterr().out
     assert main(["check", "d", "--spec", spec]) == 0
     assert "disk(0, 30)" in capsys.readouterr().out
-    assert main(["report", "d", "-o", "r"]) == 0
+    assert main(["report", "d", "-o", "r.html"]) == 0
 
 
 def test_discrete_time_still_wants_a_disk_in_the_unit_disk(spec, capsys):

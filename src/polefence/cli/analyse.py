@@ -161,7 +161,7 @@ def _read(plant: UncertainPlant, options: Any) -> tuple[UncertainPlant, Law | Ga
 
 
 def read_gain(
-    plant: UncertainPlant, what: str, names: Mapping[str, str] = NO_NAMES
+    plant: UncertainPlant, what: str, names: Mapping[str, str] = NO_NAMES, option: str = "--gain"
 ) -> Law | GainTable:
     """Read a gain: JSON text, or a file with a matrix, a design or a table; never executed.
 
@@ -169,6 +169,8 @@ def read_gain(
     ----------
     names : mapping
         What a file of another tool calls K, Z or W.
+    option : str
+        What says it, for messages.
 
     Raises
     ------
@@ -176,9 +178,9 @@ def read_gain(
         If it cannot be read, or does not fit the plant; the file is named.
     """
     if what.lstrip().startswith(("[", "{")):
-        name, text = "--gain", what
+        name, text = option, what
         if len(text) > MOST_TEXT:
-            raise InputError(f"--gain has {len(text)} characters; write a file")
+            raise InputError(f"{option} has {len(text)} characters; write a file")
     else:
         path = Path(what)
         path = path / FILE_NAME if (path / FILE_NAME).is_file() else path

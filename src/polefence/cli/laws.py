@@ -102,7 +102,7 @@ def read_law(plant: UncertainPlant, what: str) -> Named:
 
         return Named(what, standard_laws(plant, names=(what,))[what])
     if what.lstrip().startswith(("[", "{")):
-        return Named("gain", read_gain(plant, what))
+        return Named("gain", read_gain(plant, what, option="--law"))
     path = Path(what)
     if not path.exists():
         raise InputError(f"no law and no file {what!r}; {suggest(what, WORDS)}")
@@ -114,7 +114,7 @@ def read_law(plant: UncertainPlant, what: str) -> Named:
         design = Design.load(path, allow_unproved=True)
         given_law(plant, design)
         return of_design(plant, design, path)
-    return Named(_stem(path), read_gain(plant, what))
+    return Named(_stem(path), read_gain(plant, what, option="--law"))
 
 
 def at_samples_of(plant: UncertainPlant, what: str) -> Design | None:

@@ -163,7 +163,7 @@ def _refusal(claim: Rounded, needed: float, tolerated: float, given: bool) -> st
     return (
         f"rounding in float{bits} may change the gain by {digits_up(needed, 2)}, and "
         f"{allowed} is proved to leave the poles in the region; {wider}design for a slightly "
-        f"larger region{'' if given else ', or with --method quadratic'}"
+        f"larger region{'' if given else ', or by the method quadratic'}"
     )
 
 

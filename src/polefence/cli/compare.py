@@ -71,11 +71,12 @@ def compare_command(options: Any) -> int:
     require_ride(plant)
     check_figure(options.plot)
     check_targets(options.json, options.plot)
-    laws, notes = ([] if own is None else [own]), list[str]()
+    notes = list[str]()
     if own is None and options.law is None:
-        laws = [] if (asked := law_of_spec(plant, options.subject)) is None else [asked]
-        notes = [] if laws else [NOTHING_ASKED.format(options.subject)]
-    laws = [*(_law(plant, word, options) for word in _words(options)), *laws]
+        plant, own = law_of_spec(plant, options.subject)
+        notes = [] if own or options.disk else ["", NOTHING_ASKED.format(options.subject)]
+    first = [] if own is None else [own]
+    laws = [*first, *(_law(plant, word, options) for word in _words(options))]
     found = compare(
         plant, {law.name: law.law for law in distinct(laws)}, options.road, options.speed
     )

@@ -65,10 +65,11 @@ def read_subject(what: str) -> tuple[UncertainPlant, Named | None]:
     return design.plant, of_design(design.plant, design, path)
 
 
-def law_of_spec(plant: UncertainPlant, spec: str) -> Named | None:
-    """Design the law that a spec asks for: as `optimise` does, or as `design`; None of nothing.
+def law_of_spec(plant: UncertainPlant, spec: str) -> tuple[UncertainPlant, Named | None]:
+    """Design the law that a spec asks for, as `optimise` does, or as `design`; None of nothing.
 
-    Where none is proved, it is a `NoLaw` that says why.
+    The plant comes back with the states that such a law has. Where none is proved, it is a `NoLaw`
+    that says why.
     """
     from polefence.design.signals.optimise import optimise
     from polefence.design.signals.placed import place
@@ -83,10 +84,10 @@ def law_of_spec(plant: UncertainPlant, spec: str) -> Named | None:
         elif region is not None:
             design = place(plant, region, structure=structure)
         else:
-            return None
+            return plant, None
     except (NotProvedError, UncontrollableError) as answer:
-        return Named(OWN, NoLaw(str(answer)))
-    return of_design(plant, design, Path(OWN))
+        return plant, Named(OWN, NoLaw(str(answer)))
+    return design.plant, of_design(design.plant, design, Path(OWN))
 
 
 def read_law(plant: UncertainPlant, what: str) -> Named:

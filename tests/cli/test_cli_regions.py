@@ -255,7 +255,7 @@ def test_a_disk_that_touches_the_unit_circle_goes_all_the_way(cart, tmp_path, ca
     main(["service", folder, "--region", "disk(0, 1)"])
     said = capsys.readouterr()
     assert said.err == ""
-    assert "rates leave" not in said.out
+    assert "at these rates" not in said.out
     assert main(["report", folder]) == 0
     page = (tmp_path / "d" / "report.html").read_text()
     assert "does not imply stability" not in page

@@ -640,3 +640,29 @@ def test_a_long_record_is_drawn_with_its_extremes():
     )
     looks = {(line.get_linestyle(), line.get_linewidth()) for line in first.lines}
     assert len(looks) == 2
+
+
+def test_compare_designs_the_law_that_a_spec_asks_for(car, capsys):
+    """As `optimise` does; a spec that asks for none is said to, and no disk is made up."""
+    out = ran(capsys, "compare", "car.toml")
+    assert "disk(" not in out
+    assert out.splitlines()[-1].startswith(
+        "note: car.toml asks for no law of its own; write [[spec"
+    )
+    text = Path("car.toml").read_text()
+    Path("region.toml").write_text(f'region = "disk(-40, 36)"\n{text}')
+    out = ran(capsys, "compare", "region.toml", "--json", "c.json")
+    placed = {r["law"]: r["worst"] for r in json.loads(Path("c.json").read_text())["rows"][:4]}
+    assert list(placed) == ["law of the spec", "passive", "skyhook", "lqr"]
+    wanted = ran(capsys, "compare", "car.toml", "--law", "scheduled", "--json", "d.json")
+    assert "scheduled" in wanted
+    row = json.loads(Path("d.json").read_text())["rows"][0]
+    assert placed["law of the spec"] == pytest.approx(row["worst"], rel=1e-6)
+
+
+def test_compare_says_where_the_law_of_a_spec_is_not_proved(car, capsys):
+    text = Path("car.toml").read_text()
+    Path("far.toml").write_text(f'region = "disk(-40, 2)"\n{text}')
+    out = ran(capsys, "compare", "far.toml")
+    assert "\nlaw of the spec: refuted for scheduled" in out or "\nlaw of the spec: not" in out
+    assert "passive" in out

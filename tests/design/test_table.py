@@ -385,3 +385,20 @@ def test_the_pages_python_and_commands_do_what_they_show(example, tmp_path, caps
     (tmp_path / "car-gains.json").write_text(example.plain(gains))
     for block in blocks(page.read_text()):
         follow(block, tmp_path, monkeypatch, capsys)
+
+
+def test_the_gains_of_a_table_may_be_called_K(tmp_path):
+    """It is a table all the same, and no law of the vertices: between knots it is interpolated."""
+    from polefence.cli.analyse import read_gain
+
+    parameter = Parameter("k", 1, 3)
+    plant = UncertainPlant.from_expressions([parameter], [[0, 1], ["-k", 0]], [[0], [1]])
+    grid, gains = {"k": [1, 2, 3]}, [[[-9, -6]], [[-4, -6]], [[-8, -6]]]
+    for key in ("gains", "K"):
+        (tmp_path / f"{key}.json").write_text(json.dumps({"grid": grid, key: gains}))
+    one, other = (read_gain(plant, str(tmp_path / f"{key}.json")) for key in ("gains", "K"))
+    assert isinstance(other, GainTable)
+    assert np.array_equal(one.gains, other.gains)
+    (tmp_path / "both.json").write_text(json.dumps({"grid": grid, "K": gains, "gains": gains}))
+    with pytest.raises(InputError, match="a table of gains is"):
+        read_gain(plant, str(tmp_path / "both.json"))

@@ -43,7 +43,7 @@ from polefence.law.arrays import law_from
 from polefence.law.laws import FixedGain, GainTable, Law, given_law, table_from
 from polefence.plant.arrays import NO_NAMES, read_arrays
 from polefence.plant.family import UncertainPlant
-from polefence.plant.points import seeded, values_text
+from polefence.plant.points import seeded, values_text, where_text
 from polefence.plant.spec import load
 from polefence.proof import reading, work
 from polefence.proof.claims.cells import Cell
@@ -97,9 +97,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         type=int,
         default=4,
         metavar="N",
-        help="halve a table's cells so often; default: 4",
+        help="halve a cell of a table up to N times; default: 4",
     )
-    sampling_arguments(parser, "judge the loop of a")
+    sampling_arguments(parser, "analyse the loop of a")
     parser.add_argument(
         "-o", "--output", type=Path, metavar="DIR", help="write DIR/design.json, or DIR/table.json"
     )
@@ -273,12 +273,10 @@ def _worst(plant: UncertainPlant, worst: WorstCase, options: Any) -> int:
         say(said, verdict="proved")
     if options.of != "disk" and worst.bound < 0:
         say("note: below zero: the given law does not stabilise every plant of the family")
-    where = f"alpha = ({', '.join(f'{a:.4g}' for a in worst.alpha)})"
-    if worst.values is not None:
-        where = values_text(plant, worst.values)
+    where = where_text(plant, worst.alpha)
     if worst.cut:
         say(CUT)
-    say(f"sampled: {name} {beyond(worst.bound)}{unit} at {where}; no proof can pass it")
+    say(f"sampled: {name} {beyond(worst.bound)}{unit}{where}; no proof can pass it")
     say(*samples_text(plant))
     design = None if worst.certificate is None else Design(worst.certificate)
     _finish(
@@ -322,8 +320,8 @@ def note_the_sign(analysis: Analysis, gain: str | None, remedy: str, other: str 
         more = len(alpha) - len(plant.vertices)
         between = f", and of {plural(more, 'point')} between" if more else ""
         say(
-            f"note: {other} keeps the poles of all vertices there{between}; if the law is "
-            f"u = {other} x, {remedy}"
+            f"note: {other} keeps the poles{' of all vertices' * (more > 0)} there{between}; "
+            f"if the law is u = {other} x, {remedy}"
         )
 
 

@@ -125,7 +125,8 @@ def sampling_arguments(parser: argparse.ArgumentParser, what: str = "design for 
         "--delay",
         type=int,
         metavar="K",
-        help="an input acts K samples late: 1 where the law is computed meanwhile; default: 0",
+        help="an input acts K samples late: 1 where computing the law takes up to a sample; "
+        "default: 0",
     )
 
 
@@ -197,7 +198,9 @@ def _decay_text(plant: UncertainPlant, region: Region) -> str:
 
 def sweep_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options of a sweep over many rows."""
-    parser.add_argument("--jobs", type=int, metavar="N", help="processes; default: one a processor")
+    parser.add_argument(
+        "--jobs", type=int, metavar="N", help="processes; default: one per processor"
+    )
     parser.add_argument("--resume", action="store_true", help="keep rows of an interrupted run")
 
 
@@ -440,7 +443,7 @@ def _degree(text: str) -> int | str:
 def add_structure_options(parser: argparse.ArgumentParser, degree: bool = True) -> None:
     """Declare the options of a law's structure; without ``degree`` the parser has that already."""
     group = parser.add_argument_group(
-        "structure of the law", "what takes the place of the spec's [law], key by key"
+        "structure of the law", "each option replaces that key of the spec's [law]"
     )
     group.add_argument(
         "--measured", metavar="NAMES", help="'A, B': states or outputs; default: all states"
@@ -454,7 +457,7 @@ def add_structure_options(parser: argparse.ArgumentParser, degree: bool = True) 
         )
     group.add_argument("--order", type=int, metavar="N", help="states of the law's own; default: 0")
     group.add_argument(
-        "--largest-gain", type=float, metavar="X", help="that no entry of the law may exceed"
+        "--largest-gain", type=float, metavar="X", help="largest entry that the law may have"
     )
 
 

@@ -68,7 +68,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         action="append",
         default=[],
         metavar="NAME=SIZE",
-        help="the law's estimate of this parameter may be off by so much, in its unit; repeat",
+        help="the law's estimate of this parameter may be off by up to SIZE; repeat",
     )
     sampling_arguments(parser)
     add_structure_options(parser, degree=False)

@@ -64,13 +64,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         action="append",
         default=[],
         metavar="U",
-        help="cut each input of the plant to +-U, in its unit; repeat for one value an input",
+        help="saturate each input at +-U, in its unit; repeat for one value per input",
     )
     parser.add_argument(
         "--sample-time",
         type=float,
         metavar="TS",
-        help="judge the loop as a computer closes it every TS seconds; required of a law with "
+        help="analyse the loop as a computer closes it every TS seconds; required of a law with "
         "states of its own",
     )
     parser.add_argument(

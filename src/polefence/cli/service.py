@@ -37,14 +37,16 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         type=float,
         default=0.0,
         metavar="RATE",
-        help="decay that moving parameters must leave [1/s]; default: 0",
+        help="decay rate to keep while parameters move [1/s]; default: 0",
     )
     parser.add_argument(
         "--region",
         metavar="TEXT",
         help="what is to be kept: 'half_plane(0)' asks for stability; default: the design's region",
     )
-    parser.add_argument("-o", "--output", type=Path, metavar="DIR", help="write a file a margin")
+    parser.add_argument(
+        "-o", "--output", type=Path, metavar="DIR", help="write one file per margin"
+    )
     parser.add_argument(
         "--plot", type=Path, metavar="FILE", help="draw the margins (.png, .svg, .pdf)"
     )
@@ -82,7 +84,9 @@ def service_command(options: Any) -> int:
 def _explained(service: Margins) -> Iterator[str]:
     """Say what rates are about, and where the law itself leaves the region that was asked for."""
     rates = [margin for margin in service if margin.kind == "rate"]
-    leave = f"exponential stability, decay rate {exactly(service.decay)} 1/s"
+    stable = "the loop is exponentially stable"
+    if service.decay:
+        stable += f", with a decay rate of {exactly(service.decay)} 1/s"
     own = service["gain"].design
     if own is not None and own.certificate.in_parts:
         yield (
@@ -90,9 +94,11 @@ def _explained(service: Margins) -> Iterator[str]:
             "need one Lyapunov polynomial of all of it"
         )
     elif any(margin.proved for margin in rates):
-        yield f"rates leave {leave}"
+        yield f"at these rates of change {stable}"
     elif rates:
-        yield f"no rate is proved that leaves {leave}; ask for a lower one by --decay"
+        yield (
+            f"no rate of change is proved at which {stable}; ask for a lower decay rate by --decay"
+        )
     if service.region != service.design.region and not service["gain"].proved:
         answer = analyse(service.design.plant, service.design.law, service.region)
         if answer.answer == "refuted":

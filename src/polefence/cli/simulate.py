@@ -300,7 +300,7 @@ def add_car_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--estimate",
         action="store_true",
-        help="the law is told what recursive least squares make of the ride",
+        help="schedule the law on parameters that recursive least squares estimate along the way",
     )
     for name, metavar, text in (
         ("--sampling", "TS", "the controller samples at this period [s] and holds"),

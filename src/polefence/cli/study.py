@@ -35,7 +35,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("-o", "--output", type=Path, metavar="RESULTS", help="a folder for results")
     parser.add_argument("--resume", action="store_true", help="go on with what RESULTS has")
-    parser.add_argument("--jobs", type=int, metavar="N", help="processes; default: one a processor")
+    parser.add_argument(
+        "--jobs", type=int, metavar="N", help="processes; default: one per processor"
+    )
     parser.add_argument(
         "--cluster",
         metavar="ADDRESS",

@@ -57,7 +57,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--within",
         metavar="REGION",
-        help="half_plane, sector: a region to hold besides, 'disk(-40, 39)'",
+        help="half_plane, sector: a region to keep as well, 'disk(-40, 39)'",
     )
     method_arguments(parser)
     sampling_arguments(parser)
@@ -99,13 +99,13 @@ def tightest_command(options: Any) -> int:
         and plant.sample_time is None
         and (within is None or within.parts != design.region.parts[1:])
     ):
-        lines.append(
-            "note: a disk bounds the poles' speed, or gains would be without bound; choose"
-        )
         disk = next(part for part in design.region.parts[::-1] if isinstance(part, Disk))
         half = float(f"{disk.radius / 2:.2g}")
         own = replace(disk, centre=-half, radius=half)
-        lines.append(f"your own, such as --within '{short_text(own)}'")
+        lines.append(
+            "note: a disk was added, or the gain would grow without bound; choose your own by "
+            f"--within, for example '{short_text(own)}'"
+        )
     if design.unrunnable is not None:
         lines.append(
             f"note: {digits_down(design.unrunnable)} is proved too, but only of a law that doubles "

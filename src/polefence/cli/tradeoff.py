@@ -61,7 +61,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--over",
         required=True,
         metavar="TEXT",
-        help="what the limit is swept of: 'rms of actuator force'",
+        help="the signal whose limit is swept: 'rms of actuator force'",
     )
     parser.add_argument(
         "--value", type=float, action="append", default=[], metavar="V", help="a limit; repeat"

@@ -30,7 +30,7 @@ from polefence.law.arrays import law_from, negated
 from polefence.law.laws import GainTable, Law
 from polefence.plant.arrays import Arrays, plant_from, read_arrays
 from polefence.plant.family import UncertainPlant
-from polefence.plant.points import values_text
+from polefence.plant.points import where_text
 from polefence.plant.spec import load
 from polefence.proof.text import exactly
 from polefence.region.regions import Disk, HalfPlane, Region
@@ -199,10 +199,7 @@ def _say(found: Verified, options: Any) -> None:
 def _bound_text(plant: UncertainPlant, own: VerifiedBound) -> str:
     most = own.specification.at_most
     limit = own.specification.title + ("" if most is None else f" <= {exactly(most)}")
-    at = f"alpha = ({', '.join(f'{a:.4g}' for a in own.alpha)})"
-    if own.values is not None:
-        at = values_text(plant, own.values)
-    sampled = f"{digits_down(own.worst)} at {at}"
+    sampled = f"{digits_down(own.worst)}{where_text(plant, own.alpha)}"
     if own.answer == "exceeded":
         return f"exceeded: {limit}; sampled {sampled}, computed in floats"
     if own.bound is None:

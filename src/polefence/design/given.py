@@ -228,9 +228,9 @@ def _refuted(plant: UncertainPlant, law: Law, region: Region, alpha: list[Fracti
         weights = f"{values_text(plant, values)}, {weights}"
     elif plant.parameters:
         weights += ", which no parameter values have,"
-    reason = f"at {weights} {what}"
+    reason = what if len(plant.vertices) == 1 else f"at {weights} {what}"
     if plant.remainder is not None:
-        reason += ", of the samples to within their remainder"
+        reason += ", of the samples to within their interpolation error"
     return Analysis(plant, law, region, "refuted", reason, None, tuple(alpha), pole)
 
 

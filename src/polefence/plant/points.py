@@ -52,6 +52,16 @@ def values_text(plant: UncertainPlant, values: dict[str, float]) -> str:
     return ", ".join(f"{name} = {v:.6g} {units[name]}".rstrip() for name, v in values.items())
 
 
+def where_text(plant: UncertainPlant, alpha: Sequence[float], digits: int = 4) -> str:
+    """Return " at m1 = 300 kg", or " at alpha = (...)" where it has no values; "" of one vertex."""
+    if len(plant.vertices) == 1:
+        return ""
+    values = values_at(plant, alpha)
+    if values is not None:
+        return f" at {values_text(plant, values)}"
+    return f" at alpha = ({', '.join(f'{a:.{digits}g}' for a in alpha)})"
+
+
 def weights_of(parameters: Sequence[Parameter], values: Array) -> Array:
     """Return alpha (count, N) of parameter values (count, q), each at its bounds beyond them."""
     alpha = np.ones((len(values), 1))

@@ -74,5 +74,8 @@ def test_samples_are_of_parameters_at_rest(folder, capsys):
     words = ["design", "walk.toml", "--region", "half_plane(0.1)", "--sample-time", "0.01"]
     assert main(words) == 2
     said = capsys.readouterr().err
-    assert "walk.toml: --sample-time 0.01: parameter p: rate: samples are for constant parameters" in said
+    assert (
+        "walk.toml: --sample-time 0.01: parameter p: rate: samples are for constant parameters"
+        in said
+    )
     assert said.count("\n") == 1

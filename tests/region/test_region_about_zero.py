@@ -25,7 +25,7 @@ from polefence.cli.main import main
 from polefence.design.requirements.gain import Gain
 from polefence.design.signals.optimise import optimise
 from polefence.law.structure import Structure
-from polefence.proof.regions import parts_of
+from polefence.proof.regions import parts_of, require_left
 from polefence.proof.work import FormatError
 from polefence.region.regions import region_of
 from polefence.region.text import parse_region
@@ -74,6 +74,7 @@ def test_another_part_keeps_the_left_half_plane(part, other):
     region = part & other
     assert parse_region(str(region)) == region
     parts = parts_of(region.document())
+    require_left(parts)
     kinds = [(own.kind, own.numbers) for own in parts]
     assert region_of(kinds) == region
     assert region.stable
@@ -87,7 +88,7 @@ def test_alone_it_is_no_region(part, other):
     with pytest.raises(RegionError, match="not in the left half-plane"):
         parse_region(str(region))
     with pytest.raises(FormatError, match="must be negative"):
-        parts_of(region.document())
+        require_left(parts_of(region.document()))
     with pytest.raises(RegionError, match="not in the left half-plane"):
         analyse(axis(), [[-2, -2]], region)
 
@@ -119,6 +120,9 @@ def test_both_sides_of_its_radius():
 
 def test_what_else_is_asked_of_it():
     plant, region = axis(), HalfPlane(1) & Sector(0.5) & Disk(0, 30)
+    scheduled = place(plant, region)
+    assert analyse(plant, scheduled.law, region).proved
+    assert analyse(plant, scheduled.law, region & Disk(-3, 1)).answer == "refuted"
     tuned = place(plant, region, structure=Structure(schedule=(), degree=0))
     assert check(tuned).proved
     assert tightest(plant, of="sector", within=Disk(0, 30)).region.parts[0].damping > 0.9

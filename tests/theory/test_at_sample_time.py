@@ -595,7 +595,7 @@ def test_poles_between_the_vertices_count():
     assert analyse(bent(0.7), law, Disk(0, 1)).proved
     out = analyse(bent(1.02), law, Disk(0, 1))
     assert (out.answer, out.alpha) == ("refuted", (Fraction(1, 2), Fraction(1, 2)))
-    assert out.reason.endswith("of the samples to within their remainder")
+    assert out.reason.endswith("of the samples to within their interpolation error")
     assert abs(out.pole) == pytest.approx(1.01)
     # the combination of the vertices alone leaves it, the samples do not
     assert analyse(bent(-0.2), law, Disk(0, 0.501)).proved

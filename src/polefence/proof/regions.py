@@ -344,19 +344,33 @@ def _short(value: Fraction) -> str:
 def require_region(parts: tuple[Part, ...]) -> None:
     """Refuse numbers that make no region: no pole lies in one, nor outside.
 
-    A disk or an ellipse whose centre is not in the left half-plane is a part of a region that lies
-    there for another part.
+    Raises
+    ------
+    FormatError
+        Naming the first such part.
+    """
+    _refuse([part.fault() for part in parts])
+
+
+def require_left(parts: tuple[Part, ...]) -> None:
+    """Refuse a disk or an ellipse about a point that is not in the left half-plane.
+
+    Not where another part lies there, nor a disk in the unit disk. A claim about such a region may
+    be proved, but is none that anybody means: it is a slip of the sign.
 
     Raises
     ------
     FormatError
         Naming the first such part.
     """
-    kept = any(part.in_half_plane(ONE, ZERO, ZERO) for part in parts)
-    for k, part in enumerate(parts):
-        fault = part.fault() or ("" if kept else part.fault_alone())
+    if not any(part.in_half_plane(ONE, ZERO, ZERO) for part in parts):
+        _refuse([part.fault_alone() for part in parts])
+
+
+def _refuse(faults: list[str]) -> None:
+    for k, fault in enumerate(faults):
         if fault:
-            where = "region" if len(parts) == 1 else f"region.parts[{k + 1}]"
+            where = "region" if len(faults) == 1 else f"region.parts[{k + 1}]"
             raise FormatError(f"{where}.{fault}")
 
 

@@ -492,7 +492,7 @@ def region_of(parts: Sequence[tuple[str, Sequence[Any]]]) -> Region:
         if [float(v) for v in numbers] != list(given.numbers.values()):
             raise RegionError(f"{kind}: its slope is not that of its damping ratio")
         regions.append(given)
-    return require_left(regions[0] if len(regions) == 1 else Intersection(tuple(regions)))
+    return regions[0] if len(regions) == 1 else Intersection(tuple(regions))
 
 
 def slope_of(damping: float) -> float:

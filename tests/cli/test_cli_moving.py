@@ -56,7 +56,7 @@ def test_what_is_said_is_what_is_checked(folder, capsys, form, rate, region, how
 def test_a_region_that_says_nothing_of_motions_is_said_to(folder, capsys):
     (folder / "walk.toml").write_text(SPEC.format(**AT_SAMPLES, rate='"any"'))
     assert main(["design", "walk.toml", "--disk", "0.2", "0.6"]) == 0
-    assert "note: nothing is said of p moving at any rate" in capsys.readouterr().out
+    assert "note: nothing is proved for p moving at any rate" in capsys.readouterr().out
 
 
 def test_estimates_that_are_off_are_said_of_parameters_at_rest(folder, capsys):

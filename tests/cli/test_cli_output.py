@@ -155,7 +155,7 @@ def test_margins_of_whole_intervals_are_whole(tmp_path, capsys):
     assert own.endswith("N s/m, the whole interval: it need not be known")
     assert " 0.2 " in own
     every = lines["error of the estimate, all at once"]
-    assert every.endswith("of each range, the whole intervals: none need be known")
+    assert every.endswith("of each range, the whole intervals: no parameter need be known")
     assert lines["rate of change, b"].endswith("(N s/m)/s")
     assert main(["check", str(tmp_path / "s" / "estimate-b.json")]) == 0
     assert main(["check", str(tmp_path / "s" / "rate-b.json")]) == 0

@@ -176,7 +176,7 @@ def motion_lines(
         return [f"{lines[0]}; with {how}{estimates} {' and '.join(kept)}"]
     return [
         *lines,
-        f"note: nothing is said of {how}; add & half_plane(0) to the region, or ask for bounds",
+        f"note: nothing is proved for {how}; add & half_plane(0) to the region, or ask for bounds",
     ]
 
 

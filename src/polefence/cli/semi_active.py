@@ -126,7 +126,7 @@ def _lines(law: SemiActiveLaw, below: Mapping[str, Lowest]) -> list[str]:
         f"proved: {law.specification.title} <= {digits_up(law.level)} for every alpha, by a "
         f"polynomial of degree {law.degree}",
         f"  u = K x, cut off to what the dampers give; K = {matrix_text(law.K)}",
-        f"  with the best dampers that stay, {fixed}: {law.passive:.6g}",
+        f"  with the best fixed dampers, {fixed}: {law.passive:.6g}",
     ]
     for name, found in below.items():
         if found is not None:

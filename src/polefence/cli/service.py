@@ -110,7 +110,7 @@ def _whole_interval_text(margin: Margin, design: Design) -> str:
     if margin.kind != "estimate":
         return ""
     if not margin.parameter and design.plant.parameters and margin.value == 1:
-        return ", the whole intervals: none need be known"
+        return ", the whole intervals: no parameter need be known"
     widths = {p.name: float(p.high - p.low) for p in design.plant.parameters}
     width = widths.get(margin.parameter)
     if width is None or margin.value < width * (1 - EDGE):

@@ -482,7 +482,7 @@ def _time(plant: UncertainPlant, options: Any, law: Any) -> tuple[float, float]:
     if duration is None:
         slowest = -float(growth(loops.poles(), loops.step).max())
         if slowest <= 0:
-            raise InputError("--duration is missing: the loop does not come to rest by itself")
+            raise InputError("--duration is missing: the response does not decay")
         duration = LASTING / slowest
     duration = positive(duration, "--duration [s]")
     if step is None:

@@ -63,7 +63,7 @@ def running(plant: UncertainPlant, design: Design) -> Running:
         raise InputError(f"{plant.name} is not the plant that the design is the samples of")
     if own.delay > 1:
         raise InputError(
-            f"inputs that act {own.delay} samples late are not driven; design for one, or none"
+            f"inputs that act {own.delay} samples late are not driven; design for a delay of 0 or 1"
         )
     late, T = own.delay * plant.shape[1], float(design.plant.sample_time)
     kept = own_states(design.plant)

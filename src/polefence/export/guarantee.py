@@ -344,7 +344,9 @@ def timing(
         If the plant is in discrete time, or the sample time cannot be used.
     """
     if design.plant.sample_time is not None:
-        raise InputError("the plant is in discrete time: its own sample time holds; give none")
+        raise InputError(
+            "the plant is in discrete time: its own sample time holds; leave the sample time out"
+        )
     sample_time, delay = sampling.period, int(sampling.delayed)
     beside = (
         None if observer is None else judge_sampled_loop(design, observer, sample_time, delay=delay)

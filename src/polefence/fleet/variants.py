@@ -111,7 +111,7 @@ def _require_few(count: int) -> None:
     if count > MOST:
         raise SpecError(f"variants: {count} of them; a study has at most {MOST}")
     if count < 1:
-        raise SpecError("variants: none; a list is empty")
+        raise SpecError("there are no variants: a list is empty")
 
 
 def _grid(table: Any, _: Path) -> Variants:
@@ -170,7 +170,7 @@ def _listed(name: Any, folder: Path) -> Variants:
     path = folder / name
     labels, rows = (_csv if path.suffix == ".csv" else _parquet)(path)
     if len(set(labels)) < len(labels) or not all(labels):
-        raise SpecError(f"{path}: two columns have one name, or one has none")
+        raise SpecError(f"{path}: two columns have the same name, or a column has no name")
     numbers = [k for k, label in enumerate(labels) if label != LABEL]
     if not numbers:
         raise SpecError(f"{path}: has no column of numbers")

@@ -96,7 +96,7 @@ def _question(question: str, largest: bool, names: Sequence[str], rows: Sequence
     )
     crosses = " Red crosses: variants without one." if len(known) < len(rows) else ""
     sampled = known[0]["status"] == "sampled"
-    what = "Worst samples, of which nothing is proved" if sampled else "Proved bounds"
+    what = "Worst samples (not proved)" if sampled else "Proved bounds"
     text = [f"{what}; {better}.{crosses}"]
     if ratios:
         middle, last = (digits_up(ratios[k]) for k in (len(ratios) // 2, -1))

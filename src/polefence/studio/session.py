@@ -197,7 +197,7 @@ class Session:
             if name not in subject.signals:
                 raise SpecError(f"measured: no signal {name!r}; {suggest(name, subject.signals)}")
         if not names or len(set(names)) < len(names):
-            raise SpecError("measured: give one signal at least, and none twice")
+            raise SpecError("measured: give at least one signal, each once")
         return tuple(names)
 
     def _valued(self, subject: Subject, state: State) -> State:

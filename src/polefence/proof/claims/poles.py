@@ -530,7 +530,8 @@ def law_text(law: Law) -> str:
     pairs = zip(law.measured, rows, strict=True)
     named = [f"{quoted(name)} = {output_text(C, none)}" for name, C in pairs]
     what = ", ".join(named) or "all states"
-    return f"a polynomial gain of degree {law.degree} of {what}"
+    gain = f"a polynomial gain of degree {law.degree}" if law.degree else "one gain"
+    return f"{gain} of {what}"
 
 
 def _numbered(e: Exponent) -> str:

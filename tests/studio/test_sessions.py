@@ -92,7 +92,7 @@ FAULTS = {
     "region ": (3, "region = 3 must be a region"),
     "method": ("best", "method = 'best'"),
     "measured": (["speed of sound"], "measured: no signal 'speed of sound'"),
-    "measured ": ([], "give one signal at least"),
+    "measured ": ([], "give at least one signal"),
     "measured  ": ("tyre deflection", "must be a list of names"),
     "ride": (1, "ride = 1 must be true or false"),
     "over": ("rms of nothing", "over = 'rms of nothing'"),

@@ -88,7 +88,7 @@ def require_optimisable(plant: UncertainPlant, method: Method, count: int) -> No
         raise InputError(
             f"{plant.name}, {method_label(method)}: {blocks(plant, method) * (count + 1)} "
             f"inequalities in {plant.shape[0]} states, for {count} specifications and the region, "
-            f"are more than is optimised; {_remedy(plant, method)}; a tuned law needs none of them: "
+            f"are more than is optimised; {_remedy(plant, method)}; a tuned law needs none: "
             "leave the method out"
         )
 

@@ -61,8 +61,8 @@ class Saturation(InitialPeak):
         super().__post_init__()
         if self.norm and (self.points or self.impulse or self.ellipsoid):
             raise InputError(
-                f"{self.name!r}: give initial states, or a norm of disturbances (the loop then begins "
-                "at rest)"
+                f"{self.name!r}: give initial states, or a norm of disturbances: then the loop "
+                "begins at rest"
             )
 
     @property

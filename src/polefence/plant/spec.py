@@ -331,7 +331,7 @@ def _from_vertices(tables: Any, names: dict[str, Any]) -> UncertainPlant:
             if letter in table:
                 where.append(_constant_matrix(table[letter], f"vertex {j + 1}: {letter}"))
     if matrices["E"] and len(matrices["E"]) < len(matrices["A"]):
-        raise SpecError("E is given for some vertices only; give it for all, or leave it out")
+        raise SpecError("E is given for some vertices only; give it for all or for none")
     return UncertainPlant.from_vertices(
         matrices["A"], matrices["B"], matrices["E"] or None, **names
     )

@@ -156,7 +156,7 @@ def test_what_is_not_proved_names_the_conflict(here, capsys):
     words = ["optimise", "stage.toml", "--limit", "rms of force <= 0.01 with density 2"]
     words += ["--limit", "gain of v <= 0.01", "--method", "scheduled"]
     out = ran(capsys, *words, "-o", "no", status=1)
-    assert out.startswith("not proved: scheduled(1, 0, box) finds no law for these together")
+    assert out.startswith("not proved: scheduled(1, 0, box) finds no law for all of these limits")
     assert not Path("no").exists() or not list(Path("no").iterdir())
 
 

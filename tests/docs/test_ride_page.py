@@ -68,7 +68,7 @@ def test_the_commands_print_what_the_page_shows(said, command, shown):
             continue
         assert NUMBER.sub("#", wanted).split() == NUMBER.sub("#", line).split()
         shows, says = ([float(n) for n in NUMBER.findall(part)] for part in (wanted, line))
-        if line.lstrip().startswith("held"):  # ranges, against their own size
+        if line.lstrip().startswith("steady state"):  # ranges, against their own size
             assert says[:3] == shows[:3]
             for k in range(3, len(shows), 2):
                 size = max(map(abs, shows[k : k + 2]))

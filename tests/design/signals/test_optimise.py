@@ -136,7 +136,7 @@ def test_a_conflict_names_no_more_than_it_takes(one):
         optimise(one, rms("x"), limits, HalfPlane(0.1), method="scheduled")
     # stable alone takes a force of 2
     assert str(answer.value).endswith("times it: rms of force <= 1.9")
-    with pytest.raises(NotProvedError, match="finds no law for these together") as answer:
+    with pytest.raises(NotProvedError, match="finds no law for all of these limits") as answer:
         optimise(
             one,
             rms("x"),

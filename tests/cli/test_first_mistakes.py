@@ -83,7 +83,7 @@ def test_a_region_on_the_wrong_side(spec, capsys):
 def test_a_region_out_of_reach_names_the_other_way(spec, capsys):
     region = "half_plane(1) & sector(0.9) & disk(-2, 2)"
     found = said(capsys, "design", spec(), "--region", region, status=1)
-    assert "a law of a structure of its own, [law] in a spec, may reach further" in found
+    assert "a tuned law ([law] in the spec) may reach further" in found
 
 
 def test_the_sign_of_a_regulator(spec, capsys):

@@ -168,8 +168,7 @@ def _in_region(
         return Design(rounded(plant, region, method, found[-1]), proved=False)
     raise NotProvedError(
         f"not proved: {label} gives no proof for {region}; try a wider region, "
-        f"fewer parts{degree_hint(method)}; a law of a structure of its own, [law] in a spec, may "
-        "reach further"
+        f"fewer parts{degree_hint(method)}; a tuned law ([law] in the spec) may reach further"
     )
 
 

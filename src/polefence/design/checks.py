@@ -126,8 +126,8 @@ def require_region(plant: UncertainPlant, region: Region, method: Method | None 
         part = astray(region)
         if part is not None:
             raise RegionError(
-                f"{part}: centre = {part.centre:g} is not in the left half-plane, where "
-                f"{plant.name} in continuous time is stable; give a negative one (-40), or add "
+                f"{part}: centre = {part.centre:g} is not in the left half-plane, and "
+                f"{plant.name} is in continuous time; give a negative centre (-40), or add "
                 "& half_plane(0)"
             )
     elif not disks or not all(disk.discrete for disk in disks):

@@ -347,7 +347,7 @@ def test_wheels_in_a_line_or_too_few_are_refused():
             Car(body, wheels)
     with pytest.raises(PlantError, match="two wheels have one name"):
         Car(Body(900, 1500), [Wheel("a", 30, 1, 1, 1, 1), Wheel("a", 30, 1, 1, 1, -1)])
-    with pytest.raises(PlantError, match="1 wheels"):
+    with pytest.raises(PlantError, match="1 wheel; "):
         Car(Body(900, 1500), [wheel])
     with pytest.raises(PlantError, match="must be a finite number"):
         Body(float("nan"))

@@ -30,6 +30,7 @@ from polefence.base.errors import PlantError, suggest
 from polefence.plant.family import MAX_VERTICES, UncertainPlant
 from polefence.plant.parameters import Parameter, check_label, exact
 from polefence.proof.matrices import identity, product, right_divide, transposed
+from polefence.proof.text import plural
 
 Rows = list[list[Any]]
 MOTIONS = {"heave": ("m", "m/s"), "pitch": ("rad", "rad/s"), "roll": ("rad", "rad/s")}
@@ -232,7 +233,7 @@ class Car:
         many = len(self.body.motions)
         if not many <= len(names) <= MAX_WHEELS:
             raise PlantError(
-                f"car: {len(names)} wheels; {' and '.join(self.body.motions)} "
+                f"car: {plural(len(names), 'wheel')}; {' and '.join(self.body.motions)} "
                 f"need {many} to {MAX_WHEELS}"
             )
         if len(set(names)) < len(names):

@@ -9,11 +9,18 @@ from typing import Any
 
 import numpy as np
 
-from polefence.base.errors import InputError, MissingExtraError, ParameterValueError, PlantError
+from polefence.base.errors import (
+    InputError,
+    MissingExtraError,
+    ParameterValueError,
+    PlantError,
+    shown,
+)
+from polefence.base.explained import explained
 from polefence.law.laws import Law, PolynomialGain, is_one
 from polefence.plant.family import UncertainPlant
 from polefence.plant.outputs import Output, split, stacked, states
-from polefence.plant.system import Array, System
+from polefence.plant.system import Array, System, floats
 
 _NUMBERED = re.compile(r"(sys|[xuy])\[\d+\]")  # what python-control calls that which has no name
 
@@ -30,6 +37,7 @@ def _control() -> Any:
     return control
 
 
+@explained
 def from_control(systems: Any, disturbances: int = 0, name: str = "") -> UncertainPlant:
     """Return the polytope whose vertices are python-control ``StateSpace`` systems.
 
@@ -53,7 +61,12 @@ def from_control(systems: Any, disturbances: int = 0, name: str = "") -> Uncerta
         If python-control is not installed.
     """
     control = _control()
-    given = [systems] if isinstance(systems, control.InputOutputSystem) else list(systems)
+    try:
+        given = [systems] if isinstance(systems, control.InputOutputSystem) else list(systems)
+    except TypeError as error:
+        raise PlantError(
+            f"systems must be a control.StateSpace, or a list of them; got {shown(systems)}"
+        ) from error
     if not given:
         raise PlantError("a plant needs at least one vertex")
     for j, system in enumerate(given):
@@ -123,6 +136,7 @@ def _own(labels: Sequence[str], otherwise: str) -> str:
     return "".join(_names(labels)) or otherwise
 
 
+@explained
 def to_control(plant: UncertainPlant | System, alpha: Any = None, outputs: bool = False) -> Any:
     """Return a plant, or one vertex of it, as a python-control ``StateSpace``.
 
@@ -176,7 +190,7 @@ def _point(plant: UncertainPlant, alpha: Any) -> Any:
     count = len(plant.vertices)
     if alpha is None and count > 1:
         raise ParameterValueError(f"{plant.name} has {count} vertices; give alpha, one weight each")
-    weights = np.ones(1) if alpha is None else np.asarray(alpha, dtype=float)
+    weights = np.ones(1) if alpha is None else floats(alpha, "alpha")
     inside = weights.shape == (count,) and weights.min() >= 0 and abs(weights.sum() - 1) < 1e-9
     if not inside:
         raise ParameterValueError(f"alpha must be {count} weights, zero or more, that sum to one")

@@ -19,11 +19,13 @@ from typing import Any, cast
 import numpy as np
 
 from polefence.base.errors import InputError, shown, suggest
+from polefence.base.explained import explained
 from polefence.base.files import read_bytes
 from polefence.plant.family import UncertainPlant
 from polefence.plant.outputs import Output, split
 from polefence.plant.system import Exact, read_matrix
 from polefence.proof import reading
+from polefence.proof.short import Short
 from polefence.proof.work import FormatError
 
 MAX_ENTRIES = 2_000_000  # numbers in a file
@@ -43,7 +45,7 @@ Matrix = list[list[Any]]  # of floats, whole numbers, rationals, or texts of the
 
 
 @dataclass(frozen=True, eq=False)
-class Arrays:
+class Arrays(Short):
     """What a file holds.
 
     Attributes
@@ -131,6 +133,7 @@ class Arrays:
         return self[every[0] if name not in self and len(every) == 1 else name]
 
 
+@explained
 def read_arrays(path: str | Path, names: Mapping[str, str] = NO_NAMES) -> Arrays:
     """Read the matrices of a file, or of the CSV files of a folder.
 
@@ -427,6 +430,7 @@ def _elements(raw: bytes | memoryview, at: int, order: str) -> Iterator[tuple[in
         at += 8 + length + (-length % 8 if kind != MI_COMPRESSED else 0)
 
 
+@explained
 def plant_from(arrays: Arrays, name: str = "") -> UncertainPlant:
     """Return the family whose vertices are a file's A, B, and where they are there E, C, D, F.
 

@@ -34,6 +34,7 @@ from polefence.proof.claims.saturation import Saturation
 from polefence.proof.laws import Law, read_law
 from polefence.proof.plant import Plant
 from polefence.proof.reading import Table, parse, require_shallow, shown
+from polefence.proof.short import Short
 from polefence.proof.work import FormatError, counted
 
 FORMAT, VERSION = "polefence-proof", 2
@@ -71,7 +72,7 @@ KINDS: Mapping[str, type[Claim]] = MappingProxyType(
 
 
 @dataclass(frozen=True)
-class Document:
+class Document(Short):
     """Contents of a file.
 
     Attributes
@@ -188,7 +189,7 @@ def says_proof(text: str) -> bool:
 
 
 @dataclass(frozen=True)
-class Checked:
+class Checked(Short):
     """Verdict on a file.
 
     Attributes

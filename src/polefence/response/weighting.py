@@ -17,6 +17,7 @@ import numpy.typing as npt
 
 from polefence.base.errors import InputError
 from polefence.plant.system import Array
+from polefence.proof.short import Short
 
 Gains = npt.NDArray[np.complex128]
 
@@ -29,7 +30,7 @@ BLOCK = 4_000_000
 
 
 @dataclass(frozen=True)
-class Weighting:
+class Weighting(Short):
     """A frequency weighting: high-pass, low-pass, transition and step in series.
 
     Attributes
@@ -173,7 +174,7 @@ def positive(value: Any, what: str) -> float:
     """
     try:
         number = float(value)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         number = math.nan
     if not (math.isfinite(number) and number > 0):
         raise InputError(f"{what} = {value!r}; give a number above zero")

@@ -14,7 +14,7 @@ import numpy as np
 
 from polefence.base.errors import InputError
 from polefence.base.explained import explained
-from polefence.plant.system import Array
+from polefence.plant.system import Array, floats
 from polefence.proof.short import Short
 from polefence.response.weighting import BLOCK, WE, WF, WK, positive, sampled
 
@@ -190,7 +190,7 @@ def running_rms(weighted: Any, step: float, window: float = 1.0, average: str = 
         If the record is shorter than the window, or the average is unknown.
     """
     step, window = positive(step, "sampling step [s]"), positive(window, "window [s]")
-    square = np.square(np.asarray(weighted, dtype=float))
+    square = np.square(np.atleast_1d(floats(weighted, "a record")))
     count = square.shape[-1]
     if (count - 1) * step < window * (1 - 1e-9):
         raise InputError(

@@ -138,12 +138,13 @@ class Folders:
     def _free(self, page: Any) -> Path:
         own = self._called(self.first)
         names = (own if k == 1 else f"{own}-{k}" for k in count(1))
-        return next(each for each in map(self._named, names) if self._is_free(each, page))
+        kept = {each.kept for other, each in self._pages.items() if other is not page}
+        folders = (each for each in map(self._named, names) if each not in kept)
+        return next(each for each in folders if self._is_free(each, page))
 
     def _is_free(self, folder: Path, page: Any) -> bool:
-        """Whether no other page has it, and nothing of a studio lies there."""
-        others = [own for each, own in self._pages.items() if each is not page]
-        if any(folder == own.kept or folder in own.saved for own in others):
+        """Whether no other page saved there, and nothing of a studio lies there."""
+        if any(folder in own.saved for each, own in self._pages.items() if each is not page):
             return False
         if folder.is_file() or folder.is_symlink():
             return False

@@ -48,7 +48,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         type=Path,
         default=Path("studio"),
         metavar="DIR",
-        help="where the page saves; default: studio",
+        help="where the first page saves, others beside it; default: studio",
     )
 
 

@@ -12,6 +12,7 @@ import polefence as pf
 from polefence.base.errors import InputError, ParameterValueError
 from polefence.design.lyapunov import lyapunov_matrix
 from polefence.design.signals.bounds import best_bound
+from polefence.design.signals.by_transfer import ByTransfer
 from polefence.proof.claims.signal import SignalClaim
 from polefence.proof.laws import Evidence, Law, Piece
 
@@ -129,9 +130,15 @@ SPECIFICATIONS = [
 ]
 
 
+@pytest.fixture
+def by_matrices(monkeypatch):
+    """Have bounds proved with Lyapunov matrices, where the transfer function would do."""
+    monkeypatch.setattr(ByTransfer, "of", classmethod(lambda *own: None))
+
+
 @pytest.mark.parametrize("own", SPECIFICATIONS, ids=lambda own: own.kind)
 @pytest.mark.parametrize("scheduled", [False, True])
-def test_that_of_a_bound_falls(plant, own, scheduled):
+def test_that_of_a_bound_falls(plant, own, scheduled, by_matrices):
     law = pf.place(plant, pf.HalfPlane(0.3)).law if scheduled else pf.FixedGain(K)
     bound = best_bound(plant, law, own)
     assert bound is not None
@@ -140,7 +147,7 @@ def test_that_of_a_bound_falls(plant, own, scheduled):
         assert _falls(P, _loop(plant, law, values)), values
 
 
-def test_that_of_an_rms_bound_bounds_the_gramian(plant):
+def test_that_of_an_rms_bound_bounds_the_gramian(plant, by_matrices):
     own = pf.Rms("place", density=2.0)
     bound = best_bound(plant, pf.FixedGain(K), own)
     E, C = np.array([[0], [1.0], [0]]), np.array([[1.0, 0, 0]])
@@ -182,6 +189,13 @@ def test_what_is_no_point_is_refused_in_one_line(plant):
         design.lyapunov_at([1, 0, 0, 0], k=1)
     with pytest.raises(InputError, match="part = 1: the region's parts are 0 to 0"):
         design.lyapunov_at(None, 1, k=1.5, c=0.4)
+
+
+def test_a_bound_by_the_transfer_function_has_none_and_says_so(plant):
+    bound = best_bound(plant, pf.FixedGain(K), SPECIFICATIONS[0])
+    assert bound.claim.subject.evidence.transfer
+    with pytest.raises(InputError, match="without a Lyapunov matrix; that of the poles"):
+        bound.lyapunov_at(k=1.5, c=0.4)
 
 
 def test_a_bound_without_a_lyapunov_matrix_says_so(plant):

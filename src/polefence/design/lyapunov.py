@@ -47,6 +47,11 @@ def lyapunov_matrix(
     InputError
         If alpha is no product of the parameters' weights where the evidence is about those.
     """
+    if evidence.transfer:
+        raise InputError(
+            "this bound is proved by the transfer function, without a Lyapunov matrix; that of the "
+            "poles is the design's: design.lyapunov_at"
+        )
     at = _coordinates(list(alpha), sizes)
     for piece in evidence.cells:
         sides = list(zip(at[1::2], piece.low, piece.high, strict=True))

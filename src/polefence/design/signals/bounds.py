@@ -136,8 +136,8 @@ class Bound(Short):
         Raises
         ------
         InputError
-            If the point is none of the family, or the bound needs no Lyapunov matrix, as one on
-            the norm of the gain.
+            If the point is none of the family, or the bound is proved without a Lyapunov matrix,
+            as one on the norm of the gain is, and one by the transfer function.
         """
         if not self.specification.of_signal:
             raise InputError(f"{self.specification.title}: its bound needs no Lyapunov matrix")
@@ -244,7 +244,8 @@ class _Question:
 
     def bound_of(self, claim: SignalClaim, verdict: Verdict) -> Bound:
         """Return the bound of a claim that is proved."""
-        return Bound(self.specification, float(claim.level), claim, 0, verdict.reason)
+        level, parameters = float(claim.level), self.plant.parameters
+        return Bound(self.specification, level, claim, 0, verdict.reason, parameters)
 
     def kept_by_transfer(self, level: float) -> Bound | None:
         """Return the bound of that level if the transfer function proves it."""

@@ -30,6 +30,8 @@ smartquotes = False
 default_role = "literal"
 autodoc_member_order = "bysource"
 autodoc_typehints = "none"
+# The studio's pages need its docstrings, not the extra `studio`: nothing of it is run here.
+autodoc_mock_imports = ["bokeh", "panel", "tornado"]
 napoleon_numpy_docstring = True
 napoleon_google_docstring = False
 napoleon_use_ivar = True

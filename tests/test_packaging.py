@@ -4,11 +4,15 @@ from __future__ import annotations
 
 import json
 import re
+import subprocess
+import sys
 import tomllib
+from importlib import metadata
 
 import yaml
+from packaging.requirements import Requirement
 
-from support.paths import ROOT
+from support.paths import DOCS, ROOT
 
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
 RECIPE = (ROOT / "packaging/conda/meta.yaml").read_text()
@@ -59,3 +63,70 @@ def test_the_workflow_is_one():
     jobs = yaml.safe_load(WORKFLOW)["jobs"]
     assert set(jobs) == {"pure", "compiled", "publish"}
     assert set(jobs["publish"]["needs"]) == {"pure", "compiled"}
+
+
+def _installed_by(requirements):
+    """Names of the distributions that pip installs for these, dependencies of theirs included."""
+    found, left = set(), [Requirement(own) for own in requirements]
+    while left:
+        own = left.pop()
+        name = own.name.lower().replace("_", "-")
+        if name in found or (own.marker and not own.marker.evaluate({"extra": ""})):
+            continue
+        found.add(name)
+        left += map(Requirement, metadata.requires(name) or ())
+    return found
+
+
+# What Sphinx imports, where nothing else can be imported.
+BUILT = """
+import importlib, sys
+from sphinx.ext.autodoc.mock import mock
+
+class Refused:
+    def find_spec(self, name, path=None, target=None):
+        if name.partition(".")[0] in hidden:
+            raise ModuleNotFoundError(f"No module named {name!r}")
+
+docs, hidden, names = sys.argv[1], set(sys.argv[2].split()), sys.argv[3].split()
+sys.meta_path.insert(0, Refused())
+sys.path.insert(0, docs)
+import conf
+for name in (*conf.extensions, conf.html_theme):
+    importlib.import_module(name)
+with mock(conf.autodoc_mock_imports):
+    for name in names:
+        module = name
+        while module:
+            try:
+                found = importlib.import_module(module)
+                break
+            except ModuleNotFoundError as error:
+                if not module.startswith(str(error.name)):
+                    raise
+                module = module.rpartition(".")[0]
+        for part in name[len(module) + 1:].split("."):
+            found = getattr(found, part) if part else found
+"""
+
+
+def test_the_extra_for_the_documentation_is_enough_to_build_it():
+    there = _installed_by([*PROJECT["dependencies"], *PROJECT["optional-dependencies"]["docs"]])
+    hidden = {
+        top
+        for top, own in metadata.packages_distributions().items()
+        if not {name.lower().replace("_", "-") for name in own} & {*there, "polefence"}
+    } - set(sys.stdlib_module_names)
+    assert {"panel", "control", "distributed"} <= hidden
+    room, names = "polefence", list[str]()
+    for line in (DOCS / "api.md").read_text().splitlines():
+        if own := re.match(r"\.\. (currentmodule|py:module|auto\w+):: (\S+)", line):
+            kind, name = own.groups()
+            if kind.startswith("auto"):
+                names.append(name if name.startswith("polefence.") else f"{room}.{name}")
+            else:
+                room = name
+    assert len(names) > 150
+    words = [sys.executable, "-c", BUILT, str(DOCS), " ".join(sorted(hidden)), " ".join(names)]
+    done = subprocess.run(words, capture_output=True, text=True, timeout=120)
+    assert done.returncode == 0, done.stderr

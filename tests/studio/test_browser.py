@@ -390,6 +390,42 @@ def test_a_phone_shows_all_of_it(page, window, address):
         resized(window)
 
 
+@pytest.mark.parametrize("size", [1366, 390])
+def test_no_name_and_no_answer_is_wider_than_the_window(folder, window, size):
+    own = spec_text("quarter-car-ride").replace('label = "sprung mass"', f'label = "{"L" * 150}"')
+    (folder / "long.toml").write_text(own.replace("quarter car, ride", "N" * 180))
+    region = "disk(-40, 3) & sector(0.123456789123) & vertical_strip(-1000.123456789, -0.123456789)"
+    try:
+        resized(window, size, 900)
+        with studio(folder, "long.toml", "--region", region, "-o", "long") as (address, _):
+            window.get(address)
+            assert until(lambda: "refuted: poles of this law leave" in text_of(window))
+            assert "LLL m1 [kg]" in text_of(window)
+            assert until(lambda: width(window) <= size)
+            badge = element(
+                window,
+                """
+                const own = all.find(e => String(e.className || "").startsWith("badge"))
+                return own.getBoundingClientRect().right
+                """,
+            )
+            assert badge <= size
+    finally:
+        resized(window)
+
+
+def test_two_tabs_save_beside_each_other(folder, window):
+    with studio(folder, "car.toml", "--region", REGION, "-o", "two") as (address, _):
+        with browser() as second:
+            for own in (window, second):
+                opened(own, address)
+            for own in (window, second):
+                named(own, "Save").click()
+                assert until(lambda own=own: "saved: " in text_of(own))
+        assert (folder / "two" / "session.json").is_file()
+        assert (folder / "two-2" / "session.json").is_file()
+
+
 @pytest.fixture(scope="module")
 def again(folder, kept):
     """Address and process of a server of a session that was saved; the test of Ctrl-C ends it."""
@@ -404,6 +440,7 @@ def again(folder, kept):
 def test_what_is_saved_is_proved_and_opens_again(page, folder, request):
     type_into(page, "Region", "disk(-40, 32)")
     assert until(lambda: "proved: all poles in disk(-40, 32)" in text_of(page))
+    type_into(page, "Save under the name", "studio")  # pages before this one may have kept it
     named(page, "Save").click()
     assert until(lambda: "saved: " in text_of(page))
     assert Design.load(folder / "studio" / "design").region == Disk(-40, 32)

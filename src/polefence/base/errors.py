@@ -12,6 +12,7 @@ from fractions import Fraction
 from typing import Any
 
 LONGEST = 60  # characters of a value in a message
+BEGIN, END = 500, 200  # of a message, where a value in it is longer than it should be
 
 
 class PolefenceError(Exception):
@@ -20,6 +21,11 @@ class PolefenceError(Exception):
 
 class InputError(PolefenceError, ValueError):
     """Something the caller gave cannot be used; the message is one line that names it."""
+
+    def __str__(self) -> str:
+        """Return the message in one line, whatever values it quotes: an array has many."""
+        text = " ".join(super().__str__().split())
+        return text if len(text) <= BEGIN + END else f"{text[:BEGIN]} ... {text[-END:]}"
 
 
 class SpecError(InputError):
@@ -86,6 +92,8 @@ def shown(value: Any) -> str:
     """Quote a value in a message: cut to a part of a line, a table or a list by its kind alone."""
     if isinstance(value, dict | list | tuple):
         return "a table" if isinstance(value, dict) else "a list"
+    if getattr(value, "shape", ()):
+        return f"an array of shape {value.shape}"
     if isinstance(value, str):
         return repr(value if len(value) <= LONGEST else f"{value[: LONGEST - 3]}...")
     if isinstance(value, bool):

@@ -48,7 +48,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         type=Path,
         default=Path("studio"),
         metavar="DIR",
-        help="where the page saves; default: studio",
+        help="where the first page saves, others beside it; default: studio",
     )
 
 
@@ -63,9 +63,11 @@ def studio_command(options: Any) -> int:
     from polefence.studio import SESSION, serve, settled
 
     check_target(options.output / SESSION)
+    opened = options.subject if options.subject.name == SESSION else None
     subject, state = _opened(options)
     require_region(subject.plant, state.region)
-    serve(subject, state, options.output, options.port, not options.no_browser, _ready)
+    more = options.port, not options.no_browser, _ready
+    serve(subject, state, options.output, *more, opened=opened)
     if not settled(PATIENCE):  # what is in the kernel hears of nothing
         sys.stdout.flush()
         os._exit(PROVED)

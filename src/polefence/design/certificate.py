@@ -5,13 +5,14 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from fractions import Fraction
-from types import MappingProxyType
 from typing import Any
 
 import numpy as np
 
 from polefence.base import VERSION
 from polefence.base.errors import DesignFileError, InputError, PlantError
+from polefence.base.explained import explained_fields
+from polefence.base.frozen import Frozen
 from polefence.design.counterexample import counterexample
 from polefence.design.exact import holds
 from polefence.design.measured import dual_plant
@@ -33,13 +34,14 @@ from polefence.proof.document import Document, loads
 from polefence.proof.laws import read_law
 from polefence.proof.matrices import Rationals
 from polefence.proof.reading import Table
+from polefence.proof.short import Short
 from polefence.proof.text import number_text, region_text
 from polefence.proof.work import FormatError, counted
 from polefence.region.regions import Region, region_of
 
 
 @dataclass(frozen=True)
-class Check:
+class Check(Short):
     """The answer to a claim.
 
     Attributes
@@ -72,7 +74,7 @@ class Check:
 
 
 @dataclass(frozen=True, eq=False)
-class Certificate:
+class Certificate(Short):
     """A claim "this law keeps all poles of this plant in this region", with its evidence.
 
     Parameters
@@ -100,13 +102,9 @@ class Certificate:
     evidence: Mapping[str, Any]
     observed: UncertainPlant | None = None
 
+    @explained_fields
     def __post_init__(self) -> None:
-        object.__setattr__(self, "evidence", MappingProxyType(dict(self.evidence)))
-
-    def __reduce__(self) -> tuple[Any, ...]:
-        # A mapping proxy does not travel between processes.
-        own = self.plant, self.region, self.method, self.law, dict(self.evidence), self.observed
-        return Certificate, own
+        object.__setattr__(self, "evidence", Frozen(self.evidence))
 
     @property
     def observer(self) -> bool:

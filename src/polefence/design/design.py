@@ -12,9 +12,11 @@ from typing import Any
 import numpy as np
 
 from polefence.base.errors import DesignFileError, InputError, NotProvedError
+from polefence.base.explained import explained
 from polefence.base.files import read_text, write_documents
 from polefence.design.certificate import Certificate, Check, check_claim, decide, plant_of
 from polefence.design.evaluation import rounding_share, surely_runs
+from polefence.design.lyapunov import lyapunov_matrix, weights_at
 from polefence.law.laws import Law, ScheduledGain
 from polefence.lmi.conditions.methods import Scheduled, Slack, method_label
 from polefence.plant.card import card
@@ -26,6 +28,7 @@ from polefence.proof.claims.poles import Poles
 from polefence.proof.document import Document, loads, says_proof
 from polefence.proof.document import check as check_claims
 from polefence.proof.reading import MAX_BYTES
+from polefence.proof.short import Short
 from polefence.proof.work import FormatError
 from polefence.region.regions import Region
 
@@ -33,7 +36,7 @@ FILE_NAME = "design.json"
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Design:
+class Design(Short):
     """A law with the region it is for and the certificate that proves it.
 
     Attributes
@@ -136,10 +139,47 @@ class Design:
             return "rounding takes all the room there is"
         return f"rounding takes {self.rounding:.2g} times the room there is"
 
+    @explained
     def poles(self, alpha: Array) -> Array:
         """Closed-loop poles at points alpha (..., N) of the simplex, as (..., n) complex."""
         A, B = self.plant.at(alpha)
         return np.asarray(np.linalg.eigvals(A + B @ self.law.gain(alpha)))
+
+    @explained
+    def lyapunov_at(self, alpha: Any = None, part: int = 0, /, **values: Any) -> Array:
+        """Return the Lyapunov matrix P of the proof at one point, as ``lyapunov_at(m1=300)``.
+
+        V = x'P x falls along every motion of the loop A_c there. With the L and M of a part of the
+        region, L (x) P + M (x) P A_c + M' (x) A_c'P < 0 proves the poles (M and M' may change
+        places). A plant at samples is one of x(t + T) = A_c x(t): A_c'P A_c < P.
+
+        Parameters
+        ----------
+        alpha : (N,) array, optional
+            Weights of the vertices, in place of the parameters' values.
+        part : int
+            Number of the part of the region, which has a matrix of its own where the method is
+            "lyapunov".
+        **values : number
+            Of every parameter, in its unit.
+
+        Returns
+        -------
+        (n, n) array
+            Symmetric, positive definite; computed exactly, then rounded.
+
+        Raises
+        ------
+        InputError
+            If the point is none of the family, or there is no such part.
+        """
+        claim = self.certificate.claim()
+        if part not in range(len(claim.region)):
+            most = len(claim.region) - 1
+            raise InputError(f"part = {part!r}: the region's parts are 0 to {most}")
+        own = claim.evidence[part if len(claim.evidence) > 1 else 0]
+        weights = weights_at(self.plant.parameters, len(claim.A), alpha, values)
+        return lyapunov_matrix(claim.law, claim.sizes, own, weights)
 
     def to_control(self, given: str = "", name: str = "law", clamp: bool = True) -> Any:
         """Return the law as a system of python-control without states, to connect and simulate.
@@ -186,6 +226,7 @@ class Design:
         require_kind(self.certificate)
         return self.law
 
+    @explained
     def save(self, directory: str | Path) -> Path:
         """Write ``design.json`` into a folder, made if need be; return its path.
 
@@ -209,6 +250,7 @@ class Design:
         return write_documents(Path(directory), documents)[0]
 
     @classmethod
+    @explained
     def load(
         cls, path: str | Path, allow_unproved: bool = False, *, observer: bool = False
     ) -> Design:
@@ -234,6 +276,7 @@ class Design:
         return cls(certificate, verdict.proved)
 
 
+@explained
 def check(source: str | Path | Certificate | Design) -> Check:
     """Prove a file of claims, a certificate or a design afresh, in exact arithmetic.
 

@@ -11,6 +11,7 @@ from typing import Any, overload
 import numpy as np
 
 from polefence.base.errors import InputError, RegionError, SolverError, require_type
+from polefence.base.explained import explained
 from polefence.base.processors import small_matrices
 from polefence.design.certificate import Certificate
 from polefence.design.checks import in_time_of, require_continuous, require_region
@@ -37,9 +38,11 @@ from polefence.lmi.conditions.lyapunov import Loop
 from polefence.lmi.conditions.target import Around, Decays, Disks, Goal, Sectors
 from polefence.lmi.solve.lyapunov import LyapunovPolynomial, least
 from polefence.lmi.solve.smallest import typical_rate
+from polefence.plant.card import card
 from polefence.plant.family import UncertainPlant
 from polefence.plant.points import values_at, values_text
 from polefence.plant.system import Array
+from polefence.proof.short import Short
 from polefence.region.regions import Disk, HalfPlane, Region, Sector, damping_of
 
 TOLERANCES = (1e-8, 1e-6, 1e-4, 1e-2)
@@ -57,7 +60,7 @@ _Proved = tuple[float, Region, Certificate]  # with its r
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Analysis:
+class Analysis(Short):
     """The answer to "does this law keep all poles in the region?".
 
     Attributes
@@ -86,6 +89,11 @@ class Analysis:
 
     def __repr__(self) -> str:
         return f"<Analysis of {self.plant.name!r}: {self.region}, {self.answer}>"
+
+    def _repr_html_(self) -> str:
+        """Show it in a notebook."""
+        rows = [("region", str(self.region)), ("answer", self.answer), ("by", self.reason)]
+        return card(self.plant.name, rows)
 
     @property
     def proved(self) -> bool:
@@ -132,6 +140,7 @@ def analyse(
 ) -> Analysis: ...
 
 
+@explained
 @small_matrices()
 def analyse(
     plant: UncertainPlant, law: Any, region: Region, budget: float | None = None, depth: int = 4
@@ -235,7 +244,7 @@ def _refuted(plant: UncertainPlant, law: Law, region: Region, alpha: list[Fracti
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class WorstCase:
+class WorstCase(Short):
     """Reach of a law: the smallest region of a kind it is proved to keep, and what it fails.
 
     Attributes
@@ -266,6 +275,7 @@ class WorstCase:
         return f"<WorstCase: {self.region} proved, {self.bound:.6g} sampled>"
 
 
+@explained
 @small_matrices()
 def worst_case(
     plant: UncertainPlant,

@@ -9,13 +9,14 @@ import textwrap
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence, Set
 from concurrent.futures import Executor
-from dataclasses import dataclass, replace
+from dataclasses import InitVar, dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import Any, Unpack
 
 from polefence.base import VERSION, workers
 from polefence.base.errors import InputError, NotProvedError, PolefenceError
+from polefence.base.explained import explained
 from polefence.base.files import read_text, write_text
 from polefence.base.progress import stage
 from polefence.design import disks
@@ -37,10 +38,12 @@ from polefence.lmi.conditions.methods import (
     fitting,
     method_label,
 )
+from polefence.plant.card import card
 from polefence.plant.family import UncertainPlant
 from polefence.proof import document, work
 from polefence.proof.claims.poles import Poles
 from polefence.proof.reading import MAX_BYTES, parse
+from polefence.proof.short import Short
 from polefence.region.regions import Disk
 
 # What a row keeps of its design: with the plant, its centre and its radius all that proves it.
@@ -56,7 +59,7 @@ Task = tuple[int, float, Method]
 
 
 @dataclass(frozen=True, eq=False)
-class Limit:
+class Limit(Short):
     """One row of a sweep.
 
     Attributes
@@ -75,6 +78,7 @@ class Limit:
         A smaller radius, proved of a law that doubles cannot evaluate; None where there is none.
     seconds : float
     design : Design or None
+        The law of ``radius``; no entry of the row, as `dataclasses.asdict` and pandas see it.
     """
 
     centre: float
@@ -83,8 +87,26 @@ class Limit:
     status: str
     seconds: float
     lower: float | None = None
-    design: Design | None = None
+    found: InitVar[Design | None] = None
     unrunnable: float | None = None
+
+    def __post_init__(self, found: Design | None) -> None:
+        # no field: rows are plain values, and a design is a plant, a law and a proof
+        object.__setattr__(self, "_design", found)
+
+    @property
+    def design(self) -> Design | None:
+        """The law of ``radius``, with its proof; None where nothing was proved."""
+        found: Design | None = vars(self)["_design"]
+        return found
+
+    def _repr_html_(self) -> str:
+        """Show it in a notebook."""
+        texts = (
+            (key, "" if value is None else f"{value:.6g}")
+            for key, value in (("radius", self.radius), ("not below", self.lower))
+        )
+        return card(self.method, [("centre", f"{self.centre:g}"), ("answer", self.status), *texts])
 
     @property
     def runs(self) -> bool:
@@ -113,6 +135,7 @@ class Limit:
         return row
 
 
+@explained
 def limits(
     plant: UncertainPlant,
     centres: Iterable[float] | float,
@@ -323,7 +346,7 @@ def _reproved(
     if not holds:
         raise InputError(f"{where} is not proved by what it holds; remove the file to start anew")
     found = Limit(region.centre, row["method"], region.radius, "proved", row["seconds"])
-    kept = replace(found, lower=row.get("lower"), design=design).as_row(gain)
+    kept = replace(found, lower=row.get("lower"), found=design).as_row(gain)
     mark = {} if kept["lower"] is None else {"lower_from_file": True}
     return kept | mark | {"proof": _proof(design)}
 

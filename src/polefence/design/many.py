@@ -16,6 +16,7 @@ from typing import Any, TypeVar
 
 from polefence.base import workers
 from polefence.base.errors import InputError, PolefenceError, require_type
+from polefence.base.explained import explained
 from polefence.base.progress import stage
 from polefence.design import disks
 from polefence.design import place as place_alone
@@ -32,6 +33,7 @@ Answer = TypeVar("Answer")
 Task = TypeVar("Task")
 
 
+@explained
 def place(
     plants: Iterable[UncertainPlant],
     region: Region,
@@ -75,6 +77,7 @@ def place(
     return _one_by_one(own, plants, executor)
 
 
+@explained
 def tightest(
     plants: Iterable[UncertainPlant],
     centre: float | Sequence[float] | None = None,
@@ -126,6 +129,7 @@ def tightest(
     return _one_by_one(own, list(zip(plants, centres, strict=True)), executor)
 
 
+@explained
 def check(
     sources: Iterable[str | Path | Certificate | Design], *, executor: Executor | None = None
 ) -> list[Check | PolefenceError]:

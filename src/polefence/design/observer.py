@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from polefence.base.errors import InputError, NotProvedError
+from polefence.base.explained import explained, explained_fields
 from polefence.design.checks import in_time_of
 from polefence.design.design import Design, require_kind
 from polefence.design.measured import dual_plant, read_measured, require_observable, transposed
@@ -22,9 +23,11 @@ from polefence.law.laws import check_alpha
 from polefence.lmi.conditions.methods import Method
 from polefence.plant.family import UncertainPlant
 from polefence.plant.system import Array, Exact
+from polefence.proof.short import Short
 from polefence.region.regions import Region
 
 
+@explained
 def observe(
     plant: UncertainPlant,
     measured: Any,
@@ -85,7 +88,7 @@ def _marked(design: Design, plant: UncertainPlant) -> Design:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Observer:
+class Observer(Short):
     """x^' = A x^ + B u + L (y - C x^), with the design of the dual plant that proves its poles.
 
     A and B are those of the plant at alpha, so alpha is needed to run it even where L is fixed.
@@ -106,6 +109,7 @@ class Observer:
     plant: UncertainPlant
     design: Design
 
+    @explained_fields
     def __post_init__(self) -> None:
         require_kind(self.design.certificate, observer=True)
         dual, plant = self.design.plant, self.plant
@@ -210,7 +214,7 @@ class Observer:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class OutputFeedback:
+class OutputFeedback(Short):
     """Observer-based state feedback, u = K x^: the poles are those of A + B K and of A - L C.
 
     Attributes
@@ -228,6 +232,7 @@ class OutputFeedback:
     observer: Observer
     design: Design
 
+    @explained_fields
     def __post_init__(self) -> None:
         if not isinstance(self.design, Design):
             raise InputError(f"feedback takes a Design, not {type(self.design).__name__}")

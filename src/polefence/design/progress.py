@@ -5,10 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import contextmanager
 
+from polefence.base.explained import explained
 from polefence.base.progress import Listener, note, told
 from polefence.proof.work import followed
 
 
+@explained
 @contextmanager
 def progress(listener: Listener) -> Iterator[None]:
     """Tell a listener what is being done in all that follows, in this thread.

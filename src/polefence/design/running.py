@@ -12,17 +12,19 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from polefence.base.errors import InputError
+from polefence.base.explained import explained
 from polefence.design.design import Design
 from polefence.law.laws import FixedGain, Law, PolynomialGain, ScheduledGain
 from polefence.plant.family import UncertainPlant
 from polefence.plant.larger import own_states, with_states
 from polefence.plant.outputs import Output, states
 from polefence.plant.system import Array
+from polefence.proof.short import Short
 from polefence.response.discrete import Sampling
 
 
 @dataclass(frozen=True, eq=False)
-class Running:
+class Running(Short):
     """A plant in continuous time with the states that a law's computer keeps, and that law.
 
     Attributes
@@ -39,6 +41,7 @@ class Running:
     sampling: Sampling
 
 
+@explained
 def running(plant: UncertainPlant, design: Design) -> Running:
     """Return a design at a sample time as its computer runs it beside a plant.
 

@@ -49,6 +49,7 @@ from polefence.proof.claims.poles import Poles
 from polefence.proof.document import Document
 from polefence.proof.laws import Evidence
 from polefence.proof.regions import parts_of
+from polefence.proof.short import Short
 from polefence.proof.work import MAX_WORK, FormatError, counted
 from polefence.region.regions import Region, region_of
 
@@ -60,7 +61,7 @@ SAMPLES, MOST_SAMPLES = 7, 1000  # along each side of a cell; in a cell
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class TableAnalysis:
+class TableAnalysis(Short):
     """The answer for each cell of the parameters' box.
 
     Attributes

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from polefence.base.errors import InputError, require_type
+from polefence.base.explained import explained
 from polefence.base.processors import small_matrices
 from polefence.design.certificate import Certificate
 from polefence.design.checks import in_time_of, require_region
@@ -22,6 +23,7 @@ from polefence.design.requirements.specification import Specification
 from polefence.design.signals.bounds import Bound, best_bound, sampled, worst_of
 from polefence.design.signals.by_transfer import ByTransfer
 from polefence.law.laws import FixedGain, GainTable, Law, given_law
+from polefence.plant.card import card
 from polefence.plant.delta import delta_form
 from polefence.plant.family import UncertainPlant
 from polefence.plant.points import values_at
@@ -30,6 +32,7 @@ from polefence.proof import laws
 from polefence.proof.claims.base import Verdict, prove
 from polefence.proof.claims.poles import Poles
 from polefence.proof.matrices import Rationals
+from polefence.proof.short import Short
 from polefence.proof.work import FormatError
 from polefence.region.regions import Region
 
@@ -38,7 +41,7 @@ FORMS = {"primal": "V = x' P x", "dual": "V = x' P^-1 x"}
 
 
 @dataclass(frozen=True)
-class GivenLyapunov:
+class GivenLyapunov(Short):
     """Whether Lyapunov matrices that were given prove that a law keeps a region.
 
     Attributes
@@ -66,7 +69,7 @@ class GivenLyapunov:
 
 
 @dataclass(frozen=True, eq=False)
-class VerifiedBound:
+class VerifiedBound(Short):
     """A limit on a signal, and what is proved of it.
 
     Attributes
@@ -98,7 +101,7 @@ class VerifiedBound:
 
 
 @dataclass(frozen=True, eq=False)
-class Verified:
+class Verified(Short):
     """What is proved of a design that was given.
 
     Attributes
@@ -134,7 +137,20 @@ class Verified:
     def __repr__(self) -> str:
         return f"<Verified: {self.plant.name!r}, {self.answer}>"
 
+    def _repr_html_(self) -> str:
+        """Show it in a notebook."""
+        bounds = (
+            (
+                own.specification.title,
+                f"{own.answer}{'' if own.bound is None else f': {own.bound}'}",
+            )
+            for own in self.bounds
+        )
+        poles = ("poles", f"{self.analysis.answer}: in {self.analysis.region}")
+        return card(self.plant.name, [poles, *bounds])
 
+
+@explained
 @small_matrices()
 def verify(
     plant: UncertainPlant,

@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from polefence.base.errors import InputError, suggest
+from polefence.base.explained import explained
 from polefence.plant.family import UncertainPlant
 from polefence.plant.spec import loads
 
@@ -41,11 +42,13 @@ def spec_path(name: str) -> Path:
     return Path(__file__).with_name(f"{name}.toml")
 
 
+@explained
 def spec_text(name: str) -> str:
     """Return the text of a spec or study that ships with the package, as `SPECS` and `STUDIES`."""
     return spec_path(name).read_text(encoding="utf-8")
 
 
+@explained
 def family(name: str) -> UncertainPlant:
     """Return a family that ships with the package; names as in `SPECS`."""
     return loads(spec_text(name), name)

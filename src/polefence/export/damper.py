@@ -7,6 +7,7 @@ from fractions import Fraction
 from typing import Any
 
 from polefence.base.errors import InputError, NotProvedError
+from polefence.base.explained import explained
 from polefence.export.documents import FILE_NAME
 from polefence.export.program import Number, number
 from polefence.export.sources import MARKER, check_c_name, environment
@@ -17,6 +18,7 @@ from polefence.proof.plant import Plant
 from polefence.proof.text import digits_up, number_text
 
 
+@explained
 def damper_sources(document: Document, bits: int = 32, *, name: str = "law") -> Mapping[str, bytes]:
     """Return the files of a law that `polefence.semi_active` proved: header, code and proof.
 

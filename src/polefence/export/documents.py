@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 
 from polefence.base.errors import DesignFileError, InputError
+from polefence.base.explained import explained
 from polefence.design.certificate import Certificate, Check, plant_of
 from polefence.design.design import Design, check_document, read_document
 from polefence.design.measured import DUAL
@@ -93,6 +94,7 @@ def guarantee_text(
     return replace(design.certificate.file(claims), export=export).dumps()
 
 
+@explained
 def check_guarantee(path: str | Path) -> Check:
     """Prove ``guarantee.json`` afresh, and that the sources beside it are those it is about.
 

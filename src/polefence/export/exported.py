@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from polefence.base.errors import InputError, NotProvedError, OutputError
+from polefence.base.explained import explained
 from polefence.base.files import SHORT, begins_with, leftover, write_all
 from polefence.design.design import Design, check
 from polefence.design.observer import Observer
@@ -34,6 +35,7 @@ from polefence.export.vectors import harness, makefile
 from polefence.law.laws import PolynomialGain, is_one
 from polefence.plant.parameters import Parameter
 from polefence.proof.document import FORMAT
+from polefence.proof.short import Short
 from polefence.response.discrete import Sampling
 
 GIVEN = ("parameters", "alpha")
@@ -43,7 +45,7 @@ BUILD = "build"  # what the Makefile makes
 
 
 @dataclass(frozen=True, eq=False)
-class Exported:
+class Exported(Short):
     """A law as code.
 
     Attributes
@@ -94,6 +96,7 @@ class Exported:
         return write_folder(Path(directory), self.files, marks(self.texts.name))
 
 
+@explained
 def export_c99(
     design: Design,
     bits: int = 64,
@@ -233,6 +236,7 @@ def _require_observer(
         raise NotProvedError("not exported: the observer's region is not proved")
 
 
+@explained
 def with_fmus(
     found: Exported,
     versions: Sequence[str] = ("2.0", "3.0"),

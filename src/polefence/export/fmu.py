@@ -25,6 +25,7 @@ from polefence.base.errors import InputError
 from polefence.export import sources as c99
 from polefence.export.program import Fixed, Program
 from polefence.export.sources import Texts
+from polefence.proof.short import Short
 
 if TYPE_CHECKING:
     from jinja2 import Environment
@@ -153,7 +154,7 @@ def _zipped(files: dict[str, bytes]) -> bytes:
 
 
 @dataclass(frozen=True)
-class Variable:
+class Variable(Short):
     """A variable of the model description.
 
     Attributes

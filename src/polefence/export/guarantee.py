@@ -44,6 +44,7 @@ from polefence.proof.claims.rounding import (
     gain_errors,
     rounding_error,
 )
+from polefence.proof.short import Short
 from polefence.proof.text import milliseconds_text
 from polefence.proof.work import FormatError
 from polefence.region.text import digits_down, digits_up
@@ -61,7 +62,7 @@ BALANCED = 30  # steps towards sizes that are a product of rows' and columns'
 
 
 @dataclass(frozen=True, eq=False)
-class Guarantee:
+class Guarantee(Short):
     """A design's claim with the rounding of its code.
 
     Attributes
@@ -288,7 +289,7 @@ def _raised(domain: Domain, P: Polynomial, degree: int, times: int) -> Array:
 
 
 @dataclass(frozen=True, eq=False)
-class Timing:
+class Timing(Short):
     """The loop as a computer closes it, sampled over the family and proved.
 
     Attributes

@@ -8,6 +8,7 @@ from typing import Any, cast
 
 import numpy as np
 
+from polefence.base.explained import explained
 from polefence.base.files import write_bytes
 from polefence.design.design import Design
 from polefence.export.memory import kept, with_rates
@@ -22,6 +23,7 @@ HEADER = b"MATLAB 5.0 MAT-file, written by polefence"
 HEADER_LENGTH = 116
 
 
+@explained
 def mat(design: Design, path: str | Path) -> Path:
     """Write a design as a MATLAB 5 file, which MATLAB, GNU Octave and SciPy load.
 

@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from polefence.base.errors import InputError
+from polefence.base.explained import explained
 from polefence.design.design import Design
 from polefence.design.observer import Observer
 from polefence.export.program import LEAST, MOST, Number, Scheduled, program
@@ -24,6 +25,7 @@ from polefence.plant.parameters import Parameter
 from polefence.plant.points import sample
 from polefence.plant.polynomial import Domain, binomial
 from polefence.plant.system import Array, Exact
+from polefence.proof.short import Short
 from polefence.region.text import short_text
 from polefence.response.discrete import zero_order_hold
 
@@ -354,6 +356,7 @@ def _matrices(observer: Observer, alpha: Any) -> tuple[Array, Array, Array, Arra
     return A, B, np.tensordot(a, observer.C, 1), L
 
 
+@explained
 def sampled_output_loop(
     design: Design,
     observer: Observer,
@@ -419,7 +422,7 @@ def _loop(
 
 
 @dataclass(frozen=True, eq=False)
-class SampledLoop:
+class SampledLoop(Short):
     """Sampled loop over a family, at sampled alphas; no proof.
 
     Attributes
@@ -445,6 +448,7 @@ class SampledLoop:
         return self.largest < 1
 
 
+@explained
 def judge_sampled_loop(
     design: Design, observer: Observer, sample_time: float | None = None, *, delay: int = 0
 ) -> SampledLoop:

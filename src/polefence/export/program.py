@@ -21,6 +21,7 @@ from polefence.law.laws import FixedGain, Law, PolynomialGain, ScheduledGain, is
 from polefence.plant.parameters import Parameter
 from polefence.plant.polynomial import Domain, Exponent, binomial
 from polefence.plant.system import Array
+from polefence.proof.short import Short
 
 Exact = list[list[Fraction]]
 MAX_TERMS = 512  # polynomials' coefficients, which the code computes one by one
@@ -29,7 +30,7 @@ LEAST, MOST = 1e-18, 1e18
 
 
 @dataclass(frozen=True)
-class Share:
+class Share(Short):
     """A parameter's place in its interval, 0 at low and 1 at high, as the code finds it.
 
     scale (p - low) where the plant is affine in p, scale (p - low) / p where it is in 1/p.
@@ -49,7 +50,7 @@ class Share:
 
 
 @dataclass(frozen=True)
-class Memory:
+class Memory(Short):
     """States that the code keeps, the last signals; each grows by ``step`` times its rate.
 
     Attributes
@@ -66,7 +67,7 @@ class Memory:
 
 
 @dataclass(frozen=True, eq=False)
-class Fixed:
+class Fixed(Short):
     """u = K x, or K y of signals that are measured.
 
     Attributes
@@ -98,7 +99,7 @@ class Fixed:
 
 
 @dataclass(frozen=True, eq=False)
-class Polynomial:
+class Polynomial(Short):
     """u = K(c) x, or K(c) y of signals that are measured, K the sum of its terms' gains times c^e.
 
     c are alpha, or the coordinates of parameters from -1 to 1: see `PolynomialGain`.
@@ -148,7 +149,7 @@ class Polynomial:
 
 
 @dataclass(frozen=True, eq=False)
-class Scheduled:
+class Scheduled(Short):
     """u = Z(w) W(w)^-1 T x, w the Bernstein polynomials' values.
 
     Attributes
@@ -286,7 +287,7 @@ def _held(values: Array, what: str) -> Array:
 
 
 @dataclass(frozen=True)
-class Number:
+class Number(Short):
     """One of the two formats.
 
     Attributes

@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 
 from polefence.base.errors import InputError, SolverError
+from polefence.base.explained import explained
 from polefence.base.progress import stage
 from polefence.design.certificate import Check
 from polefence.design.design import Design
@@ -50,6 +51,7 @@ from polefence.proof.claims.rounding import Rounded, rounding_error
 from polefence.proof.claims.sampled import MAX_TERMS, Off, Sampled, loop_claim
 from polefence.proof.claims.steps import gain_error, held_size, step_error
 from polefence.proof.laws import Evidence
+from polefence.proof.short import Short
 from polefence.proof.work import FormatError
 from polefence.region.regions import Disk
 from polefence.region.text import digits_down
@@ -92,7 +94,7 @@ Proof = tuple[tuple[Array, Array, Array], Array]
 
 
 @dataclass(frozen=True, eq=False)
-class SampledPoles:
+class SampledPoles(Short):
     """Poles of a sampled loop.
 
     Attributes
@@ -218,7 +220,7 @@ def _equivalent(z: Array, n: int, time: float) -> Array:
 
 
 @dataclass(frozen=True, eq=False)
-class SamplingEffect:
+class SamplingEffect(Short):
     """Poles of the sampled loop against a design's region, over a sample of the family.
 
     Attributes
@@ -254,6 +256,7 @@ class SamplingEffect:
     points: int
 
 
+@explained
 @stage("poles of the sampled loop")
 def sampling_effect(design: Design, sample_time: float, delay: int = 1) -> SamplingEffect:
     """Look where the poles of the sampled loop lie: at vertices, on edges and at random points.
@@ -283,7 +286,7 @@ def sampling_effect(design: Design, sample_time: float, delay: int = 1) -> Sampl
 
 
 @dataclass(frozen=True)
-class LargestSampleTime:
+class LargestSampleTime(Short):
     """Longest sample times, found by trial over a sample of the family.
 
     Attributes
@@ -304,6 +307,7 @@ class LargestSampleTime:
     longest: float
 
 
+@explained
 @stage("largest sample time")
 def largest_sample_time(design: Design, delay: int = 1) -> LargestSampleTime:
     """Return up to which sample time the region, and stability, hold.
@@ -360,7 +364,7 @@ def _finite(matrices: Array) -> Array | None:
 
 
 @dataclass(frozen=True, eq=False)
-class SampledProof:
+class SampledProof(Short):
     """Proof of the decay of a loop closed by samples.
 
     Attributes
@@ -404,6 +408,7 @@ class SampledProof:
         return Check("proved" if verdict.proved else "undecided", verdict.reason)
 
 
+@explained
 @stage("decay of the sampled loop")
 def prove_decay(
     design: Design, sample_time: float, delay: int = 1, off: Off | None = None
@@ -647,7 +652,7 @@ def _exact_evidence(evidence: dict[str, Any]) -> Evidence:
 
 
 @dataclass(frozen=True, eq=False)
-class Coordinates:
+class Coordinates(Short):
     """y = T x, u = diag(scale) v; short numbers."""
 
     T: Array
@@ -655,7 +660,7 @@ class Coordinates:
 
 
 @dataclass(frozen=True, eq=False)
-class Family:
+class Family(Short):
     """The loop, with short numbers for the vertices' steps [F, G], (N, n, n + m).
 
     ``error`` is how far their combinations are from the plant's step, as a sample shows it.

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from polefence.base.errors import DesignFileError, PolefenceError
+from polefence.base.explained import explained
 from polefence.base.files import read_bytes
 from polefence.design.certificate import plant_of
 from polefence.design.design import check_document, read_document
@@ -20,12 +21,13 @@ from polefence.plant.family import UncertainPlant
 from polefence.plant.spec import loads
 from polefence.proof.document import Document
 from polefence.proof.reading import MAX_BYTES
+from polefence.proof.short import Short
 
 TOGETHER = 8  # rows that one task has
 
 
 @dataclass(frozen=True)
-class Judged:
+class Judged(Short):
     """A row, and what is wrong with it; empty where nothing is.
 
     Attributes
@@ -53,6 +55,7 @@ class _Rows:
     rows: tuple[_Fresh, ...]
 
 
+@explained
 def judged(store: Store, workers: Workers) -> Iterator[Judged]:
     """Yield each row of a store, proved afresh.
 

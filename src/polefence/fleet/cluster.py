@@ -9,6 +9,7 @@ from functools import partial
 from typing import Any
 
 from polefence.base.errors import MissingExtraError
+from polefence.base.explained import explained
 from polefence.base.processors import processors, share_processors, small_matrices
 from polefence.base.workers import start_quiet_tracker
 from polefence.fleet.engine import Work
@@ -19,6 +20,7 @@ PROFILE = "distributed.worker.profile.enabled"  # stops workers a hundred times 
 PATIENCE = 10  # [s] for a scheduler, each time that it is looked for
 
 
+@explained
 def dask(address: str = LOCAL) -> Workers:
     """Return the workers of a Dask cluster.
 

@@ -50,6 +50,7 @@ from polefence.proof.claims.rate import Rate
 from polefence.proof.claims.signal import SignalClaim
 from polefence.proof.document import Document
 from polefence.proof.regions import Disk, Part, write_region
+from polefence.proof.short import Short
 from polefence.region.regions import Region
 from polefence.region.text import load_region, parse_region
 from polefence.response.stationary import velocity_density
@@ -66,7 +67,7 @@ FEW = 200  # points at which a law is sampled
 
 
 @dataclass(frozen=True)
-class Answer:
+class Answer(Short):
     """What is found about one variant.
 
     Attributes
@@ -97,7 +98,7 @@ class Answer:
 
 
 @dataclass(frozen=True)
-class Question:
+class Question(Short):
     """What is asked of each variant.
 
     Attributes

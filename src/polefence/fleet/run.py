@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+from polefence.base.explained import explained
 from polefence.fleet.cover import covered
 from polefence.fleet.engine import kept
 from polefence.fleet.questions import DIED, LOST, Answer, Cover, Question
@@ -14,6 +15,7 @@ from polefence.fleet.study import Study, Task, load_study
 from polefence.fleet.workers import Workers, processes
 
 
+@explained
 def study(
     path: str | Path,
     results: str | Path,
@@ -51,6 +53,7 @@ def study(
         yield from rows
 
 
+@explained
 def run(study: Study, store: Store, workers: Workers, resume: bool = False) -> Iterator[list[Row]]:
     """Work out what is not in the store yet; yield rows as they are kept there.
 

@@ -11,19 +11,22 @@ from pathlib import Path
 from typing import Any
 
 from polefence.base.errors import SpecError, shown, suggest
+from polefence.base.explained import explained
 from polefence.base.files import read_text
 from polefence.fleet.questions import Question, read_questions
 from polefence.fleet.variants import Variants, read_variants
+from polefence.plant.card import card
 from polefence.plant.expression import decimal, decimal_text
 from polefence.plant.spec import MAX_BYTES, loads, parse
 from polefence.plant.varied import numbers_of, varied
+from polefence.proof.short import Short
 
 KEYS = ("name", "base", "variants", "question")
 MOST = 10_000_000  # rows
 
 
 @dataclass(frozen=True)
-class Task:
+class Task(Short):
     """A question about some variants, which are worked out together.
 
     Attributes
@@ -37,7 +40,7 @@ class Task:
 
 
 @dataclass(frozen=True, eq=False)
-class Study:
+class Study(Short):
     """A study.
 
     Attributes
@@ -61,6 +64,12 @@ class Study:
         variants = Variants(tuple(document["names"]), rows, document["labels"])
         questions = read_questions(document["questions"])
         return cls(document["name"], document["base"], variants, questions)
+
+    def _repr_html_(self) -> str:
+        """Show it in a notebook."""
+        varied_names = ", ".join(self.variants.names)
+        asked = ((own.name, own.words) for own in self.questions)
+        return card(self.name, [("variants", f"{len(self.variants)}: {varied_names}"), *asked])
 
     @property
     def total(self) -> int:
@@ -105,6 +114,7 @@ class Study:
                 yield Task(k, tuple(left[first : first + question.group]))
 
 
+@explained
 def load_study(path: str | Path) -> Study:
     """Read a study from a TOML file.
 

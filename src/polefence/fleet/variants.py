@@ -18,6 +18,7 @@ from polefence.base.errors import SpecError, shown, suggest
 from polefence.base.files import read_bytes, read_text
 from polefence.base.parquet import read_table
 from polefence.plant.expression import decimal
+from polefence.proof.short import Short
 
 MOST = 1_000_000  # variants of a study
 MAX_BYTES = 200_000_000
@@ -28,7 +29,7 @@ WAYS = ("latin hypercube", "uniform")
 
 
 @dataclass(frozen=True)
-class Variants:
+class Variants(Short):
     """Numbers of the base spec, and their values for each variant.
 
     Attributes

@@ -10,14 +10,16 @@ from functools import partial
 from typing import Any
 
 from polefence.base import workers
+from polefence.base.explained import explained
 from polefence.base.processors import processors
 from polefence.fleet.engine import Dead, Places, R, T, Work, carried_out
+from polefence.proof.short import Short
 
 AHEAD = 2  # groups for each worker that are under way or wait for it
 
 
 @dataclass(frozen=True)
-class Workers:
+class Workers(Short):
     """Where tasks are carried out.
 
     Attributes
@@ -48,12 +50,14 @@ def here() -> Workers:
     return Workers(nullcontext, 1)
 
 
+@explained
 def processes(jobs: int | None = None) -> Workers:
     """Return worker processes of this machine, by default one a processor."""
     count = jobs or processors()
     return Workers(partial(workers.processes, count), count)
 
 
+@explained
 def given(executor: Executor, count: int | None = None) -> Workers:
     """Return the workers of an executor, which is left open."""
     return Workers(lambda: nullcontext(executor), count or processors())

@@ -8,12 +8,14 @@ from typing import Any
 import numpy as np
 
 from polefence.base.errors import InputError
+from polefence.base.explained import explained
 from polefence.law.laws import FixedGain, Law, PolynomialGain, ScheduledGain, given_law
 from polefence.plant.arrays import Arrays
 from polefence.plant.family import UncertainPlant
 from polefence.plant.system import Exact, as_array
 
 
+@explained
 def law_from(arrays: Arrays, plant: UncertainPlant) -> Law:
     """Return the law of a file: K, one or one a vertex, or Z and W of K = Z W^-1, one each.
 

@@ -14,12 +14,14 @@ from polefence.base.errors import (
     MissingExtraError,
     ParameterValueError,
     PlantError,
+    shown,
     suggest,
 )
+from polefence.base.explained import explained
 from polefence.law.laws import Law, PolynomialGain, is_one
 from polefence.plant.family import UncertainPlant
 from polefence.plant.outputs import Output, split, stacked, states
-from polefence.plant.system import Array, System
+from polefence.plant.system import Array, System, floats
 from polefence.proof.text import plural
 
 _NUMBERED = re.compile(r"(sys|[xuy])\[\d+\]")  # what python-control calls that which has no name
@@ -37,6 +39,7 @@ def _control() -> Any:
     return control
 
 
+@explained
 def from_control(
     systems: Any, disturbances: int | str | Sequence[str] = 0, name: str = ""
 ) -> UncertainPlant:
@@ -63,7 +66,12 @@ def from_control(
         If python-control is not installed.
     """
     control = _control()
-    given = [systems] if isinstance(systems, control.InputOutputSystem) else list(systems)
+    try:
+        given = [systems] if isinstance(systems, control.InputOutputSystem) else list(systems)
+    except TypeError as error:
+        raise PlantError(
+            f"systems must be a control.StateSpace, or a list of them; got {shown(systems)}"
+        ) from error
     if not given:
         raise PlantError("a plant needs at least one vertex")
     for j, system in enumerate(given):
@@ -159,6 +167,7 @@ def _own(labels: Sequence[str], otherwise: str) -> str:
     return "".join(_names(labels)) or otherwise
 
 
+@explained
 def to_control(plant: UncertainPlant | System, alpha: Any = None, outputs: bool = False) -> Any:
     """Return a plant, or one vertex of it, as a python-control ``StateSpace``.
 
@@ -212,7 +221,7 @@ def _point(plant: UncertainPlant, alpha: Any) -> Any:
     count = len(plant.vertices)
     if alpha is None and count > 1:
         raise ParameterValueError(f"{plant.name} has {count} vertices; give alpha, one weight each")
-    weights = np.ones(1) if alpha is None else np.asarray(alpha, dtype=float)
+    weights = np.ones(1) if alpha is None else floats(alpha, "alpha")
     inside = weights.shape == (count,) and weights.min() >= 0 and abs(weights.sum() - 1) < 1e-9
     if not inside:
         raise ParameterValueError(f"alpha must be {count} weights, zero or more, that sum to one")

@@ -12,13 +12,16 @@ from typing import Any, TypeGuard
 
 import numpy as np
 
-from polefence.base.errors import InputError, ParameterValueError, require_type, suggest
+from polefence.base.errors import InputError, ParameterValueError, require_type, shown, suggest
+from polefence.base.explained import explained, explained_fields
 from polefence.law.coordinates import Coordinates
+from polefence.plant.card import card
 from polefence.plant.family import UncertainPlant
 from polefence.plant.outputs import Output
 from polefence.plant.parameters import Parameter, exact, simplex_weights
 from polefence.plant.polynomial import Domain, binomial
-from polefence.plant.system import Array
+from polefence.plant.system import Array, floats
+from polefence.proof.short import Short
 
 # A computed alpha is off the simplex by rounding; more is an error of the caller's.
 ROUNDING = 1e-9
@@ -26,6 +29,7 @@ ROUNDING = 1e-9
 MAX_KNOTS, LARGEST = 200, 1e100
 
 
+@explained
 def check_alpha(alpha: Any, N: int, clamp: bool = False) -> Array:
     """Return alpha (..., N) as a point of the simplex.
 
@@ -35,9 +39,11 @@ def check_alpha(alpha: Any, N: int, clamp: bool = False) -> Array:
         If alpha has another length, or lies off the simplex by more than rounding, unless
         ``clamp``: then negative entries are cut and the rest is scaled to sum to one.
     """
-    a = np.asarray(alpha, dtype=float)
+    a = floats(alpha, "alpha")
     if a.ndim == 0 or a.shape[-1] != N or not np.all(np.isfinite(a)):
-        raise ParameterValueError(f"alpha must be {N} finite weights, one a vertex; got {alpha!r}")
+        raise ParameterValueError(
+            f"alpha must be {N} finite weights, one a vertex; got {shown(alpha)}"
+        )
     off = max(float(-a.min()), float(np.abs(a.sum(axis=-1) - 1).max()))
     if off > ROUNDING and not clamp:
         raise ParameterValueError(
@@ -52,7 +58,7 @@ def check_alpha(alpha: Any, N: int, clamp: bool = False) -> Array:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class FixedGain:
+class FixedGain(Short):
     """u = K x for every parameter value.
 
     Parameters
@@ -63,12 +69,18 @@ class FixedGain:
 
     K: Array
 
+    @explained_fields
     def __post_init__(self) -> None:
         object.__setattr__(self, "K", _frozen(self.K, 2, "K"))
 
     def __repr__(self) -> str:
         return f"<FixedGain {self.K.shape[0]} x {self.K.shape[1]}: {self.K.tolist()}>"
 
+    def _repr_html_(self) -> str:
+        """Show it in a notebook."""
+        return card("u = K x", _gain_rows("K", self.K))
+
+    @explained
     def gain(self, alpha: Any = None, clamp: bool = False) -> Array:  # noqa: ARG002
         """Return K; alpha is accepted, and not needed. Batched alpha gives batched gains."""
         lead = () if alpha is None else np.shape(alpha)[:-1]
@@ -78,6 +90,7 @@ class FixedGain:
         """Return K, whatever the physical parameters."""
         return self.K
 
+    @explained
     def control(self, alpha: Any, x: Any, clamp: bool = False) -> Array:
         """Return u = K x, (..., m) for x (..., n).
 
@@ -98,6 +111,7 @@ class _Scheduled:
         """Return the gain of all states, (..., m, n) for alpha (..., N)."""
         raise NotImplementedError
 
+    @explained
     def gain_at(self, clamp: bool = False, **values: Any) -> Array:
         """Return it at physical parameter values, for example ``gain_at(m1=300, beta=0)``.
 
@@ -109,6 +123,7 @@ class _Scheduled:
         weights = simplex_weights(self.parameters, values, clamp)
         return self.gain([float(w) for w in weights])
 
+    @explained
     def control(self, alpha: Any, x: Any, clamp: bool = False) -> Array:
         """Return u, (..., m) for x (..., n).
 
@@ -121,7 +136,7 @@ class _Scheduled:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class ScheduledGain(_Scheduled):
+class ScheduledGain(Short, _Scheduled):
     """u = K(alpha) x with K(alpha) = Z(alpha) W(alpha)^-1, Z and W polynomials in alpha.
 
     Leite & Peres (2005), equations (18), (19), of degree 1 on the simplex. It is evaluated as
@@ -152,6 +167,7 @@ class ScheduledGain(_Scheduled):
     degree: int = 1
     sizes: tuple[int, ...] = ()
 
+    @explained_fields
     def __post_init__(self) -> None:
         object.__setattr__(self, "W", _frozen(self.W, 3, "W"))
         object.__setattr__(self, "Z", _frozen(self.Z, 3, "Z"))
@@ -195,6 +211,13 @@ class ScheduledGain(_Scheduled):
         kind = f", degree {self.degree}" if self.degree != 1 else ""
         return f"<ScheduledGain {m} x {n}, {self.domain.corners} vertices{kind}>"
 
+    def _repr_html_(self) -> str:
+        """Show it in a notebook."""
+        known = [("degree", str(self.degree)), *map(_range_row, self.parameters)]
+        corners = self.domain.corners
+        middle = self.gain(np.full(corners, 1 / corners))
+        return card("u = Z W^-1 x", [*known, *_gain_rows("K in the middle", middle)])
+
     def gain(self, alpha: Any, clamp: bool = False) -> Array:
         """Return K(alpha), (..., m, n) for alpha (..., N); on a box, at alpha's marginals.
 
@@ -211,7 +234,7 @@ class ScheduledGain(_Scheduled):
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class PolynomialGain(_Scheduled):
+class PolynomialGain(Short, _Scheduled):
     """u = K(p) y, y = C x what is measured, K a polynomial: the sum of its terms' gains times c^e.
 
     c are the parameters' coordinates in [-1, 1], in which the plant is multi-affine: from the lower
@@ -240,6 +263,7 @@ class PolynomialGain(_Scheduled):
     measured: tuple[Output, ...] = ()
     parameters: tuple[Parameter, ...] = ()
 
+    @explained_fields
     def __post_init__(self) -> None:
         powers = tuple(tuple(int(power) for power in e) for e in self.powers)
         object.__setattr__(self, "powers", powers)
@@ -252,6 +276,8 @@ class PolynomialGain(_Scheduled):
             raise InputError(f"powers must have {len(self.parameters)} exponents, one a parameter")
         if not self.parameters and len({sum(e) for e in powers}) > 1:
             raise InputError("terms in alpha must be of one degree")
+        for own in self.measured:
+            require_type(own, Output, "each of measured", "plant.signal(name) returns one")
         if self.measured and len(self.measured) != self.gains.shape[2]:
             raise InputError(
                 f"{len(self.measured)} signals are measured; the gains have {self.gains.shape[2]}"
@@ -308,6 +334,13 @@ class PolynomialGain(_Scheduled):
         _, m, r = self.gains.shape
         return f"<PolynomialGain {m} x {r}, {len(self.powers)} terms, degree {self.degree}>"
 
+    def _repr_html_(self) -> str:
+        """Show it in a notebook."""
+        from polefence.law.words import definitions, formula, terms_of  # deferred: needs this one
+
+        terms = [row for name, K in terms_of(self).items() for row in _gain_rows(name, K)]
+        return card(formula(self), [("with", "; ".join(definitions(self))), *terms])
+
     def terms(self, alpha: Any) -> Array:
         """Return c^e of each term at alpha (..., N), as (..., terms)."""
         a = np.asarray(alpha, dtype=float)
@@ -346,8 +379,18 @@ class PolynomialGain(_Scheduled):
 Law = FixedGain | ScheduledGain | PolynomialGain
 
 
+def _range_row(p: Parameter) -> tuple[str, str]:
+    return p.name, f"{float(p.low):g} to {float(p.high):g} {p.unit}"
+
+
+def _gain_rows(name: str, K: Array) -> list[tuple[str, str]]:
+    """Return a row for each input, of a table that shows a gain."""
+    rows = [", ".join(f"{x:.6g}" for x in row) for row in K]
+    return [(name if len(rows) == 1 else f"{name}, u{i + 1}", row) for i, row in enumerate(rows)]
+
+
 def _product(K: Array, x: Any) -> Array:
-    state = np.asarray(x, dtype=float)
+    state = floats(x, "x")
     n = K.shape[-1]
     # A column (n, 1) would broadcast into a wrong force without a word.
     if state.ndim == 0 or state.shape[-1] != n:
@@ -366,13 +409,14 @@ def right_divide(Z: Array, W: Array) -> Array:
 
 
 def _frozen(value: Any, dimensions: int, name: str) -> Array:
-    array = np.array(value, dtype=float)
+    array = floats(value, name).copy()
     if array.ndim != dimensions or not np.all(np.isfinite(array)):
         raise InputError(f"{name} must be a finite array of {dimensions} dimensions")
     array.flags.writeable = False
     return array
 
 
+@explained
 def given_law(plant: UncertainPlant, law: Any) -> Law:
     """Return a law in any of the forms that users have it in, checked against the plant.
 
@@ -467,7 +511,7 @@ def divisible(plant: UncertainPlant, law: Law) -> bool:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class GainTable:
+class GainTable(Short):
     """u = K(p) x, K multi-linear in the physical parameters between the knots of a grid.
 
     Parameters
@@ -490,6 +534,7 @@ class GainTable:
     grid: Mapping[str, Sequence[Any]]
     gains: Array
 
+    @explained_fields
     def __post_init__(self) -> None:
         names = [p.name for p in self.parameters]
         if not names:
@@ -519,6 +564,15 @@ class GainTable:
         m, n = self.gains.shape[-2:]
         return f"<GainTable {m} x {n}, {sizes} knots>"
 
+    def _repr_html_(self) -> str:
+        """Show it in a notebook."""
+        known = (
+            (name, f"{len(knots)} knots from {float(knots[0]):g} to {float(knots[-1]):g}")
+            for name, knots in self.grid.items()
+        )
+        m, n = self.gains.shape[-2:]
+        return card("u = K(p) x, from a table", [("gains", f"{m} x {n}"), *known])
+
     @cached_property
     def axes(self) -> list[Array]:
         """Knots of each parameter, in floats."""
@@ -529,6 +583,7 @@ class GainTable:
         """All gains in one row, the first parameter varying slowest."""
         return self.gains.reshape(-1, *self.gains.shape[-2:])
 
+    @explained
     def gain_at(self, clamp: bool = False, **values: Any) -> Array:
         """Return K at physical parameter values.
 
@@ -546,6 +601,7 @@ class GainTable:
             point.append(min(max(float(values[p.name]), float(p.low)), float(p.high)))
         return np.asarray(self.at(np.array([point]))[0])
 
+    @explained
     def at(self, points: Array) -> Array:
         """Return K at points (count, parameters), as (count, m, n)."""
         K = np.zeros((len(points), *self.gains.shape[-2:]))

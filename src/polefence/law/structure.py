@@ -16,18 +16,20 @@ from typing import Any
 import numpy as np
 
 from polefence.base.errors import InputError, SpecError, require_type, shown, suggest
+from polefence.base.explained import explained, explained_fields
 from polefence.law.laws import PolynomialGain
 from polefence.plant.family import UncertainPlant
 from polefence.plant.larger import law_states, require_order, with_pid, with_states
 from polefence.plant.outputs import Output, split, states
 from polefence.plant.spec import law_table
 from polefence.plant.system import Array
+from polefence.proof.short import Short
 
 MAX_DEGREE, MAX_TERMS = 8, 500  # of a law in its parameters; of numbers that are free
 
 
 @dataclass(frozen=True)
-class Structure:
+class Structure(Short):
     """What a law u = K(p) y may be: y, the parameters in K, its degree in them, its free numbers.
 
     Parameters
@@ -68,6 +70,7 @@ class Structure:
     kind: str | None = None
     derivative_bandwidth: float | None = None
 
+    @explained_fields
     def __post_init__(self) -> None:
         for key in ("measured", "schedule"):
             value = getattr(self, key)
@@ -260,6 +263,7 @@ class Structure:
             raise InputError(f"the law has {count} free numbers; at most {MAX_TERMS} are tuned")
 
 
+@explained
 def load_structure(path: str | Path) -> Structure | None:
     """Read the table ``[law]`` of a spec, None where it has none.
 

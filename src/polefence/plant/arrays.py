@@ -16,12 +16,14 @@ from typing import Any
 import numpy as np
 
 from polefence.base.errors import InputError, shown, suggest
+from polefence.base.explained import explained
 from polefence.base.files import read_bytes
 from polefence.plant import matlab
 from polefence.plant.family import UncertainPlant
 from polefence.plant.outputs import Output, split
 from polefence.plant.system import Exact, read_matrix
 from polefence.proof import reading
+from polefence.proof.short import Short
 from polefence.proof.work import FormatError
 
 MAX_ENTRIES = 2_000_000  # numbers in a file
@@ -36,7 +38,7 @@ Matrix = list[list[Any]]  # of floats, whole numbers, rationals, or texts of the
 
 
 @dataclass(frozen=True, eq=False)
-class Arrays:
+class Arrays(Short):
     """What a file holds.
 
     Attributes
@@ -138,6 +140,7 @@ class Arrays:
         return self[every[0] if name not in self and len(every) == 1 else name]
 
 
+@explained
 def read_arrays(path: str | Path, names: Mapping[str, str] = NO_NAMES) -> Arrays:
     """Read the matrices of a file, or of the CSV files of a folder.
 
@@ -384,6 +387,7 @@ def _of_matlab(where: str, value: Any) -> Any:
     return None
 
 
+@explained
 def plant_from(arrays: Arrays, name: str = "") -> UncertainPlant:
     """Return the family whose vertices are a file's A, B, and where they are there E, C, D, F.
 

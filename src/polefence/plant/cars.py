@@ -27,9 +27,11 @@ from numbers import Rational
 from typing import Any
 
 from polefence.base.errors import PlantError, suggest
+from polefence.base.explained import explained, explained_fields
 from polefence.plant.family import MAX_VERTICES, UncertainPlant
 from polefence.plant.parameters import Parameter, check_label, exact
 from polefence.proof.matrices import identity, product, right_divide, transposed
+from polefence.proof.short import Short
 from polefence.proof.text import plural
 
 Rows = list[list[Any]]
@@ -39,7 +41,7 @@ MAX_WHEELS = 8
 
 
 @dataclass(frozen=True)
-class Wheel:
+class Wheel(Short):
     """A wheel and what is between it and the body.
 
     Parameters
@@ -69,6 +71,7 @@ class Wheel:
     x: Any = 0
     y: Any = 0
 
+    @explained_fields
     def __post_init__(self) -> None:
         check_label(self.name, "name of a wheel")
         for key in ("x", "y"):
@@ -79,7 +82,7 @@ class Wheel:
 
 
 @dataclass(frozen=True)
-class Body:
+class Body(Short):
     """The sprung mass, which moves in heave and about the axes of which it has the inertia.
 
     Parameters
@@ -109,6 +112,7 @@ class Body:
     felt: Any = None
     height: Any = None
 
+    @explained_fields
     def __post_init__(self) -> None:
         for key in ("mass", "pitch", "roll", "felt", "height"):
             if getattr(self, key) is not None:
@@ -171,7 +175,7 @@ class Body:
 
 
 @dataclass(frozen=True)
-class Bar:
+class Bar(Short):
     """An anti-roll bar between two wheels.
 
     Parameters
@@ -193,6 +197,7 @@ class Bar:
     between: Sequence[str]
     stiffness: Any
 
+    @explained_fields
     def __post_init__(self) -> None:
         check_label(self.name, "name of an anti-roll bar")
         object.__setattr__(self, "between", tuple(self.between))
@@ -202,7 +207,7 @@ class Bar:
 
 
 @dataclass(frozen=True)
-class Car:
+class Car(Short):
     """A body on wheels.
 
     Parameters
@@ -226,6 +231,7 @@ class Car:
     seats: Mapping[str, Any] = field(default_factory=dict)
     bars: Sequence[Bar] = ()
 
+    @explained_fields
     def __post_init__(self) -> None:
         object.__setattr__(self, "wheels", tuple(self.wheels))
         object.__setattr__(self, "bars", tuple(self.bars))
@@ -375,6 +381,7 @@ class Car:
         return {"C": C, "D": D} | ({"F": F} if self.manoeuvres else {})
 
 
+@explained
 def car_family(
     make: Callable[..., Car],
     parameters: Parameter | Sequence[Parameter],

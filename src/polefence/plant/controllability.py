@@ -20,6 +20,7 @@ import numpy as np
 import numpy.typing as npt
 
 from polefence.base.errors import PlantError
+from polefence.proof.short import Short
 
 Exact = tuple[tuple[Fraction, ...], ...]
 Residues = npt.NDArray[np.int64]
@@ -31,7 +32,7 @@ MOST_PRIMES = 400
 
 
 @dataclass(frozen=True)
-class FixedModes:
+class FixedModes(Short):
     """Roots of ``polynomial`` over ``whole``: poles of A + B K whatever K is.
 
     ``polynomial`` is monic in whole numbers, the highest power first; [1] if (A, B) is

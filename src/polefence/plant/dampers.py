@@ -7,15 +7,17 @@ from fractions import Fraction
 from typing import Any
 
 from polefence.base.errors import InputError
+from polefence.base.explained import explained_fields
 from polefence.plant.family import UncertainPlant
 from polefence.plant.outputs import inputs, pick
 from polefence.plant.parameters import exact
 from polefence.proof.dampers import SemiActive
 from polefence.proof.matrices import Rationals, product
+from polefence.proof.short import Short
 
 
 @dataclass(frozen=True)
-class Damper:
+class Damper(Short):
     """A damper whose coefficient any logic may choose, at any time, between two bounds.
 
     Its force u = c v is the plant's input, v the rate of a deflection; the plant's matrices are
@@ -43,6 +45,7 @@ class Damper:
     low: Any
     high: Any
 
+    @explained_fields
     def __post_init__(self) -> None:
         for key in ("low", "high"):
             what = f"damper {self.force}: {key}"

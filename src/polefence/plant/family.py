@@ -22,16 +22,18 @@ from polefence.base.errors import (
     shown,
     suggest,
 )
+from polefence.base.explained import explained, explained_fields
 from polefence.plant.card import card
 from polefence.plant.controllability import PRIME, surely_controllable
 from polefence.plant.expression import RationalFunction, counted, evaluate
 from polefence.plant.outputs import Output, disturbances, inputs, pick, split, states
 from polefence.plant.parameters import Parameter, check_label, check_name, exact, simplex_weights
 from polefence.plant.polynomial import Domain
-from polefence.plant.system import Array, Exact, System, read_matrix
+from polefence.plant.system import Array, Exact, System, floats, read_matrix
 from polefence.plant.vehicle import OF_A_CAR, Vehicle
 from polefence.proof.matrices import common_denominator
 from polefence.proof.remainder import Remainder
+from polefence.proof.short import Short
 from polefence.proof.text import plural
 
 MAX_VERTICES = 256
@@ -40,7 +42,7 @@ _OUTPUTS = "outputs."
 
 
 @dataclass(frozen=True)
-class Sampling:
+class Sampling(Short):
     """What a plant is the samples of.
 
     Attributes
@@ -62,7 +64,7 @@ class Sampling:
 
 
 @dataclass(frozen=True, repr=False)
-class UncertainPlant:
+class UncertainPlant(Short):
     """The convex hull of ``vertices``; with ``parameters``, the corners of their box.
 
     Vertex order: the first parameter varies slowest, each from its low to its high bound, so that
@@ -113,6 +115,7 @@ class UncertainPlant:
     remainder: Remainder | None = None
     sampling: Sampling | None = None
 
+    @explained_fields
     def __post_init__(self) -> None:
         check_label(self.name, "name")
         for key in ("states", "inputs", "disturbances"):
@@ -203,6 +206,7 @@ class UncertainPlant:
         return card(self.name, [("family", self.size_text), *ranges, *named])
 
     @classmethod
+    @explained
     def from_vertices(
         cls, As: Sequence[Any], Bs: Sequence[Any], Es: Sequence[Any] | None = None, **names: Any
     ) -> UncertainPlant:
@@ -226,6 +230,7 @@ class UncertainPlant:
         return cls(vertices, **names)
 
     @classmethod
+    @explained
     def from_expressions(
         cls,
         parameters: Sequence[Parameter],
@@ -265,6 +270,7 @@ class UncertainPlant:
         return cls._from_symbolic(function, parameters, **names)
 
     @classmethod
+    @explained
     def from_function(
         cls, function: Callable[..., Any], parameters: Sequence[Parameter], **names: Any
     ) -> UncertainPlant:
@@ -444,9 +450,15 @@ class UncertainPlant:
         weights = simplex_weights(self.parameters, values, clamp)
         return np.array([float(w) for w in weights])
 
+    @explained
     def at(self, alpha: Any) -> tuple[Array, Array]:
         """Return A(alpha), B(alpha), batched over leading axes of alpha, (..., N)."""
-        weights = np.asarray(alpha, dtype=float)
+        weights = floats(alpha, "alpha")
+        if not weights.ndim or weights.shape[-1] != len(self.vertices):
+            raise InputError(
+                f"alpha has shape {weights.shape}; it must end in {len(self.vertices)} weights, "
+                "one a vertex"
+            )
         A, B = np.tensordot(weights, self.A, 1), np.tensordot(weights, self.B, 1)
         if not len(self.curve):
             return A, B
@@ -489,8 +501,14 @@ def _output_rows(outputs: Mapping[str, Mapping[str, Sequence[Any]]]) -> dict[str
     return {
         f"{_OUTPUTS}{label}.{key}": [row]
         for label, rows in outputs.items()
-        for key, row in rows.items()
+        for key, row in _table_of(label, rows).items()
     }
+
+
+def _table_of(label: str, rows: Any) -> Mapping[str, Sequence[Any]]:
+    if not isinstance(rows, Mapping):
+        raise SpecError(f'outputs {shown(label)} must be a table of rows, {{"C": [1, 0]}}')
+    return rows
 
 
 def _require_used(

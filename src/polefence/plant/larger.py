@@ -9,6 +9,7 @@ from fractions import Fraction
 from typing import Any
 
 from polefence.base.errors import InputError, shown, suggest
+from polefence.base.explained import explained
 from polefence.plant.family import UncertainPlant
 from polefence.plant.outputs import Output, disturbances, inputs, padded, pick, split, states
 from polefence.plant.parameters import exact
@@ -55,6 +56,7 @@ def with_dynamics(
     )
 
 
+@explained
 def with_actuator(
     plant: UncertainPlant, name: str, bandwidth: Any, order: int = 1, damping: Any = None
 ) -> UncertainPlant:
@@ -128,6 +130,7 @@ def _behind(plant: UncertainPlant, output: Output, i: int, order: int) -> Output
     )
 
 
+@explained
 def with_sensor(
     plant: UncertainPlant, name: str, bandwidth: Any = None, noise: Any = None
 ) -> UncertainPlant:

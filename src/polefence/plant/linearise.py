@@ -17,11 +17,13 @@ from typing import Any
 import numpy as np
 
 from polefence.base.errors import MultiAffinityError, PlantError
+from polefence.base.explained import explained
 from polefence.plant.family import UncertainPlant
 from polefence.plant.outputs import Output, split
 from polefence.plant.parameters import Parameter
 from polefence.plant.points import values_text
 from polefence.plant.system import Array
+from polefence.proof.short import Short
 
 STEP = 1e-30  # of the complex step
 SAMPLES = 200  # points of the box, besides its corners, middles and edges' middles
@@ -34,7 +36,7 @@ Point = Mapping[str, float]
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Linearised:
+class Linearised(Short):
     """A family of Jacobians, and what is known of its distance from the plant.
 
     Attributes
@@ -75,6 +77,7 @@ class Linearised:
         return f"<Linearised {self.plant!r}, {self}>"
 
 
+@explained
 def linearise(
     f: Callable[..., Any],
     x0: Any,
@@ -163,7 +166,7 @@ class _Function:
         """Return x0, u0 and w0 at a point."""
         given = [("x0", self.x0), ("u0", self.u0)]
         given += [] if self.w0 is None else [("w0", self.w0)]
-        return [_vector(name, own(**point) if callable(own) else own) for name, own in given]
+        return [_vector(name, _called(name, own, point)) for name, own in given]
 
     def jacobians(self, point: Point) -> dict[str, Array]:
         """Return A, B, E and the rows of outputs at a point."""
@@ -238,10 +241,21 @@ def _value(name: str, f: Callable[..., Any], at: list[Array], point: Point, rows
     return found
 
 
+def _called(name: str, own: Any, point: Point) -> Any:
+    """Return a value, or what a function of the parameters returns."""
+    try:
+        return own(**point) if callable(own) else own
+    except (TypeError, ValueError, ArithmeticError, LookupError) as problem:
+        raise PlantError(
+            f"{name} fails {_at(point)}: {problem}; a function of it is called with the "
+            "parameters by name"
+        ) from problem
+
+
 def _vector(name: str, value: Any) -> Array:
     try:
         found = np.atleast_1d(np.asarray(value, dtype=float))
-    except (TypeError, ValueError) as problem:
+    except (TypeError, ValueError, OverflowError) as problem:
         raise PlantError(f"{name} must be a list of numbers: {problem}") from problem
     if found.ndim != 1 or not len(found) or not np.all(np.isfinite(found)):
         raise PlantError(f"{name} must be a list of finite numbers")

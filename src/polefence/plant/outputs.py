@@ -12,8 +12,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from polefence.base.errors import InputError, PlantError, suggest
+from polefence.base.explained import explained, explained_fields
 from polefence.plant.parameters import check_label
 from polefence.plant.system import Array, Exact, read_matrix
+from polefence.proof.short import Short
 
 if TYPE_CHECKING:
     from polefence.plant.family import UncertainPlant
@@ -32,7 +34,7 @@ def split(label: str) -> tuple[str, str]:
 
 
 @dataclass(frozen=True)
-class Signal:
+class Signal(Short):
     """A name and a unit."""
 
     name: str
@@ -66,6 +68,7 @@ class Output(Signal):
     D: Any = ()
     F: Any = ()
 
+    @explained_fields
     def __post_init__(self) -> None:
         check_label(self.name, "name of an output")
         check_label(self.unit, f"output {self.name!r}: unit")
@@ -125,6 +128,7 @@ def _floats(rows: Rows) -> Array:
     return np.array([[float(x) for x in row] for row in rows]).reshape(len(rows), -1)
 
 
+@explained
 def weighted_sum(name: str, unit: str, terms: Iterable[tuple[Any, Output]]) -> Output:
     """Return the sum of outputs times numbers."""
     terms = [(Fraction(weight), output) for weight, output in terms]
@@ -153,11 +157,13 @@ def padded(output: Output, more: int) -> Output:
     return replace(output, C=tuple((*row, *zeros) for row in output.C))
 
 
+@explained
 def states(plant: UncertainPlant) -> tuple[Output, ...]:
     """Return an output for every state, named as the plant names it, else x1, x2, ..."""
     return _plain(tuple(plant.states), "x", plant.shape[0], "C")
 
 
+@explained
 def inputs(plant: UncertainPlant) -> tuple[Output, ...]:
     """Return an output for every input, named as the plant names it, else u1, u2, ..."""
     return _plain(tuple(plant.inputs), "u", plant.shape[1], "D")
@@ -180,6 +186,7 @@ def disturbances(plant: UncertainPlant) -> tuple[Signal, ...]:
     return tuple(Signal(*split(label)) for label in labels)
 
 
+@explained
 def rate_of(plant: UncertainPlant, state: str, name: str = "", unit: str = "") -> Output:
     """Return the rate of change of a state: of a velocity in m/s, the acceleration in m/s2.
 

@@ -12,8 +12,10 @@ from numbers import Rational, Real
 from typing import Any, Literal
 
 from polefence.base.errors import ParameterValueError, PlantError, SpecError, shown, suggest
+from polefence.base.explained import explained_fields
 from polefence.plant.expression import decimal
 from polefence.proof.plant import ANY
+from polefence.proof.short import Short
 
 # Larger or smaller magnitudes, or longer fractions, are no physical data: doubles must hold them,
 # and a certificate must be able to say them.
@@ -124,7 +126,7 @@ def _read_rate(name: str, rate: Any) -> Rate:
 
 
 @dataclass(frozen=True)
-class Parameter:
+class Parameter(Short):
     """One uncertain parameter p in [low, high].
 
     Parameters
@@ -158,6 +160,7 @@ class Parameter:
     label: str = ""
     rate: Rate = None
 
+    @explained_fields
     def __post_init__(self) -> None:
         check_name(self.name)
         for key in ("unit", "through", "label"):

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from polefence.base.explained import explained
 from polefence.plant.family import UncertainPlant
 from polefence.plant.parameters import Parameter
 from polefence.plant.polynomial import Domain
@@ -156,6 +157,7 @@ def sample(domain: Domain, states: int = 1) -> Array:
     return np.vstack([corners, np.unique(middles, axis=0)[:count], between])
 
 
+@explained
 def seeded(plant: UncertainPlant, count: int = 10_000, seed: int = SEED_OF_VALUES) -> Array:
     """Return points of a family as alpha (count, N): its vertices, and others at random.
 

@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from polefence.base.errors import InputError, SpecError, shown, suggest
+from polefence.base.explained import explained
 from polefence.base.files import read_text
 from polefence.plant.cars import Bar, Body, Car, Wheel, car_family
 from polefence.plant.dampers import Damper
@@ -49,6 +50,7 @@ _HARDWARE: dict[str, tuple[Callable[..., UncertainPlant], set[str]]] = {
 }
 
 
+@explained
 def load(path: str | Path) -> UncertainPlant:
     """Read a plant family from a TOML spec, with its actuators and sensors; decimals are exact.
 
@@ -115,6 +117,7 @@ def law_table(path: str | Path) -> dict[str, Any] | None:
         raise type(error)(f"{path}: {error}") from error
 
 
+@explained
 def load_dampers(path: str | Path) -> tuple[Damper, ...]:
     """Return the controllable dampers of a spec's tables ``[damper."FORCE"]``.
 
@@ -377,6 +380,7 @@ def _table(data: Mapping[str, Any], key: str, where: str = "") -> dict[str, Any]
 # --- cars ----------------------------------------------------------------------------------------
 
 
+@explained
 def load_car(path: str | Path) -> Car | None:
     """Return the car of a spec's table ``[car]`` at its parameters' low ends, None without one.
 

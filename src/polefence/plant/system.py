@@ -10,9 +10,11 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from polefence.base.errors import PlantError
+from polefence.base.errors import InputError, PlantError, shown
+from polefence.base.explained import explained_fields
 from polefence.plant.controllability import FixedModes, fixed_modes
 from polefence.plant.parameters import exact, is_plain
+from polefence.proof.short import Short
 
 Array = npt.NDArray[np.float64]
 Exact = tuple[tuple[Fraction, ...], ...]
@@ -48,6 +50,22 @@ def read_matrix(rows: Any, what: str) -> Exact:
     )
 
 
+def floats(value: Any, what: str) -> Array:
+    """Return numbers as an array of floats.
+
+    Raises
+    ------
+    InputError
+        If they are no numbers, or lists of several lengths.
+    """
+    try:
+        return np.asarray(value, dtype=float)
+    except (TypeError, ValueError, OverflowError) as error:
+        raise InputError(
+            f"{what} must be numbers, in nested lists of one shape or an array; got {shown(value)}"
+        ) from error
+
+
 def as_array(matrix: Exact) -> Array:
     """Return the nearest read-only float array."""
     # float(entry) takes three times as long
@@ -57,7 +75,7 @@ def as_array(matrix: Exact) -> Array:
 
 
 @dataclass(frozen=True)
-class System:
+class System(Short):
     """x' = A x + B u + E w with exact rational entries.
 
     Parameters
@@ -80,6 +98,7 @@ class System:
     exact_E: Exact | None = None
     name: str = "system"
 
+    @explained_fields
     def __post_init__(self) -> None:
         A = read_matrix(self.exact_A, f"{self.name}: A")
         B = read_matrix(self.exact_B, f"{self.name}: B")
@@ -114,6 +133,10 @@ class System:
     def E(self) -> Array | None:
         """Disturbance matrix, (n, q), where given."""
         return None if self.exact_E is None else as_array(self.exact_E)
+
+    def __repr__(self) -> str:
+        n, m = self.shape
+        return f"<System {self.name!r}: {n} states, {m} inputs>"
 
     @property
     def shape(self) -> tuple[int, int]:

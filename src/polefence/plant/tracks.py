@@ -24,11 +24,13 @@ from math import comb, factorial
 from typing import Any
 
 from polefence.base.errors import InputError, shown, suggest
+from polefence.base.explained import explained_fields
 from polefence.plant.family import UncertainPlant
 from polefence.plant.outputs import Output, disturbances, states
 from polefence.plant.parameters import exact
 from polefence.plant.system import Exact, System
 from polefence.proof.matrices import product
+from polefence.proof.short import Short
 
 BETA, DELTA = Fraction(697, 985), Fraction(696, 985)
 SHARE = Fraction("0.845")  # of the distance of left and right wheels
@@ -42,7 +44,7 @@ ZERO, ONE = Fraction(0), Fraction(1)
 
 
 @dataclass(frozen=True)
-class Tracks:
+class Tracks(Short):
     """What is white on a road, and what each wheel sees of it.
 
     Parameters
@@ -65,6 +67,7 @@ class Tracks:
     order: int = 4
     width: Any = None
 
+    @explained_fields
     def __post_init__(self) -> None:
         for key in ("speed", "width"):
             given = getattr(self, key)
@@ -133,7 +136,7 @@ class Tracks:
 
 
 @dataclass(frozen=True)
-class Filter:
+class Filter(Short):
     """z' = a z + b v, and the outputs c z + d v."""
 
     a: Rows

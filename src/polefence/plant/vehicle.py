@@ -11,6 +11,7 @@ from polefence.base.errors import PlantError, suggest
 from polefence.plant.outputs import Output, disturbances, inputs, rate_of, states
 from polefence.plant.parameters import check_label
 from polefence.plant.system import Exact, System
+from polefence.proof.short import Short
 from polefence.proof.text import quoted
 
 if TYPE_CHECKING:
@@ -25,7 +26,7 @@ NEARLY = Fraction(1, 100)  # of the forces on both masses, where digits of matri
 
 
 @dataclass(frozen=True)
-class Vehicle:
+class Vehicle(Short):
     """A quarter car's signals, by their names without the unit.
 
     With x1 and x2 the deflections of suspension and tyre, positive in compression, x3 and x4 the

@@ -11,12 +11,13 @@ from polefence.proof.claims.signal import require_shapes
 from polefence.proof.matrices import Rationals
 from polefence.proof.plant import Plant
 from polefence.proof.reading import MAX_SIZE, Table, plain, plain_rows
+from polefence.proof.short import Short
 from polefence.proof.text import number_text, output_text
 from polefence.proof.work import FormatError
 
 
 @dataclass(frozen=True)
-class SemiActive:
+class SemiActive(Short):
     """An input that is c times a rate, c from ``low`` to ``high`` at any time.
 
     Attributes

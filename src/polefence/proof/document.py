@@ -35,6 +35,7 @@ from polefence.proof.laws import Law, read_law
 from polefence.proof.plant import Plant
 from polefence.proof.reading import Table, parse, require_shallow, shown
 from polefence.proof.regions import require_left
+from polefence.proof.short import Short
 from polefence.proof.work import FormatError, counted
 
 FORMAT, VERSION = "polefence-proof", 2
@@ -72,7 +73,7 @@ KINDS: Mapping[str, type[Claim]] = MappingProxyType(
 
 
 @dataclass(frozen=True)
-class Document:
+class Document(Short):
     """Contents of a file.
 
     Attributes
@@ -190,7 +191,7 @@ def says_proof(text: str) -> bool:
 
 
 @dataclass(frozen=True)
-class Checked:
+class Checked(Short):
     """Verdict on a file.
 
     Attributes

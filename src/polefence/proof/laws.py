@@ -32,6 +32,7 @@ from polefence.proof.polynomials import (
 )
 from polefence.proof.reading import MAX_SIZE, Table, plain, shown
 from polefence.proof.remainder import Spread
+from polefence.proof.short import Short
 from polefence.proof.work import RATIONAL, FormatError, spend
 
 DOMAINS = ("simplex", "box")
@@ -42,7 +43,7 @@ Point = tuple[Fraction, ...]
 
 
 @dataclass(frozen=True)
-class Law:
+class Law(Short):
     """K constant (``K`` alone); one K a corner, multi-affine between; or Z(alpha) W(alpha)^-1.
 
     Coefficients of W and Z are those of Bernstein polynomials: of ``degree`` in each simplex, in
@@ -237,7 +238,7 @@ def _coordinate(sizes: Sizes, j: int, count: int) -> Polynomial:
 
 
 @dataclass(frozen=True)
-class Evidence:
+class Evidence(Short):
     """A Lyapunov polynomial, and what a method needs besides.
 
     ``X`` its Bernstein coefficients, or those of Q for a scheduled law (none where it is the law's
@@ -310,7 +311,7 @@ class Evidence:
 
 
 @dataclass(frozen=True)
-class Piece:
+class Piece(Short):
     """A part of the box of the parameters, with evidence for it.
 
     ``low`` and ``high`` are weights of each parameter's upper end, from 0 to 1.

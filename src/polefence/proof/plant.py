@@ -11,6 +11,7 @@ from polefence.proof.matrices import Rationals, common_denominator
 from polefence.proof.polynomials import Sizes
 from polefence.proof.reading import MAX_VERTICES, Table, as_number, plain, plain_rows, require_shape
 from polefence.proof.remainder import MAX_CURVE, Remainder
+from polefence.proof.short import Short
 from polefence.proof.work import RATIONAL, FormatError, spend
 
 MAX_PARAMETERS, MAX_OUTPUTS = 8, 1000
@@ -18,7 +19,7 @@ ANY: Literal["any"] = "any"  # of a rate: nothing bounds it
 
 
 @dataclass(frozen=True)
-class Range:
+class Range(Short):
     """A parameter's interval; ``inverted`` where the plant is affine in 1/p.
 
     ``rate`` holds the least and the largest dp/dt, or "any"; None of one that does not move.
@@ -34,7 +35,7 @@ class Range:
 
 
 @dataclass(frozen=True)
-class Output:
+class Output(Short):
     """y = C x + D u + F w: at every vertex C (1 x n), D (1 x m), F (1 x q) unless it is zero."""
 
     C: list[Rationals]
@@ -45,7 +46,7 @@ class Output:
 
 
 @dataclass(frozen=True)
-class Plant:
+class Plant(Short):
     """x' = A x + B u + E w, or x(t + sample_time) = ..., at the vertices, with names.
 
     ``E`` is empty where no disturbance acts. ``ranges`` has one entry a parameter, none for a plant

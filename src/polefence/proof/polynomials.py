@@ -20,6 +20,7 @@ from polefence.proof.matrices import (
     transposed,
     whole_numbers,
 )
+from polefence.proof.short import Short
 from polefence.proof.work import MAX_HELD, FormatError, spend
 
 MAX_DEGREE = 16  # of any polynomial, in each simplex
@@ -31,7 +32,7 @@ Terms = dict[Exponent, Integers]
 
 
 @dataclass(frozen=True)
-class Polynomial:
+class Polynomial(Short):
     """A matrix polynomial: ``terms`` are its monomials' coefficients times ``whole`` > 0.
 
     ``sizes`` has the corners of each simplex, ``degrees`` the degree in each. Exponents of all

@@ -19,6 +19,7 @@ from polefence.proof.matrices import (
 )
 from polefence.proof.polynomials import Polynomial
 from polefence.proof.reading import Table, is_double, shown
+from polefence.proof.short import Short
 from polefence.proof.work import FormatError, spend
 
 MAX_PARTS = 16
@@ -32,7 +33,7 @@ Side = tuple[Fraction, Fraction, Fraction]  # p, q, c of a half-plane p x + q |y
 
 
 @dataclass(frozen=True)
-class Part:
+class Part(Short):
     """One part of a region; a kind is a class of its own, and `KINDS` lists it."""
 
     kind: ClassVar[str]

@@ -33,6 +33,7 @@ from polefence.proof.polynomials import (
     monomials,
     multinomial,
 )
+from polefence.proof.short import Short
 from polefence.proof.work import RATIONAL, FormatError, spend
 
 Rows = tuple[tuple[Fraction, ...], ...]
@@ -44,7 +45,7 @@ SHARE = Fraction(1, 4096)
 
 
 @dataclass(frozen=True)
-class Remainder:
+class Remainder(Short):
     """What each entry of [A, B, E] may be off by, (n, n + m + q).
 
     ``curve`` holds the Bernstein coefficients of the same shape, of a ``degree`` in each simplex,
@@ -149,7 +150,7 @@ class Remainder:
 
 
 @dataclass(frozen=True)
-class Spread:
+class Spread(Short):
     """Omega, more than V'V at every alpha, or kappa, and the rows and columns of H and V.
 
     ``rows`` holds one number a state, ``columns`` one a state, input and disturbance.

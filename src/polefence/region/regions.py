@@ -15,8 +15,11 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from polefence.base.errors import RegionError
+from polefence.base.errors import RegionError, shown
+from polefence.base.explained import explained_fields
+from polefence.plant.card import card
 from polefence.plant.system import Array
+from polefence.proof.short import Short
 from polefence.proof.text import exactly
 
 Pair = tuple[Array, Array]  # L, M
@@ -43,8 +46,8 @@ def _number(value: Any, name: str) -> float:
     """Return a finite number of sensible size."""
     try:
         number = float(value)
-    except (TypeError, ValueError) as error:
-        raise RegionError(f"{name} = {value!r} is not a number") from error
+    except (TypeError, ValueError, OverflowError) as error:
+        raise RegionError(f"{name} = {shown(value)} is not a number that a double holds") from error
     if not math.isfinite(number):
         raise RegionError(f"{name} = {number} is not finite; give a real number")
     if number and not 1e-100 <= abs(number) <= 1e100:
@@ -60,11 +63,12 @@ def _positive(value: float, name: str) -> float:
 
 
 @dataclass(frozen=True)
-class Region(ABC):
+class Region(Short, ABC):
     """A convex region, symmetric about the real axis; ``&`` intersects two."""
 
     kind: ClassVar[str] = ""
 
+    @explained_fields
     def __post_init__(self) -> None:
         for field in fields(self):
             object.__setattr__(self, field.name, _number(getattr(self, field.name), field.name))
@@ -110,6 +114,10 @@ class Region(ABC):
         """Return the region as plain data for a design file."""
         return {"kind": self.kind, **self.numbers}
 
+    def _repr_html_(self) -> str:
+        """Show it in a notebook."""
+        return card("region", [("all poles in", str(part)) for part in self.parts])
+
     def __and__(self, other: Region) -> Region:
         if not isinstance(other, Region):
             return NotImplemented
@@ -145,6 +153,7 @@ class Disk(Region):
     radius: float
     kind: ClassVar[str] = "disk"
 
+    @explained_fields
     def __post_init__(self) -> None:
         object.__setattr__(self, "centre", _number(self.centre, "centre"))
         object.__setattr__(self, "radius", _positive(self.radius, "radius"))
@@ -223,6 +232,7 @@ class Sector(Region):
     damping: float
     kind: ClassVar[str] = "sector"
 
+    @explained_fields
     def __post_init__(self) -> None:
         super().__post_init__()
         if not 1e-8 <= self.damping < 1:
@@ -276,6 +286,7 @@ class Wedge(Region):
     slope: float
     kind: ClassVar[str] = "wedge"
 
+    @explained_fields
     def __post_init__(self) -> None:
         super().__post_init__()
         if not self.slope:
@@ -306,6 +317,7 @@ class VerticalStrip(Region):
     high: float
     kind: ClassVar[str] = "vertical_strip"
 
+    @explained_fields
     def __post_init__(self) -> None:
         super().__post_init__()
         if self.low >= self.high:
@@ -337,6 +349,7 @@ class HorizontalStrip(Region):
     height: float
     kind: ClassVar[str] = "horizontal_strip"
 
+    @explained_fields
     def __post_init__(self) -> None:
         object.__setattr__(self, "height", _positive(self.height, "height"))
 
@@ -373,6 +386,7 @@ class Ellipse(Region):
     imaginary: float
     kind: ClassVar[str] = "ellipse"
 
+    @explained_fields
     def __post_init__(self) -> None:
         object.__setattr__(self, "centre", _number(self.centre, "centre"))
         for name in ("real", "imaginary"):
@@ -410,6 +424,7 @@ class Intersection(Region):
     regions: tuple[Region, ...]
     kind: ClassVar[str] = "intersection"
 
+    @explained_fields
     def __post_init__(self) -> None:
         unique = tuple(dict.fromkeys(part for region in self.regions for part in region.parts))
         if not unique:

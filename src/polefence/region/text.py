@@ -7,6 +7,7 @@ from dataclasses import astuple, fields
 from pathlib import Path
 
 from polefence.base.errors import RegionError, suggest
+from polefence.base.explained import explained
 from polefence.plant.spec import region_text
 from polefence.proof.text import digits_down, digits_up, exactly, plural
 from polefence.region.regions import CLASSES, Intersection, Region, Wedge, require_left
@@ -20,6 +21,7 @@ _PART = re.compile(r"\s*([A-Za-z][\w-]*)\s*\(([^()&]*)\)\s*", re.ASCII)
 _NUMBER = re.compile(r"[+-]?(\d+(\.\d*)?|\.\d+)(e[+-]?\d+)?", re.ASCII | re.IGNORECASE)
 
 
+@explained
 def parse_region(text: str, alone: bool = True) -> Region:
     """Read a region from text: parts ``kind(number, ...)`` joined by ``&``.
 
@@ -55,6 +57,7 @@ def parse_region(text: str, alone: bool = True) -> Region:
     return require_left(region) if alone else region
 
 
+@explained
 def load_region(path: str | Path) -> Region | None:
     """Read the region that a spec file asks for, None where it has no key ``region``.
 

@@ -19,7 +19,8 @@ from typing import Any
 
 import numpy as np
 
-from polefence.base.errors import RegionError
+from polefence.base.errors import RegionError, shown
+from polefence.base.explained import explained
 from polefence.proof.text import digits_down, digits_up
 from polefence.region.regions import (
     Disk,
@@ -50,6 +51,7 @@ KNOWN = (
 )
 
 
+@explained
 def z_plane(region: Region, sample_time: Any, edges: int = EDGES) -> Region:
     """Return a region of the z-plane, within the image of a region of continuous time.
 
@@ -74,7 +76,12 @@ def z_plane(region: Region, sample_time: Any, edges: int = EDGES) -> Region:
     RegionError
         If a part has no such image, or no poles of it are stable.
     """
-    T = float(sample_time)
+    try:
+        T = float(sample_time)
+    except (TypeError, ValueError, OverflowError) as error:
+        raise RegionError(
+            f"sample_time = {shown(sample_time)} must be a number of seconds"
+        ) from error
     if not 0 < T < math.inf:
         raise RegionError(f"sample_time = {T:g} must be positive and finite")
     if not 2 <= edges <= MOST_EDGES:

@@ -9,7 +9,9 @@ from typing import Any
 import numpy as np
 
 from polefence.base.errors import InputError
+from polefence.base.explained import explained
 from polefence.plant.system import Array
+from polefence.proof.short import Short
 from polefence.response.weighting import HALF_BAND, WF, WK, Gains, Weighting, positive, sampled
 
 _NOMINAL = (1.0, 1.25, 1.6, 2.0, 2.5, 3.15, 4.0, 5.0, 6.3, 8.0)
@@ -20,7 +22,7 @@ FIRST, LAST, NODES = -20, 30, 20
 
 
 @dataclass(frozen=True)
-class Bands:
+class Bands(Short):
     """Neighbouring one-third-octave bands, number n about 10^(n/10) Hz (IEC 61260, base ten).
 
     Attributes
@@ -127,6 +129,7 @@ class Bands:
         return _root(np.diff(_between(edges * (count * step) + 0.5, upto), axis=-1))
 
 
+@explained
 def thirds(low: float, high: float) -> Bands:
     """Return the bands between two nominal centre frequencies [Hz], both among them.
 
@@ -181,7 +184,7 @@ RIDE = thirds(1, 80)
 
 
 @dataclass(frozen=True, eq=False)
-class StationaryRide:
+class StationaryRide(Short):
     """Acceleration on a random road for ever, by one-third octaves and as a whole [m/s2].
 
     Attributes
@@ -200,6 +203,7 @@ class StationaryRide:
     ride: Array
 
 
+@explained
 def quadrature() -> tuple[Array, Array]:
     """Return the nodes [Hz] at which `stationary_ride` wants gains, and their weights [Hz]."""
     x, weight = np.polynomial.legendre.leggauss(NODES)
@@ -209,6 +213,7 @@ def quadrature() -> tuple[Array, Array]:
     return frequency.ravel(), (frequency * half * weight).ravel()
 
 
+@explained
 def stationary_ride(gain: Any, density: float) -> StationaryRide:
     """Return the rms of the acceleration from its frequency response to a white road velocity.
 

@@ -12,7 +12,7 @@ from polefence.law.laws import GainTable, Law, check_alpha, given_law
 from polefence.plant.delta import delta_form
 from polefence.plant.family import UncertainPlant
 from polefence.plant.points import values_at, values_text
-from polefence.plant.system import Array
+from polefence.plant.system import Array, floats
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,7 +66,7 @@ def close(plant: UncertainPlant, law: Any, alpha: Any, disturbed: bool = True) -
         off the simplex by more than rounding.
     """
     plant = delta_form(plant)
-    alpha = np.atleast_2d(np.asarray(alpha, dtype=float))
+    alpha = np.atleast_2d(floats(alpha, "alpha"))
     if alpha.ndim > 2 or not len(alpha):
         raise InputError(f"alpha has shape {alpha.shape}; give (count, {len(plant.vertices)})")
     alpha = check_alpha(alpha, len(plant.vertices))

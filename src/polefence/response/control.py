@@ -6,11 +6,13 @@ from typing import Any
 
 import numpy as np
 
+from polefence.base.explained import explained
 from polefence.law.control import to_control, valid_names
 from polefence.plant.family import UncertainPlant
 from polefence.response.closed import gains
 
 
+@explained
 def closed_loops(plant: UncertainPlant, law: Any = None, alpha: Any = None) -> list[Any]:
     """Return closed loops at points of a family as python-control systems.
 

@@ -16,7 +16,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from polefence.base.errors import InputError
+from polefence.base.explained import explained_fields
 from polefence.plant.system import Array
+from polefence.proof.short import Short
 from polefence.response.weighting import positive
 
 # Samples that one product covers, and bytes of the buffer that it reads.
@@ -33,7 +35,7 @@ SMALL = 1e-6
 
 
 @dataclass(frozen=True)
-class Sampling:
+class Sampling(Short):
     """A controller that computes at multiples of ``period`` [s] and holds its demand between.
 
     Attributes
@@ -49,6 +51,7 @@ class Sampling:
     delayed: bool = False
     designed: bool = False
 
+    @explained_fields
     def __post_init__(self) -> None:
         positive(self.period, "sampling period [s]")
 

@@ -119,7 +119,7 @@ def evenly(time: Any) -> tuple[float, int]:
     """
     try:
         found = np.asarray(time, dtype=float)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         found = np.zeros(0)
     if found.ndim != 1 or len(found) < 2:
         raise InputError("time [s] must be an array of two instants or more")
@@ -171,7 +171,7 @@ def frequencies(loops: Loops, given: object) -> Array:
         return np.geomspace(min(low / 10, last / 10), last, 400) / (2 * math.pi)
     try:
         found = np.atleast_1d(np.array(given, dtype=float))
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         found = np.array([math.nan])
     if found.ndim != 1 or not len(found) or not np.all(np.isfinite(found)) or np.any(found < 0):
         raise InputError("frequency [Hz] must be a list of finite numbers, zero or more")

@@ -15,6 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from polefence.base.errors import InputError, suggest
+from polefence.base.explained import explained, explained_fields
 from polefence.plant.family import UncertainPlant
 from polefence.plant.outputs import (
     Output,
@@ -27,6 +28,7 @@ from polefence.plant.outputs import (
     stacked,
 )
 from polefence.plant.system import Array
+from polefence.proof.short import Short
 from polefence.response import grid
 from polefence.response.closed import Loops, close, point_text
 from polefence.response.discrete import (
@@ -61,6 +63,7 @@ class _Path:
     D: Array
 
 
+@explained
 def step(
     plant: UncertainPlant,
     law: Any,
@@ -107,6 +110,7 @@ def step(
     return Response(plant, loops.alpha, time, path.signals, values, _final(path)[0][:, :, 0])
 
 
+@explained
 def impulse(
     plant: UncertainPlant,
     law: Any,
@@ -136,6 +140,7 @@ def impulse(
     return Response(plant, loops.alpha, time, path.signals, values, final)
 
 
+@explained
 def simulate(
     plant: UncertainPlant,
     law: Any,
@@ -189,6 +194,7 @@ def simulate(
     return Response(plant, loops.alpha, grid.every(step, len(w)), asked, values)
 
 
+@explained
 def frequency(
     plant: UncertainPlant,
     law: Any,
@@ -355,7 +361,7 @@ def sampled(loops: Loops, w: Any, time: Any, signals: int) -> tuple[float, Array
         w = _called(w, grid.every(step, count))
     try:
         found = np.asarray(w, dtype=float)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         found = np.zeros(0)
     found = found[:, None] if found.ndim == 1 and q == 1 else found
     if found.shape != (count, q):
@@ -393,7 +399,7 @@ def started(start: Any, count: int, n: int) -> Array | None:
 
 
 @dataclass(frozen=True, eq=False)
-class Response:
+class Response(Short):
     """Signals over time, at many points of a family.
 
     Attributes
@@ -417,6 +423,7 @@ class Response:
     values: Array
     final: Array | None = None
 
+    @explained_fields
     def __post_init__(self) -> None:
         _read_only(self)
 
@@ -446,7 +453,7 @@ class Response:
 
 
 @dataclass(frozen=True, eq=False)
-class Frequency:
+class Frequency(Short):
     """Transfer functions from disturbances or an input to signals, at many points of a family.
 
     Attributes
@@ -470,6 +477,7 @@ class Frequency:
     sources: tuple[Signal, ...]
     gain: npt.NDArray[np.complex128]
 
+    @explained_fields
     def __post_init__(self) -> None:
         _read_only(self)
 

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from polefence.plant.system import Array
+from polefence.proof.short import Short
 from polefence.response.stationary import lyapunov
 
 # Of a Lyapunov equation: above that share of its terms it is solved without eigenvectors.
@@ -17,7 +18,7 @@ DEFECT = 1e-7  # by which a matrix without a full set of eigenvectors is moved
 
 
 @dataclass(frozen=True, eq=False)
-class Modes:
+class Modes(Short):
     """Eigenvalues and eigenvectors of matrices A.
 
     Attributes

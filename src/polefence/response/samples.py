@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 
 from polefence.base.errors import InputError, require_type
+from polefence.base.explained import explained
 from polefence.plant.family import Sampling, UncertainPlant
 from polefence.plant.outputs import Output, inputs, states
 from polefence.plant.parameters import exact
@@ -37,6 +38,7 @@ CURVED, LEAST = 40, 1e-300  # of those of the curve, below the largest entry; wh
 ENOUGH, DEGREES, MOST = 1e-4, (1, 2, 3, 4), 125  # of the change in a sample; degrees; coefficients
 
 
+@explained
 def at_sample_time(
     plant: UncertainPlant, sample_time: Any, delay: int = 0, degree: int | None = None
 ) -> UncertainPlant:
@@ -186,7 +188,7 @@ def _time(plant: UncertainPlant, sample_time: Any) -> Fraction:
         )
     try:
         T = exact(sample_time, "sample_time")
-    except (TypeError, ValueError) as error:
+    except (TypeError, ValueError, OverflowError) as error:
         raise InputError(f"sample_time = {sample_time!r} must be a number of seconds") from error
     if T <= 0:
         raise InputError(f"sample_time = {float(T):g} must be positive, in seconds")

@@ -19,9 +19,11 @@ import numpy as np
 import numpy.typing as npt
 
 from polefence.base.errors import InputError, suggest
+from polefence.base.explained import explained
 from polefence.plant.family import UncertainPlant
 from polefence.plant.outputs import Output, choose, output_matrices, pick
-from polefence.plant.system import Array
+from polefence.plant.system import Array, floats
+from polefence.proof.short import Short
 from polefence.response.closed import Loops, close, point_text
 from polefence.response.discrete import BUFFER, balancing
 from polefence.response.weighting import positive
@@ -36,7 +38,7 @@ REFERENCE = 0.1
 
 
 @dataclass(frozen=True, eq=False)
-class Stationary:
+class Stationary(Short):
     """Rms of every signal at every point.
 
     Attributes
@@ -62,6 +64,7 @@ class Stationary:
         return np.asarray(self.rms[:, self.signals.index(pick(self.signals, name))])
 
 
+@explained
 def stationary(
     plant: UncertainPlant,
     law: Any,
@@ -113,6 +116,7 @@ def stationary(
     return Stationary(plant, loops.alpha, asked, psd, np.sqrt(np.maximum(variance, 0.0)))
 
 
+@explained
 def velocity_psd(roughness: float, speed: float, reference: float = 0.1) -> float:
     """Return the one-sided white density of a road's vertical velocity [m2/s2 per Hz].
 
@@ -228,7 +232,7 @@ def lyapunov(A: Array, Q: Array, step: float = 0.0) -> Array:
 def _densities(psd: Any, q: int) -> Array:
     try:
         found = np.asarray(psd, dtype=float)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         found = np.full(1, np.nan)
     if found.shape not in ((), (q,)) or not np.all(np.isfinite(found)) or np.any(found < 0):
         raise InputError(f"psd = {psd!r}; give {q} finite densities, zero or more, one each")
@@ -258,6 +262,7 @@ def _refuse_unstable(
     )
 
 
+@explained
 def roughness(road_class: str) -> float:
     """Return Gd(n0) [m3] of a class "A" to "H" of ISO 8608, its geometric mean.
 
@@ -272,11 +277,13 @@ def roughness(road_class: str) -> float:
     return float(found)
 
 
+@explained
 def displacement_density(road_class: str, n: Any) -> Array:
     """Return the one-sided density of height [m3] at spatial frequencies n [cycles/m]."""
-    return np.asarray(roughness(road_class) * (np.asarray(n, dtype=float) / REFERENCE) ** -2)
+    return np.asarray(roughness(road_class) * (floats(n, "n") / REFERENCE) ** -2)
 
 
+@explained
 def velocity_density(road_class: str, speed: float) -> float:
     """Return the one-sided, white density of road velocity at a speed [m2/s2 per Hz].
 

@@ -16,7 +16,8 @@ import numpy as np
 import numpy.typing as npt
 
 from polefence.base.errors import InputError
-from polefence.plant.system import Array
+from polefence.plant.system import Array, floats
+from polefence.proof.short import Short
 
 Gains = npt.NDArray[np.complex128]
 
@@ -29,7 +30,7 @@ BLOCK = 4_000_000
 
 
 @dataclass(frozen=True)
-class Weighting:
+class Weighting(Short):
     """A frequency weighting: high-pass, low-pass, transition and step in series.
 
     Attributes
@@ -153,7 +154,7 @@ def sampled(signal: Any, step: float, top: float, what: str) -> Array:
             f"{what}: a sampling step of {step:g} s is too long for bands up to {top:g} Hz; sample "
             f"at least every {1 / (2 * edge):.3g} s (twice the upper edge {edge:.4g} Hz)"
         )
-    record: Array = np.asarray(signal, dtype=float)
+    record: Array = floats(signal, f"{what}: a record")
     if record.ndim == 0 or record.shape[-1] < 2:
         raise InputError(f"{what}: a record needs two samples or more")
     finite = np.isfinite(record)
@@ -173,7 +174,7 @@ def positive(value: Any, what: str) -> float:
     """
     try:
         number = float(value)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         number = math.nan
     if not (math.isfinite(number) and number > 0):
         raise InputError(f"{what} = {value!r}; give a number above zero")

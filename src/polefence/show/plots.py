@@ -16,6 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from polefence.base.errors import InputError
+from polefence.base.explained import explained
 from polefence.design.design import Design
 from polefence.design.given import Analysis
 from polefence.design.table import TableAnalysis
@@ -518,6 +519,7 @@ def _extent(region: Region) -> View:
     return low, high, height
 
 
+@explained
 def table_figure(analysis: TableAnalysis) -> Figure:
     """Draw the box of one or two parameters, each cell by its answer.
 
@@ -603,6 +605,7 @@ def _limits(ax: Axes, parameters: tuple[Parameter, ...]) -> None:
         ax.set_yticks([])
 
 
+@explained
 def analysis_figure(analysis: Analysis) -> Figure:
     """Draw the poles of a given law over the family with the region; and at a counterexample."""
     domain = domain_of(analysis.plant, analysis.law)
@@ -983,6 +986,7 @@ def _cloud_handles(panels: Sequence[BoundsPanel]) -> list[Any]:
     return found
 
 
+@explained
 def front_figure(front: Front) -> Figure:
     """Draw the least bound on one signal over the bound on another, a line a method.
 

@@ -12,6 +12,7 @@ import numpy as np
 
 from polefence.base import VERSION
 from polefence.base.errors import InputError, NotProvedError
+from polefence.base.explained import explained
 from polefence.base.progress import stage
 from polefence.design.certificate import Check
 from polefence.design.checks import implies_stability
@@ -71,6 +72,7 @@ class Report(str):
         return f'<iframe srcdoc="{html.escape(self)}" title="report" {frame}></iframe>'
 
 
+@explained
 def html_report(
     design: Design,
     road: str = "C",

@@ -1,6 +1,7 @@
 """A page in the browser in which a region is moved and every car is seen; an extra."""
 
 from polefence.studio.answers import Answer, Newest, first_region, settled
+from polefence.studio.folders import Folders
 from polefence.studio.notebook import Frame, Notebook, notebook
 from polefence.studio.page import Page
 from polefence.studio.question import Found, Question
@@ -12,6 +13,7 @@ from polefence.studio.subject import Subject
 __all__ = [
     "SESSION",
     "Answer",
+    "Folders",
     "Found",
     "Frame",
     "History",

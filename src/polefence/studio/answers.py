@@ -15,6 +15,7 @@ from polefence.design.design import FILE_NAME, Design, check_document
 from polefence.design.progress import progress
 from polefence.design.signals.placed import tightest
 from polefence.lmi.solve.smallest import typical_rate
+from polefence.proof.short import Short
 from polefence.region.regions import Disk, HalfPlane, Region
 from polefence.studio.question import Found, Question
 from polefence.studio.subject import Subject
@@ -28,7 +29,7 @@ MOST_KNOWN = 100  # answers that are kept
 
 
 @dataclass(frozen=True, eq=False)
-class Answer:
+class Answer(Short):
     """What is known of a question so far.
 
     Attributes

@@ -11,12 +11,11 @@ from bokeh.models import ColumnDataSource, Range1d
 
 from polefence.design.design import Design
 from polefence.plant.family import UncertainPlant
-from polefence.plant.parameters import Parameter
 from polefence.plant.points import weights_of
 from polefence.region.regions import Region
 from polefence.studio.palette import Palette, coloured, small_figure
 from polefence.studio.state import State
-from polefence.studio.words import plain
+from polefence.studio.words import of_parameter, plain
 
 SIDE = 24  # cars either way
 
@@ -53,8 +52,8 @@ class Map:
             height=260,
             x_range=Range1d(left, right),
             y_range=Range1d(low, high),
-            x_axis_label=_label(first),
-            y_axis_label=_label(second),
+            x_axis_label=plain(of_parameter(first)),
+            y_axis_label=plain(of_parameter(second)),
         )
         size = {"width": (right - left) / SIDE, "height": (high - low) / SIDE}
         plot.rect("x", "y", source=self.cells, fill_color="colour", line_color=None, **size)
@@ -112,8 +111,3 @@ class Map:
         values = [min(max(float(own), low), high) for own, low, high in places]
         names = (p.name for p in self.plant.parameters[:2])
         self._choose(dict(zip(names, values, strict=True)))
-
-
-def _label(p: Parameter) -> str:
-    """Return a parameter's name with its unit."""
-    return plain(f"{p.name} [{p.unit}]" if p.unit else p.name)

@@ -16,6 +16,7 @@ import panel as pn
 from polefence.base.errors import InputError, OutputError, suggest
 from polefence.design.checks import in_time_of, require_region
 from polefence.design.design import Design
+from polefence.proof.short import Short
 from polefence.proof.text import visible
 from polefence.region.regions import Region
 from polefence.region.text import load_region, parse_region
@@ -34,7 +35,7 @@ WIDTH = 760  # of a pane at most
 
 
 @dataclass(frozen=True)
-class Frame:
+class Frame(Short):
     """What a cell shows of a page.
 
     Attributes

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial, wraps
@@ -24,9 +25,10 @@ from polefence.region.text import parse_region
 from polefence.studio import taking
 from polefence.studio.answers import Answer, Newest, in_background
 from polefence.studio.car import Car
+from polefence.studio.folders import Folders, TakenError
 from polefence.studio.front import Front
 from polefence.studio.map import SIDE, Map
-from polefence.studio.palette import CHOSEN, DARK, LIGHT, STYLE
+from polefence.studio.palette import CHOSEN, DARK, FITTED, LIGHT, STYLE
 from polefence.studio.poles import Poles
 from polefence.studio.question import Question
 from polefence.studio.rides import ROADS, rides
@@ -34,13 +36,14 @@ from polefence.studio.sensors import Sensors
 from polefence.studio.service import Service, margins_of
 from polefence.studio.state import LEAST_SPEED, MOST_SPEED, MOST_TRAVEL, History, State
 from polefence.studio.subject import Subject
-from polefence.studio.words import paragraph, safe, taken
+from polefence.studio.words import of_parameter, paragraph, safe, taken
 
 WIDE = {"sizing_mode": "stretch_width"}
 LARGE, SMALL = {"flex": "3 1 520px"}, {"flex": "2 1 340px"}
 ROWS = ("poles", "asked"), ("car", "traces"), ("map", "front", "sensors", "service")
 STYLES = {name: SMALL for names in ROWS for name in names} | {"poles": LARGE, "car": LARGE}
 AIMS = {"a law for the region": False, "the best ride": True}
+LONG, OFTEN = 3.0, 1.0  # [s] after which a search or a proof says how long it takes; how often
 FOLLOWED = 0.2  # [s] after a change: Panel sends then what it has kept back
 OWN = "as the spec has it", 0.0  # the limit that is nobody's choice
 
@@ -63,8 +66,9 @@ class Page:
     subject : Subject
     state : State
         What it begins with.
-    folder : Path
-        Where files are saved.
+    folder : Path or Folders
+        Where files are saved; pages of one server share `Folders`, so that none saves where another
+        does.
     document : bokeh.document.Document, optional
         What the page is shown in; without one, answers come in a thread of their own.
     dark : bool
@@ -75,11 +79,12 @@ class Page:
         self,
         subject: Subject,
         state: State,
-        folder: Path,
+        folder: Path | Folders,
         document: Any = None,
         dark: bool = False,
     ) -> None:
-        self.subject, self.folder = subject, folder
+        self.subject = subject
+        self.folders = folder if isinstance(folder, Folders) else Folders(folder)
         self.plant = subject.plant
         self.history = History(state)
         self.answer: Answer | None = None
@@ -94,7 +99,8 @@ class Page:
         )
         self._jobs, self._saved = dict[str, int](), dict[str, str]()
         self._before: Question | None = None
-        self._quiet = self._fitted = self._closed = self._following = False
+        self._quiet = self._fitted = self._closed = self._following = self._ticking = False
+        self._far, self._since = "", 0.0
         self._changes = 0
         self._panes(DARK if dark else LIGHT)
         self._widgets()
@@ -133,6 +139,8 @@ class Page:
         button = pn.widgets.Button
         self.back, self.forward, self.fit = (button(label=x) for x in ("Undo", "Redo", "Fit view"))
         self.save, self.report, self.code = (button(label=x) for x in ("Save", "Report", "C code"))
+        self.name = pn.widgets.TextInput(label="Save under the name", **WIDE)
+        self.name.value = self.folders.begin(self)
         self.back.on_click(lambda _: self._asked_again(self.history.back()))
         self.forward.on_click(lambda _: self._asked_again(self.history.forward()))
         self.fit.on_click(lambda _: self.poles.fit())
@@ -146,15 +154,15 @@ class Page:
         self._shown()
 
     def _slider(self, parameter: Any, value: float) -> Any:
-        unit = f" [{parameter.unit}]" if parameter.unit else ""
         low, high = float(parameter.low), float(parameter.high)
         own = pn.widgets.FloatSlider(
-            label=visible(f"{parameter.name}{unit}"),
+            label=visible(of_parameter(parameter)),
             start=low,
             end=high,
             step=(high - low) / 100,
             value=value,
             format=PrintfTickFormatter(format="%.4g"),
+            stylesheets=[FITTED],
             **WIDE,
         )
         own.param.watch(lambda event: self._slid(parameter.name, event.new), "value")
@@ -169,13 +177,14 @@ class Page:
         self.travel = slider(
             label="Bump stops at [mm]; 0: none", end=1e3 * MOST_TRAVEL, step=1.0, **WIDE
         )
-        self.beside = pn.widgets.Checkbox(label="")
+        self.beside = pn.widgets.Checkbox(label="", stylesheets=[FITTED])
         self.road.param.watch(lambda event: self._driven(road=event.new), "value")
         self.speed.param.watch(lambda event: self._driven(speed=event.new), "value")
         self.travel.param.watch(lambda event: self._driven(travel_limit=event.new / 1e3), "value")
         self.beside.param.watch(lambda event: self._driven(beside=event.new), "value")
         if self.plant.parameters:
-            name = visible(self.plant.parameters[0].name)
+            first = self.plant.parameters[0]
+            name = visible(f"{first.label} {first.name}".strip())
             self.beside.label = f"Also show the smallest and the largest {name}"
 
     def _trade(self) -> None:
@@ -212,12 +221,14 @@ class Page:
     def _asked_pane(self) -> Any:
         aim = (self.aim,) if self.subject.wanted is not None else ()
         return pn.Column(
-            pn.Row(self.badge, self.find),
+            pn.FlexBox(self.badge, self.find),
             *aim,
             self.region,
             self.method,
             *self.sliders,
-            pn.FlexBox(self.back, self.forward, self.fit, self.save, self.report, self.code),
+            pn.FlexBox(self.back, self.forward, self.fit),
+            self.name,
+            pn.FlexBox(self.save, self.report, self.code),
             self.message,
             self.takes["law"],
             min_width=280,
@@ -423,7 +434,7 @@ class Page:
     def _ask(self) -> None:
         now = self.history.now
         self.answer = None
-        self._say("working", f"being searched: {now.region}")
+        self._begun()
         self.find.visible = False
         self.service.allow(False)
         self._takeable(False)
@@ -433,9 +444,32 @@ class Page:
 
     def _going(self, words: str) -> None:
         """Say how far a search or a proof is, in the badge that says that it is under way."""
-        if self.answer is None or not self.answer.final:
-            what = "being searched" if self.answer is None else "being proved"
-            self._say("working", f"{what}: {self.history.now.region}; {words}")
+        self._far = words
+        self._at_work()
+
+    def _begun(self) -> None:
+        """Say that a search or a proof has begun, and from time to time that it goes on."""
+        self._far, self._since = "", time.monotonic()
+        self._at_work()
+        if self._loop is not None and not self._ticking:
+            self._ticking = True
+            self._loop.call_later(OFTEN, self._tick)
+
+    def _tick(self) -> None:
+        """Say how long it takes: a proof may run for long without a word of its own."""
+        self._ticking = not self._closed and (self.answer is None or not self.answer.final)
+        if self._ticking and self._loop is not None:
+            self._soon(self._at_work)
+            self._loop.call_later(OFTEN, self._tick)
+
+    def _at_work(self) -> None:
+        if self.answer is not None and self.answer.final:
+            return
+        what = "being searched" if self.answer is None else "being proved"
+        said, seconds = [f"{what}: {self.history.now.region}"], time.monotonic() - self._since
+        said += [self._far] if self._far else []
+        said += [f"for {seconds:.0f} s now"] if seconds >= LONG else []
+        self._say("working", "; ".join(said))
 
     def _takeable(self, proved: bool) -> None:
         self.report.disabled = self.code.disabled = not proved
@@ -484,7 +518,10 @@ class Page:
         if own.number != self.newest.number:
             return
         self.answer = own
-        self._say(*_words(own))
+        if own.final:
+            self._say(*_words(own))
+        else:
+            self._begun()
         self.find.visible = own.check is not None and own.check.alpha is not None
         self.service.allow(own.proved)
         self._takeable(own.proved)
@@ -623,12 +660,12 @@ class Page:
 
     @_together
     def _take(self, what: str) -> None:
-        """Write what is taken away into the session's folder."""
-        folder, state, answer = self.folder, self.history.now, self.answer
-        works: dict[str, Callable[[], list[Path]]] = {
-            "save": lambda: taking.save(folder, self.subject, state, answer),
-            "report": lambda: taking.report(folder, state, answer) if answer else [],
-            "code": lambda: taking.code(folder, answer) if answer else [],
+        """Write what is taken away into the folder of the page's name."""
+        state, answer, name = self.history.now, self.answer, self.name.value.strip()
+        works: dict[str, Callable[[Path], list[Path]]] = {
+            "save": lambda folder: taking.save(folder, self.subject, state, answer),
+            "report": lambda folder: taking.report(folder, state, answer) if answer else [],
+            "code": lambda folder: taking.code(folder, answer) if answer else [],
         }
 
         def told(text: str) -> None:
@@ -636,7 +673,12 @@ class Page:
             self.message.object = "".join(map(paragraph, self._saved.values()))
 
         def work() -> None:
-            paths = works[what]()
+            try:
+                with self.folders.writing(self, name) as folder:
+                    paths = works[what](folder)
+            except TakenError as error:
+                self._soon(partial(setattr, self.name, "value", error.free))
+                raise
             names = ", ".join(str(path) for path in paths)
             if what == "save" and len(paths) == 1:
                 names += "; no design, for none is proved"
@@ -648,6 +690,7 @@ class Page:
     def close(self) -> None:
         """End what is under way."""
         self._closed = True
+        self.folders.end(self)
         self.newest.close()
 
 
@@ -661,8 +704,8 @@ def _words(own: Answer) -> tuple[str, str]:
     region = own.question.region
     if own.found is None:
         return "refuted" if own.refuted else "undecided", own.reason
-    if own.check is None:
-        return "working", f"being proved: {region}"
+    if own.check is None:  # which says itself how far it is
+        return "working", ""
     proved = "; ".join((f"proved: all poles in {region}", *own.found.bounds))
     if own.found.design.note:
         proved += f"; {own.found.design.note}"

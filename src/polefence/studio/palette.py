@@ -61,9 +61,19 @@ def coloured(plot: Any, palette: Palette) -> None:
 # The button that is chosen of several, on light and on dark.
 CHOSEN = ".bk-btn.bk-active { font-weight: 700; text-decoration: underline; }"
 
+# Labels are no wider than the window, however long a name is.
+FITTED = """
+:host { min-width: 0; max-width: 100%; }
+.bk-input-group, .bk-slider-title, .bk-label, .bk-slider-value, label, span {
+  white-space: normal; overflow-wrap: anywhere; min-width: 0; max-width: 100%;
+}
+"""
+
 # Of what is HTML. Words and marks say what colours say.
 STYLE = """
+:host { min-width: 0; max-width: 100%; overflow-wrap: anywhere; }
 .badge { font-weight: 600; padding: 4px 10px; border-radius: 4px; border: 2px solid; }
+.badge { box-sizing: border-box; max-width: 100%; overflow-wrap: anywhere; }
 .proved { border-color: #2b5c8a; }
 .proved::before { content: "\\2713  "; }
 .refuted { border-color: #d95f02; border-style: double; }

@@ -16,6 +16,7 @@ from polefence.design.signals.optimise import Optimised, optimise
 from polefence.design.signals.placed import place
 from polefence.law.structure import Structure
 from polefence.proof.document import Document
+from polefence.proof.short import Short
 from polefence.region.regions import Region
 from polefence.studio.subject import Subject, Wanted
 
@@ -23,7 +24,7 @@ SCHEDULED = "scheduled"
 
 
 @dataclass(frozen=True, eq=False)
-class Found:
+class Found(Short):
     """A law that was found in floats, and what is claimed of it.
 
     Attributes
@@ -67,7 +68,7 @@ class Found:
 
 
 @dataclass(frozen=True)
-class Question:
+class Question(Short):
     """What is asked for.
 
     Attributes

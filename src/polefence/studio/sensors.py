@@ -10,6 +10,7 @@ import panel as pn
 
 from polefence.base.errors import PolefenceError
 from polefence.proof.text import visible
+from polefence.studio.palette import FITTED
 from polefence.studio.question import Found, Question
 from polefence.studio.subject import Subject
 from polefence.studio.words import safe
@@ -30,7 +31,8 @@ class Sensors:
         self.head = pn.pane.HTML("")
         self.boxes, self.texts = dict[str, Any](), dict[str, Any]()
         for name in subject.signals:
-            box = pn.widgets.Checkbox(label=visible(name), value=name in subject.measured)
+            first = name in subject.measured
+            box = pn.widgets.Checkbox(label=visible(name), value=first, stylesheets=[FITTED])
             box.param.watch(lambda _: self._changed(), "value")
             self.boxes[name], self.texts[name] = box, pn.pane.HTML("")
 

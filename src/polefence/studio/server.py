@@ -17,6 +17,7 @@ from bokeh.models import CustomJS
 from polefence.base.errors import OutputError
 from polefence.base.processors import small_matrices
 from polefence.proof.text import visible
+from polefence.studio.folders import Folders
 from polefence.studio.page import ROWS, STYLES, Page
 from polefence.studio.state import State
 from polefence.studio.subject import Subject
@@ -32,6 +33,7 @@ def serve(
     port: int = 0,
     show: bool = True,
     ready: Callable[[str], object] = print,
+    opened: Path | None = None,
 ) -> None:
     """Serve a session until Ctrl-C.
 
@@ -41,13 +43,15 @@ def serve(
     state : State
         What a page begins with.
     folder : Path
-        Where files are saved.
+        Where files are saved: the first page there, each other one in a folder beside it.
     port : int
         0: one that is free.
     show : bool
         Whether to open a browser.
     ready : callable
         Called with the address.
+    opened : Path, optional
+        The session that is gone on with, where it lies in the folder.
 
     Raises
     ------
@@ -55,10 +59,11 @@ def serve(
         If the port is taken.
     """
     token, pages = secrets.token_urlsafe(24), WeakSet[Page]()
+    folders = Folders(folder, opened)
 
     def page() -> Any:
         document = pn.state.curdoc
-        own = Page(subject, state, folder, document, pn.config.theme == "dark")
+        own = Page(subject, state, folders, document, pn.config.theme == "dark")
         pages.add(own)
         pn.state.on_session_destroyed(lambda _: own.close())
         return shown(own, document, "start it again, and open the address that it prints")

@@ -13,6 +13,7 @@ from polefence.base.errors import InputError, SpecError, shown, suggest
 from polefence.base.files import make_folder, read_text, write_documents, write_text
 from polefence.lmi.conditions.methods import METHODS
 from polefence.plant.spec import MAX_BYTES
+from polefence.proof.short import Short
 from polefence.region.text import parse_region
 from polefence.studio.question import Found
 from polefence.studio.rides import ROADS
@@ -57,7 +58,7 @@ def put_spec(folder: Path, text: str) -> Path:
 
 
 @dataclass(frozen=True, eq=False)
-class Session:
+class Session(Short):
     """A spec, and what is looked at of it.
 
     Attributes

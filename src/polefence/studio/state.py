@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 from shlex import quote
 from typing import Any
 
+from polefence.proof.short import Short
 from polefence.region.regions import Region
 from polefence.studio.question import Question
 from polefence.studio.rides import ROADS, python
@@ -17,7 +18,7 @@ MOST_BACK = 200  # steps that are undone
 
 
 @dataclass(frozen=True)
-class State:
+class State(Short):
     """What is looked at.
 
     Attributes
@@ -88,7 +89,7 @@ class State:
 
 
 @dataclass(frozen=True)
-class History:
+class History(Short):
     """A state, those before it, and those that were undone."""
 
     now: State

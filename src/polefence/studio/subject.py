@@ -23,13 +23,14 @@ from polefence.plant.family import UncertainPlant
 from polefence.plant.outputs import split
 from polefence.plant.spec import MAX_BYTES, load_car, load_dampers, loads
 from polefence.plant.tracks import own_states
+from polefence.proof.short import Short
 
 MOST_SIGNALS = 24  # that are offered to be measured
 ROAD_CLASS, SPEED = "C", 20.0  # on which a quarter car rides that names no road
 
 
 @dataclass(frozen=True, eq=False)
-class Wanted:
+class Wanted(Short):
     """The ride that is asked for.
 
     Attributes
@@ -48,7 +49,7 @@ class Wanted:
 
 
 @dataclass(frozen=True, eq=False)
-class Subject:
+class Subject(Short):
     """A spec.
 
     Attributes

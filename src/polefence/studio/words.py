@@ -6,7 +6,8 @@ import html
 from collections.abc import Iterable
 
 from polefence.design.margins import Margin
-from polefence.proof.text import digits_up, visible
+from polefence.plant.parameters import Parameter
+from polefence.proof.text import digits_up, unit_text, visible
 
 # what it copies is the text that stands after it
 COPY = (
@@ -20,6 +21,12 @@ COPY = (
 def safe(text: str) -> str:
     """Return text to be put into a page: names are no markup, and have no control characters."""
     return "\n".join(html.escape(visible(line)) for line in text.split("\n"))
+
+
+def of_parameter(p: Parameter) -> str:
+    """Return what a parameter is called: its words in the spec, its name and its unit."""
+    unit = unit_text(p.unit)
+    return " ".join(filter(None, (p.label, p.name, unit and f"[{unit}]")))
 
 
 def plain(text: str) -> str:

@@ -13,7 +13,9 @@ from typing import Any
 import numpy as np
 
 from polefence.base.errors import InputError
-from polefence.plant.system import Array
+from polefence.base.explained import explained
+from polefence.plant.system import Array, floats
+from polefence.proof.short import Short
 from polefence.response.weighting import BLOCK, WE, WF, WK, positive, sampled
 
 # Clause 6: beyond these ratios the rms alone says too little.
@@ -35,7 +37,7 @@ CAUTION_RMS, CAUTION_DOSE = (3.0, 6.0), (8.5, 17.0)
 
 
 @dataclass(frozen=True, eq=False)
-class Comfort:
+class Comfort(Short):
     """What ISO 2631-1 makes of recorded vertical accelerations, one value a record.
 
     Attributes
@@ -76,6 +78,7 @@ class Comfort:
         return np.asarray(large | (self.vdv > VDV_RATIO * rms * self.duration**0.25))
 
 
+@explained
 def comfort(acceleration: Any, step: float) -> Comfort:
     """Evaluate vertical accelerations at the seat, at rest before their first sample.
 
@@ -101,6 +104,7 @@ def comfort(acceleration: Any, step: float) -> Comfort:
     return Comfort((count - 1) * step, *values.reshape(5, *record.shape[:-1]))
 
 
+@explained
 def vibration_total(vertical: Any, step: float, roll: Any = None, pitch: Any = None) -> Array:
     """Return the vibration total value [m/s2] of a seat: clauses 6.5 and 8.2.2.
 
@@ -165,6 +169,7 @@ def mtvv(weighted: Any, step: float, average: str = "linear") -> Array:
     return np.asarray(running_rms(weighted, step, average=average).max(-1))
 
 
+@explained
 def running_rms(weighted: Any, step: float, window: float = 1.0, average: str = "linear") -> Array:
     """Return the running rms at every sample, of a signal at rest before its first.
 
@@ -185,7 +190,7 @@ def running_rms(weighted: Any, step: float, window: float = 1.0, average: str = 
         If the record is shorter than the window, or the average is unknown.
     """
     step, window = positive(step, "sampling step [s]"), positive(window, "window [s]")
-    square = np.square(np.asarray(weighted, dtype=float))
+    square = np.square(np.atleast_1d(floats(weighted, "a record")))
     count = square.shape[-1]
     if (count - 1) * step < window * (1 - 1e-9):
         raise InputError(
@@ -231,6 +236,7 @@ def _trapezoid(values: Array) -> Array:
     return np.asarray(values.sum(-1) - (values[..., 0] + values[..., -1]) / 2)
 
 
+@explained
 def comfort_reading(weighted_rms: float) -> tuple[str, ...]:
     """Return what people in public transport say of a weighted rms [m/s2]: one label, or two.
 
@@ -247,6 +253,7 @@ def comfort_reading(weighted_rms: float) -> tuple[str, ...]:
     return tuple(found[1:] if value == COMFORT[0][1] else found)
 
 
+@explained
 def health_reading(weighted_rms: float, hours: float) -> str:
     """Return where a daily exposure lies: below, in or above the health guidance caution zone.
 
@@ -274,6 +281,7 @@ def health_reading(weighted_rms: float, hours: float) -> str:
     return _zone(value, CAUTION_RMS[0] * fall, CAUTION_RMS[1] * fall)
 
 
+@explained
 def dose_reading(daily_vdv: float) -> str:
     """Return where the vibration dose value [m/s1.75] of a whole day lies; see `health_reading`.
 

@@ -14,15 +14,18 @@ from typing import Any
 import numpy as np
 
 from polefence.base.errors import InputError, NotProvedError, UncontrollableError, suggest
+from polefence.base.explained import explained
 from polefence.base.progress import counted
 from polefence.design.place import place
 from polefence.law.laws import check_alpha
 from polefence.lmi.conditions.methods import METHODS
+from polefence.plant.card import card
 from polefence.plant.family import UncertainPlant
 from polefence.plant.outputs import output_matrices, states, weighted_sum
 from polefence.plant.points import edges, sample, values_at
 from polefence.plant.polynomial import Domain
 from polefence.plant.system import Array
+from polefence.proof.short import Short
 from polefence.proof.text import visible
 from polefence.region.regions import Disk
 from polefence.response.closed import close, point_text
@@ -50,12 +53,13 @@ ROUNDING = 1e-9
 
 
 @dataclass(frozen=True)
-class NoLaw:
+class NoLaw(Short):
     """Stands for a law that there is none of, and says why."""
 
     reason: str
 
 
+@explained
 def compare(
     plant: UncertainPlant,
     laws: Mapping[str, Any],
@@ -109,6 +113,7 @@ def compare(
     return Comparison(plant, str(road).upper(), speed, alpha, tuple(found), values, left_out)
 
 
+@explained
 def points(plant: UncertainPlant) -> Array:
     """Return corners, edges and a seeded sample of a family as alpha (count, N).
 
@@ -121,6 +126,7 @@ def points(plant: UncertainPlant) -> Array:
     return domain.alpha(np.vstack([sample(domain), between]))
 
 
+@explained
 def standard_laws(
     plant: UncertainPlant,
     disk: tuple[float, float] = (-40.0, 36.0),
@@ -222,7 +228,7 @@ def _drawn(mean: Array, sizes: Array) -> Array:
 
 
 @dataclass(frozen=True)
-class Row:
+class Row(Short):
     """One quantity of one law over the family.
 
     Attributes
@@ -248,7 +254,7 @@ class Row:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Comparison:
+class Comparison(Short):
     """Laws compared on one road, over a family.
 
     Attributes
@@ -306,6 +312,21 @@ class Comparison:
             self.laws[i], *QUANTITIES[k], worst, best, float(np.median(own)), worst - best,
             values_at(self.plant, at), tuple(at),
         )  # fmt: skip
+
+    def as_rows(self) -> list[dict[str, Any]]:
+        """Return the rows as plain values, for `pandas.DataFrame`.
+
+        Parameters where a law is worst are columns with their names.
+        """
+        plain = ("law", "quantity", "unit", "worst", "best", "median", "spread")
+        return [{key: getattr(row, key) for key in plain} | (row.values or {}) for row in self.rows]
+
+    def _repr_html_(self) -> str:
+        """Show it in a notebook."""
+        own = [row for row in self.rows if row.quantity == QUANTITIES[0][0]]
+        rows = [(row.law, f"worst {row.worst:.4g} {row.unit}") for row in own]
+        title = f"{QUANTITIES[0][0]}, road {self.road}, {self.speed:g} m/s"
+        return card(title, [*rows, *self.left_out.items()])
 
     def document(self) -> dict[str, Any]:
         """Return all rows as plain data."""

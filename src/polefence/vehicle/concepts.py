@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from polefence.base.errors import InputError, NotProvedError
+from polefence.base.explained import explained
 from polefence.base.processors import small_matrices
 from polefence.base.progress import counted
 from polefence.design.requirements.rms import Rms
@@ -29,6 +30,7 @@ from polefence.plant.larger import own_states, with_states
 from polefence.plant.outputs import choose, states
 from polefence.plant.points import seeded
 from polefence.plant.system import Array
+from polefence.proof.short import Short
 from polefence.response.closed import close
 from polefence.vehicle.driving.drive import drive
 from polefence.vehicle.driving.parts import Hardware
@@ -46,7 +48,7 @@ NOISE, SAMPLE = {"m": 5e-4, "m/s": 5e-3, "m/s2": 0.05, "rad": 5e-4, "rad/s": 5e-
 
 
 @dataclass(frozen=True, eq=False)
-class Concept:
+class Concept(Short):
     """A suspension and its law.
 
     Attributes
@@ -81,7 +83,7 @@ class Concept:
 
 
 @dataclass(frozen=True)
-class Ridden:
+class Ridden(Short):
     """What a concept has in drives: rms, worst of all loads, of each the mean of all roads.
 
     All are nan where a drive ran away.
@@ -114,7 +116,7 @@ class Ridden:
 
 
 @dataclass(frozen=True, eq=False)
-class Concepts:
+class Concepts(Short):
     """Concepts with what is proved of them, what they have in drives, and what none goes below.
 
     Attributes
@@ -136,6 +138,7 @@ class Concepts:
     loads: int
 
 
+@explained
 @small_matrices()
 def concepts(
     plant: UncertainPlant,

@@ -25,8 +25,10 @@ from typing import Any
 import numpy as np
 
 from polefence.base.errors import InputError, suggest
+from polefence.base.explained import explained, explained_fields
 from polefence.plant.family import UncertainPlant
 from polefence.plant.system import Array
+from polefence.proof.short import Short
 from polefence.response.weighting import positive
 from polefence.vehicle.reference_laws import nominal
 from polefence.vehicle.vehicle import Masses, masses, require_ride
@@ -37,7 +39,7 @@ STEPS = 8  # of the projection onto the box, from afar
 
 
 @dataclass(frozen=True)
-class Tuning:
+class Tuning(Short):
     """Weights of an estimator.
 
     Attributes
@@ -63,6 +65,7 @@ class Tuning:
     prior: Mapping[str, float] | None = None
     spread: float | None = None
 
+    @explained_fields
     def __post_init__(self) -> None:
         if self.memory != math.inf:
             positive(self.memory, "memory of an estimator [s]")
@@ -72,7 +75,7 @@ class Tuning:
 
 
 @dataclass(frozen=True, eq=False)
-class Belief:
+class Belief(Short):
     """Estimates and their spread at one time, for ``count`` cars.
 
     Attributes
@@ -91,7 +94,7 @@ class Belief:
 
 
 @dataclass(frozen=True, eq=False)
-class Estimator:
+class Estimator(Short):
     """One sample of recursive least squares after the other; made by `estimator`."""
 
     plant: UncertainPlant
@@ -292,7 +295,7 @@ def _sweep(corners: Array, weight: Array, target: Array, shares: Array) -> Array
 
 
 @dataclass(frozen=True, eq=False)
-class Estimate:
+class Estimate(Short):
     """Estimates over time, for ``count`` cars.
 
     Attributes
@@ -327,6 +330,7 @@ class Estimate:
         return np.asarray(times[first])
 
 
+@explained
 def estimate(
     plant: UncertainPlant,
     acceleration: Any,
@@ -395,7 +399,7 @@ def collected(own: Estimator, time: Any, beliefs: Sequence[Belief]) -> Estimate:
 def _samples(name: str, value: Any) -> Array:
     try:
         found = np.atleast_2d(np.asarray(value, dtype=float))
-    except (TypeError, ValueError) as error:
+    except (TypeError, ValueError, OverflowError) as error:
         raise InputError(f"{name} must be an array of numbers") from error
     bad = np.argwhere(~np.isfinite(found))
     if len(bad):

@@ -11,9 +11,11 @@ from typing import Any
 import numpy as np
 
 from polefence.base.errors import InputError, suggest
+from polefence.base.explained import explained
 from polefence.plant.family import UncertainPlant
 from polefence.plant.outputs import Signal, disturbances, split, states
 from polefence.plant.system import Array
+from polefence.proof.short import Short
 from polefence.response.columns import read_columns
 from polefence.response.weighting import positive
 from polefence.vehicle.roads import Road
@@ -24,7 +26,7 @@ MOST_STEPS = 10_000_000
 
 
 @dataclass(frozen=True, eq=False)
-class Excitation:
+class Excitation(Short):
     """Excitation of a plant from time 0 on.
 
     Attributes
@@ -97,6 +99,7 @@ class Excitation:
         return found
 
 
+@explained
 def on_road(
     plant: UncertainPlant, road: Road, speed: float, step: float, duration: float | None = None
 ) -> Excitation:
@@ -123,6 +126,7 @@ def on_road(
     return _driven(plant, road, speed, step, w)
 
 
+@explained
 def on_wheels(
     plant: UncertainPlant,
     places: Mapping[str, Any],
@@ -185,6 +189,7 @@ def _nothing(plant: UncertainPlant, name: str, step: float, w: Any, steps: int =
     return Excitation(name, step, steps or len(w), w, rest, quiet)
 
 
+@explained
 def disturbed(
     plant: UncertainPlant,
     w: Any = None,
@@ -233,7 +238,7 @@ def disturbed(
 def _start(start: Any) -> Array:
     try:
         found = np.asarray(start, dtype=float)
-    except (TypeError, ValueError) as error:
+    except (TypeError, ValueError, OverflowError) as error:
         raise InputError("start must be numbers, one a state") from error
     if not np.all(np.isfinite(found)):
         raise InputError("start is not finite")
@@ -245,7 +250,7 @@ def _sampled(
 ) -> Excitation:
     try:
         w = np.asarray(given, dtype=float)
-    except (TypeError, ValueError) as error:
+    except (TypeError, ValueError, OverflowError) as error:
         raise InputError("w must be samples of the disturbance, or a function") from error
     w = w[:, None] if w.ndim == 1 else w
     if w.ndim != 2 or w.shape[1] != plant.disturbance_count:
@@ -296,6 +301,7 @@ def _steps(duration: float, step: float) -> int:
     return round(steps)
 
 
+@explained
 def excited(
     plant: UncertainPlant,
     duration: float,
@@ -346,6 +352,7 @@ def _sizes(given: Mapping[str, float], known: tuple[Signal, ...], what: str) -> 
     return found
 
 
+@explained
 def recorded(plant: UncertainPlant, path: str | Path, step: float | None = None) -> Excitation:
     """Read disturbances from a CSV file: time [s] first, then a column for each, named as it is.
 

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from polefence.base.errors import InputError
+from polefence.base.explained import explained, explained_fields
 from polefence.design.rows import Row
 from polefence.design.signals.bounds import sampled
 from polefence.design.signals.tradeoff import SAMPLES, Asked, Front
@@ -18,13 +19,14 @@ from polefence.law.laws import FixedGain
 from polefence.plant.family import UncertainPlant
 from polefence.plant.points import seeded
 from polefence.plant.system import Array
+from polefence.proof.short import Short
 from polefence.vehicle.vehicle import Masses, Ride, masses, require_ride
 
 SKYHOOK_RATIO = 0.7  # of critical damping, where no damping is given
 
 
 @dataclass(frozen=True)
-class Sizes:
+class Sizes(Short):
     """Sizes that count as equally bad in a linear-quadratic design (Bryson's rule).
 
     The cost is the integral of the sum of (signal / size)^2.
@@ -48,6 +50,7 @@ class Sizes:
     force: float = 1000.0
     integral: float | None = None
 
+    @explained_fields
     def __post_init__(self) -> None:
         for each in fields(self):
             value = getattr(self, each.name)
@@ -55,6 +58,7 @@ class Sizes:
                 raise InputError(f"size of {each.name} = {value!r} must be a positive number")
 
 
+@explained
 def nominal(plant: UncertainPlant) -> Array:
     """Return alpha (N,) at the middle of every parameter's interval; without parameters, 1/N."""
     if not plant.parameters:
@@ -64,12 +68,14 @@ def nominal(plant: UncertainPlant) -> Array:
     return plant.alpha(**middle)
 
 
+@explained
 def passive(plant: UncertainPlant) -> FixedGain:
     """Return the law that does nothing, u = 0."""
     n, m = plant.shape
     return FixedGain(np.zeros((m, n)))
 
 
+@explained
 def skyhook(plant: UncertainPlant, damping: float | None = None) -> FixedGain:
     """Return u = -c_sky x3: a damper between the sprung mass and the sky.
 
@@ -100,6 +106,7 @@ def skyhook(plant: UncertainPlant, damping: float | None = None) -> FixedGain:
     return FixedGain(K)
 
 
+@explained
 def lqr(plant: UncertainPlant, sizes: Sizes | None = None) -> FixedGain:
     """Return the linear-quadratic regulator of the nominal quarter car.
 
@@ -159,6 +166,7 @@ def _integral(plant: UncertainPlant, known: Ride) -> int:
 REFERENCES = {"passive": passive, "skyhook": skyhook, "LQR": lqr}
 
 
+@explained
 def beside_reference_laws(front: Front) -> Front:
     """Return a trade-off of a car with those reference laws that are stable over the family.
 

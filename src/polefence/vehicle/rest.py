@@ -13,8 +13,10 @@ from typing import Any
 
 import numpy as np
 
+from polefence.base.explained import explained
 from polefence.plant.family import UncertainPlant
 from polefence.plant.outputs import Output, Signal, split
+from polefence.proof.short import Short
 from polefence.response.linear import final
 
 NOTHING = 1e-9  # of what a signal is a sum of: rounding
@@ -23,7 +25,7 @@ WORK = 2e7  # numbers in all matrices that are looked at
 
 
 @dataclass(frozen=True)
-class Rest:
+class Rest(Short):
     """Steady value of a signal under a unit of one disturbance, held.
 
     Attributes
@@ -57,6 +59,7 @@ class Rest:
         return low if low == high else f"{low} to {high}"
 
 
+@explained
 def rests(
     plant: UncertainPlant, law: Any, alpha: Any, signals: Sequence[Output | str] | None = None
 ) -> tuple[Rest, ...]:

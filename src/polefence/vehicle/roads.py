@@ -10,8 +10,10 @@ from typing import Any
 import numpy as np
 
 from polefence.base.errors import InputError
+from polefence.base.explained import explained, explained_fields
 from polefence.plant.outputs import split
 from polefence.plant.system import Array
+from polefence.proof.short import Short
 from polefence.response.columns import read_columns
 from polefence.response.stationary import displacement_density
 from polefence.response.weighting import positive
@@ -53,7 +55,7 @@ def level_of(speed: float, seconds: float) -> dict[str, float]:
 
 
 @dataclass(frozen=True, eq=False)
-class Road:
+class Road(Short):
     """Height over distance, straight between the points.
 
     Parameters
@@ -75,6 +77,7 @@ class Road:
     height: Array
     name: str = "road"
 
+    @explained_fields
     def __post_init__(self) -> None:
         distance, height = (np.array(v, dtype=float) for v in (self.distance, self.height))
         if distance.ndim != 1 or distance.shape != height.shape or len(distance) < 2:
@@ -189,6 +192,7 @@ class Road:
         return Road(distance, np.interp(distance, self.distance, self.height), self.name)
 
 
+@explained
 def both_sides(first: Road, second: Road, width: float) -> tuple[Road, Road]:
     """Return the road under left and right wheels, of two that are independent and of one class.
 
@@ -241,6 +245,7 @@ def first_fault(distance: Array, height: Array) -> tuple[int, str] | None:
     return None
 
 
+@explained
 def random_road(
     road_class: str,
     length: float,
@@ -321,6 +326,7 @@ def _points(length: float, high: float, spacing: float | None) -> int:
     return max(math.ceil(count * (1 - 1e-12)), 2 * math.floor(high * length) + 2)
 
 
+@explained
 def bump(height: float, length: float, before: float = 1.0, after: float = 100.0) -> Road:
     """Return a cosine bump, h(x) = height / 2 (1 - cos(2 pi x / length)), on a level road.
 
@@ -342,6 +348,7 @@ def bump(height: float, length: float, before: float = 1.0, after: float = 100.0
     return _between_levels(x * length, own, before, after, "bump")
 
 
+@explained
 def pothole(
     depth: float, length: float, contact: float = 0.1, before: float = 1.0, after: float = 100.0
 ) -> Road:
@@ -374,6 +381,7 @@ def pothole(
     return _between_levels(x[keep], heights[keep], before, after, "pothole")
 
 
+@explained
 def kerb(height: float, contact: float = 0.1, before: float = 1.0, after: float = 100.0) -> Road:
     """Return a step of the road as a tyre feels it: a ramp of the length of its contact.
 
@@ -396,6 +404,7 @@ def kerb(height: float, contact: float = 0.1, before: float = 1.0, after: float 
     return _between_levels(np.array([0.0, contact]), heights, before, after, "kerb")
 
 
+@explained
 def grade(slope: float, length: float, before: float = 1.0, after: float = 100.0) -> Road:
     """Return a straight way up from one level to another, with a kink at either end.
 
@@ -429,6 +438,7 @@ def _size(value: Any, what: str) -> float:
     return math.copysign(positive(abs(value), what), value)
 
 
+@explained
 def measured_road(path: str | Path, spacing: float | None = None) -> Road:
     """Read a road from a CSV file: distance [m] and height [m] in two columns, comma between.
 

@@ -14,10 +14,12 @@ from typing import Any
 import numpy as np
 
 from polefence.base.errors import InputError
+from polefence.base.explained import explained
 from polefence.plant.family import UncertainPlant
 from polefence.plant.outputs import Output, inputs, states
 from polefence.plant.system import Array
 from polefence.plant.vehicle import ACCELERATION, TYRE_FORCE, UNSPRUNG, Vehicle
+from polefence.proof.short import Short
 
 # What names the plant's signals, and says that it is a car.
 SIGNALS: dict[str, Any] = {
@@ -35,7 +37,7 @@ SIGNALS: dict[str, Any] = {
 
 
 @dataclass(frozen=True)
-class Ride:
+class Ride(Short):
     """The signals by which a quarter car's ride is assessed, and where its states stand.
 
     Velocities, accelerations and the force on the sprung mass are positive upwards; a deflection in
@@ -98,7 +100,7 @@ class Ride:
 
 
 @dataclass(frozen=True, eq=False)
-class Masses:
+class Masses(Short):
     """Physics of a quarter car as its matrices have it, arrays of one shape.
 
     Attributes
@@ -118,6 +120,7 @@ class Masses:
     kt: Array
 
 
+@explained
 def ride(plant: UncertainPlant) -> Ride | None:
     """Return the ride signals of a plant that is described as a vehicle, else None."""
     car = plant.vehicle
@@ -157,6 +160,7 @@ def require_ride(plant: UncertainPlant) -> Ride:
     return found
 
 
+@explained
 def masses(plant: UncertainPlant, known: Ride, alpha: Array) -> Masses:
     """Return masses, stiffnesses and damping at points alpha (..., N), read off A and B."""
     A, B = plant.at(alpha)
@@ -173,6 +177,7 @@ def masses(plant: UncertainPlant, known: Ride, alpha: Array) -> Masses:
     )
 
 
+@explained
 def quarter_car(m1: Any, m2: Any, k: Any, kt: Any, c: Any) -> tuple[Any, Any, Any]:
     """Return A, B, E as nested lists for masses [kg], stiffnesses [N/m], damping [N s/m].
 

@@ -25,6 +25,7 @@ from polefence.proof import matrices as definite
 from polefence.proof.claims.poles import Poles
 from polefence.proof.matrices import Rationals, product
 from polefence.proof.regions import parts_of
+from polefence.proof.short import Short
 from polefence.region.regions import Region
 
 GRID = {1: 65, 2: 13, 3: 6}  # points of each interval, by the number of parameters; else 4
@@ -37,7 +38,7 @@ RETRIES = (1.0, 1.001, 1.01)  # larger errors tried where the exact test does no
 
 
 @dataclass(frozen=True)
-class Break:
+class Break(Short):
     """An error, as a multiple of what was asked for, and where a pole leaves."""
 
     value: float

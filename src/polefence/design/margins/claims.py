@@ -18,6 +18,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from polefence.base.errors import InputError
+from polefence.base.explained import explained
 from polefence.design.design import Design
 from polefence.design.evaluation import Lyapunov, domain_of, lyapunovs
 from polefence.design.given import analyse
@@ -159,6 +160,7 @@ def above(value: float) -> Fraction:
     return -below(-value)
 
 
+@explained
 def claimed_design(design: Design, region: Region | None = None) -> Design | None:
     """Return the design that claims about a design in service are made of.
 

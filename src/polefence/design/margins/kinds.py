@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 
 from polefence.base.errors import InputError
+from polefence.base.explained import explained
 from polefence.design.design import Design
 from polefence.design.margins.claims import (
     BOX,
@@ -411,6 +412,7 @@ def _golden(function: Callable[[float], float], low: float, high: float) -> floa
     return (low + high) / 2
 
 
+@explained
 def gain_claim(
     design: Design, rows: Array, columns: Array, needed: float
 ) -> tuple[float, GainError | None]:

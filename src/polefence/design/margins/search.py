@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from polefence.base.errors import InputError
+from polefence.base.explained import explained
 from polefence.base.files import write_documents
 from polefence.base.progress import counted, stage
 from polefence.design.checks import in_time_of, require_region
@@ -19,12 +20,14 @@ from polefence.design.margins import kinds
 from polefence.design.margins.breaks import estimate_break, gain_break
 from polefence.design.margins.claims import Balanced, Question, balanced, claimed_design, proved
 from polefence.law.laws import FixedGain, is_one
+from polefence.plant.card import card
 from polefence.plant.parameters import Parameter
 from polefence.proof.claims.estimate import Estimate
 from polefence.proof.claims.gain_error import GainError
 from polefence.proof.claims.margins import MarginClaim
 from polefence.proof.claims.rate import Rate
 from polefence.proof.document import Document
+from polefence.proof.short import Short
 from polefence.proof.text import rate_text, unit_text
 from polefence.region.regions import Region
 from polefence.region.text import digits_down, digits_up
@@ -102,6 +105,7 @@ def _task(design: Design, region: Region | None) -> _Task:
     return _Task(design, kept, claimed_design(design, kept))
 
 
+@explained
 def in_service(design: Design, decay: float = 0.0, *, region: Region | None = None) -> Margins:
     """Return how much may go wrong in service while the poles stay in the region, proved.
 
@@ -133,6 +137,7 @@ def in_service(design: Design, decay: float = 0.0, *, region: Region | None = No
     return Margins(design, task.region, decay, margins)
 
 
+@explained
 def estimation_error(design: Design, *, region: Region | None = None) -> tuple[Margin, ...]:
     """Return how far the parameters that the law is given may be off.
 
@@ -151,6 +156,7 @@ def estimation_error(design: Design, *, region: Region | None = None) -> tuple[M
     return _estimates(_task(design, region))
 
 
+@explained
 def gain_error(design: Design, *, region: Region | None = None) -> Margin:
     """Return how far the gain may be off, relative to the largest entries of its columns.
 
@@ -179,6 +185,7 @@ def _gain(task: _Task) -> Margin:
     return task.margin("gain", "", value, "of each column", **more)
 
 
+@explained
 def parameter_rate(design: Design, decay: float = 0.0) -> tuple[Margin, ...]:
     """Return how fast the parameters may change, the law following them without error.
 
@@ -272,7 +279,7 @@ def _value(values: tuple[Fraction, ...], span: tuple[Fraction, ...], name: str) 
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Margin:
+class Margin(Short):
     """Largest tolerated error of one kind.
 
     Attributes
@@ -351,7 +358,7 @@ class Margin:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Margins:
+class Margins(Short):
     """Tolerated errors: all poles stay in the region; iterates over its margins.
 
     Attributes
@@ -373,6 +380,11 @@ class Margins:
         return (
             f"<Margins of {self.design.plant.name!r} in {self.region}: {len(self.margins)} margins>"
         )
+
+    def _repr_html_(self) -> str:
+        """Show it in a notebook."""
+        rows = ((own.subject, f"{own.text} {own.unit}, {own.status}") for own in self.margins)
+        return card(f"margins of {self.design.plant.name}", rows)
 
     def __str__(self) -> str:
         return "\n".join(str(margin) for margin in self.margins)

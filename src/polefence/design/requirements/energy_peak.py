@@ -9,6 +9,7 @@ from typing import Any, Self
 import numpy as np
 
 from polefence.base.errors import InputError
+from polefence.base.explained import explained_fields
 from polefence.design.requirements.slopes import Channel, Loops, Slopes, of_noise
 from polefence.design.requirements.specification import Row, Specification, is_number
 from polefence.law.laws import Law
@@ -35,6 +36,7 @@ class EnergyPeak(Specification):
     kind = "energy peak"
     keys = ("norm", "disturbances")
 
+    @explained_fields
     def __post_init__(self) -> None:
         super().__post_init__()
         if not (is_number(self.norm) and self.norm > 0):

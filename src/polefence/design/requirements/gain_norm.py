@@ -10,6 +10,7 @@ from typing import Any, Self
 import numpy as np
 
 from polefence.base.errors import InputError, SpecError, shown
+from polefence.base.explained import explained_fields
 from polefence.design.requirements.slopes import Channel, Loops, Slopes
 from polefence.design.requirements.specification import Row, Specification, is_number, number
 from polefence.law.laws import FixedGain, Law, PolynomialGain
@@ -60,6 +61,7 @@ class GainNorm(Specification):
     keys = ("rows", "columns")
     of_signal = False
 
+    @explained_fields
     def __post_init__(self) -> None:
         super().__post_init__()
         for key in ("rows", "columns"):

@@ -10,6 +10,7 @@ from typing import Any, ClassVar, Self
 import numpy as np
 
 from polefence.base.errors import InputError, SpecError
+from polefence.base.explained import explained_fields
 from polefence.design.requirements.slopes import Channel, Loops, Slopes
 from polefence.design.requirements.specification import (
     Row,
@@ -60,6 +61,7 @@ class InitialPeak(Specification):
     kind = "initial peak"
     keys: ClassVar[tuple[str, ...]] = ("points", "impulse", "ellipsoid", "disturbances")
 
+    @explained_fields
     def __post_init__(self) -> None:
         super().__post_init__()
         _require_square(self.name, self.ellipsoid)

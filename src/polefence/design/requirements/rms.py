@@ -10,6 +10,7 @@ from typing import Any, Self
 import numpy as np
 
 from polefence.base.errors import InputError, SpecError, shown, suggest
+from polefence.base.explained import explained_fields
 from polefence.design.requirements.slopes import Channel, Loops, Slopes, of_noise
 from polefence.design.requirements.specification import Row, Specification, is_number
 from polefence.law.laws import Law
@@ -49,6 +50,7 @@ class Rms(Specification):
     vector = True
     limits_rms = True
 
+    @explained_fields
     def __post_init__(self) -> None:
         super().__post_init__()
         if not (is_number(self.density) and self.density > 0):

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from polefence.base.errors import InputError
+from polefence.base.explained import explained_fields
 from polefence.design.requirements.energy_peak import EnergyPeak
 from polefence.design.requirements.initial_peak import InitialPeak, axes_of
 from polefence.design.requirements.slopes import Loops, Slopes
@@ -55,6 +56,7 @@ class Saturation(InitialPeak):
     keys = ("points", "impulse", "ellipsoid", "norm", "disturbances")
     vector = True
 
+    @explained_fields
     def __post_init__(self) -> None:
         if not (is_number(self.norm) and self.norm >= 0):
             raise InputError(f"norm = {self.norm!r} must be a number, zero or more")

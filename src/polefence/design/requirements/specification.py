@@ -13,6 +13,7 @@ from typing import Any, ClassVar, Self, cast
 import numpy as np
 
 from polefence.base.errors import InputError, SpecError, shown, suggest
+from polefence.base.explained import explained_fields
 from polefence.design.requirements.slopes import Channel, Loops, Slopes
 from polefence.law.laws import Law
 from polefence.lmi.conditions import performance as conditions
@@ -28,6 +29,7 @@ from polefence.proof import laws
 from polefence.proof.claims.signal import MAX_ENTRIES
 from polefence.proof.laws import Evidence
 from polefence.proof.matrices import Rationals
+from polefence.proof.short import Short
 from polefence.proof.text import exactly
 
 SMALLEST, LARGEST = 1e-30, 1e30  # of a scale: its square, times that of E, is to be a double
@@ -39,7 +41,7 @@ _PLAIN = re.compile(r"""[^\s,*\[\]"]([^,*\[\]"]*[^\s,*\[\]"])?""")
 
 
 @dataclass(frozen=True)
-class Row:
+class Row(Short):
     """A requirement as a spec, or a line, writes it.
 
     Attributes
@@ -68,7 +70,7 @@ class Row:
 
 
 @dataclass(frozen=True)
-class Specification:
+class Specification(Short):
     """A signal, and the largest value that it may have; None where it is to be small.
 
     Attributes
@@ -99,6 +101,7 @@ class Specification:
     direct: ClassVar[bool] = False  # whether a disturbance may pass straight into the signal
     power: ClassVar[int] = 2  # of the bound, that grows with the r of a condition
 
+    @explained_fields
     def __post_init__(self) -> None:
         self._settle("signal", _signals(self.signal, self.kind, self.vector))
         if self.disturbances is not None:

@@ -12,6 +12,7 @@ from types import MappingProxyType
 from typing import Any
 
 from polefence.base.errors import InputError, SpecError, shown, suggest
+from polefence.base.explained import explained
 from polefence.design.requirements.energy_peak import EnergyPeak
 from polefence.design.requirements.gain import Gain
 from polefence.design.requirements.gain_norm import GainNorm
@@ -31,6 +32,7 @@ from polefence.plant.outputs import disturbances
 from polefence.plant.spec import specification_tables
 from polefence.plant.tracks import SOURCES
 from polefence.proof.claims.gain_norm import LAW
+from polefence.proof.short import Short
 from polefence.proof.text import exactly
 from polefence.response.stationary import velocity_density
 
@@ -53,7 +55,7 @@ _WITH = re.compile(r"(?P<rest>.*\S)\s+with\s+(?P<key>\w+)\s+(?P<value>\[[^\]]*\]
 
 
 @dataclass(frozen=True)
-class RoadSpectrum:
+class RoadSpectrum(Short):
     """The road that rms values are asked for.
 
     Attributes
@@ -102,6 +104,7 @@ class RoadSpectrum:
         return replace(own, disturbances=roads | noise)
 
 
+@explained
 def load_specifications(
     path: str | Path, road: RoadSpectrum | None = None
 ) -> tuple[Specification | None, tuple[Specification, ...]]:
@@ -162,6 +165,7 @@ def with_wheels(road: RoadSpectrum | None, path: str | Path) -> RoadSpectrum | N
     return replace(road, under=own.under, in_tracks=own.in_tracks)
 
 
+@explained
 def parse_specification(
     text: str, road: RoadSpectrum | None = None, known: Mapping[str, float] = NOTHING
 ) -> Specification:

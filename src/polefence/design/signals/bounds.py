@@ -18,11 +18,13 @@ from typing import Any
 import numpy as np
 
 from polefence.base.errors import InputError, SolverError
+from polefence.base.explained import explained
 from polefence.base.files import write_documents
 from polefence.base.progress import stage
 from polefence.design.certificate import Certificate, exact_law
 from polefence.design.design import FILE_NAME
 from polefence.design.evidence import finer, loop_with, pieces_of, spread_of, with_inputs
+from polefence.design.lyapunov import lyapunov_matrix, weights_at
 from polefence.design.requirements.gain_norm import GainNorm, levels
 from polefence.design.requirements.rms import Rms, of_one_noise
 from polefence.design.requirements.specification import Specification, claim_of
@@ -39,6 +41,7 @@ from polefence.plant.card import card
 from polefence.plant.delta import delta_form
 from polefence.plant.family import UncertainPlant
 from polefence.plant.outputs import Output
+from polefence.plant.parameters import Parameter
 from polefence.plant.points import seeded
 from polefence.plant.system import Array
 from polefence.proof import matrices
@@ -47,7 +50,9 @@ from polefence.proof.claims.gain_norm import BoundClaim
 from polefence.proof.claims.signal import SignalClaim
 from polefence.proof.document import Document
 from polefence.proof.laws import Evidence, Piece
+from polefence.proof.polynomials import corners_of
 from polefence.proof.remainder import SHARE, Spread
+from polefence.proof.short import Short
 from polefence.proof.work import FormatError
 from polefence.region.text import digits_up
 
@@ -81,7 +86,7 @@ FEW = 20  # samples beside the vertices
 
 
 @dataclass(frozen=True, eq=False)
-class Bound:
+class Bound(Short):
     """A bound on a signal that is proved.
 
     Attributes
@@ -95,6 +100,8 @@ class Bound:
         Of the Lyapunov polynomial; of a gain norm of the law's.
     reason : str
         What was proved.
+    parameters : tuple of Parameter
+        Of the plant.
     """
 
     specification: Specification
@@ -102,15 +109,48 @@ class Bound:
     claim: BoundClaim
     degree: int
     reason: str
+    parameters: tuple[Parameter, ...] = ()
 
     def __str__(self) -> str:
         return f"{self.specification.title} <= {digits_up(self.level)}"
+
+    def lyapunov_at(self, alpha: Any = None, /, **values: Any) -> Array:
+        """Return the Lyapunov matrix P of the proof at one point, as ``lyapunov_at(m1=300)``.
+
+        V = x'P x falls along every motion of the loop while no disturbance acts. Of an rms bound
+        P^-1 is at least the covariance of the states (or P the observability Gramian, of the dual
+        form). A plant at samples is one of x(t + T) = A_c x(t): A_c'P A_c < P.
+
+        Parameters
+        ----------
+        alpha : (N,) array, optional
+            Weights of the vertices, in place of the parameters' values.
+        **values : number
+            Of every parameter, in its unit.
+
+        Returns
+        -------
+        (n, n) array
+            Symmetric, positive definite; computed exactly, then rounded.
+
+        Raises
+        ------
+        InputError
+            If the point is none of the family, or the bound is proved without a Lyapunov matrix,
+            as one on the norm of the gain is, and one by the transfer function.
+        """
+        if not self.specification.of_signal:
+            raise InputError(f"{self.specification.title}: its bound needs no Lyapunov matrix")
+        subject = self.claim.subject
+        weights = weights_at(self.parameters, corners_of(subject.sizes), alpha, values)
+        return lyapunov_matrix(subject.law, subject.sizes, subject.evidence, weights)
 
     def _repr_html_(self) -> str:
         """Show it in a notebook."""
         return card("bound", [("proved", str(self)), ("by", self.reason)])
 
 
+@explained
 def best_bound(
     plant: UncertainPlant, law: Law, specification: Specification, known: Known | None = None
 ) -> Bound | None:
@@ -204,7 +244,8 @@ class _Question:
 
     def bound_of(self, claim: SignalClaim, verdict: Verdict) -> Bound:
         """Return the bound of a claim that is proved."""
-        return Bound(self.specification, float(claim.level), claim, 0, verdict.reason)
+        level, parameters = float(claim.level), self.plant.parameters
+        return Bound(self.specification, level, claim, 0, verdict.reason, parameters)
 
     def kept_by_transfer(self, level: float) -> Bound | None:
         """Return the bound of that level if the transfer function proves it."""
@@ -311,6 +352,7 @@ def raised(bound: Bound, level: float) -> Bound | None:
     return replace(bound, level=level, claim=claim, reason=verdict.reason)
 
 
+@explained
 def kept_bound(
     plant: UncertainPlant, law: Law, specification: Specification, known: Known | None = None
 ) -> Bound | None:
@@ -475,7 +517,7 @@ def _proved(
     degree = evidence.highest
     if isinstance(specification, GainNorm):
         degree = 0 if isinstance(law, FixedGain) else law.degree
-    return Bound(specification, level, claim, degree, verdict.reason)
+    return Bound(specification, level, claim, degree, verdict.reason, plant.parameters)
 
 
 def _evidences(found: LyapunovPolynomial, form: tuple[int, int]) -> Iterator[Evidence]:
@@ -506,7 +548,7 @@ def _rationals(matrix: Array) -> matrices.Rationals:
 
 
 @dataclass(frozen=True, eq=False)
-class Sampled:
+class Sampled(Short):
     """One specification's signal at points of a family.
 
     Attributes
@@ -527,6 +569,7 @@ class Sampled:
         return float(self.values.max())
 
 
+@explained
 def sampled(
     plant: UncertainPlant, law: Any, specification: Specification, alpha: Array | None = None
 ) -> Sampled:
@@ -638,6 +681,7 @@ def save(certificate: Certificate, claims: Sequence[BoundClaim], directory: str 
     return write_documents(Path(directory), {FILE_NAME: text})[0]
 
 
+@explained
 def bounds_file(certificate: Certificate, claims: Sequence[BoundClaim]) -> Document:
     """Return the file of a design's region, and of bounds on its signals."""
     return certificate.file([certificate.claim(), *claims])

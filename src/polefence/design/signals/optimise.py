@@ -16,6 +16,7 @@ from pathlib import Path
 import numpy as np
 
 from polefence.base.errors import InputError, NotProvedError, SolverError, require_type
+from polefence.base.explained import explained
 from polefence.base.processors import small_matrices
 from polefence.base.progress import stage
 from polefence.design.checks import (
@@ -64,6 +65,7 @@ from polefence.plant.delta import delta_form
 from polefence.plant.family import UncertainPlant
 from polefence.plant.outputs import states
 from polefence.plant.tracks import own_states
+from polefence.proof.short import Short
 from polefence.region.regions import Region
 from polefence.region.text import digits_up
 from polefence.region.z_plane import delta_plane
@@ -77,7 +79,7 @@ POOR = 0.05  # a bound that is proved so far above the design's own is of a law 
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Optimised:
+class Optimised(Short):
     """A law with a proof of its region, and of every specification.
 
     Attributes
@@ -156,6 +158,7 @@ class Optimised:
         return save(self.design.certificate, [own.claim for own in self.bounds], directory)
 
 
+@explained
 @small_matrices()
 def optimise(
     plant: UncertainPlant,

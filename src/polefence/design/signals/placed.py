@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from polefence.base.errors import InputError, NotProvedError, RegionError, require_type
+from polefence.base.explained import explained
 from polefence.design import place as lmi
 from polefence.design.checks import (
     in_time_of,
@@ -47,6 +48,7 @@ SLOWER = 1e-12, 1e-9, 1e-6, 1e-3  # shares of a decay rate, for the rounding of 
 CLOSE = 2e-3  # how closely the largest damping ratio is found in discrete time
 
 
+@explained
 def place(
     plant: UncertainPlant,
     region: Region,
@@ -156,6 +158,7 @@ def _structured(plant: UncertainPlant, region: Region, structure: Structure) -> 
         raise problem
 
 
+@explained
 def tightest(
     plant: UncertainPlant,
     centre: float | None = None,

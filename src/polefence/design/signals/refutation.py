@@ -31,6 +31,7 @@ import numpy as np
 
 from polefence.base import VERSION
 from polefence.base.errors import InputError, NotProvedError, SolverError, require_type
+from polefence.base.explained import explained
 from polefence.base.files import write_text
 from polefence.design.certificate import file_plant
 from polefence.design.requirements.rms import Rms
@@ -47,6 +48,7 @@ from polefence.proof.claims.refutation import RmsLimit, RmsRefutation
 from polefence.proof.dampers import SemiActive
 from polefence.proof.document import Document
 from polefence.proof.matrices import Rationals, identity
+from polefence.proof.short import Short
 from polefence.proof.text import number_text
 from polefence.proof.work import FormatError
 from polefence.region.regions import Region
@@ -70,7 +72,7 @@ TINY = 1e-11  # of the loop's norm: a pole nearer to the imaginary axis is on it
 
 
 @dataclass(frozen=True, eq=False)
-class Refutation:
+class Refutation(Short):
     """At a vertex of the family no law keeps the limits at once; proved in exact arithmetic.
 
     Attributes
@@ -136,6 +138,7 @@ def _weight(weight: str | Sequence[str] | None) -> str:
     return weight if isinstance(weight, str) else f"[{', '.join(weight or ())}]"
 
 
+@explained
 def refute_limits(
     plant: UncertainPlant, specifications: Sequence[Specification], dampers: Sequence[Damper] = ()
 ) -> Refutation | None:
@@ -412,7 +415,7 @@ def _feasible(task: Task, limits: tuple[Specification, ...], region: Region | No
 
 
 @dataclass(frozen=True)
-class Regular:
+class Regular(Short):
     """x' = A x + B u + E w, y = C x + D u with D of full column rank, x = T times the plant's."""
 
     A: Rationals
@@ -563,7 +566,7 @@ def _null_space(matrix: Rationals) -> Rationals:
 
 
 @dataclass(frozen=True, eq=False)
-class Regulated:
+class Regulated(Short):
     """Arrays A, B, E of a plant, and C, D of its outputs, each over the limit on its rms.
 
     ``limit`` has the number of that limit for each row: a limit on a vector has more than one.

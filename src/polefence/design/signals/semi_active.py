@@ -22,6 +22,7 @@ import numpy as np
 
 from polefence.base import VERSION
 from polefence.base.errors import InputError, NotProvedError, SolverError, require_type
+from polefence.base.explained import explained
 from polefence.base.files import write_text
 from polefence.base.processors import small_matrices
 from polefence.design.certificate import file_plant
@@ -38,6 +39,7 @@ from polefence.proof.claims.refutation import RmsLimit
 from polefence.proof.dampers import SemiActive
 from polefence.proof.document import Document
 from polefence.proof.matrices import Rationals
+from polefence.proof.short import Short
 from polefence.proof.squares import count_of
 from polefence.region.text import digits_up
 
@@ -53,7 +55,7 @@ UNREACHED = 1e-12  # of the largest variance of a state, in balanced units
 
 
 @dataclass(frozen=True, eq=False)
-class SemiActiveLaw:
+class SemiActiveLaw(Short):
     """A demand for controllable dampers, and the rms that is proved of it for every value.
 
     Attributes
@@ -108,6 +110,7 @@ class SemiActiveLaw:
         )
 
 
+@explained
 @small_matrices()
 def semi_active(
     plant: UncertainPlant,

@@ -15,6 +15,7 @@ from typing import Any, Unpack
 
 from polefence.base import VERSION, workers
 from polefence.base.errors import InputError, PolefenceError, require_type
+from polefence.base.explained import explained
 from polefence.base.files import make_folder, read_text, write_documents, write_text
 from polefence.base.progress import stage
 from polefence.design.certificate import Certificate, exact_law
@@ -37,6 +38,7 @@ from polefence.design.signals.search import Task
 from polefence.law.laws import FixedGain, Law, PolynomialGain, ScheduledGain
 from polefence.law.structure import Structure
 from polefence.lmi.conditions.methods import Method, Scheduled, method_label, options
+from polefence.plant.card import card
 from polefence.plant.family import UncertainPlant
 from polefence.plant.points import seeded
 from polefence.plant.system import Array
@@ -44,7 +46,9 @@ from polefence.proof import reading, work
 from polefence.proof.claims.base import prove
 from polefence.proof.claims.gain_norm import BoundClaim
 from polefence.proof.document import Document, from_plain
+from polefence.proof.short import Short
 from polefence.region.regions import Region
+from polefence.region.text import digits_up
 
 MAX_VALUES = 1000
 TUNED = "tuned"  # the label of rows whose laws are
@@ -55,6 +59,7 @@ TAKEN = ("status", "proved", "sampled", "law_of", "performance")
 SAMPLES = 2000  # points of the family that each law is looked at
 
 
+@explained
 def tradeoff(
     plant: UncertainPlant,
     minimise: Specification,
@@ -230,7 +235,7 @@ def _proved(asked: Asked, done: Optimised, value: float) -> Row:
 
 
 @dataclass(frozen=True)
-class Asked:
+class Asked(Short):
     """Question of a trade-off.
 
     Attributes
@@ -279,7 +284,7 @@ def _as_read_from_json(own: Specification) -> dict[str, Any]:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Front:
+class Front(Short):
     """Bounds that are reached at each limit, with their laws.
 
     Attributes
@@ -376,9 +381,37 @@ class Front:
             raise InputError(f"nothing is proved at {value:g}: {row['reason']}")
         return from_plain(row["performance"])
 
+    def as_rows(self) -> list[dict[str, Any]]:
+        """Return the rows as plain values, for `pandas.DataFrame`: without laws and proofs.
+
+        What each other specification is proved and sampled at are columns with its title.
+        """
+        plain = ("value", "method", "status", "proved", "sampled", "law_of", "own", "seconds")
+        found = []
+        for row in self.rows:
+            own = {key: row.get(key) for key in (*plain, "reason")}
+            for bound in row["bounds"]:
+                title = bound["specification"]
+                own |= {f"{key} {title}": bound[key] for key in ("at_most", "proved", "sampled")}
+            found.append(own)
+        return found
+
+    def _repr_html_(self) -> str:
+        """Show it in a notebook."""
+        over, least = self.labels
+        rows = (
+            (f"{row['value']:g}, {row['method']}", _level(row["proved"], row["status"]))
+            for row in self.rows
+        )
+        return card(f"{least} for limits on {over}", rows)
+
     def document(self) -> dict[str, Any]:
         """Return everything as plain data."""
         return head(self.asked) | {"references": list(self.references), "rows": list(self.rows)}
+
+
+def _level(proved: float | None, status: str) -> str:
+    return status if proved is None else f"<= {digits_up(proved)}"
 
 
 def monotone(rows: dict[tuple[float, str], Row]) -> dict[tuple[float, str], Row]:

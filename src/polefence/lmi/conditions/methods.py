@@ -26,6 +26,7 @@ from math import comb
 import numpy as np
 
 from polefence.base.errors import InputError, suggest
+from polefence.base.explained import explained, explained_fields
 from polefence.lmi.conditions.coefficients import inside, weighted
 from polefence.lmi.conditions.gain_norm import add_norm
 from polefence.lmi.conditions.motion import halves
@@ -36,6 +37,7 @@ from polefence.lmi.conditions.target import Side, Target, disks
 from polefence.plant.family import UncertainPlant
 from polefence.plant.polynomial import DOMAINS, Domain, Exponent, bernstein
 from polefence.plant.system import Array
+from polefence.proof.short import Short
 
 METHODS = ("quadratic", "slack", "scheduled")
 MAX_DEGREE = 8
@@ -47,7 +49,7 @@ LONG_STEP, FEWER = 3e10, 5
 
 
 @dataclass(frozen=True)
-class Scheduled:
+class Scheduled(Short):
     """A gain K(alpha) = Z(alpha) W(alpha)^-1 and its options; Theorem 1 unless others are given.
 
     Parameters
@@ -77,6 +79,7 @@ class Scheduled:
     right_hand_sides: bool = False
     budget: float | None = None
 
+    @explained_fields
     def __post_init__(self) -> None:
         _check(self)
         theorem_1 = (self.degree, self.elevation, self.on) == (1, 1, "simplex")
@@ -88,7 +91,7 @@ class Scheduled:
 
 
 @dataclass(frozen=True)
-class Slack:
+class Slack(Short):
     """One gain K = L G^-1 with a Lyapunov function P(alpha) of any degree; Lemma 2 by default.
 
     Parameters
@@ -113,6 +116,7 @@ class Slack:
     on: str = "simplex"
     epsilon: float = 0.03
 
+    @explained_fields
     def __post_init__(self) -> None:
         _check(self)
         if not _is_number(self.epsilon) or not 0 < self.epsilon <= 100:
@@ -201,6 +205,7 @@ _OPTIONS: dict[str, Scheduled | Slack] = {
 }
 
 
+@explained
 def build(
     method: Method, A: Array, B: Array, sigma: float | Target, unit: Array | None = None
 ) -> Pencil:

@@ -17,6 +17,7 @@ import numpy.typing as npt
 from polefence.lmi.conditions.target import Side
 from polefence.plant.polynomial import Domain, Exponent
 from polefence.plant.system import Array
+from polefence.proof.short import Short
 
 if TYPE_CHECKING:
     import scipy.sparse as sp  # imported where used: it would triple the package's import time
@@ -26,7 +27,7 @@ SQRT2 = np.sqrt(2.0)
 
 
 @dataclass(frozen=True)
-class Variable:
+class Variable(Short):
     """A matrix unknown.
 
     Parameters
@@ -74,7 +75,7 @@ class Variable:
 
 
 @dataclass(frozen=True, eq=False)
-class Term:
+class Term(Short):
     """left @ X @ right', X the variable ``name``; without ``right`` left @ X."""
 
     name: str
@@ -83,7 +84,7 @@ class Term:
 
 
 @dataclass(frozen=True, eq=False)
-class Linear:
+class Linear(Short):
     """A sum of terms; those with no ``right`` are collected, one a variable."""
 
     terms: tuple[Term, ...] = ()
@@ -149,7 +150,7 @@ def smat(vectors: Array) -> Array:
 
 
 @dataclass(frozen=True, eq=False)
-class Block:
+class Block(Short):
     """One linear matrix inequality r D(x) - M(x) > 0, by its halves: D = half_D + half_D'.
 
     Attributes
@@ -168,7 +169,7 @@ class Block:
 
 
 @dataclass(frozen=True, eq=False)
-class Pencil:
+class Pencil(Short):
     """A condition as data: variables, and blocks r D(x) - M(x) that are to be positive definite.
 
     Print it to see its blocks; `matrices` evaluates them; ``D`` and ``M`` stack all blocks for a

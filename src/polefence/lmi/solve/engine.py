@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from polefence.base.explained import explained
 from polefence.base.processors import spare_processors
 from polefence.base.progress import stage
 from polefence.lmi.solve import inside as first
@@ -30,6 +31,7 @@ def kernel() -> Any:
 ENGINES = ("compiled", "numpy")
 
 
+@explained
 def engine() -> str:
     """Say which engine computes smallest radii here.
 

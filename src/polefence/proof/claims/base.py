@@ -13,13 +13,14 @@ from polefence.proof.motion import is_moving, motion_text
 from polefence.proof.plant import Plant
 from polefence.proof.polynomials import Exponent, Polynomial, Sizes, count_of, joint, symmetric
 from polefence.proof.reading import Table
+from polefence.proof.short import Short
 from polefence.proof.work import MAX_WORK, FormatError, counted, tell
 
 MAX_BLOCKS = 200_000  # inequalities of one claim
 
 
 @dataclass(frozen=True)
-class Place:
+class Place(Short):
     """A coefficient of an inequality: of which, at which monomial, in which piece."""
 
     inequality: str
@@ -47,7 +48,7 @@ def _monomial(e: Exponent, sizes: Sizes) -> str:
 
 
 @dataclass(frozen=True)
-class Inequality:
+class Inequality(Short):
     """A symmetric matrix polynomial that is to be positive: every coefficient of it.
 
     ``rows`` holds its blocks on the diagonal and to its right, ``degrees`` what it is raised to.
@@ -84,7 +85,7 @@ class Inequality:
 
 
 @dataclass(frozen=True)
-class Verdict:
+class Verdict(Short):
     """Verdict on a claim.
 
     Attributes

@@ -24,6 +24,7 @@ from polefence.proof.plant import Plant, Range
 from polefence.proof.reading import Table, as_list, as_number, plain
 from polefence.proof.regions import MAX_PARTS, Part, read_region, write_region
 from polefence.proof.roots import Outside, all_inside, inside_work, is_outside
+from polefence.proof.short import Short
 from polefence.proof.text import (
     digits_down,
     digits_up,
@@ -41,7 +42,7 @@ Point = tuple[Fraction, ...]
 
 
 @dataclass(frozen=True)
-class Axis:
+class Axis(Short):
     """A parameter: its interval, whether the plant is affine in 1/p, and the table's knots."""
 
     name: str
@@ -64,7 +65,7 @@ class Axis:
 
 
 @dataclass(frozen=True)
-class Interpolated:
+class Interpolated(Short):
     """A plant's vertices, its axes, and the gain at each knot (by index, first axis slowest)."""
 
     A: list[Rationals]
@@ -111,7 +112,7 @@ def _spend_products(p: Point) -> None:
 
 
 @dataclass(frozen=True)
-class Cell:
+class Cell(Short):
     """A box of physical parameters with its answer.
 
     ``evidence`` (one a part of the region) of "proved"; ``point``, where a pole is not in the
@@ -192,7 +193,7 @@ def _unrefuted(table: Interpolated, region: tuple[Part, ...], cell: Cell, point:
 
 
 @dataclass(frozen=True)
-class Cells(Claim):
+class Cells(Short, Claim):
     """The table's gains keep all poles in the region where cells are proved; cells tile the box."""
 
     kind: ClassVar[str] = "cells"

@@ -44,6 +44,7 @@ from polefence.proof.matrices import (
 )
 from polefence.proof.plant import Plant
 from polefence.proof.reading import MAX_SIZE, MAX_VERTICES, Table, as_list, as_number, plain
+from polefence.proof.short import Short
 from polefence.proof.text import digits_down, digits_up, sum_text
 from polefence.proof.work import RATIONAL, FormatError, spend
 
@@ -54,7 +55,7 @@ Matrices = tuple[Rationals, ...]
 
 
 @dataclass(frozen=True)
-class Squares:
+class Squares(Short):
     """The matrices of a piece: G of its bases, and H of the bases of each damper's form."""
 
     own: Matrices
@@ -62,7 +63,7 @@ class Squares:
 
 
 @dataclass(frozen=True)
-class Clipped(Claim):
+class Clipped(Short, Claim):
     """The rms of z is at most that of the limit, for every alpha.
 
     Attributes

@@ -18,6 +18,7 @@ from polefence.proof.matrices import Rationals, least_work
 from polefence.proof.plant import Output, Plant
 from polefence.proof.polynomials import count_of, diagonal
 from polefence.proof.reading import Table, plain
+from polefence.proof.short import Short
 from polefence.proof.text import digits_down, digits_up
 from polefence.proof.work import FormatError
 
@@ -25,7 +26,7 @@ LAW = "the law"  # what a claim about no signal is about
 
 
 @dataclass(frozen=True)
-class GainNorm(Claim):
+class GainNorm(Short, Claim):
     """The spectral norm of diag(rows)^-1 K(alpha) diag(columns) is less than ``level``.
 
     ``rows`` holds one positive number an input, ``columns`` one a state. Of the subject's evidence

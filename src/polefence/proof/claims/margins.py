@@ -32,12 +32,13 @@ from polefence.proof.polynomials import (
 )
 from polefence.proof.reading import Table
 from polefence.proof.regions import Disk, Part
+from polefence.proof.short import Short
 from polefence.proof.text import digits_down, name_text, range_text, unit_text
 from polefence.proof.work import FormatError
 
 
 @dataclass(frozen=True)
-class Subject:
+class Subject(Short):
     """The design that a claim is about, and how finely the claim is proved.
 
     ``ranges`` and ``pieces`` (equal parts of each interval) have one entry a parameter, none for a
@@ -74,7 +75,7 @@ class Subject:
 
 
 @dataclass(frozen=True)
-class MarginClaim(Claim):
+class MarginClaim(Short, Claim):
     """A claim about a design's loop when something is not as it is meant to be."""
 
     has_cells: ClassVar[bool] = False  # whether the design may be proved in parts of the box
@@ -202,7 +203,7 @@ def listed(text: str, names: list[tuple[str, str]], values: tuple[Fraction, ...]
 
 
 @dataclass(frozen=True)
-class Family:
+class Family(Short):
     """[A, B] and [X; K X] as polynomials on the plant's own simplices; X is W unless given."""
 
     AB: Polynomial
@@ -237,7 +238,7 @@ def family_of(subject: Subject, part: int = 0) -> Family:
 
 
 @dataclass(frozen=True)
-class Cell:
+class Cell(Short):
     """A piece: coordinates of plant and law as forms (1 x 1) in the piece's own coordinates.
 
     The first ``raised`` simplices are elevated.

@@ -16,12 +16,13 @@ from polefence.proof.laws import read_law
 from polefence.proof.matrices import Rationals
 from polefence.proof.plant import Plant
 from polefence.proof.reading import MAX_VERTICES, Table, plain, require_shape
+from polefence.proof.short import Short
 from polefence.proof.text import quoted, region_text
 from polefence.proof.work import FormatError
 
 
 @dataclass(frozen=True)
-class Observer(Claim):
+class Observer(Short, Claim):
     """All poles of A(alpha) - L(alpha) C(alpha) lie in a region.
 
     ``dual`` is the claim about the law K = -L' of the plant (A', C'); ``measured`` names the rows

@@ -93,6 +93,7 @@ from polefence.proof.regions import (
 )
 from polefence.proof.remainder import Remainder
 from polefence.proof.roots import all_inside
+from polefence.proof.short import Short
 from polefence.proof.text import digits_down, digits_up, output_text, quoted, region_text
 from polefence.proof.work import MAX_WORK, FormatError
 
@@ -101,7 +102,7 @@ ONE = Fraction(1)
 
 
 @dataclass(frozen=True)
-class Poles(Claim):
+class Poles(Short, Claim):
     """All poles of every plant of the family lie in the region, by this law and evidence.
 
     ``evidence`` has one entry, for "lyapunov" one a part of the region. ``on`` is "simplex" or

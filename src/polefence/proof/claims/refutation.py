@@ -41,6 +41,7 @@ from polefence.proof.dampers import SemiActive, dampers_text, read_dampers
 from polefence.proof.matrices import Rationals, common_denominator, is_symmetric, product
 from polefence.proof.plant import Output, Plant
 from polefence.proof.reading import MAX_SIZE, Table, plain
+from polefence.proof.short import Short
 from polefence.proof.text import digits_down, digits_up
 from polefence.proof.work import FormatError
 
@@ -48,7 +49,7 @@ MAX_LIMITS = 100
 
 
 @dataclass(frozen=True)
-class RmsLimit:
+class RmsLimit(Short):
     """The rms of the outputs, one or a vector, is at most ``level``.
 
     For white noise of two-sided ``intensity``.
@@ -71,7 +72,7 @@ class RmsLimit:
 
 
 @dataclass(frozen=True)
-class RmsRefutation(Claim):
+class RmsRefutation(Short, Claim):
     """At a vertex no law keeps the limits, nor ``factor`` times each: the claim and its evidence.
 
     Attributes

@@ -42,6 +42,7 @@ from polefence.proof.polynomials import (
 )
 from polefence.proof.reading import MAX_SIZE, Table, plain
 from polefence.proof.remainder import SHARE, Spread
+from polefence.proof.short import Short
 from polefence.proof.text import digits_down, number_text
 from polefence.proof.transfer import (
     Tensor,
@@ -55,7 +56,7 @@ from polefence.proof.work import RATIONAL, FormatError, spend
 
 
 @dataclass(frozen=True)
-class Baseline:
+class Baseline(Short):
     """Another loop x' = A x + E w, y = C x on the same domain, under the same noise.
 
     ``stability`` holds X(alpha) > 0 with -(A X + X A') > 0; ``covariance`` in its X a symmetric

@@ -69,6 +69,7 @@ from polefence.proof.polynomials import (
     multinomial,
 )
 from polefence.proof.reading import Table, plain, require_shape
+from polefence.proof.short import Short
 from polefence.proof.text import region_text
 from polefence.proof.work import FormatError
 
@@ -80,7 +81,7 @@ UNITS = {32: Fraction(1, 2**24), 64: Fraction(1, 2**53)}  # relative error of on
 
 
 @dataclass(frozen=True)
-class Share:
+class Share(Short):
     """The code's constants for a parameter p: scale (p - low), over p where it enters as 1/p."""
 
     low: Fraction
@@ -89,7 +90,7 @@ class Share:
 
 
 @dataclass(frozen=True)
-class Memory:
+class Memory(Short):
     """States that the code keeps: the last of plant and signals, their rates the last inputs.
 
     Every ``sample_time`` each grows by ``step``, the code's constant for that, times its rate;
@@ -103,7 +104,7 @@ class Memory:
 
 
 @dataclass(frozen=True)
-class Code:
+class Code(Short):
     """The constants of the code, with the bits of its numbers.
 
     One gain, that of one vertex too, has ``K`` alone. ``shares`` has one entry a parameter, none
@@ -122,7 +123,7 @@ class Code:
 
 
 @dataclass(frozen=True)
-class Rounded(Claim):
+class Rounded(Short, Claim):
     """All poles lie in the region with the gain that the code computes.
 
     ``gain`` is what the design tolerates. For scheduled laws ``smallest`` and ``size`` are bounds,

@@ -43,6 +43,7 @@ from polefence.proof.matrices import (
 from polefence.proof.plant import Plant, Range
 from polefence.proof.reading import MAX_VERTICES, Table, plain, require_shape
 from polefence.proof.regions import Disk
+from polefence.proof.short import Short
 from polefence.proof.text import digits_down, milliseconds_text
 from polefence.proof.work import FormatError
 
@@ -53,7 +54,7 @@ NUMBERS = ("sample_time", "decay", "radius", "error", "mu", "weight")
 
 
 @dataclass(frozen=True)
-class Off:
+class Off(Short):
     """The gain may besides be off by ``error`` S D C for any |D| <= 1.
 
     S is diagonal, of ``rows`` (a number an input); ``columns`` are the rows of C, n x n.
@@ -65,7 +66,7 @@ class Off:
 
 
 @dataclass(frozen=True)
-class Sampled(Claim):
+class Sampled(Short, Claim):
     """All poles of the sampled loop have |z| < radius <= exp(-decay sample_time).
 
     Attributes

@@ -25,6 +25,7 @@ from polefence.proof.matrices import Rationals, common_denominator, identity
 from polefence.proof.plant import Plant, sizes_of
 from polefence.proof.polynomials import Polynomial, Sizes, bernstein, constant, multinomial
 from polefence.proof.reading import MAX_VERTICES, Table, plain, require_shape
+from polefence.proof.short import Short
 from polefence.proof.text import milliseconds_text, plural
 from polefence.proof.work import RATIONAL, FormatError, spend
 
@@ -34,7 +35,7 @@ NONE = Fraction(0)
 
 
 @dataclass(frozen=True)
-class Samples(Claim):
+class Samples(Short, Claim):
     """The plant's vertices and remainder hold the samples of x' = A x + B u + E w.
 
     ``units`` are of its states, inputs and disturbances, one each, in which the series is

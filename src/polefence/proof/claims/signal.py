@@ -65,6 +65,7 @@ from polefence.proof.polynomials import (
 from polefence.proof.reading import Table, plain, plain_rows
 from polefence.proof.regions import HalfPlane
 from polefence.proof.remainder import SHARE, Remainder, Spread
+from polefence.proof.short import Short
 from polefence.proof.text import (
     digits_down,
     digits_up,
@@ -81,7 +82,7 @@ Rows = dict[str, list[list[Polynomial]]]  # blocks of inequalities, by their nam
 
 
 @dataclass(frozen=True)
-class Subject:
+class Subject(Short):
     """The loop, and the Lyapunov polynomial X(alpha) with which a claim about it is proved.
 
     ``E`` (n x q at every vertex) may be empty where no disturbance acts. ``law`` is one K, one K
@@ -326,7 +327,7 @@ def require_shapes(
 
 
 @dataclass(frozen=True)
-class SignalClaim(Claim):
+class SignalClaim(Short, Claim):
     """An output of the loop, or a vector of them, bounded by ``level``."""
 
     letters: ClassVar[str] = "ABE"

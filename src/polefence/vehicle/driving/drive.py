@@ -20,6 +20,7 @@ from typing import Any, Literal
 import numpy as np
 
 from polefence.base.errors import InputError
+from polefence.base.explained import explained
 from polefence.plant.cars import Car
 from polefence.plant.family import UncertainPlant
 from polefence.plant.larger import own_states
@@ -303,6 +304,7 @@ def _lost(response: Response) -> list[Event]:
     return spans("lost", size >= LOST, size, response.time, lambda *_: RUNS_AWAY)
 
 
+@explained
 def drive(
     plant: UncertainPlant,
     law: Any,

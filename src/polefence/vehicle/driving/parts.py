@@ -9,15 +9,17 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from polefence.base.errors import InputError
+from polefence.base.explained import explained_fields
 from polefence.plant.dampers import Damper
 from polefence.plant.system import Array
+from polefence.proof.short import Short
 from polefence.response.discrete import Sampling
 from polefence.response.weighting import positive
 from polefence.vehicle.estimate import Tuning
 
 
 @dataclass(frozen=True)
-class Jump:
+class Jump(Short):
     """A parameter that is ``before`` until ``time`` [s] and ``after`` from then on: a load step."""
 
     time: float
@@ -30,7 +32,7 @@ class Jump:
 
 
 @dataclass(frozen=True)
-class Ramp:
+class Ramp(Short):
     """A parameter that goes linearly from ``before`` at ``begin`` to ``after`` at ``end`` [s]."""
 
     before: float
@@ -38,6 +40,7 @@ class Ramp:
     begin: float
     end: float
 
+    @explained_fields
     def __post_init__(self) -> None:
         if not self.end > self.begin:
             raise InputError(f"ramp from {self.begin!r} s to {self.end!r} s: it must end later")
@@ -48,7 +51,7 @@ class Ramp:
 
 
 @dataclass(frozen=True)
-class Sine:
+class Sine(Short):
     """A parameter mean + amplitude sin(2 pi frequency t + phase), frequency in Hz, phase in rad."""
 
     mean: float
@@ -63,7 +66,7 @@ class Sine:
 
 
 @dataclass(frozen=True)
-class Actuator:
+class Actuator(Short):
     """A first-order lag behind a limit on the demand.
 
     du/dt = 2 pi bandwidth (limited demand - u), so that the force never exceeds the limit.
@@ -79,6 +82,7 @@ class Actuator:
     bandwidth: float | None = None
     limit: float | None = None
 
+    @explained_fields
     def __post_init__(self) -> None:
         if self.bandwidth is not None:
             positive(self.bandwidth, "bandwidth of the actuator [Hz]")
@@ -98,7 +102,7 @@ class Actuator:
 
 
 @dataclass(frozen=True)
-class BumpStops:
+class BumpStops(Short):
     """One-sided springs beyond the free travel, between wheel and body beside the actuator.
 
     With x the suspension deflection, positive in compression, and d = x - bump > 0 the stop's
@@ -121,6 +125,7 @@ class BumpStops:
     stiffness: float = 300e3
     damping: float = 0.0
 
+    @explained_fields
     def __post_init__(self) -> None:
         positive(self.bump, "free travel in bump [m]")
         positive(self.rebound, "free travel in rebound [m]")
@@ -141,7 +146,7 @@ class BumpStops:
 
 
 @dataclass(frozen=True)
-class Measured:
+class Measured(Short):
     """The law's parameters come from sensors: late, noisy, filtered.
 
     The reading is the true value ``delay`` ago (the first value before that), plus white noise
@@ -165,6 +170,7 @@ class Measured:
     period: float | None = None
     seed: int = 0
 
+    @explained_fields
     def __post_init__(self) -> None:
         named = {"delay": self.delay, "lag": self.lag}
         named |= {f"noise of {name}": value for name, value in self.noise.items()}
@@ -176,7 +182,7 @@ class Measured:
 
 
 @dataclass(frozen=True)
-class Sensors:
+class Sensors(Short):
     """Standard deviations of what an estimator measures, white from sample to sample.
 
     Attributes
@@ -194,6 +200,7 @@ class Sensors:
     velocity: float = 0.0
     force: float = 0.0
 
+    @explained_fields
     def __post_init__(self) -> None:
         for name in ("acceleration", "deflection", "velocity", "force"):
             value = getattr(self, name)
@@ -207,7 +214,7 @@ class Sensors:
 
 
 @dataclass(frozen=True)
-class Estimated:
+class Estimated(Short):
     """The law's parameters come from recursive least squares, see `polefence.vehicle.estimate`.
 
     Attributes
@@ -224,6 +231,7 @@ class Estimated:
     sensors: Sensors = field(default_factory=Sensors)
     seed: int = 0
 
+    @explained_fields
     def __post_init__(self) -> None:
         if self.period is not None:
             positive(self.period, "period of the estimator [s]")
@@ -233,7 +241,7 @@ Scheduling = Measured | Estimated
 
 
 @dataclass(frozen=True)
-class Hardware:
+class Hardware(Short):
     """Hardware between law and plant, and beside the plant.
 
     Attributes
@@ -263,6 +271,7 @@ class Hardware:
     gravity: float = 0.0
     dampers: tuple[Damper, ...] = ()
 
+    @explained_fields
     def __post_init__(self) -> None:
         object.__setattr__(self, "dampers", tuple(self.dampers))
         if self.dampers and (self.actuator.bandwidth is not None or self.learns):

@@ -17,6 +17,7 @@ from polefence.law.laws import GainTable, given_law, is_one
 from polefence.plant.family import UncertainPlant
 from polefence.plant.outputs import Output, choose, inputs, rates_in
 from polefence.plant.system import Array
+from polefence.proof.short import Short
 from polefence.region.text import digits_down
 from polefence.response.discrete import Sampling
 from polefence.response.linear import Response
@@ -36,7 +37,7 @@ JUMP, TINY = 1e-6, 1e-9
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Drive:
+class Drive(Short):
     """Outcome of a drive, for ``count`` cars at equal instants.
 
     Attributes
@@ -148,7 +149,7 @@ class Drive:
 
 
 @dataclass(frozen=True, eq=False)
-class Record:
+class Record(Short):
     """Arrays (count, time, ...) at all instants; see `driving.result.Drive`.
 
     ``disturbance`` (time, q) is that of the step which begins at an instant; ``mass`` [kg] is what
@@ -365,7 +366,7 @@ def _lost(own: Record) -> list[tuple[str, Any, Array, str]]:
 
 
 @dataclass(frozen=True)
-class Event:
+class Event(Short):
     """One thing that happened to one car.
 
     Attributes
@@ -396,7 +397,7 @@ class Event:
 
 
 @dataclass(frozen=True, eq=False)
-class Motion:
+class Motion(Short):
     """Motion of the parameters: (count, time, q) arrays, in their units."""
 
     space: Space
@@ -515,7 +516,7 @@ def summary(events: Sequence[Event], count: int) -> list[str]:
 
 
 @dataclass(frozen=True, eq=False)
-class Claims:
+class Claims(Short):
     """Bounds that margins prove: one row a claim, in the parameters' units, infinite for any rate.
 
     Without parameters a row has one number, of weight.

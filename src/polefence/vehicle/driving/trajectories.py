@@ -175,7 +175,7 @@ def read_trajectories(plant: UncertainPlant, given: Any, times: Array) -> Trajec
         return Trajectories(space, tuple(_car(space, g, times) for g in given))
     try:
         alpha = np.atleast_2d(np.asarray(given, dtype=float))
-    except (TypeError, ValueError) as error:
+    except (TypeError, ValueError, OverflowError) as error:
         raise InputError(
             "parameters must be a mapping of names to trajectories, a list of such, or alpha"
         ) from error
@@ -212,7 +212,7 @@ def _trajectory(name: str, given: Any, times: Array) -> float | Trajectory:
         return _checked(given, name, ())
     try:
         values = np.asarray(given, dtype=float)
-    except (TypeError, ValueError) as error:
+    except (TypeError, ValueError, OverflowError) as error:
         raise InputError(
             f"{name}: give a number, Jump, Ramp, Sine, a function of time or an array"
         ) from error
@@ -237,7 +237,7 @@ def _checked(given: Trajectory, name: str, last: tuple[int, ...]) -> Trajectory:
         try:
             found = np.asarray(given(times), dtype=float)
             return np.broadcast_to(found, (*times.shape, *last))
-        except (TypeError, ValueError) as error:
+        except (TypeError, ValueError, OverflowError) as error:
             if isinstance(error, InputError):
                 raise
             raise InputError(

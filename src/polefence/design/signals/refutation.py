@@ -349,17 +349,16 @@ def refusal(task: Task, reasons: Sequence[str]) -> NotProvedError:
         refutation = refuted(task, conflict)
         if refutation is not None:
             return NotProvedError(str(refutation), refutation=refutation)
-        named = [str(p) if isinstance(p, Region) else limit_text(p) for p in conflict]
-        return NotProvedError(
-            f"not proved: {label} finds no law for these together, and one for any of them left "
-            f"out: {'; '.join(named)}"
-        )
+        named = [task.parts[p] if isinstance(p, Region) else limit_text(p) for p in conflict]
+        these = "this" if len(named) == 1 else "these together, and one for any of them left out"
+        return NotProvedError(f"not proved: {label} finds no law for {these}: {'; '.join(named)}")
     why = (
         reasons[0] if reasons else "a bound or the region was not proved of the law that was found"
     )
     named = [limit_text(s) for s in task.limits if s.at_most]
     return NotProvedError(
-        f"not proved: {label}, {task.region}, {'; '.join(named) or 'no limits'}: {why}"
+        f"not proved: {label}, {' & '.join(task.parts.values())}, "
+        f"{'; '.join(named) or 'no limits'}: {why}"
     )
 
 

@@ -81,6 +81,14 @@ def service_command(options: Any) -> int:
 
 def _explained(service: Margins) -> Iterator[str]:
     """Say what rates are about, and where the law itself leaves the region that was asked for."""
+    yield (
+        "an error of each gain: every gain of the law that is not zero, all at once, each by up to "
+        "this share of its largest size"
+    )
+    if any(margin.name == "gain-law-states" for margin in service):
+        yield (
+            "  of what u is; and, with those exact, of the rates of the law's own states (A_c, B_c)"
+        )
     rates = [margin for margin in service if margin.kind == "rate"]
     leave = f"exponential stability, decay rate {exactly(service.decay)} 1/s"
     own = service["gain"].design

@@ -2,8 +2,8 @@
 
 Run: python benchmarks/gain_errors.py [count] [seed]
 
-Plants have two to five states, one or two parameters of +-20 % in rows of A, one or two inputs, some
-of them lightly damped. Laws are regulators of all states with some gains left out, and regulators
+Plants have two to five states, one or two parameters of +-20 % in rows of A, one or two inputs;
+some are lightly damped. Laws are regulators of all states with some gains left out, and regulators
 with observers: laws with states of their own. Where it breaks is looked for by another way than the
 project's own: signs of errors at random, then one flipped after another, at the vertices.
 """
@@ -76,7 +76,9 @@ def breaks_at(rng, plant, K, sizes):
     """Return the least error, of these starts, at which a pole at a vertex is not stable."""
     off, least = np.argwhere(sizes > 0), MOST
     for start in range(STARTS):
-        signs = rng.choice([-1.0, 1.0], size=K.shape) if start > 1 else np.full(K.shape, 1 - 2 * start)
+        signs = (
+            rng.choice([-1.0, 1.0], size=K.shape) if start > 1 else np.full(K.shape, 1 - 2 * start)
+        )
         here = min(least, MOST)
         for _ in range(3):
             flips = np.repeat(signs[None], len(off) + 1, axis=0).astype(float)
@@ -124,7 +126,9 @@ def main():
                 flush=True,
             )
     r = np.array(ratios)
-    print(f"ratio: median {np.median(r):.2f}, 90 % {np.quantile(r, 0.9):.2f}, largest {r.max():.2f}")
+    print(
+        f"ratio: median {np.median(r):.2f}, 90 % {np.quantile(r, 0.9):.2f}, largest {r.max():.2f}"
+    )
     print(f"within 3: {np.mean(r <= 3):.3f} of {len(r)}; slowest {max(times):.1f} s")
 
 

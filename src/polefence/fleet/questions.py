@@ -349,7 +349,9 @@ class Service(Place):
         kind = self.margin.partition("-")[0]
         if kind == "rate":
             return parameter_rate(design, self.decay)
-        return gain_error(design) if kind == "gain" else estimation_error(design)
+        if kind == "gain":
+            return gain_error(design), gain_error(design, own_states=True)
+        return estimation_error(design)
 
 
 @dataclass(frozen=True)

@@ -62,7 +62,7 @@ LEAST_ERROR, PRECISION = (
 HALVINGS = 20  # at most, of what a quarter more breaks
 
 GIVEN = ((1, 0), (1, 1), (1, 2))  # pieces and elevation that are tried of a law that was given
-COVERS = (1.0, 1.1, 1.5, 3.0, 10.0, 30.0, 100.0, 1e3, 1e4)  # times Omega, while it gains
+COVERS = (1.0, 1.1, 1.5, 3.0, 10.0, 30.0, 100.0, 300.0, 1e3, 3e3, 1e4)  # times Omega
 ROUNDS = 30  # of the golden section for each mu
 WIDTH = 9.0  # decades of mu that it looks at
 

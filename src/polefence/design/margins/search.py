@@ -152,25 +152,26 @@ def estimation_error(design: Design, *, region: Region | None = None) -> tuple[M
     return _estimates(_task(design, region))
 
 
-def gain_error(design: Design, *, region: Region | None = None) -> tuple[Margin, ...]:
+def gain_error(design: Design, *, region: Region | None = None, own_states: bool = False) -> Margin:
     """Return how far each gain may be off, all at once, as a share of its size.
 
     K(alpha) + Delta, of what the law measures or of all states, keeps the poles in the region for
     every Delta of |Delta_ij| <= value * k_ij, k_ij the largest |K_ij| at the corners: gains that
     are zero are exact. ``claim.sizes`` has the k_ij.
 
-    Returns
-    -------
-    tuple of Margin
-        Of the gains of the inputs; and of those of the rates of the law's own states, its A_c and
-        B_c, where it has some. Each takes the others as exact.
+    Parameters
+    ----------
+    own_states : bool
+        Not the gains of the inputs but those of the rates of the law's own states, its A_c and
+        B_c. Either takes the others as exact.
 
     Raises
     ------
     InputError
         If the design or the region is none, or the design is an observer's.
     """
-    return _gains(_task(design, region))
+    task = _task(design, region)
+    return _gain(task, OWN if own_states else "", Gains.of(task.design, own=own_states))
 
 
 @stage(SUBJECTS["gain"])

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from fractions import Fraction
 from typing import Any
 
@@ -271,10 +271,9 @@ class EachQuestion:
         slope[:, :n, n + w :], slope[:, n + w :, :n] = right, right.swapaxes(1, 2)
         return largest_step(base, slope)
 
-    def claim(self, subject: Subject, reached: Reached, share: float) -> EachGain:
-        """Return the claim of a share of the error that was reached."""
-        error = reached.value * share
-        every = []
+    def claim(self, subject: Subject, reached: Reached) -> EachGain:
+        """Return the claim of an error, or a little less."""
+        error, every = reached.value, []
         for (largest, tau), own in zip(reached.each, self.mu, strict=True):
             # at a smaller error, the middle of what the multipliers may be
             scale = tau * error / largest
@@ -305,7 +304,8 @@ def each_gain_claim(design: Design, region: Region, gains: Gains) -> tuple[EachG
         found += [(reached[-1], question, own)] if reached else []
     for best, question, own in sorted(found, key=lambda one: -one[0].value):
         subject = subject_of(own, region, best)
-        claims = (question.claim(subject, best, share) for share in RETREATS)
+        each = (replace(best, value=best.value * share) for share in RETREATS)
+        claims = (question.claim(subject, one) for one in each)
         claim = first(one if holds(one) else None for one in claims)
         if claim is not None:
             return claim, own

@@ -309,10 +309,10 @@ def _nearby(
             done = searched(closer, inner)
         except NotProvedError:
             break
-        found = proved(done, inner)
+        nearer = proved(done, inner)
         lowest = min(lowest, _level(done))
-        if found is not None and (best is None or _level(found) < _level(best)):
-            best = found
+        if nearer is not None and (best is None or _level(nearer) < _level(best)):
+            best = nearer
         if best is not None and (minimise is None or _level(best) <= lowest * (1 + nearby.ENOUGH)):
             break
     if best is None:

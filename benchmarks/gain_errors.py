@@ -110,7 +110,9 @@ def main():
         if not answer.proved:
             continue
         start = time.process_time()
-        margins = gain_error(answer.design)
+        margins = [gain_error(answer.design)]
+        if whole.shape[0] > plant.shape[0]:
+            margins.append(gain_error(answer.design, own_states=True))
         times.append(time.process_time() - start)
         K, m = law.K, B.shape[1]
         for margin, rows in zip(margins, (slice(0, m), slice(m, None)), strict=False):

@@ -208,3 +208,51 @@ def test_zero_columns_and_dead_states_have_no_part(capsys):
     assert one.value == pytest.approx(other.value, rel=0.05)
     assert one.upper == pytest.approx(other.upper, rel=0.01)
     assert one.value < one.upper < 3 * one.value
+
+
+VAN = """
+name = "van"
+states = ["deflection [m]", "tyre [m]", "body [m/s]", "wheel [m/s]", "force [N]"]
+inputs = ["demand [N]"]
+[constants]
+m2 = 48
+c = 1400
+w = 251
+[parameter.m1]
+range = [280, 620]
+unit = "kg"
+through = "1/m1"
+[parameter.k]
+range = [18700, 25300]
+unit = "N/m"
+[matrices]
+A = [
+    [0, 0, -1, 1, 0],
+    [0, 0, 0, -1, 0],
+    ["k/m1", 0, "-c/m1", "c/m1", "1/m1"],
+    ["-k/m2", "210000/m2", "c/m2", "-c/m2", "-1/m2"],
+    [0, 0, 0, 0, "-w"],
+]
+B = [[0], [0], [0], [0], ["w"]]
+[outputs]
+"acceleration [m/s2]" = {C = ["k/m1", 0, "-c/m1", "c/m1", "1/m1"]}
+"""
+
+
+def test_a_law_with_a_filter_of_an_acceleration_bears_half_of_every_gain():
+    """In states its rows cancel one another: errors of the gains of signals are what matters."""
+    plant = with_states(loads(VAN), 1)
+    y = tuple(map(plant.signal, ["deflection", "acceleration", "law state 1"]))
+    gains = np.array([[[13743.7, -826.763, -5720.96], [0.0, 1.58145, -1.58145]]])
+    made = analyse(plant, PolynomialGain(((0, 0),), gains, y, plant.parameters), HalfPlane(0))
+    service = in_service(made.design)
+    for name, least in (("gain", 0.5), ("gain-law-states", 0.6)):
+        margin = service[name]
+        assert least < margin.value < margin.upper < 3 * margin.value
+    random = np.random.default_rng(3)
+    for name in ("gain", "gain-law-states"):
+        sizes = np.array(service[name].claim.sizes, dtype=float)
+        for v in range(4):
+            A, B, C = plant.A[v], plant.B[v], made.law.C[v]
+            off = random.uniform(-1, 1, (500, *sizes.shape)) * service[name].value * sizes
+            assert np.linalg.eigvals(A + B @ (gains[0] + off) @ C).real.max() < 0

@@ -87,8 +87,8 @@ def _explained(service: Margins) -> Iterator[str]:
     )
     if any(margin.name == "gain-law-states" for margin in service):
         yield (
-            "  first the gains of the inputs, then those of the law's own states (A_c, B_c); either "
-            "takes the others as exact"
+            "  first the gains of the inputs, then those of the law's own states (A_c, B_c); "
+            "either takes the others as exact"
         )
     rates = [margin for margin in service if margin.kind == "rate"]
     leave = f"exponential stability, decay rate {exactly(service.decay)} 1/s"

@@ -319,7 +319,7 @@ def test_what_is_proved_is_nearly_all_that_is(proved, name):
     document = proved[name]
     assert answer(document)
     table = document["claims"][0]
-    key = {"estimate": "errors", "gain error": "error", "rate": "rates"}[table["kind"]]
+    key = {"estimate": "errors", "error of each gain": "error", "rate": "rates"}[table["kind"]]
     more = (lambda v: v * 1.01) if key == "error" else (lambda v: [x * 1.01 for x in v])
     less = (lambda v: v * 0.5) if key == "error" else (lambda v: [x * 0.5 for x in v])
     assert not answer(changed(document, "claims", 0, key, value=more))
@@ -354,7 +354,7 @@ def test_the_ranges_are_part_of_the_claim(proved, name):
     narrow = changed(narrow, *parameters, 1, "range", value=[1, 1.2])
     number, through = (0, "m") if name.endswith("m") else (1, "1/k")
     flipped = changed(document, *parameters, number, "through", value=through)
-    if kind == "gain error":  # which is about alpha alone
+    if kind == "error of each gain":  # which is about alpha alone
         assert answer(narrow)
         assert answer(flipped)
         return
@@ -367,11 +367,13 @@ def test_the_ranges_are_part_of_the_claim(proved, name):
 def test_faults_of_single_claims(proved):
     gain, rate, estimate = proved["gain"], proved["rate"], proved["estimate"]
     for factor in (0.01, 100):
-        mu = changed(gain, "claims", 0, "mu", value=lambda v, f=factor: [x * f for x in v])
+        mu = changed(gain, "claims", 0, "mu", value=lambda v, f=factor: (np.array(v) * f).tolist())
         assert not answer(mu)
-    for key in ("rows", "columns"):
-        wider = changed(gain, "claims", 0, key, value=lambda v: [x * 1.1 for x in v])
+    for j in range(2):
+        wider = changed(gain, "claims", 0, "sizes", 0, j, value=lambda v: v * 1.5)
         assert not answer(wider)
+        narrower = changed(gain, "claims", 0, "sizes", 0, j, value=0)  # one that is not off
+        assert answer(narrower)
     assert not answer(changed(rate, "claims", 0, "decay", value=3))
     assert not answer(changed(gain, "claims", 0, "region", "radius", value=2.0))
     assert not answer(changed(estimate, "claims", 0, "region", "radius", value=2.0))
@@ -460,10 +462,17 @@ def test_claims_that_do_not_fit_together(proved):
     rate, gain = proved["rate"], proved["gain"]
     with pytest.raises(FormatError, match="only one W"):
         answer(changed(rate, "claims", 0, "rates", value="any"))
-    with pytest.raises(FormatError, match="rows must hold 1"):
-        answer(changed(gain, "claims", 0, "rows", value=[1, 1]))
+    for value, message in (
+        ([[1, 1], [1, 1]], "sizes is 2 x 2, not 1 x 2"),
+        ([[0, 0]], "not all zero"),
+        ([[1, -1]], "zero or more"),
+    ):
+        with pytest.raises(FormatError, match=message):
+            answer(changed(gain, "claims", 0, "sizes", value=value))
     with pytest.raises(FormatError, match="mu must be positive"):
-        answer(changed(gain, "claims", 0, "mu", value=[0]))
+        answer(changed(gain, "claims", 0, "mu", 0, 0, 0, value=0))
+    with pytest.raises(FormatError, match="mu must hold 1 matrices"):
+        answer(changed(gain, "claims", 0, "mu", value=lambda v: v * 2))
     with pytest.raises(FormatError, match="continuous time"):
         answer(changed(rate, "plant", value=lambda t: t | {"sample_time": 0.1}))
     with pytest.raises(FormatError, match="no proofs of margins"):

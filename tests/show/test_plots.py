@@ -238,7 +238,7 @@ def test_margins_are_shares_of_what_breaks_them():
     proved = {"claim": object()}
     rows = [
         Margin("estimate", "m1", 2.0, "kg", 8.0, **proved),
-        Margin("gain", "", 0.25, "of each column", **proved),
+        Margin("gain", "", 0.25, "of its size", **proved),
         Margin("rate", "m1", 30.0, "kg/s", **proved),
         Margin("rate", "beta", math.inf, "1/s", **proved),
         Margin("estimate", "beta", 0.0, "", 0.0),

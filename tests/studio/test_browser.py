@@ -291,11 +291,11 @@ def test_another_road_is_another_ride(page):
 
 def test_margins_in_service_are_proved(page):
     named(page, "Prove the margins in service").click()
-    assert until(lambda: "error of the gain" in text_of(page))
+    assert until(lambda: "error of each gain" in text_of(page))
     said = re.search(r"error of the estimate, m1 (\S+) kg\s+breaks at (\S+)", text_of(page))
     assert 2 < float(said[1]) < float(said[2]) < 20
     type_into(page, "Region", "disk(-40, 32)")
-    assert until(lambda: "error of the gain" not in text_of(page))
+    assert until(lambda: "error of each gain" not in text_of(page))
 
 
 def observed(page):

@@ -425,6 +425,19 @@ def false_gain(plant, law, claim, gain=None):
     return False
 
 
+def false_each_gain(plant, law, claim):
+    sizes, error = array(claim["sizes"]), number(claim["error"])
+    for alpha in plant.alphas("box" if plant.ranges else "simplex", 6):
+        A, B, K = mix(alpha, plant.A), mix(alpha, plant.B), law.gain(alpha)
+        C = getattr(law, "C", None)
+        for _ in range(6):
+            off = error * sizes * plant.random.choice([-1.0, 1.0], size=sizes.shape)
+            off = off if C is None else off @ np.tensordot(alpha, C, 1)
+            if outside(claim["region"], np.linalg.eigvals(A + B @ (K + off))) > SLACK:
+                return True
+    return False
+
+
 def false_rate(plant, law, claim):
     """At constant parameters, which move at no rate."""
     decay = number(claim["decay"])
@@ -609,6 +622,7 @@ FALSE = {
     "gain norm": false_norm,
     "estimate": false_estimate,
     "gain error": false_gain,
+    "error of each gain": false_each_gain,
     "rate": false_rate,
     "sampled": false_sampled,
     "samples": false_samples,

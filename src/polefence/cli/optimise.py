@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import math
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
@@ -37,6 +38,7 @@ from polefence.cli.common import (
     write_json,
 )
 from polefence.cli.terminal import say
+from polefence.design.checks import is_stability
 from polefence.design.design import FILE_NAME
 from polefence.design.requirements.asked import wanted
 from polefence.design.requirements.specification import Specification
@@ -62,7 +64,7 @@ from polefence.plant.outputs import split
 from polefence.plant.points import seeded, values_at
 from polefence.plant.spec import load
 from polefence.plant.system import Array
-from polefence.region.regions import HalfPlane, Region
+from polefence.region.regions import Disk, Region
 from polefence.region.text import digits_down, digits_up, load_region, parse_region
 from polefence.vehicle.rest import Rest, held_words, rests
 
@@ -357,14 +359,23 @@ def _design_lines(done: Optimised) -> list[str]:
         shared = digits_up(done.shared)
         lines.append(f"  one Lyapunov matrix for region and signals together proves {shared}")
     if done.designed != done.design.region:
-        stable = done.designed in (None, HalfPlane(0))
-        designed = "stability" if stable else str(done.designed)
+        designed = _designed_words(done)
         lines.append(
             f"  designed for {designed}; the whole region was proved of the law afterwards"
         )
     if done.retreat is not None:
         lines.append(f"  {_retreat_line(done.retreat)}")
     return lines
+
+
+def _designed_words(done: Optimised) -> str:
+    """Return what the design asked of the poles; of samples the disk about 0 of a decay as that."""
+    designed, T = done.designed, done.plant.sample_time
+    if designed is None or is_stability(done.plant, designed):
+        return "stability"
+    if T is not None and isinstance(designed, Disk) and not designed.centre:
+        return f"a decay rate of {digits_down(-math.log(designed.radius) / float(T), 4)} 1/s"
+    return str(designed)
 
 
 def _retreat_line(retreat: Retreat) -> str:

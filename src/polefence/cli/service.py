@@ -83,6 +83,15 @@ def service_command(options: Any) -> int:
 
 def _explained(service: Margins) -> Iterator[str]:
     """Say what rates are about, and where the law itself leaves the region that was asked for."""
+    yield (
+        "error of each gain: all gains that are not zero are off at once, each by up to this share "
+        "of its largest size"
+    )
+    if any(margin.name == "gain-law-states" for margin in service):
+        yield (
+            "  first the gains of the inputs, then those of the law's own states (A_c, B_c); "
+            "either takes the others as exact"
+        )
     rates = [margin for margin in service if margin.kind == "rate"]
     stable = "the loop is exponentially stable"
     if service.decay:

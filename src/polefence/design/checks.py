@@ -21,7 +21,7 @@ from polefence.plant.motion import Motion
 from polefence.plant.polynomial import Domain
 from polefence.proof import matrices, roots, work
 from polefence.proof.regions import parts_of
-from polefence.region.regions import Disk, HalfPlane, Region, astray, check_centre
+from polefence.region.regions import Disk, HalfPlane, Region, astray, check_centre, stable
 from polefence.region.z_plane import z_plane
 
 # Multiplications of one step of a search for a law with specifications.
@@ -215,7 +215,7 @@ def require_movable(plant: UncertainPlant, region: Region | None = None) -> None
         outside = modes_outside(vertex.fixed, asked)
         if outside is not None:
             n, rank = vertex.shape[0], vertex.shape[0] - vertex.fixed.count
-            where = f"not in {asked}" if region is not None else "not stable"
+            where = "not stable" if is_stability(plant, asked) else f"not in {asked}"
             many = "s" if vertex.fixed.count > 1 else ""
             raise UncontrollableError(
                 f"{plant.name}, {vertex.name} is uncontrollable: its inputs reach {rank} of {n} "
@@ -227,6 +227,12 @@ def require_movable(plant: UncertainPlant, region: Region | None = None) -> None
 def stable_region(plant: UncertainPlant) -> Region:
     """Return where the poles of stable loops lie."""
     return HalfPlane(0) if plant.sample_time is None else Disk(0, 1)
+
+
+def is_stability(plant: UncertainPlant, region: Region) -> bool:
+    """Whether a region is where the poles of stable loops lie, of a delta form too."""
+    step = float(plant.step)
+    return region == (stable(step) if step else stable_region(plant))
 
 
 def modes_outside(fixed: FixedModes, region: Region) -> str | None:

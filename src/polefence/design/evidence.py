@@ -132,7 +132,7 @@ def forms(plant: UncertainPlant, law: Law, parts: int = 1) -> Iterator[tuple[int
         if form == LADDER[0]:
             if not checked:
                 raise InputError(f"{plant.name}: {blocks} inequalities are more than is checked")
-        elif not checked or _work(plant, law, form) > MOST_WORK:
+        elif not checked or work_of(plant, law, form) > MOST_WORK:
             return
         yield form
 
@@ -144,7 +144,7 @@ def _blocks(plant: UncertainPlant, law: Law, form: tuple[int, int]) -> int:
     return domain_of(plant, law).count(form[0] + plant.curve_degree + own + form[1])
 
 
-def _work(plant: UncertainPlant, law: Law, form: tuple[int, int]) -> float:
+def work_of(plant: UncertainPlant, law: Law, form: tuple[int, int]) -> float:
     """Return about what a step of the search for one costs [multiplications]."""
     n = plant.shape[0]
     unknowns = domain_of(plant, law).count(form[0]) * n * (n + 1) // 2
@@ -337,7 +337,7 @@ class _Inside:
         self.loop = loop_of(plant, law)
         self.claim = certificate_of(plant, law, part, [placeholder(plant, law)]).claim()
         first, *higher = IN_PARTS
-        cheap = (form for form in higher if _work(plant, law, form) <= MOST_IN_PART)
+        cheap = (form for form in higher if work_of(plant, law, form) <= MOST_IN_PART)
         self.forms, self.spent = (first, *cheap), 0
 
     @property
@@ -394,7 +394,7 @@ def _most_parts(plant: UncertainPlant, law: Law, parts: int) -> int:
         return 1
     blocks = _blocks(plant, law, IN_PARTS[-1]) * parts**2
     checked = matrices.least_work(blocks, 2 * plant.shape[0])
-    found = MOST_PARTS * MOST_IN_PART / _work(plant, law, IN_PARTS[0])
+    found = MOST_PARTS * MOST_IN_PART / work_of(plant, law, IN_PARTS[0])
     return min(MOST_PARTS, work.MAX_WORK // checked, int(found))
 
 

@@ -8,7 +8,7 @@ from fractions import Fraction
 from typing import Any
 
 from polefence.base.errors import InputError, UnobservableError, suggest
-from polefence.design.checks import modes_outside, stable_region
+from polefence.design.checks import is_stability, modes_outside, stable_region
 from polefence.plant.controllability import fixed_modes
 from polefence.plant.family import UncertainPlant
 from polefence.plant.outputs import Output, states
@@ -210,10 +210,11 @@ def require_detectable(
     for where, own, seen in places:
         outside = modes_outside(fixed_modes(transposed(own), transposed(seen)), asked)
         if outside is not None:
+            where_not = "not stable" if is_stability(plant, asked) else f"not in {asked}"
             names, helps = " and ".join(repr(s.name) for s in measured), _remedy(plant, C)
             raise UnobservableError(
                 f"{plant.name}, {where}: not detectable: what is measured ({names}) does not see "
-                f"the pole {outside}, not {'stable' if region is None else f'in {region}'}, and no "
+                f"the pole {outside}, {where_not}, and no "
                 "law that feeds it back moves that; measure more"
                 + (f", for example also {helps}" if helps else "")
             )

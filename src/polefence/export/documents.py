@@ -289,16 +289,14 @@ def rebuilt_texts(table: Any, certificate: Certificate, facts: Facts, own_states
     if not all(_is_number(v) and 0 < v < 1e30 for v in limits):
         raise InputError("text: limits must be positive numbers")
     facts = replace(facts, limited=bool(limits))
-    loop, own = facts.loop, certificate.plant.sample_time
-    time = loop.sample_time if loop else None if own is None else float(own)
     return Texts(
         name,
         certificate.plant.name,
         statement(facts),
         *names(certificate, own_states),
         tuple(map(float, limits)),
-        time,
-        loop.delay if loop else 0,
+        facts.period,
+        facts.delay,
     )
 
 
@@ -399,6 +397,18 @@ class Facts:
     observer: Observer | None = None
     reason: str = ""
     late: int = 0
+
+    @property
+    def period(self) -> float | None:
+        """From one update to the next [s], where that is known."""
+        if self.loop is not None:
+            return self.loop.sample_time
+        return None if self.sample_time is None else float(self.sample_time)
+
+    @property
+    def delay(self) -> int:
+        """From measuring to applying u, in samples: of the loop that was judged."""
+        return self.late if self.loop is None else self.loop.delay
 
 
 def loop_of(timed: Timing) -> Loop:

@@ -163,15 +163,15 @@ def export_c99(
     timed = None if sampling is None else timing(design, sampling, found, observer)
     if timed is not None and not timed.proved and not allow_unproved:
         raise NotProvedError(f"not exported: {timed.reason}")
-    lines = statement(_facts(design, found, bool(cuts), timed, observer))
+    facts = _facts(design, found, bool(cuts), timed, observer)
     texts = Texts(
         name,
         design.plant.name,
-        lines,
+        statement(facts),
         *names(design, order),
         cuts,
-        _time(design, sampling),
-        int(sampling is not None and sampling.delayed),
+        facts.period,
+        facts.delay,
     )
     whole = Exported(design, made, texts, found, timed, observer)
     files = _files(whole)
@@ -318,14 +318,6 @@ def _limits(limits: Any, inputs: int) -> tuple[float, ...]:
                 f"limits: {value!r} must be a number from 1e-30 to 1e30, in the input's unit"
             )
     return tuple(map(float, values))
-
-
-def _time(design: Design, sampling: Sampling | None) -> float | None:
-    """Return the sample time [s]: the plant's own, where it has one."""
-    own = design.plant.sample_time
-    if own is not None:
-        return float(own)
-    return None if sampling is None else sampling.period
 
 
 def _files(found: Exported) -> dict[str, bytes]:

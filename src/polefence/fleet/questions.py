@@ -41,8 +41,8 @@ from polefence.plant.expression import decimal_text
 from polefence.plant.family import UncertainPlant
 from polefence.plant.points import seeded
 from polefence.plant.spec import loads
+from polefence.proof.claims.each_gain import EachGain
 from polefence.proof.claims.estimate import Estimate
-from polefence.proof.claims.gain_error import GainError
 from polefence.proof.claims.gain_norm import BoundClaim
 from polefence.proof.claims.margins import MarginClaim
 from polefence.proof.claims.poles import Poles
@@ -61,7 +61,7 @@ SAMPLED = "sampled"
 GOOD = (PROVED, SAMPLED)
 DIED = "the process that worked on it died, each time: out of memory, or a fault of ours"
 SIZES = {"disk": "radius", "half_plane": "decay", "sector": "damping"}
-KINDS = {"gain": GainError.kind, "estimate": Estimate.kind, "rate": Rate.kind}
+KINDS = {"gain": EachGain.kind, "estimate": Estimate.kind, "rate": Rate.kind}
 OF_METHOD = ("degree", "elevation", "on")
 FEW = 200  # points at which a law is sampled
 
@@ -308,13 +308,15 @@ class Service(Place):
         own = document.first(MarginClaim)
         if own is None or own.kind != KINDS.get(self.margin.partition("-")[0]):
             return f"its file is about no {self.margin}"
+        if isinstance(own, EachGain) and any(own.sizes[0]) != (self.margin == "gain"):
+            return "its file is about other gains of the law"
         same = isinstance(own, Rate) or write_region(own.subject.design.region) == self._asked
         return "" if same else f"its file is not about {self.region}"
 
     def proves(self, document: Document, bound: float) -> bool:
         """Whether no more is said than that."""
         own = document.first(MarginClaim)
-        if isinstance(own, GainError):
+        if isinstance(own, EachGain):
             return bound <= own.error
         values: tuple[Fraction, ...] | None = None
         if isinstance(own, Estimate):
@@ -348,7 +350,9 @@ class Service(Place):
         kind = self.margin.partition("-")[0]
         if kind == "rate":
             return parameter_rate(design, self.decay)
-        return (gain_error(design),) if kind == "gain" else estimation_error(design)
+        if kind == "gain":
+            return gain_error(design), gain_error(design, own_states=True)
+        return estimation_error(design)
 
 
 @dataclass(frozen=True)

@@ -15,6 +15,7 @@ from typing import Any
 from polefence.proof.claims.base import Claim, Verdict, counting, prove
 from polefence.proof.claims.cells import Cells, Interpolated, read_interpolated
 from polefence.proof.claims.clipped import Clipped
+from polefence.proof.claims.each_gain import EachGain
 from polefence.proof.claims.energy_peak import EnergyPeak
 from polefence.proof.claims.estimate import Estimate
 from polefence.proof.claims.gain import Gain
@@ -60,6 +61,7 @@ KINDS: Mapping[str, type[Claim]] = MappingProxyType(
             GainNorm,
             Estimate,
             GainError,
+            EachGain,
             Rate,
             Sampled,
             Samples,

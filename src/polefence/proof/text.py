@@ -219,6 +219,16 @@ def errors_text(
     return f"K off by S D T for all |D| <= 1, S = diag({left}), T = {right}"
 
 
+def each_gain_text(error: Fraction, sizes: Sequence[Sequence[Fraction]]) -> str:
+    """Say by how much each gain may be off, all at once; rounded down, which leaves errors out."""
+    if max(len(sizes), len(sizes[0])) > MOST_ROWS:
+        by = f"{digits_down(error, 4)} times its size in the file"
+    else:
+        rows = (" ".join(digits_down(error * s, 4) if s else "0" for s in row) for row in sizes)
+        by = f"[{'; '.join(rows)}]"
+    return f"each gain of K off by itself, by up to {by}"
+
+
 def milliseconds_text(time: Fraction) -> str:
     """Return a time [s] in milliseconds: of a double the shortest decimal that reads back as it."""
     if Fraction(float(time)) == time and len(repr(float(time))) <= SHORT:

@@ -5,10 +5,10 @@ from __future__ import annotations
 import json
 import math
 import re
+from itertools import product
 
 import numpy as np
 import pytest
-from scipy.optimize import minimize
 
 from polefence import InputError, Parameter, Scheduled, UncertainPlant, place, tightest
 from polefence.base.errors import DesignFileError
@@ -136,22 +136,23 @@ def test_poles_stay_where_the_gain_is_wrong(services, name):
     design, margin = services[name].design, services[name]["gain"]
     random = np.random.default_rng(2)
     N, (n, m) = len(design.plant.vertices), design.plant.shape
-    rows, columns = (np.array(x, dtype=float) for x in (margin.claim.rows, margin.claim.columns))
+    sizes = np.array(margin.claim.sizes, dtype=float)
     if design.plant.parameters:
         shares = random.uniform(0, 1, (500, 2))
         alpha = np.array([np.kron([1 - s, s], [1 - t, t]) for s, t in shares])
     else:
         alpha = random.dirichlet(np.full(N, 0.5), 500)
-    D = random.normal(size=(500, m, n))
-    D /= np.linalg.norm(D, 2, axis=(1, 2))[:, None, None]
+    D = random.choice([-1.0, 1.0], size=(500, m, n))
+    D[::5] *= random.uniform(size=(100, m, n))
     K = design.law.gain(alpha)
     A, B = design.plant.at(alpha)
-    off = margin.value * rows[:, None] * D * columns
+    off = margin.value * D * sizes
     assert design.region.contains(np.linalg.eigvals(A + B @ (K + off)))
-    # the scales are those of the gain: no column has a larger entry at a corner
+    # each gain is measured by its own size: that of no corner is larger
     corners = np.abs(design.law.gain(np.eye(N)))
-    assert np.allclose(corners.max(axis=(0, 1)), columns)
-    assert rows.max() == 1
+    assert np.allclose(corners.max(axis=0), sizes, rtol=1e-15)
+    # and not much more breaks: errors that move would, where what is proved holds for them too
+    assert margin.upper is None or margin.upper <= 4.5 * margin.value
 
 
 @pytest.mark.parametrize("name", ALL)
@@ -162,6 +163,10 @@ def test_what_is_said_to_break_does(services, name):
     for margin in broken:
         distance = by_the_gain if margin.kind == "gain" else by_the_estimate
         assert distance(services[name].design, margin) > -1e-3, margin.name
+
+
+def region_distance(design, loops):
+    return design.region.distance(np.linalg.eigvals(loops)).max()
 
 
 def by_the_estimate(design, margin):
@@ -190,16 +195,10 @@ def by_the_gain(design, margin):
     alpha = np.array(re.search(r"\(([^)]*)\)", margin.example)[1].split(", "), dtype=float)
     A, B = design.plant.at(alpha / alpha.sum())
     K = design.law.gain(alpha / alpha.sum())
-    rows, columns = (np.array(x, dtype=float) for x in (margin.claim.rows, margin.claim.columns))
-
-    def inside(D):
-        off = margin.upper * rows[:, None] * D.reshape(K.shape) * columns
-        size = max(np.linalg.norm(D.reshape(K.shape), 2), 1e-12)
-        return -design.region.distance(np.linalg.eigvals(A + B @ (K + off / size))).max()
-
-    random = np.random.default_rng(5)
-    starts = sorted(random.normal(size=(300, K.size)), key=inside)[:5]
-    return -min(minimize(inside, start, method="Nelder-Mead").fun for start in starts)
+    sizes = np.abs(design.law.gain(np.eye(len(design.plant.vertices)))).max(axis=0)
+    signs = np.array(list(product((-1, 1), repeat=K.size))).reshape(-1, *K.shape)
+    off = A + B @ (K + margin.upper * signs * sizes)
+    return region_distance(design, off)
 
 
 # --- one state: poles, and what is proved, in closed form ----------------------------------------
@@ -235,7 +234,7 @@ def test_one_state_gains(single):
     q = np.linspace(1, 3, 2001)
     K = single.law.gain(alphas(single.plant, q[:, None]))[:, 0, 0]
     room = (0.5 - np.abs(q + K + 2)).min()
-    (scale,) = margin.claim.columns
+    ((scale,),) = margin.claim.sizes
     assert margin.value * float(scale) == pytest.approx(room, rel=0.01)
     assert margin.value * float(scale) <= room <= margin.upper * float(scale) * (1 + 1e-3)
 

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from polefence.design.margins import estimation_error, gain_error, in_service, parameter_rate
+from polefence.law.laws import PolynomialGain
 from polefence.proof.claims.base import prove
 from polefence.proof.work import FormatError
 from support.polynomials import REGION, design
@@ -48,16 +49,21 @@ def test_gains_that_are_off_keep_the_region_and_break_it_beyond(kind):
     margin = gain_error(own)
     assert margin.proved
     assert margin.upper is None or margin.upper > margin.value
-    claim = margin.claim
-    S = np.diag(np.array(claim.rows, dtype=float)) * float(claim.error)
-    T = np.array(claim.right, dtype=float)
-    for _ in range(100):
+    law, off = own.law, float(margin.claim.error) * np.array(margin.claim.sizes, dtype=float)
+    of_signals = isinstance(law, PolynomialGain) and law.measured
+    gains = law.own_gain(np.eye(4)) if of_signals else law.gain(np.eye(4))
+    assert np.allclose(np.abs(gains).max(axis=0) * float(margin.claim.error), off, rtol=1e-12)
+    for _ in range(200):
         s, t = random.uniform(size=2)
         alpha = np.kron([1 - s, s], [1 - t, t])
-        D = random.normal(size=(1, 4))
+        D = off * random.choice([-1.0, 1.0, random.uniform()], size=off.shape)
         A, B = own.plant.at(alpha)
-        off = S @ (D / np.linalg.norm(D)) @ T
-        assert REGION.contains(np.linalg.eigvals(A + B @ (own.law.gain(alpha) + off)))
+        C = np.eye(4)
+        if of_signals:
+            C = law.C[0] if len(law.C) == 1 else np.tensordot(alpha, law.C, 1)
+        assert REGION.contains(np.linalg.eigvals(A + B @ (law.gain(alpha) + D @ C)))
+    if margin.upper is not None:
+        assert margin.upper < 3 * margin.value
 
 
 @pytest.mark.parametrize("kind", [*KINDS, "one gain", "varying"])

@@ -13,7 +13,7 @@ import numpy as np
 
 from polefence.design.counterexample import leaves
 from polefence.design.design import Design
-from polefence.design.margins.kinds import Scales
+from polefence.design.margins.gains import MOST, Gains
 from polefence.design.search import edge, first
 from polefence.law.laws import PolynomialGain
 from polefence.plant.parameters import Parameter
@@ -21,7 +21,6 @@ from polefence.plant.points import exact_alpha, inside, joint, weights_of
 from polefence.plant.polynomial import Domain
 from polefence.plant.system import Array
 from polefence.proof import matrices, work
-from polefence.proof import matrices as definite
 from polefence.proof.claims.poles import Poles
 from polefence.proof.matrices import Rationals, product
 from polefence.proof.regions import parts_of
@@ -30,7 +29,7 @@ from polefence.region.regions import Region
 
 GRID = {1: 65, 2: 13, 3: 6}  # points of each interval, by the number of parameters; else 4
 NEAR, SPREADS = 64, (0.1, 0.03, 0.01)  # more points about the worst, within shares of the ranges
-MOST = 2000  # of them at all
+MOST_PAIRS = 2000  # of them at all
 ROUNDS = 10  # of bisection
 CORNERS, INNER = 64, 48  # points of the family that are looked at
 TURNS = 3  # times that the directions are chosen, each from where the last ones led
@@ -142,7 +141,7 @@ class _Parameters:
         every = np.array(list(every_of(*((-1, 1) if u else (0,) for u in unit))))
         estimates = np.repeat(points, len(every), axis=0)
         signs = np.tile(every, (len(points), 1))
-        kept = np.random.default_rng(0).permutation(len(estimates))[:MOST]
+        kept = np.random.default_rng(0).permutation(len(estimates))[:MOST_PAIRS]
         return cls(design, tuple(unit), estimates[kept], signs[kept])
 
     @property
@@ -198,7 +197,7 @@ class _Weights:
         """Return all moves at vertices and at a sample of points."""
         N = len(design.plant.vertices)
         ends = np.array(list(permutations(range(N), 2)) or [(0, 0)])
-        points = np.vstack([np.eye(N), inside(Domain((N,)), max(MOST // len(ends), 8))])
+        points = np.vstack([np.eye(N), inside(Domain((N,)), max(MOST_PAIRS // len(ends), 8))])
         return cls(design, np.repeat(points, len(ends), axis=0), np.tile(ends, (len(points), 1)))
 
     def near(self, index: int, spread: float, random: np.random.Generator) -> _Weights:
@@ -236,38 +235,43 @@ def _closed(design: Design, plant: Array, law: Array) -> Array:
 # --- errors of the gain --------------------------------------------------------------------------
 
 
-def gain_break(design: Design, region: Region, scales: Scales, least: float) -> Break | None:
-    """Return an error of the gain, from ``least`` to 1, at which a pole is not in the region.
+def gain_break(design: Design, region: Region, gains: Gains, least: float) -> Break | None:
+    """Return an error of each gain, from ``least`` to `MOST`, at which a pole is not in the region.
 
-    The directions D are those in which a pole moves outwards fastest, to first order.
+    All gains are off by as much. Their signs are those that move a pole outwards fastest, to first
+    order; all of one sign besides.
     """
-    alphas = _places(design)
+    alphas, (n, _) = _places(design), design.plant.shape
     points = np.array(alphas, dtype=float)
     A, B = design.plant.at(points)
-    closed, left = A + B @ design.law.gain(points), B * scales.rows
-    D = _outward(closed, left, scales.columns, region)[1]
-    count = D.shape[1]  # one direction a pole
-    closed, left = np.repeat(closed, count, axis=0), np.repeat(left, count, axis=0)
-    D = D.reshape(-1, *D.shape[2:])
+    closed, C = A + B @ design.law.gain(points), gains.rows(points, n)
+    signs = _outward(closed, B, C, gains.sizes, region)
+    same = np.broadcast_to(np.ones_like(gains.sizes), (len(points), 1, *gains.sizes.shape))
+    signs = np.concatenate([signs, same, -same], axis=1)
+    count = signs.shape[1]
+    closed, B, C = (np.repeat(each, count, axis=0) for each in (closed, B, C))
+    signs = signs.reshape(-1, *gains.sizes.shape)
     best: tuple[float, int, Array] | None = None
     for _ in range(TURNS):
-        moved = _Moved(closed, left @ (D * scales.columns))
-        t = _smallest_break(moved, region, least)
+        moved = _Moved(closed, B @ (signs * gains.sizes) @ C)
+        t = _smallest_break(moved, region, least, MOST)
         if t is None:
             break
         if best is None or t < best[0]:
             worst = int(_distance(moved, region, t).argmax())
-            best = t, worst, D[worst]
-        poles, turned = _outward(moved.at(t), left, scales.columns, region)
-        D = turned[np.arange(len(D)), region.distance(poles).argmax(axis=-1)]
+            best = t, worst, signs[worst]
+        loops = moved.at(t)
+        turned = _outward(loops, B, C, gains.sizes, region)
+        worst_poles = region.distance(np.linalg.eigvals(loops)[..., None]).reshape(len(loops), n)
+        signs = turned[np.arange(len(signs)), worst_poles.argmax(axis=-1)]
     if best is None:
         return None
-    (error, worst, direction), claim = best, _claim(design, region)
+    (error, worst, signs), claim = best, _claim(design, region)
     alpha = alphas[worst // count]
 
-    def exactly(size: float) -> tuple[tuple[Rationals, Rationals] | None, str]:
+    def exactly(size: float) -> tuple[tuple[Rationals, Rationals], str]:
         weights = ", ".join(f"{float(a):.4g}" for a in alpha)
-        return _off(claim, scales, alpha, direction, size), f"at alpha = ({weights})"
+        return _off(claim, gains.sizes, alpha, signs, size), f"at alpha = ({weights})"
 
     return _confirmed(exactly, claim, [error * factor for factor in RETRIES])
 
@@ -295,42 +299,31 @@ def _places(design: Design) -> list[list[Fraction]]:
     return [*corners, *short]
 
 
-def _outward(closed: Array, left: Array, right: Array, region: Region) -> tuple[Array, Array]:
-    """Return the poles, (c, n), and for each the D, |D| = 1, that moves it outwards fastest.
+def _outward(closed: Array, B: Array, C: Array, sizes: Array, region: Region) -> Array:
+    """Return for each pole, (count, n, m, r), the signs of errors that move it outwards fastest.
 
-    A pole with eigenvectors y' and x, y' x = 1, moves by t y' left D diag(right) x.
+    A pole with eigenvectors y' and x, y' x = 1, moves by y' B D C x.
     """
     poles, X = np.linalg.eig(closed)
     Y = np.linalg.pinv(X)
     step = 1e-6 * region.size
     here = region.distance(poles)
     slope = region.distance(poles + step) - here - 1j * (region.distance(poles + 1j * step) - here)
-    rows, columns = Y @ left, right[:, None] * X
-    G = np.real(
-        slope[..., None, None] * rows[..., :, None] * columns.swapaxes(-1, -2)[..., None, :]
-    )
-    U, _, V = np.linalg.svd(G, full_matrices=False)
-    return poles, np.asarray(U @ V)
+    rows, columns = Y @ B, (C @ X).swapaxes(-1, -2)
+    G = np.real(slope[..., None, None] * rows[..., :, None] * columns[..., None, :])
+    return np.where(G < 0, -1.0, 1.0) * (sizes > 0)
 
 
 def _off(
-    claim: Poles, scales: Scales, alpha: list[Fraction], direction: Array, error: float
-) -> tuple[Rationals, Rationals] | None:
-    """Return the loop whose gain is off, exactly; None where not |D| <= 1 of its direction."""
-    D = [[Fraction(float(d)) * (1 - Fraction(1, 2**30)) for d in row] for row in direction]
-    scale = max(row_entry.denominator for row in D for row_entry in row)
-    whole = [[int(d * scale) for d in row] for row in D]
-    rest = [
-        [scale**2 * (i == j) - sum(map(int.__mul__, a, b)) for j, b in enumerate(whole)]
-        for i, a in enumerate(whole)
-    ]
-    if not definite.is_positive_definite(rest):
-        return None
-    columns = [Fraction(float(c)) * Fraction(error) for c in scales.columns]
+    claim: Poles, sizes: Array, alpha: list[Fraction], signs: Array, error: float
+) -> tuple[Rationals, Rationals]:
+    """Return the loop whose gains are off, exactly."""
     off = [
-        [Fraction(float(r)) * d * c for d, c in zip(row, columns, strict=True)]
-        for r, row in zip(scales.rows, D, strict=True)
+        [Fraction(float(s)) * int(sign) * Fraction(error) for s, sign in zip(*rows, strict=True)]
+        for rows in zip(sizes, signs, strict=True)
     ]
     N, W = claim.fraction_at(alpha)
+    if claim.law.C:
+        off = product(off, matrices.mix(alpha, list(claim.law.C)))
     more = product(product(matrices.mix(alpha, claim.B), off), W)
     return [[x + y for x, y in zip(*rows, strict=True)] for rows in zip(N, more, strict=True)], W

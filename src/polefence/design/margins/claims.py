@@ -221,6 +221,7 @@ class Balanced:
     curve: Array | None = None
     plant_degree: int = 1
     spread: Spread | None = None
+    corners: Array | None = None
 
     @property
     def sizes(self) -> tuple[int, ...]:
@@ -266,6 +267,15 @@ class Balanced:
         )
         X, N, B = (_stacked(elevated(P, domain, power), domain, total)[None] for P, power in each)
         return X, N, B
+
+    def seen(self, C: Array, elevation: int) -> Array:
+        """Return the coefficients of X C', C (N, r, n) at the vertices, as `raised` has X."""
+        domain, d = self.domain, self.plant_degree
+        C = C if self.corners is None else np.tensordot(self.corners, C, 1)
+        moved = bernstein(domain, np.swapaxes(C @ self.T, 1, 2), 1)
+        found = times(bernstein(domain, self.W, self.degree), moved)
+        found = elevated(found, domain, elevation + d - 1)
+        return _stacked(found, domain, self.degree + d + elevation)
 
     def lost(self, M: Array, cover: float = 1.0) -> Array:
         """Return what a remainder takes of the inequality of one L, M, for a multiple of Omega."""
@@ -381,6 +391,7 @@ def _balanced(design: Design, own: Lyapunov, region: Region) -> Balanced:
         np.concatenate([A[N:], B[N:]], axis=2) if plant.curve_degree > 1 else None,
         plant.curve_degree,
         None if own.remainder is None else Spread.of(own.remainder, T, m),
+        None if own.box is None else own.box.alpha(domain, np.eye(domain.corners)),
     )
 
 

@@ -63,7 +63,7 @@ LEAST_ERROR, PRECISION = (
 HALVINGS = 20  # at most, of what a quarter more breaks
 
 GIVEN = ((1, 0), (1, 1), (1, 2))  # pieces and elevation that are tried of a law that was given
-COVERS = (1.0, 1.1, 1.5, 3.0, 10.0, 30.0, 100.0, 1e3, 1e4)  # times Omega, while it gains
+COVERS = (1.0, 1.1, 1.5, 3.0, 10.0, 30.0, 100.0, 300.0, 1e3, 3e3, 1e4)  # times Omega
 ROUNDS = 30  # of the golden section for each mu
 WIDTH = 9.0  # decades of mu that it looks at
 
@@ -237,19 +237,6 @@ class Scales:
         return np.asarray((self.columns @ T).T)
 
 
-def scales_of(design: Design) -> Scales:
-    """Return for each column of K its largest entry at the corners, and the rows' share of it.
-
-    A column of zeros is given the smallest scale of the others.
-    """
-    size = np.abs(design.law.gain(np.eye(len(design.plant.vertices)))).max(axis=0)
-    columns = size.max(axis=0)
-    smallest = columns[columns > 0].min(initial=np.inf)
-    columns = np.where(columns > 0, columns, smallest if np.isfinite(smallest) else 1.0)
-    rows = (size / columns).max(axis=1)
-    return Scales(np.where(rows > 0, rows, 1.0), columns)
-
-
 @dataclass(frozen=True, eq=False)
 class GainQuestion:
     """Error of the gain in the directions that scales give."""
@@ -344,11 +331,11 @@ def largest_of(
         F = region_block((L, M), X, N) - (lost[number] if lost else 0.0)
         if not are_positive(F):
             return []
-        found.append(_largest(F, M, left, right))
+        found.append(largest_bordered(F, M, left, right))
     return found
 
 
-def _largest(F: Array, M: Array, left: Array, right: Array) -> tuple[float, float]:
+def largest_bordered(F: Array, M: Array, left: Array, right: Array) -> tuple[float, float]:
     """Return the largest error for one L, M, and its mu.
 
     For a given mu it is a generalised eigenvalue of

@@ -19,11 +19,11 @@ from polefence.design.design import Design, require_kind
 from polefence.design.margins import kinds
 from polefence.design.margins.breaks import estimate_break, gain_break
 from polefence.design.margins.claims import Balanced, Question, balanced, claimed_design, proved
+from polefence.design.margins.gains import Gains, each_gain_claim
 from polefence.law.laws import FixedGain, is_one
 from polefence.plant.card import card
 from polefence.plant.parameters import Parameter
 from polefence.proof.claims.estimate import Estimate
-from polefence.proof.claims.gain_error import GainError
 from polefence.proof.claims.margins import MarginClaim
 from polefence.proof.claims.rate import Rate
 from polefence.proof.document import Document
@@ -34,9 +34,10 @@ from polefence.region.text import digits_down, digits_up
 
 SUBJECTS = {
     "estimate": "error of the estimate",
-    "gain": "error of the gain",
+    "gain": "error of each gain",
     "rate": "rate of change",
 }
+OWN, GAIN_UNIT = "law states", "of its size"
 
 
 @dataclass(frozen=True, eq=False)
@@ -133,7 +134,7 @@ def in_service(design: Design, decay: float = 0.0, *, region: Region | None = No
     """
     task = _task(design, region)
     still = task if task.region == design.region else _task(design, None)
-    margins = (*_estimates(task), _gain(task), *_rates(still, decay))
+    margins = (*_estimates(task), *_gains(task), *_rates(still, decay))
     return Margins(design, task.region, decay, margins)
 
 
@@ -157,32 +158,44 @@ def estimation_error(design: Design, *, region: Region | None = None) -> tuple[M
 
 
 @explained
-def gain_error(design: Design, *, region: Region | None = None) -> Margin:
-    """Return how far the gain may be off, relative to the largest entries of its columns.
+def gain_error(design: Design, *, region: Region | None = None, own_states: bool = False) -> Margin:
+    """Return how far each gain may be off, all at once, as a share of its size.
 
-    With k_j the largest absolute value in column j of K at the corners, K(alpha) + Delta keeps the
-    poles in the region for every Delta = value * diag(rows) D diag(k), D of spectral norm at most
-    one. ``rows`` is one for one input, else the largest share of any k_j that an input's row has;
-    ``claim.rows`` and ``claim.columns`` have the numbers.
+    K(alpha) + Delta, of what the law measures or of all states, keeps the poles in the region for
+    every Delta of |Delta_ij| <= value * k_ij, k_ij the largest |K_ij| at the corners: gains that
+    are zero are exact. ``claim.sizes`` has the k_ij.
+
+    Parameters
+    ----------
+    own_states : bool
+        Not the gains of the inputs but those of the rates of the law's own states, its A_c and
+        B_c. Either takes the others as exact.
 
     Raises
     ------
     InputError
         If the design or the region is none, or the design is an observer's.
     """
-    return _gain(_task(design, region))
+    task = _task(design, region)
+    return _gain(task, OWN if own_states else "", Gains.of(task.design, own=own_states))
 
 
 @stage(SUBJECTS["gain"])
-def _gain(task: _Task) -> Margin:
-    scales, claim = kinds.scales_of(task.design), None
-    if task.loops:
-        claim = task.proved(kinds.GainQuestion.of(task.loops, scales))
-    value = float(claim.error) if isinstance(claim, GainError) else 0.0
-    found = gain_break(task.design, task.region, scales, value)
-    upper, example = (found.value, found.example) if found else (None, "")
-    more = {"upper": upper, "example": example, "claim": claim}
-    return task.margin("gain", "", value, "of each column", **more)
+def _gains(task: _Task) -> tuple[Margin, ...]:
+    own = Gains.of(task.design, own=True)
+    inputs = _gain(task, "", Gains.of(task.design))
+    return (inputs, _gain(task, OWN, own)) if own.some else (inputs,)
+
+
+def _gain(task: _Task, of: str, gains: Gains) -> Margin:
+    if not gains.some:
+        return task.margin("gain", of, 0.0, GAIN_UNIT)
+    found = each_gain_claim(task.design, task.region, gains)
+    claim, own = (None, task.subject) if found is None else found
+    value = 0.0 if claim is None else float(claim.error)
+    broken = gain_break(task.design, task.region, gains, value)
+    upper, example = (broken.value, broken.example) if broken else (None, "")
+    return Margin("gain", of, value, GAIN_UNIT, upper, example, claim, own)
 
 
 @explained
@@ -287,7 +300,8 @@ class Margin(Short):
     kind : str
         "estimate", "gain" or "rate".
     parameter : str
-        The parameter meant, the others exact or constant; "" for all at once, and for the gain.
+        The parameter meant, the others exact or constant; "" for all at once, and for the gains of
+        the inputs; "law states" for those of the rates of the law's own states.
     value : float
         What is proved, in ``unit``; zero where nothing is; infinite for any rate whatever.
     unit : str
@@ -296,7 +310,7 @@ class Margin(Short):
         found. For rates, none is looked for.
     example : str
         Where it does.
-    claim : Estimate, GainError or Rate of `polefence.proof.claims`, optional
+    claim : Estimate, EachGain or Rate of `polefence.proof.claims`, optional
         What was proved; None where nothing was.
     design : Design, optional
         The one that the claim is of: for a law whose own proof does not serve, the same law, proved
@@ -333,14 +347,14 @@ class Margin(Short):
     @property
     def name(self) -> str:
         """A short name, that of the file: "estimate-m1", "gain"."""
-        return f"{self.kind}-{self.parameter}" if self.parameter else self.kind
+        return f"{self.kind}-{self.parameter.replace(' ', '-')}" if self.parameter else self.kind
 
     @property
     def subject(self) -> str:
         """Its name, for people."""
         what = SUBJECTS[self.kind]
         if self.kind == "gain":
-            return what
+            return f"{what}, {self.parameter}" if self.parameter else what
         return f"{what}, {self.parameter or 'all at once'}"
 
     def __str__(self) -> str:

@@ -22,6 +22,7 @@ from polefence.base.progress import stage
 from polefence.design.checks import (
     in_time_of,
     is_optimisable,
+    is_stability,
     require_domain,
     require_movable,
     require_optimisable,
@@ -240,7 +241,7 @@ def optimise(
             )
     if plant.remainder is not None:
         asked_method = None if either or structure is not None else method
-        question = minimise, subject_to, asked, asked_method, budget, structure
+        question = minimise, subject_to, region, asked_method, budget, structure
         return _nearby(plant, *question)
     asked_for = subject_to if minimise is None else (*subject_to, minimise)
     deadline = Deadline(budget)
@@ -254,6 +255,7 @@ def optimise(
     task = replace(
         _task(larger, found, minimise is not None, inside, method),
         asked=(bare_plant, tuple(subject_to)),
+        words=_in_words(plant, region, asked),
     )
     if either and not is_optimisable(larger, method, len(found)):
         structure = Structure()  # a law that is tuned needs no inequalities to be found
@@ -272,43 +274,53 @@ def _nearby(
     plant: UncertainPlant,
     minimise: Specification | None,
     subject_to: Sequence[Specification],
-    region: Region,
+    region: Region | None,
     method: Method | None,
     budget: float | None,
     structure: Structure | None,
 ) -> Optimised:
     """Return a law of a plant with a remainder, found without that and proved with it."""
+    asked = stable_region(plant) if region is None else in_time_of(plant, region)
     asked_for = subject_to if minimise is None else (*subject_to, minimise)
     larger, found = with_weights(plant, tuple(asked_for))
     if structure is not None:
         larger, _, found = _with_own_states(structure, plant, larger, found)
     least = None if minimise is None else found[-1]
     limits = found if minimise is None else found[:-1]
-    bare, best, failure = plant.combinations, None, None
-    deadline = Deadline(budget)
+    bare = plant.combinations
+    best: Optimised | None = None
+    deadline, lowest = Deadline(budget), np.inf
+
+    def searched(limits: Sequence[Specification], inside: Region | None) -> Optimised:
+        return optimise(bare, minimise, limits, inside, method, budget, structure)
+
+    def proved(done: Optimised, inside: Region) -> Optimised | None:
+        proofs = nearby.bounded(larger, done.law, asked, least, limits)
+        if proofs is None:
+            return None
+        designed = None if done.designed is None else inside
+        design, bounds = proofs
+        return replace(done, design=design, bounds=bounds, shared=np.inf, designed=designed)
+
     for share, calm in nearby.ATTEMPTS:
         if deadline.passed and best is not None:
             best = replace(best, cut=_cut(deadline))
             break
         closer = [replace(own, at_most=(own.at_most or 0) * (1 - share)) for own in subject_to]
-        inner = nearby.decaying(plant, region, calm)
+        inner = nearby.decaying(plant, asked, calm)
         try:
-            done = optimise(bare, minimise, closer, inner, method, budget, structure)
-        except NotProvedError as error:
-            failure = failure or error
+            done = searched(closer, inner)
+        except NotProvedError:
             break
-        proofs = nearby.bounded(larger, done.law, region, least, limits)
-        if proofs is None:
-            continue
-        design, bounds = proofs
-        designed = None if done.designed is None else inner
-        nearer = replace(done, design=design, bounds=bounds, shared=np.inf, designed=designed)
-        if best is None or _level(nearer) < _level(best):
+        nearer = proved(done, inner)
+        lowest = min(lowest, _level(done))
+        if nearer is not None and (best is None or _level(nearer) < _level(best)):
             best = nearer
-        if minimise is None or _level(best) <= _level(done) * (1 + nearby.ENOUGH):
+        if best is not None and (minimise is None or _level(best) <= lowest * (1 + nearby.ENOUGH)):
             break
-    if best is None and failure is not None:
-        raise failure
+    if best is None:
+        # what was asked for, not something closer: its refusal is the answer
+        best = proved(searched(subject_to, region), asked)
     if best is None:
         raise NotProvedError(
             "not proved: no law found keeps region and limits within the interpolation-error bound "
@@ -316,6 +328,15 @@ def _nearby(
             "parameters"
         )
     return best
+
+
+def _in_words(plant: UncertainPlant, region: Region | None, asked: Region) -> tuple[str, ...]:
+    """Return the parts of the region in the plant's time in words, as they were asked for."""
+    if is_stability(plant, asked):
+        return ("stability",)
+    own = asked if region is None else region
+    same = len(own.parts) == len(asked.parts)
+    return tuple(map(str, own.parts if same else asked.parts))
 
 
 def _as_sampled(done: Optimised, region: Region) -> Optimised:

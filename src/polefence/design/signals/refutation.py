@@ -352,17 +352,18 @@ def refusal(task: Task, reasons: Sequence[str]) -> NotProvedError:
         refutation = refuted(task, conflict)
         if refutation is not None:
             return NotProvedError(str(refutation), refutation=refutation)
-        named = [str(p) if isinstance(p, Region) else limit_text(p) for p in conflict]
-        return NotProvedError(
-            f"not proved: {label} finds no law for all of these limits, but does if any one is "
-            f"dropped: {'; '.join(named)}"
-        )
+        named = [task.parts[p] if isinstance(p, Region) else limit_text(p) for p in conflict]
+        these = "this limit"
+        if len(named) > 1:
+            these = "all of these limits, but does if any one is dropped"
+        return NotProvedError(f"not proved: {label} finds no law for {these}: {'; '.join(named)}")
     why = (
         reasons[0] if reasons else "a bound or the region was not proved of the law that was found"
     )
     named = [limit_text(s) for s in task.limits if s.at_most]
     return NotProvedError(
-        f"not proved: {label}, {task.region}, {'; '.join(named) or 'no limits'}: {why}"
+        f"not proved: {label}, {' & '.join(task.parts.values())}, "
+        f"{'; '.join(named) or 'no limits'}: {why}"
     )
 
 

@@ -107,6 +107,14 @@ class Task:
     method: Method
     # the plant without filters, and the limits as they were asked for
     asked: tuple[UncertainPlant, tuple[Specification, ...]] | None = None
+    # the parts of the region in words, as they were asked for
+    words: tuple[str, ...] = ()
+
+    @property
+    def parts(self) -> dict[Region, str]:
+        """The parts of the region, and each in words."""
+        own = self.region.parts
+        return dict(zip(own, self.words or map(str, own), strict=True))
 
     @property
     def domain(self) -> Domain:

@@ -8,6 +8,9 @@ t > 0 for each source of motion, which keeps everything homogeneous:
               of an ellipsoid x0' X0^-1 x0 <= 1: X - t X0 > 0
               with either, [ g^2 t, Y ; Y', X ] > 0 bounds the rms, or the peak, of y by g
     through   from w to y in L2:      [ -(N + N'), -t E, -Y' ; *, g t I, -t F' ; *, *, g t I ] > 0
+              of a part of a region   [ -(L (x) X + M (x) N + M' (x) N'), -t M1 (x) E, -M2' (x) Y' ;
+              of L, M = M1 M2:          *, g t I, 0 ; *, *, g t I ] > 0: kept whatever w = D y is of
+                                      a D of norm at most 1 / g
 
 The square of the rms of a vector is the sum of its entries': with the rows Y_1, ..., Y_p of Y,
 
@@ -36,6 +39,7 @@ from typing import Any
 
 import numpy as np
 
+from polefence.base.errors import InputError
 from polefence.lmi.conditions.gain_norm import Norm
 from polefence.lmi.conditions.pencil import (
     Block,
@@ -61,6 +65,7 @@ from polefence.plant.polynomial import (
     times,
 )
 from polefence.plant.system import Array
+from polefence.region.regions import Region
 
 
 @dataclass(frozen=True, eq=False)
@@ -129,10 +134,13 @@ class Through:
     name: str
     E: Array
     degree: int = 1
+    part: Region | None = None  # what is to be kept, in place of the left half-plane
+    pair: int = 0  # of its inequalities, which one
+    rate: float = 1.0  # the unit of time
 
     def changed(self, inverse: Array, rate: float) -> Through:
         """Return it in coordinates x = T x_s, time in units of 1 / rate."""
-        return Through(self.name, inverse @ self.E / rate, self.degree)
+        return replace(self, E=inverse @ self.E / rate, rate=self.rate * rate)
 
     def intensity(self, domain: Domain) -> Array:  # noqa: ARG002
         """Return E E' in the middle of the family, (n, n)."""
@@ -305,6 +313,10 @@ def assembled(
             source, own = by_name[output.source], t[output.source]
             label = f"{output.name}, {name}"
             if isinstance(source, Through):
+                if source.part is not None:
+                    E = data_at(moved[source.name])
+                    pencil.blocks.append(_kept(label, form, Y, own, E, weight, source))
+                    continue
                 E, F = data_at(moved[source.name]), data_at(through[output.name])
                 for more, half in form.motions:
                     at = form.X, form.N, half, demands.step
@@ -499,6 +511,35 @@ def _held(name: str, form: Form, t: Linear, weight: float, output: Output) -> It
         fixed = output.fixed or k >= output.rows
         own = replace(output, C=output.C[:, :1], D=output.D[:, :1], fixed=fixed)
         yield _bound(f"{name}, row {k + 1}", form.X, row @ Y, t, weight, own)
+
+
+def _kept(
+    name: str, form: Form, Y: Linear, t: Linear, E: Array, weight: float, source: Through
+) -> Block:
+    """Return the block of a part of a region that is kept whatever a bounded feedback is."""
+    if source.part is None:
+        raise InputError("no region is to be kept")
+    L, M = source.part.pairs(source.rate)[source.pair]
+    kept = np.flatnonzero(M.any(axis=0))
+    M1, M2 = M[:, kept], np.eye(len(M))[kept]
+    (n, q), p, k, rank = E.shape, Y.terms[0].left.shape[0], len(L), len(kept)
+    size = k * n + rank * (q + p)
+    cuts = np.cumsum([n] * k + [q] * rank + [p] * rank)[:-1]
+    places = np.split(np.eye(size), cuts, axis=1)
+    x, w, y = places[:k], places[k : k + rank], places[k + rank :]
+    half: tuple[Term, ...] = ()
+    for a, b in product(range(k), repeat=2):
+        half += put(M[a, b] * form.N, x[a], x[b]) if M[a, b] else ()
+        half += put(0.5 * L[a, b] * form.X, x[a], x[b]) if L[a, b] else ()
+    for c, a in product(range(rank), range(k)):
+        if M1[a, c]:
+            for j in range(q):
+                half += put(t, M1[a, c] * x[a] @ E[:, j : j + 1], w[c][:, j : j + 1])
+        half += put(M2[c, a] * Y, y[c], x[a]) if M2[c, a] else ()
+    gain: tuple[Term, ...] = ()
+    for column in np.concatenate([*w, *y], axis=1).T[:, :, None]:
+        gain += put((weight / 2) * t, column, column)
+    return Block(name, size, gain, half)
 
 
 def _passed(

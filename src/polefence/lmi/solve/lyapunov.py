@@ -28,6 +28,7 @@ SLIGHT = 1e-6  # of the identity, beside a scheduled law's own W
 STABLE = 0.98  # how wide the region of stability may be for its Lyapunov polynomial to be a start
 # How far inside a region a point is looked for first; then as far as the search goes.
 INSIDE = (0.98, 0.0)
+SEEN = 1e-2  # how closely the largest feedback is found
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -213,6 +214,48 @@ def points_given(
     if not points:
         raise SolverError("no Lyapunov matrix to start from")
     return sorted(points, key=lambda found: found.r)
+
+
+@singular_is_failure()
+def kept_whatever(
+    loop: Loop,
+    sources: tuple[Through, ...],
+    outputs: tuple[Output, ...],
+    near: LyapunovPolynomial,
+    form: tuple[int, int],
+) -> LyapunovPolynomial:
+    """Find the Lyapunov polynomial that keeps a part of a region for the largest feedbacks.
+
+    Parameters
+    ----------
+    sources, outputs : tuple of Through and Output
+        What the feedbacks go to, and from: one for each of the part's inequalities.
+    near : LyapunovPolynomial
+        Of the part, and of this form.
+
+    Returns
+    -------
+    LyapunovPolynomial
+        ``r`` is one over the norm that each may have.
+
+    Raises
+    ------
+    SolverError
+        If there is no point to start from.
+    """
+    rate = float(power_of_two(np.abs(np.linalg.eigvals(loop.middle)).max()))
+
+    def demands(T: Array) -> Demands:
+        inverse = np.asarray(np.linalg.inv(T), dtype=float)
+        moved = tuple(own.changed(inverse, rate) for own in sources)
+        return Demands(Target(()), moved, outputs, pieces=equal(loop.pieces))
+
+    search = _Search(loop, rate, form, demands, lambda: iter(()), SEEN)
+    X = near.Q.mean(axis=0) if loop.R is None else sum_of(loop.R)
+    found = search.run(X, near)
+    if found is None:
+        raise SolverError("no Lyapunov matrix to start from")
+    return found
 
 
 def _coordinates(

@@ -1,6 +1,7 @@
 """Claims that files make, one kind a file."""
 
 from polefence.proof.claims.base import Claim, Verdict, prove
+from polefence.proof.claims.each_gain import EachGain
 from polefence.proof.claims.energy_peak import EnergyPeak
 from polefence.proof.claims.estimate import Estimate
 from polefence.proof.claims.gain import Gain
@@ -20,6 +21,7 @@ __all__ = [
     "Baseline",
     "BoundClaim",
     "Claim",
+    "EachGain",
     "EnergyPeak",
     "Estimate",
     "Gain",

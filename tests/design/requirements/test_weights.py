@@ -20,10 +20,12 @@ from polefence.design.requirements.rms import Rms
 from polefence.design.requirements.text import parse_specification
 from polefence.design.requirements.weights import WEIGHTS, behind, wider, with_weights
 from polefence.design.signals.bounds import best_bound, bounds_file, kept_bound, sampled
+from polefence.design.signals.tradeoff import tradeoff
 from polefence.design.tune.search import tune
 from polefence.examples import family
 from polefence.law.laws import FixedGain, GainTable, PolynomialGain, ScheduledGain, given_law
 from polefence.law.structure import Structure
+from polefence.plant.outputs import Output
 from polefence.plant.points import seeded
 from polefence.plant.spec import loads
 from polefence.proof.claims.base import prove
@@ -307,3 +309,21 @@ def test_searches_know_the_weight(mass):
     )
     plain = tune(mass, structure, own.unweighted(), (limit,), pf.HalfPlane(0), ())[0]
     assert found.level <= sampled(mass, plain.law, own).worst * (1 + 1e-3)
+
+
+def test_a_trade_off_writes_its_question_in_numbers(mass, tmp_path):
+    own = Output("speed", "m/s", C=[0, Fraction(1, 3)])
+    least, over = Rms("v", weight="Wd"), Rms(own, weight=None)
+    structure = Structure(schedule=(), largest_gain=1e3)
+    path = tmp_path / "front.json"
+    front = tradeoff(mass, least, over, [0.2], structure=structure, path=path)
+    assert front.proved
+    text = path.read_text()
+    assert "Fraction" not in text
+    data = json.loads(text)["question"]
+    assert data["minimise"]["weight"] == "Wd"
+    assert data["over"]["signal"]["C"] == [[0, "1/3"]]
+    assert front.rows[0]["bounds"][0]["proved"] <= 0.2
+    assert "with weight Wd" in front.labels[1]
+    again = tradeoff(mass, least, over, [0.2], structure=structure, path=path, resume=True)
+    assert again.rows == front.rows

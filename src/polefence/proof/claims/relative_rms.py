@@ -117,8 +117,9 @@ class RelativeRms(SignalClaim):
     @property
     def without_control(self) -> bool:
         """Whether the baseline is the same plant under no control."""
-        base, states = self.baseline, tuple(range(self.subject.n))
-        own = baseline_loop(self.subject, self.outputs[0], None, states)
+        base, whole = self.baseline, self.series
+        states = tuple(range(whole.subject.n))
+        own = baseline_loop(whole.subject, whole.outputs[0], None, states)
         return own == (base.A, base.E, base.C)
 
     def require_own(self) -> None:

@@ -468,7 +468,7 @@ class SignalClaim(Claim):
             table |= write_outputs(self.outputs)
         if self.filters:
             table["filters"] = [{} if own is None else own.write() for own in self.filters]
-        table |= {"level": plain(self.level)} | self.series.write_own()
+        table |= {"level": plain(self.level)} | self.write_own()
         table |= {"disturbances": plain(self.scales)} if self.scales else {}
         return table | {"evidence": write_evidence(self.subject)}
 
@@ -482,7 +482,7 @@ class SignalClaim(Claim):
         on = f", on the {self.subject.on}"
         if self.subject.step:
             on = f", at samples every {milliseconds_text(self.subject.step)} ms{on}"
-        return f"{self.kind} of {what} <= {level}{self.series.under}{acting}{on}"
+        return f"{self.kind} of {what} <= {level}{self.under}{acting}{on}"
 
     def _acting(self, plant: Plant) -> str:
         """Say which disturbances act, and how much of each."""
@@ -495,6 +495,15 @@ class SignalClaim(Claim):
     def fault_in(self, plant: Plant, claims: Sequence[Claim]) -> str:  # noqa: ARG002
         """Say that an output has the name of another signal of the plant."""
         return misnamed(self.outputs, plant)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The outputs' names, with the filters that they are behind."""
+        filters = self.filters or (None,) * len(self.outputs)
+        return tuple(
+            quoted(own.name) + ("" if each is None else f" behind {each.name}")
+            for own, each in zip(self.outputs, filters, strict=True)
+        )
 
     @property
     def series(self) -> Self:

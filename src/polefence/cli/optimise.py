@@ -424,9 +424,8 @@ def _limits_on(done: Optimised, limits: Sequence[Specification], rest: Rest) -> 
     for own in limits:
         acting = own.disturbances is None or rest.source.name in dict(own.disturbances)
         each = zip(own.outputs(done.plant), own.filters, strict=True)
-        names = [
-            output.name for output, name in each if name is None
-        ]  # no filter passes what stays
+        # no filter passes what stays
+        names = [output.name for output, name in each if name is None]
         if own.at_most is not None and acting and rest.signal.name in names:
             yield own.at_most
 

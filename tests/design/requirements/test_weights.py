@@ -190,8 +190,8 @@ def test_a_claim_is_about_its_own_filter(car):
     assert not prove(unstable).proved
     with pytest.raises(FormatError, match="filters of 2"):
         prove(replace(claim, filters=claim.filters * 2))
-    with pytest.raises(FormatError):
-        prove(replace(claim, filters=()))
+    # without it more of the signal is left
+    assert not prove(replace(claim, filters=())).proved
     shorter = changed(claim, lambda f: {"a": f.a[:-1], "b": f.b[:-1]})
     with pytest.raises((FormatError, ValueError)):
         prove(shorter)

@@ -7,7 +7,7 @@ polynomial of its own, and the region with one for each of its parts.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
@@ -34,7 +34,6 @@ from polefence.design.measured import require_detectable
 from polefence.design.requirements.specification import Specification
 from polefence.design.search import Deadline
 from polefence.design.signals import nearby
-from polefence.design.signals.augmented import with_weights, without_feedback
 from polefence.design.signals.bounds import Bound, agreed_bound, best_bound, save
 from polefence.design.signals.placed import as_sampled
 from polefence.design.signals.refutation import refusal, refuted
@@ -64,7 +63,6 @@ from polefence.lmi.solve.search import Reached, singular_is_failure
 from polefence.plant.card import card
 from polefence.plant.delta import delta_form
 from polefence.plant.family import UncertainPlant
-from polefence.plant.outputs import states
 from polefence.plant.tracks import own_states
 from polefence.proof.short import Short
 from polefence.region.regions import Region
@@ -198,8 +196,7 @@ def optimise(
     Returns
     -------
     Optimised
-        Everything in it is proved. Where a specification has a weight its plant has the filter's
-        states; the law feeds them back only where that is better.
+        Everything in it is proved.
 
     Raises
     ------
@@ -243,30 +240,20 @@ def optimise(
         asked_method = None if either or structure is not None else method
         question = minimise, subject_to, region, asked_method, budget, structure
         return _nearby(plant, *question)
-    asked_for = subject_to if minimise is None else (*subject_to, minimise)
-    deadline = Deadline(budget)
-    larger, found = with_weights(plant, tuple(asked_for))
-    weighted = larger is not plant
+    deadline, count = Deadline(budget), len(subject_to) + (minimise is not None)
+    limits, words = tuple(subject_to), _in_words(plant, region, asked)
     # what is searched is in differences where the plant is in discrete time
-    T, inside = plant.sample_time, asked
-    larger, bare_plant = delta_form(larger), delta_form(plant)
+    T, inside, plant = plant.sample_time, asked, delta_form(plant)
     if T is not None:
         inside = delta_plane(asked, T)
-    task = replace(
-        _task(larger, found, minimise is not None, inside, method),
-        asked=(bare_plant, tuple(subject_to)),
-        words=_in_words(plant, region, asked),
-    )
-    if either and not is_optimisable(larger, method, len(found)):
+    task = Task(plant, minimise, limits, inside, method, asked=(plant, limits), words=words)
+    if either and not is_optimisable(plant, method, count):
         structure = Structure()  # a law that is tuned needs no inequalities to be found
     if structure is not None:
         tuned = _tuned(*structured(task, structure), _simpler(task, structure))
         return _as_sampled(tuned, asked)
-    require_optimisable(larger, method, len(found))
-    unweighted = tuple(s.unweighted() for s in asked_for)
-    bare = _task(bare_plant, unweighted, bool(minimise), inside, method)
-    search = partial(_weighted, task, bare) if weighted else partial(_settled, task)
-    done = _best_of_all(task, search, deadline) if either else search(deadline)
+    require_optimisable(plant, method, count)
+    done = (_best_of_all if either else _settled)(task, deadline)
     return _as_sampled(done, asked)
 
 
@@ -281,10 +268,9 @@ def _nearby(
 ) -> Optimised:
     """Return a law of a plant with a remainder, found without that and proved with it."""
     asked = stable_region(plant) if region is None else in_time_of(plant, region)
-    asked_for = subject_to if minimise is None else (*subject_to, minimise)
-    larger, found = with_weights(plant, tuple(asked_for))
+    larger, found = plant, (*subject_to, *([] if minimise is None else [minimise]))
     if structure is not None:
-        larger, _, found = _with_own_states(structure, plant, larger, found)
+        larger, _, found = _with_own_states(structure, plant, found)
     least = None if minimise is None else found[-1]
     limits = found if minimise is None else found[:-1]
     bare = plant.combinations
@@ -347,14 +333,12 @@ def _as_sampled(done: Optimised, region: Region) -> Optimised:
     return replace(done, design=as_sampled(done.design, region), designed=designed)
 
 
-def _best_of_all(
-    task: Task, search: Callable[[Deadline], Optimised], deadline: Deadline
-) -> Optimised:
+def _best_of_all(task: Task, deadline: Deadline) -> Optimised:
     """Return the better of a law that an LMI gives, and one that is tuned from it."""
     best: Optimised | None = None
     failure: NotProvedError | None = None
     try:
-        best = search(deadline)
+        best = _settled(task, deadline)
     except NotProvedError as error:
         if error.refutation is not None:
             raise
@@ -371,40 +355,6 @@ def _best_of_all(
         return best
     runnable = best is not None and best.retreat is None and not is_too_fast(best.plant, best.law)
     return best if best is not None and runnable and _level(best) <= _level(tuned) else tuned
-
-
-def _task(
-    plant: UncertainPlant,
-    asked_for: tuple[Specification, ...],
-    minimised: bool,
-    region: Region,
-    method: Method,
-) -> Task:
-    """Return the task; what is minimised comes last of the specifications."""
-    if not minimised:
-        return Task(plant, None, asked_for, region, method)
-    return Task(plant, asked_for[-1], asked_for[:-1], region, method)
-
-
-def _weighted(task: Task, bare: Task, deadline: Deadline) -> Optimised:
-    """Return the better of a law with the filters' states, and one without, for bare signals."""
-    simple: Optimised | None = None
-    with suppress(NotProvedError):
-        found = _settled(bare, deadline)
-        # a law that was designed otherwise
-        law = without_feedback(found.law, task.plant)
-        simple = _bounded(task, candidate(task, law, found.designed))
-    if simple is not None and deadline.passed:
-        return replace(simple, cut=_cut(deadline))
-    try:
-        best = _settled(task, deadline)
-    except NotProvedError:
-        if simple is None:
-            raise
-        return replace(simple, cut=_cut(deadline))
-    if simple is None or (task.minimise and best.bounds[0].level < simple.bounds[0].level):
-        return best
-    return replace(simple, shared=best.shared, cut=best.cut)
 
 
 def _tuned(task: Task, structure: Structure, starts: Sequence[Law] = ()) -> Optimised:
@@ -471,30 +421,19 @@ def _simpler(task: Task, structure: Structure) -> tuple[Law, ...]:
 
 def structured(task: Task, structure: Structure) -> tuple[Task, Structure]:
     """Return the task for the plant of which the law is a gain, and that gain's structure."""
-    bare, plant = (task.asked[0] if task.asked else task.plant), task.plant
-    structure.require_fit(bare)
-    require_detectable(bare, structure.outputs(bare), task.region)
+    plant = task.plant
+    structure.require_fit(plant)
+    require_detectable(plant, structure.outputs(plant), task.region)
     asked = (task.minimise, *task.limits) if task.minimise else task.limits
-    larger, gain, found = _with_own_states(structure, bare, plant, asked)
+    larger, gain, found = _with_own_states(structure, plant, asked)
     limits = found[1:] if task.minimise else found
     return replace(task, plant=larger, limits=limits, minimise=task.minimise and found[0]), gain
 
 
 def _with_own_states(
-    structure: Structure,
-    bare: UncertainPlant,
-    plant: UncertainPlant,
-    asked: Sequence[Specification],
+    structure: Structure, plant: UncertainPlant, asked: Sequence[Specification]
 ) -> tuple[UncertainPlant, Structure, tuple[Specification, ...]]:
-    """Return the plant with the states of a law, its gain's structure, and what is asked of it.
-
-    Parameters
-    ----------
-    bare, plant : UncertainPlant
-        Without and with the filters of what is asked.
-    """
-    if structure.measured is None and plant is not bare:  # filters are no sensors
-        structure = replace(structure, measured=tuple(own.name for own in states(bare)))
+    """Return the plant with the states of a law, its gain's structure, and what is asked of it."""
     larger, gain = structure.extended(plant)
     n, more = plant.shape[0], larger.shape[0] - plant.shape[0]
     return larger, gain, tuple(own.extended(n, more) if more else own for own in asked)

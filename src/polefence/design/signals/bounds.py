@@ -346,7 +346,10 @@ def _stepped(
 def raised(bound: Bound, level: float) -> Bound | None:
     """Return the bound with a higher level, proved with the same evidence."""
     claim = replace(bound.claim, level=Fraction(level))
-    verdict = prove(claim)
+    try:
+        verdict = prove(claim)
+    except FormatError:  # its number may be longer
+        return None
     if not verdict.proved:
         return None
     return replace(bound, level=level, claim=claim, reason=verdict.reason)
@@ -510,7 +513,7 @@ def _proved(
     claim = claim_of(plant, exact_law(law), on, specification, evidence, Fraction(level))
     try:
         verdict = prove(claim)
-    except FormatError:  # more work than is checked
+    except FormatError:  # more work than is checked: other evidence may take less
         return None
     if not verdict.proved:
         return None

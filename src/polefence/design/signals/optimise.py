@@ -210,6 +210,21 @@ def optimise(
     InputError
         If a specification does not fit the plant.
     """
+    done = _optimised(plant, minimise, subject_to, region, method, budget, structure)
+    done.design.certificate.require_checkable([own.claim for own in done.bounds])
+    return done
+
+
+def _optimised(
+    plant: UncertainPlant,
+    minimise: Specification | None,
+    subject_to: Sequence[Specification],
+    region: Region | None,
+    method: Method | None,
+    budget: float | None,
+    structure: Structure | None,
+) -> Optimised:
+    """Return what `optimise` does, before it is known that its file is proved."""
     require_type(plant, UncertainPlant, "plant", "polefence.load(path) reads one")
     if minimise is None and not subject_to:
         raise InputError("nothing to minimise and no limits: polefence.place is for regions alone")
@@ -293,7 +308,7 @@ def _nearby(
         closer = [replace(own, at_most=(own.at_most or 0) * (1 - share)) for own in subject_to]
         inner = nearby.decaying(plant, region, calm)
         try:
-            done = optimise(bare, minimise, closer, inner, method, budget, structure)
+            done = _optimised(bare, minimise, closer, inner, method, budget, structure)
         except NotProvedError as error:
             failure = failure or error
             break

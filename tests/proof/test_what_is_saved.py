@@ -192,7 +192,7 @@ def works(found):
     return each
 
 
-@pytest.mark.parametrize("kind", ["one gain", "three, one gain", "sampled, one gain", "tuned"])
+@pytest.mark.parametrize("kind", ["one gain", "three, one gain", "sampled, one gain"])
 def test_a_claim_gets_the_same_work_alone_and_in_a_file(kind, tmp_path, monkeypatch):
     """What is called proved under a bound of work is proved under it, however tight the bound."""
     monkeypatch.chdir(tmp_path)

@@ -335,13 +335,17 @@ def _reproved(
         parts = {"plant": file_plant(plant).write(), "law": own["law"], "claims": [claim]}
         certificate = Certificate.of(document.from_plain(head | parts))
         design = Design(certificate)
-        holds = certificate.prove().proved and design.label == row["method"]
+        verdict = certificate.prove()
+        holds = verdict.proved and design.label == row["method"]
     except KeyError as error:
         raise InputError(f"{where} holds no proof: {error} is missing; remove the file") from error
     except (ValueError, TypeError) as error:
         raise InputError(f"{where} holds no proof: {error}; remove the file") from error
     if not holds:
-        raise InputError(f"{where} is not proved by what it holds; remove the file to start anew")
+        why = "" if verdict.proved else f" ({verdict.reason})"
+        raise InputError(
+            f"{where} is not proved by what it holds{why}; remove the file to start anew"
+        )
     found = Limit(region.centre, row["method"], region.radius, "proved", row["seconds"])
     kept = replace(found, lower=row.get("lower"), found=design).as_row(gain)
     mark = {} if kept["lower"] is None else {"lower_from_file": True}

@@ -39,6 +39,8 @@ class Effort:
         return f"it stopped at its bound of work, after {count}"
 
 
+MOST_WORK = 1e11  # of one search for a tuned law: some 100 s
+
 _EFFORT: ContextVar[Effort | None] = ContextVar("effort", default=None)
 
 
@@ -69,3 +71,9 @@ def ended() -> bool:
     """Whether the search is to end: its bound of work is reached."""
     own = _EFFORT.get()
     return own is not None and own.ended
+
+
+def stopped() -> str:
+    """Return that the search stopped at its bound, to end a sentence; empty where it did not."""
+    own = _EFFORT.get()
+    return f"; {own}" if own is not None and own.ended else ""

@@ -15,7 +15,7 @@ from pathlib import Path
 
 import numpy as np
 
-from polefence.base.effort import bounded, ended
+from polefence.base.effort import MOST_WORK, bounded, ended
 from polefence.base.errors import InputError, NotProvedError, SolverError, require_type
 from polefence.base.explained import explained
 from polefence.base.processors import small_matrices
@@ -73,7 +73,6 @@ from polefence.region.z_plane import delta_plane
 
 __all__ = ["Optimised", "optimise", "relaxed"]
 
-MOST_WORK = 1e11  # of the search for a tuned law, in operations: some 100 s
 ADVICE = 0.25  # of that, what is spent on limits that could be kept
 MOST_NEAR = 6  # limits that are looked at where not all can be kept
 ENOUGH = 2e-3  # a law proved so close to its worst sample needs no other
@@ -425,9 +424,11 @@ def _tuned(task: Task, asked: Structure) -> Optimised:
     if not task.limits:
         raise NotProvedError("; ".join(filter(None, (reason, cut))))
     _refute(task)
-    with bounded(MOST_WORK * ADVICE):
+    with bounded(MOST_WORK * ADVICE) as looked:
         near = list(_attainable(task, structure, starts))
     advice = "dropping any single limit does not help either"
+    if looked.ended:
+        advice = "the search with one of them left out stopped at its bound of work"
     if near:
         advice = f"with {' or '.join(near)}, the other limits as they are, there is one"
     if cut:

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from polefence.base import effort
 from polefence.base.errors import InputError, NotProvedError, RegionError, require_type
 from polefence.base.explained import explained
 from polefence.design import place as lmi
@@ -89,7 +90,8 @@ def place(
     UncontrollableError
         If a vertex has a pole that no gain moves and that is not in the region.
     """
-    return _place(plant, region, method, allow_unproved, structure, errors).checkable
+    with effort.bounded(effort.MOST_WORK):
+        return _place(plant, region, method, allow_unproved, structure, errors).checkable
 
 
 def _place(
@@ -140,8 +142,11 @@ def _place(
             if answer.certificate is not None and answer.proved:
                 return as_sampled(Design(answer.certificate), asked)
         starts += [own.law for own in found[:1]]
+        if effort.ended():
+            break
     raise NotProvedError(
         f"no {gain.words(plant)} was found that is proved to keep all poles in {asked}"
+        f"{effort.stopped()}"
     )
 
 
@@ -215,7 +220,8 @@ def tightest(
     UncontrollableError
         If a vertex has a pole that no gain moves and that is not stable, or not in ``within``.
     """
-    return _tightest(plant, centre, method, allow_unproved, of, within, structure).checkable
+    with effort.bounded(effort.MOST_WORK):
+        return _tightest(plant, centre, method, allow_unproved, of, within, structure).checkable
 
 
 def _tightest(
@@ -261,10 +267,12 @@ def _tightest(
             design = _proved(plant, law, of, centre, within)
             if design is not None:
                 return design if T is None else _of_samples(design, float(T))
-        if not kept:
+        if not kept or effort.ended():
             break
         starts += kept[:1]
-    raise NotProvedError(f"no {gain.words(plant)} was found of which a {of} is proved")
+    raise NotProvedError(
+        f"no {gain.words(plant)} was found of which a {of} is proved{effort.stopped()}"
+    )
 
 
 def _fastest(plant: UncertainPlant, method: Method | None, structure: Structure | None) -> Design:

@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from polefence.base.explained import explained
 from polefence.base.effort import spend
+from polefence.base.explained import explained
 from polefence.base.processors import spare_processors
 from polefence.base.progress import stage
 from polefence.lmi.solve import inside as first

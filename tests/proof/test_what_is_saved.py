@@ -201,7 +201,7 @@ def test_a_claim_gets_the_same_work_alone_and_in_a_file(kind, tmp_path, monkeypa
     path = tmp_path / "design" / "design.json"
     found = loads(path.read_text())
     each = works(found)
-    assert sum(each) > 1.2 * max(each)
+    assert sum(each) > 1.05 * max(each)  # a count for the whole file would refuse it
     bounded(monkeypatch, max(each))
     assert check(found).proved
     bounded(monkeypatch, max(each) - 1)

@@ -76,7 +76,7 @@ def test_claims_of_one_file_share_one_count(tmp_path, monkeypatch):
 def limited(most):
     """The count of a file, which allows other work than it does."""
     own = work.counted
-    return lambda: own(most)
+    return lambda *_: own(most)
 
 
 def test_rows_of_a_sweep_that_nobody_asked_for_share_one_count(tmp_path, monkeypatch):

@@ -5,7 +5,6 @@ from __future__ import annotations
 import io
 import json
 import subprocess
-import sys
 import zipfile
 
 import pytest
@@ -14,8 +13,7 @@ from polefence.cli.check import archive
 from polefence.cli.main import main
 from polefence.proof.document import EARLIER
 from support.every_file import FILES
-
-BARE = [sys.executable, "-S", "-I"]
+from support.standalone import BARE, many
 
 
 @pytest.fixture(scope="module")
@@ -23,29 +21,6 @@ def checker(tmp_path_factory):
     path = tmp_path_factory.mktemp("checker") / "polefence-check.pyz"
     assert main(["check", "--standalone", str(path)]) == 0
     return path
-
-
-# The archive's own command, many times: Python compiles the archive anew each time it is run.
-MANY = """
-import contextlib, io, json, sys
-sys.path.insert(0, sys.argv[1])
-from polefence.proof.__main__ import main
-found = []
-for words in json.loads(sys.argv[2]):
-    out, err = io.StringIO(), io.StringIO()
-    with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
-        status = main(words)
-    found.append((status, out.getvalue(), err.getvalue()))
-print(json.dumps(found))
-"""
-
-
-def many(checker, each):
-    """Exit status, output and error output for each list of words."""
-    words = json.dumps([list(map(str, own)) for own in each])
-    command = [*BARE, "-c", MANY, str(checker), words]
-    done = subprocess.run(command, capture_output=True, text=True, check=True)
-    return json.loads(done.stdout)
 
 
 @pytest.fixture(scope="module")

@@ -4,6 +4,7 @@ SLOW = (
     "studio/test_browser.py",
     "docs/test_consoles.py",
     "cli/test_cli_cars.py",
+    "proof/test_what_is_saved.py",
     "docs/test_gallery.py",
     "vehicle/test_concepts.py",
     "faults/test_untrue_claims.py",

@@ -5,12 +5,13 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from fractions import Fraction
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 
 from polefence.base import VERSION
-from polefence.base.errors import DesignFileError, InputError, PlantError
+from polefence.base.errors import DesignFileError, InputError, NotProvedError, PlantError
 from polefence.base.explained import explained_fields
 from polefence.base.frozen import Frozen
 from polefence.design.counterexample import counterexample
@@ -26,7 +27,7 @@ from polefence.plant.system import Array
 from polefence.plant.vehicle import Vehicle
 from polefence.proof import laws
 from polefence.proof import plant as files
-from polefence.proof.claims.base import Claim, Verdict, prove
+from polefence.proof.claims.base import Claim, Verdict, prove, undecided
 from polefence.proof.claims.observer import Observer
 from polefence.proof.claims.poles import Poles
 from polefence.proof.claims.samples import Samples
@@ -36,7 +37,7 @@ from polefence.proof.matrices import Rationals
 from polefence.proof.reading import Table
 from polefence.proof.short import Short
 from polefence.proof.text import number_text, region_text
-from polefence.proof.work import FormatError, counted
+from polefence.proof.work import FormatError, WorkError, counted
 from polefence.region.regions import Region, region_of
 
 
@@ -152,24 +153,42 @@ class Certificate(Short):
     def prove(self) -> Verdict:
         """Decide in exact arithmetic whether the evidence proves the claim.
 
-        Raises
-        ------
-        PlantError
-            If there are more inequalities than the checker takes on.
+        What would be more work than the checker does is "undecided".
         """
+        return self._verdict
+
+    @cached_property
+    def _verdict(self) -> Verdict:
         try:
             return prove(self.claim())
+        except WorkError as error:
+            return undecided(str(error))
         except FormatError as error:
             raise PlantError(f"{self.plant.name}: {error}") from error
 
-    def holds(self) -> bool:
-        """Return whether the evidence proves the claim: as `prove`, by the compiled prover first.
+    def require_checkable(self, claims: Sequence[Claim] = ()) -> None:
+        """Refuse to call proved what `check` of the file would not prove.
+
+        Parameters
+        ----------
+        claims : sequence of Claim
+            What `prove` proved of the same law besides.
 
         Raises
         ------
-        PlantError
-            If there are more inequalities than the checker takes on.
+        NotProvedError
+            Saying why not.
         """
+        verdict, own = self.prove(), self.claim()
+        try:
+            if not verdict.proved:
+                raise FormatError(verdict.reason)
+            self.file((own, *claims)).require_checkable((own, *claims))
+        except FormatError as error:
+            raise NotProvedError(f"not proved: the file of it is not proved: {error}") from error
+
+    def holds(self) -> bool:
+        """Whether the evidence proves the claim: as `prove`, by the compiled prover first."""
         known = holds(self)
         return self.prove().proved if known is None else known
 
@@ -180,11 +199,11 @@ class Certificate(Short):
             plant, observer = file_plant(self.observed), Observer(own, self.plant.inputs)
             claims = (observer,)
             if self.observed.sampling is not None:
-                claims = (observer, claim_of_samples(self.observed))
+                claims = (observer, _samples(self.observed))
             return Document(plant, None, claims, polefence=VERSION)
         found = (own,) if claims is None else tuple(claims)
         if self.plant.sampling is not None:
-            found = (*found, claim_of_samples(self.plant))
+            found = (*found, _samples(self.plant))
         return Document(file_plant(self.plant), own.law, found, own.on, polefence=VERSION)
 
     def document(self) -> dict[str, Any]:
@@ -240,6 +259,11 @@ class Certificate(Short):
             W, Z = _floats(claim.law.W or []), _floats(claim.law.Z or [])
             law = ScheduledGain(W, Z, plant.parameters, claim.law.degree, claim.sizes)
         return cls(plant, region, claim.method, law, _evidence(claim), observed)
+
+
+def _samples(plant: UncertainPlant) -> Samples:
+    """Return the claim that a plant is the samples of another, about the plant of the file."""
+    return replace(claim_of_samples(plant), plant=file_plant(plant))
 
 
 def polynomial_of(law: laws.Law, plant: UncertainPlant) -> PolynomialGain:

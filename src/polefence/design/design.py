@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from fractions import Fraction
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 
@@ -226,6 +226,19 @@ class Design(Short):
         require_kind(self.certificate)
         return self.law
 
+    @property
+    def checkable(self) -> Self:
+        """The design, where `check` proves its file, or nothing is said to be proved.
+
+        Raises
+        ------
+        NotProvedError
+            Saying why it does not.
+        """
+        if self.proved:
+            self.certificate.require_checkable(self.more)
+        return self
+
     @explained
     def save(self, directory: str | Path) -> Path:
         """Write ``design.json`` into a folder, made if need be; return its path.
@@ -235,18 +248,14 @@ class Design(Short):
         Raises
         ------
         NotProvedError
-            If the checker does not prove what this design says is proved: a fault of ours.
+            If the checker does not prove what this design says is proved.
         OutputError
             If the folder cannot be written, or has another's file of this name; nothing is left
             half-written.
         """
-        if self.proved and not (verdict := self.certificate.prove()).proved:
-            raise NotProvedError(
-                f"not written: the checker does not prove this design: {verdict.reason}; "
-                "please report it"
-            )
-        claims = (self.certificate.claim(), *self.more) if self.more else None
-        documents = {FILE_NAME: self.certificate.file(claims).dumps()}
+        own = self.checkable.certificate
+        claims = (own.claim(), *self.more) if self.more else None
+        documents = {FILE_NAME: own.file(claims).dumps()}
         return write_documents(Path(directory), documents)[0]
 
     @classmethod

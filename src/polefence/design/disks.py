@@ -65,7 +65,16 @@ def answers(asked: Sequence[Asked], bounds: bool = True) -> list[Design | Polefe
         for k, design in zip(numbers, _together(own, name, bounds), strict=True):
             if design is not None:
                 found[k] = design
-    return [found[k] if k in found else _alone(own, bounds) for k, own in enumerate(asked)]
+    each = (found[k] if k in found else _alone(own, bounds) for k, own in enumerate(asked))
+    return [_checkable(own) for own in each]
+
+
+def _checkable(design: Design | PolefenceError) -> Design | PolefenceError:
+    """Return an answer; of a design whose file would not be proved, why not."""
+    try:
+        return design.checkable if isinstance(design, Design) else design
+    except PolefenceError as error:
+        return error
 
 
 def _alone(asked: Asked, bounds: bool) -> Design | PolefenceError:

@@ -181,7 +181,10 @@ def analyse(
     require_type(region, Region, "region", "for example polefence.Disk(-40, 31)")
     region = in_time_of(plant, region)
     require_region(plant, region)
-    return analysed(plant, law, region, Deadline(budget))
+    answer = analysed(plant, law, region, Deadline(budget))
+    if answer.certificate is not None and answer.proved:
+        answer.certificate.require_checkable()
+    return answer
 
 
 def analysed(
@@ -332,6 +335,7 @@ def worst_case(
     bound, values = worst if of == "disk" else 0.0 - worst, values_at(plant, alpha)
     if best is None:
         return WorstCase(None, None, bound, alpha, values, cut)
+    best[2].require_checkable()
     return WorstCase(best[1], best[2], bound, alpha, values, cut)
 
 

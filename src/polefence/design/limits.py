@@ -52,7 +52,6 @@ PROOF = ("method", "evidence")
 # As `method_label` writes them: "slack", "scheduled(2, 1, box)".
 LABEL = re.compile(rf"({'|'.join(METHODS)})(\(\d, \d(, box)?\))?")
 
-AGAIN = 20  # times the least work, for a row that is proved again: of any law that was found
 READING = 80  # operations for each number of the plant, which is read for each row
 
 Task = tuple[int, float, Method]
@@ -320,13 +319,13 @@ def _reproved(
 ) -> Row:
     """Prove a row of a file afresh, and return what of it is proved.
 
-    To a count that is given the row adds `AGAIN` times the least that its proof takes.
+    To a count that is given the row adds what any claim may take.
     """
     where = f"{path}: the row of centre {row['centre']:g} and {row['method']}"
     (n, m), N = plant.shape, len(plant.vertices)
     reading = READING * N * n * (n + m)
     if count is not None:
-        count.most += reading * work.cost(0)
+        count.most += reading * work.cost(0) + work.MAX_WORK
     try:
         work.spend(reading, 0)
         region = Disk(row["centre"], row["radius"])
@@ -336,15 +335,17 @@ def _reproved(
         parts = {"plant": file_plant(plant).write(), "law": own["law"], "claims": [claim]}
         certificate = Certificate.of(document.from_plain(head | parts))
         design = Design(certificate)
-        if count is not None:
-            count.most += AGAIN * certificate.claim().least
-        holds = certificate.prove().proved and design.label == row["method"]
+        verdict = certificate.prove()
+        holds = verdict.proved and design.label == row["method"]
     except KeyError as error:
         raise InputError(f"{where} holds no proof: {error} is missing; remove the file") from error
     except (ValueError, TypeError) as error:
         raise InputError(f"{where} holds no proof: {error}; remove the file") from error
     if not holds:
-        raise InputError(f"{where} is not proved by what it holds; remove the file to start anew")
+        why = "" if verdict.proved else f" ({verdict.reason})"
+        raise InputError(
+            f"{where} is not proved by what it holds{why}; remove the file to start anew"
+        )
     found = Limit(region.centre, row["method"], region.radius, "proved", row["seconds"])
     kept = replace(found, lower=row.get("lower"), found=design).as_row(gain)
     mark = {} if kept["lower"] is None else {"lower_from_file": True}

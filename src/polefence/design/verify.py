@@ -205,6 +205,9 @@ def verify(
         analysis = Analysis(plant, own, region, "proved", reason, certificate)
     stable = analysis.answer != "refuted"
     bounds = tuple(_bounded(plant, own, limit) for limit in limits) if stable else ()
+    if analysis.certificate is not None and analysis.proved:
+        claims = [own.bound.claim for own in bounds if own.bound is not None]
+        analysis.certificate.require_checkable(claims)
     return Verified(plant, own, analysis, given, bounds)
 
 

@@ -7,7 +7,7 @@ claim with its ``kind`` and its evidence. ``law`` is left out where claims bring
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from types import MappingProxyType
 from typing import Any
@@ -37,7 +37,7 @@ from polefence.proof.plant import Plant
 from polefence.proof.reading import Table, parse, require_shallow, shown
 from polefence.proof.regions import require_left
 from polefence.proof.short import Short
-from polefence.proof.work import FormatError, counted
+from polefence.proof.work import FULL, MAX_FILE, FormatError, counted
 
 FORMAT, VERSION = "polefence-proof", 2
 # What earlier versions wrote.
@@ -115,6 +115,34 @@ class Document(Short):
     def dumps(self, indent: int | None = 1) -> str:
         """Return the text of the file."""
         return json.dumps(self.write(), indent=indent, allow_nan=False) + "\n"
+
+    def require_checkable(self, known: Sequence[Claim] = ()) -> None:
+        """Refuse a file that `check` would not prove; nothing is called proved before.
+
+        Parameters
+        ----------
+        known : sequence of Claim
+            Those that `prove` proved: up to `FULL` of them are not proved again, for each has the
+            same bound of work in a file as alone.
+
+        Raises
+        ------
+        FormatError
+            If a claim is not proved, together they are too much work, or the file is not read back
+            as it is.
+        """
+        found = loads(self.dumps())
+        if (found.plant, found.law, found.claims) != (self.plant, self.law, self.claims):
+            raise FormatError("its file does not say what was proved")
+        few = len(self.claims) <= FULL
+
+        def prover(claim: Claim) -> Verdict:
+            proved = few and any(claim == own for own in known)
+            return Verdict("proved", "") if proved else prove(claim)
+
+        answer = check(self, prover)
+        if not answer.proved:
+            raise FormatError(answer.reason)
 
 
 def loads(text: str) -> Document:
@@ -233,7 +261,7 @@ def check(document: Document, prover: Callable[[Claim], Verdict] = prove) -> Che
         If a claim is inconsistent, or the file asks for more work than is done.
     """
     said, verdicts = list[str](), list[Verdict]()
-    with counted():  # one count for the file, however many its claims
+    with counted(MAX_FILE):  # of which each claim gets as much as it gets alone
         for number, claim in enumerate(document.claims, 1):
             verdict = prover(claim)
             if verdict.proved:

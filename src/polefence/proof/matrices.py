@@ -8,7 +8,7 @@ from fractions import Fraction
 from math import isqrt
 from operator import mul
 
-from polefence.proof.work import CALL, LEAST_WORK, FormatError, cost, spend
+from polefence.proof.work import CALL, LEAST_WORK, FormatError, WorkError, cost, spend
 
 MAX_BITS, LONGEST = 20_000, 10**6  # of a common denominator: of what is read; of what is computed
 BITS = 64  # of a square root
@@ -58,7 +58,7 @@ def common_denominator(matrices: Iterable[Rationals], limit: int = MAX_BITS) -> 
         spend(1, length, min(length, denominator.bit_length()) + 30)
         common = math.lcm(common, denominator)
         if common.bit_length() > limit:
-            raise FormatError("the numbers' common denominator is out of all proportion")
+            raise WorkError("the numbers' common denominator is out of all proportion")
     return common
 
 

@@ -21,7 +21,7 @@ from polefence.proof.matrices import (
     whole_numbers,
 )
 from polefence.proof.short import Short
-from polefence.proof.work import MAX_HELD, FormatError, spend
+from polefence.proof.work import MAX_HELD, WorkError, spend
 
 MAX_DEGREE = 16  # of any polynomial, in each simplex
 COORDINATES = 2  # of an exponent, which are added at the cost of one operation
@@ -336,7 +336,7 @@ def _longest(P: Terms) -> int:
 
 def _hold(matrices: int, entries: int, length: int) -> None:
     if matrices * entries * (36 + length // 7) > MAX_HELD:
-        raise FormatError("its polynomials are larger than is checked here; take fewer parameters")
+        raise WorkError("its polynomials are larger than is checked here; take fewer parameters")
 
 
 def _spend_exponents(count: int, P: Terms) -> None:

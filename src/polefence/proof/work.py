@@ -7,9 +7,11 @@ from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass
 
-# Bounds on what a file can ask for: work, in products of two words of 30 bits, of which every
+# Bounds on what a claim can ask for: work, in products of two words of 30 bits, of which every
 # operation takes `CALL` besides; and what polynomials hold at once [bytes].
 MAX_WORK, CALL, MAX_HELD = 5 * 10**9, 120, 4 * 10**8
+FULL = 20  # claims at that bound which one file may hold
+MAX_FILE = FULL * MAX_WORK
 RATIONAL = 20  # operations on integers that one on rationals is
 LEAST_WORK = 300 * CALL  # of an inequality of whatever size
 TOO_MUCH = (
@@ -20,6 +22,10 @@ TOO_MUCH = (
 
 class FormatError(ValueError):
     """The file is not a design file that this version reads; the message says where."""
+
+
+class WorkError(FormatError):
+    """It asks for more work than is done, whatever it says."""
 
 
 @dataclass
@@ -35,17 +41,19 @@ _COUNT: ContextVar[Count | None] = ContextVar("count", default=None)
 
 @contextmanager
 def counted(most: int = MAX_WORK) -> Iterator[Count]:
-    """Allow this much work in all that follows; inside another count, what that one allows."""
+    """Allow this much work in all that follows; inside another count, what that one leaves of it.
+
+    So a claim gets `MAX_WORK` wherever it is proved, alone or in a file.
+    """
     outer = _COUNT.get()
-    if outer is not None:
-        yield outer
-        return
-    count = Count(most)
+    count = Count(most if outer is None else min(most, outer.most - outer.spent))
     token = _COUNT.set(count)
     try:
         yield count
     finally:
         _COUNT.reset(token)
+        if outer is not None:
+            outer.spent += count.spent
 
 
 _FOLLOWER: ContextVar[Callable[[int], object] | None] = ContextVar("follower", default=None)
@@ -76,7 +84,7 @@ def spend(operations: int, left: int, right: int = 0) -> None:
 
     Raises
     ------
-    FormatError
+    WorkError
         If they are more than the count allows.
     """
     count = _COUNT.get()
@@ -84,7 +92,7 @@ def spend(operations: int, left: int, right: int = 0) -> None:
         return
     amount = operations * cost(left, right)
     if count.spent + amount > count.most:
-        raise FormatError(TOO_MUCH)
+        raise WorkError(TOO_MUCH)
     count.spent += amount
 
 

@@ -17,6 +17,7 @@ from typing import Any
 
 import numpy as np
 
+from polefence.base.effort import spend
 from polefence.base.errors import InputError, SolverError
 from polefence.base.explained import explained
 from polefence.base.files import write_documents
@@ -54,7 +55,7 @@ from polefence.proof.laws import Evidence, Piece
 from polefence.proof.polynomials import corners_of
 from polefence.proof.remainder import SHARE, Spread
 from polefence.proof.short import Short
-from polefence.proof.work import FormatError
+from polefence.proof.work import FormatError, counted
 from polefence.region.text import digits_up
 
 # Degree and elevation of the Lyapunov polynomial, one after the other.
@@ -81,6 +82,7 @@ Points = Iterator[tuple[Iterable[Evidence], float]]
 FOLLOWED, STEP = 5.0, 0.25
 # A sample is computed with rounding: it agrees with a bound that it passes by this share.
 AGREED = 1e-6
+OF_PROOFS = 2.0  # operations of floats that one of a proof is
 NEARLY, NIL = 1e-2, 1e-9  # by which it passes one that is raised; of a signal that is nil
 GROUP = 2_000_000  # of samples at once
 FEW = 20  # samples beside the vertices
@@ -348,7 +350,10 @@ def _stepped(
 def raised(bound: Bound, level: float) -> Bound | None:
     """Return the bound with a higher level, proved with the same evidence."""
     claim = replace(bound.claim, level=Fraction(level))
-    verdict = prove(claim)
+    try:
+        verdict = prove(claim)
+    except FormatError:  # its number may be longer
+        return None
     if not verdict.proved:
         return None
     return replace(bound, level=level, claim=claim, reason=verdict.reason)
@@ -513,10 +518,13 @@ def _proved(
         except np.linalg.LinAlgError:  # no Lyapunov matrix
             return None
     claim = claim_of(plant, exact_law(law), on, specification, evidence, Fraction(level))
-    try:
-        verdict = prove(claim)
-    except FormatError:  # more work than is checked
-        return None
+    with counted() as count:
+        try:
+            verdict = prove(claim)
+        except FormatError:  # more work than is checked: other evidence may take less
+            return None
+        finally:
+            spend(OF_PROOFS * count.spent)
     if not verdict.proved:
         return None
     degree = evidence.highest

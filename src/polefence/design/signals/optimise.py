@@ -15,6 +15,7 @@ from pathlib import Path
 
 import numpy as np
 
+from polefence.base.effort import MOST_WORK, bounded, ended
 from polefence.base.errors import InputError, NotProvedError, SolverError, require_type
 from polefence.base.explained import explained
 from polefence.base.processors import small_matrices
@@ -71,6 +72,7 @@ from polefence.region.z_plane import delta_plane
 
 __all__ = ["Optimised", "optimise", "relaxed"]
 
+ADVICE = 0.25  # of that, what is spent on limits that could be kept
 MOST_NEAR = 6  # limits that are looked at where not all can be kept
 ENOUGH = 2e-3  # a law proved so close to its worst sample needs no other
 NEARER = 1e-3  # above another law's worst sample, a bound that this law's own would not lower much
@@ -208,6 +210,21 @@ def optimise(
     InputError
         If a specification does not fit the plant.
     """
+    done = _optimised(plant, minimise, subject_to, region, method, budget, structure)
+    done.design.certificate.require_checkable([own.claim for own in done.bounds])
+    return done
+
+
+def _optimised(
+    plant: UncertainPlant,
+    minimise: Specification | None,
+    subject_to: Sequence[Specification],
+    region: Region | None,
+    method: Method | None,
+    budget: float | None,
+    structure: Structure | None,
+) -> Optimised:
+    """Return what `optimise` does, before it is known that its file is proved."""
     require_type(plant, UncertainPlant, "plant", "polefence.load(path) reads one")
     if minimise is None and not subject_to:
         raise InputError("nothing to minimise and no limits: polefence.place is for regions alone")
@@ -250,8 +267,7 @@ def optimise(
     if either and not is_optimisable(plant, method, count):
         structure = Structure()  # a law that is tuned needs no inequalities to be found
     if structure is not None:
-        tuned = _tuned(*structured(task, structure), _simpler(task, structure))
-        return _as_sampled(tuned, asked)
+        return _as_sampled(_tuned(task, structure), asked)
     require_optimisable(plant, method, count)
     done = (_best_of_all if either else _settled)(task, deadline)
     return _as_sampled(done, asked)
@@ -278,7 +294,7 @@ def _nearby(
     deadline, lowest = Deadline(budget), np.inf
 
     def searched(limits: Sequence[Specification], inside: Region | None) -> Optimised:
-        return optimise(bare, minimise, limits, inside, method, budget, structure)
+        return _optimised(bare, minimise, limits, inside, method, budget, structure)
 
     def proved(done: Optimised, inside: Region) -> Optimised | None:
         proofs = nearby.bounded(larger, done.law, asked, least, limits)
@@ -348,7 +364,10 @@ def _best_of_all(task: Task, deadline: Deadline) -> Optimised:
     tuned: Optimised | None = None
     with suppress(InputError, NotProvedError):
         starts = () if best is None or best.plant is not task.plant else (best.law,)
-        tuned = _best_tuned(*structured(task, Structure()), starts)
+        with bounded(MOST_WORK) as effort:
+            tuned = _best_tuned(*structured(task, Structure()), starts)
+        if tuned is not None and effort.ended:
+            tuned = replace(tuned, cut=str(effort))
     if tuned is None:
         if best is None:
             raise failure or NotProvedError("not proved")
@@ -357,7 +376,7 @@ def _best_of_all(task: Task, deadline: Deadline) -> Optimised:
     return best if best is not None and runnable and _level(best) <= _level(tuned) else tuned
 
 
-def _tuned(task: Task, structure: Structure, starts: Sequence[Law] = ()) -> Optimised:
+def _tuned(task: Task, asked: Structure) -> Optimised:
     """Return the best law of a structure that is proved.
 
     Raises
@@ -365,23 +384,34 @@ def _tuned(task: Task, structure: Structure, starts: Sequence[Law] = ()) -> Opti
     NotProvedError
         If there is none. It says which limits could be kept, proved of a law each.
     """
-    best = _best_tuned(task, structure, starts)
+    with bounded(MOST_WORK) as effort:
+        starts = _simpler(task, asked)
+        task, structure = structured(task, asked)
+        best = _best_tuned(task, structure, starts)
+    cut = str(effort) if effort.ended else ""
     if best is not None:
-        return best
+        return replace(best, cut=cut)
     reason = "not proved: no law of this structure was found that is proved to keep the region"
     if not task.limits:
-        raise NotProvedError(reason)
+        raise NotProvedError("; ".join(filter(None, (reason, cut))))
     _refute(task)
-    near = list(_attainable(task, structure, starts))
+    with bounded(MOST_WORK * ADVICE) as looked:
+        near = list(_attainable(task, structure, starts))
     advice = "dropping any single limit does not help either"
+    if looked.ended:
+        advice = "the search with one of them left out stopped at its bound of work"
     if near:
         advice = f"with {' or '.join(near)}, the other limits as they are, there is one"
+    if cut:
+        advice += f"; {cut}: let it measure more, schedule it on less, or take a lower order"
     raise NotProvedError(f"{reason} and the limits; this is not a refutation; {advice}")
 
 
 def _attainable(task: Task, structure: Structure, starts: Sequence[Law]) -> Iterator[str]:
     """Yield for each limit what it would have to be for a law that keeps all others."""
     for own in task.limits[:MOST_NEAR]:
+        if ended():
+            return
         others = tuple(other for other in task.limits if other is not own)
         found = _best_tuned(
             replace(task, minimise=replace(own, at_most=None), limits=others), structure, starts

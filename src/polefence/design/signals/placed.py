@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from polefence.base import effort
 from polefence.base.errors import InputError, NotProvedError, RegionError, require_type
 from polefence.base.explained import explained
 from polefence.design import place as lmi
@@ -89,6 +90,19 @@ def place(
     UncontrollableError
         If a vertex has a pole that no gain moves and that is not in the region.
     """
+    with effort.bounded(effort.MOST_WORK):
+        return _place(plant, region, method, allow_unproved, structure, errors).checkable
+
+
+def _place(
+    plant: UncertainPlant,
+    region: Region,
+    method: Method | None = None,
+    allow_unproved: bool = False,
+    structure: Structure | None = None,
+    errors: Mapping[str, Any] | None = None,
+) -> Design:
+    """Return what `place` does, before it is known that its file is proved."""
     if errors:
         if structure is not None:
             raise InputError(
@@ -106,8 +120,8 @@ def place(
             return nearby.placed(
                 plant,
                 in_time_of(plant, region),
-                lambda own: place(bare, own, method),
-                lambda centre: tightest(bare, centre, method),
+                lambda own: _place(bare, own, method),
+                lambda centre: _tightest(bare, centre, method),
             )
         return _structured(plant, in_time_of(plant, region), structure)
     if structure is None:
@@ -128,8 +142,11 @@ def place(
             if answer.certificate is not None and answer.proved:
                 return as_sampled(Design(answer.certificate), asked)
         starts += [own.law for own in found[:1]]
+        if effort.ended():
+            break
     raise NotProvedError(
         f"no {gain.words(plant)} was found that is proved to keep all poles in {asked}"
+        f"{effort.stopped()}"
     )
 
 
@@ -144,8 +161,8 @@ def _structured(plant: UncertainPlant, region: Region, structure: Structure) -> 
         return nearby.placed(
             own.extended(plant)[0],
             region,
-            lambda searched: place(bare, searched, structure=own),
-            lambda centre: tightest(bare, centre, structure=own),
+            lambda searched: _place(bare, searched, structure=own),
+            lambda centre: _tightest(bare, centre, structure=own),
         )
 
     try:
@@ -203,6 +220,20 @@ def tightest(
     UncontrollableError
         If a vertex has a pole that no gain moves and that is not stable, or not in ``within``.
     """
+    with effort.bounded(effort.MOST_WORK):
+        return _tightest(plant, centre, method, allow_unproved, of, within, structure).checkable
+
+
+def _tightest(
+    plant: UncertainPlant,
+    centre: float | None = None,
+    method: Method | None = None,
+    allow_unproved: bool = False,
+    of: str = "disk",
+    within: Region | None = None,
+    structure: Structure | None = None,
+) -> Design:
+    """Return what `tightest` does, before it is known that its file is proved."""
     if of != "disk" and getattr(plant, "sample_time", None) is not None:
         lmi.require_kind(of)
         if within is not None or centre is not None:
@@ -236,15 +267,17 @@ def tightest(
             design = _proved(plant, law, of, centre, within)
             if design is not None:
                 return design if T is None else _of_samples(design, float(T))
-        if not kept:
+        if not kept or effort.ended():
             break
         starts += kept[:1]
-    raise NotProvedError(f"no {gain.words(plant)} was found of which a {of} is proved")
+    raise NotProvedError(
+        f"no {gain.words(plant)} was found of which a {of} is proved{effort.stopped()}"
+    )
 
 
 def _fastest(plant: UncertainPlant, method: Method | None, structure: Structure | None) -> Design:
     """Return the law of the largest decay rate in discrete time: the smallest disk about zero."""
-    design, T = tightest(plant, 0.0, method, structure=structure), float(plant.sample_time or 1)
+    design, T = _tightest(plant, 0.0, method, structure=structure), float(plant.sample_time or 1)
     radius = design.region.size
     for share in SLOWER:  # of which the image is no smaller than the disk
         asked = HalfPlane(max(-math.log(radius) / T * (1 - share), 0.0))
@@ -263,7 +296,7 @@ def _most_damped(
     while high - low > CLOSE:
         middle = (low + high) / 2
         try:
-            found = place(plant, Sector(middle), method, structure=structure)
+            found = _place(plant, Sector(middle), method, structure=structure)
             best, low = replace(found, asked=Sector(middle)), middle
         except NotProvedError as error:
             failure, high = error, middle
@@ -303,9 +336,9 @@ def _tightest_nearby(
     method = method if structure is not None else nearby.on_the_box(plant, method)
     for each in dict.fromkeys((method, plain)):
         try:
-            found = tightest(bare, centre, each, of=of, within=within, structure=structure)
+            found = _tightest(bare, centre, each, of=of, within=within, structure=structure)
             own = nearby.tightened(
-                larger, found, partial(place, bare, method=each, structure=structure)
+                larger, found, partial(_place, bare, method=each, structure=structure)
             )
         except NotProvedError as error:
             failure = failure or error

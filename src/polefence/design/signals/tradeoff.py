@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import math
 import time
-from collections.abc import Sequence
+from collections.abc import Sequence, Set
 from contextlib import suppress
 from dataclasses import asdict, dataclass, replace
 from fractions import Fraction
@@ -121,8 +121,9 @@ def tradeoff(
     limits = list(dict.fromkeys(float(value) for value in values))
     _require(asked, limits, list(named.values()))
     run = Run(path=path, **options)
-    done = finished(run.path, asked) if run.path is not None and run.resume else {}
     order = [(x, label) for x in limits for label in named]
+    kept = run.path if run.resume else None
+    done = {} if kept is None else finished(kept, asked, set(order))
     tasks = [(x, named[label]) for x, label in order if (x, label) not in done]
     found = workers.as_finished(run.executor, partial(_row_of, asked), tasks)
 
@@ -229,8 +230,9 @@ def _proved(asked: Asked, done: Optimised, value: float) -> Row:
     least = best_bound(done.plant, done.law, over.specification)
     if least is not None and least.level < over.level:
         over = least
-    claims = [bound.claim for bound in (first, over, *others)]
-    return proved_row(asked, done.design.certificate, claims, value)
+    claims, certificate = [own.claim for own in (first, over, *others)], done.design.certificate
+    certificate.require_checkable(claims)
+    return proved_row(asked, certificate, claims, value)
 
 
 @dataclass(frozen=True)
@@ -464,10 +466,13 @@ def keep_references(path: Path, references: Sequence[Row]) -> None:
     write_text(path, json.dumps(document | {"references": list(references)}, indent=1) + "\n")
 
 
-def finished(path: Path, asked: Asked) -> dict[tuple[float, str], Row]:
+def finished(
+    path: Path, asked: Asked, wanted: Set[tuple[float, str]]
+) -> dict[tuple[float, str], Row]:
     """Return the proved rows of an earlier run by value and method, all proved afresh.
 
-    What a row says is taken from what was proved of it, and its law sampled again.
+    What a row says is taken from what was proved of it, and its law sampled again. Rows that are
+    not ``wanted`` share one count of the work.
 
     Raises
     ------
@@ -482,7 +487,9 @@ def finished(path: Path, asked: Asked) -> dict[tuple[float, str], Row]:
         found = {key: document[key] for key in ("polefence", "plant", "question")}
         rows = {(row["value"], row["method"]): row for row in document["rows"]}
         same = found == head(asked)
-        with work.counted():  # one count for the file, however many its rows
+        # as much as any file may take for rows that nobody asked for
+        most = work.MAX_FILE * (1 + len(rows.keys() & wanted))
+        with work.counted(most):
             proved = {
                 key: _reproved(row, asked) if same else None
                 for key, row in rows.items()

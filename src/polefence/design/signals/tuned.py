@@ -13,6 +13,7 @@ from itertools import product
 
 import numpy as np
 
+from polefence.base.effort import ended
 from polefence.base.errors import RegionError
 from polefence.design.requirements.specification import Specification
 from polefence.design.signals.search import Candidate, Task, candidate
@@ -25,7 +26,9 @@ from polefence.region.regions import Disk, Ellipse, HalfPlane, Region, Sector, W
 
 # How much tighter limits and region are asked for than they are to be proved, one after the other.
 TIGHTER = (5e-4, 3e-3, 2e-2)
-MOVING = (8e-2, 0.25)  # then, where parameters move: the search looks at loops at rest
+# Then, where parameters move, for the search looks at loops at rest; or where nothing is proved: of
+# six parameters proofs are looser.
+FARTHER = (8e-2, 0.25)
 # How many times its limit an input that is cut off would go to, and in laws to start from.
 BEYOND, BEGINNING = (np.inf, 4.0, 2.0, 1.0), 4.0
 MOST = 3  # laws of one search that proofs are looked for
@@ -41,12 +44,19 @@ def tuned_candidates(
     """
     asked_for = (*task.limits, *([task.minimise] if task.minimise else ()))
     cut_off = any(own.cut_off(task.plant) for own in asked_for)
-    shares = (*TIGHTER, *MOVING) if task.plant.moving else TIGHTER
-    for times, share in product(BEYOND if cut_off else (1.0,), shares):
+    some = False
+    for times, share in product(BEYOND if cut_off else (1.0,), (*TIGHTER, *FARTHER)):
+        if ended():
+            return
+        if some and share in FARTHER and not task.plant.moving:
+            continue
         found = tune(task.plant, structure, *_asked(task, share, times), starts)
-        for own in _promising(found):
+        for number, own in enumerate(_promising(found)):
+            if number and ended():  # the best is looked at whatever it took to find
+                return
             proved = candidate(task, own.law, task.region, estimate=own.level)
             if proved is not None:
+                some = True
                 yield proved, own.bounded_by
         starts = (*starts, *(own.law for own in found[:1]))
 

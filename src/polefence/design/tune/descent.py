@@ -15,6 +15,7 @@ from typing import Any
 
 import numpy as np
 
+from polefence.base.effort import ended as effort_ended
 from polefence.base.progress import note, stage
 from polefence.design.tune.quadratic import minimum
 from polefence.plant.system import Array
@@ -111,7 +112,7 @@ def descend(
     ended = False
     for step in range(effort.steps):
         note(f"step {step + 1}")
-        if here.level <= target and here.excess <= 0:
+        if (here.level <= target and here.excess <= 0) or effort_ended():
             break
         merits = merits or [_merit(here, rho)]
         if ended or (len(merits) > STALL and merits[-1 - STALL] - merits[-1] < effort.worth):

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from polefence.base.effort import spend
 from polefence.base.explained import explained
 from polefence.base.processors import spare_processors
 from polefence.base.progress import stage
@@ -81,6 +82,20 @@ def run(
     numpy.linalg.LinAlgError
         If F(x, r) is not positive definite.
     """
+    outcome = _run(stacked, x, r, enough, tolerance, engine)
+    spend(outcome.iterations * stacked.unknowns**2 * (stacked.unknowns + stacked.order))
+    return outcome
+
+
+def _run(
+    stacked: Stacked,
+    x: Array,
+    r: float,
+    enough: float,
+    tolerance: float,
+    engine: str | None,
+) -> Outcome:
+    """Return what `run` does, by one engine or the other."""
     if engine == "numpy" or _kernel is None:
         return reference.run(stacked, x, r, enough, tolerance)
     reference.tell(0)

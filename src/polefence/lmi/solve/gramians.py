@@ -17,7 +17,7 @@ between, the best is taken.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -39,6 +39,8 @@ ROOM = 1e-7  # of the bound's square, for rounding
 # How far above the worst sample a gain is tried, one after the other.
 ABOVE = (1e-4, 1e-3, 5e-3, 2e-2, 0.1)
 MOST = 3e8  # of the work on one polynomial [multiplications]
+# The same on a part of the box; degree 2 in six parameters is 1e10, minutes for a few parts.
+MOST_IN_PART = 1e9
 DEGREES = (2, 4)  # on parts of the box
 LOWEST = 0.03  # of a level, what a point's own is at least
 NEXT = 1e-3  # above the last least level the search for the next begins
@@ -260,9 +262,12 @@ def in_parts(problem: DualProblem, level: float, most: int = MOST_PARTS) -> list
     """
     if not divisible(problem.plant, problem.law) or problem.share is not None:
         return None
+    degrees = [own for own in DEGREES if problem.work(own) * ROUNDS <= MOST_IN_PART]
+    if not degrees:
+        return None
 
     def proving(box: Box) -> Dual | None:
-        found = _each(replace(problem, box=box), level)
+        found = _each(replace(problem, box=box), level, degrees)
         return next((dual for dual in found if dual.level < level), None)
 
     def along(box: Box) -> int:
@@ -272,9 +277,9 @@ def in_parts(problem: DualProblem, level: float, most: int = MOST_PARTS) -> list
     return None if parts is None else [Part(box.low, box.high, dual) for box, dual in parts]
 
 
-def _each(problem: DualProblem, level: float) -> Iterator[Dual]:
+def _each(problem: DualProblem, level: float, degrees: Sequence[int]) -> Iterator[Dual]:
     """Yield dual polynomials of some degrees, in a part; of a gain at the level itself."""
-    for degree in DEGREES:
+    for degree in degrees:
         with suppress(np.linalg.LinAlgError), np.errstate(all="ignore"):
             found = _Interpolation(problem, degree).proving(level)
             if found is not None:

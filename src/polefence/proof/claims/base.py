@@ -14,7 +14,7 @@ from polefence.proof.plant import Plant
 from polefence.proof.polynomials import Exponent, Polynomial, Sizes, count_of, joint, symmetric
 from polefence.proof.reading import Table
 from polefence.proof.short import Short
-from polefence.proof.work import MAX_WORK, FormatError, counted, tell
+from polefence.proof.work import MAX_WORK, FormatError, WorkError, counted, tell
 
 MAX_BLOCKS = 200_000  # inequalities of one claim
 
@@ -267,7 +267,7 @@ def prove(claim: Claim) -> Verdict:
 def require_work(least: int) -> None:
     """Refuse, before any is done, more work than is done here."""
     if least > MAX_WORK:
-        raise FormatError("these are more inequalities, or larger ones, than are checked here")
+        raise WorkError("these are more inequalities, or larger ones, than are checked here")
 
 
 def require_law(law: Any, kind: str) -> Law:

@@ -33,7 +33,7 @@ from polefence.proof.text import (
     region_text,
     unit_text,
 )
-from polefence.proof.work import MAX_WORK, RATIONAL, FormatError, spend
+from polefence.proof.work import MAX_WORK, RATIONAL, FormatError, WorkError, spend
 
 MAX_CELLS, MAX_PARAMETERS, MAX_KNOTS = 2000, 6, 200
 ANSWERS = ("proved", "refuted", "undecided")
@@ -232,9 +232,7 @@ class Cells(Short, Claim):
             if cell.point is not None and cell.outside is None:
                 total += inside_work(table.loop(cell.point))
             if total > MAX_WORK:
-                raise FormatError(
-                    "the cells are more inequalities, or larger, than are checked here"
-                )
+                raise WorkError("the cells are more inequalities, or larger, than are checked here")
 
     def decided(self) -> Verdict:
         """Check every cell, and that together they tile the box.

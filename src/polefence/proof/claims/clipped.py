@@ -46,7 +46,7 @@ from polefence.proof.plant import Plant
 from polefence.proof.reading import MAX_SIZE, MAX_VERTICES, Table, as_list, as_number, plain
 from polefence.proof.short import Short
 from polefence.proof.text import digits_down, digits_up, sum_text
-from polefence.proof.work import RATIONAL, FormatError, spend
+from polefence.proof.work import RATIONAL, FormatError, WorkError, spend
 
 MAX_DEGREE, MAX_MONOMIALS, MAX_PIECES = 8, 2000, 1000
 GIVEN, LOWER, UPPER = range(3)  # what a damper does in a piece: the demand, or one of its bounds
@@ -191,14 +191,14 @@ class Clipped(Short, Claim):
         count = squares.count_of(n, self.degree)
         pieces = N * (N + 1) // 2 * 3**m
         if count > MAX_MONOMIALS or pieces > MAX_PIECES:
-            raise FormatError("these are more monomials, or more pieces, than are checked here")
+            raise WorkError("these are more monomials, or more pieces, than are checked here")
         if len(self.V) != N or any(len(V) != count - 1 for V in self.V):
             raise FormatError(f"V must hold {count - 1} numbers, one a monomial, for each vertex")
         if len(self.pieces) != pieces:
             raise FormatError(f"pieces must be {pieces}")
         inner, lower = (squares.bases(n, self.degree // 2 - k) for k in range(2))
         if max(map(len, inner)) > MAX_SIZE:
-            raise FormatError("these are more monomials than are checked here")
+            raise WorkError("these are more monomials than are checked here")
         for own in self.pieces:
             _require_sizes(own.own, inner)
             if len(own.multipliers) != m:

@@ -34,7 +34,7 @@ from polefence.proof.reading import Table
 from polefence.proof.regions import Disk, Part
 from polefence.proof.short import Short
 from polefence.proof.text import digits_down, name_text, range_text, unit_text
-from polefence.proof.work import FormatError
+from polefence.proof.work import FormatError, WorkError
 
 
 @dataclass(frozen=True)
@@ -146,7 +146,7 @@ class MarginClaim(Short, Claim):
         self.require_own(count)
         blocks, size = self.work()
         if blocks > MAX_BLOCKS:
-            raise FormatError("these are more inequalities, or larger ones, than are checked here")
+            raise WorkError("these are more inequalities, or larger ones, than are checked here")
         require_work(least_work(blocks, 2 * size))
 
     def symmetric(self) -> Iterator[tuple[str, Rationals]]:

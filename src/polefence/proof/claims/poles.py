@@ -95,7 +95,7 @@ from polefence.proof.remainder import Remainder
 from polefence.proof.roots import all_inside
 from polefence.proof.short import Short
 from polefence.proof.text import digits_down, digits_up, output_text, quoted, region_text
-from polefence.proof.work import MAX_WORK, FormatError
+from polefence.proof.work import MAX_WORK, FormatError, WorkError
 
 METHODS = ("quadratic", "slack", "scheduled", "lyapunov")
 ONE = Fraction(1)
@@ -250,9 +250,7 @@ class Poles(Short, Claim):
         self._require_remainder()
         self._require_counts()
         if self.least > MAX_WORK:
-            raise FormatError(
-                f"{self.count} inequalities of this size are more than is checked here"
-            )
+            raise WorkError(f"{self.count} inequalities of this size are more than is checked here")
         self._require_motion()
 
     def _require_remainder(self) -> None:

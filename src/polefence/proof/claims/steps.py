@@ -42,7 +42,7 @@ from polefence.proof.polynomials import (
     multinomial,
 )
 from polefence.proof.reading import MAX_COEFFICIENTS
-from polefence.proof.work import RATIONAL, FormatError, spend
+from polefence.proof.work import RATIONAL, FormatError, WorkError, spend
 
 if TYPE_CHECKING:
     from polefence.proof.claims.sampled import Sampled
@@ -175,7 +175,7 @@ def require_moderate(vertices: int, n: int, width: int, p: int, sizes: Sizes) ->
     each = vertices * n * n * width
     work = sum(count_of(sizes, k) for k in range(1, p)) * each
     if count_of(sizes, p) > MAX_COEFFICIENTS or work > MAX_PRODUCTS:
-        raise FormatError("these are more terms than are computed here")
+        raise WorkError("these are more terms than are computed here")
 
 
 def gain_error(claim: Sampled) -> Fraction:

@@ -21,7 +21,7 @@ from polefence.design.requirements.weights import WEIGHTS
 from polefence.design.signals.bounds import best_bound
 from polefence.design.signals.optimise import optimise
 from polefence.design.signals.refutation import lowest
-from polefence.design.signals.semi_active import semi_active
+from polefence.design.signals.semi_active import semi_active, unproved
 from polefence.law.laws import FixedGain, Law
 from polefence.law.structure import Structure
 from polefence.plant.dampers import Damper
@@ -168,7 +168,7 @@ def concepts(
     InputError
         If the plant is no quarter car, or something does not fit.
     NotProvedError
-        If nothing is proved of the law of `semi_active`.
+        If no dampers that stay keep every vertex stable.
     """
     known = require_ride(plant)
     first, _, third, _ = known.places
@@ -200,7 +200,7 @@ class _Task:
         for own in choose(plant, measured):
             if own.unit not in NOISE:
                 raise InputError(f"measured: {own.name}: no sensor is known for {own.unit or '1'}")
-        self.best = semi_active(plant, specification, dampers)
+        self.others = unproved(plant, specification, dampers)
         self.rates = np.array([[float(x) for x in one.of(plant).rate[0][0]] for one in dampers])
         self.loads = seeded(plant, LOADS)
 
@@ -209,13 +209,13 @@ class _Task:
         names = tuple(own.name for own in states(self.plant))
         body, deflection = names[self.known.places[2]], names[self.known.places[0]]
         rate = f"rate of {deflection}"
-        c = np.array(self.best.coefficients)
+        c = np.array(self.others.coefficients)
         stays = FixedGain(c[:, None] * self.rates)
         yield Concept("passive", (), self.plant, stays, (), self.proved(self.plant, stays))
         yield self.clipped("skyhook", (body, rate), self.skyhook())
         yield self.clipped("ADD", (deflection, rate), self.against_the_spring())
-        own = FixedGain(self.best.K)
-        yield Concept("semi-active", names, self.plant, own, self.dampers, self.best.level)
+        if self.others.K is not None:
+            yield self.clipped("semi-active", names, self.others.K)
         larger, law = self.lqg()
         yield Concept("LQG", self.measured, larger, law, (), self.proved(larger, law))
         for name, sensors in (("active, few sensors", self.measured), ("active, all states", None)):
@@ -282,7 +282,7 @@ class _Task:
 
     def below(self, dampers: tuple[Damper, ...]) -> float | None:
         """Return what no law goes below, of these dampers or of forces."""
-        found = lowest(self.plant, self.specification, self.best.level, dampers)
+        found = lowest(self.plant, self.specification, self.others.passive, dampers)
         return None if found is None else found[1]
 
     def driven(self, one: Concept) -> Ridden:

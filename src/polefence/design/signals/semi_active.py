@@ -45,6 +45,7 @@ from polefence.proof.matrices import Rationals
 from polefence.proof.polynomials import Sizes
 from polefence.proof.short import Short
 from polefence.proof.squares import count_of
+from polefence.proof.work import FormatError
 from polefence.region.text import digits_up
 
 # How near its end the search comes: what is on the very edge may not survive its rounding.
@@ -170,32 +171,36 @@ def semi_active(
         if found is not None:
             return found
     degrees = " or ".join(map(str, tried))
-    raise problem.unproved(
+    raise problem.refusal(
         f"no polynomial of degree {degrees} was found that does", problem.narrower
     )
 
 
-@dataclass(frozen=True)
-class Passive:
-    """The best dampers that stay as they are, one for each input, and their rms.
+@dataclass(frozen=True, eq=False)
+class Unproved:
+    """What needs no proof: the best dampers that stay as they are, one for each input; a demand.
 
     Attributes
     ----------
     dampers : tuple of Damper
         In the order of the inputs.
     coefficients : tuple of float
-    rms : float
-        The worst at the vertices; computed, not proved.
+        Of the best dampers that stay.
+    passive : float
+        The worst rms with these, at the vertices.
+    K : (m, n) array or None
+        What the law of `semi_active` demands; None where no signal has a force in it.
     """
 
     dampers: tuple[Damper, ...]
     coefficients: tuple[float, ...]
-    rms: float
+    passive: float
+    K: Array | None
 
 
 @small_matrices()
-def best_passive(plant: UncertainPlant, specification: Rms, dampers: Sequence[Damper]) -> Passive:
-    """Return the best dampers that stay as they are.
+def unproved(plant: UncertainPlant, specification: Rms, dampers: Sequence[Damper]) -> Unproved:
+    """Return the best dampers that stay as they are, and what the law of `semi_active` demands.
 
     Raises
     ------
@@ -204,9 +209,11 @@ def best_passive(plant: UncertainPlant, specification: Rms, dampers: Sequence[Da
     NotProvedError
         If no dampers keep every vertex stable.
     """
-    problem = _Question.of(plant, specification, dampers)
-    rms = problem.passive
-    return Passive(problem.dampers, tuple(problem.best.tolist()), rms)
+    problem, K = _Question.of(plant, specification, dampers), None
+    passive = problem.passive
+    with suppress(NotProvedError):
+        K = problem.rounded
+    return Unproved(problem.dampers, tuple(problem.best.tolist()), passive, K)
 
 
 def _even(degree: int) -> int:
@@ -274,12 +281,12 @@ class _Question:
             Saying why, and what to change.
         """
         if moving := [p.name for p in self.plant.parameters if p.rate is not None]:
-            raise self.unproved(
+            raise self.refusal(
                 f"{' and '.join(moving)} moves; it is proved for parameters that do not",
                 "leave out the rate",
             )
         if np.ptp(self.E, axis=0).any() or np.ptp(self.rates, axis=0).any():
-            raise self.unproved(
+            raise self.refusal(
                 "how the disturbance enters, or a damper's rate, changes with a parameter",
                 "name states of which it does not",
             )
@@ -287,12 +294,12 @@ class _Question:
         for j, own in enumerate(self.loops(self.bounds[:, 0])):
             if np.linalg.eigvals(own).real.max() >= 0:
                 lows = " and ".join(f"{d.force} = {float(d.low):g} v" for d in self.dampers)
-                raise self.unproved(
+                raise self.refusal(
                     f"with all dampers at their lower bounds, {lows}, vertex {j + 1} is not stable",
                     f"raise the lower bound of damper {self.dampers[0].force}",
                 )
 
-    def unproved(self, why: str, remedy: str) -> NotProvedError:
+    def refusal(self, why: str, remedy: str) -> NotProvedError:
         """Return that no bound is proved, why, and what to change."""
         title = self.specification.title
         return NotProvedError(f"{self.plant.name}: no bound on {title} is proved: {why}; {remedy}")
@@ -403,19 +410,28 @@ class _Question:
         z'z + 2 x'P (A x + B u) is at most its value and slope at u0 = c v, and (u - u0)'R0 (u - u0)
         with a diagonal R0: of this each force by itself is the least. Behind a filter a force does
         not show, R is zero: R0 is that of the signals before their filters, which hold it where it
-        is felt most.
+        is felt most. What is asked of a filter's states is asked of their mean, given the others:
+        a law feeds none of them back. (Of three cars with Wk this is in drives within 0.2 % of the
+        demand with the filter's states, or better, and proves 0.3 % to 0.7 % less.)
         """
         from scipy.linalg import solve_continuous_lyapunov
 
         A, B, C, D = (M[self.hardest] for M in (self.A, self.B, self.C, self.D))
         u0 = self.stays(self.hardest, self.best)
-        loop, out = A + B @ u0, C + D @ u0
+        loop, out, E = A + B @ u0, C + D @ u0, self.E[self.hardest]
         P = solve_continuous_lyapunov(loop.T, -out.T @ out)
         R, R0 = D.T @ D, np.abs(self.shown.T @ self.shown).sum(axis=1)
         if not R0.any():
-            raise self.unproved("it has no force in it", "add an acceleration, or a force")
+            raise self.refusal("it has no force in it", "add an acceleration, or a force")
         R0 = np.maximum(R0, LEAST * R0.max())
-        return np.asarray(u0 - (R @ u0 + B.T @ P + D.T @ C) / R0[:, None])
+        K, n = u0 - (R @ u0 + B.T @ P + D.T @ C) / R0[:, None], self.plant.shape[0]
+        X = solve_continuous_lyapunov(loop, -E @ E.T)
+        return np.asarray(K[:, :n] + np.linalg.solve(X[:n, :n], X[:n, n:] @ K[:, n:].T).T)
+
+    @property
+    def rounded(self) -> Array:
+        """K of the law's own in 32 bits, so that what is proved is what a microprocessor has."""
+        return self.demand.astype(np.float32).astype(float)
 
     @property
     def shown(self) -> Array:
@@ -444,7 +460,7 @@ class _Question:
         X = np.diag(solve_continuous_lyapunov(balanced, -E @ E.T))
         for own, variance in zip(states(self.larger), X, strict=True):
             if not variance > UNREACHED * X.max():
-                raise self.unproved(
+                raise self.refusal(
                     f"no disturbance reaches {own.name}", "leave that state out of the plant"
                 )
         return np.asarray(2.0 ** np.round(np.log2(np.sqrt(X) * scale)), dtype=np.float64)
@@ -452,13 +468,13 @@ class _Question:
     def proved(self, degree: int, given: Array | None = None) -> SemiActiveLaw | None:
         """Return the law with what is proved of it by this degree, None if nothing is."""
         passive, X = self.passive, self.common  # first of all: quick, and the others need them
-        # numbers of 32 bits, so that what is proved is what a microprocessor has
-        K = np.asarray(self.demand if given is None else given, dtype=np.float32).astype(float)
+        own = self.rounded if given is None else np.asarray(given, np.float32).astype(float)
+        K = np.pad(own, ((0, 0), (0, len(self.units) - own.shape[1])))  # a filter's states stay out
         each = pieces_of(self.sizes, len(self.dampers))
         pieces = [self.piece(group, choice, K) for group, choice in each]
         search = self.search([own for own, _ in pieces], degree)
         for tolerance in NEAR:
-            with suppress(SolverError, np.linalg.LinAlgError):
+            with suppress(SolverError, FormatError, np.linalg.LinAlgError):
                 mean = search(tolerance)
                 level = passive * float(np.sqrt(mean.level)) * (1 + ABOVE)
                 claim = self.claim(K, X, level, degree, mean, [sizes for _, sizes in pieces])
@@ -466,7 +482,7 @@ class _Question:
                 if verdict.proved:
                     asked = (self.plant, self.specification, self.dampers)
                     stays = (tuple(self.best.tolist()), passive)
-                    return SemiActiveLaw(*asked, K, level, *stays, claim, verdict.reason)
+                    return SemiActiveLaw(*asked, own, level, *stays, claim, verdict.reason)
         return None
 
     def search(self, pieces: list[Piece], degree: int) -> Callable[[float], Mean]:
@@ -554,7 +570,7 @@ class _Question:
         try:
             found = inside([(0, f) for f in F], np.concatenate(x), trace, np.zeros((0, N * count)))
         except SolverError as error:
-            raise self.unproved(
+            raise self.refusal(
                 "no quadratic function was found that falls whatever the dampers do", self.narrower
             ) from error
         each = np.split(found, N)

@@ -280,12 +280,12 @@ class Clipped(Short, Claim):
         n, s = len(self.units), self.units
         each = zip(self.K, self.dampers, choice, strict=True)
         forms = [_form(row, damper, what) for row, damper, what in each]
-        self._spend(own, forms, len(group))
         numbers = dict.fromkeys(i for pair in group for i in pair)
         loops = {i: self._scaled(self._loop(i, choice)) for i in numbers}
+        basis, noise = squares.monomials(n, self.degree, 0)[1:], self._noise()
+        self._spend(own, forms, [(loops[k][0], noise) for _, k in group])
         share = 1 / self.limit.level**2
         f: squares.Sparse = {(0,) * n: Fraction(len(group))}
-        basis, noise = squares.monomials(n, self.degree, 0)[1:], self._noise()
         for j, k in group:
             A, C = loops[k]
             both = _form_of(loops[j][1], C)
@@ -320,7 +320,9 @@ class Clipped(Short, Claim):
             for x in rows
         ]
 
-    def _spend(self, own: Squares, forms: list[Rationals], pairs: int) -> None:
+    def _spend(
+        self, own: Squares, forms: list[Rationals], motions: list[tuple[Rationals, Rationals]]
+    ) -> None:
         """Count the work on a piece's polynomial before it begins."""
         n = len(self.units)
         multipliers = [H for each in own.multipliers for H in each]
@@ -329,7 +331,9 @@ class Clipped(Short, Claim):
         length = longest(
             (tuple(x for M in matrices for row in M for x in row), *self.V, self.units)
         )
-        operations = 4 * len(self.V[0]) * n * n * pairs
+        # each state is in as many monomials: what is not zero in its rows is what there is to do
+        entries = sum(x != 0 for pair in motions for M in pair for row in M for x in row)
+        operations = 2 * len(self.V[0]) * min(n, self.degree) * entries // n
         operations += sum(len(M) ** 2 for M in own.own)
         operations += sum(len(H) ** 2 * n * n for H in multipliers)
         spend(RATIONAL * operations, 2 * length, length)

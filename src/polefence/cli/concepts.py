@@ -67,6 +67,8 @@ def _lines(found: Concepts) -> list[str]:
     for what, level in (("semi-active law", found.semi_active), ("law", found.active)):
         if level is not None:
             lines.append(f"proved: no {what} goes below {digits_down(level)}")
+    reasons = [one.reason for one, _ in found.rows if one.level is None and one.reason]
+    lines += [f"not proved: {reason}" for reason in dict.fromkeys(reasons)]
     error = max(own.error / own.cost for _, own in found.rows if math.isfinite(own.cost))
     away = [one.name for one, own in found.rows if not math.isfinite(own.cost)]
     lines += [f"not stable at every value of the parameters: {', '.join(away)}"] * bool(away)
@@ -110,6 +112,7 @@ def _document(found: Concepts) -> dict[str, Any]:
                 "concept": one.name,
                 "sensors": list(one.sensors),
                 "proved": one.level,
+                "reason": one.reason or None,
                 "gain": one.gain,
                 "drives": asdict(ridden) if math.isfinite(ridden.cost) else None,
             }

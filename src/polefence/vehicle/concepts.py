@@ -7,7 +7,6 @@ From a fixed damper, by dampers that a logic sets, to a force that knows every s
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from contextlib import suppress
 from dataclasses import dataclass
 
 import numpy as np
@@ -64,6 +63,8 @@ class Concept(Short):
         That give what is demanded as far as they can; none where forces do.
     level : float, optional
         The rms is at most this for every value of the parameters; None where nothing is proved.
+    reason : str
+        Why not, and what to change; empty where it is not known.
     """
 
     name: str
@@ -72,6 +73,7 @@ class Concept(Short):
     law: Law
     dampers: tuple[Damper, ...]
     level: float | None
+    reason: str = ""
 
     @property
     def gain(self) -> float:
@@ -230,10 +232,12 @@ class _Task:
 
     def clipped(self, name: str, sensors: tuple[str, ...], K: Array) -> Concept:
         """Return a demand of dampers with what is proved of it."""
-        level = None
-        with suppress(NotProvedError):
+        level, reason = None, ""
+        try:
             level = semi_active(self.plant, self.specification, self.dampers, K=K).level
-        return Concept(name, sensors, self.plant, FixedGain(K), self.dampers, level)
+        except NotProvedError as error:
+            reason = str(error)
+        return Concept(name, sensors, self.plant, FixedGain(K), self.dampers, level, reason)
 
     def skyhook(self) -> Array:
         """Return the skyhook that has the least rms in drives."""

@@ -95,7 +95,7 @@ def test_where_no_bound_is_proved_the_rest_is_printed_and_saved(spec, tmp_path, 
     assert main(words) == 1
     out = capsys.readouterr().out
     assert "damper force = 0 v, vertex 1 is not stable; raise the lower bound of damper" in out
-    stays = float(re.search(r"with the best dampers that stay, 582 N s/m .*: (\S+)", out)[1])
+    stays = float(re.search(r"with the best fixed dampers, 582 N s/m .*: (\S+)", out)[1])
     low = float(re.search(r"no semi-active law goes below (\S+) at vertex 1", out)[1])
     assert 0.86 < low < stays
     found = json.loads(summary.read_text())

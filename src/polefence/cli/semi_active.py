@@ -153,7 +153,7 @@ def _lines(answer: Answer) -> list[str]:
             f"polynomial of degree {law.degree}",
             f"  u = K x, cut off to what the dampers give; K = {matrix_text(law.K)}",
         ]
-    lines.append(f"  with the best dampers that stay, {fixed}: {others.passive:.6g}")
+    lines.append(f"  with the best fixed dampers, {fixed}: {others.passive:.6g}")
     for name, found in answer.below.items():
         if found is not None:
             proof, level = found

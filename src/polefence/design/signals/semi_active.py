@@ -55,7 +55,7 @@ DEGREES = (6, 4, 2)
 MOST = 8000  # moments that are searched for
 LEVEL = 1e-9  # of an rms: others that are so near are as large
 LOWEST = 1e-3  # of the upper bound, the least coefficient above zero that is tried
-STEPS, DIGITS = 60, 3  # of a damper that stays: tried from bound to bound; kept
+STEPS, DIGITS = 60, 3  # of a fixed damper: tried from bound to bound; kept
 OWN = 2  # matrices of a piece: of the odd monomials, and of the even ones
 LEAST = 1e-3  # of the largest, what a force costs at least
 UNREACHED = 1e-12  # of the largest variance of a state, in balanced units
@@ -134,11 +134,11 @@ def semi_active(
     Parameters
     ----------
     plant : UncertainPlant
-        With a disturbance, E, the same for all values of the parameters.
+        With a disturbance, E, the same for all values of the parameters, which do not move.
     specification : Rms
-        Of one signal or a vector, not weighted; its ``at_most`` is not asked for.
+        Of one signal or a vector, weighted or not; its ``at_most`` is not asked for.
     dampers : sequence of Damper
-        One for each input, with ``low`` above zero.
+        One for each input; at their lower bounds the loop is stable.
     degree : int, optional
         2, 4, 6 or 8, of the polynomial that proves the bound; by default the highest up to 6 for
         which the search is quick. The higher, the lower the bound.
@@ -154,7 +154,7 @@ def semi_active(
     InputError
         If dampers, specification and plant do not fit.
     NotProvedError
-        If no bound was proved.
+        If no bound was proved, saying why and what to change.
     """
     problem = _Question.of(plant, specification, dampers)
     problem.require_provable()

@@ -105,6 +105,10 @@ def test_where_no_bound_is_proved_the_rest_is_printed_and_saved(spec, tmp_path, 
     )
     assert found["no semi-active law below"] == pytest.approx(low, rel=1e-5)
     assert [path.name for path in made.iterdir()] == ["limit.json"]
+    (made / "law.json").write_text((made / "limit.json").read_text())
+    assert main(words) == 1
+    assert "law.json is that of an earlier design" in capsys.readouterr().out
+    (made / "law.json").unlink()
     assert main(["check", str(made), "--spec", str(spec)]) == 0
 
 

@@ -137,6 +137,8 @@ def semi_active_command(options: Any) -> int:
     if options.json is not None:
         write_json(options.json, _document(answer))
     say(*_lines(answer))
+    if law is None and options.output is not None and (options.output / LAW).exists():
+        say(f"note: {options.output / LAW} is that of an earlier design")
     return NOT_PROVED if law is None else PROVED
 
 

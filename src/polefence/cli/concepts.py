@@ -8,10 +8,12 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from polefence.base.errors import InputError
 from polefence.cli.common import PROVED, check_figure, check_targets, write_figure, write_json
 from polefence.cli.semi_active import add_question, question
 from polefence.cli.terminal import say
 from polefence.design.rows import plant_summary
+from polefence.plant.spec import load_car
 from polefence.region.text import digits_down, digits_up
 
 if TYPE_CHECKING:  # imported where used: with scipy behind it
@@ -42,6 +44,12 @@ def concepts_command(options: Any) -> int:
     check_figure(options.plot)
     check_targets(options.json, options.plot)
     plant, dampers, least = question(options)
+    car = load_car(options.spec)
+    if car is not None:
+        raise InputError(
+            f"{options.spec}: a car on {len(car.wheels)} wheels is not described as a quarter car, "
+            "and concepts compares suspensions of these; ask semi-active, optimise and simulate"
+        )
     measured = None
     if options.measured is not None:
         measured = tuple(name.strip() for name in options.measured.split(","))

@@ -27,7 +27,7 @@ from polefence.base.files import write_text
 from polefence.base.processors import small_matrices
 from polefence.design.certificate import file_plant
 from polefence.design.requirements.rms import Rms
-from polefence.design.signals.augmented import with_weights
+from polefence.design.requirements.weights import with_weights
 from polefence.law.laws import FixedGain
 from polefence.lmi.solve.moments import Mean, Piece, Problem, inside
 from polefence.lmi.solve.quadratic_means import least_mean

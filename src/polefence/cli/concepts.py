@@ -79,7 +79,9 @@ def _lines(found: Concepts) -> list[str]:
     lines += [f"not proved: {reason}" for reason in dict.fromkeys(reasons)]
     error = max(own.error / own.cost for _, own in found.rows if math.isfinite(own.cost))
     away = [one.name for one, own in found.rows if not math.isfinite(own.cost)]
-    lines += [f"not stable at every value of the parameters: {', '.join(away)}"] * bool(away)
+    if away:
+        why = "too fast for steps of 1 ms, or not stable at every value of the parameters"
+        lines.append(f"{why}: {', '.join(away)}")
     lines.append(
         f"drives: rms, the worst of {found.loads} values of the parameters, the mean of {ROADS} "
         f"roads of {SECONDS:g} s; standard error at most {error:.1%}"

@@ -7,7 +7,7 @@ From a fixed damper, by dampers that a logic sets, to a force that knows every s
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 
@@ -88,7 +88,7 @@ class Concept(Short):
 class Ridden(Short):
     """What a concept has in drives: rms, worst of all loads, of each the mean of all roads.
 
-    All are nan where a drive ran away.
+    All are nan where a drive ran away, or the law is too fast for the step of a drive.
 
     Attributes
     ----------
@@ -290,8 +290,11 @@ class _Task:
         return None if found is None else found[1]
 
     def driven(self, one: Concept) -> Ridden:
-        """Drive it."""
-        squares = self._roads(one.plant, one.law, one.dampers, ROADS)
+        """Drive it; a law with poles too fast for the drives' step is not driven."""
+        try:
+            squares = self._roads(one.plant, one.law, one.dampers, ROADS)
+        except InputError:
+            return Ridden(*(np.nan,) * len(fields(Ridden)))
         rms = np.sqrt(squares[:-1])
         worst = int(np.argmax(rms[0].mean(axis=1)))
         error = float(rms[0, worst].std(ddof=1) / np.sqrt(ROADS))

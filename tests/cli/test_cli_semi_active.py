@@ -67,7 +67,6 @@ def test_a_spec_that_differs_is_told(spec, tmp_path, capsys, old, new, differenc
         (RANGE, "", "range is missing"),
         (RANGE, f"{RANGE}\ncost = 3", "unknown key 'cost'"),
         ('[damper."damper force"]', "[damper.force]", "no signal 'force'"),
-        (RANGE, "range = [0, 3000]", "low = 0; a bound is proved with low above zero"),
         ('deflection = "suspension deflection"', "deflection = 3", "deflection must be a string"),
         (
             '= "suspension deflection"',
@@ -87,6 +86,30 @@ def test_bad_specs_are_refused_in_one_line(spec, capsys, old, new, words):
     assert old in spec.read_text()
     spec.write_text(spec.read_text().replace(old, new))
     assert words in refused(capsys, "semi-active", spec, "--degree", "2")
+
+
+def test_where_no_bound_is_proved_the_rest_is_printed_and_saved(spec, tmp_path, capsys):
+    made, summary = tmp_path / "made", tmp_path / "own.json"
+    spec.write_text(spec.read_text().replace(RANGE, "range = [0, 3000]"))
+    words = ["semi-active", str(spec), "-o", str(made), "--json", str(summary)]
+    assert main(words) == 1
+    out = capsys.readouterr().out
+    assert "damper force = 0 v, vertex 1 is not stable; raise the lower bound of damper" in out
+    stays = float(re.search(r"with the best fixed dampers, 582 N s/m .*: (\S+)", out)[1])
+    low = float(re.search(r"no semi-active law goes below (\S+) at vertex 1", out)[1])
+    assert 0.86 < low < stays
+    found = json.loads(summary.read_text())
+    assert (found["status"], found["best that stay"]) == (
+        "not proved",
+        pytest.approx(stays, rel=1e-5),
+    )
+    assert found["no semi-active law below"] == pytest.approx(low, rel=1e-5)
+    assert [path.name for path in made.iterdir()] == ["limit.json"]
+    (made / "law.json").write_text((made / "limit.json").read_text())
+    assert main(words) == 1
+    assert "law.json is that of an earlier design" in capsys.readouterr().out
+    (made / "law.json").unlink()
+    assert main(["check", str(made), "--spec", str(spec)]) == 0
 
 
 def test_a_spec_without_dampers_is_refused(spec, capsys):

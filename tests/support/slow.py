@@ -20,6 +20,7 @@ SLOW = (
     "fleet/test_studies.py",
     "show/test_report.py",
     "design/signals/test_semi_active_laws.py",
+    "design/signals/test_other_dampers.py",
     "theory/test_where_searches_start.py",
     "design/signals/test_tradeoff.py",
     "theory/test_discrete_structures.py",

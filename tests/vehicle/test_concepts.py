@@ -239,4 +239,19 @@ deflection = "rear suspension deflection"
 range = [300, 2000]
 """
     spec.write_text(spec_text("half-car") + damper)
-    assert "is not described as a quarter car" in refused(capsys, "concepts", str(spec))
+    said = refused(capsys, "concepts", str(spec))
+    assert "a car on 2 wheels is not described as a quarter car" in said
+    assert "ask semi-active, optimise and simulate" in said
+
+
+def test_without_a_bound_of_dampers_the_table_is_printed_with_the_reason(tmp_path, capsys):
+    spec = tmp_path / "own.toml"
+    spec.write_text(spec_text("semi-active").replace("range = [300, 3000]", "range = [0, 3000]"))
+    assert main(["concepts", str(spec), "--json", str(tmp_path / "rows.json")]) == 0
+    out = capsys.readouterr().out
+    assert re.search(r"^semi-active +4 +- +0\.\d+", out, re.MULTILINE)
+    assert out.count("vertex 1 is not stable; raise the lower bound of damper") == 1
+    rows = json.loads((tmp_path / "rows.json").read_text())["rows"]
+    unproved = [row["concept"] for row in rows if row["proved"] is None]
+    assert unproved == ["skyhook", "ADD", "semi-active"]
+    assert all((row["reason"] is None) == (row["proved"] is not None) for row in rows)

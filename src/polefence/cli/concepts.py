@@ -8,10 +8,12 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from polefence.base.errors import InputError
 from polefence.cli.common import PROVED, check_figure, check_targets, write_figure, write_json
 from polefence.cli.semi_active import add_question, question
 from polefence.cli.terminal import say
 from polefence.design.rows import plant_summary
+from polefence.plant.spec import load_car
 from polefence.region.text import digits_down, digits_up
 
 if TYPE_CHECKING:  # imported where used: with scipy behind it
@@ -42,6 +44,12 @@ def concepts_command(options: Any) -> int:
     check_figure(options.plot)
     check_targets(options.json, options.plot)
     plant, dampers, least = question(options)
+    car = load_car(options.spec)
+    if car is not None:
+        raise InputError(
+            f"{options.spec}: a car on {len(car.wheels)} wheels is not described as a quarter car, "
+            "and concepts compares suspensions of these; ask semi-active, optimise and simulate"
+        )
     measured = None
     if options.measured is not None:
         measured = tuple(name.strip() for name in options.measured.split(","))
@@ -67,9 +75,13 @@ def _lines(found: Concepts) -> list[str]:
     for what, level in (("semi-active law", found.semi_active), ("law", found.active)):
         if level is not None:
             lines.append(f"proved: no {what} goes below {digits_down(level)}")
+    reasons = [one.reason for one, _ in found.rows if one.level is None and one.reason]
+    lines += [f"not proved: {reason}" for reason in dict.fromkeys(reasons)]
     error = max(own.error / own.cost for _, own in found.rows if math.isfinite(own.cost))
     away = [one.name for one, own in found.rows if not math.isfinite(own.cost)]
-    lines += [f"not stable at every value of the parameters: {', '.join(away)}"] * bool(away)
+    if away:
+        why = "too fast for steps of 1 ms, or not stable at every value of the parameters"
+        lines.append(f"{why}: {', '.join(away)}")
     lines.append(
         f"drives: rms, the worst of {found.loads} values of the parameters, the mean of {ROADS} "
         f"roads of {SECONDS:g} s; standard error at most {error:.1%}"
@@ -110,6 +122,7 @@ def _document(found: Concepts) -> dict[str, Any]:
                 "concept": one.name,
                 "sensors": list(one.sensors),
                 "proved": one.level,
+                "reason": one.reason or None,
                 "gain": one.gain,
                 "drives": asdict(ridden) if math.isfinite(ridden.cost) else None,
             }

@@ -23,6 +23,7 @@ from polefence.plant.spec import load
 from polefence.proof.claims.base import prove
 from polefence.proof.claims.clipped import Clipped
 from polefence.proof.claims.samples import Samples
+from polefence.proof.plant import Plant
 from polefence.proof.text import milliseconds_text
 from polefence.region.text import digits_up, load_region
 
@@ -161,17 +162,29 @@ def of_design(plant: UncertainPlant, design: Design, path: Path) -> Named:
 
 def _of_dampers(plant: UncertainPlant, claim: Clipped, path: Path) -> Named:
     """Return the demand of a law for controllable dampers, which the plant's dampers give."""
-    K = np.array([[float(x) for x in row] for row in claim.K])
-    if K.shape != plant.shape[::-1]:
-        raise InputError(f"{path}: a gain of {K.shape[0]} x {K.shape[1]} does not fit {plant.name}")
+    n = plant.shape[0]
+    K = np.array([[float(x) for x in row[:n]] for row in claim.K])
+    behind = [x for row in claim.K for x in row[n:]]  # the states of filters, which stay out
+    if K.shape != plant.shape[::-1] or any(behind):
+        shape = f"{len(claim.K)} x {len(claim.K[0])}"
+        raise InputError(f"{path}: a gain of {shape} does not fit {plant.name}")
     own, level = file_plant(plant), digits_up(claim.limit.level)
     named = ", ".join(y.name for y in claim.limit.outputs)
     proved = f"rms of [{named}] <= {level}, for every constant value, with the dampers in its file"
-    if (own.A, own.B, own.E) != (claim.A, claim.B, claim.E):
+    if not _is_within(own, claim):
         proved = "nothing: its proof is about another plant"
     elif not prove(claim).proved:
         proved = "nothing: the proof in its file fails"
     return Named(path.stem, K, proved=proved)
+
+
+def _is_within(own: Plant, claim: Clipped) -> bool:
+    """Whether a claim is about a plant, or about it with filters behind its signals."""
+    n = own.n
+    first = ([row[:n] for row in M[:n]] for M in claim.A)
+    behind = [x for M in claim.A for row in M[:n] for x in row[n:]]
+    B, E = ([M[:n] for M in each] for each in (claim.B, claim.E))
+    return (list(first), B, E) == (own.A, own.B, own.E) and not any(behind)
 
 
 def _identity(plant: UncertainPlant) -> tuple[Any, ...]:

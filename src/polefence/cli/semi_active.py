@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from polefence.base.errors import InputError
+from polefence.base.errors import InputError, NotProvedError
 from polefence.base.files import write_documents
 from polefence.cli.common import (
+    NOT_PROVED,
     PROVED,
     check_targets,
     matrix_text,
@@ -22,7 +24,13 @@ from polefence.cli.terminal import say
 from polefence.design.requirements.rms import Rms
 from polefence.design.rows import plant_summary
 from polefence.design.signals.refutation import Refutation, lowest
-from polefence.design.signals.semi_active import DEGREES, SemiActiveLaw, semi_active
+from polefence.design.signals.semi_active import (
+    DEGREES,
+    SemiActiveLaw,
+    Unproved,
+    semi_active,
+    unproved,
+)
 from polefence.plant.dampers import Damper
 from polefence.plant.family import UncertainPlant
 from polefence.plant.spec import load, load_dampers
@@ -97,53 +105,79 @@ def question(options: Any) -> tuple[UncertainPlant, tuple[Damper, ...], Rms]:
     return plant, dampers, least
 
 
+@dataclass(frozen=True)
+class Answer:
+    """What was found: the law, or why no bound was proved, and what others have."""
+
+    plant: UncertainPlant
+    specification: Rms
+    others: Unproved
+    law: SemiActiveLaw | None
+    reason: str
+    below: Mapping[str, Lowest]
+
+
 def semi_active_command(options: Any) -> int:
     """Design a law for controllable dampers; prove its rms, and a lower bound for every logic."""
     plant, dampers, least = question(options)
     check_targets(options.json, folder=options.output, names=(LAW, LIMIT))
-    law = semi_active(plant, least, dampers, options.degree)
-    below = {name: lowest(plant, least, law.level, own) for name, own in _logics(law)}
+    others, law, reason = unproved(plant, least, dampers), None, ""
+    try:
+        law = semi_active(plant, least, dampers, options.degree)
+    except NotProvedError as error:
+        reason = str(error)
+    logics = (("semi-active law", others.dampers), ("law", ()))
+    below = {name: lowest(plant, least, others.passive, own) for name, own in logics}
+    answer = Answer(plant, least, others, law, reason, below)
     if options.output is not None:
-        files = {LAW: law.file().dumps()}
         proof = below["semi-active law"]
-        files |= {LIMIT: proof[0].file().dumps()} if proof is not None else {}
+        files = {} if law is None else {LAW: law.file().dumps()}
+        files |= {} if proof is None else {LIMIT: proof[0].file().dumps()}
         saved(*write_documents(options.output, files))
     if options.json is not None:
-        write_json(options.json, _document(law, below))
-    say(*_lines(law, below))
-    return PROVED
+        write_json(options.json, _document(answer))
+    say(*_lines(answer))
+    if law is None and options.output is not None and (options.output / LAW).exists():
+        say(f"note: {options.output / LAW} is that of an earlier design")
+    return NOT_PROVED if law is None else PROVED
 
 
-def _logics(law: SemiActiveLaw) -> list[tuple[str, Any]]:
-    return [("semi-active law", law.dampers), ("law", ())]
-
-
-def _lines(law: SemiActiveLaw, below: Mapping[str, Lowest]) -> list[str]:
+def _lines(answer: Answer) -> list[str]:
     """Return what to print."""
-    stays = zip(law.dampers, law.coefficients, strict=True)
+    law, others = answer.law, answer.others
+    stays = zip(others.dampers, others.coefficients, strict=True)
     fixed = ", ".join(f"{c:g} N s/m for {own.force}" for own, c in stays)
-    lines = [
-        f"proved: {law.specification.title} <= {digits_up(law.level)} for every alpha, by a "
-        f"polynomial of degree {law.degree}",
-        f"  u = K x, cut off to what the dampers give; K = {matrix_text(law.K)}",
-        f"  with the best fixed dampers, {fixed}: {law.passive:.6g}",
-    ]
-    for name, found in below.items():
+    if law is None:
+        lines = [f"not proved: {answer.reason}"]
+    else:
+        lines = [
+            f"proved: {law.specification.title} <= {digits_up(law.level)} for every alpha, by a "
+            f"polynomial of degree {law.degree}",
+            f"  u = K x, cut off to what the dampers give; K = {matrix_text(law.K)}",
+        ]
+    lines.append(f"  with the best fixed dampers, {fixed}: {others.passive:.6g}")
+    for name, found in answer.below.items():
         if found is not None:
             proof, level = found
             lines.append(f"  proved: no {name} goes below {digits_down(level)} at {proof.where}")
     return lines
 
 
-def _document(law: SemiActiveLaw, below: Mapping[str, Lowest]) -> dict[str, Any]:
+def _document(answer: Answer) -> dict[str, Any]:
     """Return the summary."""
+    law, others = answer.law, answer.others
+    proved: dict[str, Any] = {"status": "not proved", "reason": answer.reason}
+    if law is not None:
+        proved = {
+            "status": "proved",
+            "at_most": law.level,
+            "degree": law.degree,
+            "K": law.K.tolist(),
+        }
     return {
-        "plant": plant_summary(law.plant),
-        "specification": law.specification.title,
-        "status": "proved",
-        "at_most": law.level,
-        "degree": law.degree,
-        "K": law.K.tolist(),
+        "plant": plant_summary(answer.plant),
+        "specification": answer.specification.title,
+        **proved,
         "dampers": [
             {
                 "force": own.force,
@@ -151,8 +185,11 @@ def _document(law: SemiActiveLaw, below: Mapping[str, Lowest]) -> dict[str, Any]
                 "range": [float(own.low), float(own.high)],
                 "best that stays": c,
             }
-            for own, c in zip(law.dampers, law.coefficients, strict=True)
+            for own, c in zip(others.dampers, others.coefficients, strict=True)
         ],
-        "best that stay": law.passive,
-        **{f"no {name} below": None if own is None else own[1] for name, own in below.items()},
+        "best that stay": others.passive,
+        **{
+            f"no {name} below": None if own is None else own[1]
+            for name, own in answer.below.items()
+        },
     }

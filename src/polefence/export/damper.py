@@ -56,15 +56,15 @@ def damper_sources(document: Document, bits: int = 32, *, name: str = "law") -> 
 
 def _context(plant: Plant, claim: Clipped, form: Number, name: str) -> dict[str, Any]:
     """Return what the templates are given."""
-    dampers = []
+    dampers, n = [], _needed(claim)
     for row, own in zip(claim.K, claim.dampers, strict=True):
         label = plant.inputs[own.number] if plant.inputs else f"u{own.number + 1}"
         dampers.append(
             {
                 "text": f"of {label}: the force over the rate, "
                 f"{number_text(own.low)} to {number_text(own.high)}",
-                "K": [_exactly(x, form) for x in row],
-                "rate": [form.text(form.outward(x, up=True)) for x in own.rate[0][0]],
+                "K": [_exactly(x, form) for x in row[:n]],
+                "rate": [form.text(form.outward(x, up=True)) for x in own.rate[0][0][:n]],
             }
         )
     outputs = ", ".join(own.name for own in claim.limit.outputs)
@@ -80,7 +80,7 @@ def _context(plant: Plant, claim: Clipped, form: Number, name: str) -> dict[str,
         "NAME": name.upper(),
         "title": f"Coefficients of controllable dampers: {plant.name}",
         "statement": statement,
-        "states": plant.states or tuple(f"x{i + 1}" for i in range(plant.n)),
+        "states": (plant.states or tuple(f"x{i + 1}" for i in range(plant.n)))[:n],
         "dampers": dampers,
         "lows": [form.text(form.outward(own.low, up=True)) for own in claim.dampers],
         "highs": [form.text(form.outward(own.high, up=False)) for own in claim.dampers],
@@ -88,6 +88,15 @@ def _context(plant: Plant, claim: Clipped, form: Number, name: str) -> dict[str,
         "prefix": form.largest[:3],
         "zero": form.text(0.0),
     }
+
+
+def _needed(claim: Clipped) -> int:
+    """Return how many states the code is given: the last, on which no force depends, are left out.
+
+    These are those of filters behind the signals.
+    """
+    rows = [*claim.K, *(own.rate[0][0] for own in claim.dampers)]
+    return 1 + max(i for row in rows for i, x in enumerate(row) if x)
 
 
 def _exactly(value: Fraction, form: Number) -> str:

@@ -7,8 +7,7 @@ From a fixed damper, by dampers that a logic sets, to a force that knows every s
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 
@@ -21,7 +20,7 @@ from polefence.design.requirements.weights import WEIGHTS
 from polefence.design.signals.bounds import best_bound
 from polefence.design.signals.optimise import optimise
 from polefence.design.signals.refutation import lowest
-from polefence.design.signals.semi_active import semi_active
+from polefence.design.signals.semi_active import semi_active, unproved
 from polefence.law.laws import FixedGain, Law
 from polefence.law.structure import Structure
 from polefence.plant.dampers import Damper
@@ -64,6 +63,8 @@ class Concept(Short):
         That give what is demanded as far as they can; none where forces do.
     level : float, optional
         The rms is at most this for every value of the parameters; None where nothing is proved.
+    reason : str
+        Why not, and what to change; empty where it is not known.
     """
 
     name: str
@@ -72,6 +73,7 @@ class Concept(Short):
     law: Law
     dampers: tuple[Damper, ...]
     level: float | None
+    reason: str = ""
 
     @property
     def gain(self) -> float:
@@ -86,7 +88,7 @@ class Concept(Short):
 class Ridden(Short):
     """What a concept has in drives: rms, worst of all loads, of each the mean of all roads.
 
-    All are nan where a drive ran away.
+    All are nan where a drive ran away, or the law is too fast for the step of a drive.
 
     Attributes
     ----------
@@ -168,7 +170,7 @@ def concepts(
     InputError
         If the plant is no quarter car, or something does not fit.
     NotProvedError
-        If nothing is proved of the law of `semi_active`.
+        If no dampers that stay keep every vertex stable.
     """
     known = require_ride(plant)
     first, _, third, _ = known.places
@@ -200,7 +202,7 @@ class _Task:
         for own in choose(plant, measured):
             if own.unit not in NOISE:
                 raise InputError(f"measured: {own.name}: no sensor is known for {own.unit or '1'}")
-        self.best = semi_active(plant, specification, dampers)
+        self.others = unproved(plant, specification, dampers)
         self.rates = np.array([[float(x) for x in one.of(plant).rate[0][0]] for one in dampers])
         self.loads = seeded(plant, LOADS)
 
@@ -209,13 +211,13 @@ class _Task:
         names = tuple(own.name for own in states(self.plant))
         body, deflection = names[self.known.places[2]], names[self.known.places[0]]
         rate = f"rate of {deflection}"
-        c = np.array(self.best.coefficients)
+        c = np.array(self.others.coefficients)
         stays = FixedGain(c[:, None] * self.rates)
         yield Concept("passive", (), self.plant, stays, (), self.proved(self.plant, stays))
         yield self.clipped("skyhook", (body, rate), self.skyhook())
         yield self.clipped("ADD", (deflection, rate), self.against_the_spring())
-        own = FixedGain(self.best.K)
-        yield Concept("semi-active", names, self.plant, own, self.dampers, self.best.level)
+        if self.others.K is not None:
+            yield self.clipped("semi-active", names, self.others.K)
         larger, law = self.lqg()
         yield Concept("LQG", self.measured, larger, law, (), self.proved(larger, law))
         for name, sensors in (("active, few sensors", self.measured), ("active, all states", None)):
@@ -230,10 +232,12 @@ class _Task:
 
     def clipped(self, name: str, sensors: tuple[str, ...], K: Array) -> Concept:
         """Return a demand of dampers with what is proved of it."""
-        level = None
-        with suppress(NotProvedError):
+        level, reason = None, ""
+        try:
             level = semi_active(self.plant, self.specification, self.dampers, K=K).level
-        return Concept(name, sensors, self.plant, FixedGain(K), self.dampers, level)
+        except NotProvedError as error:
+            reason = str(error)
+        return Concept(name, sensors, self.plant, FixedGain(K), self.dampers, level, reason)
 
     def skyhook(self) -> Array:
         """Return the skyhook that has the least rms in drives."""
@@ -282,12 +286,15 @@ class _Task:
 
     def below(self, dampers: tuple[Damper, ...]) -> float | None:
         """Return what no law goes below, of these dampers or of forces."""
-        found = lowest(self.plant, self.specification, self.best.level, dampers)
+        found = lowest(self.plant, self.specification, self.others.passive, dampers)
         return None if found is None else found[1]
 
     def driven(self, one: Concept) -> Ridden:
-        """Drive it."""
-        squares = self._roads(one.plant, one.law, one.dampers, ROADS)
+        """Drive it; a law with poles too fast for the drives' step is not driven."""
+        try:
+            squares = self._roads(one.plant, one.law, one.dampers, ROADS)
+        except InputError:
+            return Ridden(*(np.nan,) * len(fields(Ridden)))
         rms = np.sqrt(squares[:-1])
         worst = int(np.argmax(rms[0].mean(axis=1)))
         error = float(rms[0, worst].std(ddof=1) / np.sqrt(ROADS))

@@ -12,10 +12,12 @@ from scipy.optimize import minimize_scalar
 
 from polefence import InputError, NotProvedError, UncertainPlant, semi_active
 from polefence.design.requirements.rms import Rms
-from polefence.design.signals.refutation import refute_limits
-from polefence.examples import family
+from polefence.design.signals.refutation import lowest, refute_limits
+from polefence.design.signals.semi_active import unproved
+from polefence.examples import family, spec_text
 from polefence.plant.dampers import Damper
 from polefence.plant.outputs import weighted_sum
+from polefence.plant.spec import loads as loads_spec
 from polefence.proof import squares
 from polefence.proof.__main__ import main
 from polefence.proof.claims.base import prove
@@ -198,8 +200,8 @@ def test_the_completed_matrices_are_the_inequality_at_any_point(laws):
         return float(m @ np.array(G, float) @ m)
 
     noise = float(claim.limit.intensity) ** 0.5 * E[:, 0] / units
-    for own, (pair, choice) in zip(claim.pieces, pieces_of(1, 1), strict=True):
-        completed = list(claim._completed(own, pair, choice))
+    for own, (group, choice) in zip(claim.pieces, pieces_of((1,), 1), strict=True):
+        completed = list(claim._completed(own, group, choice))
         for xi in source.standard_normal((5, 4)):
             x, h = units * xi, 1e-4
             u = (K[0] @ x, LOW * v @ x, HIGH * v @ x)[choice[0]]
@@ -271,8 +273,8 @@ def test_each_fault_in_the_evidence_is_found(laws):
         replace(claim, limit=replace(limit, intensity=limit.intensity * Fraction("1.01"))),
         replace(claim, K=[[-x for x in row] for row in claim.K]),
         replace(claim, K=[[zero] * 4]),
-        replace(claim, X=[[-x for x in row] for row in claim.X]),
-        replace(claim, X=[[zero] * 4 for _ in range(4)]),
+        replace(claim, X=[[[-x for x in row] for row in claim.X[0]]]),
+        replace(claim, X=[[[zero] * 4 for _ in range(4)]]),
         replace(claim, V=(tuple(-x for x in claim.V[0]),)),
         replace(claim, pieces=claim.pieces[1:] + claim.pieces[:1]),
         spoiled(low=Fraction(250)),
@@ -318,6 +320,8 @@ def test_what_does_not_fit_is_refused(laws):
         (replace(claim, pieces=claim.pieces[1:]), "pieces must be 3"),
         (replace(claim, degree=4), "V must hold 45 numbers"),
         (replace(claim, degree=3), "degree must be even"),
+        (replace(claim, X=claim.X * 2), "X holds 2 matrices, not 1"),
+        (replace(claim, sizes=(2,)), "alpha has 2 corners, not 1"),
         (replace(claim, units=claim.units[1:]), "units must hold 4 numbers"),
         (replace(claim, scales=(Fraction(1),) * 2), "disturbances must hold 1"),
         (replace(claim, K=claim.K * 2), "K 1 is not 1 x 4"),
@@ -346,19 +350,8 @@ def test_where_nothing_can_be_proved_it_says_why(car):
         semi_active(apart, limit, [DAMPER])
 
 
-def test_questions_that_are_none_are_refused(car):
-    own = cost(car, 4e3)
-    heavier = cars("288.9", "388.9")
-    for plant, limit, dampers, degree, words in (
-        (car, own, [], None, "give one damper for each of 1 inputs"),
-        (car, own, [DAMPER, DAMPER], None, "give one damper for each of 1 inputs"),
-        (car, own, [replace(DAMPER, low=0)], None, "low = 0; a bound is proved with low above"),
-        (car, own, [DAMPER], 3, "degree = 3 must be 2, 4, 6 or 8"),
-        (car, Rms("tyre deflection", 1, DENSITY), [DAMPER], None, "has no force in it"),
-        (car, Rms("sprung-mass acceleration", 1, DENSITY, weight="Wk"), [DAMPER], None, "weight"),
-    ):
-        with pytest.raises(InputError, match=words):
-            semi_active(plant, limit, dampers, degree)
+def test_of_what_no_bound_is_proved_it_says_why_and_what_to_change(car):
+    own, heavier = cost(car, 4e3), cars("288.9", "388.9")
     tyres = UncertainPlant.from_vertices(
         [np.array(A) for A in heavier.A],
         [np.array(B) for B in heavier.B],
@@ -366,8 +359,33 @@ def test_questions_that_are_none_are_refused(car):
         **{k: names for k, names in SIGNALS.items() if k not in ("vehicle", "states")},
         states=SIGNALS["states"][:4],
     )
-    with pytest.raises(InputError, match="how the disturbance enters"):
-        semi_active(tyres, Rms("actuator force", 1, DENSITY), [DAMPER])
+    moving = loads_spec(spec_text("semi-active").replace('"1/m1"', '"1/m1"\nrate = [-5, 5]', 1))
+    asked = Rms(["sprung-mass acceleration", "tyre share"], 1, DENSITY)
+    spring = Damper("damper force", "suspension deflection", 300, 3000)
+    for plant, limit, damper, words in (
+        (car, own, replace(DAMPER, low=0), "force = 0 v, vertex 1 is not stable; raise the lower"),
+        (car, Rms("tyre deflection", 1, DENSITY), DAMPER, "has no force in it; add an accel"),
+        (tyres, Rms("actuator force", 1, DENSITY), DAMPER, "how the disturbance enters"),
+        (moving, asked, spring, "m1 moves; it is proved for parameters that do not; leave out"),
+    ):
+        with pytest.raises(NotProvedError, match=words):
+            semi_active(plant, limit, [damper])
+        found = unproved(plant, limit, [damper])  # and yet this is known
+        assert damper.low <= found.coefficients[0] <= damper.high
+        low = lowest(plant, limit, found.passive, [damper])
+        assert low is not None
+        assert 0 < low[1] < found.passive
+
+
+def test_questions_that_are_none_are_refused(car):
+    own = cost(car, 4e3)
+    for plant, limit, dampers, degree, words in (
+        (car, own, [], None, "give one damper for each of 1 inputs"),
+        (car, own, [DAMPER, DAMPER], None, "give one damper for each of 1 inputs"),
+        (car, own, [DAMPER], 3, "degree = 3 must be 2, 4, 6 or 8"),
+    ):
+        with pytest.raises(InputError, match=words):
+            semi_active(plant, limit, dampers, degree)
 
 
 def test_every_monomial_is_a_product_of_two_of_a_basis():

@@ -68,6 +68,7 @@ ROUNDS = 60
 REACH = 4.0  # times a weight or a share of it, from one round to the next
 BELOW = 1e-3  # of what a law keeps: a limit that every law exceeds
 SMALL = 1e-3  # of what a force costs, the first multiplier of its square
+SMALLER, FACTOR = 12, 0.1  # how often that is made smaller, and by what, until a cost is left
 TINY = 1e-11  # of the loop's norm: a pole nearer to the imaginary axis is on it
 
 
@@ -645,7 +646,7 @@ def heaviest(plant: Regulated, decay: float) -> tuple[Array, float]:
     """
     count, reach = int(plant.limit.max()) + 1, REACH
     slower = replace(plant, A=plant.A - decay * np.eye(len(plant.A)))
-    weights = best = np.append(np.full(count, 1 / count), np.ones(len(plant.forms)))
+    weights = best = _first(slower, count)
     most, cuts = 0.0, list[Array]()
     for _ in range(ROUNDS):
         try:
@@ -663,6 +664,20 @@ def heaviest(plant: Regulated, decay: float) -> tuple[Array, float]:
         if not bound > 1 + CLOSE:
             break
     return best, most
+
+
+def _first(plant: Regulated, count: int) -> Array:
+    """Return equal weights, and the largest multipliers of the forms that leave a cost.
+
+    A force that shows behind a filter only has no cost of its own to compare its multiplier with.
+    """
+    weights = np.append(np.full(count, 1 / count), np.ones(len(plant.forms)))
+    for _ in range(SMALLER if plant.forms else 0):
+        with suppress(SolverError):
+            if plant.cost(plant.riccati(weights)) > 0:
+                break
+        weights[count:] *= FACTOR
+    return weights
 
 
 def _highest(cuts: Array, centre: Array, reach: float, count: int) -> tuple[Array, float]:

@@ -23,6 +23,7 @@ import numpy as np
 
 from polefence.base.errors import SolverError
 from polefence.base.progress import stage
+from polefence.lmi.conditions.pencil import Index
 from polefence.lmi.solve import interior_point
 from polefence.lmi.solve.interior_point import Outcome
 from polefence.lmi.solve.stacked import Blocks, Factors
@@ -207,10 +208,10 @@ class Conditions:
         """Return the factors of H on the moments with L y = 0."""
         H = np.zeros((self.L.shape[1] // self.count, self.count, self.count))
         each_F, each_Y, each_Q = self.operators.rows(r), self.each(Y), self.each(Q)
-        for block, F, y, q in zip(self.blocks, each_F, each_Y, each_Q, strict=True):
-            left = (F @ y).reshape(self.count, -1)
-            right = (F @ q).reshape(self.count, *q.shape).swapaxes(1, 2)
-            H[block.piece] += left @ right.reshape(self.count, -1).T
+        for block, (F, own), y, q in zip(self.blocks, each_F, each_Y, each_Q, strict=True):
+            left = (F @ y).reshape(len(own), -1)
+            right = (F @ q).reshape(len(own), *q.shape).swapaxes(1, 2)
+            H[block.piece][np.ix_(own, own)] += left @ right.reshape(len(own), -1).T
         factors = [Factors.of((own + own.T) / 2, shift) for own in H]
         each = [own.half(self.L[:, self.span(p)].T) for p, own in enumerate(factors)]
         coupled = Factors.of(np.sum([C.T @ C for C in each], axis=0), shift)
@@ -225,18 +226,19 @@ class _Operators:
     """D and M of conditions spelt out.
 
     ``both`` - x to all entries of D(x), by size, then of M(x), and its ``transpose``. ``places`` -
-    of each block where its derivatives, row under row, are not zero, and there those of D and M.
+    of each block where its derivatives, row under row, are not zero, there those of D and M, and
+    the numbers of the moments that it depends on.
     """
 
     both: sp.csr_array
     transpose: sp.csr_array
-    places: list[tuple[sp.csr_array, Array, Array]]
+    places: list[tuple[sp.csr_array, Array, Array, Index]]
 
-    def rows(self, r: float) -> Iterator[sp.csr_array]:
+    def rows(self, r: float) -> Iterator[tuple[sp.csr_array, Index]]:
         """Yield each block's derivatives of r D - M, row under row, each until the next."""
-        for F, D, M in self.places:
+        for F, D, M, own in self.places:
             F.data = r * D - M
-            yield F
+            yield F, own
 
 
 def _operators(own: Conditions) -> _Operators:
@@ -256,9 +258,10 @@ def _operators(own: Conditions) -> _Operators:
         for half, values in enumerate((D, M)):
             triples.append((half * total + starts[k] + entry, first + moment, values))
         row, column = np.divmod(entry, size)
-        where = moment * size + row, column  # in ascending order, which the pattern keeps
-        pattern = sp.csr_array((np.ones(len(D)), where), shape=(own.count * size, size))
-        places.append((pattern, D, M))
+        present, place = np.unique(moment, return_inverse=True)
+        where = place * size + row, column  # in ascending order, which the pattern keeps
+        pattern = sp.csr_array((np.ones(len(D)), where), shape=(len(present) * size, size))
+        places.append((pattern, D, M, present))
     rows, columns, values = (np.concatenate(part) for part in zip(*triples, strict=True))
     both = sp.csr_array((values, (rows, columns)), shape=(2 * total, own.L.shape[1]))
     both.eliminate_zeros()

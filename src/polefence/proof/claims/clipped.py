@@ -12,11 +12,16 @@ s the forms, m and l monomials, and in every piece G > 0 and H > 0
 
     1 - z'z / g^2 - (grad V)'A x - (1/2) tr W (hess V) - sum s (l'H l) = m'G m,
 
-the mean derivative of V is at most 1 - z'z / g^2. A matrix X > 0 with X A + A'X < 0 for every
-vertex and all dampers at either of their bounds keeps all moments of x bounded, whatever the logic;
-so the mean of V's derivative over a long time is zero, and that of z'z at most g^2. A, z and V are
-affine in alpha, the left side times (sum of alpha)^2 is a form in it of degree two, and G and H are
-those of its coefficients, one for each pair of vertices; v, K and E are the same at all.
+the mean derivative of V is at most 1 - z'z / g^2. A matrix X > 0 with X A + A'X < 0 for all
+dampers at either of their bounds keeps all moments of x bounded, whatever the logic; so the mean of
+V's derivative over a long time is zero, and that of z'z at most g^2.
+
+The parameters do not move: A, z, V and X are affine in alpha, on the box of the parameters where
+they span the vertices. Both left sides, times the square of each sum of alpha, are forms in it of
+degree two in every parameter. What is asked of them is asked of their coefficients, one for each
+pair of vertices, or for the pairs that have one monomial. v, K and E are the same at all. (The
+energy of a car over its sprung mass m is such an X, but for a little more, with 1/m affine in
+alpha.)
 """
 
 from __future__ import annotations
@@ -24,6 +29,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
+from functools import reduce
 from itertools import product as cartesian
 from typing import Any, ClassVar, Self
 
@@ -42,7 +48,9 @@ from polefence.proof.matrices import (
     product,
     whole_numbers,
 )
+from polefence.proof.motion import is_moving
 from polefence.proof.plant import Plant
+from polefence.proof.polynomials import Sizes, corners_of, count_of
 from polefence.proof.reading import MAX_SIZE, MAX_VERTICES, Table, as_list, as_number, plain
 from polefence.proof.short import Short
 from polefence.proof.text import digits_down, digits_up, sum_text
@@ -52,6 +60,7 @@ MAX_DEGREE, MAX_MONOMIALS, MAX_PIECES = 8, 2000, 1000
 GIVEN, LOWER, UPPER = range(3)  # what a damper does in a piece: the demand, or one of its bounds
 
 Matrices = tuple[Rationals, ...]
+Group = tuple[tuple[int, int], ...]  # ordered pairs of vertices, of one monomial in alpha
 
 
 @dataclass(frozen=True)
@@ -79,13 +88,16 @@ class Clipped(Short, Claim):
         Of V, even.
     units : tuple of Fraction
         V is a polynomial of the states over these.
-    X : n x n rationals
+    X : list of n x n rationals
+        For each vertex.
     V : tuple of tuples of Fraction
         For each vertex, by the even monomials but one.
     pieces : tuple of Squares
-        For each pair of vertices, each choice of a piece for every damper.
+        For each coefficient, each choice of a piece for every damper; see `pieces_of`.
     scales : tuple of Fraction
         How much of each disturbance acts; all of each where there are none.
+    sizes : tuple of int
+        Corners of each simplex of alpha; the vertices of one where there are none.
     """
 
     kind: ClassVar[str] = "clipped"
@@ -99,10 +111,11 @@ class Clipped(Short, Claim):
     K: Rationals
     degree: int
     units: tuple[Fraction, ...]
-    X: Rationals
+    X: list[Rationals]
     V: tuple[tuple[Fraction, ...], ...]
     pieces: tuple[Squares, ...]
     scales: tuple[Fraction, ...] = ()
+    sizes: Sizes = ()
 
     # --- as files have it ------------------------------------------------------------------------
 
@@ -110,6 +123,8 @@ class Clipped(Short, Claim):
     def read(cls, table: Table, plant: Plant, law: Any, on: str) -> Self:  # noqa: ARG003
         """Read the limit, the dampers, what is demanded, and the evidence."""
         plant.require_noise(table.where)
+        if is_moving(plant.ranges):
+            raise FormatError(f"{table.where}: is for parameters that do not move")
         evidence = table.table("evidence")
         degree = evidence.whole("degree", None, MAX_DEGREE, 2)
         rows = evidence.tables("pieces", MAX_PIECES)
@@ -122,10 +137,11 @@ class Clipped(Short, Claim):
             table.matrix("K", plant.m, plant.n),
             degree,
             evidence.numbers("units", plant.n),
-            evidence.matrix("X", plant.n, plant.n),
+            evidence.matrices("X", plant.n, plant.n, len(plant.A)),
             _read_rows(evidence, "V"),
             tuple(map(_read_squares, rows)),
             table.numbers("disturbances", plant.q) if "disturbances" in table else (),
+            plant.sizes,
         )
 
     def write(self) -> dict[str, Any]:
@@ -162,13 +178,20 @@ class Clipped(Short, Claim):
         """Say that an output has the name of another signal of the plant."""
         return misnamed(self.limit.outputs, plant)
 
+    @property
+    def alpha(self) -> Sizes:
+        """Corners of each simplex of alpha."""
+        return self.sizes or (len(self.A),)
+
     # --- what may be asked ------------------------------------------------------------------------
 
     def require(self) -> None:
         """Refuse what is incomplete or inconsistent, or out of all proportion."""
         N, n, m = require_driven(self.A, self.B, self.E, self.scales)
         require_shapes([self.K], 1, m, n, "K")
-        require_shapes([self.X], 1, n, n, "X")
+        require_shapes(self.X, N, n, n, "X")
+        if self.sizes and corners_of(self.sizes) != N:
+            raise FormatError(f"alpha has {corners_of(self.sizes)} corners, not {N}")
         require_limit(self.limit, N, n, m)
         if self.limit.level <= 0:
             raise FormatError("the level must be positive")
@@ -189,7 +212,7 @@ class Clipped(Short, Claim):
         if type(self.degree) is not int or not 2 <= self.degree <= MAX_DEGREE or self.degree % 2:
             raise FormatError(f"degree must be even, 2 to {MAX_DEGREE}")
         count = squares.count_of(n, self.degree)
-        pieces = N * (N + 1) // 2 * 3**m
+        pieces = count_of(self.alpha, (2,) * len(self.alpha)) * 3**m
         if count > MAX_MONOMIALS or pieces > MAX_PIECES:
             raise WorkError("these are more monomials, or more pieces, than are checked here")
         if len(self.V) != N or any(len(V) != count - 1 for V in self.V):
@@ -207,7 +230,7 @@ class Clipped(Short, Claim):
                 _require_sizes(each, lower)
         rows = len(self.pieces) * len(inner)
         require_work(least_work(rows, max(map(len, inner))))
-        numbers: list[Rationals] = [self.K, self.X, list(map(list, self.V)), [list(self.units)]]
+        numbers: list[Rationals] = [self.K, *self.X, list(map(list, self.V)), [list(self.units)]]
         numbers += [[[self.limit.level, self.limit.intensity, *self.scales]]]
         numbers += [M for y in self.limit.outputs for M in (*y.C, *y.D)]
         numbers += [M for own in self.dampers for M in own.numbers]
@@ -218,7 +241,8 @@ class Clipped(Short, Claim):
 
     def symmetric(self) -> Iterator[tuple[str, Rationals]]:
         """Yield the evidence's matrices."""
-        yield "X", self.X
+        for j, X in enumerate(self.X):
+            yield f"X {j + 1}", X
         for k, own in enumerate(self.pieces):
             for each in (own.own, *own.multipliers):
                 for G in each:
@@ -226,17 +250,20 @@ class Clipped(Short, Claim):
 
     def blocks(self) -> Iterator[tuple[Place, Integers]]:
         """Yield the matrices that are to be positive definite, with their places."""
-        yield _block("X", self.X)
-        m, N = len(self.dampers), len(self.A)
+        for j, X in enumerate(self.X):
+            yield _block(f"X, vertex {j + 1}", X)
+        m, each = len(self.dampers), groups_of(self.alpha)
         for choice in cartesian((LOWER, UPPER), repeat=m):
-            for j in range(N):
-                name = f"of any logic, vertex {j + 1}{_words(choice)}"
-                yield _block(name, _decrease(self.X, self._loop(j, choice)[0]))
-        for own, (pair, choice) in zip(self.pieces, pieces_of(N, m), strict=True):
-            name = f"vertices {pair[0] + 1} and {pair[1] + 1}{_words(choice)}"
+            loops = [self._loop(j, choice)[0] for j in range(len(self.A))]
+            for group in each:
+                terms = [_decrease(self.X[j], loops[k]) for j, k in group]
+                name = f"of any logic, {_vertices(group)}{_words(choice)}"
+                yield _block(name, reduce(add, terms))
+        for own, (group, choice) in zip(self.pieces, pieces_of(self.alpha, m), strict=True):
+            name = f"{_vertices(group)}{_words(choice)}"
             for k, H in enumerate(H for each in own.multipliers for H in each):
                 yield _block(f"multiplier {k + 1}, {name}", H)
-            for G in self._completed(own, pair, choice):
+            for G in self._completed(own, group, choice):
                 yield _block(f"of squares, {name}", G)
 
     def _loop(self, j: int, choice: Sequence[int]) -> tuple[Rationals, Rationals]:
@@ -247,23 +274,23 @@ class Clipped(Short, Claim):
         return add(self.A[j], product(self.B[j], gain)), add(C, product(D, gain))
 
     def _completed(
-        self, own: Squares, pair: tuple[int, int], choice: tuple[int, ...]
+        self, own: Squares, group: Group, choice: tuple[int, ...]
     ) -> Iterator[Rationals]:
         """Return the matrices G of a piece, made exact."""
-        (j, k), n, s = pair, len(self.units), self.units
+        n, s = len(self.units), self.units
         each = zip(self.K, self.dampers, choice, strict=True)
         forms = [_form(row, damper, what) for row, damper, what in each]
-        self._spend(own, forms)
-        count, loops = 1 if j == k else 2, [self._scaled(self._loop(i, choice)) for i in pair]
-        (_, C), (_, other) = loops
-        share = count / self.limit.level**2
-        f: squares.Sparse = {(0,) * n: Fraction(count)}
-        f = squares.less(
-            f, squares.of_form([[share * x for x in row] for row in _form_of(C, other)])
-        )
+        numbers = dict.fromkeys(i for pair in group for i in pair)
+        loops = {i: self._scaled(self._loop(i, choice)) for i in numbers}
         basis, noise = squares.monomials(n, self.degree, 0)[1:], self._noise()
-        for i, (A, _) in list(zip((k, j), loops, strict=True))[:count]:
-            V = dict(zip(basis, self.V[i], strict=True))
+        self._spend(own, forms, [(loops[k][0], noise) for _, k in group])
+        share = 1 / self.limit.level**2
+        f: squares.Sparse = {(0,) * n: Fraction(len(group))}
+        for j, k in group:
+            A, C = loops[k]
+            both = _form_of(loops[j][1], C)
+            f = squares.less(f, squares.of_form([[share * x for x in row] for row in both]))
+            V = dict(zip(basis, self.V[j], strict=True))
             f = squares.less(f, squares.drift(V, A, noise))
         lower = squares.bases(n, self.degree // 2 - 1)
         for matrices, form in zip(own.multipliers, forms, strict=True):
@@ -293,7 +320,9 @@ class Clipped(Short, Claim):
             for x in rows
         ]
 
-    def _spend(self, own: Squares, forms: list[Rationals]) -> None:
+    def _spend(
+        self, own: Squares, forms: list[Rationals], motions: list[tuple[Rationals, Rationals]]
+    ) -> None:
         """Count the work on a piece's polynomial before it begins."""
         n = len(self.units)
         multipliers = [H for each in own.multipliers for H in each]
@@ -302,16 +331,38 @@ class Clipped(Short, Claim):
         length = longest(
             (tuple(x for M in matrices for row in M for x in row), *self.V, self.units)
         )
-        operations = 4 * len(self.V[0]) * n * n
+        # each state is in as many monomials: what is not zero in its rows is what there is to do
+        entries = sum(x != 0 for pair in motions for M in pair for row in M for x in row)
+        operations = 2 * len(self.V[0]) * min(n, self.degree) * entries // n
         operations += sum(len(M) ** 2 for M in own.own)
         operations += sum(len(H) ** 2 * n * n for H in multipliers)
         spend(RATIONAL * operations, 2 * length, length)
 
 
-def pieces_of(N: int, m: int) -> list[tuple[tuple[int, int], tuple[int, ...]]]:
+def groups_of(sizes: Sizes) -> list[Group]:
+    """Return the ordered pairs of vertices by what they stand for in a form of degree two.
+
+    Vertices are numbered as products of the corners of each simplex are; the product of two of
+    alpha is one monomial whichever of the two has which corner.
+    """
+    vertices = list(cartesian(*(range(size) for size in sizes)))
+    found: dict[tuple[tuple[int, ...], ...], list[tuple[int, int]]] = {}
+    for (j, one), (k, other) in cartesian(enumerate(vertices), repeat=2):
+        monomial = tuple((min(pair), max(pair)) for pair in zip(one, other, strict=True))
+        found.setdefault(monomial, []).append((j, k))
+    return [tuple(pairs) for _, pairs in sorted(found.items())]
+
+
+def pieces_of(sizes: Sizes, m: int) -> list[tuple[Group, tuple[int, ...]]]:
     """Return pairs of vertices with what each damper does, in the order of a claim's pieces."""
-    pairs = [(j, k) for j in range(N) for k in range(j, N)]
-    return list(cartesian(pairs, list(cartesian((GIVEN, LOWER, UPPER), repeat=m))))
+    return list(cartesian(groups_of(sizes), list(cartesian((GIVEN, LOWER, UPPER), repeat=m))))
+
+
+def _vertices(group: Group) -> str:
+    """Name the vertices of pairs."""
+    first, *others = sorted({pair for pair in group if pair[0] <= pair[1]})
+    said = f"vertices {first[0] + 1} and {first[1] + 1}"
+    return said + "".join(f", {j + 1} and {k + 1}" for j, k in others)
 
 
 def _read_rows(table: Table, key: str) -> tuple[tuple[Fraction, ...], ...]:

@@ -1,0 +1,141 @@
+r"""Long-run means of piecewise linear motion under white noise, from above, by quadratic functions.
+
+What `polefence.lmi.solve.moments` does for polynomials of any degree, here with V = x'P x, P one a
+vertex, and a number t >= 0 for each form s of each piece:
+
+    minimise g   subject to   -(Q + P A + A'P) - sum t s > 0 in every piece,   tr E'P E < g.
+
+There are few unknowns, and a point to begin with is known where some P falls in all pieces.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from polefence.base.errors import SolverError
+from polefence.base.progress import stage
+from polefence.lmi.solve import interior_point
+from polefence.lmi.solve.moments import Block, Conditions, Mean, Piece, inside
+from polefence.plant.system import Array
+from polefence.proof.squares import monomials
+
+FIRST = 2.0  # times the least multiple of the first P that outweighs Q
+
+
+@stage("quadratic functions")
+def least_mean(pieces: Sequence[Piece], P: Sequence[Array], tolerance: float) -> Mean:
+    """Return the least level of quadratic functions.
+
+    Parameters
+    ----------
+    pieces : sequence of Piece
+    P : sequence of (n, n) arrays
+        One a vertex, falling along the motions in the pieces, where the search begins.
+
+    Raises
+    ------
+    SolverError
+        If the search fails.
+    """
+    return _Search(pieces, len(P)).least(P, tolerance)
+
+
+class _Search:
+    """Unknowns are 1, P of each vertex by its entries, and t of each piece."""
+
+    def __init__(self, pieces: Sequence[Piece], vertices: int) -> None:
+        n = len(pieces[0].Q)
+        self.pieces, self.vertices = pieces, vertices
+        rows, columns = np.tril_indices(n)
+        self.rows, self.columns, self.entries = rows, columns, len(rows)
+        self.basis = np.zeros((len(rows), n, n))
+        self.basis[range(len(rows)), rows, columns] = 1.0
+        self.basis[range(len(rows)), columns, rows] = 1.0
+        self.count = 1 + vertices * len(rows) + sum(len(own.forms) for own in pieces)
+        self.falling, start = list[Array](), 1 + vertices * len(rows)
+        for own in pieces:
+            block = np.zeros((self.count, n, n))
+            block[0] = -own.Q
+            for j, A in own.motions:
+                PA = self.basis @ A
+                block[self.of(j)] -= PA + PA.swapaxes(1, 2)
+            block[start : start + len(own.forms)] = [-form for form in own.forms]
+            self.falling.append(block)
+            start += len(own.forms)
+        self.positive = list[Array]()
+        for k in range(1 + vertices * len(rows), self.count):
+            self.positive.append(np.zeros((self.count, 1, 1)))
+            self.positive[-1][k] = 1.0
+        W = pieces[0].E @ pieces[0].E.T
+        self.noise = [np.zeros((self.count, 1, 1)) for _ in range(vertices)]
+        for j, row in enumerate(self.noise):
+            row[self.of(j), 0, 0] = np.sum(self.basis * W, axis=(1, 2))
+
+    def of(self, j: int) -> slice:
+        """Where P of a vertex is."""
+        return slice(1 + j * self.entries, 1 + (j + 1) * self.entries)
+
+    def least(self, P: Sequence[Array], tolerance: float) -> Mean:
+        """Return the least level."""
+        one = np.zeros((self.count, 1, 1))
+        one[0] = 1.0
+        none = np.zeros((0, self.count))
+        kept = [*self.falling, *self.positive]
+        x = inside([(0, own) for own in kept], self._first(P), one, none)
+        blocks = [Block(0, 0 * own, -own) for own in kept]
+        blocks += [Block(0, one, own) for own in self.noise]
+        level = max(float(x @ own[:, 0, 0]) for own in self.noise) / x[0]
+        try:
+            found = interior_point.run(
+                Conditions(self.count, blocks, none),
+                x,
+                interior_point.WIDE * level,
+                tolerance=tolerance,
+            )
+        except np.linalg.LinAlgError as error:
+            raise SolverError("the search has no start") from error
+        return self._mean(found.x / found.x[0], found.r)
+
+    def _first(self, P: Sequence[Array]) -> Array:
+        """Return P times a number that outweighs Q, with small multipliers."""
+        x = np.zeros(self.count)
+        x[0] = 1.0
+        for j, own in enumerate(P):
+            x[self.of(j)] = own[self.rows, self.columns]
+        shares = [0.0]
+        for piece, block in zip(self.pieces, self.falling, strict=True):
+            if piece.at_bounds:
+                falls = np.tensordot(x[1:], block[1:], 1)
+                with np.errstate(all="ignore"):
+                    own = np.linalg.eigvals(np.linalg.solve(falls, piece.Q)).real.max()
+                shares.append(float(own))
+        scale = FIRST * max(shares)
+        x[1:] *= scale if np.isfinite(scale) and scale > 0 else 1.0
+        x[1 + self.vertices * self.entries :] = 1.0
+        return x
+
+    def _mean(self, x: Array, level: float) -> Mean:
+        """Return V, the level and the matrices by pieces as `moments` has them."""
+        n = len(self.pieces[0].Q)
+        place = {
+            tuple(np.add(np.eye(n, dtype=int)[i], np.eye(n, dtype=int)[k]).tolist()): (i, k)
+            for i, k in zip(self.rows, self.columns, strict=True)
+        }
+        each = [np.tensordot(x[self.of(j)], self.basis, 1) / level for j in range(self.vertices)]
+        V = [
+            [own[place[e]] * (1 if place[e][0] == place[e][1] else 2) for e in _squares(n)]
+            for own in each
+        ]
+        grams, start = list[list[Array]](), 1 + self.vertices * self.entries
+        for own, block in zip(self.pieces, self.falling, strict=True):
+            odd, last = np.tensordot(x, block, 1) / level, np.full((1, 1), float(own.weight))
+            taus = x[start : start + len(own.forms)] / level
+            grams.append([odd, last, *(np.full((1, 1), tau) for tau in taus)])
+            start += len(own.forms)
+        return Mean(level, np.array(V), grams)
+
+
+def _squares(n: int) -> list[tuple[int, ...]]:
+    return monomials(n, 2, 0)[1:]

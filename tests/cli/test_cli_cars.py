@@ -127,7 +127,7 @@ def test_a_law_of_a_car_on_tracks_does_not_measure_the_road(half, tmp_path, caps
     said.append(capsys.readouterr().out)
     assert f"of {', '.join(names)} keeps" in said[1]
     assert "road state" not in said[1]
-    assert "held at road velocity = 1 m/s" in said[1]
+    assert "steady state under constant road velocity = 1 m/s" in said[1]
     page = (DOCS / "cars.md").read_text()
     levels = [float(re.search(r"driver acceleration \[m/s2\] +(\S+)", own)[1]) for own in said]
     pattern = (

@@ -71,7 +71,7 @@ def test_optimise_and_report_warn_of_it(tmp_path, monkeypatch, capsys):
     (tmp_path / "ride.toml").write_text(spec_text("quarter-car-ride"))
     assert main(["optimise", "ride.toml", "--method", "quadratic", "-o", "ride"]) == 0
     said = capsys.readouterr().out
-    (held,) = [line for line in said.splitlines() if "held at" in line]
+    (held,) = [line for line in said.splitlines() if "steady state" in line]
     assert "road velocity = 1 m/s (a grade of 5 % at 20 m/s)" in held
     assert "suspension deflection 0.1748 to 0.3721 m" in held
     (note,) = [line for line in said.splitlines() if "note:" in line]

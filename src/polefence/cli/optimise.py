@@ -69,6 +69,7 @@ from polefence.region.text import digits_down, digits_up, load_region, parse_reg
 from polefence.vehicle.rest import Rest, held_words, rests
 
 METHODS = ("quadratic", "scheduled")
+TOLD = 1.2  # times as large: what gains would have to be at least, for a line that says so
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -165,6 +166,8 @@ def _finish(done: Optimised, rows: Sequence[Row], method: Method | None, options
     # of one vertex one gain is every law
     if method is not None and label != method_label(method) and len(done.plant.vertices) > 1:
         say(f"  one gain: no law of {method_label(method)} that was found is better")
+    if method is not None:
+        say("  by this method alone: without one a law that is tuned is tried too, maybe a better")
 
 
 def road_of(options: Any) -> RoadSpectrum | None:
@@ -365,7 +368,17 @@ def _design_lines(done: Optimised) -> list[str]:
         )
     if done.retreat is not None:
         lines.append(f"  {_retreat_line(done.retreat)}")
-    return lines
+    return lines + list(_closer_lines(done))
+
+
+def _closer_lines(done: Optimised) -> Iterator[str]:
+    """Say what the last thousandth would cost, where that is much."""
+    if done.closer is None:
+        return
+    times = done.closer.gain / done.closer.own if done.closer.own > 0 else 0.0
+    if times >= TOLD:
+        share = digits_up(100 * (1 - done.closer.level / done.bounds[0].level), 2)
+        yield f"  {share} % less would take a gain {times:.2g} times as large, in typical sizes"
 
 
 def _designed_words(done: Optimised) -> str:

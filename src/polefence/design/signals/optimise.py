@@ -36,6 +36,7 @@ from polefence.design.search import Deadline
 from polefence.design.signals import nearby
 from polefence.design.signals.augmented import with_weights, without_feedback
 from polefence.design.signals.bounds import Bound, agreed_bound, best_bound, save
+from polefence.design.signals.effort import NEAR, Closer, gain_of, least, smaller
 from polefence.design.signals.placed import as_sampled
 from polefence.design.signals.refutation import refusal, refuted
 from polefence.design.signals.search import (
@@ -57,6 +58,7 @@ from polefence.design.signals.search import (
     unbounded,
 )
 from polefence.design.signals.tuned import tuned_candidates, with_states
+from polefence.design.tune.search import Tuned
 from polefence.law.laws import Law
 from polefence.law.structure import Structure
 from polefence.lmi.conditions.methods import Method, Scheduled, options
@@ -103,6 +105,8 @@ class Optimised(Short):
         Of a law that was tuned; None of one that an LMI gave.
     bounded_by : str
         What stopped the gain of a tuned law from growing further; empty where nothing had to.
+    closer : Closer, optional
+        What a law would cost whose bound is less by a thousandth at most, where one was found.
     """
 
     design: Design
@@ -113,6 +117,7 @@ class Optimised(Short):
     cut: str = ""
     structure: Structure | None = None
     bounded_by: str = ""
+    closer: Closer | None = None
 
     def __repr__(self) -> str:
         return f"<Optimised {self.plant.name!r}: {'; '.join(map(str, self.bounds))}>"
@@ -300,7 +305,11 @@ def _nearby(
             return None
         designed = None if done.designed is None else inside
         design, bounds = proofs
-        return replace(done, design=design, bounds=bounds, shared=np.inf, designed=designed)
+        closer = done.closer
+        if closer is not None:
+            closer = replace(closer, level=closer.level * bounds[0].level / _level(done))
+        own = replace(done, design=design, bounds=bounds, shared=np.inf, designed=designed)
+        return replace(own, closer=closer)
 
     for share, calm in nearby.ATTEMPTS:
         if deadline.passed and best is not None:
@@ -369,8 +378,9 @@ def _best_of_all(
         if best is None:
             raise failure or NotProvedError("not proved")
         return best
-    runnable = best is not None and best.retreat is None and not is_too_fast(best.plant, best.law)
-    return best if best is not None and runnable and _level(best) <= _level(tuned) else tuned
+    if best is None or best.retreat is not None or is_too_fast(best.plant, best.law):
+        return tuned
+    return _least(best, tuned)
 
 
 def _task(
@@ -442,23 +452,35 @@ def _attainable(task: Task, structure: Structure, starts: Sequence[Law]) -> Iter
 
 def _best_tuned(task: Task, structure: Structure, starts: Sequence[Law]) -> Optimised | None:
     """Return the best law of a structure that is proved, no worse than that of a lower degree."""
-    best: Optimised | None = None
+    every = list[Optimised]()
+    most = np.inf
     if structure.degree and structure.schedule != () and len(task.plant.vertices) > 1:
         lower = {"degree": structure.degree - 1} if structure.degree > 1 else {"schedule": ()}
-        best = _best_tuned(task, replace(structure, **lower), starts)
-        if best is not None:
-            starts = (*starts, best.law)
+        simpler = _best_tuned(task, replace(structure, **lower), starts)
+        if simpler is not None:
+            starts, most = (*starts, simpler.law), _level(simpler)
+            every.append(simpler)
             if task.minimise is None:
-                return best
-    for own, bounded_by in tuned_candidates(task, structure, starts):
+                return simpler
+    for own, tuned in tuned_candidates(task, structure, starts):
         found = _bounded(task, own)
-        if found is not None and (best is None or _level(found) < _level(best)):
-            best = replace(found, structure=structure, bounded_by=bounded_by)
-        if best is not None and (
-            task.minimise is None or _level(best) <= own.estimate * (1 + ENOUGH)
+        if found is not None:
+            found = replace(found, structure=structure, bounded_by=tuned.bounded_by)
+            every.append(replace(found, closer=_closer(found, tuned)))
+        if every and (
+            task.minimise is None or min(map(_level, every)) <= own.estimate * (1 + ENOUGH)
         ):
             break
-    return best
+    return _least(*every, most=most) if every else None
+
+
+def _closer(found: Optimised, tuned: Tuned) -> Closer | None:
+    """Return the law that a search made smaller, its level beside the proved one as in floats."""
+    if tuned.larger is None or not tuned.level:
+        return None
+    law, level = tuned.larger
+    gain, own = (gain_of(found.plant, each) for each in (law, found.law))
+    return Closer(_level(found) * level / tuned.level, gain, own)
 
 
 def _simpler(task: Task, structure: Structure) -> tuple[Law, ...]:
@@ -580,7 +602,7 @@ def _finished(task: Task, found: _Found, cut: str) -> Optimised:
     own, shared = found.own, _together(task, found.whole)
     if shared is None:
         return replace(own, shared=np.inf, cut=cut)
-    if _level(shared) < _level(own):
+    if _level(shared) < _level(own) * (1 - NEAR):
         own = replace(shared, retreat=own.retreat)
     return replace(own, shared=_level(shared), cut=cut)
 
@@ -643,7 +665,8 @@ def _best(task: Task, deadline: Deadline) -> _Found:
             search.run()
         best = _lowest(task, search)
         if best is not None:
-            return _Found(best, search.shared, search.whole)
+            own, law = best
+            return _Found(_calmed(task, own, law), search.shared, search.whole)
         if not search.candidates:
             break
     raise refusal(task, search.reasons)
@@ -655,17 +678,41 @@ def _refute(task: Task) -> None:
         raise NotProvedError(str(refutation), refutation=refutation)
 
 
-def _lowest(task: Task, search: Search) -> Optimised | None:
+def _lowest(task: Task, search: Search) -> tuple[Optimised, Candidate] | None:
     """Return the law of the lowest bound: a sample next to one, or higher, is of no better law."""
-    best: Optimised | None = None
+    best: tuple[Optimised, Candidate] | None = None
     for own in sorted(search.candidates, key=lambda own: own.estimate):
         near = own.estimate * (1 + NEARER)
-        if best is not None and (task.minimise is None or _level(best) <= near):
+        if best is not None and (task.minimise is None or _level(best[0]) <= near):
             break
         found = _bounded(task, own)
-        if found is not None and (best is None or _level(found) < _level(best)):
-            best = found
+        if found is not None and (best is None or _level(found) < _level(best[0])):
+            best = found, own
     return best
+
+
+def _calmed(task: Task, best: Optimised, law: Candidate) -> Optimised:
+    """Return a law of a smaller gain that is proved to be as good to a thousandth, if there is."""
+    found = [_bounded(task, own) for own in smaller(task, law)]
+    return _least(best, *(own for own in found if own is not None))
+
+
+def _least(*every: Optimised, most: float = np.inf) -> Optimised:
+    """Return of the laws as good as the best that of the least gain; the only one if alone.
+
+    Parameters
+    ----------
+    most : float
+        Level that it must not exceed.
+    """
+    if len(every) == 1:
+        return every[0]
+
+    gains = [gain_of(own.plant, own.law) for own in every]
+    known = [Closer(_level(own), gain, gain) for own, gain in zip(every, gains, strict=True)]
+    k, closer = least(known, [own.closer for own in every if own.closer is not None], most)
+    chosen = every[k]
+    return replace(chosen, closer=closer)
 
 
 def _proved(task: Task, found: Reached) -> Optimised | None:

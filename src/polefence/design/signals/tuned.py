@@ -34,10 +34,10 @@ WORSE = 0.02  # than the best of its search, a law that proofs are still looked 
 
 def tuned_candidates(
     task: Task, structure: Structure, starts: Sequence[Law] = ()
-) -> Iterator[tuple[Candidate, str]]:
+) -> Iterator[tuple[Candidate, Tuned]]:
     """Yield laws with proofs of region and limits, found for tighter and tighter requirements.
 
-    With each comes what bounded its gain; empty where the requirements themselves did.
+    With each comes what its search says of it.
     """
     asked_for = (*task.limits, *([task.minimise] if task.minimise else ()))
     cut_off = any(own.cut_off(task.plant) for own in asked_for)
@@ -47,7 +47,7 @@ def tuned_candidates(
         for own in _promising(found):
             proved = candidate(task, own.law, task.region, estimate=own.level)
             if proved is not None:
-                yield proved, own.bounded_by
+                yield proved, own
         starts = (*starts, *(own.law for own in found[:1]))
 
 

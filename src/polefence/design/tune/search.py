@@ -44,6 +44,7 @@ HALVINGS = 7  # of the steps of a search for the worst point
 KEPT, INSIDE_BY = 1e-6, 1e-9  # limits to rounding; a region is open
 FAST = 100.0  # times the plant's own and the region's rates, where nothing bounds the gain
 ALIKE = 1e-3  # of laws that count as one
+NEAR = 1e-3  # above the best level, laws that are as good: the smallest comes first
 FEW = 40  # points at which a start is fitted
 NUDGE = 1e-4
 SCALINGS, HALF = 5, 0.5  # of the level's unit: anew where the level fell below that share of it
@@ -70,6 +71,10 @@ class Tuned:
         Whether limits, region and largest gain are kept at all of them.
     bounded_by : str
         What stopped the gain from growing further; empty where nothing had to.
+    size : float
+        The largest norm of the gain of all states, in typical sizes, at points of the family.
+    larger : pair of Law and float, optional
+        A law of a lower level, for which this smaller one was taken, and that level.
     """
 
     law: Law
@@ -77,6 +82,8 @@ class Tuned:
     alpha: Array
     kept: bool
     bounded_by: str
+    size: float = 0.0
+    larger: tuple[Law, float] | None = None
 
 
 def tune(
@@ -229,12 +236,15 @@ class _Reached:
         By how much something is not kept there, zero or less where all is.
     level : float
         The worst there of what is minimised.
+    larger : pair of (size,) array and float, optional
+        Numbers of a law for which this smaller one was taken, and their level.
     """
 
     theta: Array
     points: Points
     excess: float
     level: float
+    larger: tuple[Array, float] | None = None
 
     @property
     def rank(self) -> tuple[float, float]:
@@ -271,7 +281,15 @@ class _Search:
         found = [self._tuned(self._finished(own)) for own in best]
         given = [self._given(law) for law in laws if self._of_structure(law)]
         found += [own for own in given if own.kept]
-        return sorted(found, key=lambda own: (not own.kept, own.level))
+        lowest = min((own.level for own in found if own.kept), default=np.inf)
+        of_signal = isinstance(self.task.minimise, Specification)
+        near = lowest + NEAR * abs(lowest) if of_signal else -np.inf
+
+        def rank(own: Tuned) -> tuple[bool, float, float]:
+            as_good = own.level <= near
+            return not own.kept, -np.inf if as_good else own.level, own.size if as_good else 0.0
+
+        return sorted(found, key=rank)
 
     def rough(self, laws: Sequence[Law], alone: bool = False) -> Tuned | None:
         """Return what the best start leads to at the corners, None where it does not keep them.
@@ -406,7 +424,7 @@ class _Search:
             smaller = _Reached(found[0], points, 0.0, self._level(points, found[0]))
             more = self._more(smaller)
             if more is None:
-                return smaller
+                return replace(smaller, larger=(own.theta, own.level))
             smaller = replace(smaller, points=more)
         return own
 
@@ -467,7 +485,11 @@ class _Search:
         worst, alpha = self._looked(lambda points: self._worst(points, own.theta))
         there = self._worst(own.points, own.theta)
         law = self.task.unknowns.law(own.theta)
-        return self._answer(law, worst, alpha, there, own.points.alpha)
+        found = self._answer(law, worst, alpha, there, own.points.alpha)
+        if own.larger is None or not isinstance(self.task.minimise, Specification):
+            return found
+        theta, level = own.larger
+        return replace(found, larger=(self.task.unknowns.law(theta), level))
 
     def _given(self, law: Law) -> Tuned:
         def worst(points: Points) -> Array:
@@ -487,7 +509,13 @@ class _Search:
         place = alpha[0] if at < 0 else where[at]
         sides = slice(1, fast)
         own = np.all(kept[1:] <= KEPT) and np.all(kept[sides] <= -INSIDE_BY)
-        return Tuned(law, level, place, bool(own), bound)
+        return Tuned(law, level, place, bool(own), bound, self._size(law))
+
+    def _size(self, law: Law) -> float:
+        """Return the largest norm of a law's gain of all states, in typical sizes."""
+        own = self.task.unknowns
+        K = np.asarray(law.gain(self._few)) * own.states / own.inputs[:, None]
+        return float(np.linalg.norm(K, axis=(1, 2)).max())
 
     def _of_structure(self, law: Law) -> bool:
         """Whether a law is one of the structure."""

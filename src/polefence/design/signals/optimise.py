@@ -57,7 +57,7 @@ from polefence.design.signals.search import (
     together,
     unbounded,
 )
-from polefence.design.signals.tuned import tuned_candidates, with_states
+from polefence.design.signals.tuned import Orders, tuned_candidates
 from polefence.design.tune.search import Tuned
 from polefence.law.laws import Law
 from polefence.law.structure import Structure
@@ -66,8 +66,9 @@ from polefence.lmi.solve.search import Reached, singular_is_failure
 from polefence.plant.card import card
 from polefence.plant.delta import delta_form
 from polefence.plant.family import UncertainPlant
+from polefence.plant.larger import own_states
 from polefence.plant.outputs import states
-from polefence.plant.tracks import own_states
+from polefence.plant.tracks import own_states as states_of_a_car
 from polefence.proof.short import Short
 from polefence.region.regions import Region
 from polefence.region.text import digits_up
@@ -223,7 +224,7 @@ def optimise(
         require_type(minimise, Specification, "minimise", "for example Rms('force')")
     if structure is not None and method is not None:
         raise InputError("a method belongs to laws that an LMI gives; leave it out, or structure")
-    measurable = own_states(plant)
+    measurable = states_of_a_car(plant)
     if structure is None and method is None and len(measurable) < plant.shape[0]:
         structure = Structure(measured=measurable)  # a road's states are for no law
     either = structure is None and method is None
@@ -265,8 +266,7 @@ def optimise(
     if either and not is_optimisable(larger, method, len(found)):
         structure = Structure()  # a law that is tuned needs no inequalities to be found
     if structure is not None:
-        tuned = _tuned(*structured(task, structure), _simpler(task, structure))
-        return _as_sampled(tuned, asked)
+        return _as_sampled(_tuned(task, structure), asked)
     require_optimisable(larger, method, len(found))
     unweighted = tuple(s.unweighted() for s in asked_for)
     bare = _task(bare_plant, unweighted, bool(minimise), inside, method)
@@ -287,11 +287,7 @@ def _nearby(
     """Return a law of a plant with a remainder, found without that and proved with it."""
     asked = stable_region(plant) if region is None else in_time_of(plant, region)
     asked_for = subject_to if minimise is None else (*subject_to, minimise)
-    larger, found = with_weights(plant, tuple(asked_for))
-    if structure is not None:
-        larger, _, found = _with_own_states(structure, plant, larger, found)
-    least = None if minimise is None else found[-1]
-    limits = found if minimise is None else found[:-1]
+    weighted, found = with_weights(plant, tuple(asked_for))
     bare = plant.combinations
     best: Optimised | None = None
     deadline, lowest = Deadline(budget), np.inf
@@ -300,6 +296,12 @@ def _nearby(
         return optimise(bare, minimise, limits, inside, method, budget, structure)
 
     def proved(done: Optimised, inside: Region) -> Optimised | None:
+        larger, every = weighted, found
+        if structure is not None:  # a law may have fewer states than it was allowed
+            kept = replace(structure, order=structure.order and own_states(done.plant))
+            larger, _, every = _with_own_states(kept, plant, weighted, found)
+        least = None if minimise is None else every[-1]
+        limits = every if minimise is None else every[:-1]
         proofs = nearby.bounded(larger, done.law, asked, least, limits)
         if proofs is None:
             return None
@@ -417,15 +419,17 @@ def _weighted(task: Task, bare: Task, deadline: Deadline) -> Optimised:
     return replace(simple, shared=best.shared, cut=best.cut)
 
 
-def _tuned(task: Task, structure: Structure, starts: Sequence[Law] = ()) -> Optimised:
-    """Return the best law of a structure that is proved.
+def _tuned(task: Task, structure: Structure) -> Optimised:
+    """Return the best law of a structure that is proved, of no more states than it needs.
 
     Raises
     ------
     NotProvedError
         If there is none. It says which limits could be kept, proved of a law each.
     """
-    best = _best_tuned(task, structure, starts)
+    orders = range(structure.order + 1)
+    own = Orders(structure, [structured(task, replace(structure, order=k)) for k in orders])
+    best = _best_order(own) if structure.order else _best_tuned(*own.each[0], ())
     if best is not None:
         return best
     reason = "not proved: no law of this structure was found that is proved to keep the region"
@@ -439,6 +443,21 @@ def _tuned(task: Task, structure: Structure, starts: Sequence[Law] = ()) -> Opti
     raise NotProvedError(f"{reason} and the limits; this is not a refutation; {advice}")
 
 
+def _best_order(orders: Orders) -> Optimised | None:
+    """Return the best law that is proved, of the lowest order that is as good as any."""
+    every = list[Optimised]()
+    for k in orders.promising:
+        known = orders.found(k)
+        found = _best_tuned(*orders.each[k], orders.starts(k), known)
+        every += [] if found is None else [found]
+        enough = orders.least * (1 + POOR)  # how far a proof is off is no matter of the order
+        if found is not None and (orders.each[k][0].minimise is None or _level(found) <= enough):
+            break
+    lowest = min(map(_level, every), default=0.0) * (1 + NEAR)
+    some = [own for own in every if _level(own) <= lowest] or every
+    return min(some, key=lambda own: own.plant.shape[0], default=None)
+
+
 def _attainable(task: Task, structure: Structure, starts: Sequence[Law]) -> Iterator[str]:
     """Yield for each limit what it would have to be for a law that keeps all others."""
     for own in task.limits[:MOST_NEAR]:
@@ -450,11 +469,19 @@ def _attainable(task: Task, structure: Structure, starts: Sequence[Law]) -> Iter
             yield f"{own.title} <= {digits_up(_level(found))}"
 
 
-def _best_tuned(task: Task, structure: Structure, starts: Sequence[Law]) -> Optimised | None:
-    """Return the best law of a structure that is proved, no worse than that of a lower degree."""
+def _best_tuned(
+    task: Task, structure: Structure, starts: Sequence[Law], known: Sequence[Tuned] = ()
+) -> Optimised | None:
+    """Return the best law of a structure that is proved, no worse than that of a lower degree.
+
+    Parameters
+    ----------
+    known : sequence of Tuned
+        What a search from lower degrees on has found.
+    """
     every = list[Optimised]()
     most = np.inf
-    if structure.degree and structure.schedule != () and len(task.plant.vertices) > 1:
+    if not known and structure.degree and structure.schedule != () and len(task.plant.vertices) > 1:
         lower = {"degree": structure.degree - 1} if structure.degree > 1 else {"schedule": ()}
         simpler = _best_tuned(task, replace(structure, **lower), starts)
         if simpler is not None:
@@ -462,7 +489,7 @@ def _best_tuned(task: Task, structure: Structure, starts: Sequence[Law]) -> Opti
             every.append(simpler)
             if task.minimise is None:
                 return simpler
-    for own, tuned in tuned_candidates(task, structure, starts):
+    for own, tuned in tuned_candidates(task, structure, starts, known):
         found = _bounded(task, own)
         if found is not None:
             found = replace(found, structure=structure, bounded_by=tuned.bounded_by)
@@ -481,14 +508,6 @@ def _closer(found: Optimised, tuned: Tuned) -> Closer | None:
     law, level = tuned.larger
     gain, own = (gain_of(found.plant, each) for each in (law, found.law))
     return Closer(_level(found) * level / tuned.level, gain, own)
-
-
-def _simpler(task: Task, structure: Structure) -> tuple[Law, ...]:
-    """Return laws that have states of their own, to start from; none for laws without."""
-    if not structure.order:
-        return ()
-    static = structured(task, replace(structure, order=0))
-    return tuple(with_states(*static, structured(task, structure)[0].plant))
 
 
 def structured(task: Task, structure: Structure) -> tuple[Task, Structure]:

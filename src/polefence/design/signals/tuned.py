@@ -17,7 +17,7 @@ from polefence.base.errors import RegionError
 from polefence.design.requirements.specification import Specification
 from polefence.design.signals.search import Candidate, Task, candidate
 from polefence.design.tune.dynamic import beside_filters, filtered, observers
-from polefence.design.tune.search import Tuned, rough, tune
+from polefence.design.tune.search import NEAR, Tuned, rough, tune
 from polefence.law.laws import Law
 from polefence.law.structure import Structure
 from polefence.plant.family import UncertainPlant
@@ -33,17 +33,24 @@ WORSE = 0.02  # than the best of its search, a law that proofs are still looked 
 
 
 def tuned_candidates(
-    task: Task, structure: Structure, starts: Sequence[Law] = ()
+    task: Task, structure: Structure, starts: Sequence[Law] = (), known: Sequence[Tuned] = ()
 ) -> Iterator[tuple[Candidate, Tuned]]:
     """Yield laws with proofs of region and limits, found for tighter and tighter requirements.
 
     With each comes what its search says of it.
+
+    Parameters
+    ----------
+    known : sequence of Tuned
+        What the first search has found, where it is done.
     """
     asked_for = (*task.limits, *([task.minimise] if task.minimise else ()))
     cut_off = any(own.cut_off(task.plant) for own in asked_for)
     shares = (*TIGHTER, *MOVING) if task.plant.moving else TIGHTER
     for times, share in product(BEYOND if cut_off else (1.0,), shares):
-        found = tune(task.plant, structure, *_asked(task, share, times), starts)
+        found = [] if cut_off else list(known)
+        found = found or tune(task.plant, structure, *_asked(task, share, times), starts)
+        known = ()
         for own in _promising(found):
             proved = candidate(task, own.law, task.region, estimate=own.level)
             if proved is not None:
@@ -58,33 +65,97 @@ def _promising(found: Sequence[Tuned]) -> Iterator[Tuned]:
             yield own
 
 
-def with_states(task: Task, structure: Structure, larger: UncertainPlant) -> Iterator[Law]:
-    """Yield laws with states of their own, of limits that are somewhat tighter: to start from.
+class Orders:
+    """Laws of growing order, each search beginning at the laws of the order before.
 
-    The first is the best one without, so that nothing is lost by states.
+    These have a state more there that is not used, so that no order is worse than one below it.
 
     Parameters
     ----------
-    task, structure : Task, Structure
-        Of the law without its states.
-    larger : UncertainPlant
-        The plant with the law's states.
+    structure : Structure
+        With the highest order.
+    each : sequence of pairs of Task and Structure
+        For each order from zero on: of the larger plant, and of the law's gain there.
     """
-    plant, order = task.plant, larger.shape[0] - task.plant.shape[0]
+
+    def __init__(self, structure: Structure, each: Sequence[tuple[Task, Structure]]) -> None:
+        self.structure, self.each = structure, each
+        self._found = dict[int, list[Tuned]]()
+        self._starts = dict[int, list[Law]]()
+
+    def found(self, order: int) -> list[Tuned]:
+        """Return what searches of an order find for somewhat tighter limits, the best first."""
+        if order not in self._found:
+            found = _tuned(*self.each[order], self.starts(order))
+            self._found[order] = [own for own in found if own.kept]
+        return self._found[order]
+
+    @property
+    def least(self) -> float:
+        """The least level of any order; infinite where no law was found that keeps everything."""
+        every = [own.level for k in range(len(self.each)) for own in self.found(k)]
+        return min(every, default=np.inf)
+
+    @property
+    def promising(self) -> Iterator[int]:
+        """Orders that proofs are looked for: the lowest that is as good as any, then from the top.
+
+        From the lowest on where nothing is minimised.
+        """
+        orders = range(len(self.each))
+        if self.each[0][0].minimise is None:
+            yield from orders
+            return
+        near = self.least + NEAR * abs(self.least)
+        first = next((k for k in orders if any(own.level <= near for own in self.found(k))), None)
+        yield from [] if first is None else [first]
+        yield from (k for k in reversed(orders) if k != first)
+
+    def starts(self, order: int) -> list[Law]:
+        """Return laws of an order to start from: of one below, filtered signals, observers."""
+        if order and order not in self._starts:
+            (task, _), (before, gain) = self.each[order], self.each[order - 1]
+            laws = (
+                beside_filters(own.law, before.plant, task.plant, gain, task.region)
+                for own in self.found(order - 1)
+            )
+            own = replace(self.structure, order=order)
+            found = [law for law in laws if law is not None]
+            self._starts[order] = [*found, *_with_states(self.each[0][0], own)]
+        return self._starts.get(order, [])
+
+
+def _tuned(task: Task, structure: Structure, starts: Sequence[Law]) -> list[Tuned]:
+    """Return what searches of each degree find, from the lowest on; the best first."""
+    found = list[Tuned]()
+    for own in (*lower_degrees(task.plant, structure), structure):
+        known = (*starts, *(each.law for each in found[:1] if each.kept))
+        more = tune(task.plant, own, *_asked(task, TIGHTER[0], BEGINNING), known)
+        found = sorted([*found, *more[:MOST]], key=lambda each: (not each.kept, each.level))
+    return found[:MOST]
+
+
+def lower_degrees(plant: UncertainPlant, structure: Structure) -> Iterator[Structure]:
+    """Yield a structure with lower degrees, from one gain on."""
+    if structure.degree and structure.schedule != () and len(plant.vertices) > 1:
+        yield replace(structure, schedule=())
+        yield from (replace(structure, degree=k) for k in range(1, structure.degree))
+
+
+def _with_states(task: Task, structure: Structure) -> Iterator[Law]:
+    """Yield laws of an order, of limits that are somewhat tighter: to start from."""
+    plant = task.plant
     asked = _asked(task, TIGHTER[0], BEGINNING)
     least, limits, region = asked
-    for found in tune(plant, structure, *asked)[:1]:
-        law = beside_filters(found.law, plant, larger, structure, task.region)
-        yield from [law] if law is not None and found.kept else []
-    own = replace(structure, order=order)
-    yield from filtered(plant, own, *asked)
+    if structure.order == 1:  # of more states the laws of the order below are no worse
+        yield from filtered(plant, structure, *asked)
     whole = rough(plant, Structure(schedule=()), *asked)
     wanted = list(limits)
     if least is not None:
         most = None if whole is None else whole.level
         wanted.append(replace(least, at_most=most))
     known = () if whole is None else (whole.law,)
-    yield from observers(plant, own, wanted, region, known)
+    yield from observers(plant, structure, wanted, region, known)
 
 
 def _asked(

@@ -19,8 +19,9 @@ import numpy as np
 from polefence.base.errors import InputError
 from polefence.base.progress import counted, stage
 from polefence.design.requirements.specification import Specification
-from polefence.design.tune.descent import EARLY, FULL, QUICK, Effort, descend
+from polefence.design.tune.descent import EARLY, FULL, PATIENT, QUICK, Effort, descend
 from polefence.design.tune.measures import LEVEL, LIMITS, REGION, SMALL, WIDE, Points, Task
+from polefence.design.tune.meeting import met
 from polefence.design.tune.starts import regulators, typical
 from polefence.design.tune.unknowns import Unknowns
 from polefence.law.laws import Law, ScheduledGain
@@ -35,6 +36,7 @@ from polefence.region.regions import Region, bounds_speed, stable
 INSIDE, ON_EDGES = 160, 3  # points of the cloud: in the family, and on each edge
 MOST_CORNERS, MOST_CLOUD = 16, 600
 SMOOTH = 10.0, 300.0, 1e4  # kappa, one after the other, before poles themselves
+CLOSER = 10.0, 1e2, 1e3, 1e4, 1e5, 1e6  # kappa, for poles that come to meet
 RANDOM, SEED = 4, 20261122  # starts at random
 STRICT = 1e5  # of what is not quite kept at the end
 ENOUGH = 4  # laws that are given, beside which the search has no starts of its own
@@ -277,6 +279,7 @@ class _Search:
             min(self._improved(own.theta, self.first), own, key=attrgetter("rank"))
             for own in counted(_distinct(quick)[:BEST], "better start")
         ]
+        reached += self._meeting(_distinct(reached)[:1])
         best = counted(_distinct(reached)[:LAST], "best start")
         found = [self._tuned(self._finished(own)) for own in best]
         given = [self._given(law) for law in laws if self._of_structure(law)]
@@ -316,6 +319,35 @@ class _Search:
         if any(self._outside(self.first, own.theta) <= FEASIBLE for own in found):
             return found
         return [self._improved(theta, self.first) for theta in counted(starts, "start")]
+
+    def _meeting(self, best: Sequence[_Reached]) -> list[_Reached]:
+        """Return the law of one plant for which all poles of a region that grows are in one place.
+
+        It is looked for where smooth measures that come closer and closer to the poles lead to.
+        """
+        of_poles = isinstance(self.task.minimise, tuple)
+        if not of_poles or len(self.cloud.alpha) > 1 or len(self.task.plant.vertices) > 1:
+            return []
+        found = list[_Reached]()
+        for own in best:
+            theta, unit = own.theta, self.task.unit(own.level)
+            for kappa in CLOSER:
+                evaluate = partial(self.first.rows, phase=LEVEL, unit=unit, kappa=kappa)
+                lower = descend(evaluate, theta, effort=PATIENT)
+                if lower is None:
+                    break
+                theta = lower[0]
+            there = met(self._loop, theta)
+            for each in (theta, *([] if there is None else [there[0]])):
+                rows = self.first.rows(each, LIMITS)
+                excess = rows.level if rows is not None else np.inf
+                found.append(_Reached(each, self.first, excess, self._level(self.first, each)))
+        return found
+
+    def _loop(self, theta: Array) -> Array:
+        """Return A + B K at the first point, states in their sizes."""
+        inner, own = self.first.unknowns.gains(theta), self.first.channels[0]
+        return np.asarray(own.A[0] + own.B[0] @ inner[0] @ self.first.unknowns.C[0])
 
     @staticmethod
     def _outside(points: Points, theta: Array) -> float:

@@ -25,7 +25,9 @@ from polefence.region.regions import Disk, Ellipse, HalfPlane, Region, Sector, W
 
 # How much tighter limits and region are asked for than they are to be proved, one after the other.
 TIGHTER = (5e-4, 3e-3, 2e-2)
-MOVING = (8e-2, 0.25)  # then, where parameters move: the search looks at loops at rest
+# Then, where nothing is proved: proofs of limits may be that loose; and where parameters move, as
+# the search looks at loops at rest.
+FARTHER = (8e-2, 0.25)
 # How many times its limit an input that is cut off would go to, and in laws to start from.
 BEYOND, BEGINNING = (np.inf, 4.0, 2.0, 1.0), 4.0
 MOST = 3  # laws of one search that proofs are looked for
@@ -46,14 +48,17 @@ def tuned_candidates(
     """
     asked_for = (*task.limits, *([task.minimise] if task.minimise else ()))
     cut_off = any(own.cut_off(task.plant) for own in asked_for)
-    shares = (*TIGHTER, *MOVING) if task.plant.moving else TIGHTER
-    for times, share in product(BEYOND if cut_off else (1.0,), shares):
+    some = False
+    for times, share in product(BEYOND if cut_off else (1.0,), (*TIGHTER, *FARTHER)):
+        if share in FARTHER and some and not task.plant.moving:
+            continue
         found = [] if cut_off else list(known)
         found = found or tune(task.plant, structure, *_asked(task, share, times), starts)
         known = ()
         for own in _promising(found):
             proved = candidate(task, own.law, task.region, estimate=own.level)
             if proved is not None:
+                some = True
                 yield proved, own
         starts = (*starts, *(own.law for own in found[:1]))
 

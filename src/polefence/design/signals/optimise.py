@@ -57,7 +57,7 @@ from polefence.design.signals.search import (
     together,
     unbounded,
 )
-from polefence.design.signals.tuned import Orders, tuned_candidates
+from polefence.design.signals.tuned import Orders, orders_below, tuned_candidates
 from polefence.design.tune.search import Tuned
 from polefence.law.laws import Law
 from polefence.law.structure import Structure
@@ -427,7 +427,7 @@ def _tuned(task: Task, structure: Structure) -> Optimised:
     NotProvedError
         If there is none. It says which limits could be kept, proved of a law each.
     """
-    orders = range(structure.order + 1)
+    orders = orders_below(structure.order)
     own = Orders(structure, [structured(task, replace(structure, order=k)) for k in orders])
     best = _best_order(own) if structure.order else _best_tuned(*own.each[0], ())
     if best is not None:
@@ -436,7 +436,7 @@ def _tuned(task: Task, structure: Structure) -> Optimised:
     if not task.limits:
         raise NotProvedError(reason)
     _refute(task)
-    near = list(_attainable(task, structure, starts))
+    near = list(_attainable(*own.each[-1], own.starts(len(orders) - 1)))
     advice = "dropping any single limit does not help either"
     if near:
         advice = f"with {' or '.join(near)}, the other limits as they are, there is one"

@@ -31,6 +31,7 @@ FARTHER = (8e-2, 0.25)
 # How many times its limit an input that is cut off would go to, and in laws to start from.
 BEYOND, BEGINNING = (np.inf, 4.0, 2.0, 1.0), 4.0
 MOST = 3  # laws of one search that proofs are looked for
+EACH = 6  # orders that are searched one after the other; of a higher one these and the last
 WORSE = 0.02  # than the best of its search, a law that proofs are still looked for
 
 
@@ -70,30 +71,36 @@ def _promising(found: Sequence[Tuned]) -> Iterator[Tuned]:
             yield own
 
 
+def orders_below(order: int) -> list[int]:
+    """Return the orders of searches up to one: each from zero on, of high orders the last alone."""
+    return [*range(min(order, EACH) + 1), *([order] if order > EACH else [])]
+
+
 class Orders:
     """Laws of growing order, each search beginning at the laws of the order before.
 
-    These have a state more there that is not used, so that no order is worse than one below it.
+    These have states more there that are not used, so that no order is worse than one below it.
 
     Parameters
     ----------
     structure : Structure
         With the highest order.
     each : sequence of pairs of Task and Structure
-        For each order from zero on: of the larger plant, and of the law's gain there.
+        For each of `orders_below`: of the larger plant, and of the law's gain there.
     """
 
     def __init__(self, structure: Structure, each: Sequence[tuple[Task, Structure]]) -> None:
         self.structure, self.each = structure, each
+        self.orders = orders_below(structure.order)
         self._found = dict[int, list[Tuned]]()
         self._starts = dict[int, list[Law]]()
 
-    def found(self, order: int) -> list[Tuned]:
-        """Return what searches of an order find for somewhat tighter limits, the best first."""
-        if order not in self._found:
-            found = _tuned(*self.each[order], self.starts(order))
-            self._found[order] = [own for own in found if own.kept]
-        return self._found[order]
+    def found(self, k: int) -> list[Tuned]:
+        """Return what searches of the k-th order find for tighter limits, the best first."""
+        if k not in self._found:
+            found = _tuned(*self.each[k], self.starts(k))
+            self._found[k] = [own for own in found if own.kept]
+        return self._found[k]
 
     @property
     def least(self) -> float:
@@ -105,29 +112,32 @@ class Orders:
     def promising(self) -> Iterator[int]:
         """Orders that proofs are looked for: the lowest that is as good as any, then from the top.
 
-        From the lowest on where nothing is minimised.
+        From the lowest on where nothing is minimised. Of orders below the last those alone that
+        have a law.
         """
-        orders = range(len(self.each))
+        last = len(self.each) - 1
+        orders = (k for k in range(last + 1) if k == last or self.found(k))
         if self.each[0][0].minimise is None:
             yield from orders
             return
+        every = list(orders)
         near = self.least + NEAR * abs(self.least)
-        first = next((k for k in orders if any(own.level <= near for own in self.found(k))), None)
+        first = next((k for k in every if any(own.level <= near for own in self.found(k))), None)
         yield from [] if first is None else [first]
-        yield from (k for k in reversed(orders) if k != first)
+        yield from (k for k in reversed(every) if k != first)
 
-    def starts(self, order: int) -> list[Law]:
-        """Return laws of an order to start from: of one below, filtered signals, observers."""
-        if order and order not in self._starts:
-            (task, _), (before, gain) = self.each[order], self.each[order - 1]
+    def starts(self, k: int) -> list[Law]:
+        """Return laws of the k-th order to start from: of one below, filters, observers."""
+        if k and k not in self._starts:
+            (task, _), (before, gain) = self.each[k], self.each[k - 1]
             laws = (
                 beside_filters(own.law, before.plant, task.plant, gain, task.region)
-                for own in self.found(order - 1)
+                for own in self.found(k - 1)
             )
-            own = replace(self.structure, order=order)
+            own = replace(self.structure, order=self.orders[k])
             found = [law for law in laws if law is not None]
-            self._starts[order] = [*found, *_with_states(self.each[0][0], own)]
-        return self._starts.get(order, [])
+            self._starts[k] = [*found, *_with_states(self.each[0][0], own)]
+        return self._starts.get(k, [])
 
 
 def _tuned(task: Task, structure: Structure, starts: Sequence[Law]) -> list[Tuned]:

@@ -407,7 +407,7 @@ class Search:
         self._slow()
         self._shares(self.task)
         if int(options(self.task.method).degree):
-            self._shares(replace(self.task, method="quadratic"))
+            self._shares(replace(self.design, method="quadratic"))
         self._regulators()
         self._noise()
         if not self.candidates:
@@ -465,16 +465,23 @@ class Search:
         self.kept = kept if own else self.kept
 
     def _loosened(self, task: Task, point: Point) -> Task:
-        """Return the task with wider limits where its law is far from them, and they cost much.
+        """Return the task without limits that its law is far from, or with wider ones.
 
         One W pays for each limit, whether that bounds the law or not. Left out, or as wide as they
         may be, they are still kept by the law that is found, as samples have it.
         """
+        level = level_of(task, point.origin.found)
         far = [own for own in task.limits if self._share(point.law, own) < FAR_FROM]
-        if not far or self.task.minimise is None:
-            return task
-        level, best = level_of(task, point.origin.found), task
-        costly = False
+        # those on the law itself come first: with them the question is not convex
+        for some in ([own for own in far if not own.of_signal], far):
+            asked = [own for own in some if among(own, task.limits)]
+            if asked and self.task.minimise is not None:
+                task = self._wider(task, asked, level)
+        return task
+
+    def _wider(self, task: Task, far: Sequence[Specification], level: float) -> Task:
+        """Return the task with some limits as wide as its law keeps them even so."""
+        asked, best, costly = self.task.limits, task, False
 
         def breaks(power: float) -> bool:
             nonlocal best, costly
@@ -482,11 +489,11 @@ class Search:
                 return True
             wider = replace(task, limits=tuple(_widened(task.limits, far, 2.0**power)))
             own = self._designed(wider, self._ones)
-            less = own is not None and level_of(wider, own.origin.found) < level * (1 - WORTH)
-            costly = costly or less or own is None
-            if own is None or any(self._share(own.law, each) > 1 for each in task.limits):
+            found = np.inf if own is None else level_of(wider, own.origin.found)
+            costly = costly or own is None or not found >= level * (1 - WORTH)
+            if own is None or any(self._share(own.law, each) > 1 for each in asked):
                 return True
-            if less:
+            if found <= level * (1 + WORTH):  # as if what bounds no law were not asked
                 best = wider
                 self._settled(own)
             return False

@@ -175,6 +175,8 @@ def optimise(
     method: Method | None = None,
     budget: float | None = None,
     structure: Structure | None = None,
+    *,
+    fewer_states: bool = True,
 ) -> Optimised:
     """Design the law with the smallest worst case of one signal, within limits on others.
 
@@ -200,6 +202,8 @@ def optimise(
         What the law may measure, what schedules it, its degree and free numbers: it is tuned.
         On a road with tracks a law of the car's own states is, unless told otherwise.
         Where it has states of its own the answer's plant has them too.
+    fewer_states : bool
+        Whether a law of a lower order is returned where that is as good to a thousandth.
 
     Returns
     -------
@@ -248,7 +252,7 @@ def optimise(
     if plant.remainder is not None:
         asked_method = None if either or structure is not None else method
         question = minimise, subject_to, region, asked_method, budget, structure
-        return _nearby(plant, *question)
+        return _nearby(plant, *question, fewer_states)
     asked_for = subject_to if minimise is None else (*subject_to, minimise)
     deadline = Deadline(budget)
     larger, found = with_weights(plant, tuple(asked_for))
@@ -266,7 +270,7 @@ def optimise(
     if either and not is_optimisable(larger, method, len(found)):
         structure = Structure()  # a law that is tuned needs no inequalities to be found
     if structure is not None:
-        return _as_sampled(_tuned(task, structure), asked)
+        return _as_sampled(_tuned(task, structure, fewer_states), asked)
     require_optimisable(larger, method, len(found))
     unweighted = tuple(s.unweighted() for s in asked_for)
     bare = _task(bare_plant, unweighted, bool(minimise), inside, method)
@@ -283,6 +287,7 @@ def _nearby(
     method: Method | None,
     budget: float | None,
     structure: Structure | None,
+    fewer: bool,
 ) -> Optimised:
     """Return a law of a plant with a remainder, found without that and proved with it."""
     asked = stable_region(plant) if region is None else in_time_of(plant, region)
@@ -293,7 +298,8 @@ def _nearby(
     deadline, lowest = Deadline(budget), np.inf
 
     def searched(limits: Sequence[Specification], inside: Region | None) -> Optimised:
-        return optimise(bare, minimise, limits, inside, method, budget, structure)
+        question = minimise, limits, inside, method, budget, structure
+        return optimise(bare, *question, fewer_states=fewer)
 
     def proved(done: Optimised, inside: Region) -> Optimised | None:
         larger, every = weighted, found
@@ -419,8 +425,8 @@ def _weighted(task: Task, bare: Task, deadline: Deadline) -> Optimised:
     return replace(simple, shared=best.shared, cut=best.cut)
 
 
-def _tuned(task: Task, structure: Structure) -> Optimised:
-    """Return the best law of a structure that is proved, of no more states than it needs.
+def _tuned(task: Task, structure: Structure, fewer: bool) -> Optimised:
+    """Return the best law of a structure that is proved; with ``fewer`` of the states it needs.
 
     Raises
     ------
@@ -429,14 +435,18 @@ def _tuned(task: Task, structure: Structure) -> Optimised:
     """
     orders = orders_below(structure.order)
     own = Orders(structure, [structured(task, replace(structure, order=k)) for k in orders])
-    best = _best_order(own) if structure.order else _best_tuned(*own.each[0], ())
+    last = len(orders) - 1
+    if last and fewer:
+        best = _best_order(own)
+    else:
+        best = _best_tuned(*own.each[-1], own.starts(last), own.found(last) if last else ())
     if best is not None:
         return best
     reason = "not proved: no law of this structure was found that is proved to keep the region"
     if not task.limits:
         raise NotProvedError(reason)
     _refute(task)
-    near = list(_attainable(*own.each[-1], own.starts(len(orders) - 1)))
+    near = list(_attainable(*own.each[-1], own.starts(last)))
     advice = "dropping any single limit does not help either"
     if near:
         advice = f"with {' or '.join(near)}, the other limits as they are, there is one"

@@ -172,7 +172,7 @@ def _finish(done: Optimised, rows: Sequence[Row], method: Method | None, options
     if method is not None and label != method_label(method) and len(done.plant.vertices) > 1:
         say(f"  one gain: no law of {method_label(method)} that was found is better")
     if method is not None:
-        say("  by this method alone: without one a law that is tuned is tried too, maybe a better")
+        say("  by this method alone: the default tunes a law too, which may be better")
 
 
 def road_of(options: Any) -> RoadSpectrum | None:

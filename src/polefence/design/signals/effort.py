@@ -16,9 +16,11 @@ import numpy as np
 
 from polefence.base.errors import InputError, SolverError
 from polefence.design.requirements.gain_norm import GainNorm
+from polefence.design.requirements.specification import Specification
 from polefence.design.signals.search import GAP, Candidate, Origin, Task, candidate, level_of
 from polefence.design.tune.starts import typical
-from polefence.lmi.solve.search import singular_is_failure
+from polefence.law.laws import Law
+from polefence.lmi.solve.search import Reached, singular_is_failure
 from polefence.plant.family import UncertainPlant
 from polefence.plant.points import seeded
 
@@ -94,24 +96,34 @@ def smaller(task: Task, own: Candidate) -> Iterator[Candidate]:
     size = gain_of(task.plant, own.certificate.law)
     level, norm = level_of(origin.task, origin.found), gain_norm(task.plant)
     limits = origin.task.limits
+    methods = list(dict.fromkeys(("quadratic", origin.task.method)))
     for share in SHARES:
         near = replace(origin.task.minimise, at_most=level * (1 + share))
         asked = replace(origin.task, minimise=norm, limits=(*limits, near))
-        for method in dict.fromkeys(("quadratic", origin.task.method)):
-            found = _smaller(task, replace(asked, method=method), own, size)
-            if found is not None and found.estimate <= own.estimate * (1 + NEAR):
-                yield found
-                return
+        for method in tuple(methods):
+            found = _found(replace(asked, method=method), own, SMALLER * size, minimised)
+            if found is None:  # nor within a smaller share
+                methods.remove(method)
+                continue
+            law, reached, worst = found
+            if worst <= own.estimate * (1 + NEAR):
+                proved = candidate(task, law, own.designed, Origin(asked, reached), worst)
+                if proved is not None:
+                    yield proved
+                    return
 
 
-def _smaller(task: Task, asked: Task, own: Candidate, size: float) -> Candidate | None:
-    """Return the law of the least gain within a level, proved; None where it is hardly smaller."""
+def _found(
+    asked: Task, own: Candidate, most: float, minimised: Specification
+) -> tuple[Law, Reached, float] | None:
+    """Return the law of the least gain within a level, its point and its worst sample.
+
+    None where there is none, or its gain is above a size.
+    """
     with suppress(SolverError, InputError, np.linalg.LinAlgError), singular_is_failure():
         found = asked.reached(own.designed, GAP)
         law = asked.law(found)
-        if gain_of(task.plant, law) > SMALLER * size or task.minimise is None:
-            return None
-        worst = float(task.minimise.values(task.plant, law, seeded(task.plant, SAMPLES)).max())
-        if worst <= own.estimate * (1 + NEAR):
-            return candidate(task, law, own.designed, Origin(asked, found), worst)
+        if gain_of(asked.plant, law) <= most:
+            alpha = seeded(asked.plant, SAMPLES)
+            return law, found, float(minimised.values(asked.plant, law, alpha).max())
     return None

@@ -631,7 +631,8 @@ def _finished(task: Task, found: _Found, cut: str) -> Optimised:
     own, shared = found.own, _together(task, found.whole)
     if shared is None:
         return replace(own, shared=np.inf, cut=cut)
-    if _level(shared) < _level(own) * (1 - NEAR):
+    near = 0.0 if own.closer is None else NEAR  # what a smaller gain may cost
+    if _level(shared) < _level(own) * (1 - near):
         own = replace(shared, retreat=own.retreat)
     return replace(own, shared=_level(shared), cut=cut)
 

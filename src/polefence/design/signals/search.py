@@ -485,7 +485,7 @@ class Search:
 
         def breaks(power: float) -> bool:
             nonlocal best, costly
-            if self.deadline.passed:
+            if self.deadline.passed or self._is_long(task):
                 return True
             wider = replace(task, limits=tuple(_widened(task.limits, far, 2.0**power)))
             own = self._designed(wider, self._ones)
